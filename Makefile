@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+# Every target does all its own set-up.
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test lint bench clean
+
+help: ## List the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+
+setup: ## Make .venv, build with colcon, write env.sh
+	@tools/setup_workspace.sh
+
+demo: ## Simulate, fit, compare; writes demo/report.html and demo/report.json
+	@tools/setup_workspace.sh
+	@. ./env.sh && python -m imu_workbench demo -o demo
+
+test: ## Run every test
+	@tools/setup_workspace.sh requirements-dev.txt
+	@. ./env.sh && export ROS_PYTHON_CHECK_FIELDS=1 && python -m pytest $(PYTEST_ARGS)
+
+lint: ## ruff and mypy
+	@tools/setup_workspace.sh requirements-dev.txt
+	@. ./env.sh && ruff check . && mypy src
+
+bench: ## Install what the benchmarks compare with
+	@tools/setup_workspace.sh requirements-dev.txt requirements-bench.txt
+
+clean: ## Remove everything the set-up made
+	rm -rf .venv build install log env.sh demo

@@ -1,0 +1,294 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The shell every node of this workspace shares: parameters, lifecycle, diagnostics, shutdown.
+
+A node subclasses `ConfiguredNode`, names its frozen config dataclass and writes `setup`; it then
+configures and activates itself under plain `ros2 run` (parameter `autostart`). Replay and tests
+construct the same class with `capture` and `now` and call its callbacks directly.
+"""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.executors import ExternalShutdownException
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from imu_recording.parameter import (
+    ParameterError,
+    checked,
+    config_from_values,
+    default_of,
+    parameter,
+)
+
+ACTIVE = 'active'
+UNCONFIGURED = 'unconfigured'
+
+
+@dataclass(frozen=True)
+class NodeConfig:
+    """Parameters all nodes have."""
+
+    autostart: bool = parameter(True, 'Configure and activate by itself at start')
+    qos_depth: int = parameter(500, 'Queue depth of publishers and subscriptions', bounds=(1, 1e5))
+
+
+class CapturedPublisher:
+    """Stands in for a publisher: hands every message to a function instead of DDS."""
+
+    def __init__(self, topic: str, capture: Callable[[str, Any], None]) -> None:
+        self.topic_name = topic
+        self._capture = capture
+
+    def publish(self, message: Any) -> None:
+        """Hand the message over."""
+        self._capture(self.topic_name, message)
+
+
+class ConfiguredNode(LifecycleNode):
+    """A lifecycle node whose parameters are the fields of a frozen dataclass.
+
+    Subclasses set `config_class` and implement `setup(config)`, which creates inputs and outputs,
+    and `diagnostics()`. With `capture`, outputs call `capture(topic, message)` and nothing is sent;
+    `inputs` maps topic to callback for those who feed messages by hand. `now` replaces the
+    clock.
+    """
+
+    config_class: ClassVar[type[NodeConfig]] = NodeConfig
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        capture: Callable[[str, Any], None] | None = None,
+        now: Callable[[], int] | None = None,
+        parameters: Mapping[str, Any] | None = None,
+        **node_options: Any,
+    ) -> None:
+        overrides = [Parameter(key, value=value) for key, value in (parameters or {}).items()]
+        super().__init__(name, parameter_overrides=overrides, **node_options)
+        self._capture = capture
+        self._now = now
+        self._entities: list[Callable[[], None]] = []
+        self.inputs: dict[str, Callable[[Any], None]] = {}
+        self._fields = {item.name: item for item in fields(self.config_class)}
+        for item in self._fields.values():
+            default = default_of(item)
+            # An empty list has no type of its own in rclpy; it can only be a list of names here.
+            value = Parameter.Type.STRING_ARRAY if default == [] else default
+            descriptor = _descriptor(item.metadata, dynamic=not isinstance(default, list))
+            if default == []:
+                self.declare_parameter(item.name, [''], descriptor)
+            else:
+                self.declare_parameter(item.name, value, descriptor)
+        self.add_on_set_parameters_callback(self._on_set_parameters)
+        self._diagnostics_publisher = self._publisher(
+            DiagnosticArray, '/diagnostics', QoSProfile(depth=10), managed=False
+        )
+        self._diagnostics_timer = self.create_timer(1.0, self.publish_diagnostics)
+
+    # What a subclass writes -------------------------------------------------------------------
+
+    def setup(self, config: Any) -> None:
+        """Create inputs, outputs and state for `config`; raise ValueError or OSError to refuse."""
+        raise NotImplementedError
+
+    def activated(self) -> None:
+        """Act on activation (start a thread, a stream …)."""
+
+    def deactivated(self) -> None:
+        """Undo `activated`."""
+
+    def reconfigured(self, config: Any) -> None:
+        """Take over dynamic parameters that changed while configured."""
+
+    def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
+        """Return level (0 ok, 1 warn, 2 error), one line, and values for /diagnostics."""
+        return 0, self.state, {}
+
+    # What a subclass uses ---------------------------------------------------------------------
+
+    @property
+    def state(self) -> str:
+        """Lifecycle state: 'unconfigured', 'inactive', 'active' …"""
+        return self._state_machine.current_state[1]
+
+    def now(self) -> int:
+        """Return ROS time [ns]."""
+        return self._now() if self._now else self.get_clock().now().nanoseconds
+
+    def output(self, message_type: type, topic: str, *, latched: bool = False) -> Any:
+        """Create a reliable publisher that sends while the node is active."""
+        depth = 1 if latched else self.config.qos_depth
+        qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE)
+        if latched:
+            qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+        publisher = self._publisher(message_type, topic, qos, managed=True)
+        if not self._capture:
+            self._entities.append(lambda: self.destroy_lifecycle_publisher(publisher))
+        return publisher
+
+    def input(
+        self, message_type: type, topic: str, callback: Callable[[Any], None], **options: Any
+    ) -> None:
+        """Subscribe best effort; the callback runs while the node is active."""
+        self.inputs[topic] = callback
+        if self._capture:
+            return
+        qos = QoSProfile(
+            depth=self.config.qos_depth, reliability=ReliabilityPolicy.BEST_EFFORT
+        )
+
+        def when_active(message: Any) -> None:
+            if self.state == ACTIVE:
+                callback(message)
+
+        subscription = self.create_subscription(
+            message_type, topic, when_active, options.pop('qos', qos), **options
+        )
+        self._entities.append(lambda: self.destroy_subscription(subscription))
+
+    def publish_diagnostics(self) -> None:
+        """Publish one DiagnosticArray with this node's status."""
+        level, line, values = self.diagnostics()
+        status = DiagnosticStatus(
+            level=bytes([level]),
+            name=self.get_fully_qualified_name().lstrip('/'),
+            message=line,
+            hardware_id=str(values.get('device', '')),
+            values=[KeyValue(key=str(k), value=_shown(v)) for k, v in values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        seconds, nanoseconds = divmod(self.now(), 1_000_000_000)
+        message.header.stamp.sec = int(seconds)
+        message.header.stamp.nanosec = int(nanoseconds)
+        self._diagnostics_publisher.publish(message)
+
+    # Lifecycle --------------------------------------------------------------------------------
+
+    def autostart(self) -> bool:
+        """Configure and activate; return False where the configuration was refused."""
+        done = self.trigger_configure() == TransitionCallbackReturn.SUCCESS
+        return done and self.trigger_activate() == TransitionCallbackReturn.SUCCESS
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Read the parameters and set up."""
+        try:
+            self.config = config_from_values(self.config_class, self._values())
+            self.setup(self.config)
+        except (ValueError, OSError) as error:
+            self.get_logger().error(str(error))
+            self._release()
+            return TransitionCallbackReturn.FAILURE
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Start."""
+        result = super().on_activate(state)
+        self.activated()
+        return result
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop."""
+        self.deactivated()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Release what `setup` created."""
+        self._release()
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop and release."""
+        if state.label == ACTIVE:
+            self.deactivated()
+        self._release()
+        return super().on_shutdown(state)
+
+    def _release(self) -> None:
+        for release in self._entities:
+            release()
+        self._entities.clear()
+        self.inputs.clear()
+
+    def _publisher(self, message_type: type, topic: str, qos: QoSProfile, *, managed: bool) -> Any:
+        if self._capture:
+            return CapturedPublisher(topic, self._capture)
+        create = self.create_lifecycle_publisher if managed else self.create_publisher
+        return create(message_type, topic, qos)
+
+    # Parameters -------------------------------------------------------------------------------
+
+    def _values(self) -> dict[str, Any]:
+        values = {name: self.get_parameter(name).value for name in self._fields}
+        return {
+            name: [] if isinstance(value, list) and value == [''] else value
+            for name, value in values.items()
+        }
+
+    def _on_set_parameters(self, changes: list[Parameter]) -> SetParametersResult:
+        own = [change for change in changes if change.name in self._fields]
+        running = self.state != UNCONFIGURED
+        try:
+            values = {c.name: checked(self._fields[c.name], c.value) for c in own}
+            fixed = [name for name in values if not self._fields[name].metadata['dynamic']]
+            if running and fixed:
+                raise ParameterError(
+                    f'{fixed[0]} takes effect at configuration: deactivate and clean up first'
+                )
+            if running and values:
+                config = replace(self.config, **values)
+                self.reconfigured(config)
+                self.config = config
+        except (ValueError, OSError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+
+def _descriptor(metadata: Mapping[str, Any], *, dynamic: bool) -> ParameterDescriptor:
+    unit = f' [{metadata["unit"]}]' if metadata['unit'] else ''
+    choices = f'; one of {", ".join(metadata["choices"])}' if metadata['choices'] else ''
+    descriptor = ParameterDescriptor(
+        description=f'{metadata["description"]}{unit}{choices}', dynamic_typing=dynamic
+    )
+    if metadata['bounds']:
+        low, high = metadata['bounds']
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=float(low), to_value=float(high))
+        ]
+        descriptor.additional_constraints = f'{low:g} … {high:g}'
+    return descriptor
+
+
+def _shown(value: Any) -> str:
+    return f'{value:.6g}' if isinstance(value, float) else str(value)
+
+
+def run_node(node_class: type[ConfiguredNode], args: list[str] | None = None) -> int:
+    """Run a node until Ctrl-C; return the process's exit code (2: configuration refused)."""
+    rclpy.init(args=args)
+    node = None
+    code = 0
+    try:
+        node = node_class()
+        if node.get_parameter('autostart').value and not node.autostart():
+            code = 2
+        else:
+            rclpy.spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    finally:
+        if node is not None:
+            if node.state == ACTIVE:
+                node.deactivated()
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return code

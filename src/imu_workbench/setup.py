@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Build and install imu_workbench."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = 'imu_workbench'
+
+setup(
+    name=NAME,
+    version='0.1.0',
+    packages=find_packages(),
+    package_data={NAME: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        (f'share/{NAME}/launch', glob('launch/*.launch.py')),
+        (f'share/{NAME}/config', glob('config/*.yaml')),
+    ],
+    install_requires=['setuptools'],
+    extras_require={'test': ['pytest']},
+    zip_safe=False,
+    maintainer='imu_thermal maintainers',
+    maintainer_email='maintainers@imu-thermal.example.org',
+    description='Commands, report and web page that compare IMU thermal models with measurements.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+        ],
+    },
+)

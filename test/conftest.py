@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What all tests share: shared data, golden numbers, the promise that nothing launches."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
+os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
+
+ROOT = Path(__file__).resolve().parent.parent
+SHARED = ROOT.parent / 'shared'
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption('--update-golden', action='store_true', help='rewrite test/golden')
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if SHARED.is_dir():
+        return
+    needing = [item for item in items if item.get_closest_marker('shared_data')]
+    if needing:
+        config.hook.pytest_deselected(items=needing)
+        items[:] = [item for item in items if item not in needing]
+        config.stash[_DESELECTED] = len(needing)
+
+
+_DESELECTED = pytest.StashKey[int]()
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    count = config.stash.get(_DESELECTED, 0)
+    if count:
+        terminalreporter.write_line(
+            f'{count} tests deselected: they need measurements in {SHARED}, which is not here'
+        )
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    launched = sorted(m for m in ('launch', 'launch_ros') if m in sys.modules)
+    if launched:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+        print(f'\nERROR: the tests imported {launched}: bags must replay without launch')
+
+
+@pytest.fixture(scope='session')
+def shared() -> Path:
+    """Folder with measurements by others; tests that use it carry the marker shared_data."""
+    return SHARED
+
+
+@pytest.fixture(scope='session')
+def bags() -> Path:
+    """Folder of the bags that ship."""
+    return ROOT / 'bags'
+
+
+@pytest.fixture
+def golden(request: pytest.FixtureRequest) -> Callable[..., None]:
+    """Compare numbers with test/golden/NAME.json; `pytest --update-golden` rewrites the file.
+
+    `golden(name, values, command, rtol, atol)`: `values` maps labels to numbers or lists of them,
+    `command` says how a reader makes the same numbers.
+    """
+
+    def compare(
+        name: str, values: dict[str, Any], command: str, *, rtol: float = 1e-6, atol: float = 0.0
+    ) -> None:
+        path = ROOT / 'test' / 'golden' / f'{name}.json'
+        plain = {key: np.asarray(value).tolist() for key, value in values.items()}
+        if request.config.getoption('--update-golden'):
+            path.write_text(json.dumps({'command': command, 'values': plain}, indent=1) + '\n')
+        wanted = json.loads(path.read_text())['values']
+        assert sorted(wanted) == sorted(plain)
+        for key, value in wanted.items():
+            np.testing.assert_allclose(plain[key], value, rtol=rtol, atol=atol, err_msg=key)
+
+    return compare
+
+
+@pytest.fixture
+def ros() -> Any:
+    """Initialise rclpy around a test that constructs nodes in-process."""
+    import rclpy
+
+    rclpy.init()
+    yield rclpy
+    rclpy.try_shutdown()

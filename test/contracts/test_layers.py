@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The layer rules: imports go downwards, peers stay apart, libraries stay at their edge."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+SRC = Path(__file__).resolve().parents[2] / 'src'
+PEERS = ('imu_driver', 'thermal_comp', 'orientation_filters', 'chamber_profile')
+BELOW = {
+    'imu_recording': (),
+    **dict.fromkeys(PEERS, ('imu_recording',)),
+    'imu_workbench': ('imu_recording', *PEERS),
+}
+EDGES = ('rclpy', 'serial', 'rosbags', 'plotly', 'nicegui', 'matplotlib', 'tsdownsample')
+FILES = sorted(
+    path
+    for path in SRC.glob('*/*/**/*.py')
+    if path.relative_to(SRC).parts[0] == path.relative_to(SRC).parts[1]
+)
+
+
+def imported(path: Path) -> set[str]:
+    """Top-level packages a file imports, anywhere in it."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split('.')[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names.add(node.module.split('.')[0])
+    return names
+
+
+def may_import(library: str, path: Path) -> bool:
+    package, *rest = path.relative_to(SRC).parts[1:]
+    inner = '/'.join(rest)
+    if library == 'rclpy':
+        return (
+            inner == 'node.py'
+            or inner.endswith('_node.py')
+            or (package == 'imu_workbench' and inner in ('replay.py', 'web/live.py'))
+        )
+    if library == 'serial':
+        return 'transport' in inner or inner.startswith('chambers/') or 'reference_logger' in inner
+    if library == 'rosbags':
+        return package == 'imu_recording'
+    return package == 'imu_workbench'  # plotly, nicegui, matplotlib, tsdownsample
+
+
+@pytest.mark.parametrize('path', FILES, ids=lambda path: str(path.relative_to(SRC)))
+def test_imports_go_only_downwards(path: Path) -> None:
+    package = path.relative_to(SRC).parts[0]
+    names = imported(path)
+    allowed = {package, *BELOW[package]}
+    assert not (names & set(BELOW)) - allowed
+    for library in EDGES:
+        assert library not in names or may_import(library, path), library
+    assert not names & {'launch', 'launch_ros'}
+
+
+def test_there_is_something_to_check() -> None:
+    assert {path.relative_to(SRC).parts[0] for path in FILES} == set(BELOW)

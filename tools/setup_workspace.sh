@@ -1,0 +1,132 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Makes .venv, builds the workspace with colcon and writes env.sh; does nothing when all is current.
+# Usage: tools/setup_workspace.sh [requirements file …]   (extra sets, e.g. requirements-dev.txt)
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+workspace=$PWD
+
+fail() {
+  printf '%s\n' "$1" >&2
+  exit 1
+}
+
+# Leave an environment of this workspace that is already sourced: the set-up starts from outside.
+outside() { # a PATH-like variable without the entries of this workspace
+  printf '%s' "${1:-}" | tr ':' '\n' | { grep -v -e "^$workspace/" -e '^$' || true; } | paste -sd: -
+}
+unset VIRTUAL_ENV PYTHONHOME
+PATH=$(outside "$PATH")
+PYTHONPATH=$(outside "${PYTHONPATH:-}")
+AMENT_PREFIX_PATH=$(outside "${AMENT_PREFIX_PATH:-}")
+export PATH PYTHONPATH AMENT_PREFIX_PATH
+
+ros_prefix() { # prefix of a sourced ROS 2 that holds rclpy
+  local prefix
+  local IFS=:
+  for prefix in ${AMENT_PREFIX_PATH:-}; do
+    if [ -e "$prefix/share/rclpy/package.xml" ]; then
+      printf '%s' "$prefix"
+      return
+    fi
+  done
+}
+
+is_python_3_12() {
+  [ "$("$1" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)" = 3.12 ]
+}
+
+find_python() {
+  local candidate
+  for candidate in python3.12 python3 python; do
+    if command -v "$candidate" >/dev/null && is_python_3_12 "$candidate"; then
+      command -v "$candidate"
+      return
+    fi
+  done
+  if command -v pyenv >/dev/null; then
+    for candidate in "$(pyenv root)"/versions/3.12*/bin/python3.12; do
+      if [ -x "$candidate" ] && is_python_3_12 "$candidate"; then
+        printf '%s' "$candidate"
+        return
+      fi
+    done
+  fi
+  if command -v uv >/dev/null && candidate=$(uv python find 3.12 2>/dev/null); then
+    printf '%s' "$candidate"
+    return
+  fi
+}
+
+ros=$(ros_prefix)
+requirements=(requirements.txt)
+venv_options=()
+if [ -n "$ros" ]; then
+  [ "${ROS_DISTRO:-jazzy}" = jazzy ] ||
+    fail "ROS 2 $ROS_DISTRO is sourced; this workspace needs Jazzy: source it, or start from a shell without ROS."
+  venv_options=(--system-site-packages)
+else
+  requirements+=(requirements-ros.txt)
+fi
+requirements+=("$@")
+
+python=$(find_python)
+[ -n "$python" ] ||
+  fail 'Python 3.12 was not found on PATH, in pyenv or in uv. Get it with "apt install python3.12-venv", "pyenv install 3.12" or "uv python install 3.12".'
+
+stamp=.venv/.workspace_requirements
+mkdir -p .venv
+touch .venv/COLCON_IGNORE
+touch "$stamp"
+# A set once installed stays wanted, so that "make demo" after "make test" installs nothing anew.
+wanted=$({ sed -n 's/^set: //p' "$stamp"; printf '%s\n' "${requirements[@]}"; } | sort -u)
+current=$(
+  printf 'workspace: %s\nros: %s\n' "$workspace" "$ros"
+  for file in $wanted; do printf 'set: %s\n' "$file"; done
+  for file in $wanted; do cat "$file"; done
+)
+if [ "$(cat "$stamp")" != "$current" ] || ! .venv/bin/python -c '' 2>/dev/null; then
+  echo 'Setting up .venv (once; about two minutes) …'
+  # shellcheck disable=SC2046
+  "$python" -m venv --clear "${venv_options[@]}" .venv
+  touch .venv/COLCON_IGNORE
+  # shellcheck disable=SC2046
+  .venv/bin/python -m pip install --quiet --disable-pip-version-check $(printf -- '-r %s ' $wanted)
+  printf '%s\n' "$current" > "$stamp"
+  rm -rf build install log
+fi
+
+sources=$(cat src/*/setup.py src/*/setup.cfg src/*/package.xml; ls src/*/launch src/*/config 2>/dev/null || true)
+built=install/.workspace_sources
+if [ ! -e "$built" ] || [ "$(cat "$built")" != "$sources" ]; then
+  echo 'Building the workspace with colcon …'
+  # shellcheck disable=SC1090,SC1091
+  (
+    . .venv/bin/activate
+    unset PYTHONDONTWRITEBYTECODE
+    colcon --log-base log build --symlink-install --base-paths src \
+      --event-handlers console_cohesion- desktop_notification- status- > build.log 2>&1 ||
+      { cat build.log >&2; exit 1; }
+    rm -f build.log
+  )
+  printf '%s\n' "$sources" > "$built"
+fi
+
+{
+  echo '# Written by tools/setup_workspace.sh: puts .venv, the workspace and ROS on the path (bash, zsh).'
+  echo "_workspace='$workspace'"
+  echo "_ros='$ros'"
+  cat <<'EOF'
+case $- in *u*) _nounset=1; set +u ;; *) _nounset= ;; esac
+if [ -n "$ZSH_VERSION" ]; then _shell=zsh; else _shell=bash; fi
+[ -z "$_ros" ] || . "$_ros/setup.$_shell"
+. "$_workspace/.venv/bin/activate"
+. "$_workspace/install/local_setup.$_shell"
+case ":$AMENT_PREFIX_PATH:" in
+  *":$_workspace/.venv:"*) ;;
+  *) export AMENT_PREFIX_PATH="${AMENT_PREFIX_PATH:+$AMENT_PREFIX_PATH:}$_workspace/.venv" ;;
+esac
+[ -z "$_nounset" ] || set -u
+unset _workspace _ros _shell _nounset
+EOF
+} > env.sh
