@@ -57,7 +57,7 @@ class ConfiguredNode(LifecycleNode):
     """A lifecycle node whose parameters are the fields of a frozen dataclass.
 
     Subclasses set `config_class` and implement `setup(config)`, which creates inputs and outputs,
-    and `diagnostics()`. With `capture`, outputs call `capture(topic, message)` and nothing is sent;
+    and `diagnostics()`. With `capture`, outputs call `capture(topic, message)`, nothing is sent;
     `inputs` maps topic to callback for those who feed messages by hand. `now` replaces the
     clock.
     """

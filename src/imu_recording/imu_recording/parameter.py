@@ -7,9 +7,11 @@
 ...     cutoff_hz: float = parameter(3.0, 'Cut-off frequency', unit='Hz', bounds=(0.01, 100.0))
 >>> config_from_values(Config, {'cutoff_hz': 4})
 Config(cutoff_hz=4.0)
->>> config_from_values(Config, {'cutoff_hz': 400})
-Traceback (most recent call last):
-imu_recording.parameter.ParameterError: cutoff_hz is 400, expected 0.01 … 100 Hz
+>>> try:
+...     config_from_values(Config, {'cutoff_hz': 400})
+... except ParameterError as error:
+...     print(error)
+cutoff_hz is 400, expected 0.01 … 100 Hz
 """
 
 from __future__ import annotations
