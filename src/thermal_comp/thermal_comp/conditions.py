@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a physical effect may look at: the conditions of a measurement, one run or a piece of it."""
+"""What a physical effect may look at: the conditions of a measurement: one run or a part of it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording, IntArray, RecordingError
@@ -96,7 +96,7 @@ class Conditions:
 
     def rows(self, selection: slice | NDArray[np.bool_] | IntArray) -> Conditions:
         """Return the conditions of the selected rows."""
-        taken = {
+        taken: dict[str, Any] = {
             item.name: value[selection]
             for item in fields(self)
             if item.name not in ('orientation',)

@@ -24,7 +24,7 @@ class BiasTemperature(Effect):
     )
     look_alikes: ClassVar[tuple[str, ...]] = ('scale_factor_temperature', 'fixture_hard_iron')
     separation: ClassVar[str] = (
-        'Its slope is the same in every orientation; that of a scale factor or of a fixture is not.'
+        'The slope is the same in every orientation; a scale factor or fixture turns with it.'
     )
     typical_size: ClassVar[str] = (
         'accelerometer 0.15–1 mg/K, gyroscope 0.005–0.05 °/s/K, magnetometer 0.05–0.3 µT/K'
