@@ -1,17 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Build and install imu_workbench."""
 
+import runpy
 from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
 NAME = 'imu_workbench'
+HERE = Path(__file__).resolve().parent
+# One executable per verb, so that `ros2 run imu_workbench VERB` works.
+VERBS = runpy.run_path(str(HERE / NAME / 'commands' / '__init__.py'))['COMMANDS']
 
 setup(
     name=NAME,
     version='0.1.0',
     packages=find_packages(),
-    package_data={NAME: ['py.typed']},
+    package_data={NAME: ['py.typed', 'report/*.html', 'report/*.csv', 'layouts/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -19,14 +24,13 @@ setup(
         (f'share/{NAME}/config', glob('config/*.yaml')),
     ],
     install_requires=['setuptools'],
-    extras_require={'test': ['pytest']},
+    extras_require={'test': ['pytest'], 'web': ['nicegui', 'tsdownsample']},
     zip_safe=False,
     maintainer='imu_thermal maintainers',
     maintainer_email='maintainers@imu-thermal.example.org',
     description='Commands, report and web page that compare IMU thermal models with measurements.',
     license='Apache-2.0',
     entry_points={
-        'console_scripts': [
-        ],
+        'console_scripts': [f'{verb} = {NAME}.__main__:run_verb' for verb in VERBS],
     },
 )

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Command line: `python -m imu_workbench VERB` and `ros2 run imu_workbench VERB` alike.
+
+Exit code 0: answered; 2: the user's mistake, one line on standard error; 1: a bug.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NoReturn
+
+from imu_workbench.answer import Answer, write_json
+from imu_workbench.commands import COMMANDS, INTERNAL
+from imu_workbench.progress import show_progress
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong with the arguments in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f'{self.prog}: {message} (see {self.prog} --help)\n')
+
+
+def build_parser(verb: str | None = None) -> argparse.ArgumentParser:
+    """Return the parser of all verbs; only the module of `verb` is imported (None: all)."""
+    parser = _Parser(
+        prog='imu_workbench',
+        description='Find, explain and remove the temperature error of MEMS IMUs.',
+    )
+    verbs = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
+    for name, module_name in COMMANDS.items():
+        if verb not in (None, name):
+            verbs.add_parser(name)
+            continue
+        command = import_module(f'imu_workbench.commands.{module_name}')
+        options: dict[str, Any] = {} if name in INTERNAL else {'help': command.HELP}
+        child = verbs.add_parser(
+            name,
+            **options,
+            description=command.HELP,
+            epilog=getattr(command, 'EPILOG', None),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        command.arguments(child)
+        child.add_argument(
+            '--json', metavar='FILE', type=Path, help='also write the answer as JSON'
+        )
+        child.set_defaults(run=command.run)
+    return parser
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one verb; return the process's exit code."""
+    argv = sys.argv[1:] if argv is None else argv
+    verb = argv[0] if argv and argv[0] in COMMANDS else None
+    try:
+        options = build_parser(verb).parse_args(argv)
+    except SystemExit as stop:  # argparse ends the process by itself; the caller wants the code
+        return stop.code if isinstance(stop.code, int) else 2
+    try:
+        return _answer(options)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except (ValueError, OSError) as error:
+        show_progress('')
+        sys.stderr.write(f'{options.verb}: {_one_line(error)}\n')
+        return 2
+    except KeyboardInterrupt:
+        show_progress('')
+        sys.stderr.write(f'{options.verb}: interrupted\n')
+        return 130
+
+
+def _answer(options: argparse.Namespace) -> int:
+    if options.json and not options.json.parent.is_dir():
+        raise ValueError(f'--json {options.json}: there is no folder {options.json.parent}')
+    answer: Answer = options.run(options)
+    show_progress('')
+    if options.json:
+        write_json(answer.content, options.json)
+    if answer.text:
+        sys.stdout.write(answer.text.rstrip('\n') + '\n')
+        sys.stdout.flush()
+    return answer.exit_code
+
+
+def _one_line(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        text = f'{error.filename}: {error.strerror}' if error.filename else error.strerror
+    else:
+        text = str(error) or type(error).__name__
+    return ' '.join(text.split())
+
+
+def run_verb() -> int:
+    """Run the verb that the executable is named after."""
+    return main([Path(sys.argv[0]).name, *sys.argv[1:]])
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,12 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verbs of the command line; each is one module with HELP, arguments(parser), run(options).
+
+This file imports nothing: the set-up reads it to make one executable per verb.
+"""
+
+COMMANDS: dict[str, str] = {
+}
+"""Verb → module in this package. A verb's executable comes from here as well."""
+
+INTERNAL = ('demo',)
+"""Verbs that work but are not listed in the help."""

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arguments that verbs share, and the recordings they name."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+
+from imu_recording import ImuRecording, bag_namespaces, read_bag
+from imu_workbench.progress import show_progress
+
+
+def add_bag_arguments(parser: argparse.ArgumentParser, *, optional: bool = False) -> None:
+    """Add the positional bags with --namespace and --topic."""
+    parser.add_argument(
+        'bags',
+        nargs='*' if optional else '+',
+        metavar='BAG',
+        type=Path,
+        help='a rosbag2 folder or file (mcap, sqlite3), or a ROS 1 bag; one run each',
+    )
+    parser.add_argument(
+        '--namespace', metavar='/NAME', help='the device to take where a bag holds several'
+    )
+    parser.add_argument(
+        '--topic',
+        metavar='NAME:=OTHER',
+        action='append',
+        default=[],
+        help='read topic OTHER where NAME is expected, e.g. imu/data_raw:=/sensor/imu; repeatable',
+    )
+
+
+def topic_remap(rules: list[str]) -> dict[str, str]:
+    """Return the --topic rules as a mapping.
+
+    >>> topic_remap(['imu/mag:=/compass'])
+    {'imu/mag': '/compass'}
+    """
+    remap = {}
+    for rule in rules:
+        name, separator, other = rule.partition(':=')
+        if not (separator and name and other):
+            raise ValueError(f'--topic {rule!r}: write it as name:=other, e.g. imu/mag:=/compass')
+        remap[name] = other
+    return remap
+
+
+def read_recordings(
+    options: argparse.Namespace, *, every_device: bool = False
+) -> list[ImuRecording]:
+    """Read the bags named on the command line, one recording per bag and device.
+
+    Where a bag holds several devices and no --namespace was given, `every_device` takes all of
+    them; otherwise the user has to choose.
+    """
+    remap = topic_remap(options.topic)
+    recordings = []
+    for path in options.bags:
+        show_progress(f'reading {path} …')
+        recordings += read_devices(path, options.namespace, remap, every_device=every_device)
+    show_progress('')
+    return recordings
+
+
+def read_devices(
+    path: Path,
+    namespace: str | None,
+    remap: Mapping[str, str] | None,
+    *,
+    every_device: bool = False,
+) -> list[ImuRecording]:
+    """Read one bag: the device in `namespace`, its only device, or every device."""
+    namespaces = [] if namespace is not None else bag_namespaces(path)
+    if len(namespaces) <= 1:
+        return [read_bag(path, namespace=namespace, remap=remap)]
+    if not every_device:
+        names = ', '.join(namespaces)
+        raise ValueError(f'{path} holds several devices: {names}; choose one with --namespace')
+    return [read_bag(path, namespace=name, remap=remap) for name in namespaces]
