@@ -96,7 +96,7 @@ if [ "$(cat "$stamp")" != "$current" ] || ! .venv/bin/python -c '' 2>/dev/null; 
   rm -rf build install log
 fi
 
-sources=$(cat src/*/setup.py src/*/setup.cfg src/*/package.xml; ls src/*/launch src/*/config 2>/dev/null || true)
+sources=$(cat src/*/setup.py src/imu_workbench/imu_workbench/commands/__init__.py src/*/setup.cfg src/*/package.xml; ls src/*/launch src/*/config 2>/dev/null || true)
 built=install/.workspace_sources
 if [ ! -e "$built" ] || [ "$(cat "$built")" != "$sources" ]; then
   echo 'Building the workspace with colcon …'
