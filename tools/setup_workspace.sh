@@ -79,19 +79,17 @@ mkdir -p .venv
 touch .venv/COLCON_IGNORE
 touch "$stamp"
 # A set once installed stays wanted, so that "make demo" after "make test" installs nothing anew.
-wanted=$({ sed -n 's/^set: //p' "$stamp"; printf '%s\n' "${requirements[@]}"; } | sort -u)
+mapfile -t wanted < <({ sed -n 's/^set: //p' "$stamp"; printf '%s\n' "${requirements[@]}"; } | sort -u)
 current=$(
   printf 'workspace: %s\nros: %s\n' "$workspace" "$ros"
-  for file in $wanted; do printf 'set: %s\n' "$file"; done
-  for file in $wanted; do cat "$file"; done
+  printf 'set: %s\n' "${wanted[@]}"
+  cat "${wanted[@]}"
 )
 if [ "$(cat "$stamp")" != "$current" ] || ! .venv/bin/python -c '' 2>/dev/null; then
   echo 'Setting up .venv (once; about two minutes) …'
-  # shellcheck disable=SC2046
   "$python" -m venv --clear "${venv_options[@]}" .venv
   touch .venv/COLCON_IGNORE
-  # shellcheck disable=SC2046
-  .venv/bin/python -m pip install --quiet --disable-pip-version-check $(printf -- '-r %s ' $wanted)
+  .venv/bin/python -m pip install --quiet --disable-pip-version-check "${wanted[@]/#/-r}"
   printf '%s\n' "$current" > "$stamp"
   rm -rf build install log
 fi
