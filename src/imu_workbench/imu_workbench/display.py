@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How numbers are shown: the paper's units and no more digits than carry meaning.
+
+>>> shown(0.012345), shown(12.3456), shown(-98765.4), shown(0.0), shown(None)
+('0.0123', '12.3', '−98 765', '0', '–')
+>>> shown(1.5e-7), with_uncertainty(12.3456, 0.0234)
+('1.50e−7', '12.346 ± 0.023')
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from imu_recording.recording import FloatArray
+
+SENSORS = ('gyroscope', 'accelerometer', 'magnetometer')
+"""Order of the sensors in the paper's tables."""
+
+
+@dataclass(frozen=True)
+class DisplayUnit:
+    """A unit for people: `value_si * factor` is in `unit`."""
+
+    unit: str
+    factor: float
+
+    def of(self, values: FloatArray) -> FloatArray:
+        """Return SI values in this unit."""
+        converted: FloatArray = values * self.factor
+        return converted
+
+
+DISPLAY_UNITS = {
+    'gyroscope': DisplayUnit('°/s', 180.0 / math.pi),
+    'accelerometer': DisplayUnit('m/s²', 1.0),
+    'magnetometer': DisplayUnit('µT', 1e6),
+}
+"""Units of Tables III–V."""
+
+
+def shown(value: float | None, digits: int = 3) -> str:
+    """Return a number with `digits` significant digits, '–' where there is none."""
+    if value is None or not math.isfinite(value):
+        return '–'
+    if value == 0.0:
+        return '0'
+    exponent = math.floor(math.log10(abs(float(f'{value:.{digits - 1}e}'))))
+    if exponent < -4 or exponent > 6:
+        text = f'{value:.{digits - 1}e}'.replace('e-0', 'e-').replace('e+0', 'e')
+    else:
+        text = f'{value:,.{max(0, digits - 1 - exponent)}f}'.replace(',', ' ')
+    return text.replace('-', '−')
+
+
+def fixed(value: float | None, decimals: int) -> str:
+    """Return a number with so many decimals, '–' where there is none."""
+    if value is None or not math.isfinite(value):
+        return '–'
+    text = f'{value:,.{decimals}f}'.replace(',', ' ')
+    if float(text.replace(' ', '')) == 0.0:
+        text = text.lstrip('-')
+    return text.replace('-', '−')
+
+
+def with_uncertainty(value: float, uncertainty: float) -> str:
+    """Return 'value ± uncertainty', both to two significant digits of the uncertainty."""
+    if not (math.isfinite(value) and math.isfinite(uncertainty) and uncertainty > 0.0):
+        return shown(value)
+    rounded = float(f'{uncertainty:.1e}')
+    decimals = 1 - math.floor(math.log10(rounded))
+    if not 0 <= decimals <= 6:
+        return f'{shown(value)} ± {shown(uncertainty, 2)}'
+    return f'{fixed(value, decimals)} ± {fixed(uncertainty, decimals)}'
+
+
+def duration(seconds: float) -> str:
+    """Return a time span for people.
+
+    >>> duration(42), duration(630), duration(43_200)
+    ('42 s', '10.5 min', '12.0 h')
+    """
+    if seconds < 120:
+        return f'{seconds:.0f} s'
+    return f'{seconds / 60:.1f} min' if seconds < 7200 else f'{seconds / 3600:.1f} h'
