@@ -16,7 +16,6 @@ import math
 from typing import Final
 
 import numpy as np
-
 from imu_recording.recording import FloatArray
 
 STANDARD_GRAVITY: Final = 9.80665
