@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Colours by meaning, for a light and a dark page.
+
+After Okabe and Ito (2008), "Color Universal Design": told apart with any kind of colour vision;
+the dark theme takes the lighter relatives so that contrast with the page stays above 3:1.
+Figures write '@name'; the page puts the theme's colour in.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+COLOURS: dict[str, dict[str, str]] = {
+    'light': {
+        'x': '#0072b2', 'y': '#d55e00', 'z': '#009e73',
+        'x_soft': '#9cc6e0', 'y_soft': '#eebd99', 'z_soft': '#99d8c7',
+        'temperature': '#b0517f', 'model': '#1b2430', 'raw': '#8b95a3', 'raw_soft': '#c3cad3',
+        'compensated': '#0072b2', 'cold': '#56b4e9', 'hot': '#e69f00', 'setpoint': '#1b2430',
+        'air': '#009e73', 'device': '#d55e00', 'die': '#b0517f',
+        'd0': '#0072b2', 'd1': '#d55e00', 'd2': '#009e73', 'd3': '#b0517f', 'd4': '#e69f00',
+        'd5': '#56b4e9', 'band': 'rgba(90,102,117,0.10)', 'noise': 'rgba(0,158,115,0.16)',
+        'text': '#1b2430', 'soft': '#5a6675', 'grid': '#e6eaef', 'axis': '#b6bfca',
+        'panel': 'rgba(0,0,0,0)', 'tip': '#ffffff',
+    },
+    'dark': {
+        'x': '#5db3ea', 'y': '#ff9a52', 'z': '#35cfa2',
+        'x_soft': '#2c5877', 'y_soft': '#7a4a28', 'z_soft': '#1d6450',
+        'temperature': '#e79bc2', 'model': '#f2f5f9', 'raw': '#8794a5', 'raw_soft': '#4a5666',
+        'compensated': '#5db3ea', 'cold': '#7cc8f5', 'hot': '#f2b632', 'setpoint': '#e6ebf1',
+        'air': '#35cfa2', 'device': '#ff9a52', 'die': '#e79bc2',
+        'd0': '#5db3ea', 'd1': '#ff9a52', 'd2': '#35cfa2', 'd3': '#e79bc2', 'd4': '#f2b632',
+        'd5': '#9fd8fa', 'band': 'rgba(157,170,185,0.12)', 'noise': 'rgba(53,207,162,0.18)',
+        'text': '#e6ebf1', 'soft': '#9daab9', 'grid': '#27323f', 'axis': '#4a586a',
+        'panel': 'rgba(0,0,0,0)', 'tip': '#18202a',
+    },
+}
+
+AXES = ('x', 'y', 'z')
+
+
+def device_colour(index: int) -> str:
+    """Return the colour token of the index-th device."""
+    return f'@d{index % 6}'
+
+
+def painted(value: Any, theme: str) -> Any:
+    """Return a figure with the theme's colours in place of the '@name' tokens."""
+    if isinstance(value, str):
+        return COLOURS[theme][value[1:]] if value.startswith('@') else value
+    if isinstance(value, dict):
+        return {key: painted(item, theme) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [painted(item, theme) for item in value]
+    return value

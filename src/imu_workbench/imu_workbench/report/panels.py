@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Layout of a figure: panels in a grid on a screen, one below the other on a phone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+Figure = dict[str, Any]
+"""Plotly specification: data, layout, and `narrow`, what a phone's layout changes."""
+
+TOP, BOTTOM = 52, 50
+"""Margins above (legend, title) and below (ticks, axis title) the panels [px]."""
+COLUMN_GAP = 0.075
+"""Share of the width between two columns."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One coordinate system of a figure."""
+
+    x_title: str
+    y_title: str
+    title: str = ''
+    x: dict[str, Any] = field(default_factory=dict)
+    """Further properties of the x axis."""
+    y: dict[str, Any] = field(default_factory=dict)
+    right_title: str = ''
+    """Title of a second y axis on the right; '' for none."""
+
+
+def trace_axes(index: int, *, right: bool = False) -> dict[str, str]:
+    """Return the axis references of a trace in the index-th panel.
+
+    >>> trace_axes(0), trace_axes(1, right=True)
+    ({'xaxis': 'x', 'yaxis': 'y'}, {'xaxis': 'x3', 'yaxis': 'y4'})
+    """
+    return {
+        'xaxis': f'x{_number(2 * index + 1)}',
+        'yaxis': f'y{_number(2 * index + (2 if right else 1))}',
+    }
+
+
+def figure(
+    data: Sequence[dict[str, Any]],
+    panels: Sequence[Panel],
+    *,
+    columns: int = 1,
+    height: int = 210,
+    linked: bool = True,
+    annotations: Sequence[dict[str, Any]] = (),
+    **layout: Any,
+) -> Figure:
+    """Return a figure of panels of `height` pixels in rows of `columns`.
+
+    `linked` panels show the same x range; in one column only the lowest is labelled then.
+    """
+    stacked = linked and columns == 1
+    right = any(panel.right_title for panel in panels)
+    wide = _Grid(len(panels), columns, height, 26 if stacked else 76)
+    narrow = _Grid(len(panels), 1, height, 26 if stacked else 76)
+    spec = _look() | {
+        'height': wide.total,
+        'margin': {'l': 70, 'r': 64 if right else 16, 't': TOP, 'b': BOTTOM},
+        'annotations': [*annotations, *_titles(panels, wide)],
+        **layout,
+    }
+    small: dict[str, Any] = {
+        'height': narrow.total,
+        'margin': {'l': 56, 'r': 48 if right else 8, 't': TOP, 'b': BOTTOM},
+        'font': {'size': 11},
+        'annotations': [*annotations, *_titles(panels, narrow)],
+    }
+    for i, panel in enumerate(panels):
+        unlabelled = stacked and i < len(panels) - 1
+        names = (f'xaxis{_number(2 * i + 1)}', f'yaxis{_number(2 * i + 1)}')
+        spec[names[0]] = _axis('' if unlabelled else panel.x_title) | {
+            'domain': wide.domain(i)[0],
+            'anchor': names[1].replace('axis', ''),
+            'showticklabels': not unlabelled,
+            **({'matches': 'x'} if linked and i else {}),
+            **panel.x,
+        }
+        spec[names[1]] = _axis(panel.y_title) | {
+            'domain': wide.domain(i)[1],
+            'anchor': names[0].replace('axis', ''),
+            **panel.y,
+        }
+        small[names[0]] = {'domain': narrow.domain(i)[0]}
+        small[names[1]] = {'domain': narrow.domain(i)[1]}
+        if panel.right_title:
+            spec[f'yaxis{2 * i + 2}'] = _axis(panel.right_title) | {
+                'overlaying': names[1].replace('axis', ''),
+                'anchor': names[0].replace('axis', ''),
+                'side': 'right',
+                'showgrid': False,
+                'tickfont': {'color': '@temperature'},
+                'title': {'text': panel.right_title, 'font': {'color': '@temperature'}},
+            }
+    return {'data': list(data), 'layout': spec, 'narrow': small}
+
+
+class _Grid:
+    """Places of panels in a grid, as shares of the plotting area."""
+
+    def __init__(self, panels: int, columns: int, height: int, gap: int) -> None:
+        self.columns = min(columns, panels)
+        self.rows = -(-panels // self.columns)
+        self.inner = self.rows * height + (self.rows - 1) * gap
+        self.height, self.gap = height, gap
+        self.total = self.inner + TOP + BOTTOM
+
+    def domain(self, index: int) -> tuple[list[float], list[float]]:
+        row, column = divmod(index, self.columns)
+        width = (1.0 - COLUMN_GAP * (self.columns - 1)) / self.columns
+        left = column * (width + COLUMN_GAP)
+        top = 1.0 - row * (self.height + self.gap) / self.inner
+        bottom = max(0.0, top - self.height / self.inner)
+        return [round(left, 4), round(left + width, 4)], [round(bottom, 4), round(top, 4)]
+
+
+def _titles(panels: Sequence[Panel], grid: _Grid) -> list[dict[str, Any]]:
+    titles = []
+    for i, panel in enumerate(panels):
+        if panel.title:
+            x, y = grid.domain(i)
+            titles.append({
+                'text': f'<b>{panel.title}</b>', 'x': x[0], 'y': y[1], 'xref': 'paper',
+                'yref': 'paper', 'xanchor': 'left', 'yanchor': 'bottom', 'showarrow': False,
+                'font': {'color': '@soft', 'size': 12},
+            })  # fmt: skip
+    return titles
+
+
+def _look() -> dict[str, Any]:
+    return {
+        'paper_bgcolor': '@panel',
+        'plot_bgcolor': '@panel',
+        'font': {'color': '@text', 'size': 12.5, 'family': 'system-ui, sans-serif'},
+        'hoverlabel': {'bgcolor': '@tip', 'bordercolor': '@axis', 'font': {'color': '@text'}},
+        'legend': {'orientation': 'h', 'x': 0, 'xanchor': 'left', 'y': 1, 'yref': 'container',
+                   'yanchor': 'top', 'bgcolor': '@panel', 'itemsizing': 'constant'},
+        'hovermode': 'closest',
+        'bargap': 0.02,
+        'dragmode': 'zoom',
+    }  # fmt: skip
+
+
+def _axis(title: str) -> dict[str, Any]:
+    return {
+        'title': {'text': title, 'standoff': 8},
+        'gridcolor': '@grid',
+        'linecolor': '@axis',
+        'zeroline': False,
+        'showline': True,
+        'ticks': 'outside',
+        'tickcolor': '@axis',
+        'ticklen': 4,
+        'automargin': False,
+        'exponentformat': 'power',
+    }
+
+
+def _number(index: int) -> str:
+    return '' if index == 1 else str(index)
