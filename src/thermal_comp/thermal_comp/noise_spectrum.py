@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Periodogram of what a saturated model leaves, and what it would be for each noise process."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from imu_recording.recording import FloatArray, IntArray
+
+from thermal_comp.noise_process import ladder_autocovariance, toeplitz_product
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualSpectrum:
+    """Spectrum of one run after a projection, on the Fourier frequencies of its grid."""
+
+    periodogram: FloatArray
+    """(f, axes) |DFT of the residual|² / m."""
+    expected: FloatArray
+    """(k + 1, f) its expectation for white noise of unit density and each unit process."""
+    weight: FloatArray
+    """(f,) share of white power the projection leaves."""
+
+
+def residual_spectrum(
+    values: FloatArray,
+    slot: IntArray,
+    basis: FloatArray,
+    time_constants: FloatArray,
+    period: float,
+) -> ResidualSpectrum:
+    """Project `basis` (m, p; orthonormal) out of `values` (m, axes) and compare spectra.
+
+    The expectation is exact: E|F M y|² = diag(F M S M F*), M = D − Q Qᵀ, D the rows present,
+    so that neither leakage nor the power the model absorbs biases the noise.
+    """
+    length = int(slot[-1]) + 1
+    rows = len(slot)
+    grid = np.zeros((length, values.shape[1]))
+    grid[slot] = values - basis @ (basis.T @ values)
+    periodogram = np.abs(np.fft.rfft(grid, axis=0)) ** 2 / rows
+    present = np.zeros(length)
+    present[slot] = 1.0
+    overlap = _autocorrelation(present)
+    basis_spectrum = _spectrum(basis, slot, length)
+    ladder = ladder_autocovariance(time_constants, period, length)
+    white = np.zeros(length)
+    white[0] = 1.0 / period
+    expected = []
+    for covariance in (white, *ladder):
+        turned = toeplitz_product(covariance, slot, basis)
+        turned_spectrum = _spectrum(turned, slot, length)
+        plain = _even_spectrum(covariance * overlap)
+        cross = np.einsum('fj,fj->f', basis_spectrum, turned_spectrum.conj()).real
+        inner = np.einsum(
+            'fi,fi->f', basis_spectrum @ (basis.T @ turned), basis_spectrum.conj()
+        ).real
+        expected.append(np.maximum(plain - 2.0 * cross + inner, 0.0) / rows)
+    left = np.stack(expected)
+    weight = np.clip(left[0] * period, 0.0, 1.0)
+    weight[0] *= 0.5
+    return ResidualSpectrum(periodogram, left, weight)
+
+
+def _spectrum(columns: FloatArray, slot: IntArray, length: int) -> np.ndarray:
+    grid = np.zeros((length, columns.shape[1]))
+    grid[slot] = columns
+    return np.fft.rfft(grid, axis=0)
+
+
+def _autocorrelation(present: FloatArray) -> FloatArray:
+    size = 2 * len(present)
+    power = np.abs(np.fft.rfft(present, size)) ** 2
+    correlation: FloatArray = np.fft.irfft(power, size)[: len(present)]
+    return correlation
+
+
+def _even_spectrum(covariance: FloatArray) -> FloatArray:
+    """Σ_{|l| < n} c(|l|) e^{−iωl} at the n Fourier frequencies, one side."""
+    wrapped = covariance.copy()
+    wrapped[1:] += covariance[1:][::-1]
+    spectrum: FloatArray = np.fft.rfft(wrapped).real
+    return spectrum

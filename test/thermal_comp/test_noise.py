@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The noise of a simulated draw is found again, and whitening makes it white."""
+
+import numpy as np
+import pytest
+from thermal_comp.model import NoiseModel
+from thermal_comp.noise import fit_noise_to_spectra
+from thermal_comp.noise_process import LADDER, draw_noise, mean_autocovariance, toeplitz_product
+from thermal_comp.noise_spectrum import residual_spectrum
+from thermal_comp.whitening import log_determinant, whiten
+
+PERIOD = 20.0
+TRUE_NOISE = NoiseModel(
+    white=np.array([1.0, 2.0, 0.5]),
+    time_constants=LADDER,
+    amplitudes=np.outer(np.full(len(LADDER), 0.1), [1.0, 2.0, 0.5]),
+)
+
+
+def slots_with_gaps(rng: np.random.Generator, length: int = 1500) -> np.ndarray:
+    present = rng.random(length) > 0.05
+    present[400:460] = False
+    present[0] = True
+    return np.flatnonzero(present)
+
+
+def test_whitened_noise_is_white_across_gaps() -> None:
+    rng = np.random.default_rng(1)
+    slot = slots_with_gaps(rng, 300)
+    covariance = mean_autocovariance(TRUE_NOISE, 1, PERIOD, 300)
+    dense = covariance[np.abs(slot[:, None] - slot[None, :])]
+    rows = whiten(np.eye(len(slot)), slot, TRUE_NOISE, 1, PERIOD)
+    np.testing.assert_allclose(rows @ dense @ rows.T, np.eye(len(slot)), atol=1e-9)
+    assert log_determinant(slot, TRUE_NOISE, 1, PERIOD) == pytest.approx(
+        np.linalg.slogdet(dense)[1]
+    )
+    vector = rng.standard_normal((len(slot), 2))
+    np.testing.assert_allclose(toeplitz_product(covariance, slot, vector), dense @ vector)
+
+
+def test_expected_spectrum_is_what_draws_average_to() -> None:
+    rng = np.random.default_rng(2)
+    slot = slots_with_gaps(rng, 200)
+    trend = np.stack([np.ones(len(slot)), slot, slot**2.0], axis=1)
+    basis, _ = np.linalg.qr(trend)
+    spectra = [
+        residual_spectrum(draw_noise(TRUE_NOISE, slot, PERIOD, rng), slot, basis, LADDER, PERIOD)
+        for _ in range(400)
+    ]
+    measured = np.mean([s.periodogram[:, 0] for s in spectra], axis=0)
+    variances = np.r_[TRUE_NOISE.white[0] ** 2, TRUE_NOISE.amplitudes[:, 0] ** 2]
+    seen = spectra[0].weight > 0.2
+    ratio = (measured / (variances @ spectra[0].expected))[seen]
+    assert abs(ratio.mean() - 1.0) < 0.03
+    assert np.all(np.abs(ratio - 1.0) < 0.3)
+
+
+def test_noise_is_found_again_behind_a_projection_and_gaps() -> None:
+    rng = np.random.default_rng(3)
+    spectra = []
+    for _ in range(3):
+        slot = slots_with_gaps(rng)
+        waves = np.cos(np.pi * np.outer(slot + 0.5, np.arange(40)) / 1500)
+        basis, _ = np.linalg.qr(waves)
+        drawn = draw_noise(TRUE_NOISE, slot, PERIOD, rng)
+        spectra.append(residual_spectrum(drawn, slot, basis, LADDER, PERIOD))
+    fitted = fit_noise_to_spectra(spectra)
+    np.testing.assert_allclose(fitted.white, TRUE_NOISE.white, rtol=0.05)
+    for period, tolerance in ((20.0, 0.05), (200.0, 0.15), (2000.0, 0.4)):
+        wanted = TRUE_NOISE.variance_of_means(period)
+        np.testing.assert_allclose(fitted.variance_of_means(period), wanted, rtol=tolerance)
+
+
+def test_noise_of_nothing_is_zero() -> None:
+    fitted = fit_noise_to_spectra([])
+    assert not fitted.white.any()
+    assert not fitted.amplitudes.any()
