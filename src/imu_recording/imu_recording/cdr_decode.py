@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Kernels that find message records in a chunk and copy their numbers into columns."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from imu_recording.jit import njit
+
+RECORD_END = 0
+"""The bytes given are used up."""
+RECORD_OTHER = 1
+"""A record that is not a message follows."""
+RECORD_CUT = 2
+"""A record continues behind the last byte given."""
+RECORD_FULL = 3
+"""The output arrays are full."""
+
+MINUS_ONE = np.array([-1.0]).view(np.int64)[0]
+NOT_A_NUMBER = np.array([np.nan]).view(np.int64)[0]
+
+
+@njit(cache=True)
+def little32(buffer, at):  # type: ignore[no-untyped-def]
+    """Return the unsigned 32-bit integer at a byte as int64."""
+    return (
+        np.int64(buffer[at])
+        | (np.int64(buffer[at + 1]) << 8)
+        | (np.int64(buffer[at + 2]) << 16)
+        | (np.int64(buffer[at + 3]) << 24)
+    )
+
+
+@njit(cache=True)
+def little64(buffer, at):  # type: ignore[no-untyped-def]
+    """Return the 64 bits at a byte as int64."""
+    return (
+        np.int64(buffer[at])
+        | (np.int64(buffer[at + 1]) << 8)
+        | (np.int64(buffer[at + 2]) << 16)
+        | (np.int64(buffer[at + 3]) << 24)
+        | (np.int64(buffer[at + 4]) << 32)
+        | (np.int64(buffer[at + 5]) << 40)
+        | (np.int64(buffer[at + 6]) << 48)
+        | (np.int64(buffer[at + 7]) << 56)
+    )
+
+
+@njit(cache=True, nogil=True)
+def find_messages(buffer, at, end, slot_of_channel, offset, length, received, slot):  # type: ignore[no-untyped-def]
+    """Find the mcap message records (opcode 5) from byte `at` on.
+
+    Records of channels whose slot is −1 are passed over. Fills `offset` and `length` of the
+    serialised message, `received` (log time [ns]) and `slot`; returns how many, the byte where it
+    stopped, and why (RECORD_…).
+    """
+    found = 0
+    while at < end:
+        if end - at < 9:
+            return found, at, RECORD_CUT
+        if buffer[at] != 5:
+            return found, at, RECORD_OTHER
+        size = little64(buffer, at + 1)
+        if size < 22 or size > end - at - 9:
+            return found, at, RECORD_CUT
+        channel = np.int64(buffer[at + 9]) | (np.int64(buffer[at + 10]) << 8)
+        wanted = slot_of_channel[channel]
+        if wanted >= 0:
+            if found == offset.shape[0]:
+                return found, at, RECORD_FULL
+            offset[found] = at + 31
+            length[found] = size - 22
+            received[found] = little64(buffer, at + 15)
+            slot[found] = wanted
+            found += 1
+        at += 9 + size
+    return found, at, RECORD_END
+
+
+@njit(cache=True, nogil=True)
+def is_expected(buffer, at, length, size, frame, stamped):  # type: ignore[no-untyped-def]
+    """Tell whether a message has the expected encapsulation, length and frame_id."""
+    if length != size or little32(buffer, at) != 256:
+        return False
+    if not stamped:
+        return True
+    text = frame.shape[0]
+    if little32(buffer, at + 12) != text + 1 or buffer[at + 16 + text] != 0:
+        return False
+    for j in range(text):  # noqa: SIM110 (numba compiles loops, not generators)
+        if buffer[at + 16 + j] != frame[j]:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def header_stamp(buffer, at):  # type: ignore[no-untyped-def]
+    """Return the stamp of a message with a header [ns]."""
+    seconds = little32(buffer, at + 4)
+    if seconds >= 2147483648:
+        seconds -= 4294967296
+    return seconds * 1000000000 + little32(buffer, at + 8)
+
+
+@njit(cache=True, nogil=True)
+def copy_group(buffer, at, first, mark, out, row):  # type: ignore[no-untyped-def]
+    """Copy the doubles of one group to a row; return 1 where it is marked as not reported."""
+    if mark >= 0 and little64(buffer, at + 8 * mark) == MINUS_ONE:
+        for j in range(out.shape[1]):
+            out[row, j] = NOT_A_NUMBER
+        return 1
+    for j in range(out.shape[1]):
+        out[row, j] = little64(buffer, at + 8 * (first + j))
+    return 0
+
+
+@njit(cache=True, nogil=True)
+def decode_messages(buffer, messages, span, wanted, frame, shape, out, row):  # type: ignore[no-untyped-def]
+    """Copy the numbers of one slot's messages into columns, until one has another layout.
+
+    `messages` are the arrays of `find_messages`, `span` (from, to) those to look at; `frame` holds
+    the bytes of the expected frame_id; `shape` (stamped, doubles, first group: index, mark, second
+    group: index, mark). `out` (stamp (m,), receipt (m,), first group (m, k), second group (m, k))
+    receives 64-bit words from row `row` on. Returns the next row, the message it stopped at (`to`
+    when none), and how many groups were not reported.
+    """
+    offset, length, received, slot = messages
+    stamp, receipt, first, second = out
+    stamped, doubles, first_at, first_mark, second_at, second_mark = shape
+    body = 4
+    if stamped:
+        body = 4 + (12 + frame.shape[0] + 1 + 7) // 8 * 8
+    size = body + 8 * doubles
+    unreported = 0
+    for i in range(span[0], span[1]):
+        if slot[i] != wanted:
+            continue
+        at = offset[i]
+        if not is_expected(buffer, at, length[i], size, frame, stamped):
+            return row, i, unreported
+        receipt[row] = received[i]
+        stamp[row] = header_stamp(buffer, at) if stamped else received[i]
+        unreported += copy_group(buffer, at + body, first_at, first_mark, first, row)
+        unreported += copy_group(buffer, at + body, second_at, second_mark, second, row)
+        row += 1
+    return row, span[1], unreported

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Read an mcap file from front to back, whole chunks at a time, as far as it goes.
+
+Nothing but the records themselves is needed: no footer, no index, no metadata.yaml. Format:
+https://mcap.dev/spec, version 0.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from imu_recording.bag_error import BagError
+from imu_recording.cdr_decode import RECORD_END, RECORD_FULL, RECORD_OTHER, find_messages
+from imu_recording.decompress import decompress_chunk
+from imu_recording.topic_columns import MessageBlock, empty_block
+
+MAGIC = b'\x89MCAP0\r\n'
+SCHEMA, CHANNEL, MESSAGE, CHUNK, METADATA, DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0C, 0x0F
+BLOCK = 1 << 22
+"""Messages that stand outside chunks are read in blocks of this many bytes."""
+LARGEST = 1 << 32
+"""A chunk that claims to be larger is damage [bytes]."""
+_CHUNK_HEAD = struct.Struct('<QQQII')
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A topic as one mcap file declares it."""
+
+    topic: str
+    message_type: str
+    encoding: str
+    definition: str
+
+
+@dataclass
+class McapScan:
+    """What a scan met; `select` maps a channel to a slot or −1, `deliver` gets the messages."""
+
+    select: Callable[[Channel], int]
+    deliver: Callable[[MessageBlock], None]
+    channels: dict[int, Channel] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    complete: bool = False
+    """Whether the data section ended properly."""
+    problems: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._schemas: dict[int, tuple[str, str]] = {}
+        self._slots = np.full(1 << 16, -1, np.int64)
+        self._arrays = empty_block(1 << 14)
+
+    def run(self, stream: BinaryIO, name: str) -> None:
+        """Scan a file from its first byte on; raise BagError where it is no mcap file."""
+        if stream.read(len(MAGIC)) != MAGIC:
+            raise BagError(f'{name}: not an mcap file (its first bytes are wrong)')
+        buffer = bytearray(BLOCK)
+        place = len(MAGIC)
+        while True:
+            head = stream.read(9)
+            if len(head) < 9 or not head[0]:
+                break
+            opcode, size = head[0], int.from_bytes(head[1:], 'little')
+            if opcode == DATA_END:
+                self.complete = True
+                break
+            if opcode == MESSAGE:
+                place = self._loose(stream, head, place)
+                if place < 0:
+                    return
+                continue
+            if size > LARGEST:
+                break
+            if len(buffer) < size:
+                buffer = bytearray(size + size // 4)
+            got = _fill(stream, memoryview(buffer)[:size])
+            self._record(opcode, memoryview(buffer)[:got], size, place)
+            if got < size:
+                break
+            place += 9 + size
+
+    def _record(self, opcode: int, content: memoryview, size: int, place: int) -> None:
+        whole = len(content) == size
+        if opcode == CHUNK:
+            self._chunk(content, size, place)
+        elif whole:
+            self.declare(opcode, bytes(content))
+
+    def declare(self, opcode: int, content: bytes) -> None:
+        """Take in a schema, channel or metadata record."""
+        if opcode == SCHEMA:
+            key, name, _, definition = _parse('Hsss', content)
+            self._schemas[key] = (name, definition)
+        elif opcode == CHANNEL:
+            key, schema, topic, encoding, _ = _parse('HHssm', content)
+            message_type, definition = self._schemas.get(schema, ('', ''))
+            channel = Channel(topic, message_type, encoding, definition)
+            if key not in self.channels:
+                self.channels[key] = channel
+                self._slots[key] = self.select(channel)
+        elif opcode == METADATA:
+            name, values = _parse('sm', content)
+            self.metadata[name] = values
+
+    def _chunk(self, content: memoryview, size: int, place: int) -> None:
+        """Decompress one chunk, or what is there of it, and scan it."""
+        if len(content) < _CHUNK_HEAD.size:
+            return
+        _, _, expected, checksum, text = _CHUNK_HEAD.unpack_from(content)
+        at = _CHUNK_HEAD.size + text
+        if at + 8 > len(content):
+            return
+        compression = bytes(content[_CHUNK_HEAD.size : at]).decode(errors='replace')
+        records = content[at + 8 :]
+        whole = len(content) == size
+        try:
+            data = decompress_chunk(records, compression, expected, partial=not whole)
+        except ValueError as error:
+            self.problems.append(f'the chunk at byte {place} is left out: {error}')
+            return
+        if whole and checksum and zlib.crc32(data) != checksum:
+            self.problems.append(f'the chunk at byte {place} is left out: its checksum is wrong')
+            return
+        self._records(np.frombuffer(data, np.uint8))
+
+    def _records(self, buffer: np.ndarray[tuple[int], np.dtype[np.uint8]]) -> int:
+        """Scan records lying in a buffer; return the byte behind the last whole one."""
+        at, end = 0, len(buffer)
+        while at < end:
+            offset, length, received, slot = self._arrays
+            count, at, reason = find_messages(
+                buffer, at, end, self._slots, offset, length, received, slot
+            )
+            if count:
+                self.deliver(MessageBlock(buffer, offset, length, received, slot, count))
+            if reason == RECORD_FULL:
+                self._arrays = empty_block(2 * len(offset))
+            elif reason == RECORD_OTHER:
+                size = int.from_bytes(buffer[at + 1 : at + 9].tobytes(), 'little')
+                if size > end - at - 9 or buffer[at] in (0, CHUNK, DATA_END):
+                    break
+                if buffer[at] in (SCHEMA, CHANNEL):
+                    self.declare(int(buffer[at]), buffer[at + 9 : at + 9 + size].tobytes())
+                at += 9 + size
+            elif reason != RECORD_END:
+                break
+        return int(at)
+
+    def _loose(self, stream: BinaryIO, head: bytes, place: int) -> int:
+        """Scan messages outside chunks; return the place of the next record, −1 at the end."""
+        rest = bytearray(head)
+        start = place
+        while True:
+            block = stream.read(BLOCK)
+            rest += block
+            used = self._records(np.frombuffer(bytes(rest), np.uint8))
+            place += used
+            del rest[:used]
+            opcode = rest[0] if rest else MESSAGE
+            if opcode in (CHUNK, DATA_END):
+                self.complete = opcode == DATA_END
+                if opcode == CHUNK:
+                    stream.seek(place)
+                    return place
+                return -1
+            too_long = len(rest) > 9 and int.from_bytes(rest[1:9], 'little') > LARGEST
+            if not block or (not opcode) or too_long:
+                self.problems.append(f'loose messages from byte {start} end at byte {place}')
+                return -1
+
+
+def _fill(stream: BinaryIO, view: memoryview) -> int:
+    """Read into the view until it is full or the file ends; return the bytes read."""
+    got = 0
+    while got < len(view):
+        count = stream.readinto(view[got:])  # type: ignore[attr-defined]
+        if not count:
+            break
+        got += count
+    return got
+
+
+def _parse(fields: str, content: bytes) -> list[Any]:
+    """Parse a record: H uint16, s string, m map of strings; missing bytes read as empty."""
+    values: list[Any] = []
+    at = 0
+    for kind in fields:
+        if kind == 'H':
+            values.append(int.from_bytes(content[at : at + 2], 'little'))
+            at += 2
+            continue
+        size = int.from_bytes(content[at : at + 4], 'little')
+        part = content[at + 4 : at + 4 + size]
+        at += 4 + size
+        values.append(part.decode(errors='replace') if kind == 's' else _parse_map(part))
+    return values
+
+
+def _parse_map(content: bytes) -> dict[str, str]:
+    values = {}
+    at = 0
+    while at < len(content):
+        pair = []
+        for _ in range(2):
+            size = int.from_bytes(content[at : at + 4], 'little')
+            pair.append(content[at + 4 : at + 4 + size].decode(errors='replace'))
+            at += 4 + size
+        values[pair[0]] = pair[1]
+    return values

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Phases of the thermal cycle: their text on a topic, and how they follow from the set-point."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from imu_recording.recording import PHASES, FloatArray, IntArray, RecordingError
+
+UNKNOWN = -1
+RAMP_RATE_C_PER_MIN = 0.2
+"""A set-point that moves faster is a ramp [°C/min]; IEC 60068-2-14 Nb ramps start at 1."""
+EVEN_C = 2.0
+"""Dwells whose temperatures differ by less are at the same level [°C]."""
+
+
+def parse_phase(text: str) -> tuple[int, int]:
+    """Return index into PHASES (−1 unknown) and cycle of a phase message.
+
+    >>> parse_phase('ramp_up 2')
+    (3, 2)
+    >>> parse_phase('final'), parse_phase('coffee 3')
+    ((6, 0), (-1, 3))
+    """
+    name, _, number = text.strip().partition(' ')
+    cycle = int(number) if number.strip().isdecimal() else 0
+    return (PHASES.index(name) if name in PHASES else UNKNOWN), cycle
+
+
+def format_phase(phase: int, cycle: int) -> str:
+    """Return the text of a phase message.
+
+    >>> format_phase(3, 2)
+    'ramp_up 2'
+    """
+    if not 0 <= phase < len(PHASES):
+        raise RecordingError(f'phase {phase} is no index into {", ".join(PHASES)}')
+    return f'{PHASES[phase]} {cycle}'
+
+
+def phases_from_setpoint(time: FloatArray, setpoint: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return phase (index into PHASES) and cycle of every row from the set-point alone.
+
+    `time` (n,) [s] increasing, `setpoint` (n,) [°C]. What moves is a ramp, what stands is a dwell.
+    The hot, cold and reference levels are those of the dwells; everything before the first ramp
+    is preconditioning, a last dwell at the reference level is `final`; both have cycle 0. A cycle
+    starts with the first ramp that leaves the level it started from. NaN rows are −1, 0.
+    """
+    phase = np.full(len(time), UNKNOWN, dtype=np.int64)
+    cycle = np.zeros(len(time), dtype=np.int64)
+    valid = np.flatnonzero(np.isfinite(setpoint))
+    if valid.size:
+        phase[valid], cycle[valid] = _phases(time[valid], setpoint[valid])
+    return phase, cycle
+
+
+def _phases(time: FloatArray, setpoint: FloatArray) -> tuple[IntArray, IntArray]:
+    moves = _moves(time, setpoint)
+    n = len(time)
+    phase = np.full(n, PHASES.index('precondition'), np.int64)
+    cycle = np.zeros(n, np.int64)
+    if not moves:
+        return phase, cycle
+    starts = [0] + [stop for _, stop in moves]
+    stops = [start for start, _ in moves] + [n]
+    levels = [float(np.median(setpoint[a:b])) for a, b in zip(starts, stops, strict=True)]
+    lengths = [float(time[b - 1] - time[a]) for a, b in zip(starts, stops, strict=True)]
+    reference = _reference_level(levels, lengths)
+    kinds = [_dwell_kind(level, reference) for level in levels]
+    number = 0
+    seen: set[str] = set()
+    for k, (start, stop) in enumerate(moves):
+        before, after = kinds[k], kinds[k + 1]
+        leaves = before == 'dwell_reference' and (number or after != before)
+        if leaves or (after in seen and after != 'dwell_reference'):
+            number, seen = number + 1, set()
+        if not number and after == 'dwell_reference':
+            continue  # still on the way to the reference level
+        number = max(number, 1)
+        seen.add(after)
+        ramp = 'ramp_up' if setpoint[stop - 1] > setpoint[max(start - 1, 0)] else 'ramp_down'
+        phase[start:stop] = PHASES.index(ramp)
+        phase[stop : stops[k + 1]] = PHASES.index(after)
+        cycle[start : stops[k + 1]] = number
+    _split_final(phase, cycle, time, starts[-1], kinds, lengths)
+    return phase, cycle
+
+
+def _moves(time: FloatArray, setpoint: FloatArray) -> list[tuple[int, int]]:
+    """Return (first row that moved, first row that stands again) of every ramp and step."""
+    step = np.diff(setpoint)
+    changes = np.flatnonzero(np.abs(step) > 1e-6) + 1
+    if not changes.size:
+        return []
+    gaps = np.diff(time[changes])
+    sizes = step[changes - 1]
+    same_way = np.sign(sizes[1:]) == np.sign(sizes[:-1])
+    steady = same_way & (np.abs(sizes[1:]) / gaps * 60 >= RAMP_RATE_C_PER_MIN)
+    if steady.any():
+        steady &= gaps <= 4 * np.median(gaps[steady])
+    firsts = changes[np.concatenate(([True], ~steady))]
+    lasts = changes[np.concatenate((~steady, [True]))]
+    moves: list[tuple[int, int]] = []
+    for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True):
+        if abs(setpoint[last] - setpoint[first - 1]) >= EVEN_C:
+            moves.append((first, last + 1 if last > first else first))
+    return moves
+
+
+def _reference_level(levels: list[float], lengths: list[float]) -> float:
+    """Return the level between the extremes: the first where it is one, else the longest."""
+    low, high = min(levels), max(levels)
+    inner = [k for k, level in enumerate(levels) if low + EVEN_C < level < high - EVEN_C]
+    if not inner or 0 in inner:
+        return levels[0]
+    return levels[max(inner, key=lambda k: lengths[k])]
+
+
+def _dwell_kind(level: float, reference: float) -> str:
+    if abs(level - reference) <= EVEN_C:
+        return 'dwell_reference'
+    return 'dwell_cold' if level < reference else 'dwell_hot'
+
+
+def _split_final(
+    phase: IntArray,
+    cycle: IntArray,
+    time: FloatArray,
+    start: int,
+    kinds: list[str],
+    lengths: list[float],
+) -> None:
+    """What the last reference dwell lasts longer than the earlier dwells is the final phase."""
+    if kinds[-1] != 'dwell_reference' or not cycle[-1]:
+        return
+    earlier = [n for k, n in zip(kinds[1:-1], lengths[1:-1], strict=True) if k == kinds[-1]]
+    usual = float(np.median(earlier or lengths[1:-1])) if lengths[1:-1] else lengths[-1]
+    final = (time >= time[start] + 1.05 * usual) & (np.arange(len(time)) >= start)
+    if not final.any():
+        return
+    final |= (time >= time[start] + usual) & (np.arange(len(time)) >= start)
+    phase[final] = PHASES.index('final')
+    cycle[final] = 0

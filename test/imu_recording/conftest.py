@@ -1,0 +1,7 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Put the two modules the tests of this folder share on the path."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
