@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The start-up transient of an acquisition: all channels of a device ramp by one common factor."""
+
+from __future__ import annotations
+
+import numpy as np
+from imu_recording.recording import FloatArray, ImuRecording
+from numpy.typing import NDArray
+
+WINDOW_S = 600.0
+"""The settled level is taken from this long after the first sample [s]."""
+TRIGGER = 0.02
+"""Common deviation from the settled level above which the first samples are a start-up."""
+AGREEMENT = 0.25
+"""Channels may differ by this share of the common deviation."""
+LARGE = 20.0
+"""A channel counts when its level is this many standard deviations of its noise."""
+
+
+def cut_startup(recording: ImuRecording) -> ImuRecording:
+    """Return the recording without its start-up transient, with a note where one was cut.
+
+    >>> import numpy as np
+    >>> n = np.ones((400, 3))
+    >>> f = np.minimum(0.54 + 0.1 * np.arange(400.0), 1.0)[:, None]
+    >>> stamp, warm = np.arange(400) * 10**9, 20.0 * n[:, 0]
+    >>> raw = ImuRecording(stamp, 0 * n, 9.8 * n * f, 4e-5 * n * f, warm)
+    >>> len(cut_startup(raw)), cut_startup(raw).notes[0]
+    (395, 'start-up transient cut: 5 samples, 5.0 s, first at 0.54 of the level')
+    """
+    rows, factor = startup_rows(recording)
+    if not rows:
+        return recording
+    seconds = (recording.stamp[rows] - recording.stamp[0]) * 1e-9
+    return recording.rows(slice(rows, None)).with_notes(
+        f'start-up transient cut: {rows} samples, {seconds:.1f} s, '
+        f'first at {factor:.2f} of the level'
+    )
+
+
+def startup_rows(recording: ImuRecording) -> tuple[int, float]:
+    """Return how many first rows are a start-up transient, and the first row's common factor.
+
+    The ratio of each large channel to its settled level is the same for all of them while filters
+    that started at zero fill up; a motion or a temperature never scales gravity and field alike.
+    """
+    window = recording.rows(slice(0, int(np.searchsorted(recording.time, WINDOW_S))))
+    values = np.hstack(
+        [window.linear_acceleration, window.angular_velocity, window.magnetic_field]
+    )
+    if len(values) < 10:
+        return 0, 1.0
+    ratio = _large_ratios(values)
+    if ratio.shape[1] < 2:
+        return 0, 1.0
+    common: FloatArray = np.median(ratio, axis=1)
+    noise = 1.4826 * float(np.median(np.abs(common - 1.0)))
+    off = np.abs(common - 1.0)
+    alike = np.ptp(ratio, axis=1) <= AGREEMENT * off + 6.0 * noise
+    first = _first_false((off > max(TRIGGER, 10.0 * noise)) & alike)
+    if not first:
+        return 0, 1.0
+    settled = off[first:] <= max(3.0 * noise, 1e-3)
+    rows = first + (int(np.argmax(settled)) if settled.any() else len(settled))
+    return (rows, float(common[0])) if rows < len(values) / 2 else (0, 1.0)
+
+
+def _large_ratios(values: FloatArray) -> FloatArray:
+    """Return the columns that stand far above their noise, divided by their settled level."""
+    values = _held(values[:, np.isfinite(values).any(axis=0)])
+    level = np.median(values[len(values) // 2 :], axis=0)
+    spread = 1.4826 * np.median(np.abs(np.diff(values, axis=0)), axis=0) / np.sqrt(2.0)
+    large = np.abs(level) > np.maximum(LARGE * spread, 1e-300)
+    ratios: FloatArray = values[:, large] / level[large]
+    return ratios
+
+
+def _held(values: FloatArray) -> FloatArray:
+    """Return the columns with every value that is not finite replaced by the newest that is."""
+    finite = np.isfinite(values)
+    row = np.where(finite, np.arange(len(values))[:, None], 0)
+    newest = np.maximum(np.maximum.accumulate(row, axis=0), np.argmax(finite, axis=0))
+    held: FloatArray = np.take_along_axis(values, newest, axis=0)
+    return held
+
+
+def _first_false(flags: NDArray[np.bool_]) -> int:
+    """Return the number of leading true flags."""
+    return len(flags) if flags.all() else int(np.argmin(flags))

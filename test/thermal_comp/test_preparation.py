@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is cut, averaged and held out before anything is fitted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from imu_recording import ImuRecording, RecordingError
+from thermal_comp.effects import EFFECTS
+from thermal_comp.preparation import prepare
+
+GRAVITY = 9.80665
+
+
+def still(hours: float, rate_hz: float, *, seed: int = 0, **fields: object) -> ImuRecording:
+    """A device at rest with z up whose temperature swings once an hour by ±30 K."""
+    n = int(hours * 3600 * rate_hz)
+    rng = np.random.default_rng(seed)
+    time = np.arange(n) / rate_hz
+    force = np.tile([0.1, -0.2, GRAVITY], (n, 1)) + 0.01 * rng.standard_normal((n, 3))
+    field = np.tile([2e-5, 1e-6, -4e-5], (n, 1)) + 1e-7 * rng.standard_normal((n, 3))
+    parts = {
+        'stamp': np.round(time * 1e9).astype(np.int64) + 1_700_000_000_000_000_000,
+        'angular_velocity': 1e-4 * rng.standard_normal((n, 3)),
+        'linear_acceleration': force,
+        'magnetic_field': field,
+        'temperature': 20.0 + 30.0 * np.sin(2 * np.pi * time / 3600.0),
+        'up_axis': '+z',
+        'run': 'z',
+    }
+    return ImuRecording(**{**parts, **fields})
+
+
+def test_block_means_keep_the_mean_and_lose_the_noise() -> None:
+    recording = still(1.0, 10.0)
+    (run,) = prepare([recording])
+    measured = run.measured['accelerometer']
+    assert len(run) == 180
+    np.testing.assert_allclose(
+        measured.mean(axis=0), recording.linear_acceleration.mean(axis=0), rtol=1e-12
+    )
+    assert measured.std(axis=0) == pytest.approx(0.01 / np.sqrt(200), rel=0.25)
+
+
+def test_the_common_factor_of_a_filter_filling_up_is_cut_and_nothing_else() -> None:
+    clean = still(0.5, 50.0)
+    factor = np.minimum(0.54 + 0.02 * np.arange(len(clean)) / 1.0, 1.0)[:, None]
+    started = replace(
+        clean,
+        linear_acceleration=clean.linear_acceleration * factor,
+        magnetic_field=clean.magnetic_field * factor,
+    )
+    (run,) = prepare([started])
+    assert any('start-up transient cut: 2' in note for note in run.notes)
+    reference = prepare([clean])[0]
+    assert not any('start-up' in note for note in reference.notes)
+    np.testing.assert_allclose(
+        run.measured['accelerometer'][1:], reference.measured['accelerometer'][1:]
+    )
+    assert run.measured['accelerometer'][0, 2] == pytest.approx(GRAVITY, rel=1e-3)
+
+
+def test_a_motion_at_the_start_is_no_start_up() -> None:
+    clean = still(0.5, 50.0)
+    force = clean.linear_acceleration.copy()
+    force[:100] = [GRAVITY, 0.1, 0.5]
+    (run,) = prepare([replace(clean, linear_acceleration=force)])
+    assert not any('start-up' in note for note in run.notes)
+
+
+def test_gaps_leave_slots_empty_and_are_told() -> None:
+    whole = still(1.0, 10.0)
+    time = whole.time
+    (run,) = prepare([whole.rows((time < 1000.0) | (time >= 1300.0))])
+    assert set(range(180)) - set(run.slot.tolist()) == set(range(50, 65))
+    assert any('300 s in gaps' in note for note in run.notes)
+    assert run.time[50] == pytest.approx(1310.0, abs=0.1)
+
+
+def test_values_that_are_not_finite_are_left_out_and_counted() -> None:
+    force = still(0.5, 10.0).linear_acceleration.copy()
+    force[5000] = np.nan
+    force[6000, 1] = np.inf
+    (run,) = prepare([still(0.5, 10.0, linear_acceleration=force)])
+    assert any('2 of 18000 rows without a finite accelerometer value' in n for n in run.notes)
+    assert np.isfinite(run.measured['accelerometer']).all()
+
+
+def test_a_slower_magnetometer_is_averaged_over_its_own_samples() -> None:
+    recording = still(0.5, 10.0)
+    field = recording.magnetic_field.copy()
+    field[np.arange(len(field)) % 10 != 0] = np.nan
+    (run,) = prepare([replace(recording, magnetic_field=field)])
+    expected = np.nanmean(field[:200], axis=0)
+    np.testing.assert_allclose(run.measured['magnetometer'][0], expected, rtol=1e-12)
+
+
+def test_columns_are_those_of_the_samples_averaged() -> None:
+    recording = still(1.0, 0.5)
+    (run,) = prepare([recording])
+    column = run.columns(EFFECTS['bias_temperature'](), 'gyroscope')
+    np.testing.assert_allclose(
+        column[:, 0], (recording.temperature - 20.0).reshape(-1, 10).mean(axis=1), rtol=1e-12
+    )
+
+
+def test_vibration_comes_from_the_raw_samples_at_fifty_hertz_and_not_below() -> None:
+    fast = still(0.2, 100.0)
+    shaken = fast.linear_acceleration.copy()
+    half = slice(len(shaken) // 2, None)
+    shaken[half] += 0.5 * np.sqrt(2) * np.sin(2 * np.pi * 13.0 * fast.time[half])[:, None]
+    (run,) = prepare([replace(fast, linear_acceleration=shaken)])
+    vibration = run.block_conditions.vibration
+    assert vibration[:17] == pytest.approx(1e-4, rel=0.2)
+    assert vibration[19:] == pytest.approx(0.25, rel=0.05)
+    assert prepare([still(0.2, 10.0)])[0].conditions.vibration is None
+
+
+def test_cycles_are_held_out_and_without_them_five_blocks() -> None:
+    recording = still(4.0, 0.5)
+    cycle = (recording.time // 3600).astype(np.int64)
+    (run,) = prepare([replace(recording, cycle=cycle)])
+    assert run.has_cycles
+    assert np.unique(run.fold).tolist() == [0, 1, 2, 3]
+    (run,) = prepare([recording])
+    assert not run.has_cycles
+    assert np.unique(run.fold).tolist() == [1, 2, 3, 4, 5]
+    assert any('5 contiguous blocks' in note for note in run.notes)
+
+
+def test_a_channel_logged_for_a_part_of_the_run_is_not_used() -> None:
+    recording = still(1.0, 1.0)
+    heater = np.ones(len(recording))
+    heater[:30] = np.nan
+    (run,) = prepare([replace(recording, heater=heater)])
+    assert np.isfinite(run.conditions.heater).all()
+    heater[:1800] = np.nan
+    (run,) = prepare([replace(recording, heater=heater)])
+    assert run.conditions.heater is None
+    assert any('heater is known in 50% of the run only' in note for note in run.notes)
+
+
+def test_no_temperature_at_all_is_one_clear_error() -> None:
+    recording = still(0.1, 1.0, temperature=np.full(360, np.nan))
+    with pytest.raises(RecordingError, match='no sample has a die temperature'):
+        prepare([recording])
