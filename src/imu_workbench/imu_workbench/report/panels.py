@@ -60,6 +60,8 @@ def figure(
     right = any(panel.right_title for panel in panels)
     wide = _Grid(len(panels), columns, height, 26 if stacked else 76)
     narrow = _Grid(len(panels), 1, height, 26 if stacked else 76)
+    named = sum(trace.get('showlegend', bool(trace.get('name'))) for trace in data)
+    extra = 19 * max(0, -(-named // 2) - 1)  # a phone shows about two legend entries in a row
     spec = _look() | {
         'height': wide.total,
         'margin': {'l': 70, 'r': 64 if right else 16, 't': TOP, 'b': BOTTOM},
@@ -67,8 +69,8 @@ def figure(
         **layout,
     }
     small: dict[str, Any] = {
-        'height': narrow.total,
-        'margin': {'l': 56, 'r': 48 if right else 8, 't': TOP, 'b': BOTTOM},
+        'height': narrow.total + extra,
+        'margin': {'l': 56, 'r': 48 if right else 8, 't': TOP + extra, 'b': BOTTOM},
         'font': {'size': 11},
         'annotations': [*annotations, *_titles(panels, narrow)],
     }
@@ -95,6 +97,8 @@ def figure(
                 'anchor': names[0].replace('axis', ''),
                 'side': 'right',
                 'showgrid': False,
+                'tickmode': 'auto',
+                'nticks': 5,
                 'tickfont': {'color': '@temperature'},
                 'title': {'text': panel.right_title, 'font': {'color': '@temperature'}},
             }
@@ -144,6 +148,7 @@ def _look() -> dict[str, Any]:
         'hovermode': 'closest',
         'bargap': 0.02,
         'dragmode': 'zoom',
+        'modebar': {'bgcolor': '@panel', 'color': '@axis', 'activecolor': '@text'},
     }  # fmt: skip
 
 

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the model says of the measurement, as plain values: dependence, fit, distributions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import PHASES, FloatArray
+
+from imu_workbench.display import DISPLAY_UNITS, SENSORS
+from imu_workbench.report.series import line, rounded
+from imu_workbench.run_errors import RunErrors
+
+AXES = ('x', 'y', 'z')
+TEMPERATURE_BIN = 2.0
+"""Width of the temperature bins of the dependence [K]."""
+HISTOGRAM_BINS = 48
+SCATTER_POINTS = 700
+"""Points of one axis and branch in the scatter of the fit."""
+
+
+def dependence_content(runs: Sequence[RunErrors]) -> dict[str, Any]:
+    """Return measured and modelled error against die temperature, per sensor and axis (Fig. 5)."""
+    found: dict[str, Any] = {}
+    for sensor in SENSORS:
+        having = [run for run in runs if sensor in run.measured]
+        if not having:
+            continue
+        temperature = np.concatenate([run.temperature for run in having])
+        factor = DISPLAY_UNITS[sensor].factor
+        measured = np.concatenate([run.measured[sensor] for run in having]) * factor
+        modelled = np.concatenate([run.modelled[sensor] for run in having]) * factor
+        centre, means, spread = binned(temperature, measured)
+        _, line_means, _ = binned(temperature, modelled)
+        found[sensor] = {
+            'unit': DISPLAY_UNITS[sensor].unit,
+            'temperature': rounded(centre),
+            'axes': {
+                axis: {
+                    'measured': rounded(means[:, i]),
+                    'spread': rounded(spread[:, i]),
+                    'modelled': rounded(line_means[:, i]),
+                }
+                for i, axis in enumerate(AXES)
+            },
+        }
+    return found
+
+
+def binned(temperature: FloatArray, values: FloatArray) -> tuple[FloatArray, ...]:
+    """Return mean temperature (k,), mean (k, 3) and standard deviation (k, 3) of the bins."""
+    good = np.isfinite(values).all(axis=1) & np.isfinite(temperature)
+    temperature, values = temperature[good], values[good]
+    if not len(values):
+        return np.empty(0), np.empty((0, 3)), np.empty((0, 3))
+    place = np.floor(temperature / TEMPERATURE_BIN).astype(np.int64)
+    _, place, count = np.unique(place, return_inverse=True, return_counts=True)
+
+    def mean(column: FloatArray) -> FloatArray:
+        sums: FloatArray = np.bincount(place, weights=column) / count
+        return sums
+
+    means = np.column_stack([mean(values[:, i]) for i in range(3)])
+    squares = np.column_stack([mean((values[:, i] - means[place, i]) ** 2) for i in range(3)])
+    return mean(temperature), means, np.sqrt(squares)
+
+
+def fit_content(run: RunErrors) -> dict[str, Any]:
+    """Return scatter, line and distributions of a run per sensor and axis (Fig. 6)."""
+    found: dict[str, Any] = {}
+    heating = np.gradient(run.temperature) > 0.0 if len(run.temperature) > 1 else np.zeros(1, bool)
+    branch = {'heating': heating, 'cooling': ~heating}
+    for sensor in run.measured:
+        factor = DISPLAY_UNITS[sensor].factor
+        measured = run.measured[sensor] * factor
+        modelled = run.modelled[sensor] * factor
+        residual = run.residual(sensor) * factor
+        axes = {}
+        for i, axis in enumerate(AXES):
+            good = np.isfinite(measured[:, i])
+            points = {}
+            for name, rows in branch.items():
+                chosen = np.flatnonzero(good & rows)
+                chosen = chosen[:: max(1, -(-len(chosen) // SCATTER_POINTS))]
+                points[name] = {
+                    'x': rounded(run.temperature[chosen], 4),
+                    'y': rounded(measured[chosen, i], 4),
+                }
+            order = np.argsort(run.temperature[good])
+            sampled = order[:: max(1, len(order) // 200)]
+            axes[axis] = {
+                'points': points,
+                'model': {
+                    'x': rounded(run.temperature[good][sampled], 4),
+                    'y': rounded(modelled[good, i][sampled], 4),
+                },
+                'before': histogram(measured[:, i], run),
+                'after': histogram(residual[:, i], run),
+            }
+        found[sensor] = {'unit': DISPLAY_UNITS[sensor].unit, 'axes': axes}
+    return found
+
+
+def histogram(values: FloatArray, run: RunErrors) -> dict[str, Any]:
+    """Return counts per bin, split into cold dwell, hot dwell and the rest, and the normal fit."""
+    good = np.isfinite(values)
+    if not good.any():
+        return {'centre': [], 'counts': {}, 'normal': [], 'mean': None, 'std': None}
+    low, high = np.quantile(values[good], [0.0005, 0.9995])
+    low, high = (low, high) if high > low else (low - 1e-9, high + 1e-9)
+    edges = np.linspace(low, high, HISTOGRAM_BINS + 1)
+    centre = (edges[:-1] + edges[1:]) / 2.0
+    cold, hot = run.in_phase('dwell_cold'), run.in_phase('dwell_hot')
+    parts = {'cold dwell': cold, 'hot dwell': hot, 'other': ~cold & ~hot}
+    mean, std = float(values[good].mean()), float(values[good].std())
+    width = (high - low) / HISTOGRAM_BINS
+    bell = np.exp(-0.5 * ((centre - mean) / max(std, 1e-300)) ** 2)
+    scale = good.sum() * width / (max(std, 1e-300) * np.sqrt(2.0 * np.pi))
+    return {
+        'centre': rounded(centre),
+        'counts': {
+            name: np.histogram(values[good & rows], edges)[0].tolist()
+            for name, rows in parts.items()
+        },
+        'normal': rounded(scale * bell),
+        'mean': mean,
+        'std': std,
+    }
+
+
+def residual_content(run: RunErrors, *, points: int) -> dict[str, Any]:
+    """Return measured, modelled and residual error over time, and where it fails."""
+    hours = run.time / 3600.0
+    gap = 3.0 * run.period / 3600.0
+    found: dict[str, Any] = {}
+    for sensor in run.measured:
+        factor = DISPLAY_UNITS[sensor].factor
+        columns = {
+            'measured': run.measured[sensor] * factor,
+            'modelled': run.modelled[sensor] * factor,
+            'residual': run.residual(sensor) * factor,
+        }
+        found[sensor] = {
+            'unit': DISPLAY_UNITS[sensor].unit,
+            'axes': {
+                axis: {
+                    name: line(hours, values[:, i], points=points, max_gap=gap)
+                    for name, values in columns.items()
+                }
+                for i, axis in enumerate(AXES)
+            },
+            'where': failure_map(run, columns['residual']),
+        }
+    return found
+
+
+def failure_map(run: RunErrors, residual: FloatArray) -> dict[str, Any] | None:
+    """Return the rms of the residual per phase and cycle, over the three axes."""
+    numbers = [int(n) for n in np.unique(run.cycle) if n > 0]
+    phases = [p for i, p in enumerate(PHASES) if (run.phase[run.cycle > 0] == i).any()]
+    if not numbers or not phases:
+        return None
+    square = np.nanmean(residual**2, axis=1) if np.isfinite(residual).any() else residual[:, 0]
+    cells = []
+    for phase in phases:
+        row = []
+        for number in numbers:
+            inside = square[run.in_phase(phase) & (run.cycle == number)]
+            inside = inside[np.isfinite(inside)]
+            row.append(float(np.sqrt(inside.mean())) if len(inside) else None)
+        cells.append(row)
+    return {'phases': phases, 'cycles': numbers, 'rms': cells}
