@@ -57,6 +57,17 @@ def campaign_steps(profile: Profile) -> tuple[Step, ...]:
     return tuple(steps)
 
 
+def closed_steps(profile: Profile) -> tuple[Step, ...]:
+    """Return all steps, and a last ramp to the safe temperature where they do not end there."""
+    steps = profile.steps
+    last, safe = steps[-1], profile.on_abort
+    if abs(last.target_c - safe.target_c) <= EVEN_C:
+        return steps
+    phase = _phase('ramp', last.target_c, safe.target_c, safe.target_c)
+    closing = Step('to_safe', 'ramp', safe.target_c, safe.rate_c_per_min, phase=phase)
+    return (*steps, replace(closing, orientation=last.orientation))
+
+
 def _unrolled_entries(content: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], int]]:
     entries = content['steps']
     ids = [entry['id'] for entry in entries]

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulated chamber: the physics of `climate` behind the interface of a real one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from chamber_profile.chambers import climate as physics
+from chamber_profile.chambers.chamber import ChamberReading, ChamberRefusalError
+from chamber_profile.chambers.climate import Climate
+
+RANGE_C = (-70.0, 180.0)
+"""What the simulated chamber can reach [°C]."""
+_BLOCK = 4096
+
+
+def drawn_climate(rng: np.random.Generator) -> Climate:
+    """Return a chamber with its own calibration errors and room, as no two are alike."""
+    return Climate(
+        room_temperature=23.0 + rng.uniform(-1.5, 1.5),
+        room_humidity=rng.uniform(0.35, 0.55),
+        probe_offset=rng.normal(0.0, 0.05),
+        probe_2_offset=rng.normal(0.0, 0.05),
+        probe_2_wall=rng.uniform(0.01, 0.05),
+    )
+
+
+@dataclass
+class SimulatedChamber:
+    """A chamber in this process. Nothing moves until `advance` is called.
+
+    `seed` draws calibration errors, room and noise: two chambers with one seed and the same calls
+    are equal to the last bit.
+    """
+
+    seed: int = 0
+    emulated: bool = True
+    resolution_c: float = 0.1
+
+    def __post_init__(self) -> None:
+        self._rng = np.random.default_rng(self.seed)
+        self.climate = drawn_climate(self._rng)
+        self.state = physics.initial_state(self.climate)
+        self.setpoint = 23.0
+        self.limits = RANGE_C
+        self.running = False
+        self.alarms: tuple[str, ...] = ()
+        self._noise = np.empty((0, physics.NOISES))
+        self._used = 0
+        self._elapsed = 0.0
+
+    def advance(self, seconds: float) -> None:
+        """Let `seconds` pass in the chamber; the physics takes whole seconds, the rest waits."""
+        self._elapsed += seconds
+        steps = int(self._elapsed + 1e-9)
+        self._elapsed -= steps
+        while steps > 0:
+            if self._used == len(self._noise):
+                self._noise = self._rng.standard_normal((_BLOCK, physics.NOISES))
+                self._used = 0
+            take = min(steps, len(self._noise) - self._used)
+            noise = self._noise[self._used : self._used + take]
+            physics.advance(self.state, self.climate, self.setpoint, self.running, noise)
+            self._used += take
+            steps -= take
+        self._protect()
+
+    def connect(self) -> str:
+        """Return what this chamber is."""
+        return f'simulated chamber, seed {self.seed}'
+
+    def read(self) -> ChamberReading:
+        """Return what the chamber's sensors show now."""
+        state, climate = self.state, self.climate
+        noise = climate.probe_noise * self._noise[self._used - 1, 2:] if self._used else (0.0, 0.0)
+        air = float(state[physics.AIR])
+        return ChamberReading(
+            air=_shown(state[physics.PROBE] + climate.probe_offset + noise[0]),
+            setpoint=self.setpoint,
+            running=self.running,
+            alarms=self.alarms,
+            humidity=float(min(state[physics.VAPOUR] / physics.saturation(air), 1.0)),
+            air_2=_shown(state[physics.PROBE_2] + climate.probe_2_offset + noise[1]),
+            device=_shown(state[physics.DEVICE]),
+            heater=float(state[physics.HEATER]),
+            compressor=float(state[physics.COMPRESSOR]),
+            fan=1.0 if self.running else 0.0,
+        )
+
+    def set_limits(self, low_c: float, high_c: float) -> None:
+        """Program the limits; outside them the chamber stops with an alarm."""
+        if not RANGE_C[0] <= low_c < high_c <= RANGE_C[1]:
+            reach = f'{RANGE_C[0]:g} … {RANGE_C[1]:g} °C'
+            raise ChamberRefusalError(f'limits {low_c:g} … {high_c:g} °C, it reaches {reach}')
+        self.limits = (low_c, high_c)
+
+    def set_temperature(self, temperature_c: float) -> None:
+        """Write the set-point."""
+        low, high = self.limits
+        if not low <= temperature_c <= high:
+            wanted = f'set-point {temperature_c:g} °C'
+            raise ChamberRefusalError(f'{wanted}, limits {low:g} … {high:g} °C')
+        self.setpoint = round(round(temperature_c / self.resolution_c) * self.resolution_c, 6)
+
+    def run(self) -> None:
+        """Switch on."""
+        if self.alarms:
+            raise ChamberRefusalError(f'alarm {self.alarms[0]} is not acknowledged')
+        self.running = True
+
+    def stop(self) -> None:
+        """Switch off."""
+        self.running = False
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+    def _protect(self) -> None:
+        """Trip as a chamber's own limiter does: 5 K beyond the limits, latched."""
+        air = self.state[physics.AIR]
+        if self.running and not self.limits[0] - 5.0 <= air <= self.limits[1] + 5.0:
+            self.alarms = ('temperature limit',)
+            self.running = False
+
+
+def _shown(temperature: float) -> float:
+    """Return a PT100's reading: 0.01 K steps."""
+    return round(float(temperature), 2)
