@@ -38,7 +38,7 @@ def test_campaign_equals_anyreader(shared: Path, bag: str) -> None:
         wanted = columns(path, topic, name)
         assert np.array_equal(wanted['stamp'], recording.stamp)
         assert np.array_equal(found, wanted[name]), topic
-    assert (recording.run, recording.device) == (bag[-1], bag.split('/')[0])
+    assert (recording.run, recording.device) == (bag[-1], bag.split('/', maxsplit=1)[0])
 
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])

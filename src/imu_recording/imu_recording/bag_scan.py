@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import BinaryIO
 
 import numpy as np
 import yaml
@@ -44,8 +43,7 @@ def topics_of_file(file: BagFile) -> dict[str, tuple[str, int]]:
         if summary is not None:
             return summary
     scan = McapScan(select=lambda _: -1, deliver=lambda _: None)
-    with _mcap_stream(file) as stream:
-        scan.run(stream, str(file.path))
+    _run(scan, file)
     return {c.topic: (c.message_type, 0) for c in scan.channels.values()}
 
 
@@ -84,11 +82,7 @@ def scan_file(
         return [f'{file.path.name}: {problem}' for problem in problems]
     through = _decompressing(deliver) if file.message_compressed else deliver
     scan = McapScan(select, through)
-    with _mcap_stream(file) as stream:
-        try:
-            scan.run(stream, str(file.path))
-        except DAMAGE as error:
-            scan.problems.append(f'reading stopped early: {error}')
+    _run(scan, file)
     _metadata_inside(scan, metadata, space)
     if not scan.complete:
         scan.problems.append(UNCLOSED)
@@ -125,11 +119,13 @@ def _decompressing(deliver: Deliver) -> Deliver:
     return through
 
 
-@contextmanager
-def _mcap_stream(file: BagFile) -> Iterator[BinaryIO]:
+def _run(scan: McapScan, file: BagFile) -> None:
     opened = open_decompressed(file.path) if file.file_compressed else file.path.open('rb')
     with opened as stream:
-        yield stream
+        try:
+            scan.run(stream, str(file.path))
+        except DAMAGE as error:
+            scan.problems.append(f'reading stopped early: {error}')
 
 
 @contextmanager
