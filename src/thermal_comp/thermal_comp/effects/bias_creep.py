@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Logarithmic creep of the bias."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.conditions import Conditions
+from thermal_comp.effects.effect import Effect, State, shape_parameter
+
+
+@dataclass(frozen=True)
+class BiasCreep(Effect):
+    """The bias creeps ever more slowly."""
+
+    time_constant: float = shape_parameter(1800.0, unit='s', bounds=(30.0, 30_000.0))
+
+    name: ClassVar[str] = 'bias_creep'
+    kind: ClassVar[Literal['device', 'campaign']] = 'campaign'
+    equation: ClassVar[str] = 'error = a · ln(1 + t / t₀),  t since the first sample [s]'
+    coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',)
+    mechanism: ClassVar[str] = 'The adhesive creeps after a change of stress.'
+    look_alikes: ClassVar[tuple[str, ...]] = ('bias_drift', 'warm_up', 'turn_on_bias')
+    separation: ClassVar[str] = (
+        'Its slope decays from cycle to cycle; a power cycle in mid-soak restarts a warm-up but '
+        'not creep.'
+    )
+    typical_size: ClassVar[str] = 'a fraction of the drift, in the first hours'
+    reference: ClassVar[str] = (
+        'Findley, Creep and Relaxation of Nonlinear Viscoelastic Materials, 1976 (logarithmic '
+        'creep)'
+    )
+
+    def columns(
+        self, conditions: Conditions, state: State | None = None
+    ) -> tuple[FloatArray, State | None]:
+        """Return (n, 1): ln(1 + t / t₀)."""
+        return np.log1p(np.maximum(conditions.time, 0.0) / self.time_constant)[:, None], None

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A step of the bias."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from imu_recording.recording import FloatArray
+
+from thermal_comp.conditions import Conditions
+from thermal_comp.effects.effect import Effect, State, shape_parameter
+
+
+@dataclass(frozen=True)
+class BiasStep(Effect):
+    """The bias jumps once and stays."""
+
+    step_time: float = shape_parameter(20_000.0, unit='s', bounds=(0.0, 1e7))
+
+    name: ClassVar[str] = 'bias_step'
+    kind: ClassVar[Literal['device', 'campaign']] = 'campaign'
+    per_run: ClassVar[bool] = True
+    equation: ClassVar[str] = 'error = a_r · H(t − t₀) in run r,  t since the first sample [s]'
+    coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',)
+    mechanism: ClassVar[str] = 'Stress relief: a crack or slip of solder or glue.'
+    look_alikes: ClassVar[tuple[str, ...]] = ('turn_on_bias', 'bias_drift')
+    separation: ClassVar[str] = (
+        'One edge, often on several axes at once; if it falls on a cycle boundary it looks like '
+        'a turn-on bias.'
+    )
+    typical_size: ClassVar[str] = 'accelerometer 0.5–5 mg, gyroscope 0.01–0.1 °/s'
+    reference: ClassVar[str] = 'IEEE 528 (bias stability); common in data of packaged MEMS'
+
+    def columns(
+        self, conditions: Conditions, state: State | None = None
+    ) -> tuple[FloatArray, State | None]:
+        """Return (n, 1): 1 after the step, 0 before."""
+        return (conditions.time >= self.step_time).astype(float)[:, None], None

@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A quantity fixed in the chamber, as a sensor sees it."""
+
+from __future__ import annotations
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.conditions import Conditions
+
+
+def chamber_field(conditions: Conditions, amount: FloatArray) -> FloatArray:
+    """Return (n, 3, 3): amount (n,) × unit vector along each chamber axis, in sensor axes."""
+    orientation = conditions.orientation
+    assert orientation is not None  # noqa: S101 (effects that use it declare the channel)
+    columns: FloatArray = amount[:, None, None] * np.asarray(orientation)[None, :, :]
+    return columns

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Magnetic field of the chamber's compressor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from imu_recording.recording import FloatArray
+
+from thermal_comp.conditions import Conditions, Sensor
+from thermal_comp.effects.chamber_frame import chamber_field
+from thermal_comp.effects.effect import Effect, State
+
+
+@dataclass(frozen=True)
+class CompressorHardIron(Effect):
+    """The field of the compressor adds to the measured one."""
+
+    name: ClassVar[str] = 'compressor_hard_iron'
+    kind: ClassVar[Literal['device', 'campaign']] = 'campaign'
+    sensors: ClassVar[tuple[Sensor, ...]] = ('magnetometer',)
+    channels: ClassVar[tuple[str, ...]] = ('compressor', 'orientation')
+    equation: ClassVar[str] = (
+        'error = R · b · s(t),  s = compressor state (0 … 1), b fixed in the chamber, R = '
+        'chamber → sensor'
+    )
+    coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',) * 3
+    mechanism: ClassVar[str] = (
+        'Magnets and currents of compressor and fan motors make a magnetic field.'
+    )
+    look_alikes: ClassVar[tuple[str, ...]] = ('heater_hard_iron', 'vibration_rectification')
+    separation: ClassVar[str] = (
+        'A square wave in step with the logged compressor, in a direction that is fixed in the '
+        'chamber: drive compressor and temperature independently.'
+    )
+    typical_size: ClassVar[str] = '0.1–5 µT'
+    reference: ClassVar[str] = 'Biot–Savart law'
+
+    def columns(
+        self, conditions: Conditions, state: State | None = None
+    ) -> tuple[FloatArray, State | None]:
+        """Return (n, 3, 3): compressor state × unit field along each chamber axis."""
+        assert conditions.compressor is not None  # noqa: S101 (declared in channels)
+        return chamber_field(conditions, conditions.compressor), None

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an effect promises: finite causal columns of one shape, equal wherever a stream is cut."""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.conditions import CHANNELS, SENSORS, Conditions, Sensor
+from thermal_comp.effects.effect import Effect, State
+
+ROWS = 600
+CUTS = ((1,), (7, 8, 300), (150, 151, 599), tuple(range(50, 600, 50)))
+"""Rows at which the example is cut into pieces."""
+
+
+def check_effect(effect: type[Effect]) -> list[str]:
+    """Return what breaks the contract, one sentence each; empty where the effect keeps it.
+
+    >>> from thermal_comp.effects import EFFECTS
+    >>> check_effect(EFFECTS['thermal_lag'])
+    []
+    """
+    problems = _problems_of_the_description(effect)
+    if not problems:
+        instance = effect()
+        problems += _problems_of_the_shape(instance)
+        for sensor in effect.sensors:
+            problems += _problems_of_the_columns(instance, sensor)
+    return [f'{effect.name or effect.__name__}: {problem}' for problem in problems]
+
+
+def example_conditions(seed: int = 0, sensor: Sensor = 'accelerometer') -> Conditions:
+    """Return irregularly sampled conditions of a short cycle in which every channel is present."""
+    rng = np.random.default_rng(seed)
+    time = np.cumsum(rng.uniform(0.2, 40.0, ROWS)) + 100.0
+    swing = np.sin(2.0 * np.pi * np.arange(ROWS) / 300.0)
+    up = np.array([0.3, -0.2, 9.8])
+    field = np.array([1.8e-5, 0.6e-5, -4.0e-5])
+    switch = (rng.random(ROWS) > 0.5).astype(float)
+    return Conditions(
+        time=time,
+        temperature=20.0 + 30.0 * swing + rng.normal(0.0, 0.05, ROWS),
+        specific_force=up + rng.normal(0.0, 0.1, (ROWS, 3)),
+        angular_velocity=rng.normal(0.0, 0.1, (ROWS, 3)),
+        magnetic_field=np.tile(field, (ROWS, 1)),
+        sensor=sensor,
+        orientation=np.eye(3)[[1, 2, 0]],
+        chamber_temperature=20.0 + 32.0 * swing,
+        device_temperature=20.0 + 31.0 * swing,
+        humidity=0.5 + 0.2 * swing,
+        heater=switch,
+        compressor=1.0 - switch,
+        fan=np.ones(ROWS),
+        supply_voltage=3.3 + rng.normal(0.0, 0.01, ROWS),
+        vibration=rng.uniform(0.0, 0.1, (ROWS, 3)),
+        setpoint=20.0 + 30.0 * swing,
+        phase=np.full(ROWS, 3, dtype=np.int64),
+        cycle=1 + np.arange(ROWS, dtype=np.int64) // 200,
+    )
+
+
+def columns_in_pieces(effect: Effect, conditions: Conditions, cuts: tuple[int, ...]) -> FloatArray:
+    """Return the columns computed piece by piece, the history carried from one to the next."""
+    state: State | None = None
+    pieces = []
+    for start, stop in zip((0, *cuts), (*cuts, len(conditions)), strict=True):
+        columns, state = effect.columns(conditions.rows(slice(start, stop)), state)
+        pieces.append(columns)
+    return np.concatenate(pieces)
+
+
+def _problems_of_the_description(effect: type[Effect]) -> list[str]:
+    problems = []
+    texts = ('name', 'equation', 'mechanism', 'separation', 'typical_size', 'reference')
+    problems += [f'{text} is empty' for text in texts if not getattr(effect, text)]
+    if not is_dataclass(effect) or not effect.__dataclass_params__.frozen:  # type: ignore[attr-defined]
+        problems.append('is not a frozen dataclass')
+    if 'error' not in effect.equation:
+        problems.append('equation does not say what the error is')
+    if not effect.coefficient_units:
+        problems.append('coefficient_units is empty')
+    known = {*CHANNELS, 'orientation'}
+    problems += [
+        f'channel {c!r} is none of {sorted(known)}' for c in effect.channels if c not in known
+    ]
+    problems += [f'sensor {s!r} is none of {SENSORS}' for s in effect.sensors if s not in SENSORS]
+    for item in fields(effect):
+        unit, bounds = item.metadata.get('unit'), item.metadata.get('bounds')
+        if not unit or not bounds:
+            problems.append(f'{item.name} has no unit or bounds: declare it by shape_parameter')
+        elif not np.all(
+            (bounds[0] <= np.array(item.default)) & (np.array(item.default) <= bounds[1])
+        ):
+            problems.append(f'{item.name}: default {item.default} is outside {bounds}')
+    return problems
+
+
+def _problems_of_the_shape(effect: Effect) -> list[str]:
+    same = replace(effect)
+    return [] if same == effect and hash(same) == hash(effect) else ['two equal ones differ']
+
+
+def _problems_of_the_columns(effect: Effect, sensor: Sensor) -> list[str]:
+    conditions = example_conditions(sensor=sensor)
+    whole, _ = effect.columns(conditions, None)
+    problems = []
+    if whole.ndim not in {2, 3} or len(whole) != ROWS or (whole.ndim == 3 and whole.shape[1] != 3):
+        return [f'columns have shape {whole.shape}, expected ({ROWS}, p) or ({ROWS}, 3, p)']
+    if not np.isfinite(whole).all():
+        problems.append(f'columns for the {sensor} are not finite')
+    tolerance = 1e-9 * max(float(np.abs(whole).max()), 1e-300)
+    for cuts in CUTS:
+        try:
+            pieces = columns_in_pieces(effect, conditions, cuts)
+        except (ValueError, IndexError, TypeError) as error:
+            problems.append(f'fails when the stream is cut at {cuts[:3]}: {error}')
+            break
+        if pieces.shape != whole.shape or np.abs(pieces - whole).max() > tolerance:
+            problems.append(
+                f'columns for the {sensor} change when the stream is cut at {cuts[:3]}'
+            )
+            break
+    return problems + _problems_without_channels(effect, conditions)
+
+
+def _problems_without_channels(effect: Effect, conditions: Conditions) -> list[str]:
+    """Columns must not depend on channels the effect does not declare."""
+    absent: dict[str, Any] = {
+        c: None for c in (*CHANNELS, 'orientation') if c not in effect.channels
+    }
+    whole, _ = effect.columns(conditions, None)
+    try:
+        alone, _ = effect.columns(replace(conditions, **absent), None)
+    except (AssertionError, AttributeError, TypeError) as error:
+        return [f'needs a channel it does not declare: {error!r}']
+    return (
+        []
+        if np.array_equal(alone, whole)
+        else ['columns change with channels it does not declare']
+    )

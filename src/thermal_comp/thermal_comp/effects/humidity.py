@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Moisture uptake of the package."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from imu_recording.recording import FloatArray
+
+from thermal_comp.conditions import Conditions
+from thermal_comp.effects.effect import Effect, State, shape_parameter
+from thermal_comp.effects.first_order_lag import follow
+
+
+@dataclass(frozen=True)
+class Humidity(Effect):
+    """The bias follows the moisture in the package."""
+
+    time_constant: float = shape_parameter(1800.0, unit='s', bounds=(60.0, 100_000.0))
+
+    name: ClassVar[str] = 'humidity'
+    channels: ClassVar[tuple[str, ...]] = ('humidity',)
+    equation: ClassVar[str] = (
+        'error = a · h_in,  dh_in/dt = (h − h_in) / τ,  h = relative humidity (0 … 1)'
+    )
+    coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',)
+    mechanism: ClassVar[str] = 'The mould swells as it takes up moisture, and stresses the die.'
+    look_alikes: ClassVar[tuple[str, ...]] = ('icing', 'bias_creep')
+    separation: ClassVar[str] = (
+        'Absent with dry purge; slow compared with temperature; a humidity log tells.'
+    )
+    typical_size: ClassVar[str] = (
+        'an accelerometer of this class shifted by about 85 mg at high humidity and recovered dry'
+    )
+    reference: ClassVar[str] = 'JMEMS 2021-0212 (humidity-induced drift of packaged MEMS)'
+
+    def columns(
+        self, conditions: Conditions, state: State | None = None
+    ) -> tuple[FloatArray, State | None]:
+        """Return (n, 1): relative humidity (0 … 1) behind a first-order lag."""
+        assert conditions.humidity is not None  # noqa: S101 (declared in channels)
+        taken_up, state = follow(conditions.time, conditions.humidity, self.time_constant, state)
+        return taken_up[:, None], state

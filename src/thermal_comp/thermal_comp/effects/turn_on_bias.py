@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bias that is new in every cycle of every run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.conditions import Conditions
+from thermal_comp.effects.effect import Effect, State, shape_parameter
+
+
+@dataclass(frozen=True)
+class TurnOnBias(Effect):
+    """Every cycle of every run has a bias of its own."""
+
+    cycles: float = shape_parameter(4.0, unit='1', bounds=(2.0, 100.0))
+
+    name: ClassVar[str] = 'turn_on_bias'
+    kind: ClassVar[Literal['device', 'campaign']] = 'campaign'
+    per_run: ClassVar[bool] = True
+    channels: ClassVar[tuple[str, ...]] = ('cycle',)
+    equation: ClassVar[str] = 'error = c_k,r in cycle k of run r, relative to the first cycle'
+    coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',) * 3
+    mechanism: ClassVar[str] = 'Power cycling, remagnetisation and handling between cycles.'
+    look_alikes: ClassVar[tuple[str, ...]] = ('bias_drift', 'bias_creep', 'bias_step')
+    separation: ClassVar[str] = 'Jumps at logged cycle or power boundaries and nowhere else.'
+    typical_size: ClassVar[str] = (
+        'between sessions: gyroscope 0.02–0.08 °/s, accelerometer 0.06–0.3 m/s²'
+    )
+    reference: ClassVar[str] = (
+        'IEEE 528 (repeatability, turn-on to turn-on); Betta et al. 2022, Tables III–V'
+    )
+
+    def columns(
+        self, conditions: Conditions, state: State | None = None
+    ) -> tuple[FloatArray, State | None]:
+        """Return (n, k − 1): 1 in cycles 2, 3, …; what follows a cycle belongs to it."""
+        assert conditions.cycle is not None  # noqa: S101 (declared in channels)
+        before = 0 if state is None else state
+        seen = np.maximum.accumulate(np.r_[before, conditions.cycle])
+        numbers = np.arange(2, int(self.cycles) + 1)
+        return (seen[1:, None] == numbers).astype(float), int(seen[-1])

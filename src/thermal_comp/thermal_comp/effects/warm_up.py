@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Turn-on transient of the sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.conditions import Conditions
+from thermal_comp.effects.effect import Effect, State, shape_parameter
+
+
+@dataclass(frozen=True)
+class WarmUp(Effect):
+    """The bias settles exponentially after power-on."""
+
+    time_constant: float = shape_parameter(600.0, unit='s', bounds=(60.0, 7200.0))
+
+    name: ClassVar[str] = 'warm_up'
+    equation: ClassVar[str] = 'error = a · exp(−t / τ),  t since power-on [s]'
+    coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',)
+    mechanism: ClassVar[str] = 'Self-heating and settling of charge after power-on.'
+    look_alikes: ClassVar[tuple[str, ...]] = ('bias_creep', 'bias_drift')
+    separation: ClassVar[str] = 'Restarts with each power cycle, not with each thermal cycle.'
+    typical_size: ClassVar[str] = 'accelerometer 1–5 mg, τ 3–25 min'
+    reference: ClassVar[str] = 'IEEE 528 (warm-up time)'
+
+    def columns(
+        self, conditions: Conditions, state: State | None = None
+    ) -> tuple[FloatArray, State | None]:
+        """Return (n, 1): exp(−t / τ), t since power-on."""
+        return np.exp(-conditions.time / self.time_constant)[:, None], None
