@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decompression of chunks, messages and files, also of what is left of a cut one."""
+"""Compression, and decompression also of what is left of a cut chunk, message or file."""
 
 from __future__ import annotations
 
@@ -38,6 +38,15 @@ def decompress_chunk(
     if not partial and len(result) != expected:
         raise ValueError(f'it has {len(result)} bytes, its header says {expected}')
     return result
+
+
+def compress_chunk(data: bytes, compression: str) -> bytes:
+    """Return the data compressed as a chunk's records are."""
+    if compression == 'zstd':
+        return bytes(zstd.compress(data))
+    if compression == 'lz4':
+        return bytes(lz4.frame.compress(data))
+    return data
 
 
 def _as_far_as_possible(data: memoryview, compression: str) -> bytes:

@@ -48,7 +48,7 @@ class McapScan:
     channels: dict[int, Channel] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     complete: bool = False
-    """Whether the data section ended properly."""
+    """Whether the file ended properly, with its footer."""
     problems: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -68,7 +68,7 @@ class McapScan:
                 break
             opcode, size = head[0], int.from_bytes(head[1:], 'little')
             if opcode == DATA_END:
-                self.complete = True
+                self.complete = stream.read().endswith(MAGIC)
                 break
             if opcode == MESSAGE:
                 place = self._loose(stream, head, place)
@@ -163,11 +163,11 @@ class McapScan:
             place += used
             del rest[:used]
             opcode = rest[0] if rest else MESSAGE
-            if opcode in (CHUNK, DATA_END):
-                self.complete = opcode == DATA_END
-                if opcode == CHUNK:
-                    stream.seek(place)
-                    return place
+            if opcode == CHUNK:
+                stream.seek(place)
+                return place
+            if opcode == DATA_END:
+                self.complete = (bytes(rest) + stream.read()).endswith(MAGIC)
                 return -1
             too_long = len(rest) > 9 and int.from_bytes(rest[1:9], 'little') > LARGEST
             if not block or (not opcode) or too_long:

@@ -89,7 +89,7 @@ def hold_newest(
     for values in held:
         values[before] = np.nan
     notes: list[str] = []
-    used = int(np.count_nonzero(np.diff(newest))) + 1 if not before.all() else 0
+    used = 0 if before.all() else int(np.count_nonzero(np.diff(newest[~before]))) + 1
     if not event and used < len(samples.stamp):
         lost = len(samples.stamp) - used
         notes.append(f'{name}: {lost} of {len(samples.stamp)} samples found no row')
