@@ -58,6 +58,8 @@ class SensorModel:
     noise: NoiseModel | None = None
     levels: Mapping[str, FloatArray] = field(default_factory=dict)
     """(3,) mean output at the reference temperature of each run, by run name [unit]."""
+    shape_std: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """Standard deviations of the fitted shape parameters, by `effect.parameter`."""
     temperature_range: tuple[float, float] = (-np.inf, np.inf)
     """Die temperatures the fit has seen [°C]; outside, the temperature is clamped."""
 

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -20,9 +20,11 @@ from imu_recording.recording import (
 
 from thermal_comp.binning import bin_means, bin_variances
 from thermal_comp.conditions import SENSORS, Conditions, Sensor, static_conditions
-from thermal_comp.effects.effect import Effect
 from thermal_comp.mounting import mounting_rotation
+from thermal_comp.prepared_run import PreparedRun
 from thermal_comp.startup import cut_startup
+
+__all__ = ['PreparedRun', 'prepare', 'prepare_run', 'resting']
 
 PERIOD = 20.0
 """Length of a block [s]; all errors are quoted on means over it."""
@@ -37,86 +39,6 @@ LEADING_GAP_S = 60.0
 
 Truth = Callable[[ImuRecording], Conditions]
 """How the true inputs of a run follow from its recording."""
-
-
-@dataclass(frozen=True, eq=False)
-class PreparedRun:
-    """One run as fits and diagnosis see it: m block means, conditions on a finer grid.
-
-    Effects are evaluated on the fine rows (history, squares) and then averaged over the blocks.
-    """
-
-    name: str
-    device: str
-    conditions: Conditions
-    """Fine rows; temperature and every present channel are finite."""
-    starts: IntArray
-    """(m, 2) first fine row of each block and the first one after it."""
-    slot: IntArray
-    """(m,) place of each block on the uniform grid of `period`; a gap is a missing place."""
-    period: float
-    """[s]."""
-    measured: Mapping[Sensor, FloatArray]
-    """(m, 3) block means per sensor, NaN where a block has no valid sample."""
-    fold: IntArray
-    """(m,) part of the run that is held out together, 1 …; 0 is never held out."""
-    has_cycles: bool
-    """Whether the parts are thermal cycles; else they are contiguous blocks."""
-    hash: str = ''
-    """SHA-256 of the columns it was prepared from."""
-    notes: tuple[str, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.slot)
-
-    def block_mean(self, values: FloatArray) -> FloatArray:
-        """Return the (m, …) means of (n, …) fine rows over the blocks."""
-        edges = self.starts.ravel()
-        rows = edges[1::2] - edges[::2]
-        total = np.add.reduceat(values[: edges[-1]], edges[:-1], axis=0)[::2]
-        mean: FloatArray = total / rows.reshape(-1, *[1] * (values.ndim - 1))
-        return mean
-
-    def columns(self, effect: Effect, sensor: Sensor) -> FloatArray:
-        """Return the effect's (m, p) or (m, 3, p) columns, averaged over the blocks."""
-        return self.block_mean(effect.columns(self.conditions.of(sensor))[0])
-
-    @property
-    def time(self) -> FloatArray:
-        """(m,) mean time of each block since the first sample of the run [s]."""
-        return self.block_mean(self.conditions.time)
-
-    @property
-    def temperature(self) -> FloatArray:
-        """(m,) mean die temperature of each block [°C]."""
-        return self.block_mean(self.conditions.temperature)
-
-    @property
-    def phase(self) -> IntArray:
-        """(m,) index into PHASES in the middle of each block; −1 unknown."""
-        return self._middle(self.conditions.phase, -1)
-
-    @property
-    def cycle(self) -> IntArray:
-        """(m,) thermal cycle in the middle of each block; 0 outside the cycles."""
-        return self._middle(self.conditions.cycle, 0)
-
-    @property
-    def block_conditions(self) -> Conditions:
-        """Conditions as block means."""
-        taken: dict[str, Any] = {
-            item.name: self.block_mean(value)
-            for item in fields(self.conditions)
-            if isinstance(value := getattr(self.conditions, item.name), np.ndarray)
-            and item.name not in ('orientation', 'phase', 'cycle')
-        }
-        return replace(self.conditions, phase=self.phase, cycle=self.cycle, **taken)
-
-    def _middle(self, values: IntArray | None, unknown: int) -> IntArray:
-        if values is None:
-            return np.full(len(self.slot), unknown, dtype=np.int64)
-        middle: IntArray = values[(self.starts[:, 0] + self.starts[:, 1] - 1) // 2]
-        return middle
 
 
 def prepare(
