@@ -4,12 +4,12 @@
 import pytest
 import yaml
 from chamber_profile.profile import (
-    ProfileError,
     load_profile,
     parse_profile,
     profile_from_content,
     profile_names,
 )
+from chamber_profile.profile_check import ProfileError
 
 PAPER = load_profile('paper_betta2022')
 

@@ -13,9 +13,10 @@ from dataclasses import replace
 from typing import Any
 
 from chamber_profile import sequence_types as kinds
+from chamber_profile.chamber_orders import OBEDIENCE_S, ChamberOrders
 from chamber_profile.profile import Profile, Step
 from chamber_profile.sequence_types import Action, Note, Progress, Readings, Switch
-from chamber_profile.setpoint_program import Heading, SetpointWriter, advanced
+from chamber_profile.setpoint_program import Heading, advanced
 from chamber_profile.stabilisation import RampWatch, Settling
 from chamber_profile.supervision import check_problems, trip_reason
 from chamber_profile.unroll import closed_steps
@@ -24,10 +25,6 @@ LONGEST_TICK_S = 10.0
 """A longer gap between two ticks counts as this: the programmed temperature never jumps [s]."""
 CHECK_S = 30.0
 """How long the checks before a start may take until all is well [s]."""
-OBEDIENCE_S = 60.0
-"""How long the chamber may take to do as told: start, stop, hold the set-point [s]."""
-REPEAT_S = 5.0
-"""A switch command that shows no effect is repeated after [s]."""
 SAFE_BAND_C = 2.0
 """So near the safe temperature the chamber is switched off [K]."""
 
@@ -49,18 +46,13 @@ class Sequencer:
         self.progress = progress or Progress()
         self.dwelt_s = 0.0
         """Time on the present dwell's clock [s]."""
-        limits = profile.limits
         self._resumed = progress is not None
-        self._writer = SetpointWriter(resolution_c, limits.air_min_c, limits.air_max_c)
+        self._orders = ChamberOrders.within(profile.limits, resolution_c)
         self._command = ''
         self._now = float('-inf')
         self._since = 0.0  # when the stage, CHECK or SAFE was entered
         self._held = kinds.RUN  # the mode that HOLD_FAULT interrupts
         self._protected = False  # whether the chamber has our limits
-        self._started_at: float | None = None  # when the chamber confirmed that it runs
-        self._wanted_at = 0.0  # since when it should
-        self._switched_at = float('-inf')
-        self._astray_since: float | None = None
         self._settling: Settling | None = None
         self._watch: RampWatch | None = None
 
@@ -167,15 +159,13 @@ class Sequencer:
             limits = self.profile.limits
             here = min(max(readings.air, limits.air_min_c), limits.air_max_c)
             self.progress = replace(self.progress, setpoint=here)
-        self._writer = self._writer.forgotten()
-        self._started_at, self._wanted_at = None, self._now
-        self._switched_at = float('-inf')
+        self._orders.begin(self._now)
 
     # RUN --------------------------------------------------------------------------------------
 
     def _run(self, readings: Readings, elapsed: float) -> list[Action]:
         stage = self.progress.stage
-        if stage == kinds.MOVE and self._started_at is not None:
+        if stage == kinds.MOVE and self._orders.started:
             return self._move(readings, elapsed)
         if stage == kinds.SETTLE:
             return self._settle(readings)
@@ -228,7 +218,7 @@ class Sequencer:
             return []
         if abs(readings.air - self.step.target_c) > SAFE_BAND_C:
             return []
-        return [*self._enter_stage(kinds.CONFIRM, prompt=self.step.prompt), Switch(False)]
+        return self._enter_stage(kinds.CONFIRM, prompt=self.step.prompt)
 
     def _dwell(self, readings: Readings, elapsed: float) -> list[Action]:
         step = self.step
@@ -256,7 +246,7 @@ class Sequencer:
         self._since, self.dwelt_s = self._now, 0.0
         self._settling = Settling(step.stabilise) if step.stabilise else None
         self._watch = self._ramp_watch(step)
-        stays = self.progress.setpoint == step.target_c and self._started_at is not None
+        stays = self.progress.setpoint == step.target_c and self._orders.started
         stage = kinds.SETTLE if stays and step.kind != 'ramp' else kinds.MOVE
         mode = mode or self.progress.mode
         return self._note(event, mode=mode, step=number, stage=stage, reason='')
@@ -286,7 +276,7 @@ class Sequencer:
     def _watch_over(self, readings: Readings) -> list[Action]:
         """Hold while the link fails; go to the safe state when something is really wrong."""
         if readings.link != kinds.LINK_OK:
-            self._writer = self._writer.forgotten()
+            self._orders.distrust()
             if readings.link == kinds.LINK_LOST:
                 return self._go_safe('the chamber does not answer')
             if self.progress.mode == kinds.HOLD_FAULT:
@@ -299,29 +289,8 @@ class Sequencer:
         waiting = self.progress.stage in (kinds.CONFIRM, kinds.STOP)
         reason = trip_reason(self.profile, readings, waiting=waiting)
         if not reason and not waiting:
-            reason = self._disobedience(readings)
+            reason = self._orders.disobedience(self._now, readings)
         return actions + (self._go_safe(reason) if reason else [])
-
-    def _disobedience(self, readings: Readings) -> str:
-        """Return what the chamber does although told otherwise; '' where it obeys."""
-        if self._started_at is None:
-            late = self._now - self._wanted_at > OBEDIENCE_S
-            return 'the chamber does not start' if late else ''
-        if readings.running is False:
-            return 'the chamber was stopped at its panel'
-        written, held = self._writer.written, readings.setpoint
-        same = written is None or held is None
-        if written is not None and held is not None:
-            same = abs(held - written) <= 0.75 * self._writer.resolution_c
-        if same:
-            self._astray_since = None
-        elif self._astray_since is None:
-            self._astray_since = self._now
-        elif self._now - self._astray_since > OBEDIENCE_S:
-            return f'the chamber holds {held:g} °C instead of {written:g} °C'
-        elif self._now - self._writer.written_at >= REPEAT_S:
-            self._writer = self._writer.forgotten()
-        return ''
 
     def _go_safe(self, reason: str) -> list[Action]:
         self._since = self._now
@@ -330,14 +299,14 @@ class Sequencer:
     def _make_safe(self, readings: Readings, elapsed: float) -> list[Action]:
         """To the safe temperature at the safe rate, then stop; never start a stopped chamber."""
         if readings.link != kinds.LINK_OK:
-            self._writer = self._writer.forgotten()
+            self._orders.distrust()
         if self.progress.stage == kinds.STOP:
             return self._stop(readings, 'aborted', kinds.ABORTED)
         safe = self.profile.on_abort
         setpoint = self._advance(elapsed)
         if readings.running is False or setpoint is None:
             return self._enter_stage(kinds.STOP)
-        there = setpoint == safe.target_c and readings.air is not None
+        there = setpoint == safe.target_c and self._orders.told(setpoint)
         if there and readings.air is not None and abs(readings.air - setpoint) <= SAFE_BAND_C:
             return self._enter_stage(kinds.STOP, air=readings.air)
         low, high = self.profile.limits.air_min_c, self.profile.limits.air_max_c
@@ -364,7 +333,7 @@ class Sequencer:
         mode, stage = self.progress.mode, self.progress.stage
         if mode == kinds.SAFE:
             return Heading(self.profile.on_abort.target_c, self.profile.on_abort.rate_c_per_min)
-        moving = mode == kinds.RUN and stage == kinds.MOVE and self._started_at is not None
+        moving = mode == kinds.RUN and stage == kinds.MOVE and self._orders.started
         return Heading(self.step.target_c, self.step.rate_c_per_min if moving else 0.0)
 
     def _advance(self, elapsed: float) -> float | None:
@@ -375,34 +344,17 @@ class Sequencer:
 
     def _drive(self, readings: Readings) -> list[Action]:
         """Write the set-point where it is due, then see to it that the chamber runs or stops."""
-        mode, stage = self.progress.mode, self.progress.stage
-        if readings.link == kinds.LINK_LOST and mode != kinds.SAFE:
+        mode, setpoint = self.progress.mode, self.progress.setpoint
+        if mode not in (kinds.RUN, kinds.PAUSED, kinds.SAFE):
             return []
+        if self.progress.stage in (kinds.CONFIRM, kinds.STOP):
+            return self._orders.keep_stopped(self._now, readings)
         actions: list[Action] = []
-        driven = mode in (kinds.RUN, kinds.PAUSED, kinds.SAFE)
-        if driven and stage not in (kinds.CONFIRM, kinds.STOP):
-            setpoint = self.progress.setpoint
-            due = setpoint is not None and self._writer.due(self._now, setpoint, self._heading())
-            if due is not None and due is not False:
-                self._writer = self._writer.after(self._now, due)
-                actions.append(kinds.WriteSetpoint(due))
-        if mode in (kinds.RUN, kinds.PAUSED) and stage not in (kinds.CONFIRM, kinds.STOP):
-            actions += self._keep(readings, running=True)
-        elif driven and stage in (kinds.CONFIRM, kinds.STOP):
-            actions += self._keep(readings, running=False)
+        if setpoint is not None:
+            actions += self._orders.set_point(self._now, setpoint, self._heading())
+        if mode != kinds.SAFE:
+            actions += self._orders.keep_running(self._now, readings)
         return actions
-
-    def _keep(self, readings: Readings, *, running: bool) -> list[Action]:
-        told = self._writer.written is not None
-        if readings.running is running:
-            if running and self._started_at is None and told:
-                self._started_at = self._now
-            return []
-        # Only a start that is still outstanding is repeated; a stop until it shows.
-        if (running and self._started_at is not None) or self._now - self._switched_at < REPEAT_S:
-            return []
-        self._switched_at = self._now
-        return [Switch(running)]
 
     def _note(self, event: str, **changes: Any) -> list[Action]:
         names = ('mode', 'step', 'stage', 'reason', 'aborting')

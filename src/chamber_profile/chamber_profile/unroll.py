@@ -58,14 +58,15 @@ def campaign_steps(profile: Profile) -> tuple[Step, ...]:
 
 
 def closed_steps(profile: Profile) -> tuple[Step, ...]:
-    """Return all steps, and a last ramp to the safe temperature where they do not end there."""
+    """Return all steps, and a way to the safe temperature where they do not end there."""
     steps = profile.steps
     last, safe = steps[-1], profile.on_abort
     if abs(last.target_c - safe.target_c) <= EVEN_C:
         return steps
     phase = _phase('ramp', last.target_c, safe.target_c, safe.target_c)
-    closing = Step('to_safe', 'ramp', safe.target_c, safe.rate_c_per_min, phase=phase)
-    return (*steps, replace(closing, orientation=last.orientation))
+    there = Stabilise(band_c=EVEN_C, timeout_s=safe.timeout_s, on_timeout='continue')
+    closing = Step('to_safe', 'final', safe.target_c, safe.rate_c_per_min, stabilise=there)
+    return (*steps, replace(closing, phase=phase, orientation=last.orientation))
 
 
 def _unrolled_entries(content: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], int]]:
