@@ -10,18 +10,18 @@ from imu_recording.jit import njit
 from imu_recording.recording import FloatArray, IntArray
 
 from thermal_comp.model import NoiseModel
-from thermal_comp.noise_process import ladder_autocovariance
-
-SMALLEST_WHITE_SHARE = 0.02
-"""Least share of the variance of a mean that is taken as uncorrelated between means."""
 
 
 @dataclass(frozen=True, eq=False)
 class Gains:
     """What the filter does at each of m block means; it depends on their places alone."""
 
-    power: FloatArray
-    """(m, k) decay of each process since the mean before."""
+    decay: FloatArray
+    """(k,) decay of each process over one block."""
+    weight: FloatArray
+    """(k,) weight of a process at a block's start in the mean over it."""
+    missed: FloatArray
+    """(m, k) decay of each process over the missing blocks before."""
     gain: FloatArray
     """(m, k) share of the innovation each process takes up."""
     deviation: FloatArray
@@ -34,23 +34,40 @@ def whiten(
     """Return the whitened rows (m, q): uncorrelated and of unit variance under the noise model.
 
     `values` (m, q) are block means of one run, free of NaN, at the places `slot` (m,) of a
-    uniform grid of `period` seconds; any columns may be whitened together. The mean of an
-    Ornstein-Uhlenbeck process is AR(1) plus white, so the filter is exact, also across gaps.
+    uniform grid of `period` seconds; any columns may be whitened together.
     """
     return apply_gains(values, innovation_gains(slot, noise, axis, period))
 
 
 def innovation_gains(slot: IntArray, noise: NoiseModel, axis: int, period: float) -> Gains:
-    """Return the gains for block means at `slot`; worth keeping where many columns follow."""
-    decay, stationary, white = state_space(noise, axis, period)
-    power, gain, deviation = _gains(np.asarray(slot), decay, stationary, white)
-    return Gains(power, gain, deviation)
+    """Return the gains for block means at `slot`; worth keeping where many columns follow.
+
+    The filter's states are the processes at the start of a block. With r = T / τ of a process x
+    of variance σ², the mean over the block is a·x plus what is left, x_end = φ·x plus what is
+    left: φ = e^{−r}, a = (1 − φ) / r, Cov(left, left) = σ² (1 − φ)² / r between the two,
+    Var(mean − a·x) = σ² (2 r − 3 + 4 φ − φ²) / r².
+    """
+    variance = noise.amplitudes[:, axis] ** 2
+    r = period / noise.time_constants
+    decay = np.exp(-r)
+    weight = -np.expm1(-r) / r
+    shared = variance * np.expm1(-r) ** 2 / r
+    series = 2.0 * r / 3.0 - r**2 / 2.0 + 7.0 * r**3 / 30.0
+    exact = (2.0 * r - 3.0 + 4.0 * decay - decay**2) / r**2
+    left = float(variance @ np.where(r < 1e-2, series, exact) + noise.white[axis] ** 2 / period)
+    missed, gain, deviation = _gains(np.asarray(slot), decay, weight, variance, shared, left)
+    return Gains(decay, weight, missed, gain, deviation)
 
 
 def apply_gains(values: FloatArray, gains: Gains) -> FloatArray:
     """Return the whitened rows (m, q)."""
     whitened: FloatArray = _innovations(
-        np.ascontiguousarray(values, dtype=np.float64), gains.power, gains.gain, gains.deviation
+        np.ascontiguousarray(values, dtype=np.float64),
+        gains.decay,
+        gains.weight,
+        gains.missed,
+        gains.gain,
+        gains.deviation,
     )
     return whitened
 
@@ -60,68 +77,55 @@ def log_determinant(slot: IntArray, noise: NoiseModel, axis: int, period: float)
     return 2.0 * float(np.log(innovation_gains(slot, noise, axis, period).deviation).sum())
 
 
-def state_space(
-    noise: NoiseModel, axis: int, period: float
-) -> tuple[FloatArray, FloatArray, float]:
-    """Return decay (k,) per period, stationary variance (k,) and the variance left over."""
-    variance = noise.amplitudes[:, axis] ** 2
-    covariance = ladder_autocovariance(noise.time_constants, period, 2)
-    decay = np.exp(-period / noise.time_constants)
-    stationary = variance * covariance[:, 1] / decay
-    total = noise.white[axis] ** 2 / period + variance @ covariance[:, 0]
-    white = float(max(total - stationary.sum(), SMALLEST_WHITE_SHARE * total))
-    return decay, stationary, white
-
-
 @njit(cache=True)
 def _gains(
-    slot: IntArray, decay: FloatArray, stationary: FloatArray, white: float
+    slot: IntArray,
+    decay: FloatArray,
+    weight: FloatArray,
+    variance: FloatArray,
+    shared: FloatArray,
+    left: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     rows, order = len(slot), len(decay)
-    power = np.ones((rows, order))
+    missed = np.ones((rows, order))
     gain = np.zeros((rows, order))
     deviation = np.zeros(rows)
-    covariance = np.diag(stationary)
-    shared = np.zeros(order)
+    covariance = np.diag(variance)
     for i in range(rows):
-        if i > 0:
-            passed = slot[i] - slot[i - 1]
+        if i > 0 and slot[i] > slot[i - 1] + 1:
+            missed[i] = decay ** (slot[i] - slot[i - 1] - 1)
+            covariance *= np.outer(missed[i], missed[i])
             for j in range(order):
-                power[i, j] = decay[j] ** passed
-            for j in range(order):
-                for k in range(order):
-                    covariance[j, k] *= power[i, j] * power[i, k]
-                covariance[j, j] += stationary[j] * (1.0 - power[i, j] ** 2)
-        variance = white
+                covariance[j, j] += variance[j] * (1.0 - missed[i, j] ** 2)
+        seen = (covariance * weight).sum(axis=1)
+        spread = (weight * seen).sum() + left
+        gain[i] = (decay * seen + shared) / spread
+        covariance = covariance * np.outer(decay, decay) - np.outer(gain[i], gain[i]) * spread
         for j in range(order):
-            shared[j] = 0.0
-            for k in range(order):
-                shared[j] += covariance[j, k]
-            variance += shared[j]
-        for j in range(order):
-            gain[i, j] = shared[j] / variance
-            for k in range(order):
-                covariance[j, k] -= gain[i, j] * shared[k]
-        deviation[i] = np.sqrt(variance)
-    return power, gain, deviation
+            covariance[j, j] += variance[j] * (1.0 - decay[j] ** 2)
+        deviation[i] = np.sqrt(spread)
+    return missed, gain, deviation
 
 
 @njit(cache=True)
 def _innovations(
-    values: FloatArray, power: FloatArray, gain: FloatArray, deviation: FloatArray
+    values: FloatArray,
+    decay: FloatArray,
+    weight: FloatArray,
+    missed: FloatArray,
+    gain: FloatArray,
+    deviation: FloatArray,
 ) -> FloatArray:
     rows, width = values.shape
-    order = power.shape[1]
+    order = len(decay)
     whitened = np.empty((rows, width))
-    state = np.zeros((width, order))
+    state = np.zeros((order, width))
     for i in range(rows):
-        for c in range(width):
-            expected = 0.0
-            for j in range(order):
-                state[c, j] *= power[i, j]
-                expected += state[c, j]
-            innovation = values[i, c] - expected
-            for j in range(order):
-                state[c, j] += gain[i, j] * innovation
-            whitened[i, c] = innovation / deviation[i]
+        innovation = values[i].copy()
+        for j in range(order):
+            state[j] *= missed[i, j]
+            innovation -= weight[j] * state[j]
+        for j in range(order):
+            state[j] = decay[j] * state[j] + gain[i, j] * innovation
+        whitened[i] = innovation / deviation[i]
     return whitened
