@@ -1,0 +1,374 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Complementary filter: gyroscope above the cut-off, accelerometer and magnetometer below.
+
+The gyroscope's attitude is turned, by the gain g = 1 − exp(−2π f_c Δt) of a first-order low-pass,
+towards the attitude at which specific force points up, then about the vertical towards magnetic
+north (quaternion form after Valenti, Dryanovski, Xiao, Sensors 15, 2015). `adaptive` adds what
+motion and disturbance ask for: a faster start, rest detection and integral bias learning, and
+rejection of a magnetic field unlike the reference.
+"""
+
+from __future__ import annotations
+
+from math import exp, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from imu_recording.recording import FloatArray, ImuRecording, IntArray
+from numpy.typing import NDArray
+
+from orientation_filters.flags import (
+    AT_REST,
+    BIAS_LIMITED,
+    DISTURBED,
+    DROPPED,
+    INVALID_ACCELEROMETER,
+    INVALID_MAGNETOMETER,
+    JUMPED_BACK,
+    NOT_STARTED,
+    REINITIALISED,
+    SIX_AXIS,
+)
+from orientation_filters.intake import check_sample, check_time
+from orientation_filters.kernel import kernel
+from orientation_filters.magnetic_reference import (
+    FieldParams,
+    FieldState,
+    judge_field,
+    no_reference,
+)
+from orientation_filters.quaternion import (
+    Matrix,
+    Quaternion,
+    Vector,
+    absent,
+    approach,
+    attitude_from_vectors,
+    dot,
+    from_rotation_vector,
+    matrix,
+    multiply,
+    scale,
+    subtract,
+    transform,
+)
+from orientation_filters.rest import RestParams, RestState, start_rest, watch_rest
+from orientation_filters.result import OrientationResult, empty_result
+
+GRAVITY = 9.81
+NAN3 = (np.nan,) * 3
+NAN4 = (np.nan,) * 4
+NAN6 = (np.nan,) * 6
+
+
+class Params(NamedTuple):
+    """Numbers the kernel needs; `presets` makes them from named parameters with units."""
+
+    up: float
+    """World z of the upward direction: +1 ENU, −1 NED."""
+    north: tuple[float, float]
+    """World x, y of magnetic north (unit vector)."""
+    use_magnetometer: bool
+    inclination_rate: float
+    """2π × cut-off of the accelerometer's correction [rad/s]."""
+    heading_rate: float
+    """2π × cut-off of the magnetometer's correction [rad/s]."""
+    max_gap: int
+    """[ns]"""
+    magnetometer_timeout: int
+    """[ns]"""
+    angle_random_walk: float
+    """[rad/√s]"""
+    bias_sigma: float
+    """Gyroscope bias left over, standard deviation [rad/s]."""
+    inclination_sigma: float
+    """Error of one specific force as a vertical [rad]."""
+    heading_sigma: float
+    """Error of one magnetic field as a heading [rad]."""
+    adaptive: bool
+    learn_bias: bool
+    start_time: float
+    """Time over which the gain falls from 1 to the cut-off's, in 1 / rate."""
+    bias_rate: float
+    """Integral gain in motion, as a part of rate² [1]."""
+    rest_bias_time: float
+    """Time constant of bias learning at rest [s]."""
+    rest: RestParams
+    field: FieldParams
+
+
+class State(NamedTuple):
+    """What one sample leaves for the next."""
+
+    stamp: int
+    """Of the last sample used [ns]; −1 before the first."""
+    orientation: Quaternion
+    bias: Vector
+    """Of the gyroscope [rad/s], sensor frame."""
+    variance: tuple[float, float]
+    """Of inclination and heading from noise [rad²]."""
+    lag: tuple[float, float]
+    """Error of inclination and heading from a bias of one standard deviation [rad]."""
+    age: float
+    """Since the attitude was set [s]."""
+    field_stamp: int
+    """Of the last magnetometer sample [ns]; −1 before the first."""
+    rest: RestState
+    field: FieldState
+
+
+def initial_state() -> State:
+    """Return the state before the first sample."""
+    zero = (0.0, 0.0, 0.0)
+    start = (0.0, 0.0, 0.0, 1.0)
+    rest = start_rest(zero, zero)
+    return State(-1, start, zero, (0.0, 0.0), (0.0, 0.0), 0.0, -1, rest, no_reference())
+
+
+@kernel
+def update(
+    state: State, params: Params, stamp: int, w: Vector, f: Vector, m: Vector
+) -> tuple[State, int]:
+    """Return state and flags after a sample: stamp [ns], rad/s, m/s², T (NaN: no sample)."""
+    flags = check_sample(w, f, m) | check_time(stamp, state.stamp, params.max_gap)
+    if flags & DROPPED:
+        return state, flags if state.stamp >= 0 else flags | NOT_STARTED
+    has_field = params.use_magnetometer and not absent(m) and not flags & INVALID_MAGNETOMETER
+    if flags & REINITIALISED or (has_field and state.field_stamp < 0):
+        return _start(state, params, stamp, w, f, m if has_field else NAN3, flags)
+    dt = (stamp - state.stamp) * 1e-9
+    rate = subtract(w, state.bias)
+    q = multiply(state.orientation, from_rotation_vector(scale(dt, rate)))
+    rows = matrix(q)
+    x, y, tilt_gain, tilt_sigma = _correct_inclination(state, params, rows, f, dt, flags)
+    z, turn_gain, field, field_flags = _correct_heading(
+        state, params, transform(rows, m), stamp, rate, has_field
+    )
+    flags |= field_flags
+    q = _turn(q, x, y, z)
+    rest, bias = state.rest, state.bias
+    if params.adaptive:
+        rest = watch_rest(rest, params.rest, w, f, dt)
+        if rest.duration >= params.rest.duration:
+            bias, flags = _learn_at_rest(bias, rest, params, dt, flags)
+        elif params.learn_bias:
+            bias = _learn_in_motion(bias, params, rows, (x, y, z), state.age)
+    variance, lag = _spread_errors(state, params, dt, (tilt_gain, turn_gain), tilt_sigma)
+    field_stamp = stamp if has_field else state.field_stamp
+    age = state.age + dt
+    return State(stamp, q, bias, variance, lag, age, field_stamp, rest, field), flags
+
+
+@kernel
+def _inclination_error(up: Vector, sign: float) -> tuple[float, float]:
+    """Return x, y of the rotation vector that turns `up` to the vertical: its sine, at most 1."""
+    x, y = up[1] * sign, -up[0] * sign
+    if up[2] * sign < 0.0:  # beyond 90° the sine falls again; the correction must not
+        length = sqrt(x * x + y * y)
+        return (x / length, y / length) if length > 1e-6 else (1.0, 0.0)
+    return x, y
+
+
+@kernel
+def _heading_error(seen: Vector, level: float, north: tuple[float, float]) -> float:
+    """Return the sine of the angle from the horizontal field to `north`; ±1 beyond 90°."""
+    sine = (seen[0] * north[1] - seen[1] * north[0]) / level
+    if seen[0] * north[0] + seen[1] * north[1] < 0.0:
+        return -1.0 if sine < 0.0 else 1.0
+    return sine
+
+
+@kernel
+def _correct_inclination(
+    state: State, params: Params, rows: Matrix, f: Vector, dt: float, flags: int
+) -> tuple[float, float, float, float]:
+    """Return x, y of the rotation towards specific force, its gain, the sample's sigma."""
+    if flags & INVALID_ACCELEROMETER:
+        return 0.0, 0.0, 0.0, 0.0
+    length = sqrt(dot(f, f))
+    gain = _gain(params.inclination_rate, dt, state.age, params)
+    x, y = _inclination_error(transform(rows, scale(1.0 / length, f)), params.up)
+    return gain * x, gain * y, gain, params.inclination_sigma + abs(length - GRAVITY) / GRAVITY
+
+
+@kernel
+def _correct_heading(
+    state: State, params: Params, seen: Vector, stamp: int, rate: Vector, has_field: bool
+) -> tuple[float, float, FieldState, int]:
+    """Return z of the rotation of the field `seen` to magnetic north, gain, field and flags."""
+    since = (stamp - state.field_stamp) * 1e-9
+    field = state.field
+    if not has_field:
+        late = state.field_stamp < 0 or stamp - state.field_stamp > params.magnetometer_timeout
+        return 0.0, 0.0, field, SIX_AXIS if late else 0
+    level = sqrt(seen[0] * seen[0] + seen[1] * seen[1])
+    if params.adaptive:
+        parts = (level, -params.up * seen[2])
+        field = judge_field(field, params.field, parts, sqrt(dot(rate, rate)), since)
+        if field.accepted_for < params.field.hold:
+            return 0.0, 0.0, field, DISTURBED
+    if level <= 1e-3 * abs(seen[2]):
+        return 0.0, 0.0, field, 0
+    gain = _gain(params.heading_rate, since, state.age, params)
+    return gain * _heading_error(seen, level, params.north), gain, field, 0
+
+
+@kernel
+def _turn(q: Quaternion, x: float, y: float, z: float) -> Quaternion:
+    """Return q turned in the world by a vector x, y, z [rad] of sine length, normalised."""
+    q = multiply((0.5 * x, 0.5 * y, 0.5 * z, 1.0), q)
+    square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    near = abs(square - 1.0) < 1e-5  # then 1/√square to 4e-11; what is left goes in the next step
+    factor = 1.5 - 0.5 * square if near else 1.0 / sqrt(square)
+    if q[3] < 0.0:
+        factor = -factor
+    return q[0] * factor, q[1] * factor, q[2] * factor, q[3] * factor
+
+
+@kernel
+def _start(
+    state: State, params: Params, stamp: int, w: Vector, f: Vector, m: Vector, flags: int
+) -> tuple[State, int]:
+    """Set the attitude from one specific force and field; the bias survives all but a jump."""
+    flags |= REINITIALISED
+    bias = (0.0, 0.0, 0.0) if flags & JUMPED_BACK else state.bias
+    field = no_reference() if flags & JUMPED_BACK else state.field
+    variance = (params.inclination_sigma**2, params.heading_sigma**2)
+    field_stamp = stamp
+    if absent(m):
+        field_stamp = -1
+        flags |= SIX_AXIS
+        variance = (variance[0], np.pi**2)
+    q = state.orientation
+    if flags & INVALID_ACCELEROMETER:
+        stamp, field_stamp = -1, -1
+        flags |= NOT_STARTED
+    else:
+        q = attitude_from_vectors(f, m, params.up, params.north)
+    rest = start_rest(w, f)
+    return State(stamp, q, bias, variance, (0.0, 0.0), 0.0, field_stamp, rest, field), flags
+
+
+@kernel
+def _gain(rate: float, dt: float, age: float, params: Params) -> float:
+    """Return 1 − exp(−rate · dt); the adaptive filter starts as a mean and becomes a low-pass."""
+    if params.adaptive:
+        rate = max(rate, params.start_time / (age + dt))
+    x = rate * dt
+    if x > 0.5:
+        return 1.0 - exp(-x)
+    square = x * x
+    return x / (1.0 + 0.5 * x + square * (1 / 12 - square * (1 / 720 - square / 30240)))
+
+
+@kernel
+def _spread_errors(
+    state: State, params: Params, dt: float, gain: tuple[float, float], tilt_sigma: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the variances from noise and the errors from a bias, inclination and heading."""
+    walk = params.angle_random_walk * params.angle_random_walk * dt
+    drift = params.bias_sigma * dt
+    variance = (
+        _filtered(state.variance[0] + walk, gain[0], tilt_sigma),
+        _filtered(state.variance[1] + walk, gain[1], params.heading_sigma),
+    )
+    lag = ((1.0 - gain[0]) * (state.lag[0] + drift), (1.0 - gain[1]) * (state.lag[1] + drift))
+    return variance, lag
+
+
+@kernel
+def _filtered(variance: float, gain: float, sigma: float) -> float:
+    """Return the variance after one step of a low-pass over samples of `sigma`."""
+    return (1.0 - gain) * (1.0 - gain) * variance + gain * gain * sigma * sigma
+
+
+@kernel
+def _learn_at_rest(
+    bias: Vector, rest: RestState, params: Params, dt: float, flags: int
+) -> tuple[Vector, int]:
+    """Let the bias approach the mean rate at rest, unless that is more than a bias can be."""
+    mean = rest.angular_velocity
+    if not params.learn_bias:
+        return bias, flags | AT_REST
+    if dot(mean, mean) > params.rest.bias_limit * params.rest.bias_limit:
+        return bias, flags | AT_REST | BIAS_LIMITED
+    return approach(bias, mean, dt / (params.rest_bias_time + dt)), flags | AT_REST
+
+
+@kernel
+def _learn_in_motion(
+    bias: Vector, params: Params, rows: Matrix, turn: Vector, age: float
+) -> Vector:
+    """Let the bias take its part of the correction just made (integral action), sensor frame."""
+    if params.bias_rate == 0.0 or age * params.inclination_rate < 1.0:
+        return bias
+    x = params.bias_rate * params.inclination_rate * turn[0]
+    y = params.bias_rate * params.inclination_rate * turn[1]
+    z = params.bias_rate * params.heading_rate * turn[2]
+    corrected = (
+        bias[0] - (rows[0][0] * x + rows[1][0] * y + rows[2][0] * z),
+        bias[1] - (rows[0][1] * x + rows[1][1] * y + rows[2][1] * z),
+        bias[2] - (rows[0][2] * x + rows[1][2] * y + rows[2][2] * z),
+    )
+    limit = params.rest.bias_limit
+    return corrected if dot(corrected, corrected) < limit * limit else bias
+
+
+@kernel
+def covariance(state: State) -> tuple[float, float, float, float, float, float]:
+    """Return xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
+    tilt = state.variance[0] + state.lag[0] * state.lag[0]
+    turn = state.variance[1] + state.lag[1] * state.lag[1]
+    return tilt, 0.0, 0.0, tilt, 0.0, turn
+
+
+def run(recording: ImuRecording, params: Params) -> OrientationResult:
+    """Return attitude, covariance, bias and flags of every row of the recording."""
+    result = empty_result(recording.stamp)
+    _run(
+        initial_state(),
+        params,
+        recording.stamp,
+        np.ascontiguousarray(recording.angular_velocity),
+        np.ascontiguousarray(recording.linear_acceleration),
+        np.ascontiguousarray(recording.magnetic_field),
+        result.orientation,
+        result.packed_covariance,
+        result.bias,
+        result.flags,
+    )
+    return result
+
+
+@kernel
+def _run(  # noqa: PLR0913, PLR0917 (one loop over columns, compiled)
+    state: State,
+    params: Params,
+    stamp: IntArray,
+    w: FloatArray,
+    f: FloatArray,
+    m: FloatArray,
+    orientation: FloatArray,
+    packed: FloatArray,
+    bias: FloatArray,
+    row_flags: NDArray[np.int32],
+) -> None:
+    for i in range(len(stamp)):
+        state, flags = update(
+            state,
+            params,
+            stamp[i],
+            (w[i, 0], w[i, 1], w[i, 2]),
+            (f[i, 0], f[i, 1], f[i, 2]),
+            (m[i, 0], m[i, 1], m[i, 2]),
+        )
+        row_flags[i] = flags
+        q, c, b = state.orientation, covariance(state), state.bias
+        if flags & NOT_STARTED:
+            q, c, b = NAN4, NAN6, NAN3
+        for k in range(4):
+            orientation[i, k] = q[k]
+        for k in range(6):
+            packed[i, k] = c[k]
+        for k in range(3):
+            bias[i, k] = b[k]

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The catalogue of filters, and one call that runs a filter over a recording.
+
+A filter is a module with Params, State, initial_state, update and run. Third parties add theirs
+through the entry point group `orientation_filters`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import ImuRecording
+
+from orientation_filters import ahrs_kalman, complementary
+from orientation_filters.parameters import (
+    AhrsParameters,
+    ComplementaryParameters,
+    FilterParameters,
+    with_preset,
+)
+from orientation_filters.result import OrientationResult
+from orientation_filters.rotation import rotate
+
+FILTERS: dict[str, ModuleType] = {'complementary': complementary, 'ahrs': ahrs_kalman}
+"""Name → module with Params, State, initial_state, update, run."""
+
+PARAMETERS: dict[str, type[FilterParameters]] = {
+    'complementary': ComplementaryParameters,
+    'ahrs': AhrsParameters,
+}
+"""Name → the dataclass of its named parameters."""
+
+
+class FilterError(ValueError):
+    """A recording and a filter that do not go together; the message names both."""
+
+
+def filter_parameters(name: str, **values: Any) -> FilterParameters:
+    """Return the named parameters of a filter, e.g. preset='robust', world_frame='ned'."""
+    if name not in FILTERS:
+        raise FilterError(f'no filter {name!r}; there are {", ".join(FILTERS)}')
+    return with_preset(PARAMETERS[name](), name, **values)
+
+
+def run_filter(
+    name: str, recording: ImuRecording, *, details: bool = False, **values: Any
+) -> OrientationResult:
+    """Run a filter over a recording: preset='paper' | 'robust', cutoff_hz=…, world_frame=….
+
+    Returns the attitude of the body (the sensor's where no `mount` is given) in the world. The
+    complementary filter refuses a cut-off above half the sample rate.
+    """
+    parameters = filter_parameters(name, **values)
+    check_cutoff(parameters, sample_rate(recording))
+    mounted = mount(recording, parameters)
+    options = {'details': True} if details and name == 'ahrs' else {}
+    kernel_params = parameters.kernel_params()
+    result: OrientationResult = module(name, parameters).run(mounted, kernel_params, **options)
+    return result
+
+
+def module(name: str, parameters: FilterParameters) -> ModuleType:
+    """Return the module that runs a filter: the native one, or filterpy's formulation."""
+    if getattr(parameters, 'implementation', 'native') == 'filterpy':
+        from orientation_filters import ahrs_filterpy
+
+        return ahrs_filterpy
+    return FILTERS[name]
+
+
+def sample_rate(recording: ImuRecording) -> float:
+    """Return the rate of most samples [Hz]; NaN for fewer than two."""
+    if len(recording) < 2:
+        return float('nan')
+    return 1e9 / float(np.median(np.diff(recording.stamp)))
+
+
+def check_cutoff(parameters: FilterParameters, rate_hz: float) -> None:
+    """Refuse a cut-off above half the sample rate, naming both."""
+    for name in ('cutoff_hz', 'heading_cutoff_hz'):
+        cutoff = getattr(parameters, name, 0.0)
+        if cutoff > 0.5 * rate_hz:
+            raise FilterError(
+                f'{name} {cutoff:g} Hz is above half the sample rate of {rate_hz:.4g} Hz: lower '
+                f'it to at most {0.5 * rate_hz:.4g} Hz or interpolate the recording'
+            )
+
+
+def mount(recording: ImuRecording, parameters: FilterParameters) -> ImuRecording:
+    """Return the recording in the axes of the body."""
+    q = np.array(parameters.mount)
+    if np.array_equal(q, [0.0, 0.0, 0.0, 1.0]):
+        return recording
+    q = q / np.linalg.norm(q)
+    return replace(
+        recording,
+        angular_velocity=rotate(q, recording.angular_velocity),
+        linear_acceleration=rotate(q, recording.linear_acceleration),
+        magnetic_field=rotate(q, recording.magnetic_field),
+    )

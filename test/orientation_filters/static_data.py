@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Synthetic rest: a sensor that lies still in a known attitude, with white noise and a bias."""
+
+from __future__ import annotations
+
+import numpy as np
+from imu_recording.recording import FloatArray, ImuRecording
+from orientation_filters.rotation import conjugate, normalised, rotate
+
+GRAVITY = 9.81
+FIELD = 50e-6
+DIP = np.radians(60.0)
+
+ACCELEROMETER_SIGMA = np.sqrt(1.9247e-4)
+GYROSCOPE_SIGMA = np.sqrt(9.1385e-5)
+MAGNETOMETER_SIGMA = np.sqrt(0.1) * 1e-6
+
+
+def world_vectors(world_frame: str) -> tuple[FloatArray, FloatArray]:
+    """Return specific force at rest [m/s²] and field [T] in the world."""
+    level, sunk = FIELD * np.cos(DIP), FIELD * np.sin(DIP)
+    if world_frame == 'ned':
+        return np.array([0, 0, -GRAVITY]), np.array([level, 0, sunk])
+    return np.array([0, 0, GRAVITY]), np.array([0, level, -sunk])
+
+
+def rest(
+    attitude: FloatArray,
+    *,
+    seed: int,
+    seconds: float = 60.0,
+    rate_hz: float = 100.0,
+    bias: FloatArray | None = None,
+    noise: float = 1.0,
+    world_frame: str = 'enu',
+) -> ImuRecording:
+    """Return a recording at rest; attitude sensor → world, bias of the gyroscope [rad/s]."""
+    rng = np.random.default_rng(seed)
+    n = round(seconds * rate_hz)
+    force, field = (rotate(conjugate(attitude), v) for v in world_vectors(world_frame))
+    offset = np.zeros(3) if bias is None else bias
+    return ImuRecording(
+        stamp=1_000_000_000 + np.arange(n) * round(1e9 / rate_hz),
+        angular_velocity=offset + noise * GYROSCOPE_SIGMA * rng.normal(size=(n, 3)),
+        linear_acceleration=force + noise * ACCELEROMETER_SIGMA * rng.normal(size=(n, 3)),
+        magnetic_field=field + noise * MAGNETOMETER_SIGMA * rng.normal(size=(n, 3)),
+        temperature=np.full(n, 20.0),
+    )
+
+
+def random_attitude(seed: int) -> FloatArray:
+    """Return a uniformly random attitude."""
+    return normalised(np.random.default_rng(seed).normal(size=4))
