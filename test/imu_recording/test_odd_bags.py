@@ -178,7 +178,7 @@ def ros1_bag(source: Path, target: Path) -> None:
         (b'\x89MCAP0\r\n', 'no topic imu/data_raw'),
         (b'SQLite format 3\x00' + b'\0' * 100, 'sqlite3'),
         (b'#ROSBAG V2.0\n', 'ROS 1'),
-        (b'\x28\xb5\x2f\xfd' + b'\0' * 20, 'no topic imu/data_raw'),
+        (b'\x28\xb5\x2f\xfd' + b'\0' * 20, 'not an mcap file'),
     ],
 )
 def test_files_that_are_no_bag(tmp_path: Path, content: bytes, said: str) -> None:

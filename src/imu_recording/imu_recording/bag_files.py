@@ -106,7 +106,7 @@ def _files_of_folder(folder: Path, information: dict[str, Any], bag: Bag) -> lis
         if inner:
             raise BagError(f'{folder}: not a bag but a folder of bags; name one: {_few(inner)}')
         raise BagError(f'{folder}: no bag in this folder (looked for {LOOKED_FOR})')
-    return [file for file in named if file in present] + unlisted
+    return [file for file in named if file in present] + unlisted if named else present
 
 
 def _is_storage(file: Path) -> bool:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import io
 import shutil
 import struct
 from collections.abc import Callable, Iterator, Mapping
@@ -17,7 +18,7 @@ from rosbags.rosbag1 import ReaderError
 
 from imu_recording.bag_error import BagError
 from imu_recording.bag_files import BagFile
-from imu_recording.decompress import DAMAGE, decompress_message, open_decompressed
+from imu_recording.decompress import ZstdFile, decompress_message
 from imu_recording.logging_contract import METADATA_KEYS
 from imu_recording.mcap_scan import Channel, McapScan
 from imu_recording.mcap_summary import read_summary
@@ -120,12 +121,14 @@ def _decompressing(deliver: Deliver) -> Deliver:
 
 
 def _run(scan: McapScan, file: BagFile) -> None:
-    opened = open_decompressed(file.path) if file.file_compressed else file.path.open('rb')
-    with opened as stream:
-        try:
+    if not file.file_compressed:
+        with file.path.open('rb') as stream:
             scan.run(stream, str(file.path))
-        except DAMAGE as error:
-            scan.problems.append(f'reading stopped early: {error}')
+        return
+    with ZstdFile(file.path) as packed:
+        scan.run(io.BufferedReader(packed, 1 << 20), str(file.path))
+        if packed.damage:
+            scan.problems.append(f'decompression stopped early: {packed.damage}')
 
 
 @contextmanager
@@ -136,11 +139,8 @@ def _plain(file: BagFile) -> Iterator[Path]:
         return
     with TemporaryDirectory() as folder:
         path = Path(folder) / file.path.name.removesuffix('.zstd')
-        with open_decompressed(file.path) as packed, path.open('wb') as plain:
-            try:
-                shutil.copyfileobj(packed, plain)
-            except DAMAGE as error:
-                raise BagError(f'{file.path}: cannot be decompressed ({error})') from None
+        with ZstdFile(file.path) as packed, path.open('wb') as plain:
+            shutil.copyfileobj(packed, plain)
         yield path
 
 

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import io
 import sys
-from typing import Any, BinaryIO, cast
+from pathlib import Path
+from typing import Any
 
 import lz4.frame  # type: ignore[import-untyped]
 
@@ -63,17 +65,77 @@ def _as_far_as_possible(data: memoryview, compression: str) -> bytes:
 
 
 def decompress_message(data: bytes) -> bytes:
-    """Return a zstd-compressed message; raise ValueError where it is damaged."""
+    """Return a zstd-compressed message; b'' where it is damaged, which no message is."""
     try:
         return zstd.decompress(data)
-    except zstd.ZstdError as error:
-        raise ValueError(f'a message does not decompress ({error})') from None
+    except zstd.ZstdError:
+        return b''
 
 
-def open_decompressed(path: Any) -> BinaryIO:
-    """Open a zstd-compressed file for reading from front to back."""
-    return cast('BinaryIO', zstd.open(path, 'rb'))
+class ZstdFile(io.RawIOBase):
+    """A zstd-compressed file read from front to back, as far as it goes.
 
+    Where it is cut or damaged it simply ends; `damage` then says why.
+    """
 
-DAMAGE = (zstd.ZstdError, EOFError)
-"""What reading a damaged or cut compressed file raises."""
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._path = path
+        self._ready = memoryview(b'')
+        self._place = 0
+        self._ended = False
+        self.damage = ''
+        self._restart()
+
+    def readable(self) -> bool:
+        """Tell that it can be read."""
+        return True
+
+    def readinto(self, view: Any) -> int:
+        """Fill the view; return the bytes read, 0 at the end."""
+        while not self._ready and not self._ended:
+            self._decompress_more()
+        count = min(len(view), len(self._ready))
+        view[:count] = self._ready[:count]
+        self._ready = self._ready[count:]
+        self._place += count
+        return count
+
+    def seek(self, place: int, whence: int = io.SEEK_SET) -> int:
+        """Go to a byte of the decompressed file."""
+        if whence != io.SEEK_SET:
+            raise ValueError('a compressed file is read from its start')
+        if place < self._place:
+            self._file.close()
+            self._restart()
+        while self._place < place and self.read(min(1 << 20, place - self._place)):
+            pass
+        return self._place
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+        super().close()
+
+    def _restart(self) -> None:
+        self._file = self._path.open('rb')
+        self._decompressor = zstd.ZstdDecompressor()
+        self._ready = memoryview(b'')
+        self._place = 0
+        self._ended = False
+        self.damage = ''
+
+    def _decompress_more(self) -> None:
+        packed = b''
+        if self._decompressor.eof:
+            packed = self._decompressor.unused_data
+            self._decompressor = zstd.ZstdDecompressor()
+        packed = packed or self._file.read(1 << 16)
+        if not packed:
+            self._ended = True
+            return
+        try:
+            self._ready = memoryview(self._decompressor.decompress(packed))
+        except zstd.ZstdError as error:
+            self._ended = True
+            self.damage = str(error)

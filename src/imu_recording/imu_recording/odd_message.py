@@ -48,6 +48,7 @@ def standard_types() -> Typestore:
     return get_typestore(Stores.ROS2_JAZZY)
 
 
+@cache
 def types_of(message_type: str, definition: str) -> Typestore:
     """Return the types to decode a topic by: the bag's own definition where it differs."""
     standard = standard_types()

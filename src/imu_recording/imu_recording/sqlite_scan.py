@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
+import apsw
 import numpy as np
 
 from imu_recording.bag_error import BagError
@@ -23,19 +25,18 @@ def sqlite_channels(path: Path) -> dict[int, Channel]:
     """Return the topics of a file by their number; raise BagError where it is no bag."""
     with closing(_open(path)) as connection:
         try:
-            topics = connection.execute(
+            topics: Any = connection.execute(
                 'SELECT id, name, type, serialization_format FROM topics ORDER BY id'
             ).fetchall()
-        except sqlite3.DatabaseError as error:
+        except apsw.Error as error:
             raise BagError(f'{path}: not a rosbag2 sqlite3 file ({error})') from None
         try:
-            definitions = dict(
-                connection.execute(
-                    'SELECT topic_type, encoded_message_definition FROM message_definitions'
-                ).fetchall()
-            )
-        except sqlite3.DatabaseError:
-            definitions = {}  # files written before ROS 2 Iron carry none
+            found: Any = connection.execute(
+                'SELECT topic_type, encoded_message_definition FROM message_definitions'
+            ).fetchall()
+        except apsw.Error:
+            found = []  # files written before ROS 2 Iron carry none
+    definitions = dict(found)
     return {
         key: Channel(topic, kind, encoding, definitions.get(kind, ''))
         for key, topic, kind, encoding in topics
@@ -57,14 +58,12 @@ def scan_sqlite(
     query = f'SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks})'  # noqa: S608
     table = np.full(max(slots) + 1, -1, np.int64)
     table[list(slots)] = list(slots.values())
-    damaged = 0
     with closing(_open(path)) as connection:
         cursor = connection.execute(query, list(slots))
         for rows in _blocks(cursor, problems):
             topics, times, data = zip(*rows, strict=True)
             if compressed:
-                data, lost = _decompressed(data)
-                damaged += lost
+                data = tuple(decompress_message(message) for message in data)
             length = np.fromiter(map(len, data), np.int64, len(data))
             offset = np.zeros(len(data), np.int64)
             np.cumsum(length[:-1], out=offset[1:])
@@ -72,43 +71,35 @@ def scan_sqlite(
             slot = table[np.array(topics, np.int64)]
             received = np.array(times, np.int64)
             deliver(MessageBlock(buffer, offset, length, received, slot, len(data)))
-    if damaged:
-        problems.append(f'{damaged} messages do not decompress and are left out')
     return problems
 
 
-def _blocks(cursor: sqlite3.Cursor, problems: list[str]) -> Iterator[list[tuple[int, int, bytes]]]:
+def _blocks(cursor: apsw.Cursor, problems: list[str]) -> Iterator[list[Any]]:
     while True:
+        rows: list[Any] = []
         try:
-            rows = cursor.fetchmany(ROWS)
-        except sqlite3.DatabaseError as error:
+            rows.extend(islice(cursor, ROWS))  # keeps what came before an error
+        except apsw.Error as error:
             problems.append(f'reading stopped early: {error}')
+        if rows:
+            yield rows
+        if len(rows) < ROWS:
             return
-        if not rows:
-            return
-        yield rows
 
 
-def _decompressed(data: tuple[bytes, ...]) -> tuple[tuple[bytes, ...], int]:
-    done = []
-    lost = 0
-    for message in data:
+def _open(path: Path) -> apsw.Connection:
+    """Open read only; a file that died with a journal is read with it where that is allowed.
+
+    A file that is shorter than its header says is refused by sqlite unless the schema is
+    writable; what is left of it can then be read up to the cut.
+    """
+    flags = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
+    for options, lenient in (('mode=ro', 0), ('mode=ro&immutable=1', 0), ('immutable=1', 1)):
         try:
-            done.append(decompress_message(message))
-        except ValueError:
-            done.append(b'')
-            lost += 1
-    return tuple(done), lost
-
-
-def _open(path: Path) -> sqlite3.Connection:
-    """Open read only; a file that died with a journal is read with it where that is allowed."""
-    for options in ('mode=ro', 'mode=ro&immutable=1'):
-        connection = sqlite3.connect(f'{path.resolve().as_uri()}?{options}', uri=True)
-        try:
-            connection.execute('SELECT count(*) FROM sqlite_master').fetchone()
-        except sqlite3.DatabaseError as error:
-            connection.close()
+            connection = apsw.Connection(f'{path.resolve().as_uri()}?{options}', flags=flags)
+            connection.execute(f'PRAGMA writable_schema={lenient}')
+            connection.execute('SELECT count(*) FROM sqlite_master').fetchall()
+        except apsw.Error as error:
             reason = error
         else:
             return connection
