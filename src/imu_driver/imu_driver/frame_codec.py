@@ -40,6 +40,15 @@ class DecoderCounts:
         """Pieces between two delimiters that were no frame."""
         return self.cobs + self.crc + self.format
 
+    def __add__(self, other: DecoderCounts) -> DecoderCounts:
+        return DecoderCounts(
+            self.bytes + other.bytes,
+            self.frames + other.frames,
+            self.cobs + other.cobs,
+            self.crc + other.crc,
+            self.format + other.format,
+        )
+
 
 def encode(frame: Frame, protocol: str) -> bytes:
     """Return the bytes of a frame in protocol 'ascii' or 'binary'."""

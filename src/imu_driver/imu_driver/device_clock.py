@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Device ticks to ROS time by alternating lower convex hulls.
+
+A sample arrives late by a delay that is never negative, so the points (tick, arrival) lie above
+the line that maps ticks to true time; the lower convex hull of the points touches it wherever the
+delay was smallest. L. Zhang, Z. Liu, C. H. Xia, "Clock synchronization algorithms for network
+measurements", INFOCOM 2002; two hulls that take turns follow a wandering crystal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+NANOSECOND: Final = 1_000_000_000
+TICK_RANGE: Final = 1 << 32
+HALF_RANGE: Final = 1 << 31
+
+LARGEST_SKEW: Final = 500e-6
+"""No crystal or ceramic resonator in working order is further off."""
+SKEW_BASELINE: Final = 5.0
+"""[s] Data shorter than this say nothing about skew under millisecond delays."""
+STEP: Final = 0.5
+"""[s] A change of the host's clock larger than this is a step, not a delay …"""
+STEP_LASTS: Final = 3.0
+"""[s] … if it lasts this long; stalls of the host pass."""
+
+BACKLOG: Final = 10.0
+"""[s] No buffer between the device and here holds more than this."""
+
+
+@dataclass
+class ConvexHull:
+    """Lower convex hull of points that come with rising abscissa."""
+
+    points: list[tuple[float, float]] = field(default_factory=list)
+    """(device time, arrival minus device time), both [s] since the clock's start."""
+
+    def add(self, x: float, y: float) -> None:
+        """Add a point to the right of all others."""
+        points = self.points
+        while len(points) > 1:
+            (x1, y1), (x2, y2) = points[-2], points[-1]
+            if (y2 - y1) * (x - x2) < (y - y2) * (x2 - x1):
+                break
+            points.pop()
+        points.append((x, y))
+
+    def line(self) -> tuple[float, float, float]:
+        """Return the hull's edge over the middle of its span: abscissa, ordinate, slope."""
+        points = self.points
+        if points[-1][0] - points[0][0] >= SKEW_BASELINE:
+            middle = 0.5 * (points[0][0] + points[-1][0])
+            index = next(i for i, point in enumerate(points) if point[0] >= middle)
+            (x1, y1), (x2, y2) = points[index - 1], points[index]
+            slope = (y2 - y1) / (x2 - x1)
+            if abs(slope) <= LARGEST_SKEW:
+                return x2, y2, slope
+        x, y = min(points, key=lambda point: point[1])
+        return x, y, 0.0
+
+
+class DeviceClock:
+    """Stamps the samples of one device: feed (tick, arrival) in order, get ROS time [ns].
+
+    Stamps never go backwards and never lie after the arrival. A tick that jumps backwards means
+    that the device restarted: the estimate starts anew. So it does where the host's clock was
+    set; only where it was set back do stamps follow it backwards, there is no other truth.
+    `wraps`, `resets` and `steps` count.
+    """
+
+    def __init__(
+        self, *, tick_rate: float = 1e6, latency: float = 0.0, window: float = 60.0
+    ) -> None:
+        self.tick_rate = tick_rate
+        self.latency = latency
+        """[s] from sample to arrival at the least; subtracted."""
+        self.window = window
+        """[s] after which the two hulls change places."""
+        self.wraps = 0
+        self.resets = 0
+        self.steps = 0
+        self.residual = 0.0
+        """[s] RMS of arrival minus stamp about its mean, over about the last 1000 samples."""
+        self._last_stamp = 0
+        self._residual_mean = 0.0
+        self._residual_variance = 0.0
+        self._start()
+
+    def _start(self) -> None:
+        self._active = ConvexHull()
+        self._pending = ConvexHull()
+        self._switch_at = self.window
+        self._origin: tuple[int, int] | None = None
+        self._tick = 0
+        self._elapsed = 0
+        self._arrival = 0
+        self._in_time = 0.0
+
+    def restart(self) -> None:
+        """Forget the device's time: the device restarted, or another took its place."""
+        if self._origin is not None:
+            self.resets += 1
+        self._start()
+
+    def has_restarted(self, tick: int, arrival: int) -> bool:
+        """Whether a tick cannot follow the last one on the same device."""
+        return self._origin is not None and self._advance(tick, arrival) < 0
+
+    def may_continue(self, tick: int, arrival: int) -> bool:
+        """Whether the device can have run on since the last stamp, as far as both clocks tell."""
+        if self._origin is None:
+            return True
+        waited = (arrival - self._arrival) / NANOSECOND
+        return abs(self._advance(tick, arrival) / self.tick_rate - waited) < BACKLOG + (
+            LARGEST_SKEW * waited
+        )
+
+    def stamp(self, tick: int, arrival: int) -> int:
+        """Return the ROS time [ns] at which the device read `tick`; `arrival` is ROS time [ns]."""
+        if self.has_restarted(tick, arrival):
+            self.restart()
+        elif arrival < self._arrival - STEP * NANOSECOND:
+            self.steps += 1
+            self._start()
+            self._last_stamp = 0
+        if self._origin is None:
+            self._origin = (tick, arrival)
+        else:
+            advance = self._advance(tick, arrival)
+            self.wraps += (self._tick + advance) // TICK_RANGE
+            self._elapsed += advance
+        self._tick = tick
+        self._arrival = arrival
+        time = self._elapsed / self.tick_rate
+        offset = (arrival - self._origin[1]) / NANOSECOND - time
+        self._active.add(time, offset)
+        self._pending.add(time, offset)
+        if time >= self._switch_at:
+            self._active, self._pending = self._pending, ConvexHull()
+            self._pending.add(time, offset)
+            self._switch_at = time + self.window
+        x, y, slope = self._active.line()
+        estimate = min(y + slope * (time - x), offset)
+        self._follow(offset - estimate)
+        if offset - estimate < STEP:
+            self._in_time = time
+        elif time - self._in_time > STEP_LASTS:
+            self.steps += 1
+            self._start()
+            return self.stamp(tick, arrival)
+        stamp = (
+            self._origin[1]
+            + self._elapsed * NANOSECOND // int(self.tick_rate)
+            + round((estimate - self.latency) * NANOSECOND)
+        )
+        self._last_stamp = max(stamp, self._last_stamp + 1)
+        return self._last_stamp
+
+    @property
+    def skew_ppm(self) -> float:
+        """How much faster than ROS time the device's clock runs [ppm]."""
+        if not self._active.points:
+            return 0.0
+        return -1e6 * self._active.line()[2]
+
+    def _advance(self, tick: int, arrival: int) -> int:
+        """Return the ticks since the last one; negative where the device restarted."""
+        advance = (tick - self._tick + HALF_RANGE) % TICK_RANGE - HALF_RANGE
+        # A silence longer than half a turn: the host's clock tells how many turns it was.
+        waited = (arrival - self._arrival) / NANOSECOND * self.tick_rate
+        return advance + TICK_RANGE * round(max(waited - abs(advance), 0.0) / TICK_RANGE)
+
+    def _follow(self, delay: float) -> None:
+        weight = 1e-3
+        difference = delay - self._residual_mean
+        self._residual_mean += weight * difference
+        self._residual_variance += weight * (difference**2 - self._residual_variance)
+        self.residual = self._residual_variance**0.5

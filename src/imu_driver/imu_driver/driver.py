@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One running driver without ROS: a reader, a queue, statistics, and what it says of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from imu_driver.bag_source import BagReader
+from imu_driver.device_reader import DeviceReader
+from imu_driver.diagnosis import Diagnosis
+from imu_driver.driver_config import DriverParameters, session_config
+from imu_driver.sample import Sample
+from imu_driver.sample_queue import SampleQueue
+from imu_driver.session import DeviceSession
+from imu_driver.stream_statistics import StreamStatistics
+from imu_driver.transport import transport_opener
+
+
+class Reader(Protocol):
+    """What delivers samples."""
+
+    def start(self) -> None:
+        """Begin."""
+
+    def stop(self) -> None:
+        """End."""
+
+
+class ImuDriver:
+    """Reads samples from where the parameters say and publishes them in order."""
+
+    def __init__(
+        self,
+        parameters: DriverParameters,
+        *,
+        now: Callable[[], int],
+        publish: Callable[[Sample], None],
+        report: Callable[[str], None],
+    ) -> None:
+        self.statistics = StreamStatistics()
+        self.session: DeviceSession | None = None
+        self._publish = publish
+        self.queue = SampleQueue(self._publish_batch)
+        self._reader: Reader
+        if parameters.transport.startswith('bag:'):
+            self._reader = BagReader(parameters.transport, deliver=self.queue.put, report=report)
+            self.diagnosis = Diagnosis(self.statistics, self.queue, parameters)
+        else:
+            self.session = DeviceSession(session_config(parameters))
+            self._reader = DeviceReader(
+                transport_opener(
+                    parameters.transport, parameters.baudrate, parameters.output_data_rate
+                ),
+                self.session,
+                now=now,
+                deliver=self.queue.put,
+                report=report,
+            )
+            self.diagnosis = Diagnosis(
+                self.statistics, self.queue, parameters, self.session, self._reader
+            )
+
+    def start(self) -> None:
+        """Begin to read and publish."""
+        self.queue.start()
+        self._reader.start()
+
+    def stop(self) -> None:
+        """Stop reading, publish what waits."""
+        self._reader.stop()
+        self.queue.stop()
+
+    def diagnostics(self, now: int) -> tuple[int, str, dict[str, Any]]:
+        """Return level, line and values at ROS time `now` [ns]; ask once a second."""
+        return self.diagnosis.take(now)
+
+    def _publish_batch(self, samples: list[Sample]) -> None:
+        for sample in samples:
+            self._publish(sample)
+            self.statistics.add(sample)

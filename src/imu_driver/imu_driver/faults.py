@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Faults of a line and of a board on a schedule: NAME@SECONDS[+DURATION].
+
+>>> parse_fault('unplug@20+0.5')
+Fault(name='unplug', start=20.0, end=20.5)
+"""
+
+from __future__ import annotations
+
+import random
+import re
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+DEFAULT_DURATION: Final = 2.0
+"""[s]."""
+
+BYTE_FAULTS: Final = ('bit_flips', 'drop_bytes', 'duplicate_bytes', 'garbage')
+"""Damage single bytes on the line."""
+FAULTS: Final = {
+    'bit_flips': 'one byte in a thousand has a bit flipped',
+    'drop_bytes': 'one byte in a thousand is missing',
+    'duplicate_bytes': 'one byte in a thousand comes twice',
+    'garbage': 'bursts of up to 200 random bytes between and inside frames',
+    'silence': 'the line carries nothing; the board goes on measuring',
+    'trickle': 'the line carries 1 … 3 bytes at a time, 2000 a second',
+    'unplug': 'the line is gone; the board goes on measuring',
+    'reset': 'the board is off and comes up anew at the end',
+    'tick_wrap': 'the tick counter passes 2³² at the start',
+    'wrong_rate': 'the sensor runs at 0.7 times its nominal rate',
+    'wrong_scale': 'the accelerometer is set to another full scale by itself, and back',
+    'other_serial': 'another board is on the line; the first returns at the end',
+}
+DAMAGE_RATE: Final = 1e-3
+"""Per byte."""
+BURST_RATE: Final = 0.02
+"""Per write."""
+LONGEST_BURST: Final = 200
+
+
+class FaultError(ValueError):
+    """A fault that cannot be scheduled; the message names it."""
+
+
+class Fault(NamedTuple):
+    """One fault, in seconds since the emulator's start."""
+
+    name: str
+    start: float
+    end: float
+
+
+def parse_fault(text: str) -> Fault:
+    """Return the fault of a text NAME@SECONDS[+DURATION]; raise FaultError if it is none."""
+    match = re.fullmatch(r'(\w+)@(\d+(?:\.\d*)?)(?:\+(\d+(?:\.\d*)?))?', text)
+    if not match or match[1] not in FAULTS:
+        raise FaultError(
+            f'fault {text!r}: expected NAME@SECONDS[+DURATION] with one of {", ".join(FAULTS)}'
+        )
+    start = float(match[2])
+    duration = float(match[3]) if match[3] else DEFAULT_DURATION
+    return Fault(match[1], start, start + duration)
+
+
+class FaultSchedule:
+    """Which faults are on at a time."""
+
+    def __init__(self, faults: Sequence[Fault] = ()) -> None:
+        self.faults = tuple(sorted(faults, key=lambda fault: fault.start))
+
+    def active(self, time: float) -> frozenset[str]:
+        """Return the names of the faults that are on at `time` [s]."""
+        return frozenset(f.name for f in self.faults if f.start <= time < f.end)
+
+    def first_tick(self) -> int:
+        """Return the tick at power-on that makes the counter pass 2³² at a tick_wrap fault."""
+        start = next((fault.start for fault in self.faults if fault.name == 'tick_wrap'), None)
+        return 0 if start is None else -round(start * 1e6) & 0xFFFFFFFF
+
+
+def damage(data: bytes, fault: str, random_source: random.Random) -> bytes:
+    """Return the bytes after one of BYTE_FAULTS."""
+    out = bytearray()
+    if fault == 'garbage':
+        if random_source.random() >= BURST_RATE:
+            return data
+        at = random_source.randrange(len(data) + 1)
+        burst = random_source.randbytes(random_source.randint(1, LONGEST_BURST))
+        return data[:at] + burst + data[at:]
+    for byte in data:
+        hit = random_source.random() < DAMAGE_RATE
+        if not hit:
+            out.append(byte)
+        elif fault == 'bit_flips':
+            out.append(byte ^ 1 << random_source.randrange(8))
+        elif fault == 'duplicate_bytes':
+            out += bytes([byte, byte])
+    return bytes(out)

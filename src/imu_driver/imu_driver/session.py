@@ -1,0 +1,274 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The driver's side of the conversation with one device, sans-I/O.
+
+Feed it what arrives and when; it returns stamped samples. Ask it what to send. It identifies the
+device, sets it up, starts it, follows restarts and exchanges, and accounts for every sample.
+Nothing is published whose scale is not known from the device itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from imu_driver.axis_map import AxisMap
+from imu_driver.device_clock import NANOSECOND, DeviceClock
+from imu_driver.device_set_up import DeviceSetUp
+from imu_driver.frame_codec import DecoderCounts, FrameDecoder
+from imu_driver.frames import (
+    AcknowledgementFrame,
+    CommandCode,
+    DataFrame,
+    Frame,
+    InformationFrame,
+    OtherVersion,
+)
+from imu_driver.lsm9ds1 import DEFAULT_FULL_SCALE, SENSORS
+from imu_driver.sample import Sample, SampleScale
+from imu_driver.sequence import SequenceCount
+
+HELD_AT_MOST: Final = 4000
+"""Samples kept while their scale is unknown (four seconds at the highest rate)."""
+SILENT_BOARD: Final = 1.5
+"""[s] An ASCII sketch that tells nothing about itself for so long is taken as it is."""
+
+
+@dataclass(frozen=True)
+class SessionConfig:
+    """What is wanted of the device."""
+
+    protocol: str = 'auto'
+    device: str = ''
+    """Serial number that is accepted; '' any."""
+    full_scale: Mapping[str, float] = field(default_factory=dict)
+    """Full scales to set, by sensor, in datasheet units; a sensor left out keeps its own."""
+    output_data_rate: float = 0.0
+    """[Hz] to set; 0 keeps the device's."""
+    latency: float = 0.0
+    """[s] from sample to arrival at the least."""
+    axis_maps: Mapping[str, AxisMap] = field(default_factory=dict)
+
+
+class DeviceSession:
+    """One device over any number of connections."""
+
+    def __init__(self, config: SessionConfig) -> None:
+        self.config = config
+        self.clock = DeviceClock(latency=config.latency)
+        self.sequence = SequenceCount()
+        self.information: InformationFrame | None = None
+        self.refusal = ''
+        """Why nothing is published although data may come; '' if nothing stands against it."""
+        self.events: list[str] = []
+        """What an operator should read, in order; the caller takes and clears them."""
+        self.discarded = 0
+        """Samples received and not published: refused device, or scale never told."""
+        self.duplicates = 0
+        self.restarts = 0
+        self.exchanges = 0
+        self.configuration_changes = 0
+        self.last_data = 0
+        """ROS time of the last data frame's arrival [ns]; 0 before the first."""
+        self._past = DecoderCounts()
+        self._begin(0)
+
+    # Connection -------------------------------------------------------------------------------
+
+    def connected(self, now: int) -> None:
+        """Start over with a fresh connection; `now` is ROS time [ns]."""
+        self._begin(now)
+
+    def _begin(self, now: int) -> None:
+        self.decoder = FrameDecoder(self.config.protocol)
+        self.set_up = DeviceSetUp(self.config.full_scale, self.config.output_data_rate, now)
+        self._scale: SampleScale | None = None
+        self._configuration = -1
+        self._held: list[tuple[DataFrame, int]] = []
+        self._identified = False
+        self._last = (-1, -1)
+
+    def disconnected(self) -> None:
+        """Keep the counts of the connection that ended."""
+        self._past = self.counts
+        self.decoder = FrameDecoder(self.config.protocol)
+        self._discard(len(self._held))
+
+    @property
+    def counts(self) -> DecoderCounts:
+        """Bytes, frames and errors over all connections."""
+        return self._past + self.decoder.counts
+
+    @property
+    def nominal_rate(self) -> float:
+        """Rate the device says it samples at [Hz]; 0 unknown."""
+        return self.information.output_data_rate / 1e3 if self.information else 0.0
+
+    # Traffic ----------------------------------------------------------------------------------
+
+    def feed(self, chunk: bytes, arrival: int) -> list[Sample]:
+        """Return the samples that a chunk completes; `arrival` is its ROS time [ns]."""
+        samples: list[Sample] = []
+        for frame in self.decoder.feed(chunk):
+            self._take(frame, arrival, samples)
+        return samples
+
+    def outgoing(self, now: int) -> bytes:
+        """Return what to send to the device at ROS time `now` [ns]; often nothing."""
+        return self.set_up.outgoing(now, self.decoder.protocol, known=self._scale is not None)
+
+    def _take(self, frame: Frame, arrival: int, samples: list[Sample]) -> None:
+        if isinstance(frame, DataFrame):
+            self._take_data(frame, arrival, samples)
+        elif isinstance(frame, InformationFrame):
+            self._take_information(frame, arrival, samples)
+        elif isinstance(frame, AcknowledgementFrame):
+            refused = self.set_up.acknowledged(frame)
+            if refused:
+                self.events.append(refused)
+        elif isinstance(frame, OtherVersion):
+            self._refuse(f'the device speaks protocol version {frame.version}, this driver 1')
+
+    def _take_data(self, frame: DataFrame, arrival: int, samples: list[Sample]) -> None:
+        if (frame.sequence, frame.tick) == self._last:
+            self.duplicates += 1
+            return
+        self._last = (frame.sequence, frame.tick)
+        self.last_data = arrival
+        if self.refusal:
+            self.sequence.take(frame.sequence)
+            self.discarded += 1
+        elif self._scale is not None and frame.configuration == self._configuration:
+            self._process(frame, arrival, samples)
+        else:
+            self._hold(frame, arrival, samples)
+
+    def _process(self, frame: DataFrame, arrival: int, samples: list[Sample]) -> None:
+        if self.clock.has_restarted(frame.tick, arrival):
+            self._restarted()
+        self.sequence.take(frame.sequence)
+        stamp = self.clock.stamp(frame.tick, arrival)
+        if self._scale is None:
+            self.discarded += 1
+        else:
+            samples.append(self._scale.sample(stamp, frame))
+
+    def _hold(self, frame: DataFrame, arrival: int, samples: list[Sample]) -> None:
+        """Keep a frame until the device has told which full scales it was measured with."""
+        if self._scale is not None:
+            self._scale = None
+            self.set_up.ask(arrival)
+        self._held.append((frame, arrival))
+        if len(self._held) > HELD_AT_MOST:
+            self._discard(1)
+        waited = arrival - self._held[0][1]
+        tells_nothing = not self._identified and self.decoder.protocol == 'ascii'
+        if tells_nothing and waited > SILENT_BOARD * NANOSECOND:
+            self._accept_silent_board(samples)
+
+    def _accept_silent_board(self, samples: list[Sample]) -> None:
+        if self.config.device:
+            self._refuse(
+                f'the device does not tell its serial number, {self.config.device} is wanted'
+            )
+            return
+        full_scale = {**DEFAULT_FULL_SCALE, **self.config.full_scale}
+        told = ', '.join(f'{sensor} {full_scale[sensor]:g}' for sensor in SENSORS)
+        self.events.append(f'the device tells nothing about itself: full scales taken: {told}')
+        self.set_up.give_up()
+        self._identified = True
+        self._release(full_scale, self._held[-1][0].configuration, samples)
+
+    def _take_information(
+        self, frame: InformationFrame, arrival: int, samples: list[Sample]
+    ) -> None:
+        self._compare(frame, arrival)
+        self.clock.tick_rate = float(frame.tick_rate)
+        self.information = frame
+        self._identified = True
+        if self.config.device and frame.serial_number != self.config.device:
+            self._refuse(
+                f'device {frame.serial_number} is connected, {self.config.device} is wanted'
+            )
+            self.sequence.expect(frame.samples)
+            return
+        if self.refusal:
+            self.events.append(f'device {frame.serial_number} is accepted')
+            self.refusal = ''
+        full_scale = dict(zip(SENSORS, map(float, frame.full_scale), strict=True))
+        self._release(full_scale, frame.configuration, samples)
+        self.sequence.expect(frame.samples)
+        self.set_up.informed(frame, arrival)
+
+    def _compare(self, frame: InformationFrame, arrival: int) -> None:
+        """Notice another device, a restart or another configuration."""
+        before = self.information
+        if before is None:
+            version = '.'.join(map(str, frame.firmware))
+            self.events.append(f'device {frame.serial_number}, firmware {version}')
+        elif before.serial_number != frame.serial_number:
+            self.exchanges += 1
+            self.events.append(
+                f'device {frame.serial_number} took the place of {before.serial_number}'
+            )
+            self.clock.restart()
+            self.sequence.restart(None)
+        elif self.sequence.has_restarted(frame.samples) or not self.clock.may_continue(
+            frame.tick, arrival
+        ):
+            self._restarted()
+        elif before.full_scale != frame.full_scale:
+            self.configuration_changes += 1
+            self.events.append(
+                'full scales (dps, g, gauss) changed from '
+                f'{_listed(before.full_scale)} to {_listed(frame.full_scale)}'
+            )
+
+    def _restarted(self) -> None:
+        self.restarts += 1
+        self.events.append('the device restarted')
+        self.clock.restart()
+        self.sequence.restart(0)
+        self.set_up.stopped()
+        self._scale = None
+
+    def _release(
+        self, full_scale: Mapping[str, float], configuration: int, samples: list[Sample]
+    ) -> None:
+        try:
+            self._scale = SampleScale(full_scale, self.config.axis_maps)
+        except ValueError as error:
+            self._refuse(str(error))
+            return
+        self._configuration = configuration
+        held, self._held = self._held, []
+        for frame, arrival in held:
+            if frame.configuration == configuration:
+                self._process(frame, arrival, samples)
+            else:
+                self.sequence.take(frame.sequence)
+                self.discarded += 1
+
+    def _refuse(self, reason: str) -> None:
+        if reason != self.refusal:
+            self.events.append(f'refused: {reason}')
+        self.refusal = reason
+        self._discard(len(self._held))
+
+    def _discard(self, count: int) -> None:
+        for frame, _ in self._held[:count]:
+            self.sequence.take(frame.sequence)
+        del self._held[:count]
+        self.discarded += count
+
+    def ask(self, now: int) -> None:
+        """Ask the device for information, at ROS time `now` [ns]."""
+        self.set_up.ask(now)
+
+    def command(self, code: CommandCode, value: int = 0) -> None:
+        """Send a command as soon as the line is free."""
+        self.set_up.request(code, value)
+
+
+def _listed(values: tuple[int, ...]) -> str:
+    return ', '.join(map(str, values))

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An emulated board inside the driver's process: simulated://dut1?temperature=20&seed=1.
+
+Options: `temperature` [°C] of the surroundings, or the path of a CSV `time_s,temperature_c`;
+`orientation` (+x … -z, which axis points up); `seed`; `protocol` (binary, ascii); `time_scale`.
+The bytes take the same way as a real board's.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Final
+from urllib.parse import parse_qsl, urlsplit
+
+from imu_recording.recording import UP_AXES
+
+from imu_driver.ambient import ambient_law
+from imu_driver.emulated_board import BoardOptions, EmulatedBoard
+from imu_driver.lsm9ds1 import DEFAULT_FULL_SCALE
+
+TIMEOUT: Final = 0.05
+"""[s]."""
+DEFAULT_RATE: Final = 238.0
+"""[Hz]."""
+OPTIONS: Final = {
+    'temperature': '20',
+    'orientation': '+z',
+    'seed': '1',
+    'protocol': 'binary',
+    'time_scale': '1',
+}
+
+
+class SimulatedTransport:
+    """A line to an emulated board that keeps running between connections."""
+
+    def __init__(
+        self, board: EmulatedBoard, now: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._board = board
+        self._now = now
+        self._start = now()
+        self._closed = threading.Event()
+
+    @classmethod
+    def from_url(cls, url: str, rate: float = 0.0) -> SimulatedTransport:
+        """Return the transport an URL describes; raise ValueError naming what is wrong in it."""
+        parts = urlsplit(url)
+        # A plus sign is a sign here, not a space.
+        options = {**OPTIONS, **dict(parse_qsl(parts.query.replace('+', '%2B')))}
+        unknown = sorted(set(options) - set(OPTIONS))
+        if unknown:
+            raise ValueError(f'{url}: unknown option {unknown[0]}; known: {", ".join(OPTIONS)}')
+        orientation = options['orientation']
+        if orientation.lstrip('+-') == orientation:
+            orientation = f'+{orientation}'
+        if orientation not in UP_AXES:
+            raise ValueError(f'{url}: orientation must be one of {", ".join(UP_AXES)}')
+        if options['protocol'] not in {'ascii', 'binary'}:
+            raise ValueError(f'{url}: protocol must be ascii or binary')
+        try:
+            seed, scale = int(options['seed']), float(options['time_scale'])
+        except ValueError:
+            raise ValueError(f'{url}: seed and time_scale must be numbers') from None
+        board = emulated_board(
+            parts.netloc,
+            BoardOptions(
+                protocol=options['protocol'],
+                serial_number=parts.netloc.upper(),
+                output_data_rate=rate or DEFAULT_RATE,
+            ),
+            temperature=options['temperature'],
+            orientation=orientation,
+            seed=seed,
+            time_scale=scale,
+        )
+        return cls(board)
+
+    def read(self) -> bytes:
+        """Return the bytes due by now, waiting for the next at most TIMEOUT."""
+        wait = self._start + self._board.next_due - self._now()
+        if wait > 0:
+            self._closed.wait(min(wait, TIMEOUT))
+        return b''.join(sent.data for sent in self._board.advance(self._now() - self._start))
+
+    def write(self, data: bytes) -> None:
+        """Give the board bytes from the host."""
+        self._board.receive(data, self._now() - self._start)
+
+    def close(self) -> None:
+        """Leave the board alone."""
+
+
+def emulated_board(
+    device: str,
+    options: BoardOptions,
+    *,
+    temperature: str = '20',
+    orientation: str = '+z',
+    seed: int = 1,
+    time_scale: float = 1.0,
+) -> EmulatedBoard:
+    """Return a board that carries the simulated device `device` (dut1 …).
+
+    `time_scale`: how much faster than the samples its surroundings and its temperatures run.
+    """
+    from imu_driver.simulated_stream import SimulatedDevice
+
+    source = SimulatedDevice(
+        device, seed=seed, full_scale=dict(DEFAULT_FULL_SCALE), orientation=orientation
+    )
+    return EmulatedBoard(
+        source,
+        options,
+        ambient=ambient_law(temperature),
+        device_time=lambda time: time * time_scale,
+    )
