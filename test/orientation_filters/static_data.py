@@ -9,7 +9,7 @@ from orientation_filters.rotation import conjugate, normalised, rotate
 
 GRAVITY = 9.81
 FIELD = 50e-6
-DIP = np.radians(60.0)
+DIP = np.radians(50.0)
 
 ACCELEROMETER_SIGMA = np.sqrt(1.9247e-4)
 GYROSCOPE_SIGMA = np.sqrt(9.1385e-5)
