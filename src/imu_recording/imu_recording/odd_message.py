@@ -65,6 +65,22 @@ def types_of(message_type: str, definition: str) -> Typestore:
     return own
 
 
+@cache
+def definition_of(message_type: str) -> str:
+    """Return the text of a standard type's definition, '' for a type that is not standard."""
+    types = standard_types()
+    if message_type not in types.fielddefs:
+        return ''
+    return str(types.generate_msgdef(message_type, ros_version=2)[0])
+
+
+@cache
+def hash_of(message_type: str) -> str:
+    """Return the RIHS01 hash of a standard type, '' for a type that is not standard."""
+    types = standard_types()
+    return str(types.hash_rihs01(message_type)) if message_type in types.fielddefs else ''
+
+
 def _parsed(message_type: str, definition: str) -> Any:
     separator = '=' * 80 + '\n'
     if not definition.startswith(f'{separator}IDL: '):
