@@ -176,7 +176,10 @@ def _triad(
     if sensor == 'accelerometer' and not how.mean:
         shaking = np.sqrt(2.0 * sampled(run, run.vibration, time, how))
         values += shaking * np.sin(generator.uniform(0.0, 2 * np.pi, (len(time), 1)))
-    if not how.mean:
+    if how.mean:
+        rail = COUNT_MAX * parameters.sensitivity
+        np.clip(values, -rail, rail, out=values)
+    else:
         quantise(values, parameters.sensitivity)
     return values
 

@@ -82,16 +82,18 @@ def prepare_campaign(
     seed: int,
     orientations: Sequence[str] = ORIENTATIONS,
     field_jumps: bool = False,
+    chamber_seed: int | None = None,
 ) -> list[DeviceRun]:
     """Return the runs before they are read out, one per orientation.
 
     A run depends on the seed and its own orientation only: alone or in a campaign it is the same.
+    `chamber_seed` (default: the seed) makes the chamber's runs, the last of which are kept.
     """
     known = profile if isinstance(profile, Profile) else load_profile(profile)
     return [
         prepare_run(
             device,
-            chamber_environment(known, seed, axis),
+            chamber_environment(known, seed if chamber_seed is None else chamber_seed, axis),
             seed=(seed, *axis.encode()),
             orientation=axis,
             field_jumps=field_jumps,
@@ -100,9 +102,11 @@ def prepare_campaign(
     ]
 
 
-def record_campaign(runs: Sequence[DeviceRun], logging: Logging) -> list[ImuRecording]:
+def record_campaign(
+    runs: Sequence[DeviceRun], logging: Logging, *, startup_time: float = 0.0
+) -> list[ImuRecording]:
     """Return the recordings of prepared runs."""
-    how = ReadOut(logging.rate_hz, logging.mean)
+    how = ReadOut(logging.rate_hz, logging.mean, startup_time)
     return [
         hold_tracks(
             replace(
@@ -121,7 +125,7 @@ def chamber_environment(profile: Profile, seed: int, orientation: str = '+z') ->
     return _environment(profile.text, profile.source, 4 * seed + day)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=32)
 def _environment(text: str, source: str, seed: int) -> Environment:
     profile = parse_profile(text, source)
     run = simulate_chamber(profile, seed=seed)
