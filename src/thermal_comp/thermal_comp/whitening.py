@@ -72,6 +72,19 @@ def apply_gains(values: FloatArray, gains: Gains) -> FloatArray:
     return whitened
 
 
+def apply_transposed(values: FloatArray, gains: Gains) -> FloatArray:
+    """Return Wᵀ @ values, (m, q), where W is the filter: S⁻¹ x = Wᵀ W x."""
+    turned: FloatArray = _transposed(
+        np.ascontiguousarray(values, dtype=np.float64),
+        gains.decay,
+        gains.weight,
+        gains.missed,
+        gains.gain,
+        gains.deviation,
+    )
+    return turned
+
+
 def log_determinant(slot: IntArray, noise: NoiseModel, axis: int, period: float) -> float:
     """Return ln det of the covariance of the block means."""
     return 2.0 * float(np.log(innovation_gains(slot, noise, axis, period).deviation).sum())
@@ -129,3 +142,26 @@ def _innovations(
             state[j] = decay[j] * state[j] + gain[i, j] * innovation
         whitened[i] = innovation / deviation[i]
     return whitened
+
+
+@njit(cache=True)
+def _transposed(
+    values: FloatArray,
+    decay: FloatArray,
+    weight: FloatArray,
+    missed: FloatArray,
+    gain: FloatArray,
+    deviation: FloatArray,
+) -> FloatArray:
+    rows, width = values.shape
+    order = len(decay)
+    turned = np.empty((rows, width))
+    after = np.zeros((order, width))
+    for i in range(rows - 1, -1, -1):
+        innovation = values[i] / deviation[i]
+        for j in range(order):
+            innovation += gain[i, j] * after[j]
+        for j in range(order):
+            after[j] = missed[i, j] * (decay[j] * after[j] - weight[j] * innovation)
+        turned[i] = innovation
+    return turned
