@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The recorder as a node: what it subscribes to, what it writes, what it says when it cannot."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from imu_recording.messages import ImuSample, imu_from_sample
+from imu_recording.recorder_node import RecorderNode
+from imu_recording.recorder_settings import output_folder, parse_split, recording_metadata
+from rclpy.serialization import serialize_message
+
+from imu_recording import BagError, RecordingError, read_bag
+
+START = 1_700_000_000_000_000_000
+RUN = 'from imu_recording.recorder_node import main; raise SystemExit(main())'
+NAMED = {'device': 'dut1', 'run': '1', 'up_axis': '', 'profile': '', 'metadata': []}
+
+
+def imu_bytes(i: int) -> bytes:
+    return serialize_message(imu_from_sample(ImuSample(START + i, (i, 0, 0), (0, 0, 9.8))))
+
+
+def make_node(folder: Path, **parameters: Any) -> tuple[RecorderNode, list[Any]]:
+    sent: list[Any] = []
+    node = RecorderNode(
+        capture=lambda topic, message: sent.append(message),
+        now=lambda: START,
+        parameters={'output': str(folder), **parameters},
+    )
+    return node, sent
+
+
+def test_records_raw_bytes(ros: Any, tmp_path: Path) -> None:
+    profile = tmp_path / 'short.yaml'
+    profile.write_text('schema: 1\n')
+    node, _ = make_node(tmp_path / 'bag', device='dut1', up_axis='+z', profile=str(profile))
+    assert node.autostart()
+    node.subscribe('/imu/data_raw', 'sensor_msgs/msg/Imu')
+    for i in range(50):
+        node.inputs['/imu/data_raw'](imu_bytes(i))
+    node.flush()
+    assert len(read_bag(tmp_path / 'bag')) == 50
+    node.trigger_deactivate()
+    recording = read_bag(tmp_path / 'bag')
+    assert np.array_equal(recording.angular_velocity[:, 0], np.arange(50))
+    assert (recording.device, recording.profile) == ('dut1', 'short')
+    assert not any('not closed' in note for note in recording.notes)
+    node.destroy_node()
+
+
+def test_a_failure_ends_the_recording_and_is_an_error(ros: Any, tmp_path: Path) -> None:
+    node, sent = make_node(tmp_path / 'bag')
+    node.autostart()
+    node.subscribe('/imu/data_raw', 'sensor_msgs/msg/Imu')
+    node.subscribe('/other', 'not_installed_msgs/msg/Thing')
+    node.publish_diagnostics()
+    assert sent[-1].status[0].level == b'\x01'
+    assert 'types not installed: /other' in sent[-1].status[0].message
+    node.inputs['/imu/data_raw'](imu_bytes(0))
+    node.flush()
+
+    def full(*arguments: Any, **options: Any) -> None:
+        raise BagError('bag_0.mcap: cannot be written (No space left on device)')
+
+    node.recorder.record = full
+    node.inputs['/imu/data_raw'](imu_bytes(1))
+    assert sent[-1].status[0].level == b'\x02'
+    assert 'No space left' in sent[-1].status[0].message
+    assert len(read_bag(tmp_path / 'bag')) == 1
+    node.destroy_node()
+
+
+def test_wrong_parameters_are_refused(ros: Any, tmp_path: Path) -> None:
+    for parameters in ({'split': 'daily'}, {'up_axis': 'up'}, {'metadata': ['x']}):
+        node, _ = make_node(tmp_path / 'bag', **parameters)
+        assert not node.autostart()
+        node.destroy_node()
+
+
+def test_settings(tmp_path: Path) -> None:
+    assert parse_split('phase,20mb') == (True, 20_000_000)
+    with pytest.raises(RecordingError, match="split is '0 MB'"):
+        parse_split('0 MB')
+    assert output_folder('').parent == Path('recordings')
+    (tmp_path / 'profile.yaml').write_text('a')
+    metadata = recording_metadata(
+        tmp_path, SimpleNamespace(**NAMED | {'profile': 'p', 'metadata': ['operator = me']})
+    )
+    assert metadata['profile'] == 'p'
+    assert len(metadata['profile_sha256']) == 64
+    assert metadata['operator'] == 'me'
+    with pytest.raises(RecordingError, match=r'profile gone\.yaml: no such file'):
+        recording_metadata(tmp_path, SimpleNamespace(**NAMED | {'profile': 'gone.yaml'}))
+
+
+@pytest.mark.end_to_end
+def test_killed_process_keeps_all_but_the_last_second(ros: Any, tmp_path: Path) -> None:
+    """A real recorder over DDS, discovered topics, kill -9 in the middle."""
+    from geometry_msgs.msg import Vector3Stamped
+    from rclpy.node import Node
+    from rclpy.qos import QoSProfile, ReliabilityPolicy
+    from sensor_msgs.msg import Imu
+
+    node = Node('source')
+    publisher = node.create_publisher(Imu, 'imu/data_raw', 500)
+    poor = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    other = node.create_publisher(Vector3Stamped, 'imu/vibration', poor)
+    child = subprocess.Popen(
+        [sys.executable, '-c', RUN, '--ros-args',
+         '-p', f'output:={tmp_path / "bag"}', '-p', 'topics:=[imu/*]'],
+    )  # fmt: skip
+    try:
+        until(lambda: publisher.get_subscription_count() and other.get_subscription_count(), 30)
+        sent: list[float] = []
+        file = tmp_path / 'bag' / 'bag_0.mcap'
+
+        def publish() -> bool:
+            message = imu_from_sample(ImuSample(START + len(sent), (len(sent), 0, 0), (0, 0, 9.8)))
+            publisher.publish(message)
+            other.publish(Vector3Stamped(header=message.header))
+            sent.append(time.monotonic())
+            return sent[-1] - sent[0] > 3.3 and file.is_file()
+
+        until(publish, 30)
+    finally:
+        os.kill(child.pid, signal.SIGKILL)
+        child.wait()
+    killed = time.monotonic()
+    recording = read_bag(tmp_path / 'bag')
+    owed = sum(moment < killed - 1.5 for moment in sent)
+    assert len(recording) >= owed > 10
+    assert np.array_equal(recording.angular_velocity[:owed, 0], np.arange(owed))
+    assert recording.vibration is not None
+    node.destroy_node()
+
+
+def until(condition: Any, seconds: float) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, 'timed out'
+        time.sleep(0.01)
