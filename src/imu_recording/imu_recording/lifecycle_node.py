@@ -30,7 +30,7 @@ from imu_recording.parameter import (
 )
 
 ACTIVE = 'active'
-UNCONFIGURED = 'unconfigured'
+INACTIVE = 'inactive'
 
 
 @dataclass(frozen=True)
@@ -236,7 +236,7 @@ class ConfiguredNode(LifecycleNode):
 
     def _on_set_parameters(self, changes: list[Parameter]) -> SetParametersResult:
         own = [change for change in changes if change.name in self._fields]
-        running = self.state != UNCONFIGURED
+        running = self.state in (INACTIVE, ACTIVE)  # while configuring, presets may be filled in
         try:
             values = {c.name: checked(self._fields[c.name], c.value) for c in own}
             fixed = [name for name in values if not self._fields[name].metadata['dynamic']]
