@@ -244,9 +244,15 @@ def with_preset(parameters: P, filter_name: str, **values: Any) -> P:
     preset = checked(items['preset'], values.get('preset', parameters.preset))
     chosen = {**PRESETS[filter_name][preset], **values, 'preset': preset}
     made = replace(parameters, **{k: checked(items[k], v) for k, v in chosen.items()})
-    if not isclose(sum(x * x for x in made.mount), 1.0, abs_tol=1e-3) or len(made.mount) != 4:
-        raise ParameterError(f'mount is {made.mount}, expected a unit quaternion x, y, z, w')
+    check_mount(made)
     return made
+
+
+def check_mount(parameters: FilterParameters) -> None:
+    """Refuse a mount that is no rotation."""
+    mount = parameters.mount
+    if len(mount) != 4 or not isclose(sum(x * x for x in mount), 1.0, abs_tol=1e-3):
+        raise ParameterError(f'mount is {mount}, expected a unit quaternion x, y, z, w')
 
 
 def world_axes(world_frame: str, declination: float) -> tuple[float, tuple[float, float]]:

@@ -9,6 +9,8 @@ import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording, IntArray
 from numpy.typing import NDArray
 
+LINES = ('angular_velocity', 'linear_acceleration', 'magnetic_field', 'temperature')
+"""Columns that are interpolated."""
 LARGEST_GAP = 3.0
 """Periods between two samples across which nothing is interpolated."""
 
@@ -28,43 +30,34 @@ def upsample(recording: ImuRecording, rate_hz: float = 50.0) -> ImuRecording:
     first, last = int(recording.stamp[0]), int(recording.stamp[-1])
     rows = int((last - first) * 1e-9 * rate_hz) + 1
     stamp = first + np.round(np.arange(rows) * (1e9 / rate_hz)).astype(np.int64)
-    stamp = stamp[_between(stamp, recording.stamp, LARGEST_GAP * period)]
+    inside = _between(stamp, recording.stamp)
+    stamp = stamp if inside.all() else stamp[inside]
     held = recording.rows(np.searchsorted(recording.stamp, stamp, side='right') - 1)
-    return replace(
-        held,
-        stamp=stamp,
-        angular_velocity=_columns(stamp, recording.stamp, recording.angular_velocity),
-        linear_acceleration=_columns(stamp, recording.stamp, recording.linear_acceleration),
-        magnetic_field=_columns(stamp, recording.stamp, recording.magnetic_field),
-        temperature=_columns(stamp, recording.stamp, recording.temperature[:, None])[:, 0],
-    ).with_notes(
+    columns = {name: _columns(stamp, recording.stamp, getattr(recording, name)) for name in LINES}
+    return replace(held, stamp=stamp, **columns).with_notes(
         f'interpolated linearly from {1e9 / period:.3g} Hz to {rate_hz:g} Hz for the filters; '
         'angles say little about fast errors'
     )
 
 
-def _columns(stamp: IntArray, known_stamp: IntArray, values: FloatArray) -> FloatArray:
-    """Return values (n, k) at the stamps, NaN where finite samples are too far apart."""
-    finite = np.isfinite(values).all(axis=1)
-    result = np.full((len(stamp), values.shape[1]), np.nan)
-    known_stamp, values = known_stamp[finite], values[finite]
-    if len(known_stamp) < 2:
-        return result
-    gap = LARGEST_GAP * float(np.median(np.diff(known_stamp)))
-    inside = _between(stamp, known_stamp, gap)
-    seconds = (stamp[inside] - known_stamp[0]) * 1e-9
-    known = (known_stamp - known_stamp[0]) * 1e-9
-    for column in range(values.shape[1]):
-        result[inside, column] = np.interp(seconds, known, values[:, column])
-    return result
+def _columns(stamp: IntArray, known: IntArray, values: FloatArray) -> FloatArray:
+    """Return values (n, …) at the stamps, NaN where finite samples are too far apart."""
+    table = values.reshape(len(values), -1)
+    finite = np.isfinite(table).all(axis=1)
+    if finite.sum() < 2:
+        return np.full((len(stamp), *values.shape[1:]), np.nan)
+    seconds = (stamp - stamp[0]) * 1e-9
+    at = (known[finite] - stamp[0]) * 1e-9
+    lines = np.column_stack([np.interp(seconds, at, column) for column in table[finite].T])
+    if not finite.all():
+        lines[~_between(stamp, known[finite])] = np.nan
+    return lines.reshape(len(stamp), *values.shape[1:])
 
 
-def _between(stamp: IntArray, known: IntArray, gap: float) -> NDArray[np.bool_]:
-    """Return which stamps lie on a known one or between two at most `gap` apart."""
-    after = np.searchsorted(known, stamp, side='left')
-    inside = after < len(known)
-    on = np.zeros(len(stamp), dtype=bool)
-    on[inside] = known[after[inside]] == stamp[inside]
-    near = inside & (after > 0)
-    near[near] = known[after[near]] - known[after[near] - 1] <= gap
-    return on | near
+def _between(stamp: IntArray, known: IntArray) -> NDArray[np.bool_]:
+    """Return which stamps lie on a known one or between two at most three periods apart."""
+    inside = (stamp >= known[0]) & (stamp <= known[-1])
+    gap = np.diff(known)
+    for hole in np.flatnonzero(gap > LARGEST_GAP * float(np.median(gap))):
+        inside &= (stamp <= known[hole]) | (stamp >= known[hole + 1])
+    return inside

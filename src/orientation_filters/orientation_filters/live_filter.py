@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A filter fed with samples as they arrive: pairing, mounting, statistics; knows no ROS."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from math import isfinite, nan
+from typing import Any
+
+import numpy as np
+from imu_recording.jit import NUMBA
+from imu_recording.messages import Covariance, ImuSample, MagneticSample
+
+from orientation_filters.filters import FilterError, check_cutoff, module
+from orientation_filters.flags import (
+    BIAS_LIMITED,
+    DISTURBED,
+    DROPPED,
+    FLAGS,
+    JAMMED,
+    JUMPED_BACK,
+    NOT_STARTED,
+    REINITIALISED,
+    SIX_AXIS,
+)
+from orientation_filters.pairing import MagnetometerPairing, Pair
+from orientation_filters.parameters import FilterParameters
+from orientation_filters.rotation import IDENTITY, euler_zyx, rotate, to_matrix
+
+RATE_SAMPLES = 20
+"""Intervals after which the sample rate is known well enough to judge the cut-off."""
+NO_FIELD = (nan, nan, nan)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The attitude at one sample."""
+
+    sample: ImuSample
+    """In the axes of the body."""
+    orientation: tuple[float, float, float, float]
+    """xyzw, body → world."""
+    covariance: Covariance
+    """Nine numbers about the world's axes [rad²]."""
+    euler: tuple[float, float, float]
+    """Roll, pitch, yaw (ZYX) [rad]."""
+    flags: int
+
+
+class LiveFilter:
+    """Feeds `update` of one filter and counts what happens."""
+
+    def __init__(self, name: str, parameters: FilterParameters) -> None:
+        self.name = name
+        self.refusal = ''
+        """Why nothing is estimated; '' while all is well."""
+        self._parameters = parameters
+        self._module = module(name, parameters)
+        self._params = parameters.kernel_params()
+        self._state = self._module.initial_state()
+        self._pairing = MagnetometerPairing(use_magnetometer=parameters.use_magnetometer)
+        mount = np.array(parameters.mount)
+        self._mount = None if np.array_equal(mount, IDENTITY) else mount / np.linalg.norm(mount)
+        self._counts: Counter[str] = Counter()
+        self._recent: deque[int] = deque(maxlen=500)
+        self._last_stamp: int | None = None
+        self._intervals: deque[int] = deque(maxlen=500)
+        self._judged_rate = False
+
+    def set_parameters(self, parameters: FilterParameters) -> None:
+        """Take over parameters that changed; the state goes on."""
+        if len(self._intervals) >= RATE_SAMPLES:
+            check_cutoff(parameters, self.rate_hz)
+        self._parameters = parameters
+        self._params = parameters.kernel_params()
+
+    def add_imu(self, sample: ImuSample) -> list[Estimate]:
+        """Take an IMU sample; return the attitudes that are known now."""
+        return self._estimates(self._pairing.add_imu(sample))
+
+    def add_field(self, sample: MagneticSample) -> list[Estimate]:
+        """Take a magnetometer sample; return the attitudes that are known now."""
+        if not all(isfinite(v) for v in sample.magnetic_field):
+            self._counts['invalid_magnetometer'] += 1
+            return []
+        return self._estimates(self._pairing.add_field(sample))
+
+    def flush(self) -> list[Estimate]:
+        """Return the attitudes of samples that still waited for a magnetometer sample."""
+        return self._estimates(self._pairing.flush())
+
+    def _estimates(self, pairs: Iterable[Pair]) -> list[Estimate]:
+        estimates = (self._estimate(*pair) for pair in pairs)
+        return [estimate for estimate in estimates if estimate is not None]
+
+    def _estimate(self, imu: ImuSample, field: MagneticSample | None) -> Estimate | None:
+        m = NO_FIELD if field is None else field.magnetic_field
+        if self._mount is not None:
+            imu, m = _mounted(imu, m, self._mount)
+        self._state, flags = self._module.update(
+            self._state, self._params, imu.stamp, imu.angular_velocity, imu.linear_acceleration, m
+        )
+        self._note(imu.stamp, flags)
+        if flags & (DROPPED | NOT_STARTED) or self.refusal:
+            return None
+        xx, xy, xz, yy, yz, zz = self._module.covariance(self._state)
+        q = self._state.orientation
+        roll, pitch, yaw = euler_zyx(np.array(q)).tolist()
+        covariance = (xx, xy, xz, xy, yy, yz, xz, yz, zz)
+        return Estimate(imu, q, covariance, (roll, pitch, yaw), flags)
+
+    def _note(self, stamp: int, flags: int) -> None:
+        """Count flags, and judge the sample rate once it is known."""
+        self._recent.append(flags)
+        self._counts['samples'] += 1
+        for bit, (name, _) in FLAGS.items():
+            if flags & bit:
+                self._counts[name] += 1
+        if flags & DROPPED:
+            return
+        if self._last_stamp is not None and not flags & JUMPED_BACK:
+            self._intervals.append(stamp - self._last_stamp)
+        self._last_stamp = stamp
+        if not self._judged_rate and len(self._intervals) >= RATE_SAMPLES:
+            self._judged_rate = True
+            try:
+                check_cutoff(self._parameters, self.rate_hz)
+            except FilterError as error:
+                self.refusal = str(error)
+
+    @property
+    def rate_hz(self) -> float:
+        """Rate of most samples [Hz]."""
+        return 1e9 / float(np.median(self._intervals)) if self._intervals else nan
+
+    def status(self) -> tuple[int, str, dict[str, Any]]:
+        """Return level (0 ok, 1 warn, 2 error), one line, and values."""
+        recent = np.array(self._recent, dtype=np.int64)
+        last = int(recent[-1]) if len(recent) else 0
+        values = {
+            'filter': self.name,
+            'preset': self._parameters.preset,
+            'rate_hz': self.rate_hz,
+            'jitter_ms': float(np.std(self._intervals)) * 1e-6 if self._intervals else nan,
+            'disturbed_fraction': float(np.mean(recent & (DISTURBED | JAMMED) != 0))
+            if len(recent)
+            else 0.0,
+            **dict(zip(('bias_x', 'bias_y', 'bias_z'), self._state.bias, strict=True)),
+            'resets': max(self._counts['reinitialised'] - 1, 0),
+            'exact_pairs': self._pairing.exact,
+            'unused_magnetometer_samples': self._pairing.unused,
+            'compiled': NUMBA,
+            **{name: self._counts[name] for _, (name, _) in FLAGS.items()},
+        }
+        if self.refusal:
+            return 2, self.refusal, values
+        if not len(recent):
+            return 0, 'waiting for samples', values
+        return *_verdict(last, self._parameters.use_magnetometer), values
+
+
+def _verdict(flags: int, use_magnetometer: bool) -> tuple[int, str]:
+    """Return level and line for the flags of the last sample."""
+    if flags & NOT_STARTED:
+        return 1, 'no usable specific force yet'
+    if flags & SIX_AXIS and use_magnetometer:
+        return 1, 'no magnetometer: heading from the gyroscope alone'
+    if flags & (DISTURBED | JAMMED):
+        return 1, 'magnetic disturbance: heading from the gyroscope alone'
+    if flags & BIAS_LIMITED:
+        return 1, 'rate at rest above bias_limit: not learned'
+    if flags & DROPPED:
+        return 1, 'last sample dropped'
+    if flags & REINITIALISED:
+        return 0, 'attitude set anew'
+    return 0, 'estimating'
+
+
+def _mounted(
+    imu: ImuSample, m: tuple[float, float, float], q: np.ndarray
+) -> tuple[ImuSample, tuple[float, float, float]]:
+    """Return a sample and field in the axes of the body."""
+    w, f, b = rotate(q, np.array([imu.angular_velocity, imu.linear_acceleration, m])).tolist()
+    return replace(
+        imu,
+        angular_velocity=(w[0], w[1], w[2]),
+        linear_acceleration=(f[0], f[1], f[2]),
+        angular_velocity_covariance=_turned(imu.angular_velocity_covariance, q),
+        linear_acceleration_covariance=_turned(imu.linear_acceleration_covariance, q),
+    ), (b[0], b[1], b[2])
+
+
+def _turned(covariance: Covariance, q: np.ndarray) -> Covariance:
+    """Return a covariance in the axes of the body; unknown and unreported stay as they are."""
+    if covariance[0] == -1.0 or not any(covariance):
+        return covariance
+    r = to_matrix(q)
+    return tuple((r @ np.reshape(covariance, (3, 3)) @ r.T).ravel().tolist())

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes `complementary_filter` and `ahrs_filter`: imu/data_raw and imu/mag in, imu/data out."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any, ClassVar
+
+from geometry_msgs.msg import Vector3Stamped
+from imu_recording.lifecycle_node import ConfiguredNode, run_node
+from imu_recording.messages import (
+    imu_from_sample,
+    sample_from_imu,
+    sample_from_magnetic_field,
+    vector_message,
+)
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import Imu, MagneticField
+
+from orientation_filters.live_filter import Estimate, LiveFilter
+from orientation_filters.node_config import AhrsConfig, ComplementaryConfig
+from orientation_filters.parameters import PRESETS, check_mount
+from orientation_filters.raw_imu import field_from_bytes, imu_from_bytes
+from orientation_filters.transform import transform_class, transform_message
+
+
+class FilterNode(ConfiguredNode):
+    """Estimates orientation from imu/data_raw and imu/mag."""
+
+    filter_name: ClassVar[str]
+    _preset: ClassVar[dict[str, Any]] = {}
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Give parameters that nobody set the values of the preset."""
+        preset = PRESETS[self.filter_name][self.get_parameter('preset').value]
+        defaults = {item.name: item.default for item in fields(self.config_class)}
+        for name in self._preset.keys() | preset.keys():
+            untouched = self.get_parameter(name).value == self._preset.get(name, defaults[name])
+            if untouched and name not in self._parameter_overrides:
+                value = preset.get(name, defaults[name])
+                self.set_parameters([Parameter(name, value=value)])
+        self._preset = preset
+        return super().on_configure(state)
+
+    def setup(self, config: Any) -> None:
+        """Create filter, inputs and outputs."""
+        check_mount(config)
+        self.filter = LiveFilter(self.filter_name, config)
+        self._refused = False
+        raw = config.raw_subscription
+        self._imu_sample = imu_from_bytes if raw else sample_from_imu
+        self._field_sample = field_from_bytes if raw else sample_from_magnetic_field
+        self._orientation = self.output(Imu, 'imu/data')
+        self._euler = self.output(Vector3Stamped, '~/euler') if config.publish_euler else None
+        self._tf = self.output(transform_class(), '/tf') if config.publish_tf else None
+        self.input(Imu, 'imu/data_raw', self.on_imu, raw=raw)
+        if config.use_magnetometer:
+            self.input(MagneticField, 'imu/mag', self.on_magnetic_field, raw=raw)
+
+    def reconfigured(self, config: Any) -> None:
+        """Take over changed parameters; the estimate goes on."""
+        self.filter.set_parameters(config)
+
+    def on_imu(self, message: Any) -> None:
+        """Take an Imu."""
+        self._publish(self.filter.add_imu(self._imu_sample(message)))
+
+    def on_magnetic_field(self, message: Any) -> None:
+        """Take a MagneticField."""
+        self._publish(self.filter.add_field(self._field_sample(message)))
+
+    def finish(self) -> None:
+        """Publish what still waits for a magnetometer sample: the input has ended."""
+        self._publish(self.filter.flush())
+
+    def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
+        """Return rate, jitter, disturbed fraction, bias, resets and counts."""
+        return self.filter.status() if hasattr(self, 'filter') else super().diagnostics()
+
+    def _publish(self, estimates: list[Estimate]) -> None:
+        if self.filter.refusal and not self._refused:
+            self._refused = True
+            self.get_logger().error(self.filter.refusal)
+        for estimate in estimates:
+            sample = estimate.sample
+            if self.config.body_frame_id:
+                sample = replace(sample, frame_id=self.config.body_frame_id)
+            self._orientation.publish(
+                imu_from_sample(
+                    sample,
+                    orientation=estimate.orientation,
+                    orientation_covariance=estimate.covariance,
+                )
+            )
+            if self._euler:
+                self._euler.publish(vector_message(sample.stamp, estimate.euler, sample.frame_id))
+            if self._tf:
+                self._tf.publish(transform_message(self.config.world_frame_id, sample, estimate))
+
+
+class ComplementaryFilterNode(FilterNode):
+    """The complementary filter as a node."""
+
+    config_class = ComplementaryConfig
+    filter_name = 'complementary'
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__('complementary_filter', **options)
+
+
+class AhrsFilterNode(FilterNode):
+    """The AHRS as a node."""
+
+    config_class = AhrsConfig
+    filter_name = 'ahrs'
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__('ahrs_filter', **options)
+
+
+def main_complementary() -> int:
+    """Run the node."""
+    return run_node(ComplementaryFilterNode)
+
+
+def main_ahrs() -> int:
+    """Run the node."""
+    return run_node(AhrsFilterNode)
