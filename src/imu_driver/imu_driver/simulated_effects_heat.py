@@ -89,16 +89,19 @@ def _turned(load: FloatArray, turn: FloatArray, seen: FloatArray) -> FloatArray:
 def g_sensitivity(
     runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator
 ) -> Shape:
-    """The tuning forks' mass imbalance follows the quality factor, which falls with heat."""
+    """The tuning forks' mass imbalance shifts as the frame around them is strained by heat."""
     pattern = generator.normal(0.0, 1.0, (3, 3))
     # Equal columns per row could not be told from a bias with three orientations.
     pattern -= 0.8 * pattern.mean(axis=1, keepdims=True)
     waves = []
     for run in runs:
-        kelvin = run.nodes[:, DIE] + 273.15
-        quality = (kelvin / (REFERENCE_TEMPERATURE + 273.15)) ** -1.3
-        waves.append(along_axes(1.0 - quality, pattern @ run.true_input('accelerometer')))
+        load = thermal_load(run.nodes, sensor, 5e-4)
+        waves.append(along_axes(load, pattern @ run.true_input('accelerometer')))
     return in_sensor(sensor, waves)
+
+
+LEAK = 0.01
+"""Share of a node's heat that takes another way than from the node before it."""
 
 
 @njit(cache=True)
@@ -107,13 +110,13 @@ def follow(
 ) -> FloatArray:
     """Return (n,) a node that follows `drive`, and by a small `share` `leak`.
 
-    Its conductance grows by 0.1 % per kelvin, as that of filled epoxy.
+    Its conductance grows by 0.05 % per kelvin, as that of filled epoxy.
     """
     node = np.empty(len(drive))
     value = (drive[0] + share * leak[0]) / (1.0 + share)
     node[0] = value
     for k in range(1, len(drive)):
-        conductance = 1.0 + 1e-3 * (value - REFERENCE_TEMPERATURE)
+        conductance = 1.0 + 5e-4 * (value - REFERENCE_TEMPERATURE)
         pull = period / time * conductance
         value = (value + pull * (drive[k] + share * leak[k])) / (1.0 + pull * (1.0 + share))
         node[k] = value
@@ -127,9 +130,9 @@ def lag(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) 
     waves = []
     for run in runs:
         die = run.nodes[:, DIE].copy()
-        node = follow(die, run.nodes[:, BOARD].copy(), time, 0.02, run.environment.period)
+        node = follow(die, run.nodes[:, BOARD].copy(), time, LEAK, run.environment.period)
         waves.append(along_axes(node - die, gains))
-    return in_sensor(sensor, waves, time_constant=time)
+    return in_sensor(sensor, waves, time_constant=time / (1.0 + LEAK))
 
 
 def two_lags(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
@@ -140,8 +143,8 @@ def two_lags(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Genera
     waves = []
     for run in runs:
         die, period = run.nodes[:, DIE].copy(), run.environment.period
-        glue = follow(die, run.nodes[:, BOARD].copy(), fast, 0.02, period)
-        heavy = follow(glue, run.environment.air_temperature, slow, 0.02, period)
+        glue = follow(die, run.nodes[:, BOARD].copy(), fast, LEAK, period)
+        heavy = follow(glue, run.environment.air_temperature, slow, LEAK, period)
         waves.append(along_axes(glue - die, fast_gains) + along_axes(heavy - die, slow_gains))
     return in_sensor(
         sensor, waves, time_constant_fast=fast, time_constant_slow=slow

@@ -23,7 +23,7 @@ MOVING = ('accelerometer', 'gyroscope')
 def discharge(time: FloatArray, time_constant: float) -> FloatArray:
     """Return (n,) a trapped charge that leaks away after power-on, 1 at the start.
 
-    dq/dt = −q·(1 + 0.1 q)/τ: a little faster while there is much of it.
+    dq/dt = −q·(1 + 0.04 q)/τ: a little faster while there is much of it.
     """
     charge = np.empty(len(time))
     q = 1.0
@@ -31,7 +31,7 @@ def discharge(time: FloatArray, time_constant: float) -> FloatArray:
         charge[k] = q
         if k + 1 < len(time):
             step = time[k + 1] - time[k]
-            q -= q * (1.0 + 0.1 * q) / time_constant * step
+            q -= q * (1.0 + 0.04 * q) / time_constant * step
     return charge
 
 
@@ -42,7 +42,7 @@ def warm_up(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generat
     return in_sensor(
         sensor,
         [along_axes(discharge(run.environment.time, time), gains) for run in runs],
-        time_constant=time,
+        time_constant=time / 1.02,
     )
 
 
@@ -169,7 +169,8 @@ def creep(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator
         for time in times:
             crept -= np.expm1(-run.environment.time / time)
         waves.append(along_axes(crept, gains))
-    return in_sensor(sensor, waves, time_constant=start)
+    # Ein(t/start), the limit of many processes, is within 2 % of ln(1 + t/(0.5·start)).
+    return in_sensor(sensor, waves, time_constant=0.5 * start)
 
 
 def random_walk(

@@ -4,27 +4,30 @@
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
+from typing import Any
 
 from imu_driver.simulated_catalogue import DEVICES
+from imu_driver.simulated_hidden import HIDEABLE
 from imu_recording.columns_hash import columns_hash
 
-from imu_recording import write_bag
+from imu_recording import ImuRecording, write_bag
 from imu_workbench.answer import Answer
-from imu_workbench.experiment import (
-    ORIENTATIONS,
-    Logging,
-    prepare_campaign,
-    record_campaign,
-)
+from imu_workbench.experiment import ORIENTATIONS, Logging, simulate_campaign, simulate_run
+from imu_workbench.experiment_hidden import TRUTH_FILE, Secret, hidden_campaign, write_truth
 from imu_workbench.progress import show_progress
 
 HELP = 'simulate a device in a chamber that runs a thermal profile, and write the bags'
+EPILOG = 'What --hide can hide: ' + ', '.join(HIDEABLE)
 AXES = ('x', 'y', 'z', '-x', '-y', '-z')
+SENSORS = ('accelerometer', 'gyroscope', 'magnetometer', 'accelerometer+magnetometer')
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of simulate."""
+    # argparse takes '-x' for an option unless it counts as a negative number.
+    parser._negative_number_matcher = re.compile(r'^-(\d+|\d*\.\d+|[xyz])$')
     parser.add_argument('profile', metavar='PROFILE', help='name or YAML file of a profile')
     parser.add_argument('--device', choices=tuple(DEVICES), default='dut1', help='which device')
     parser.add_argument(
@@ -50,24 +53,65 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         '--field-jumps', action='store_true',
         help="add the level changes between the paper's R1 … R4 to the magnetometer",
     )
+    parser.add_argument(
+        '--hide', choices=(*HIDEABLE, 'random'), metavar='EFFECT',
+        help='hide one effect or fault, or a random one; rows are means then, and the truth goes '
+        f'to DIR/{TRUTH_FILE}, which only `reveal DIR` opens',
+    )
+    parser.add_argument(
+        '--magnitude', type=float, default=2.0, metavar='M',
+        help='rms of the hidden effect beyond a line in temperature, in standard deviations of a '
+        'one-second mean (default 2)',
+    )
+    parser.add_argument('--sensor', choices=SENSORS, help='where to hide it (default: by seed)')
 
 
 def run(options: argparse.Namespace) -> Answer:
     """Simulate, write, and say what was written."""
     _check(options)
-    chosen = [f'+{options.orientation}'[-2:]] if options.orientation else list(ORIENTATIONS)
-    paths = [options.output] if options.orientation else [
-        options.output / axis[-1] for axis in chosen
-    ]
-    show_progress(f'simulating {len(chosen)} runs of {options.profile} …')
-    runs = prepare_campaign(
-        options.profile, options.device, seed=options.seed, orientations=chosen,
+    logging = Logging(options.rate, options.mean or bool(options.hide), options.chamber_period)
+    if options.hide:
+        return _hidden(options, logging)
+    if options.orientation:
+        axis = options.orientation if options.orientation[0] == '-' else f'+{options.orientation}'
+        show_progress(f'simulating {options.profile} …')
+        recording = simulate_run(
+            options.profile, options.device, logging, seed=options.seed, orientation=axis,
+            field_jumps=options.field_jumps,
+        )
+        return _written([options.output], [recording])
+    show_progress(f'simulating {len(ORIENTATIONS)} runs of {options.profile} …')
+    recordings = simulate_campaign(
+        options.profile, options.device, logging, seed=options.seed,
         field_jumps=options.field_jumps,
     )
-    logging = Logging(options.rate, options.mean, options.chamber_period)
-    bags, lines = [], []
-    for path, prepared in zip(paths, runs, strict=True):
-        recording = record_campaign([prepared], logging)[0]
+    return _written(_paths(options), recordings)
+
+
+def _hidden(options: argparse.Namespace, logging: Logging) -> Answer:
+    show_progress(f'simulating {len(ORIENTATIONS)} runs of {options.profile} …')
+    campaign = hidden_campaign(
+        options.profile, options.device, logging,
+        Secret(options.hide, options.magnitude, options.sensor), seed=options.seed,
+    )
+    answer = _written(_paths(options), campaign.recordings)
+    write_truth(
+        options.output / TRUTH_FILE, campaign.truth, device=options.device, seed=options.seed,
+        profile=options.profile, bags=[path.name for path in _paths(options)],
+    )
+    hint = f'hidden: see whether `diagnose` finds it, then `reveal {options.output}`'
+    return Answer(answer.content, f'{answer.text}\n{hint}')
+
+
+def _paths(options: argparse.Namespace) -> list[Path]:
+    return [options.output / axis[-1] for axis in ORIENTATIONS]
+
+
+def _written(paths: list[Path], recordings: list[ImuRecording]) -> Answer:
+    """Write the bags and say so."""
+    bags: list[dict[str, Any]] = []
+    lines = []
+    for path, recording in zip(paths, recordings, strict=True):
         show_progress(f'writing {path} …')
         path.parent.mkdir(parents=True, exist_ok=True)
         write_bag(recording, path)
@@ -90,3 +134,21 @@ def _check(options: argparse.Namespace) -> None:
         raise ValueError(f'--chamber-period {options.chamber_period:g}: it must be above 0')
     if options.seed < 0:
         raise ValueError(f'--seed {options.seed}: it must not be negative')
+    if options.hide:
+        _check_hidden(options)
+    elif options.sensor:
+        raise ValueError('--sensor says where to hide something: it needs --hide')
+
+
+def _check_hidden(options: argparse.Namespace) -> None:
+    if options.orientation or options.field_jumps:
+        raise ValueError(
+            '--hide makes all three orientations and nothing beside the effect: leave '
+            '--orientation and --field-jumps away'
+        )
+    if not options.magnitude > 0.0:
+        raise ValueError(f'--magnitude {options.magnitude:g}: it must be above 0')
+    if options.rate > 10.0:
+        raise ValueError(f'--rate {options.rate:g}: with --hide rows are means, at most 10 Hz')
+    if (options.output / TRUTH_FILE).exists():
+        raise ValueError(f'{options.output}: holds a secret already; name another folder')
