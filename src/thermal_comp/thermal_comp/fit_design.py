@@ -154,11 +154,11 @@ class Design:
         valid = self.valid(run, sensor)
         if key not in self.white:
             base = [np.ones(int(valid.sum())), self.runs[run].measured[sensor][valid, axis]]
-            self.white[key] = self._whiten(np.column_stack(base), run, sensor, axis)
+            self.white[key] = self.whitened(np.column_stack(base), run, sensor, axis)
         base_white = self.white[key]
         right = base_white[:, 1:]
         if values is not None:
-            right = self._whiten(values[run, sensor][valid, axis], run, sensor, axis)
+            right = self.whitened(values[run, sensor][valid, axis], run, sensor, axis)
         index = [np.array([self.level_index(run, sensor, axis)])]
         columns = [base_white[:, :1]]
         for term in self.terms_of(sensor):
@@ -172,16 +172,31 @@ class Design:
             columns = self.columns(effect, run, sensor)
             part = columns[:, axis] if columns.ndim == 3 else columns
             part = part[self.valid(run, sensor)]
-            self.white[key] = self._whiten(part, run, sensor, axis)
+            self.white[key] = self.whitened(part, run, sensor, axis)
         return self.white[key]
 
-    def _whiten(self, values: FloatArray, run: int, sensor: Sensor, axis: int) -> FloatArray:
+    def gains_of(self, run: int, sensor: Sensor, axis: int) -> Gains:
+        """Return the whitening filter of one axis over the blocks that take part."""
         key = (run, sensor, axis)
         if key not in self.gains:
             slot = self.runs[run].slot[self.valid(run, sensor)]
             period = self.runs[run].period
             self.gains[key] = innovation_gains(slot, self.noise[sensor], axis, period)
-        return apply_gains(values, self.gains[key])
+        return self.gains[key]
+
+    def whitened(self, values: FloatArray, run: int, sensor: Sensor, axis: int) -> FloatArray:
+        """Return values (valid blocks, q) whitened."""
+        return apply_gains(values, self.gains_of(run, sensor, axis))
+
+    def raw_columns(self, run: int, sensor: Sensor, axis: int) -> tuple[IntArray, FloatArray]:
+        """Return the unknowns of one axis and their columns over all blocks, level first."""
+        index = [np.array([self.level_index(run, sensor, axis)])]
+        columns = [np.ones((len(self.runs[run]), 1))]
+        for term in self.terms_of(sensor):
+            part = self.columns(term.effect, run, sensor)
+            columns.append(part[:, axis] if part.ndim == 3 else part)
+            index.append(term.indices(run, axis, columns[-1].shape[1]))
+        return np.concatenate(index), np.concatenate(columns, axis=1)
 
     def _terms(self) -> list[Term]:
         terms: list[Term] = []
