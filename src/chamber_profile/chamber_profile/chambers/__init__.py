@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Climatic chambers, one module per family of protocols."""
+"""Climatic chambers: the interface, one module per family of protocols, the catalogue."""

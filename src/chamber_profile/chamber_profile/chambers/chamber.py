@@ -49,8 +49,12 @@ class Chamber(Protocol):
     """
 
     emulated: bool
-    resolution_c: float
-    """Step of the set-point the protocol can express [K]."""
+    programs_limits: bool
+    """Whether `set_limits` reaches the chamber; where not, they are set at its panel."""
+
+    @property
+    def resolution_c(self) -> float:
+        """Step of the set-point the protocol can express [K]; known once connected."""
 
     def connect(self) -> str:
         """Open the link (again) and return what the chamber says it is."""

@@ -38,6 +38,7 @@ class SimulatedChamber:
     seed: int = 0
     emulated: bool = True
     resolution_c: float = 0.1
+    programs_limits: bool = True
 
     def __post_init__(self) -> None:
         self._rng = np.random.default_rng(self.seed)

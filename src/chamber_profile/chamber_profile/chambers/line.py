@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A request goes out, an answer comes in: serial port, pseudo-terminal or TCP."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import serial
+
+from chamber_profile.chambers.chamber import ChamberError
+
+TIMEOUT_S = 3.0
+"""A chamber that has not answered by then does not answer."""
+
+
+@dataclass
+class Line:
+    """One request, one answer. Any failure closes the port; `open` opens it anew.
+
+    `port` is what `serial.serial_for_url` takes: a device path or `socket://HOST:PORT`.
+    """
+
+    port: str
+    baudrate: int = 19200
+    timeout_s: float = TIMEOUT_S
+    pause_s: float = 0.0
+    """Silence kept between an answer and the next request [s]."""
+    _serial: serial.SerialBase | None = field(default=None, repr=False)
+
+    def open(self) -> None:
+        """Open the port; raise ChamberError where that fails."""
+        self.close()
+        options: Mapping[str, object] = {} if '://' in self.port else {'exclusive': True}
+        try:
+            self._serial = serial.serial_for_url(
+                self.port, baudrate=self.baudrate, timeout=0.05, write_timeout=2.0, **options
+            )
+            self._drain()
+        except (OSError, ValueError) as error:
+            self.close()
+            raise ChamberError(f'{self.port}: cannot be opened: {error}') from error
+
+    def close(self) -> None:
+        """Close the port."""
+        if self._serial is not None:
+            self._serial.close()
+            self._serial = None
+
+    def ask(self, request: bytes, length: Callable[[bytes], int]) -> bytes:
+        """Send a request and return its answer.
+
+        `length(received)` says how long the answer is that `received` begins, 0: not yet known.
+        """
+        if self._serial is None:
+            self.open()
+        port = self._serial
+        assert port is not None  # noqa: S101 (open sets it or raises)
+        received = b''
+        try:
+            port.reset_input_buffer()
+            port.write(request)
+            deadline = time.monotonic() + self.timeout_s
+            while not (size := length(received)) or len(received) < size:
+                wanted = size - len(received) if size else port.in_waiting
+                received += port.read(max(1, wanted))
+                if time.monotonic() > deadline:
+                    raise ChamberError(f'{self.port}: no answer to {request!r}, got {received!r}')
+        except OSError as error:
+            self.close()
+            if isinstance(error, ChamberError):
+                raise
+            raise ChamberError(f'{self.port}: the link broke: {error}') from error
+        if self.pause_s:
+            time.sleep(self.pause_s)
+        return received[:size]
+
+    def ask_text(self, request: bytes, quiet_s: float = 0.2) -> bytes:
+        """Send a request and return everything that comes until the line is quiet."""
+        quiet_since, size = time.monotonic(), 0
+
+        def length(received: bytes) -> int:
+            nonlocal quiet_since, size
+            if len(received) != size:
+                quiet_since, size = time.monotonic(), len(received)
+            return size if size and time.monotonic() - quiet_since > quiet_s else 0
+
+        return self.ask(request, length)
+
+    def _drain(self) -> None:
+        """Throw away what an earlier request may still bring."""
+        assert self._serial is not None  # noqa: S101 (called by open)
+        for _ in range(20):
+            if not self._serial.read(256):
+                return
+
+
+def until(terminator: bytes) -> Callable[[bytes], int]:
+    """Return the length function of answers that end with a terminator.
+
+    >>> until(b'!')(b'ok!more'), until(b'!')(b'o')
+    (3, 0)
+    """
+
+    def length(received: bytes) -> int:
+        place = received.find(terminator)
+        return 0 if place < 0 else place + len(terminator)
+
+    return length
