@@ -10,7 +10,7 @@ measurements", INFOCOM 2002; two hulls that take turns follow a wandering crysta
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 NANOSECOND: Final = 1_000_000_000
 TICK_RANGE: Final = 1 << 32
@@ -60,6 +60,21 @@ class ConvexHull:
         return x, y, 0.0
 
 
+class Observation(NamedTuple):
+    """A sample the clock has seen."""
+
+    tick: int
+    arrival: int
+    origin: int
+    """Arrival of the first sample since the device's start [ns]."""
+    elapsed: int
+    """Ticks since that sample."""
+    time: float
+    """The same [s]."""
+    offset: float
+    """Arrival after `origin` minus `time` [s]."""
+
+
 class DeviceClock:
     """Stamps the samples of one device: feed (tick, arrival) in order, get ROS time [ns].
 
@@ -91,7 +106,7 @@ class DeviceClock:
         self._active = ConvexHull()
         self._pending = ConvexHull()
         self._switch_at = self.window
-        self._origin: tuple[int, int] | None = None
+        self._origin: int | None = None
         self._tick = 0
         self._elapsed = 0
         self._arrival = 0
@@ -118,6 +133,10 @@ class DeviceClock:
 
     def stamp(self, tick: int, arrival: int) -> int:
         """Return the ROS time [ns] at which the device read `tick`; `arrival` is ROS time [ns]."""
+        return self.settle([self.observe(tick, arrival)])[0]
+
+    def observe(self, tick: int, arrival: int) -> Observation:
+        """Take in a sample's tick and arrival; `settle` gives its stamp."""
         if self.has_restarted(tick, arrival):
             self.restart()
         elif arrival < self._arrival - STEP * NANOSECOND:
@@ -125,7 +144,7 @@ class DeviceClock:
             self._start()
             self._last_stamp = 0
         if self._origin is None:
-            self._origin = (tick, arrival)
+            self._origin = arrival
         else:
             advance = self._advance(tick, arrival)
             self.wraps += (self._tick + advance) // TICK_RANGE
@@ -133,29 +152,55 @@ class DeviceClock:
         self._tick = tick
         self._arrival = arrival
         time = self._elapsed / self.tick_rate
-        offset = (arrival - self._origin[1]) / NANOSECOND - time
+        offset = (arrival - self._origin) / NANOSECOND - time
         self._active.add(time, offset)
         self._pending.add(time, offset)
         if time >= self._switch_at:
             self._active, self._pending = self._pending, ConvexHull()
             self._pending.add(time, offset)
             self._switch_at = time + self.window
-        x, y, slope = self._active.line()
-        estimate = min(y + slope * (time - x), offset)
-        self._follow(offset - estimate)
-        if offset - estimate < STEP:
-            self._in_time = time
-        elif time - self._in_time > STEP_LASTS:
-            self.steps += 1
+        return Observation(tick, arrival, self._origin, self._elapsed, time, offset)
+
+    def settle(self, observations: list[Observation]) -> list[int]:
+        """Return the stamps [ns] of samples observed since the last call, in order.
+
+        What came in one piece is best observed before any of it is settled: the last of a backlog
+        was delayed least and tells most.
+        """
+        if not observations:
+            return []
+        if self._host_clock_stepped(observations[-1]):
             self._start()
-            return self.stamp(tick, arrival)
-        stamp = (
-            self._origin[1]
-            + self._elapsed * NANOSECOND // int(self.tick_rate)
-            + round((estimate - self.latency) * NANOSECOND)
-        )
-        self._last_stamp = max(stamp, self._last_stamp + 1)
-        return self._last_stamp
+            observations = [self.observe(o.tick, o.arrival) for o in observations]
+        x, y, slope = self._active.line()
+        stamps = []
+        for item in observations:
+            estimate = item.offset
+            if item.origin == self._origin:
+                estimate = min(y + slope * (item.time - x), item.offset)
+                self._follow(item.offset - estimate)
+            stamp = (
+                item.origin
+                + item.elapsed * NANOSECOND // int(self.tick_rate)
+                + round((estimate - self.latency) * NANOSECOND)
+            )
+            self._last_stamp = max(stamp, self._last_stamp + 1)
+            stamps.append(self._last_stamp)
+        return stamps
+
+    def _host_clock_stepped(self, newest: Observation) -> bool:
+        x, y, slope = self._active.line()
+        if newest.offset - (y + slope * (newest.time - x)) < STEP:
+            self._in_time = newest.time
+        elif newest.time - self._in_time > STEP_LASTS:
+            self.steps += 1
+            return True
+        return False
+
+    @property
+    def age(self) -> float:
+        """Device time since its first sample [s]."""
+        return self._elapsed / self.tick_rate
 
     @property
     def skew_ppm(self) -> float:

@@ -79,7 +79,7 @@ class DeviceReader:
             finally:
                 self.connected = False
                 transport.close()
-                self.session.disconnected()
+                self._deliver(self.session.disconnected())
             self._stop.wait(retry)
 
     def _converse(self, transport: Transport) -> None:

@@ -40,6 +40,8 @@ class SampleQueue:
 
     def put(self, samples: list[Sample]) -> None:
         """Append samples; the oldest give way where there is no room."""
+        if not samples:
+            return
         with self._wake:
             self._waiting.append(samples)
             self._fill += len(samples)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from imu_driver.axis_map import AxisMap
-from imu_driver.device_clock import NANOSECOND, DeviceClock
+from imu_driver.device_clock import NANOSECOND, DeviceClock, Observation
 from imu_driver.device_set_up import DeviceSetUp
 from imu_driver.frame_codec import DecoderCounts, FrameDecoder
 from imu_driver.frames import (
@@ -30,6 +30,8 @@ from imu_driver.sequence import SequenceCount
 
 HELD_AT_MOST: Final = 4000
 """Samples kept while their scale is unknown (four seconds at the highest rate)."""
+SETTLING: Final = 0.2
+"""[s] The first samples wait so long, that a stall at the start does not spoil their stamps."""
 SILENT_BOARD: Final = 1.5
 """[s] An ASCII sketch that tells nothing about itself for so long is taken as it is."""
 
@@ -85,14 +87,18 @@ class DeviceSession:
         self._scale: SampleScale | None = None
         self._configuration = -1
         self._held: list[tuple[DataFrame, int]] = []
+        self._unstamped: list[tuple[DataFrame, Observation]] = []
         self._identified = False
         self._last = (-1, -1)
 
-    def disconnected(self) -> None:
-        """Keep the counts of the connection that ended."""
+    def disconnected(self) -> list[Sample]:
+        """Keep the counts of the connection that ended; return the samples that still waited."""
+        samples: list[Sample] = []
+        self._settle(samples)
         self._past = self.counts
         self.decoder = FrameDecoder(self.config.protocol)
         self._discard(len(self._held))
+        return samples
 
     @property
     def counts(self) -> DecoderCounts:
@@ -111,6 +117,8 @@ class DeviceSession:
         samples: list[Sample] = []
         for frame in self.decoder.feed(chunk):
             self._take(frame, arrival, samples)
+        if self.clock.age >= SETTLING:
+            self._settle(samples)
         return samples
 
     def outgoing(self, now: int) -> bytes:
@@ -127,6 +135,7 @@ class DeviceSession:
             if refused:
                 self.events.append(refused)
         elif isinstance(frame, OtherVersion):
+            self._settle(samples)
             self._refuse(f'the device speaks protocol version {frame.version}, this driver 1')
 
     def _take_data(self, frame: DataFrame, arrival: int, samples: list[Sample]) -> None:
@@ -145,17 +154,27 @@ class DeviceSession:
 
     def _process(self, frame: DataFrame, arrival: int, samples: list[Sample]) -> None:
         if self.clock.has_restarted(frame.tick, arrival):
+            self._settle(samples)
             self._restarted()
         self.sequence.take(frame.sequence)
-        stamp = self.clock.stamp(frame.tick, arrival)
         if self._scale is None:
             self.discarded += 1
         else:
+            self._unstamped.append((frame, self.clock.observe(frame.tick, arrival)))
+
+    def _settle(self, samples: list[Sample]) -> None:
+        """Stamp what was observed since the last call."""
+        if not self._unstamped or self._scale is None:
+            return
+        stamps = self.clock.settle([observation for _, observation in self._unstamped])
+        for stamp, (frame, _) in zip(stamps, self._unstamped, strict=True):
             samples.append(self._scale.sample(stamp, frame))
+        self._unstamped.clear()
 
     def _hold(self, frame: DataFrame, arrival: int, samples: list[Sample]) -> None:
         """Keep a frame until the device has told which full scales it was measured with."""
         if self._scale is not None:
+            self._settle(samples)
             self._scale = None
             self.set_up.ask(arrival)
         self._held.append((frame, arrival))
@@ -182,6 +201,7 @@ class DeviceSession:
     def _take_information(
         self, frame: InformationFrame, arrival: int, samples: list[Sample]
     ) -> None:
+        self._settle(samples)
         self._compare(frame, arrival)
         self.clock.tick_rate = float(frame.tick_rate)
         self.information = frame

@@ -108,12 +108,14 @@ def emulated_board(
     """
     from imu_driver.simulated_stream import SimulatedDevice
 
-    source = SimulatedDevice(
-        device, seed=seed, full_scale=dict(DEFAULT_FULL_SCALE), orientation=orientation
-    )
+    ambient = ambient_law(temperature)
+    full_scale = dict(DEFAULT_FULL_SCALE)
+    # The first call compiles: on a device that is thrown away, before time begins to count.
+    SimulatedDevice(device, seed=seed, full_scale=full_scale).sample(0.0, ambient(0.0))
+    source = SimulatedDevice(device, seed=seed, full_scale=full_scale, orientation=orientation)
     return EmulatedBoard(
         source,
         options,
-        ambient=ambient_law(temperature),
+        ambient=ambient,
         device_time=lambda time: time * time_scale,
     )
