@@ -86,7 +86,8 @@ def groupings(runs: Sequence[PreparedRun]) -> list[tuple[tuple[str, ...], list[A
         (('temperature',), [(b,) for run in runs for b in temperature_bins(run.temperature)]),
     ]
     if len(runs) > 1:
-        ways.append((('orientation',), [(orientation(run),) for run in runs for _ in run.slot]))
+        up = [label for run in runs for label in [(orientation(run),)] * len(run)]
+        ways.append((('orientation',), up))
     return ways
 
 
