@@ -79,6 +79,7 @@ class ConfiguredNode(LifecycleNode):
         self._now = now
         self._entities: list[Callable[[], None]] = []
         self.inputs: dict[str, Callable[[Any], None]] = {}
+        self.refused = ''
         self._fields = {item.name: item for item in fields(self.config_class)}
         for item in self._fields.values():
             default = default_of(item)
@@ -172,6 +173,12 @@ class ConfiguredNode(LifecycleNode):
         message.header.stamp.nanosec = int(nanoseconds)
         self._diagnostics_publisher.publish(message)
 
+    def refuse(self, reason: str) -> None:
+        """Note why this node does not work, once; log it where nobody captures the output."""
+        if not self.refused and not self._capture:
+            self.get_logger().error(reason)
+        self.refused = reason
+
     # Lifecycle --------------------------------------------------------------------------------
 
     def autostart(self) -> bool:
@@ -181,11 +188,12 @@ class ConfiguredNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read the parameters and set up."""
+        self.refused = ''
         try:
             self.config = config_from_values(self.config_class, self._values())
             self.setup(self.config)
         except (ValueError, OSError) as error:
-            self.get_logger().error(str(error))
+            self.refuse(str(error))
             self._release()
             return TransitionCallbackReturn.FAILURE
         return super().on_configure(state)

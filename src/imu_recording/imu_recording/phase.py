@@ -108,12 +108,23 @@ def _moves(time: FloatArray, setpoint: FloatArray) -> list[tuple[int, int]]:
 
 
 def _reference_level(levels: list[float], lengths: list[float]) -> float:
-    """Return the level between the extremes: the first where it is one, else the longest."""
+    """Return the level between the extremes that the run starts from and comes back to.
+
+    That is the first or second level (the first may be the room, before the approach to the
+    reference); where neither recurs, the level between the extremes that was held longest.
+    """
     low, high = min(levels), max(levels)
     inner = [k for k, level in enumerate(levels) if low + EVEN_C < level < high - EVEN_C]
-    if not inner or 0 in inner:
+    if not inner:
         return levels[0]
-    return levels[max(inner, key=lambda k: lengths[k])]
+
+    def visits(k: int) -> list[int]:
+        return [i for i in inner if abs(levels[i] - levels[k]) <= EVEN_C]
+
+    for k in inner:
+        if k < 2 and len(visits(k)) > 1:
+            return levels[k]
+    return levels[max(inner, key=lambda k: sum(lengths[i] for i in visits(k)))]
 
 
 def _dwell_kind(level: float, reference: float) -> str:

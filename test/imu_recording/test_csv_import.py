@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""CSV files become recordings by their mapping; what is wrong is named with its place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from imu_recording.bag_error import BagError
+from imu_recording.csv_import import import_csv
+from imu_recording.csv_mapping import MappingError, mapping_from
+from recording_samples import assert_same
+
+from imu_recording import read_bag, write_bag
+
+EXAMPLES = Path(__file__).parents[2] / 'examples'
+MAPPING: dict[str, Any] = {
+    'schema': 1,
+    'device': 'board',
+    'time': {'column': 't', 'unit': 'ms'},
+    'columns': {
+        'linear_acceleration': {'columns': ['ax', 'ay', 'az'], 'unit': 'g'},
+        'angular_velocity': {'columns': ['gx', '-gy', 'gz'], 'scale': '1/4', 'unit': 'deg/s'},
+        'temperature': {'column': 'T', 'scale': 0.5, 'offset': [32], 'unit': '°F'},
+    },
+}
+HEADER = 't,ax,ay,az,gx,gy,gz,T\n'
+
+
+def written(path: Path, rows: str, header: str = HEADER) -> Path:
+    path.write_text(header + rows)
+    return path
+
+
+@pytest.mark.shared_data
+def test_freeimu_log_becomes_a_bag(shared: Path, tmp_path: Path) -> None:
+    source = shared / 'data' / 'freeimu_freezer' / 'Tempdata01-02-14.csv'
+    recording = import_csv(source, EXAMPLES / 'freeimu_mapping.yaml')
+    raw = np.genfromtxt(source, delimiter=',', skip_header=1)
+    order = np.argsort(raw[:, 12], kind='stable')
+    first = np.concatenate(([True], np.diff(raw[order, 12]) > 0))
+    raw = raw[order][first]
+    assert np.array_equal(recording.stamp, raw[:, 12].astype(int) * 1_000_000)
+    np.testing.assert_allclose(recording.linear_acceleration, raw[:, :3] / 16384 * 9.80665)
+    np.testing.assert_allclose(recording.angular_velocity, np.deg2rad(raw[:, 3:6] / 16.4))
+    np.testing.assert_allclose(recording.magnetic_field, raw[:, 6:9] / 1090 * 1e-4)
+    np.testing.assert_allclose(recording.temperature, raw[:, 9] / 340 + 36.53)
+    assert recording.temperature.min() == pytest.approx(10.4, abs=0.05)
+    assert recording.temperature.max() == pytest.approx(28.9, abs=0.05)
+    assert 2100 < recording.time[-1] < 2200
+    assert any('gaps above three periods, the longest 2.8' in note for note in recording.notes)
+    write_bag(recording, tmp_path / 'freeimu')
+    assert_same(recording, read_bag(tmp_path / 'freeimu'))
+
+
+def test_units_signs_and_offsets(tmp_path: Path) -> None:
+    file = written(tmp_path / 'a.csv', '0,0,0,1,4,8,-4,0\n10,0,0,1,4,8,-4,360\n')
+    recording = import_csv(file, MAPPING)
+    assert recording.stamp.tolist() == [0, 10_000_000]
+    assert recording.linear_acceleration[0].tolist() == [0, 0, 9.80665]
+    np.testing.assert_allclose(recording.angular_velocity[1], np.deg2rad([1, -2, -1]))
+    np.testing.assert_allclose(recording.temperature, [0, 100])
+    assert np.isnan(recording.magnetic_field).all()
+    assert (recording.device, recording.up_axis) == ('board', '+z')
+
+
+def test_missing_values_gaps_and_times_out_of_order(tmp_path: Path) -> None:
+    rows = [f'{t},0,0,1,0,0,0,20' for t in (0, 10, 30, 20, 20, 40, 50, 900)]
+    rows[1] = '10,,nan,1,inf,0,0,20'
+    rows += ['# end', 'nan,0,0,1,0,0,0,20', '', '910,0,0']
+    mapping = MAPPING | {'comment': '#'}
+    recording = import_csv(written(tmp_path / 'a.csv', '\n'.join(rows)), mapping)
+    assert (recording.stamp // 1_000_000).tolist() == [0, 10, 20, 30, 40, 50, 900]
+    assert np.isnan(recording.linear_acceleration[1]).tolist() == [True, True, False]
+    assert np.isnan(recording.angular_velocity[1, 0])
+    for said in (
+        '1 lines do not have 8 cells and are left out (first: line 13)',
+        '1 rows without a time left out',
+        'rows: stamps stepped back 1 times; sorted by stamp',
+        'rows: 1 samples with a repeated stamp left out',
+        '1 gaps above three periods, the longest 0.85 s',
+        'linear_acceleration: 1 of 7 rows are missing or not finite, NaN',
+        'no columns for magnetic_field: it is NaN',
+    ):
+        assert said in recording.notes
+
+
+def test_semicolons_decimal_commas_dates_and_no_header(tmp_path: Path) -> None:
+    mapping = {
+        'schema': 1,
+        'delimiter': ';',
+        'decimal': ',',
+        'header': False,
+        'time': {'column': 0, 'unit': 'iso8601'},
+        'columns': {'magnetic_field': {'columns': [1, 2, 3], 'unit': 'µT'}},
+    }
+    file = written(
+        tmp_path / 'a.csv',
+        '2014-01-02T12:00:00.5;1,5;2;-40\n2014-01-02 13:00:01+01:00;2,5;n/a;-40\n',
+        header='',
+    )
+    recording = import_csv(file, mapping)
+    assert np.diff(recording.stamp).tolist() == [500_000_000]
+    assert recording.stamp[0] == 1_388_664_000_500_000_000
+    np.testing.assert_allclose(recording.magnetic_field[:, 0], [1.5e-6, 2.5e-6])
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('', 'the file is empty'),
+        (HEADER, "no row with a time in column 't'"),
+        (HEADER + '0,0,0,1,0,0,0,20\n1,0,x,1,0,0,0,20\n', "line 3, column 'ay': 'x' is no number"),
+        ('t,ax\n0,1\n', "no column 'ay'; it has t, ax"),
+        (HEADER + '1e300,0,0,1,0,0,0,20\n', 'is its unit right'),
+    ],
+)
+def test_files_that_do_not_fit(tmp_path: Path, text: str, said: str) -> None:
+    file = written(tmp_path / 'a.csv', text, header='')
+    with pytest.raises(BagError) as raised:
+        import_csv(file, MAPPING)
+    assert said in str(raised.value)
+    assert str(file) in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ('change', 'said'),
+    [
+        ({'schema': 2}, 'schema is 2, expected 1'),
+        ({'tme': 1}, "unknown key 'tme'"),
+        ({'time': {'unit': 's'}}, 'time: expected a column'),
+        ({'time': {'column': 't', 'unit': 'fortnight'}}, "unit is 'fortnight'"),
+        ({'up_axis': 'z'}, "up_axis is 'z'"),
+        ({'delimiter': ';;'}, 'expected a single character'),
+        ({'columns': {}}, 'expected at least one of'),
+        ({'columns': {'humidity': {'column': 'h'}}}, 'expected at least one of angular_velocity'),
+        ({'columns': {'speed': {}}}, "unknown key 'speed'"),
+        ({'columns': {'magnetic_field': {'columns': ['a', 'b']}}}, 'expected 3 columns'),
+        ({'columns': {'magnetic_field': {'column': 'a'}}}, "unknown key 'column'|the key columns"),
+        (
+            {'columns': {'magnetic_field': {'columns': ['a'] * 3, 'unit': 'V'}}},
+            "unit is 'V', expected one of T, mT",
+        ),
+        (
+            {'columns': {'magnetic_field': {'columns': ['a'] * 3, 'scale': [1, 2]}}},
+            'scale has 2 numbers, expected 3',
+        ),
+        (
+            {'columns': {'magnetic_field': {'columns': ['a'] * 3, 'scale': '1/0'}}},
+            "scale is '1/0', expected a number or a fraction",
+        ),
+    ],
+)
+def test_mappings_that_are_refused(change: dict[str, Any], said: str) -> None:
+    with pytest.raises(MappingError, match=said):
+        mapping_from(MAPPING | change)
+
+
+def test_mapping_files_that_are_refused(tmp_path: Path) -> None:
+    file = written(tmp_path / 'a.csv', '0,0,0,1,0,0,0,20\n')
+    with pytest.raises(MappingError, match='cannot be read'):
+        import_csv(file, tmp_path / 'missing.yaml')
+    (tmp_path / 'bad.yaml').write_text('a: [')
+    with pytest.raises(MappingError, match='not a YAML file'):
+        import_csv(file, tmp_path / 'bad.yaml')
+    with pytest.raises(BagError, match='No such file'):
+        import_csv(tmp_path / 'missing.csv', MAPPING)
