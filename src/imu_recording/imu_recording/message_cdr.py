@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator
-from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -25,6 +24,7 @@ _FORMATS = {
     **{f'int{bits}': c for bits, c in ((8, 'b'), (16, 'h'), (32, 'i'), (64, 'q'))},
     **{f'uint{bits}': c for bits, c in ((8, 'B'), (16, 'H'), (32, 'I'), (64, 'Q'))},
 }
+_KNOWN: dict[Any, list[tuple[str, str, str, bool]]] = {}
 _ARRAY = re.compile(r'^(?P<of>[\w/]+)\[(?P<count>\d+)\]$')
 _SEQUENCE = re.compile(r'^sequence<(?P<of>[\w/]+)(?:, \d+)?>$')
 
@@ -95,9 +95,10 @@ def numbers_of(message: Any, prefix: str = '') -> Iterator[tuple[str, float]]:
                 yield f'{prefix}{name}' + ('' if place is None else f'[{place}]'), float(item)
 
 
-@cache
 def _fields(message_type: Any) -> list[tuple[str, str, str, bool]]:
     """Return (field, 'single' | 'array' | 'sequence', element type, whether that is a message)."""
+    if message_type in _KNOWN:
+        return _KNOWN[message_type]
     found = []
     declared: dict[str, str] = message_type.get_fields_and_field_types()
     for name, text in declared.items():
@@ -106,4 +107,5 @@ def _fields(message_type: Any) -> list[tuple[str, str, str, bool]]:
         of = match['of'] if match else text
         kind = 'array' if array else 'sequence' if sequence else 'single'
         found.append((name, kind, of, '/' in of))
+    _KNOWN[message_type] = found
     return found

@@ -47,7 +47,6 @@ class FilterNode(ConfiguredNode):
         """Create filter, inputs and outputs."""
         check_mount(config)
         self.filter = LiveFilter(self.filter_name, config)
-        self._refused = False
         raw = config.raw_subscription
         self._imu_sample = imu_from_bytes if raw else sample_from_imu
         self._field_sample = field_from_bytes if raw else sample_from_magnetic_field
@@ -79,9 +78,8 @@ class FilterNode(ConfiguredNode):
         return self.filter.status() if hasattr(self, 'filter') else super().diagnostics()
 
     def _publish(self, estimates: list[Estimate]) -> None:
-        if self.filter.refusal and not self._refused:
-            self._refused = True
-            self.get_logger().error(self.filter.refusal)
+        if self.filter.refusal:
+            self.refuse(self.filter.refusal)
         for estimate in estimates:
             sample = estimate.sample
             if self.config.body_frame_id:

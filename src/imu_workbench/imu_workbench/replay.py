@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags through the very callbacks of a node: in-process, nothing spun, no message over DDS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from imu_recording.bag_messages import BagMessage, bag_topics, read_messages
+from imu_recording.message_cdr import message_class, numbers_of, serialise, type_of
+from rclpy.context import Context
+from rclpy.serialization import deserialize_message
+
+NODES: dict[str, tuple[str, str]] = {
+    'thermal_comp': ('thermal_comp.node', 'ThermalCompNode'),
+    'complementary_filter': ('orientation_filters.node', 'ComplementaryFilterNode'),
+    'ahrs_filter': ('orientation_filters.node', 'AhrsFilterNode'),
+}
+"""Nodes that turn bags into something: name → module and class."""
+
+RANK = ('imu/temperature', 'imu/mag', 'imu/data_raw')
+"""Among messages received at one time these come last, in this order."""
+SECOND = 1_000_000_000
+
+
+class ReplayError(ValueError):
+    """A bag and a node that do not go together."""
+
+
+@dataclass(frozen=True)
+class Sent:
+    """One message a node published."""
+
+    received: int
+    """Bag time at which it was published [ns]."""
+    topic: str
+    message: Any
+
+    def numbers(self) -> dict[str, float]:
+        """Return its floating-point fields by name."""
+        return dict(numbers_of(self.message))
+
+
+def replay(
+    bag: Path,
+    node_name: str,
+    parameters: Mapping[str, Any] | None = None,
+    *,
+    namespace: str = '',
+    remap: Mapping[str, str] | None = None,
+    progress: Callable[[int, int], None] = lambda *_: None,
+) -> list[Sent]:
+    """Feed a bag's messages to a node; return what it published, diagnostics every second.
+
+    `remap` renames the node's topics ('imu/data_raw' → '/sensor/imu'); `namespace` is the
+    device's. Raises ReplayError naming the topic that is missing or why the node refuses.
+    """
+    sent: list[Sent] = []
+    clock = [0]
+    node_class = _node_class(node_name)
+    context = Context()
+    rclpy.init(args=[], context=context)
+    try:
+        node = node_class(
+            capture=lambda topic, message: sent.append(Sent(clock[0], topic, message)),
+            now=lambda: clock[0],
+            parameters=dict(parameters or {}),
+            context=context,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        try:
+            _check_parameters(node, node_name, parameters or {})
+            if not node.autostart():
+                raise ReplayError(f'{node_name} refuses: {node.refused}')
+            _feed(bag, node, clock, namespace.rstrip('/'), remap or {}, progress)
+        finally:
+            node.destroy_node()
+    finally:
+        rclpy.try_shutdown(context=context)
+    return [_resolved(item, node_name, namespace.rstrip('/')) for item in sent]
+
+
+def _node_class(name: str) -> Any:
+    if name not in NODES:
+        raise ReplayError(f'no node {name!r} to replay; there are {", ".join(NODES)}')
+    module, class_name = NODES[name]
+    return getattr(import_module(module), class_name)
+
+
+def _check_parameters(node: Any, node_name: str, parameters: Mapping[str, Any]) -> None:
+    for name in parameters:
+        if not node.has_parameter(name):
+            known = ', '.join(sorted(p for p in node._parameters if '.' not in p))
+            raise ReplayError(f'{node_name} has no parameter {name!r}; it has {known}')
+
+
+def _feed(
+    bag: Path,
+    node: Any,
+    clock: list[int],
+    namespace: str,
+    remap: Mapping[str, str],
+    progress: Callable[[int, int], None],
+) -> None:
+    """Hand every message to its callback at its time of receipt."""
+    callbacks, types = _topics(bag, node, namespace, remap)
+    messages = read_messages(bag, list(callbacks))
+    classes = {topic: message_class(types[topic]) for topic in callbacks}
+    due = 0
+    for place, message in enumerate(messages):
+        clock[0] = message.received
+        if message.received >= due or message.received < due - 2 * SECOND:
+            due = message.received + SECOND
+            progress(place, len(messages))
+            if place:
+                node.publish_diagnostics()
+        callbacks[message.topic](deserialize_message(message.data, classes[message.topic]))
+        if node.refused:
+            raise ReplayError(f'{bag}: {node.get_name()} refuses: {node.refused}')
+    if hasattr(node, 'finish'):
+        node.finish()
+    node.publish_diagnostics()
+
+
+def _topics(
+    bag: Path, node: Any, namespace: str, remap: Mapping[str, str]
+) -> tuple[dict[str, Callable[[Any], None]], dict[str, str]]:
+    """Return callback by the bag's topic, in the order of equal times, and the bag's types."""
+    types = bag_topics(bag)
+    chosen: dict[str, Callable[[Any], None]] = {}
+    ordered = sorted(node.inputs, key=lambda name: RANK.index(name) if name in RANK else -1)
+    for name in ordered:
+        wanted = remap.get(name, name)
+        for topic in (f'{namespace}/{wanted}', wanted, f'/{wanted}'):
+            if topic in types:
+                chosen[topic] = node.inputs[name]
+                break
+        else:
+            if name == 'imu/data_raw':
+                raise ReplayError(f'{bag}: no topic {namespace}/{wanted}; it has {_few(types)}')
+    return chosen, types
+
+
+def _few(types: Mapping[str, str]) -> str:
+    names = sorted(types)
+    return ', '.join(names[:8]) + (' …' if len(names) > 8 else '')
+
+
+def _resolved(item: Sent, node_name: str, namespace: str) -> Sent:
+    """Return the message under the full name of its topic."""
+    topic = item.topic.replace('~', node_name, 1)
+    if not topic.startswith('/'):
+        topic = f'{namespace}/{topic}'
+    return Sent(item.received, topic, item.message)
+
+
+def as_bag_messages(sent: list[Sent]) -> tuple[list[BagMessage], dict[str, str]]:
+    """Return the messages serialised, padding zero, and topic → type."""
+    types: dict[str, str] = {}
+    for item in sent:
+        types.setdefault(item.topic, type_of(item.message))
+    return [BagMessage(s.received, s.topic, serialise(s.message)) for s in sent], types
