@@ -250,7 +250,7 @@ FAULTS = {
     'device too hot': {'device': 86.0},
     'IMU silent': {'imu_alive': False},
     'disk full': {'disk_free': 1 << 29},
-    'recorder': {'recorder_fault': 'disk full'},
+    'recorder': {'fault': 'disk full'},
     'link lost': {'link': 'lost'},
     'stopped at its panel': {'running': False},
 }

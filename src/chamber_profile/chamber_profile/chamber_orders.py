@@ -22,14 +22,17 @@ class ChamberOrders:
     writer: SetpointWriter
     started: bool = False
     """Whether the chamber has confirmed that it runs as told."""
+    patience: float = 1.0
+    """Factor on how long the chamber may take: > 1 on an accelerated clock."""
     _wanted_at: float = 0.0
     _switched_at: float = float('-inf')
     _astray_since: float | None = None
 
     @classmethod
-    def within(cls, limits: Limits, resolution_c: float) -> ChamberOrders:
+    def within(cls, limits: Limits, resolution_c: float, patience: float) -> ChamberOrders:
         """Return orders that keep to the limits."""
-        return cls(SetpointWriter(resolution_c, limits.air_min_c, limits.air_max_c))
+        writer = SetpointWriter(resolution_c, limits.air_min_c, limits.air_max_c)
+        return cls(writer, patience=patience)
 
     def begin(self, now: float) -> None:
         """From now on the chamber shall be told its set-point and be started."""
@@ -78,7 +81,7 @@ class ChamberOrders:
     def disobedience(self, now: float, readings: Readings) -> str:
         """Return what the chamber does although told otherwise; '' where it obeys."""
         if not self.started:
-            late = now - self._wanted_at > OBEDIENCE_S
+            late = now - self._wanted_at > OBEDIENCE_S * self.patience
             return 'the chamber does not start' if late else ''
         if readings.running is False:
             return 'the chamber was stopped at its panel'
@@ -89,7 +92,7 @@ class ChamberOrders:
             self._astray_since = None
         elif self._astray_since is None:
             self._astray_since = now
-        elif now - self._astray_since > OBEDIENCE_S:
+        elif now - self._astray_since > OBEDIENCE_S * self.patience:
             return f'the chamber holds {held:g} °C instead of {written:g} °C'
         elif now - self.writer.written_at >= REPEAT_S:
             self.distrust()

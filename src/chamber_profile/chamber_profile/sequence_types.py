@@ -40,8 +40,8 @@ class Readings:
     """False: required and silent for 10 s."""
     disk_free: float = float('inf')
     """[bytes]"""
-    recorder_fault: str = ''
-    """What the recorder complains of; '' nothing."""
+    fault: str = ''
+    """What recorder, journal or reference logger complain of; '' nothing."""
 
 
 @dataclass(frozen=True)

@@ -36,10 +36,17 @@ class Sequencer:
     """One run of a profile. `progress` says where it is; give it back to continue a run.
 
     Commands return why they are refused, '' where they are not; they act at the next `tick`.
+    `patience` stretches what the chamber may take to answer, start and stop (in the sequencer's
+    time): the factor by which that clock is accelerated.
     """
 
     def __init__(
-        self, profile: Profile, resolution_c: float = 0.1, progress: Progress | None = None
+        self,
+        profile: Profile,
+        resolution_c: float = 0.1,
+        progress: Progress | None = None,
+        *,
+        patience: float = 1.0,
     ) -> None:
         self.profile = profile
         self.steps = closed_steps(profile)
@@ -47,7 +54,8 @@ class Sequencer:
         self.dwelt_s = 0.0
         """Time on the present dwell's clock [s]."""
         self._resumed = progress is not None
-        self._orders = ChamberOrders.within(profile.limits, resolution_c)
+        self._patience = patience
+        self._orders = ChamberOrders.within(profile.limits, resolution_c, patience)
         self._command = ''
         self._now = float('-inf')
         self._since = 0.0  # when the stage, CHECK or SAFE was entered
@@ -62,6 +70,15 @@ class Sequencer:
     def step(self) -> Step:
         """The step the run is in."""
         return self.steps[self.progress.step]
+
+    @property
+    def in_charge(self) -> bool:
+        """Whether a run is under way: the chamber depends on us."""
+        return self.progress.mode not in (kinds.IDLE, *kinds.FINISHED)
+
+    def use_resolution(self, resolution_c: float) -> None:
+        """Round set-points to what the protocol can express [K]."""
+        self._orders.writer = replace(self._orders.writer, resolution_c=resolution_c)
 
     @property
     def prompt(self) -> str:
@@ -124,7 +141,10 @@ class Sequencer:
             note = self._note('confirm')
             self._take_over(readings)
             return note + self._next_step()
-        if name == 'abort' and self.progress.mode in kinds.IN_CHARGE:
+        checking_on = self.progress.mode == kinds.CHECK and readings.running and self._resumed
+        if name == 'abort' and (self.progress.mode in kinds.IN_CHARGE or checking_on):
+            if checking_on:
+                self._take_over(readings)
             return self._go_safe('aborted by the operator')
         reason = 'aborted by the operator' if name == 'abort' else 'stand-by at once'
         note = self._note('aborted', mode=kinds.ABORTED, stage=kinds.STOP, reason=reason)
@@ -144,7 +164,7 @@ class Sequencer:
             note = self._note('limits', low_c=limits.air_min_c, high_c=limits.air_max_c)
             return [*note, kinds.ProgramLimits(limits.air_min_c, limits.air_max_c)]
         self._protected = False
-        if self._now - self._since < CHECK_S:
+        if self._now - self._since < CHECK_S * self._patience:
             return []
         reason = f'check failed: {"; ".join(problems)}'
         if self._resumed and readings.running:
@@ -318,7 +338,7 @@ class Sequencer:
     def _stop(self, readings: Readings, event: str, mode: str) -> list[Action]:
         if readings.running is False and readings.link == kinds.LINK_OK:
             return self._note(event, mode=mode)
-        if self._now - self._since > OBEDIENCE_S:
+        if self._now - self._since > OBEDIENCE_S * self._patience:
             reason = self.progress.reason or 'the run was complete'
             reason += '; the chamber did not confirm stand-by'
             return [

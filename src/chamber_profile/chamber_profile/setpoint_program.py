@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 
 WRITE_PERIOD_S = 5.0
 """Set-points are written at most so often: register wear, load on the bus [s]."""
+JITTER_S = 0.02
+"""… give or take a clock tick that comes a little early [s]."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ class SetpointWriter:
 
     def due(self, now: float, setpoint: float, heading: Heading) -> float | None:
         """Return the set-point to write now [°C], None where there is nothing to write."""
-        if now - self.written_at < WRITE_PERIOD_S:
+        if now - self.written_at < WRITE_PERIOD_S - JITTER_S:
             return None
         ahead = advanced(setpoint, heading, WRITE_PERIOD_S / 2)
         value = self._quantised(ahead)

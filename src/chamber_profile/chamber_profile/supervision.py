@@ -38,8 +38,8 @@ def _surroundings(readings: Readings) -> list[str]:
         problems.append('no data from the IMU for 10 s (require_imu)')
     if readings.disk_free < LEAST_DISK:
         problems.append(f'{readings.disk_free / 2**30:.2f} GiB of disk left, 1 GiB needed')
-    if readings.recorder_fault:
-        problems.append(f'recorder: {readings.recorder_fault}')
+    if readings.fault:
+        problems.append(readings.fault)
     return problems
 
 

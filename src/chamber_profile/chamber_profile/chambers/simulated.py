@@ -92,7 +92,7 @@ def _row(second: int, chamber: SimulatedChamber, step: Step | None) -> tuple[flo
         chamber.setpoint,
         float(chamber.state[physics.AIR] + chamber.state[physics.EDDY]),
         reading.air,
-        reading.air_2 or math.nan,
+        math.nan if reading.air_2 is None else reading.air_2,
         reading.heater or 0.0,
         reading.compressor or 0.0,
         reading.fan or 0.0,

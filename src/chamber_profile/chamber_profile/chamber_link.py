@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The link to a chamber under supervision: connect, read, order, retry, give up."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+
+from chamber_profile.actions import carry_out
+from chamber_profile.chambers.chamber import Chamber, ChamberError, ChamberReading
+from chamber_profile.sequence_types import LINK_FAILING, LINK_LOST, LINK_OK, Action, Note
+
+TRIES = 3
+WITHIN_S = 15.0
+"""So many failures within so long: the link is lost [s of the host]."""
+RETRY_S = 5.0
+"""A link that failed is tried again after [s of the host]."""
+FIRST_RETRY_S = 1.0
+"""… or sooner while it has never worked: the chamber may still be starting."""
+
+
+class ClockError(ValueError):
+    """An accelerated clock on a chamber that is not emulated."""
+
+
+class ChamberLink:
+    """Keeps a chamber connected. No method raises for a broken link: `status` tells."""
+
+    def __init__(
+        self, chamber: Chamber, host: Callable[[], float], time_scale: float = 1.0
+    ) -> None:
+        self.chamber = chamber
+        self.identity = ''
+        """What the chamber says it is; '' before it was reached."""
+        self.status = LINK_FAILING
+        self.complaint = 'not connected yet'
+        """What went wrong last; '' nothing."""
+        self.failures = 0
+        self._host = host
+        self._time_scale = time_scale
+        self._recent: deque[float] = deque(maxlen=TRIES)
+        self._retry_at = float('-inf')
+        self._connected = False
+
+    def read(self) -> ChamberReading | None:
+        """Return what the chamber says now; None while the link does not work.
+
+        Raises ClockError where the clock is accelerated and the chamber does not say that it is
+        emulated: nothing has been ordered by then.
+        """
+        if self._host() < self._retry_at:
+            return None
+        try:
+            if not self._connected:
+                self.identity = self.chamber.connect()
+                self._check_clock()
+                self._connected = True
+            reading = self.chamber.read()
+        except ChamberError as error:
+            self._failed(error)
+            return None
+        self.status, self.complaint = LINK_OK, ''
+        return reading
+
+    def carry_out(self, actions: Iterable[Action], note: Callable[[Note], None]) -> None:
+        """Carry out actions in order; once an order fails only notes are still taken."""
+        rest = list(actions)
+        while rest:
+            action = rest.pop(0)
+            try:
+                carry_out([action], self.chamber, note)
+            except ChamberError as error:
+                self._failed(error)
+                rest = [later for later in rest if isinstance(later, Note)]
+
+    def close(self) -> None:
+        """Release the line; the chamber goes on as it is."""
+        self.chamber.close()
+
+    def _check_clock(self) -> None:
+        if self._time_scale != 1.0 and not self.chamber.emulated:
+            raise ClockError(
+                f'time_scale is {self._time_scale:g}, but the chamber ({self.identity}) does not '
+                f'say that it is emulated: only an emulated chamber may run on another clock'
+            )
+
+    def _failed(self, error: ChamberError) -> None:
+        now = self._host()
+        self.failures += 1
+        self.complaint = str(error)
+        self._connected = False
+        self._recent.append(now)
+        self._retry_at = now + (RETRY_S if self.identity else FIRST_RETRY_S)
+        many = len(self._recent) == TRIES and now - self._recent[0] <= WITHIN_S
+        self.status = LINK_LOST if many or self.status == LINK_LOST else LINK_FAILING

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A moment of a run as ROS messages and as a line of diagnostics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from imu_recording.messages import (
+    TemperatureSample,
+    float_message,
+    humidity_message,
+    temperature_from_sample,
+)
+from sensor_msgs.msg import RelativeHumidity, Temperature
+from std_msgs.msg import Float64
+
+from chamber_profile.conductor import Moment
+from chamber_profile.sequence_types import (
+    ABORTED,
+    CONFIRM,
+    HOLD_FAULT,
+    IN_CHARGE,
+    PAUSED,
+    RUN,
+    SAFE,
+)
+
+if TYPE_CHECKING:
+    from chamber_profile.node_config import Run
+
+FRAME = 'chamber'
+OUTPUTS: dict[str, type] = {
+    'chamber/setpoint': Temperature,
+    'chamber/temperature': Temperature,
+    'chamber/temperature_2': Temperature,
+    'chamber/device_temperature': Temperature,
+    'chamber/humidity': RelativeHumidity,
+    'chamber/heater': Float64,
+    'chamber/compressor': Float64,
+    'chamber/fan': Float64,
+}
+"""Topics a chamber can fill; those it says nothing about stay silent."""
+
+
+def chamber_messages(moment: Moment) -> Iterator[tuple[str, Any]]:
+    """Yield topic and message of everything the chamber says at this moment."""
+    reading = moment.reading
+    if reading is None:
+        return
+    temperatures = {
+        'chamber/setpoint': reading.setpoint,
+        'chamber/temperature': reading.air,
+        'chamber/temperature_2': reading.air_2,
+        'chamber/device_temperature': reading.device,
+    }
+    for topic, value in temperatures.items():
+        if value is not None:
+            sample = TemperatureSample(moment.stamp, value, frame_id=FRAME)
+            yield topic, temperature_from_sample(sample)
+    if reading.humidity is not None:
+        yield 'chamber/humidity', humidity_message(moment.stamp, reading.humidity, FRAME)
+    states = {'heater': reading.heater, 'compressor': reading.compressor, 'fan': reading.fan}
+    for name, state in states.items():
+        if state is not None:
+            yield f'chamber/{name}', float_message(state)
+
+
+def phase_text(moment: Moment) -> str:
+    """Return what chamber/phase says; '' before the run and after it."""
+    if moment.progress.mode not in IN_CHARGE:
+        return ''
+    return f'{moment.step.phase} {moment.step.cycle}'
+
+
+def run_status(moment: Moment, run: Run) -> tuple[int, str, dict[str, Any]]:
+    """Return level, line and values of a run for diagnostics."""
+    progress, link = moment.progress, run.conductor.link
+    waiting = progress.mode in (PAUSED, HOLD_FAULT) or progress.stage == CONFIRM
+    level = 2 if progress.mode in (SAFE, ABORTED) else int(waiting or bool(moment.complaint))
+    line = progress.mode if progress.mode != RUN else f'{progress.mode} {moment.step.id}'
+    told = moment.prompt or progress.reason or moment.complaint
+    reading = moment.reading
+    values = {
+        'mode': progress.mode,
+        'step': moment.step.id,
+        'step_number': f'{progress.step + 1}/{len(run.conductor.sequencer.steps)}',
+        'stage': progress.stage,
+        'cycle': moment.step.cycle,
+        'orientation': moment.step.orientation or 'not stated',
+        'programmed [°C]': progress.setpoint if progress.setpoint is not None else 'none',
+        'air [°C]': reading.air if reading else 'unknown',
+        'dwell [s]': f'{moment.dwelt_s:.0f} of {moment.step.dwell_s:.0f}',
+        'prompt': moment.prompt or 'none',
+        'reason': progress.reason or 'none',
+        'interruptions': progress.interruptions,
+        'chamber': link.identity or 'not reached yet',
+        'limits_programmed': link.chamber.programs_limits,
+        'link': link.status,
+        'link_failures': link.failures,
+        'complaint': moment.complaint or 'none',
+        'run_directory': str(run.directory),
+        'resumed': run.resumed,
+    }
+    return level, f'{line}: {told}' if told else line, values
