@@ -15,6 +15,7 @@ import numpy as np
 from imu_recording.bag_error import BagError
 from imu_recording.decompress import decompress_message
 from imu_recording.mcap_scan import Channel
+from imu_recording.sqlite_pages import MOST_COLUMNS, MessagesTable, scan_pages
 from imu_recording.topic_columns import MessageBlock
 
 MAGIC = b'SQLite format 3\x00'
@@ -54,12 +55,15 @@ def scan_sqlite(
     problems: list[str] = []
     if not slots:
         return problems
-    marks = ','.join('?' * len(slots))
-    query = f'SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks})'  # noqa: S608
     table = np.full(max(slots) + 1, -1, np.int64)
     table[list(slots)] = list(slots.values())
     with closing(_open(path)) as connection:
-        cursor = connection.execute(query, list(slots))
+        place = None if compressed else _messages_table(connection)
+        last = scan_pages(path, place, table, deliver) if place else -1
+        marks = ','.join('?' * len(slots))
+        rest = f'WHERE id > ? AND topic_id IN ({marks}) ORDER BY id'
+        query = f'SELECT topic_id, timestamp, data FROM messages {rest}'  # noqa: S608
+        cursor = connection.execute(query, [last, *slots])
         for rows in _blocks(cursor, problems):
             topics, times, data = zip(*rows, strict=True)
             if compressed:
@@ -72,6 +76,22 @@ def scan_sqlite(
             received = np.array(times, np.int64)
             deliver(MessageBlock(buffer, offset, length, received, slot, len(data)))
     return problems
+
+
+def _messages_table(connection: apsw.Connection) -> MessagesTable | None:
+    """Return where the messages are, or None where the table is not rosbag2's own."""
+    found: Any = connection.execute(
+        "SELECT rootpage, sql FROM sqlite_master WHERE type = 'table' AND name = 'messages'"
+    ).fetchall()
+    columns: Any = connection.execute('PRAGMA table_info(messages)').fetchall()
+    names = [column[1] for column in columns]
+    key = [column[1] for column in columns if column[5]]
+    if not found or key != ['id'] or 'WITHOUT' in found[0][1].upper():
+        return None
+    if len(names) > MOST_COLUMNS or not {'topic_id', 'timestamp', 'data'} <= set(names):
+        return None
+    places = [names.index(name) for name in ('topic_id', 'timestamp', 'data')]
+    return MessagesTable(found[0][0], *places)
 
 
 def _blocks(cursor: apsw.Cursor, problems: list[str]) -> Iterator[list[Any]]:
