@@ -106,6 +106,7 @@ def prepare_run(
         slot=slot,
         period=length,
         measured={},
+        fine_measured={s: getattr(fine, SENSOR_FIELDS[s]) for s in SENSORS},
         fold=fold,
         has_cycles=has_cycles,
         hash=columns_hash(whole),

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,8 @@ class PreparedRun:
     """[s]."""
     measured: Mapping[Sensor, FloatArray]
     """(m, 3) block means per sensor, NaN where a block has no valid sample."""
+    fine_measured: Mapping[Sensor, FloatArray]
+    """(n, 3) what was measured at the fine rows, per sensor; NaN where missing."""
     fold: IntArray
     """(m,) part of the run that is held out together, 1 …; 0 is never held out."""
     has_cycles: bool
@@ -56,27 +59,27 @@ class PreparedRun:
         """Return the effect's (m, p) or (m, 3, p) columns, averaged over the blocks."""
         return self.block_mean(effect.columns(self.conditions.of(sensor))[0])
 
-    @property
+    @cached_property
     def time(self) -> FloatArray:
         """(m,) mean time of each block since the first sample of the run [s]."""
         return self.block_mean(self.conditions.time)
 
-    @property
+    @cached_property
     def temperature(self) -> FloatArray:
         """(m,) mean die temperature of each block [°C]."""
         return self.block_mean(self.conditions.temperature)
 
-    @property
+    @cached_property
     def phase(self) -> IntArray:
         """(m,) index into PHASES in the middle of each block; −1 unknown."""
         return self._middle(self.conditions.phase, -1)
 
-    @property
+    @cached_property
     def cycle(self) -> IntArray:
         """(m,) thermal cycle in the middle of each block; 0 outside the cycles."""
         return self._middle(self.conditions.cycle, 0)
 
-    @property
+    @cached_property
     def block_conditions(self) -> Conditions:
         """Conditions as block means."""
         taken: dict[str, Any] = {

@@ -9,11 +9,20 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from scipy.interpolate import BSpline
 
+from thermal_comp.effects.ice_amount import grow_and_melt
+from thermal_comp.effects.play_operator import play
+
 if TYPE_CHECKING:
     from thermal_comp.preparation import PreparedRun
 
 LAGS = (60.0, 180.0, 540.0, 1620.0)
 """Time constants [s] of the lagged temperatures it offers."""
+
+HALF_WIDTHS = (1.5, 4.0, 8.0, 16.0)
+"""Half-widths [K] of the plays it offers."""
+
+ICE = ((900.0, 400.0), (3600.0, 400.0), (900.0, 1600.0))
+"""Growth and melt times [s] of the ice it offers."""
 
 CHANNELS = ('heater', 'compressor', 'fan', 'supply_voltage', 'humidity', 'chamber_temperature')
 
@@ -30,6 +39,9 @@ def saturated_basis(run: PreparedRun) -> FloatArray:
     spline = _spline(temperature)
     blocks = [np.ones((len(time), 1)), spline, spline * branch[:, None]]
     blocks += [(temperature - lagged(time, temperature, lag))[:, None] for lag in LAGS]
+    blocks += [play(temperature, width)[0][:, None] for width in HALF_WIDTHS]
+    ice = [grow_and_melt(time, temperature, grow, melt)[0] for grow, melt in ICE]
+    blocks.append(np.stack(ice, axis=1))
     for name in CHANNELS:
         values = getattr(run.block_conditions, name)
         if run.block_conditions.has(name):
@@ -39,7 +51,9 @@ def saturated_basis(run: PreparedRun) -> FloatArray:
         blocks.append(np.nan_to_num(vibration))
     since = time - time[0]
     blocks.append(np.exp(-since[:, None] / np.array([300.0, 1800.0])))
-    blocks.append((since / max(since[-1], 1.0))[:, None])
+    share = (since / max(since[-1], 1.0))[:, None]
+    centred = (temperature - temperature.mean())[:, None]
+    blocks += [share, centred * share, centred * share**2]
     if run.cycle is not None:
         levels = [run.cycle == number for number in np.unique(run.cycle)]
         blocks.append(np.stack(levels, axis=1).astype(float))

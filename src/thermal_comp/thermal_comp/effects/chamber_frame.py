@@ -15,3 +15,13 @@ def chamber_field(conditions: Conditions, amount: FloatArray) -> FloatArray:
     assert orientation is not None  # noqa: S101 (effects that use it declare the channel)
     columns: FloatArray = amount[:, None, None] * np.asarray(orientation)[None, :, :]
     return columns
+
+
+def chamber_and_device_field(conditions: Conditions, amount: FloatArray) -> FloatArray:
+    """Return (n, 3, 6): amount × unit vector along each chamber axis, then each sensor axis.
+
+    Currents also return through leads and iron that turn with the device.
+    """
+    fixed = chamber_field(conditions, amount)
+    turning = amount[:, None, None] * np.eye(3)[None, :, :]
+    return np.concatenate([fixed, turning], axis=2)

@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 from imu_recording.recording import FloatArray
 
 from thermal_comp.conditions import Conditions, Sensor
-from thermal_comp.effects.chamber_frame import chamber_field
+from thermal_comp.effects.chamber_frame import chamber_and_device_field
 from thermal_comp.effects.effect import Effect, State
 
 
@@ -22,10 +22,10 @@ class CompressorHardIron(Effect):
     sensors: ClassVar[tuple[Sensor, ...]] = ('magnetometer',)
     channels: ClassVar[tuple[str, ...]] = ('compressor', 'orientation')
     equation: ClassVar[str] = (
-        'error = R · b · s(t),  s = compressor state (0 … 1), b fixed in the chamber, R = '
-        'chamber → sensor'
+        'error = (R · b + d) · s(t),  s = compressor state (0 … 1), '
+        "b fixed in the chamber, d on the device's mount, R = chamber → sensor"
     )
-    coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',) * 3
+    coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',) * 6
     mechanism: ClassVar[str] = (
         'Magnets and currents of compressor and fan motors make a magnetic field.'
     )
@@ -40,6 +40,6 @@ class CompressorHardIron(Effect):
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
-        """Return (n, 3, 3): compressor state × unit field along each chamber axis."""
+        """Return (n, 3, 6): state × unit field along each chamber and each sensor axis."""
         assert conditions.compressor is not None  # noqa: S101 (declared in channels)
-        return chamber_field(conditions, conditions.compressor), None
+        return chamber_and_device_field(conditions, conditions.compressor), None

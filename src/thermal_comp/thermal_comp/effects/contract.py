@@ -129,9 +129,8 @@ def _problems_of_the_columns(effect: Effect, sensor: Sensor) -> list[str]:
 
 def _problems_without_channels(effect: Effect, conditions: Conditions) -> list[str]:
     """Columns must not depend on channels the effect does not declare."""
-    absent: dict[str, Any] = {
-        c: None for c in (*CHANNELS, 'orientation') if c not in effect.channels
-    }
+    used = {*effect.channels, *effect.optional_channels}
+    absent: dict[str, Any] = dict.fromkeys({*CHANNELS, 'orientation'} - used)
     whole, _ = effect.columns(conditions, None)
     try:
         alone, _ = effect.columns(replace(conditions, **absent), None)

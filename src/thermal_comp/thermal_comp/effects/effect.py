@@ -41,6 +41,8 @@ class Effect:
     """True where every run has coefficients of its own."""
     channels: ClassVar[tuple[str, ...]] = ()
     """Channels of Conditions it needs beyond time, die temperature and the true inputs."""
+    optional_channels: ClassVar[tuple[str, ...]] = ()
+    """Channels it makes use of where they were logged."""
     equation: ClassVar[str] = ''
     """error = …, with units."""
     coefficient_units: ClassVar[tuple[str, ...]] = ()

@@ -22,6 +22,7 @@ class Icing(Effect):
 
     name: ClassVar[str] = 'icing'
     kind: ClassVar[Literal['device', 'campaign']] = 'campaign'
+    optional_channels: ClassVar[tuple[str, ...]] = ('device_temperature',)
     equation: ClassVar[str] = (
         'error = a · m,  dm/dt = (1 − m) / t_grow below 0 °C, −m / t_melt above'
     )
@@ -44,8 +45,13 @@ class Icing(Effect):
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
-        """Return (n, 1): amount of ice, 0 … 1."""
+        """Return (n, 1): amount of ice, 0 … 1, by the thermometer on the device or the die's."""
+        surface = conditions.device_temperature
         ice, state = grow_and_melt(
-            conditions.time, conditions.temperature, self.growth_time, self.melt_time, state
+            conditions.time,
+            conditions.temperature if surface is None else surface,
+            self.growth_time,
+            self.melt_time,
+            state,
         )
         return ice[:, None], state

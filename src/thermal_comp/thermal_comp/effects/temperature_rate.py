@@ -12,8 +12,8 @@ from thermal_comp.conditions import Conditions
 from thermal_comp.effects.effect import Effect, State
 from thermal_comp.effects.first_order_lag import follow
 
-SMOOTHING = 20.0
-"""Time constant of the derivative filter [s]: well below the fastest thermal lag of interest."""
+SMOOTHING = 50.0
+"""Time constant of the derivative filter [s]; its second stage takes the delay out again."""
 
 
 @dataclass(frozen=True)

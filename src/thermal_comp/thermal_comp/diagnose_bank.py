@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whitened columns of many effects beside the whitened residual, and the χ² each would explain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from imu_recording.recording import FloatArray, IntArray
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from thermal_comp.conditions import Sensor
+from thermal_comp.effects.effect import Effect
+from thermal_comp.model import NoiseModel
+from thermal_comp.preparation import PreparedRun
+from thermal_comp.whitening import Gains, apply_gains, innovation_gains
+
+SMOOTHING_S = 30.0
+"""Standard deviation of the filter that tells the thermometer's noise from temperature [s]."""
+
+RANK_TOLERANCE = 1e-7
+"""Directions of a normal matrix below this share of the largest count as undetermined."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """Columns of the bank that belong together: one effect in one form."""
+
+    columns: tuple[int, ...]
+    shared: bool = False
+    """True where the three axes share the coefficients; else each axis has its own."""
+
+
+class ColumnSource:
+    """Columns of effects as block means, kept, because several sensors and steps need the same."""
+
+    def __init__(self, runs: Sequence[PreparedRun]) -> None:
+        self.runs = list(runs)
+        self._kept: dict[tuple[Effect, Sensor], list[FloatArray]] = {}
+
+    def columns(self, effect: Effect, sensor: Sensor) -> list[FloatArray]:
+        """Return the effect's (m, p) or (m, 3, p) columns of each run."""
+        key = (effect, sensor)
+        if key not in self._kept:
+            self._kept[key] = [run.columns(effect, sensor) for run in self.runs]
+        return self._kept[key]
+
+
+class ColumnBank:
+    """Whitened columns of one sensor, orthogonal to a base model, with their normal matrices.
+
+    Rows of all runs stand below each other; every axis has a matrix of its own, because its noise
+    is its own and because an effect's column may differ between axes.
+    """
+
+    def __init__(
+        self,
+        source: ColumnSource,
+        sensor: Sensor,
+        noise: NoiseModel,
+        base: Sequence[Effect],
+        values: Sequence[FloatArray] | None = None,
+    ) -> None:
+        """`values` (m, 3) per run replace the measured block means, as draws of noise do."""
+        self.source, self.sensor, self.noise = source, sensor, noise
+        runs = source.runs
+        measured = [run.measured[sensor] for run in runs] if values is None else list(values)
+        self.valid = [np.isfinite(rows).all(axis=1) for rows in measured]
+        sizes = [int(ok.sum()) for ok in self.valid]
+        self._edges = np.concatenate([[0], np.cumsum(sizes)])
+        self.rows = int(self._edges[-1])
+        self.run_of_row: IntArray = np.repeat(np.arange(len(sizes)), sizes)
+        self.fold: IntArray = np.concatenate(
+            [run.fold[ok] for run, ok in zip(runs, self.valid, strict=True)]
+        )
+        self._gains: list[list[Gains]] = [
+            [innovation_gains(run.slot[ok], noise, axis, run.period) for axis in range(3)]
+            for run, ok in zip(runs, self.valid, strict=True)
+        ]
+        self._terms: dict[Effect, Term] = {}
+        self._columns = np.zeros((3, self.rows, 128))
+        self.normal = np.zeros((3, 128, 128))
+        self.right = np.zeros((3, 128))
+        self.width = 0
+        levels = np.repeat(_block_diagonal([np.ones((m, 1)) for m in sizes])[:, None], 3, axis=1)
+        known = [levels, self._thermometer_noise()]
+        known += [_per_axis(self._evaluated(effect))[0] for effect in base]
+        whitened = self._whitened(np.concatenate(known, axis=2))
+        self.base = [_orthonormal(whitened[axis]) for axis in range(3)]
+        self.base_rank = sum(q.shape[1] for q in self.base)
+        target = np.concatenate([rows[ok] for rows, ok in zip(measured, self.valid, strict=True)])
+        self.target = self._projected(self._whitened(target[:, :, None]))[:, :, 0]
+
+    @property
+    def chi_square(self) -> float:
+        """χ² of the residual of the base model."""
+        return float((self.target**2).sum())
+
+    def term(self, effect: Effect) -> Term:
+        """Return the effect's columns in the bank, computed on first use."""
+        return self.terms([effect])[0]
+
+    def terms(self, effects: Sequence[Effect]) -> list[Term]:
+        """Return the columns of several effects, computed together where they are new."""
+        new = [effect for effect in dict.fromkeys(effects) if effect not in self._terms]
+        if new:
+            evaluated = [_per_axis(self._evaluated(effect)) for effect in new]
+            place = self._append(np.concatenate([columns for columns, _ in evaluated], axis=2))
+            for effect, (columns, shared) in zip(new, evaluated, strict=True):
+                stop = place + columns.shape[2]
+                self._terms[effect] = Term(tuple(range(place, stop)), shared)
+                place = stop
+        return [self._terms[effect] for effect in effects]
+
+    def generic_term(
+        self, function: Callable[[PreparedRun], FloatArray], *, per_run: bool = False
+    ) -> Term:
+        """Return the columns (m, p) a function makes of each run's block means."""
+        runs = self.source.runs
+        parts = [function(run)[ok] for run, ok in zip(runs, self.valid, strict=True)]
+        columns = _block_diagonal(parts) if per_run else np.concatenate(parts)
+        place = self._append(np.repeat(columns[:, None, :], 3, axis=1))
+        return Term(tuple(range(place, place + columns.shape[1])))
+
+    def solve(self, terms: Sequence[Term]) -> tuple[float, int]:
+        """Return the χ² the terms explain together and the rank they use."""
+        own, common = self._split(terms)
+        gain, rank = 0.0, 0
+        normal, right = self.normal, self.right
+        size = len(common)
+        shared_normal, shared_right = np.zeros((size, size)), np.zeros(size)
+        for axis in range(3):
+            block, rows = normal[axis][np.ix_(own, own)], right[axis][own]
+            cross = normal[axis][np.ix_(own, common)]
+            answer, used = _solve(block, np.column_stack([rows, cross]))
+            gain += float(rows @ answer[:, 0])
+            rank += used
+            shared_normal += normal[axis][np.ix_(common, common)] - cross.T @ answer[:, 1:]
+            shared_right += right[axis][common] - answer[:, 1:].T @ rows
+        if size:
+            full = np.diag(self.normal.sum(axis=0))[common]
+            answer, used = _solve(shared_normal, shared_right[:, None], full)
+            gain += float(shared_right @ answer[:, 0])
+            rank += used
+        return gain, rank
+
+    def reduced(
+        self, known: Sequence[int], columns: Sequence[int]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return normal matrices (3, k, k) and right-hand sides (3, k) with `known` taken out."""
+        size = len(columns)
+        normal, right = np.empty((3, size, size)), np.empty((3, size))
+        for axis in range(3):
+            block = self.normal[axis][np.ix_(known, known)]
+            cross = self.normal[axis][np.ix_(known, columns)]
+            rows = self.right[axis][list(known)]
+            answer, _ = _solve(block, np.column_stack([rows, cross]))
+            normal[axis] = self.normal[axis][np.ix_(columns, columns)] - cross.T @ answer[:, 1:]
+            right[axis] = self.right[axis][list(columns)] - cross.T @ answer[:, 0]
+        return normal, right
+
+    def design(self, terms: Sequence[Term]) -> list[FloatArray]:
+        """Return per axis the (rows, p) whitened columns, those shared last."""
+        own, common = self._split(terms)
+        return [self._columns[axis][:, [*own, *common]] for axis in range(3)]
+
+    def split_sizes(self, terms: Sequence[Term]) -> tuple[int, int]:
+        """Return how many columns each axis has of its own and how many are shared."""
+        own, common = self._split(terms)
+        return len(own), len(common)
+
+    @staticmethod
+    def _split(terms: Sequence[Term]) -> tuple[list[int], list[int]]:
+        own = [c for term in terms if not term.shared for c in term.columns]
+        common = [c for term in terms if term.shared for c in term.columns]
+        return own, common
+
+    def _evaluated(self, effect: Effect) -> FloatArray:
+        """Return the effect's (rows, p) or (rows, 3, p) columns; per run, p of each run."""
+        columns = self.source.columns(effect, self.sensor)
+        parts = [part[ok] for part, ok in zip(columns, self.valid, strict=True)]
+        return _block_diagonal(parts) if effect.per_run else np.concatenate(parts)
+
+    def _thermometer_noise(self) -> FloatArray:
+        """(rows, 3, 1) smoothed minus measured temperature: its noise, times the slope, is error.
+
+        Without it short lags, which smooth the thermometer, would look like physics.
+        """
+        parts = [
+            run.block_mean(_smoothed(run) - run.conditions.temperature)[ok]
+            for run, ok in zip(self.source.runs, self.valid, strict=True)
+        ]
+        return np.repeat(np.concatenate(parts)[:, None, None], 3, axis=1)
+
+    def _whitened(self, columns: FloatArray) -> FloatArray:
+        """(rows, 3, p) → (3, rows, p), whitened by each axis's noise."""
+        whitened = np.empty((3, self.rows, columns.shape[2]))
+        for k, gains in enumerate(self._gains):
+            rows = slice(self._edges[k], self._edges[k + 1])
+            for axis in range(3):
+                whitened[axis, rows] = apply_gains(columns[rows, axis], gains[axis])
+        return whitened
+
+    def _projected(self, whitened: FloatArray) -> FloatArray:
+        pairs = zip(whitened, self.base, strict=True)
+        return np.stack([columns - q @ (q.T @ columns) for columns, q in pairs])
+
+    def _append(self, columns: FloatArray) -> int:
+        """Whiten, project and keep columns (rows, 3, p); return where they start."""
+        whitened = self._whitened(columns)
+        before = np.sqrt((whitened**2).sum(axis=(0, 1)))
+        projected = self._projected(whitened)
+        size = np.sqrt((projected**2).sum(axis=(0, 1)))
+        projected *= np.where(size > 1e-6 * before, 1.0 / np.maximum(size, 1e-300), 0.0)
+        start, stop = self.width, self.width + projected.shape[2]
+        self._grow(stop)
+        self._columns[:, :, start:stop] = projected
+        self.width = stop
+        for axis in range(3):
+            cross = projected[axis].T @ self._columns[axis, :, :stop]
+            self.normal[axis, start:stop, :stop] = cross
+            self.normal[axis, :stop, start:stop] = cross.T
+            self.right[axis, start:stop] = projected[axis].T @ self.target[axis]
+        return start
+
+    def _grow(self, width: int) -> None:
+        room = self._columns.shape[2]
+        if width > room:
+            more = max(room, width - room)
+            self._columns = np.pad(self._columns, ((0, 0), (0, 0), (0, more)))
+            self.normal = np.pad(self.normal, ((0, 0), (0, more), (0, more)))
+            self.right = np.pad(self.right, ((0, 0), (0, more)))
+
+
+def _smoothed(run: PreparedRun) -> FloatArray:
+    """(n,) die temperature of the fine rows through a Gaussian of SMOOTHING_S."""
+    step = float(np.median(np.diff(run.conditions.time)))
+    return np.asarray(gaussian_filter1d(run.conditions.temperature, SMOOTHING_S / step))
+
+
+def _per_axis(columns: FloatArray) -> tuple[FloatArray, bool]:
+    """Return (rows, 3, p) and whether the axes share coefficients.
+
+    Columns that act on one axis each, as many on every axis, are p / 3 columns per axis.
+    """
+    if columns.ndim == 2:
+        return np.repeat(columns[:, None, :], 3, axis=1), False
+    acts = np.abs(columns).max(axis=0) > 0.0
+    counts = acts.sum(axis=1)
+    if (acts.sum(axis=0) != 1).any() or counts.max() != counts.min():
+        return columns, True
+    return np.stack([columns[:, axis][:, acts[axis]] for axis in range(3)], axis=1), False
+
+
+def _block_diagonal(parts: Sequence[FloatArray]) -> FloatArray:
+    """Put each run's columns beside each other, zero in the other runs' rows."""
+    width = sum(part.shape[-1] for part in parts)
+    whole = np.zeros((sum(len(part) for part in parts), *parts[0].shape[1:-1], width))
+    row = column = 0
+    for part in parts:
+        whole[row : row + len(part), ..., column : column + part.shape[-1]] = part
+        row, column = row + len(part), column + part.shape[-1]
+    return whole
+
+
+def _orthonormal(columns: FloatArray) -> FloatArray:
+    size = np.linalg.norm(columns, axis=0)
+    left, weights, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
+    return np.asarray(left[:, weights > 1e-9 * weights[0]])
+
+
+def _solve(
+    normal: FloatArray, right: FloatArray, full: FloatArray | None = None
+) -> tuple[FloatArray, int]:
+    """Return the minimum-norm solution and the rank; undetermined directions stay zero."""
+    if not len(normal):
+        return np.zeros((0, right.shape[1])), 0
+    size = np.sqrt(np.maximum(np.diag(normal) if full is None else full, 0.0))
+    inverse = np.where(size > 1e-9, 1.0 / np.maximum(size, 1e-9), 0.0)
+    scaled = normal * inverse[:, None] * inverse[None, :]
+    values, vectors = np.linalg.eigh(scaled)
+    kept: NDArray[np.bool_] = values > RANK_TOLERANCE
+    vectors = vectors[:, kept]
+    turned = vectors.T @ (right * inverse[:, None])
+    answer = inverse[:, None] * (vectors @ (turned / values[kept][:, None]))
+    return answer, int(kept.sum())
