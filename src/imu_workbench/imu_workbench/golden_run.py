@@ -64,7 +64,7 @@ class Drift:
 
     def __str__(self) -> str:
         return (
-            f'{self.topic}: sample {self.sample} at {self.time * 1e-9:.9f} s: {self.field} is '
+            f'{self.topic}: sample {self.sample} at {self.time} ns: {self.field} is '
             f'{self.value:.12g}, golden {self.golden:.12g} (moved by '
             f'{abs(self.value - self.golden):.3g})'
         )

@@ -100,6 +100,10 @@ class State(NamedTuple):
     """Of the last magnetometer sample [ns]; −1 before the first."""
 
 
+ADAPTIVE_STATE: tuple[str, ...] = ()
+"""Fields of the state that only the adaptive filter makes use of."""
+
+
 def initial_state() -> State:
     """Return the state before the first sample."""
     q = (0.0, 0.0, 0.0, 1.0)

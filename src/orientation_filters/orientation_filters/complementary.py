@@ -117,6 +117,10 @@ class State(NamedTuple):
     field: FieldState
 
 
+ADAPTIVE_STATE = ('bias', 'rest', 'field')
+"""Fields of the state that only the adaptive filter makes use of."""
+
+
 def initial_state() -> State:
     """Return the state before the first sample."""
     zero = (0.0, 0.0, 0.0)

@@ -71,6 +71,18 @@ def module(name: str, parameters: FilterParameters) -> ModuleType:
     return FILTERS[name]
 
 
+def state_bytes(name: str, preset: str = 'paper') -> int:
+    """Return the memory of a filter's state, eight bytes per number the preset makes use of."""
+    filter_module = FILTERS[name]
+    unused = filter_module.ADAPTIVE_STATE if preset == 'paper' else ()
+    state = filter_module.initial_state()._asdict()
+    return 8 * sum(_numbers(value) for field, value in state.items() if field not in unused)
+
+
+def _numbers(value: Any) -> int:
+    return sum(map(_numbers, value)) if isinstance(value, tuple) else 1
+
+
 def sample_rate(recording: ImuRecording) -> float:
     """Return the rate of most samples [Hz]; NaN for fewer than two."""
     if len(recording) < 2:

@@ -7,7 +7,9 @@ This file imports nothing: the set-up reads it to make one executable per verb.
 COMMANDS: dict[str, str] = {
     'simulate': 'simulate',
     'plan': 'plan',
+    'campaign': 'campaign',
     'replay': 'replay',
+    'orient': 'orient',
 }
 """Verb → module in this package. A verb's executable comes from here as well."""
 

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What each sensor's temperature error costs each filter, in degrees.
+
+A recording is run raw, compensated, and with one sensor compensated at a time; the attitudes are
+held against the truth where the recording has it, else against the fully compensated run.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
+from orientation_filters.errors import (
+    AttitudeErrors,
+    ErrorGroup,
+    attitude_errors,
+    errors_by_phase,
+    errors_by_temperature,
+)
+from orientation_filters.filters import FILTERS, run_filter, sample_rate, state_bytes
+from orientation_filters.rotation import enu_from_ned
+from orientation_filters.upsample import upsample
+
+CUTOFFS_HZ = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+"""The paper's typical range, with its choice of 3 Hz."""
+LOWEST_RATE_HZ = 50.0
+TIMED_ROWS = 20_000
+
+
+@dataclass(frozen=True)
+class Cost:
+    """One filter on one variant of the data: rms errors [deg]."""
+
+    filter: str
+    preset: str
+    data: str
+    """'raw', 'compensated' or '<sensor> compensated'."""
+    rms: dict[str, float]
+    """total, heading, inclination."""
+    gain: dict[str, float]
+    """How much of the raw error this compensation takes away, each kind."""
+    cutoff_hz: float | None = None
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What one filter costs on this machine."""
+
+    filter: str
+    preset: str
+    nanoseconds_per_sample: float
+    state_bytes: int
+
+
+@dataclass(frozen=True, eq=False)
+class Attribution:
+    """Everything `orient` answers about one recording."""
+
+    recording: ImuRecording
+    against: str
+    """'reference orientation' or 'compensated run'."""
+    costs: list[Cost]
+    sweep: list[Cost]
+    """The complementary filter over cut-off frequencies, raw and compensated."""
+    efforts: list[Effort]
+    groups: dict[str, list[ErrorGroup]]
+    """Errors [rad] by phase and temperature: '<filter> <data>' → groups."""
+
+
+def variants(raw: ImuRecording, compensated: ImuRecording) -> dict[str, ImuRecording]:
+    """Return the recording raw, compensated, and with one sensor compensated at a time."""
+    made = {'raw': raw, 'compensated': compensated}
+    for sensor, field in SENSOR_FIELDS.items():
+        change: dict[str, Any] = {field: getattr(compensated, field)}
+        made[f'{sensor} compensated'] = replace(raw, **change)
+    return made
+
+
+def attribute(
+    raw: ImuRecording,
+    compensated: ImuRecording,
+    *,
+    filters: Sequence[str] = tuple(FILTERS),
+    presets: Sequence[str] = ('paper',),
+    cutoffs_hz: Sequence[float] = CUTOFFS_HZ,
+    progress: Callable[[str], None] = lambda _: None,
+    **parameters: Any,
+) -> Attribution:
+    """Return what temperature costs each filter and what compensation gives back.
+
+    Recordings slower than 50 Hz are interpolated; `notes` of the result's recording say so.
+    """
+    fast = {name: upsample(r, LOWEST_RATE_HZ) for name, r in variants(raw, compensated).items()}
+    measured = fast['raw']
+    truth, costs, groups, efforts = measured.reference_orientation, [], {}, []
+    for name in filters:
+        for preset in presets:
+            progress(f'{name}, {preset}')
+            options = {**parameters, 'preset': preset}
+            runs = {data: _estimate(name, r, options) for data, r in fast.items()}
+            reference = runs['compensated'] if truth is None else truth
+            errors = {data: attitude_errors(q, reference) for data, q in runs.items()}
+            costs += _costs(name, preset, errors)
+            for data in ('raw', 'compensated'):
+                groups[f'{name} {preset} {data}'] = [
+                    *errors_by_phase(errors[data], measured),
+                    *errors_by_temperature(errors[data], measured),
+                ]
+            efforts.append(_effort(name, preset, measured, options))
+    sweep = list(_sweep(fast, cutoffs_hz, progress, parameters))
+    against = 'compensated run' if truth is None else 'reference orientation'
+    return Attribution(measured, against, costs, sweep, efforts, groups)
+
+
+def _estimate(name: str, recording: ImuRecording, options: dict[str, Any]) -> FloatArray:
+    """Return the attitude sensor → ENU."""
+    q = run_filter(name, recording, **options).orientation
+    return enu_from_ned(q) if options.get('world_frame') == 'ned' else q
+
+
+def _costs(name: str, preset: str, errors: dict[str, AttitudeErrors]) -> list[Cost]:
+    raw = _degrees(errors['raw'].rms())
+    costs = []
+    for data, found in errors.items():
+        rms = _degrees(found.rms())
+        gain = {kind: raw[kind] - rms[kind] for kind in raw}
+        costs.append(Cost(name, preset, data, rms, gain))
+    return costs
+
+
+def _sweep(
+    fast: dict[str, ImuRecording],
+    cutoffs_hz: Sequence[float],
+    progress: Callable[[str], None],
+    parameters: dict[str, Any],
+) -> Iterator[Cost]:
+    """Give the complementary filter's errors at each cut-off below half the sample rate."""
+    truth = fast['raw'].reference_orientation
+    options = {k: v for k, v in parameters.items() if k != 'cutoff_hz'}
+    for cutoff in cutoffs_hz:
+        if cutoff > 0.5 * sample_rate(fast['raw']):
+            continue
+        progress(f'complementary, {cutoff:g} Hz')
+        chosen = {**options, 'preset': 'paper', 'cutoff_hz': cutoff}
+        runs = {d: _estimate('complementary', fast[d], chosen) for d in ('raw', 'compensated')}
+        reference = runs['compensated'] if truth is None else truth
+        raw = _degrees(attitude_errors(runs['raw'], reference).rms())
+        for data, q in runs.items():
+            rms = _degrees(attitude_errors(q, reference).rms())
+            gain = {kind: raw[kind] - rms[kind] for kind in raw}
+            yield Cost('complementary', 'paper', data, rms, gain, cutoff)
+
+
+def _effort(name: str, preset: str, recording: ImuRecording, options: dict[str, Any]) -> Effort:
+    """Return time per sample (best of three, warm) and the bytes of the state."""
+    part = recording.rows(slice(0, TIMED_ROWS))
+    spent = []
+    for _ in range(3):
+        start = time.perf_counter()
+        run_filter(name, part, **options)
+        spent.append(time.perf_counter() - start)
+    return Effort(name, preset, min(spent) / max(len(part), 1) * 1e9, state_bytes(name, preset))
+
+
+def _degrees(rms: dict[str, float]) -> dict[str, float]:
+    return {kind: float(np.degrees(value)) for kind, value in rms.items()}

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A known temperature error costs the filter what geometry says, and compensation gives it back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from imu_recording.recording import PHASES, ImuRecording
+from imu_workbench.attribution import attribute
+from imu_workbench.attribution_content import content_of, remarks
+
+SECONDS, RATE = 120.0, 50.0
+
+
+def device(rate_hz: float = RATE) -> ImuRecording:
+    """A level sensor facing east that is warmed by 20 K; true attitude known."""
+    rng = np.random.default_rng(1)
+    n = round(SECONDS * rate_hz)
+    still = np.ones((n, 1))
+    return ImuRecording(
+        stamp=np.arange(n) * round(1e9 / rate_hz),
+        angular_velocity=1e-4 * rng.normal(size=(n, 3)),
+        linear_acceleration=still * [0.0, 0.0, 9.81],
+        magnetic_field=still * [0.0, 25e-6, -43e-6],
+        temperature=np.linspace(20.0, 40.0, n),
+        phase=np.full(n, PHASES.index('ramp_up')),
+        reference_orientation=still * [0.0, 0.0, 0.0, 1.0],
+    )
+
+
+def warmed(true: ImuRecording) -> ImuRecording:
+    """Return the recording with a field error along x and a tilt error that grow with warmth."""
+    warmth = (true.temperature - 20.0)[:, None] / 20.0
+    return replace(
+        true,
+        magnetic_field=true.magnetic_field + warmth * [5e-6, 0.0, 0.0],
+        linear_acceleration=true.linear_acceleration + warmth * [0.1, 0.0, 0.0],
+    )
+
+
+def test_each_sensor_is_charged_with_its_own_error() -> None:
+    true = device()
+    result = attribute(warmed(true), true)
+    costs = {(c.filter, c.data): c for c in result.costs}
+    grows = 1 / np.sqrt(3)  # rms of a straight line that ends at 1
+    heading = np.degrees(np.arctan(5 / 25)) * grows
+    tilt = np.degrees(0.1 / 9.81) * grows
+    for name in ('complementary', 'ahrs'):
+        raw = costs[name, 'raw'].rms
+        assert raw['heading'] == pytest.approx(heading, rel=0.15)
+        assert raw['inclination'] == pytest.approx(tilt, rel=0.2)
+        assert costs[name, 'compensated'].rms['total'] < 0.15
+        magnetometer = costs[name, 'magnetometer compensated']
+        assert magnetometer.rms['inclination'] == pytest.approx(raw['inclination'], rel=0.05)
+        assert magnetometer.gain['heading'] > 0.9 * raw['heading']
+        assert costs[name, 'accelerometer compensated'].gain['inclination'] > 0.9 * tilt
+        assert abs(costs[name, 'gyroscope compensated'].gain['total']) < 0.01
+    assert result.against == 'reference orientation'
+
+
+def test_errors_are_given_per_phase_and_temperature() -> None:
+    true = device()
+    result = attribute(warmed(true), true, filters=['complementary'])
+    groups = result.groups['complementary paper raw']
+    assert [g.label for g in groups] == ['ramp_up', '20 … 30 °C', '30 … 40 °C', '40 … 50 °C']
+    assert groups[1].rms['heading'] < groups[2].rms['heading'] < groups[3].rms['heading']
+
+
+def test_sweep_covers_the_papers_range_below_half_the_rate() -> None:
+    true = device()
+    sweep = attribute(warmed(true), true, filters=[]).sweep
+    assert sorted({c.cutoff_hz for c in sweep}) == [2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0]
+    assert {c.data for c in sweep} == {'raw', 'compensated'}
+
+
+def test_slow_recordings_are_interpolated_and_it_is_said() -> None:
+    true = device(rate_hz=2.0)
+    result = attribute(warmed(true), true, filters=['complementary'])
+    assert len(result.recording) == pytest.approx(SECONDS * 50, abs=60)
+    assert any('interpolated' in note for note in result.recording.notes)
+
+
+def test_without_truth_the_compensated_run_stands_for_it() -> None:
+    true = replace(device(), reference_orientation=None)
+    result = attribute(warmed(true), true, filters=['ahrs'])
+    assert result.against == 'compensated run'
+    costs = {c.data: c for c in result.costs}
+    assert costs['compensated'].rms['total'] == 0.0
+    assert costs['raw'].rms['heading'] > 5.0
+
+
+def test_remarks_carry_our_numbers() -> None:
+    true = device()
+    result = attribute(warmed(true), true)
+    found = {(r['remark'], r['unit']): r for r in remarks(result)}
+    assert found['because of the magnetometer', 'deg']['holds']
+    assert found['AHRS costs more', 'B']['holds']
+    assert content_of(result, true)['remarks'] == remarks(result)
