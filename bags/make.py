@@ -11,10 +11,18 @@ import argparse
 import re
 import shutil
 import sys
+from functools import lru_cache
 from pathlib import Path
 
 from imu_recording.columns_hash import columns_hash
 from imu_workbench.experiment import Logging, simulate_run
+from imu_workbench.experiment_hidden import (
+    BUNDLED_TRUTH_FILE,
+    Campaign,
+    Secret,
+    hidden_campaign,
+    write_truth,
+)
 from imu_workbench.experiment_motion import simulate_motion
 
 from imu_recording import ImuRecording, read_bag, write_bag
@@ -26,13 +34,22 @@ RUNS = {f'dut{k}_{axis}': (f'dut{k}', axis) for k in (1, 2, 3) for axis in 'xyz'
 SEEDS = {'dut1': 1, 'dut2': 2, 'dut3': 3}
 MOTION = 'dut1_motion'
 MOTION_SEED = 4
-NAMES = (*RUNS, MOTION)
+SECRET = {f'hidden_effect_{axis}': k for k, axis in enumerate('xyz')}
+SECRET_DEVICE, SECRET_SEED, SECRET_MAGNITUDE, SECRET_RATE = 'dut2', 133, 5.0, 0.1
+NAMES = (*RUNS, MOTION, *SECRET)
 
 
 def command(name: str) -> str:
     """Return the command that makes the same bag."""
     if name == MOTION:
         return f'python bags/make.py {MOTION}'
+    if name in SECRET:
+        return (
+            f'python -m imu_workbench simulate {PROFILE} --device {SECRET_DEVICE} --hide random '
+            f'--magnitude {SECRET_MAGNITUDE:g} --rate {SECRET_RATE:g} '
+            f'--chamber-period {CHAMBER_PERIOD:g} --seed {SECRET_SEED} -o hidden_effect '
+            f'(its bag {name[-1]})'
+        )
     device, axis = RUNS[name]
     return (
         f'python -m imu_workbench simulate {PROFILE} --device {device} --orientation {axis} '
@@ -42,7 +59,18 @@ def command(name: str) -> str:
 
 def seed(name: str) -> int:
     """Return the seed of a bag."""
+    if name in SECRET:
+        return SECRET_SEED
     return MOTION_SEED if name == MOTION else SEEDS[RUNS[name][0]]
+
+
+@lru_cache
+def secret_campaign() -> Campaign:
+    """Return the campaign with the hidden effect."""
+    return hidden_campaign(
+        PROFILE, SECRET_DEVICE, Logging(SECRET_RATE, True, CHAMBER_PERIOD),
+        Secret('random', SECRET_MAGNITUDE), seed=SECRET_SEED,
+    )
 
 
 def made(name: str) -> ImuRecording:
@@ -51,6 +79,8 @@ def made(name: str) -> ImuRecording:
         return simulate_motion(
             'dut1', rate_hz=100.0, seed=MOTION_SEED, chamber_period=CHAMBER_PERIOD
         )
+    if name in SECRET:
+        return secret_campaign().recordings[SECRET[name]]
     device, axis = RUNS[name]
     logging = Logging(0.5, chamber_period=CHAMBER_PERIOD)
     return simulate_run(
@@ -89,6 +119,11 @@ def make(names: list[str], output: Path) -> None:
         recording = made(name)
         shutil.rmtree(output / name, ignore_errors=True)
         write_bag(recording, output / name)
+        if name in SECRET:
+            write_truth(
+                output / BUNDLED_TRUTH_FILE, secret_campaign().truth, device=SECRET_DEVICE,
+                seed=SECRET_SEED, profile=PROFILE, bags=list(SECRET),
+            )
         line = row(name, read_bag(output / name))
         sys.stdout.write(line + '\n')
         if output == HERE:

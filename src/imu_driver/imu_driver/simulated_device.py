@@ -49,6 +49,11 @@ class ReadOut:
     number: int = 0
     """Number of the run in its campaign: sets the day it starts on."""
 
+    @property
+    def summed(self) -> int:
+        """How many samples of the sensor one row sums up."""
+        return max(round(SENSOR_RATE / self.rate_hz), 1) if self.mean else 1
+
 
 def simulate_device(
     device: str | DeviceParameters,
@@ -119,7 +124,7 @@ def sample_times(run: DeviceRun, how: ReadOut) -> FloatArray:
 def noise_std(sensor: SensorParameters, how: ReadOut) -> FloatArray:
     """Return (3,) standard deviation of the white noise of a row [SI unit]."""
     if how.mean:
-        rounding = sensor.sensitivity**2 / 12.0 * how.rate_hz / SENSOR_RATE
+        rounding = sensor.sensitivity**2 / 12.0 / how.summed
         std: FloatArray = np.sqrt(sensor.mean_std**2 * how.rate_hz + rounding)
         return std
     bandwidth = max(how.rate_hz, SENSOR_RATE)
@@ -176,11 +181,7 @@ def _triad(
     if sensor == 'accelerometer' and not how.mean:
         shaking = np.sqrt(2.0 * sampled(run, run.vibration, time, how))
         values += shaking * np.sin(generator.uniform(0.0, 2 * np.pi, (len(time), 1)))
-    if how.mean:
-        rail = COUNT_MAX * parameters.sensitivity
-        np.clip(values, -rail, rail, out=values)
-    else:
-        quantise(values, parameters.sensitivity)
+    quantise(values, parameters.sensitivity, how.summed)
     return values
 
 
@@ -222,12 +223,17 @@ def _add_input(
 
 
 @njit(cache=True)
-def quantise(values: FloatArray, sensitivity: float) -> None:
-    """Round values (n, 3) in place to int16 counts of `sensitivity`, saturating at the ends."""
+def quantise(values: FloatArray, sensitivity: float, summed: int) -> None:
+    """Round values (n, 3) in place to means of `summed` int16 counts of `sensitivity`.
+
+    At the ends of the range the counts saturate.
+    """
+    step = sensitivity / summed
+    low, high = COUNT_MIN * summed, COUNT_MAX * summed
     for k in range(values.shape[0]):
         for axis in range(values.shape[1]):
-            count = np.rint(values[k, axis] / sensitivity)
-            values[k, axis] = min(max(count, COUNT_MIN), COUNT_MAX) * sensitivity
+            count = np.rint(values[k, axis] / step)
+            values[k, axis] = min(max(count, low), high) * step
 
 
 def _thermometer(
@@ -240,13 +246,10 @@ def _thermometer(
     noise = device.thermometer_noise
     reading = REFERENCE_TEMPERATURE + above + device.thermometer_offset
     if how.mean:
-        share = max(SENSOR_RATE / how.rate_hz, 1.0)
-        shown: FloatArray = reading + generator.standard_normal(len(time)) * np.sqrt(
-            (noise**2 + TEMPERATURE_SENSITIVITY**2 / 12.0) / share
-        )
-        return shown
+        noise = np.sqrt((noise**2 + TEMPERATURE_SENSITIVITY**2 / 12.0) / how.summed)
     reading += noise * generator.standard_normal(len(time))
-    rounded: FloatArray = np.rint(reading / TEMPERATURE_SENSITIVITY) * TEMPERATURE_SENSITIVITY
+    step = TEMPERATURE_SENSITIVITY / how.summed
+    rounded: FloatArray = np.rint(reading / step) * step
     return rounded
 
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 AVERAGED = (
     'chamber_temperature', 'chamber_temperature_2', 'heater', 'compressor', 'fan', 'humidity',
 )
+DECIMALS = {False: 2, True: 3}
+"""What a data logger shows: PT100 0.01 K, duty and humidity 1 %; means a digit more."""
 HELD = ('setpoint', 'phase', 'cycle')
 THERMOCOUPLE_TIME = 4.0
 """Lag of a thin thermocouple taped to the package [s]."""
@@ -50,8 +52,7 @@ def tracks(run: DeviceRun, time: FloatArray, how: ReadOut) -> dict[str, Any]:
     for name in AVERAGED:
         values = getattr(environment, name)
         if values is not None:
-            decimals = 2 if name.startswith('chamber_temperature') and not how.mean else 3
-            taken[name] = np.round(sampled(run, values, time, how), decimals)
+            taken[name] = np.round(sampled(run, values, time, how), DECIMALS[how.mean])
     row = np.searchsorted(environment.time, time + 1e-9, side='right') - 1
     for name in HELD:
         values = getattr(environment, name)

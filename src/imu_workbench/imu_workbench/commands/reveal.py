@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""reveal: run diagnose on a campaign with a secret, open the truth, compare."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from imu_workbench.answer import Answer
+from imu_workbench.experiment_hidden import find_truth
+from imu_workbench.experiment_reveal import VERDICTS, describe_truth, judge
+
+HELP = 'diagnose a campaign made by `simulate --hide`, then open the truth and compare'
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of reveal."""
+    parser.add_argument(
+        'folder', type=Path, metavar='DIR', help='the folder `simulate … --hide` wrote'
+    )
+
+
+def run(options: argparse.Namespace) -> Answer:
+    """Diagnose first, then look."""
+    bags = find_truth(options.folder)[1]
+    diagnosis = _diagnosed(bags)
+    truth = find_truth(options.folder)[0]
+    judgement = judge(truth, diagnosis)
+    reported = '; '.join(judgement.reported) or 'nothing'
+    verdict = VERDICTS[judgement.outcome]
+    if judgement.outcome in ('named', 'in_set') and not judgement.sensor_right:
+        verdict += ', but in the wrong sensor'
+    if truth['kind'] == 'nothing':
+        verdict = 'right: no alarm' if judgement.right else 'wrong: nothing was hidden'
+    content: dict[str, Any] = {
+        'schema': 1, 'truth': truth, **asdict(judgement), 'right': judgement.right,
+        'diagnosis': diagnosis,
+    }
+    text = f'hidden:   {describe_truth(truth)}\nreported: {reported}\n{verdict}'
+    return Answer(content, text)
+
+
+def _diagnosed(bags: list[Path]) -> dict[str, Any]:
+    """Return the JSON answer of `diagnose` for the bags."""
+    diagnose: Any = import_module('imu_workbench.commands.diagnose')
+    parser = argparse.ArgumentParser()
+    diagnose.arguments(parser)
+    answer: Answer = diagnose.run(parser.parse_args([str(bag) for bag in bags]))
+    return answer.content
