@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
-from imu_recording.recording import ImuRecording
+from imu_recording.recording import FloatArray, ImuRecording
 
 from thermal_comp.conditions import SENSORS, Sensor
 from thermal_comp.effects.effect import Effect
@@ -113,6 +113,7 @@ class FittedGroup:
                 if design.valid(r, sensor).any()
             },
             shape_std=self._shape_std(sensor),
+            contributions=self._contributions(sensor),
             temperature_range=span,
         )
 
@@ -127,6 +128,17 @@ class FittedGroup:
     def _misfit(self) -> float:
         """χ² per degree of freedom, where it exceeds one."""
         return max(1.0, float(self.solution.chi_square[0]) / self.solution.degrees)
+
+    def _contributions(self, sensor: Sensor) -> dict[str, FloatArray]:
+        """Return the (3,) rms of each effect's error about the mean of each run."""
+        found: dict[str, FloatArray] = {}
+        for term in self.design.terms_of(sensor):
+            alone = np.zeros_like(self.solution.estimate[:, 0])
+            alone[term.unknowns] = self.solution.estimate[term.unknowns, 0]
+            parts = [self.design.predicted(alone, r, sensor) for r in range(len(self.design.runs))]
+            centred = np.concatenate([part - part.mean(axis=0) for part in parts])
+            found[term.effect.name] = np.sqrt((centred**2).mean(axis=0))
+        return found
 
     def _shape_std(self, sensor: Sensor) -> dict[str, tuple[float, ...]]:
         found: dict[str, tuple[float, ...]] = {}

@@ -60,6 +60,9 @@ class SensorModel:
     """(3,) mean output at the reference temperature of each run, by run name [unit]."""
     shape_std: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     """Standard deviations of the fitted shape parameters, by `effect.parameter`."""
+    contributions: Mapping[str, FloatArray] = field(default_factory=dict)
+    """(3,) rms of each effect's error about the mean of each fitted run, by effect [unit]: how
+    much is left in the data where an effect cannot be applied."""
     temperature_range: tuple[float, float] = (-np.inf, np.inf)
     """Die temperatures the fit has seen [°C]; outside, the temperature is clamped."""
 

@@ -88,6 +88,7 @@ def _sensor_document(name: str, model: SensorModel) -> dict[str, Any]:
                 'shape': _shape_document(effect, model.shape_std),
                 'units': [text.replace('{unit}', unit) for text in effect.coefficient_units],
                 'coefficients': coefficients.tolist(),
+                'rms': np.asarray(model.contributions.get(effect.name, np.zeros(3))).tolist(),
             }
             for effect, coefficients in zip(model.effects, model.coefficients, strict=True)
         ],
@@ -157,9 +158,11 @@ def _sensor(entry: Field, sensor: Sensor, catalogue: Mapping[str, type[Effect]])
     found: list[Effect] = []
     coefficients: list[FloatArray] = []
     std: dict[str, tuple[float, ...]] = {}
+    rms: dict[str, FloatArray] = {}
     for item in entry['effects'].items():
         effect = _effect(item, catalogue, std)
         found.append(effect)
+        rms[effect.name] = item.get('rms', [0.0, 0.0, 0.0]).array(3)
         coefficients.append(_coefficients(item['coefficients'], effect, sensor))
     size = sum(c.size for c in coefficients)
     return SensorModel(
@@ -169,6 +172,7 @@ def _sensor(entry: Field, sensor: Sensor, catalogue: Mapping[str, type[Effect]])
         noise=_noise(entry['noise'], unit) if 'noise' in entry.mapping() else None,
         levels={run: level.array(3) for run, level in entry.get('levels', {}).entries().items()},
         shape_std=std,
+        contributions=rms,
         temperature_range=_range(entry['temperature_range']),
     )
 

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Subtract the modelled error from a whole recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
+
+from thermal_comp.conditions import SENSORS, Conditions, field_conditions
+from thermal_comp.effects.effect import State
+from thermal_comp.model import ThermalModel
+from thermal_comp.model_file import check_device
+from thermal_comp.sensor_error import sensor_error
+from thermal_comp.vibration import vibration_of
+
+PIECE = 50_000
+"""Rows taken at a time, to bound memory."""
+
+
+def compensate(recording: ImuRecording, model: ThermalModel) -> ImuRecording:
+    """Return the recording with the modelled error of the device effects subtracted.
+
+    Rows without a die temperature are passed on; what was passed on, clamped to the fitted range
+    or could not be applied is said in the notes.
+    """
+    check_device(model, recording.device)
+    known = np.isfinite(recording.temperature)
+    conditions = field_conditions(recording, model.reference_temperature)
+    if recording.vibration is None and _needs_vibration(model) and len(recording):
+        vibration = vibration_of(
+            recording.stamp, recording.linear_acceleration, int(recording.stamp[0])
+        )
+        conditions = replace(conditions, vibration=vibration)
+    conditions = conditions.rows(known)
+    notes = ['compensated with a thermal model' + (f' of {model.device}' if model.device else '')]
+    if not known.all():
+        notes.append(f'{int((~known).sum())} rows without a die temperature are passed on')
+    changed: dict[str, Any] = {}
+    outside = np.zeros(int(known.sum()), dtype=bool)
+    for sensor in SENSORS:
+        name = SENSOR_FIELDS[sensor]
+        if sensor in model.sensors:
+            found = _sensor(model, conditions.of(sensor))
+            values = getattr(recording, name).copy()
+            values[known] -= found.error
+            changed[name] = values
+            outside |= found.outside
+            notes += [
+                f'{sensor}: {effect} not applied in {rows} rows, its channel is not known'
+                for effect, rows in found.skipped.items()
+            ]
+    if outside.any():
+        notes.append(f'{int(outside.sum())} rows outside the fitted temperatures are clamped')
+    return replace(recording, **changed).with_notes(*notes)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    error: FloatArray
+    outside: np.ndarray
+    skipped: dict[str, int]
+
+
+def _sensor(model: ThermalModel, conditions: Conditions) -> _Found:
+    error = np.empty((len(conditions), 3))
+    outside = np.zeros(len(conditions), dtype=bool)
+    skipped: dict[str, int] = {}
+    states: tuple[State | None, ...] | None = None
+    for start in range(0, len(conditions), PIECE):
+        rows = slice(start, start + PIECE)
+        part = sensor_error(model.sensors[conditions.sensor], conditions.rows(rows), states)
+        error[rows], outside[rows], states = part.error, part.clamped, part.states
+        for name, missing in part.skipped.items():
+            skipped[name] = skipped.get(name, 0) + int(missing.sum())
+    return _Found(error, outside, skipped)
+
+
+def _needs_vibration(model: ThermalModel) -> bool:
+    return any(
+        'vibration' in effect.channels
+        for sensor in model.sensors.values()
+        for _, effect, _ in sensor.device_terms()
+    )

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The compensation node in-process: what goes in, what comes out, what diagnostics say."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from imu_recording.messages import (
+    ImuSample,
+    MagneticSample,
+    TemperatureSample,
+    imu_from_sample,
+    magnetic_field_from_sample,
+    temperature_from_sample,
+)
+from sensor_msgs.msg import Imu
+from thermal_comp.model_file import save_model
+from thermal_comp.node import ThermalCompNode
+
+from .models import line_model
+
+SECOND = 1_000_000_000
+UP = (0.0, 0.0, 9.80665)
+
+
+def node(ros: Any, sent: list[tuple[str, Any]], **parameters: Any) -> ThermalCompNode:
+    made = ThermalCompNode(
+        capture=lambda topic, message: sent.append((topic, message)), parameters=parameters
+    )
+    assert made.autostart()
+    return made
+
+
+def feed(compensation: ThermalCompNode, stamp: int, temperature: float | None = None) -> None:
+    if temperature is not None:
+        compensation.inputs['imu/temperature'](
+            temperature_from_sample(TemperatureSample(stamp, temperature))
+        )
+    compensation.inputs['imu/data_raw'](imu_from_sample(ImuSample(stamp, (0.0, 0.0, 0.0), UP)))
+    compensation.inputs['imu/mag'](
+        magnetic_field_from_sample(MagneticSample(stamp, (2e-5, 0.0, -4e-5)))
+    )
+
+
+def imu_messages(sent: list[tuple[str, Any]]) -> list[Imu]:
+    return [message for topic, message in sent if topic == 'imu_compensated/data_raw']
+
+
+@pytest.fixture
+def model_path(tmp_path: Path) -> str:
+    save_model(line_model(), tmp_path / 'model.yaml')
+    return str(tmp_path / 'model.yaml')
+
+
+def test_the_error_at_the_die_temperature_is_subtracted(ros: Any, model_path: str) -> None:
+    sent: list[tuple[str, Any]] = []
+    compensation = node(ros, sent, model=model_path)
+    feed(compensation, SECOND, 30.0)
+    (imu,) = imu_messages(sent)
+    # line_model: 1 mrad/s/K, 2 mm/s²/K and 30 nT/K on x; 30 °C is 10 K above the reference.
+    assert imu.angular_velocity.x == pytest.approx(-0.01, abs=1e-12)
+    assert imu.linear_acceleration.x == pytest.approx(-0.02, abs=1e-12)
+    (field,) = [m for topic, m in sent if topic == 'imu_compensated/mag']
+    assert field.magnetic_field.x == pytest.approx(2e-5 - 3e-7, abs=1e-15)
+    assert compensation.diagnostics()[0] == 0
+
+
+def test_covariance_is_noise_plus_model_uncertainty(ros: Any, model_path: str) -> None:
+    sent: list[tuple[str, Any]] = []
+    compensation = node(ros, sent, model=model_path)
+    feed(compensation, SECOND, 20.0)
+    feed(compensation, 2 * SECOND, 30.0)
+    at_reference, warm = (m.angular_velocity_covariance[0] for m in imu_messages(sent))
+    noise = line_model().sensors['gyroscope'].noise.variance_of_means(1.0)[0]
+    assert at_reference == pytest.approx(noise)
+    assert warm - at_reference == pytest.approx((1e-5 * 10.0) ** 2)
+
+
+def test_known_covariances_and_orientation_are_kept(ros: Any, model_path: str) -> None:
+    sent: list[tuple[str, Any]] = []
+    compensation = node(ros, sent, model=model_path)
+    compensation.on_temperature(temperature_from_sample(TemperatureSample(SECOND, 20.0)))
+    message = imu_from_sample(
+        ImuSample(SECOND, (0.0,) * 3, UP, angular_velocity_covariance=(4e-6, *[0.0] * 8)),
+        orientation=(0.0, 0.0, 0.6, 0.8),
+        orientation_covariance=(1e-4, *[0.0] * 8),
+    )
+    message.linear_acceleration_covariance[0] = -1.0
+    compensation.on_imu(message)
+    (imu,) = imu_messages(sent)
+    assert imu.angular_velocity_covariance[0] == pytest.approx(4e-6)
+    assert imu.linear_acceleration_covariance[0] == -1.0
+    assert (imu.orientation.z, imu.orientation.w) == (0.6, 0.8)
+    assert imu.orientation_covariance[0] == 1e-4
+
+
+def test_without_a_fresh_temperature_data_pass_unchanged_and_uncertain(
+    ros: Any, model_path: str
+) -> None:
+    sent: list[tuple[str, Any]] = []
+    compensation = node(ros, sent, model=model_path, temperature_timeout=5.0)
+    feed(compensation, SECOND, 30.0)
+    feed(compensation, 6 * SECOND)
+    feed(compensation, 7 * SECOND)
+    fresh, edge, stale = imu_messages(sent)
+    assert edge.angular_velocity.x == fresh.angular_velocity.x
+    assert stale.angular_velocity.x == 0.0
+    assert stale.angular_velocity_covariance[0] > 10.0 * edge.angular_velocity_covariance[0]
+    level, line, values = compensation.diagnostics()
+    assert level == 1
+    assert 'no fresh temperature' in line
+    assert values['passed_on'] == 1
+
+
+def test_outside_the_fitted_range_the_temperature_is_clamped_and_said(
+    ros: Any, model_path: str
+) -> None:
+    sent: list[tuple[str, Any]] = []
+    compensation = node(ros, sent, model=model_path)
+    feed(compensation, SECOND, 50.0)
+    feed(compensation, 2 * SECOND, 70.0)
+    inside, outside = imu_messages(sent)
+    assert outside.angular_velocity.x == inside.angular_velocity.x
+    assert outside.angular_velocity_covariance[0] > inside.angular_velocity_covariance[0]
+    assert 'outside the fitted range: clamped' in compensation.diagnostics()[1]
+
+
+def test_the_newest_temperature_not_later_than_the_sample_counts(
+    ros: Any, model_path: str
+) -> None:
+    sent: list[tuple[str, Any]] = []
+    compensation = node(ros, sent, model=model_path)
+    for stamp, temperature in ((1, 25.0), (3, 35.0), (2, 30.0)):
+        compensation.on_temperature(
+            temperature_from_sample(TemperatureSample(stamp * SECOND, temperature))
+        )
+    feed(compensation, 2 * SECOND)
+    feed(compensation, 3 * SECOND)
+    assert [m.angular_velocity.x for m in imu_messages(sent)] == pytest.approx([-0.01, -0.015])
+
+
+def test_without_a_model_data_pass_and_diagnostics_warn(ros: Any) -> None:
+    sent: list[tuple[str, Any]] = []
+    compensation = node(ros, sent)
+    feed(compensation, SECOND, 30.0)
+    assert imu_messages(sent)[0].linear_acceleration.z == UP[2]
+    level, line, _ = compensation.diagnostics()
+    assert level == 1
+    assert 'no model' in line
+
+
+def test_a_broken_model_refuses_the_configuration(ros: Any, tmp_path: Path) -> None:
+    broken = tmp_path / 'model.yaml'
+    broken.write_text('schema: 7\n')
+    compensation = ThermalCompNode(
+        capture=lambda topic, message: None, parameters={'model': str(broken)}
+    )
+    assert not compensation.autostart()
+    missing = ThermalCompNode(
+        capture=lambda topic, message: None, parameters={'model': str(tmp_path / 'none.yaml')}
+    )
+    assert not missing.autostart()
+
+
+def test_a_clock_that_jumps_back_starts_anew(ros: Any, model_path: str) -> None:
+    sent: list[tuple[str, Any]] = []
+    compensation = node(ros, sent, model=model_path)
+    feed(compensation, 100 * SECOND, 40.0)
+    feed(compensation, 5 * SECOND, 30.0)
+    assert imu_messages(sent)[1].angular_velocity.x == pytest.approx(-0.01)
+    assert np.isfinite(imu_messages(sent)[1].angular_velocity_covariance).all()
