@@ -58,7 +58,8 @@ def test_the_die_follows_the_air_and_stays_above_it() -> None:
     offset = DEVICES['dut2'].thermometer_offset
     hot = recording.phase == PHASES.index('dwell_hot')
     assert -1.0 < np.median(warmer[hot]) - offset < 1.5
-    assert np.corrcoef(recording.temperature, recording.chamber_temperature)[0, 1] > 0.8  # two minutes late
+    # It comes two minutes late.
+    assert np.corrcoef(recording.temperature, recording.chamber_temperature)[0, 1] > 0.8
 
 
 def test_a_run_alone_is_the_run_of_the_campaign() -> None:
