@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from imu_recording import ImuRecording, RecordingError
 from thermal_comp.effects import EFFECTS
 from thermal_comp.preparation import prepare
+
+from imu_recording import ImuRecording, RecordingError
 
 GRAVITY = 9.80665
 

@@ -107,12 +107,13 @@ def prepare_run(
         period=length,
         measured={},
         fine_measured={s: getattr(fine, SENSOR_FIELDS[s]) for s in SENSORS},
+        fine_measured={s: getattr(fine, SENSOR_FIELDS[s]) for s in SENSORS},
         fold=fold,
         has_cycles=has_cycles,
         hash=columns_hash(whole),
         notes=tuple(f'{name}: {note}' for note in notes),
     )
-    return replace(run, measured={s: _block_measurement(run, fine, s) for s in SENSORS})
+    return replace(run, measured={s: _block_measurement(run, s) for s in SENSORS})
 
 
 def _fine(
@@ -223,10 +224,9 @@ def _folds(cycle: IntArray | None, starts: IntArray) -> tuple[IntArray, bool]:
     return 1 + np.arange(m, dtype=np.int64) * parts // max(m, 1), False
 
 
-def _block_measurement(run: PreparedRun, fine: ImuRecording, sensor: Sensor) -> FloatArray:
+def _block_measurement(run: PreparedRun, sensor: Sensor) -> FloatArray:
     """Return the (m, 3) means of the rows that are finite; blocks less than half full are NaN."""
-    values = getattr(fine, SENSOR_FIELDS[sensor])
-    mean, count = bin_means(values, run.starts.ravel())
+    mean, count = bin_means(run.fine_measured[sensor], run.starts.ravel())
     mean, count = mean[::2], count[::2]
     if count.any():
         mean[count < 0.5 * np.median(count[count > 0])] = np.nan
