@@ -107,7 +107,6 @@ def prepare_run(
         period=length,
         measured={},
         fine_measured={s: getattr(fine, SENSOR_FIELDS[s]) for s in SENSORS},
-        fine_measured={s: getattr(fine, SENSOR_FIELDS[s]) for s in SENSORS},
         fold=fold,
         has_cycles=has_cycles,
         hash=columns_hash(whole),

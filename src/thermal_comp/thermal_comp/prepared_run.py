@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -41,8 +40,6 @@ class PreparedRun:
     """(m,) part of the run that is held out together, 1 …; 0 is never held out."""
     has_cycles: bool
     """Whether the parts are thermal cycles; else they are contiguous blocks."""
-    fine_measured: Mapping[Sensor, FloatArray]
-    """(n, 3) measured values on the fine rows per sensor, NaN where there is none."""
     hash: str = ''
     """SHA-256 of the columns it was prepared from."""
     notes: tuple[str, ...] = ()
