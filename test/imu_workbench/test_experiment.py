@@ -77,6 +77,17 @@ def test_equal_seeds_give_equal_columns_and_others_do_not() -> None:
     assert len(hashes) == 2
 
 
+def test_devices_with_one_seed_share_the_chamber_and_not_the_noise() -> None:
+    first, second = (
+        simulate_run(SHORT, device, Logging(0.5), seed=1) for device in ('dut1', 'dut2')
+    )
+    assert first.setpoint is not None
+    np.testing.assert_array_equal(first.setpoint, second.setpoint)
+    noise = [np.diff(r.linear_acceleration, 2, axis=0) for r in (first, second)]
+    for axis in range(3):
+        assert abs(np.corrcoef(noise[0][:, axis], noise[1][:, axis])[0, 1]) < 0.2
+
+
 def test_tracks_keep_their_own_pace_and_come_back_from_a_bag(tmp_path: Path) -> None:
     recording = simulate_run(SHORT, 'dut1', Logging(2.0, chamber_period=10.0), seed=1)
     assert recording.chamber_temperature is not None

@@ -30,6 +30,8 @@ DIRECT_RATE = 10.0
 """From here on every sample of the sensor is read and the sensor's own clock counts [Hz]."""
 VIBRATION_RATE = 119.0
 """Rate at which the variance within a sample's interval is taken [Hz]."""
+VIBRATION_FREQUENCY = 24.5
+"""A two-pole compressor motor's shaft [Hz]."""
 START_NS = 1_600_000_000_000_000_000
 """Stamp of the start of a run; runs of one campaign follow each other by a day."""
 DAY_NS = 86_400_000_000_000
@@ -132,6 +134,15 @@ def noise_std(sensor: SensorParameters, how: ReadOut) -> FloatArray:
     return single
 
 
+def vibration_passed(how: ReadOut) -> float:
+    """Return the share of the vibration's amplitude that the sensor's low-pass lets through.
+
+    Second order, cut-off at a third of the sensor's output data rate.
+    """
+    cutoff = max(how.rate_hz, SENSOR_RATE) / 3.0
+    return 1.0 / (1.0 + (VIBRATION_FREQUENCY / cutoff) ** 2)
+
+
 def _measured(
     run: DeviceRun, how: ReadOut, time: FloatArray, generator: np.random.Generator
 ) -> tuple[dict[str, FloatArray], FloatArray | None]:
@@ -179,7 +190,7 @@ def _triad(
     if sensor == 'gyroscope':
         values += run.device.g_sensitivity * inputs['accelerometer'] @ G_PATTERN
     if sensor == 'accelerometer' and not how.mean:
-        shaking = np.sqrt(2.0 * sampled(run, run.vibration, time, how))
+        shaking = vibration_passed(how) * np.sqrt(2.0 * sampled(run, run.vibration, time, how))
         values += shaking * np.sin(generator.uniform(0.0, 2 * np.pi, (len(time), 1)))
     quantise(values, parameters.sensitivity, how.summed)
     return values

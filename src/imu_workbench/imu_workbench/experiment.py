@@ -12,6 +12,7 @@ import numpy as np
 from chamber_profile.chambers.simulated import simulate_chamber
 from chamber_profile.profile import Profile, load_profile, parse_profile
 from imu_driver.device_parameters import DeviceParameters
+from imu_driver.simulated_catalogue import find_device
 from imu_driver.simulated_device import ReadOut, read_out
 from imu_driver.simulated_environment import Environment
 from imu_driver.simulated_run import DeviceRun, prepare_run
@@ -86,7 +87,8 @@ def prepare_campaign(
 ) -> list[DeviceRun]:
     """Return the runs before they are read out, one per orientation.
 
-    A run depends on the seed and its own orientation only: alone or in a campaign it is the same.
+    A run depends on seed, device and its own orientation only: alone or in a campaign it is the
+    same. Devices with one seed share the chamber, not the noise.
     `chamber_seed` (default: the seed) makes the chamber's runs, the last of which are kept.
     """
     known = profile if isinstance(profile, Profile) else load_profile(profile)
@@ -94,7 +96,7 @@ def prepare_campaign(
         prepare_run(
             device,
             chamber_environment(known, seed if chamber_seed is None else chamber_seed, axis),
-            seed=(seed, *axis.encode()),
+            seed=(seed, *axis.encode(), *find_device(device).name.encode()),
             orientation=axis,
             field_jumps=field_jumps,
         )
