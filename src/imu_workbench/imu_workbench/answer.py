@@ -5,12 +5,16 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+NUMBERS = re.compile(r'\[\s+(?:(?:-?\d[\d.eE+-]*|null|true|false),\s+)*[-\d.eE+a-z]+\s+\]')
+"""A list of numbers as `json.dumps` indents it."""
 
 
 @dataclass(frozen=True)
@@ -51,5 +55,6 @@ def plain(value: Any) -> Any:
 
 
 def write_json(content: Mapping[str, Any], path: Path) -> None:
-    """Write the content as UTF-8 JSON, in the order it was made."""
-    path.write_text(json.dumps(plain(content), indent=1, ensure_ascii=False) + '\n', 'utf-8')
+    """Write the content as UTF-8 JSON, in the order it was made, a list of numbers on one line."""
+    text = json.dumps(plain(content), indent=1, ensure_ascii=False)
+    path.write_text(NUMBERS.sub(lambda found: ' '.join(found[0].split()), text) + '\n', 'utf-8')

@@ -63,9 +63,11 @@ def fixed(value: float | None, decimals: int) -> str:
     return text.replace('-', '−')
 
 
-def with_uncertainty(value: float, uncertainty: float) -> str:
+def with_uncertainty(value: float | None, uncertainty: float | None) -> str:
     """Return 'value ± uncertainty', both to two significant digits of the uncertainty."""
-    if not (math.isfinite(value) and math.isfinite(uncertainty) and uncertainty > 0.0):
+    if value is None or not math.isfinite(value) or not uncertainty:
+        return shown(value)
+    if not math.isfinite(uncertainty):
         return shown(value)
     rounded = float(f'{uncertainty:.1e}')
     decimals = 1 - math.floor(math.log10(rounded))

@@ -12,7 +12,7 @@ from imu_recording.recording import PHASES, FloatArray, IntArray
 from numpy.typing import NDArray
 from thermal_comp.conditions import SENSORS
 from thermal_comp.model import ThermalModel
-from thermal_comp.preparation import PreparedRun
+from thermal_comp.prepared_run import PreparedRun
 
 
 @dataclass(frozen=True, eq=False)

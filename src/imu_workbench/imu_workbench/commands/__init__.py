@@ -5,6 +5,12 @@ This file imports nothing: the set-up reads it to make one executable per verb.
 """
 
 COMMANDS: dict[str, str] = {
+    'import': 'import_csv',
+    'fit': 'fit',
+    'compare': 'compare',
+    'apply': 'apply',
+    'report': 'report',
+    'demo': 'demo',
     'simulate': 'simulate',
     'plan': 'plan',
     'campaign': 'campaign',

@@ -79,3 +79,9 @@ def read_devices(
         names = ', '.join(namespaces)
         raise ValueError(f'{path} holds several devices: {names}; choose one with --namespace')
     return [read_bag(path, namespace=name, remap=remap) for name in namespaces]
+
+
+def refuse_existing(target: Path) -> None:
+    """Raise where an output exists already: nothing is overwritten."""
+    if target.exists():
+        raise ValueError(f'{target} exists already: remove it or choose another -o')

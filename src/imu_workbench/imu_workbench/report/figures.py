@@ -77,7 +77,7 @@ def plan_figure(plan: Mapping[str, Any]) -> Figure:
 def _leg_marks(phases: list[dict[str, Any]]) -> list[tuple[str, float]]:
     marks: dict[str, float] = {}
     for leg in phases:
-        text = {'precondition': 'Reference', 'final': 'Final'}.get(leg['phase'])
+        text = {'precondition': 'Ref.', 'final': 'Final'}.get(leg['phase'])
         marks.setdefault(text or f'R{leg["cycle"]}', leg['from_h'])
     return list(marks.items())
 

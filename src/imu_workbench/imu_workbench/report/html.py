@@ -29,6 +29,8 @@ class Section:
     title: str
     body: str
     figures: Mapping[str, Figure] = field(default_factory=dict)
+    short: str = ''
+    """Name in the navigation; '' means the title."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,9 @@ def render_page(title: str, subtitle: str, sections: Sequence[Section]) -> str:
     return template.substitute(
         title=escape(title),
         subtitle=escape(subtitle),
-        navigation=''.join(f'<a href="#{s.anchor}">{escape(s.title)}</a>' for s in sections),
+        navigation=''.join(
+            f'<a href="#{s.anchor}">{escape(s.short or s.title)}</a>' for s in sections
+        ),
         body='\n'.join(
             f'<section id="{s.anchor}" aria-labelledby="{s.anchor}-title">'
             f'<h2 id="{s.anchor}-title">{escape(s.title)}</h2>{s.body}</section>'
@@ -119,6 +123,7 @@ def table_html(
     caption: str = '',
     key: str = '',
     text_columns: Sequence[int] = (),
+    dense: bool = False,
 ) -> str:
     """Return a table; the first cell of a row is its heading, cells are HTML.
 
@@ -134,10 +139,11 @@ def table_html(
         + '</tr>'
         for row in rows
     )
+    look = ' class="dense"' if dense else ''
     mark = f' data-key="{escape(key)}"' if key else ''
     title = f'<caption>{caption}</caption>' if caption else ''
     return (
-        f'<div class="table" tabindex="0" role="region"{mark}><table>{title}'
+        f'<div class="table" tabindex="0" role="region"{mark}><table{look}>{title}'
         f'<thead>{shown_head}</thead><tbody>{body}</tbody></table></div>'
     )
 

@@ -17,7 +17,7 @@ AXES = ('x', 'y', 'z')
 TEMPERATURE_BIN = 2.0
 """Width of the temperature bins of the dependence [K]."""
 HISTOGRAM_BINS = 48
-SCATTER_POINTS = 700
+SCATTER_POINTS = 350
 """Points of one axis and branch in the scatter of the fit."""
 
 

@@ -60,8 +60,7 @@ def figure(
     right = any(panel.right_title for panel in panels)
     wide = _Grid(len(panels), columns, height, 26 if stacked else 76)
     narrow = _Grid(len(panels), 1, height, 26 if stacked else 76)
-    named = sum(trace.get('showlegend', bool(trace.get('name'))) for trace in data)
-    extra = 19 * max(0, -(-named // 2) - 1)  # a phone shows about two legend entries in a row
+    extra = 19 * (_legend_rows(data, 300) - 1)
     spec = _look() | {
         'height': wide.total,
         'margin': {'l': 70, 'r': 64 if right else 16, 't': TOP, 'b': BOTTOM},
@@ -103,6 +102,13 @@ def figure(
                 'title': {'text': panel.right_title, 'font': {'color': '@temperature'}},
             }
     return {'data': list(data), 'layout': spec, 'narrow': small}
+
+
+def _legend_rows(data: Sequence[dict[str, Any]], width: int) -> int:
+    """Return how many rows the legend takes on `width` pixels; entries stand in columns."""
+    names = [t['name'] for t in data if t.get('name') and t.get('showlegend', True)]
+    columns = max(1, width // (48 + 6 * max(map(len, names), default=0)))
+    return max(1, -(-len(names) // columns))
 
 
 class _Grid:

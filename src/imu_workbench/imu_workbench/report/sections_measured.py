@@ -113,7 +113,7 @@ def statistics_table(table: Mapping[str, Any], key: str, caption: str) -> str:
         ]
         for axis in 'xyz'
     ]
-    return table_html(head, body, caption=f'{escape(caption)} [{unit}]', key=key)
+    return table_html(head, body, caption=f'{escape(caption)} [{unit}]', key=key, dense=True)
 
 
 def ranges_html(content: Mapping[str, Any]) -> str:
@@ -121,7 +121,7 @@ def ranges_html(content: Mapping[str, Any]) -> str:
     rows = [
         [
             sensor.capitalize(),
-            f'{shown(found["paper"], 4)} {found["unit"]}',
+            f'{found["paper"]:g} {found["unit"]}',
             f'{shown(found["without_start_up"])} {found["unit"]}',
             f'{shown(found["with_start_up"])} {found["unit"]}',
         ]

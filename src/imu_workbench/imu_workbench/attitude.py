@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables VI and VII: how steady the attitude of a resting device is, raw and compensated."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import FloatArray, ImuRecording, IntArray
+from orientation_filters.filters import FILTERS, run_filter
+from orientation_filters.flags import counts
+from orientation_filters.rotation import (
+    conjugate,
+    euler_zyx,
+    heading_angle,
+    inclination_angle,
+    multiply,
+    normalised,
+    rotation_angle,
+)
+
+START_S = 60.0
+"""The start attitude is the mean over this long [s]."""
+COLUMNS = ('yaw', 'pitch', 'roll', 'rotation', 'heading', 'inclination')
+"""Columns of `Attitude.angles`: ZYX Euler angles (the paper's α, β, γ), then what never wraps."""
+DATA = ('raw', 'magnetometer compensated', 'compensated')
+"""What the filters are fed with."""
+
+
+@dataclass(frozen=True, eq=False)
+class Attitude:
+    """Angles of a filter's estimate relative to the start, [deg]."""
+
+    filter: str
+    data: str
+    """One of DATA."""
+    time: FloatArray
+    """(n,) [s] since the first sample."""
+    angles: FloatArray
+    """(n, 6) as COLUMNS."""
+    cycle: IntArray | None
+    """(n,) thermal cycle, 0 outside."""
+    nanoseconds_per_sample: float
+    """Time the filter took on this machine, compiled and warm."""
+    flags: Mapping[str, int]
+    """Rows in which the filter said something, by flag."""
+
+    @cached_property
+    def statistics(self) -> list[dict[str, Any]]:
+        """Mean and standard deviation of each angle over the run, then in each cycle."""
+        parts: dict[str, Any] = {'run': slice(None)}
+        if self.cycle is not None:
+            numbers = np.unique(self.cycle[self.cycle > 0])
+            parts |= {f'R{number}': self.cycle == number for number in numbers}
+        return [self._part(name, rows) for name, rows in parts.items()]
+
+    def _part(self, name: str, rows: Any) -> dict[str, Any]:
+        angles = self.angles[rows]
+        angles = angles[np.isfinite(angles).all(axis=1)]
+        if not len(angles):
+            return {'part': name}
+        mean, std = _circular(angles)
+        return {
+            'part': name,
+            'mean': dict(zip(COLUMNS, mean.tolist(), strict=True)),
+            'std': dict(zip(COLUMNS, std.tolist(), strict=True)),
+            'largest': dict(zip(COLUMNS, np.abs(angles).max(axis=0).tolist(), strict=True)),
+        }
+
+
+def estimate_attitudes(
+    raw: ImuRecording,
+    compensated: ImuRecording,
+    *,
+    filters: Sequence[str] = tuple(FILTERS),
+    data: Sequence[str] = DATA,
+    every: int = 1,
+) -> Iterator[Attitude]:
+    """Run each filter, as the paper has it, over `data`: raw, half and fully compensated.
+
+    Angles are kept of every `every`-th row.
+    """
+    variants = dict(
+        zip(
+            DATA,
+            (raw, replace(raw, magnetic_field=compensated.magnetic_field), compensated),
+            strict=True,
+        )
+    )
+    if not np.isfinite(raw.magnetic_field).any():
+        data = [kind for kind in data if kind != 'magnetometer compensated']
+    for name in filters:
+        run_filter(name, raw.rows(slice(0, 100)))  # compiles
+        for kind in data:
+            recording = variants[kind]
+            start = time.perf_counter()
+            result = run_filter(name, recording)
+            spent = time.perf_counter() - start
+            angles = angles_from_start(recording.time, result.orientation, every)
+            yield Attitude(
+                filter=name,
+                data=kind,
+                time=recording.time[::every],
+                angles=angles,
+                cycle=None if recording.cycle is None else recording.cycle[::every],
+                nanoseconds_per_sample=1e9 * spent / max(1, len(recording)),
+                flags=counts(result.flags),
+            )
+
+
+def angles_from_start(seconds: FloatArray, orientation: FloatArray, every: int = 1) -> FloatArray:
+    """Return (n, 6) angles [deg] of orientations (n, 4) relative to their first minute's mean.
+
+    Euler angles are about the sensor's axes at the start, heading and inclination about and away
+    from the vertical. NaN where the filter has no attitude.
+    """
+    known = np.isfinite(orientation).all(axis=1)
+    angles = np.full((len(orientation[::every]), len(COLUMNS)), np.nan)
+    if not known.any():
+        return angles
+    first = seconds[known][0]
+    early = orientation[known & (seconds < first + START_S)]
+    signs = np.sign(early @ early[0])[:, None]
+    start = normalised((early * np.where(signs == 0, 1.0, signs)).mean(axis=0))
+    rows = known[::every]
+    q = orientation[::every][rows]
+    angles[rows, :3] = euler_zyx(multiply(conjugate(start), q))[:, ::-1]
+    world = multiply(q, conjugate(start))
+    for column, measure in enumerate((rotation_angle, heading_angle, inclination_angle), 3):
+        angles[rows, column] = measure(world)
+    return np.degrees(angles)
+
+
+def _circular(angles: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return mean and standard deviation [deg] of angles (n, k) that may wrap at ±180°.
+
+    Deviations are taken the short way round: from the first value, then from their mean.
+    """
+    centre = angles[0] + _wrapped(angles - angles[0]).mean(axis=0)
+    away = _wrapped(angles - centre)
+    mean = centre + away.mean(axis=0)
+    return (mean + 180.0) % 360.0 - 180.0, away.std(axis=0)
+
+
+def _wrapped(difference: FloatArray) -> FloatArray:
+    """Return differences of angles [deg] within ±180°, in place."""
+    difference[difference > 180.0] -= 360.0
+    difference[difference < -180.0] += 360.0
+    return difference
+
+
+def state_bytes(name: str) -> int:
+    """Return the memory of a filter's state: eight bytes per number in it."""
+
+    def numbers(value: Any) -> int:
+        return sum(map(numbers, value)) if isinstance(value, tuple) else 1
+
+    return 8 * numbers(FILTERS[name].initial_state())

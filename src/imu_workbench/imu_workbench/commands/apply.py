@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compensate bags with a model and write them as bags."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from thermal_comp.compensator import compensate
+from thermal_comp.model_file import check_device, load_model
+
+from imu_recording import write_bag
+from imu_workbench.answer import Answer
+from imu_workbench.commands.options import add_bag_arguments, read_recordings, refuse_existing
+from imu_workbench.progress import show_progress
+
+HELP = 'Subtract the modelled error from bags; write compensated bags.'
+EPILOG = (
+    'One bag is written to DIR, several to DIR/<bag>.\n'
+    'example:\n  python -m imu_workbench apply bags/dut1_x --model dut1.yaml -o dut1_x_compensated'
+)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    add_bag_arguments(parser)
+    parser.add_argument(
+        '--model', metavar='MODEL', type=Path, required=True, help='model file of `fit`'
+    )
+    parser.add_argument(
+        '-o', '--output', metavar='DIR', type=Path, required=True, help='bag to write'
+    )
+
+
+def run(options: argparse.Namespace) -> Answer:
+    """Compensate and write."""
+    model = load_model(options.model)
+    recordings = read_recordings(options)
+    targets = output_paths(options.bags, options.output)
+    if not model.pooled:
+        for recording in recordings:
+            check_device(model, recording.device)
+    rows, lines = [], []
+    for recording, target in zip(recordings, targets, strict=True):
+        show_progress(f'writing {target} …')
+        compensated = compensate(recording, model)
+        write_bag(compensated, target)
+        added = compensated.notes[len(recording.notes) :]
+        rows.append({'bag': recording.source, 'output': target, 'notes': added})
+        lines += [f'wrote {target}: {len(recording)} samples', *(f'  note: {n}' for n in added)]
+    return Answer({'schema': 1, 'model': options.model, 'bags': rows}, '\n'.join(lines))
+
+
+def output_paths(bags: list[Path], output: Path) -> list[Path]:
+    """Return where each bag goes: DIR for one, DIR/<bag> for several; nothing is overwritten."""
+    names = [bag.resolve().name for bag in bags]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f'two bags are called {twice}: apply them one at a time')
+    targets = [output] if len(bags) == 1 else [output / name for name in names]
+    for target in targets:
+        refuse_existing(target)
+    return targets

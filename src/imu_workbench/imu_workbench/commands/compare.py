@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compare measurement and model, and say in numbers where the model fails."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from thermal_comp.compare import compare_prepared
+from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.fit import fit_prepared
+from thermal_comp.model_file import check_device, load_model
+from thermal_comp.preparation import prepare
+
+from imu_workbench.answer import Answer
+from imu_workbench.commands.options import add_bag_arguments, read_recordings
+from imu_workbench.comparison_text import comparison_text
+from imu_workbench.progress import show_progress
+
+HELP = 'Compare measured and modelled error per axis: rms, held out, noise floor, worst phase.'
+EPILOG = 'example:\n  python -m imu_workbench compare bags/dut1_? --model dut1.yaml'
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    add_bag_arguments(parser)
+    parser.add_argument(
+        '--model',
+        metavar='MODEL',
+        type=Path,
+        help='model file of `fit`; without it a line per axis is fitted to these bags',
+    )
+
+
+def run(options: argparse.Namespace) -> Answer:
+    """Compare."""
+    model = load_model(options.model) if options.model else None
+    recordings = read_recordings(options)
+    if model is not None and not model.pooled:
+        for recording in recordings:
+            check_device(model, recording.device)
+    show_progress('comparing …')
+    runs = prepare(recordings)
+    comparison = compare_prepared(model or fit_prepared([BiasTemperature()], runs), runs)
+    content = comparison.content()
+    notes = (f'note: {note}' for note in comparison.notes)
+    return Answer(content, '\n'.join([comparison_text(content), *notes]))

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The demonstration: a device simulated at 50 Hz, the bundled bags for the rest, the report."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+from imu_recording import read_bag
+from imu_workbench.answer import Answer, write_json
+from imu_workbench.progress import show_progress
+from imu_workbench.provenance import command_line, versions
+
+HELP = 'Simulate one device at 50 Hz, add the bundled bags, write DIR/report.html and .json.'
+PROFILE = 'paper_betta2022'
+RUN = 'dut1_x_50hz'
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    parser.add_argument('-o', '--output', metavar='DIR', type=Path, default=Path('demo'))
+    parser.add_argument(
+        '--bags', metavar='DIR', type=Path, default=Path('bags'), help='folder of the bundled bags'
+    )
+    parser.add_argument('--seed', metavar='N', type=int, default=50)
+
+
+def run(options: argparse.Namespace) -> Answer:
+    """Simulate, study, write."""
+    from imu_workbench.experiment import Logging, simulate_run
+    from imu_workbench.report.content import report_content
+    from imu_workbench.report.page import report_page, report_text
+    from imu_workbench.study import study_recordings
+
+    paths = sorted(options.bags.glob('dut?_?'))
+    if not paths:
+        raise ValueError(
+            f'{options.bags}: no bags dut?_? here; run from the root of the workspace, '
+            'or say where they are with --bags'
+        )
+    options.output.mkdir(parents=True, exist_ok=True)
+    show_progress(f'simulating {PROFILE} at 50 Hz …')
+    simulated = simulate_run(PROFILE, 'dut1', Logging(50.0), seed=options.seed, orientation='+x')
+    bags = [read_bag(path) for path in paths]
+    study = study_recordings([replace(simulated, run=RUN), *bags])
+    alone = (
+        f'python -m imu_workbench simulate {PROFILE} --device dut1 --orientation x --rate 50 '
+        f'--seed {options.seed} -o {RUN}  # the 50 Hz run by itself'
+    )
+    show_progress('writing the page …')
+    content = report_content(study, commands=[command_line(), alone], versions=versions())
+    page, numbers = options.output / 'report.html', options.output / 'report.json'
+    page.write_text(report_page(content), 'utf-8')
+    write_json(content, numbers)
+    return Answer(content, f'{report_text(content)}\n\nwrote {page} and {numbers}')

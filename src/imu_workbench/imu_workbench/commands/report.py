@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Write the report: one HTML page that needs no network."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from thermal_comp.model import ModelError, ThermalModel
+from thermal_comp.model_file import load_model
+
+from imu_workbench.answer import Answer
+from imu_workbench.commands.options import add_bag_arguments, read_recordings
+from imu_workbench.progress import show_progress
+from imu_workbench.provenance import command_line, versions
+
+HELP = 'Write the report of one or several devices as one HTML page: figures, tables, claims.'
+EPILOG = 'example:\n  python -m imu_workbench report bags/dut?_? -o report.html --json report.json'
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    add_bag_arguments(parser)
+    parser.add_argument(
+        '--model',
+        metavar='MODEL',
+        type=Path,
+        action='append',
+        default=[],
+        help='model of a device; repeatable. A device without one is fitted a line per axis',
+    )
+    parser.add_argument(
+        '--no-attitude', action='store_true', help='leave the orientation filters out (faster)'
+    )
+    parser.add_argument(
+        '-o', '--output', metavar='HTML', type=Path, required=True, help='page to write'
+    )
+
+
+def run(options: argparse.Namespace) -> Answer:
+    """Study the recordings, write the page."""
+    from imu_workbench.report.content import report_content
+    from imu_workbench.report.page import report_page, report_text
+    from imu_workbench.study import named, study_recordings
+
+    if not options.output.parent.is_dir():
+        raise ValueError(f'{options.output}: there is no folder {options.output.parent}')
+    models = load_models(options.model)
+    recordings = named(read_recordings(options, every_device=True))
+    check_models(models, sorted({recording.device for recording in recordings}))
+    study = study_recordings(recordings, models, attitudes=not options.no_attitude)
+    show_progress('writing the page …')
+    content = report_content(study, commands=[command_line()], versions=versions())
+    options.output.write_text(report_page(content), 'utf-8')
+    return Answer(content, f'{report_text(content)}\n\nwrote {options.output}')
+
+
+def load_models(paths: Sequence[Path]) -> dict[str, ThermalModel]:
+    """Return the models by device; two of one device are refused."""
+    models: dict[str, ThermalModel] = {}
+    for path in paths:
+        model = load_model(path)
+        if model.device in models:
+            raise ModelError(f'{path}: a second model of {model.device}; give one per device')
+        models[model.device] = model
+    return models
+
+
+def check_models(models: Mapping[str, ThermalModel], devices: Sequence[str]) -> None:
+    """Refuse a model of a device that was not recorded."""
+    for device in models:
+        if device not in devices:
+            raise ModelError(
+                f'the model is of {device!r}, the recordings are of {", ".join(devices)}'
+            )

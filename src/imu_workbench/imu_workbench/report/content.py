@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Everything the report says, as plain values: what --json writes and the page presents."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from imu_workbench import paper
+from imu_workbench.answer import plain
+from imu_workbench.attitude import COLUMNS, Attitude, state_bytes
+from imu_workbench.claim import Claim
+from imu_workbench.claims_attitude import attitude_claims
+from imu_workbench.claims_model import gaussianity_claim, linearity_claim
+from imu_workbench.claims_thermal import (
+    device_claim,
+    orientation_claim,
+    overheating_claim,
+    pooled_claim,
+    range_claim,
+    slope_table,
+)
+from imu_workbench.report.measured import (
+    PAPER_TABLES,
+    cycle_content,
+    overall_ranges,
+    overheating_content,
+    plan_content,
+    published_statistics,
+    recording_content,
+    statistics_content,
+)
+from imu_workbench.report.model_content import model_content
+from imu_workbench.report.modelled import dependence_content, fit_content, residual_content
+from imu_workbench.report.paper_notes import PAPER_NOTES
+from imu_workbench.report.series import line
+from imu_workbench.study import StudiedRun, Study
+
+TITLE = 'Temperature error of MEMS IMUs'
+ALL_POINTS = 6_000
+"""Points per channel of all runs together: what keeps the page light."""
+EULER = ('yaw', 'pitch', 'roll')
+
+
+def report_content(
+    study: Study, *, commands: Sequence[str], versions: dict[str, str]
+) -> dict[str, Any]:
+    """Return the content of a report; `commands` and `versions` say how it was made."""
+    points = int(np.clip(ALL_POINTS / max(1, len(study.runs)), 400, 2000))
+    statistics = [
+        {
+            'name': run.name,
+            'device': run.device,
+            'published': published_table(run),
+            'sensors': statistics_content(run.recording, run.kept),
+        }
+        for run in study.runs
+    ]
+    ranges = overall_ranges(statistics)
+    overheating = {run.name: overheating_content(run.recording) or {} for run in study.runs}
+    devices = [{'name': device.name, 'problem': device.problem} for device in study.devices]
+    pooled = [vars(row) for row in study.pooling]
+    content = {
+        'schema': 1,
+        'title': TITLE,
+        'lead': lead(study),
+        'devices': devices,
+        'recordings': [
+            recording_content(run.recording, run.hash)
+            | {
+                'name': run.name,
+                'plan': plan_content(run.recording, points=points),
+                'cycle': cycle_content(run.recording, points=points),
+                'overheating': overheating[run.name],
+            }
+            for run in study.runs
+        ],
+        'device_of_run': {run.name: run.device for run in study.runs},
+        'statistics': statistics,
+        'published_statistics': published_statistics(),
+        'ranges': ranges,
+        'dependence': {
+            device.name: dependence_content(
+                [run.errors for run in study.runs if run.errors and run.device == device.name]
+            )
+            for device in study.devices
+            if device.model
+        },
+        'slopes': slope_table(study.slopes),
+        'pooled': {'sensors': pooled} if pooled else None,
+        'fits': {run.name: fit_content(run.errors) for run in study.runs if run.errors},
+        'residuals': {
+            run.name: residual_content(run.errors, points=points)
+            for run in study.runs
+            if run.errors
+        },
+        'comparison': {
+            device.name: device.comparison.content()
+            for device in study.devices
+            if device.comparison
+        },
+        'models': {
+            device.name: model_content(device.model) for device in study.devices if device.model
+        },
+        'attitudes': [attitude_content(run, points) for run in study.runs if run.attitudes],
+        'published_attitudes': list(paper.tables_6_7()),
+        'claims': report_claims(study, ranges, overheating, pooled),
+        'paper_notes': list(PAPER_NOTES),
+        'reproduce': {'commands': list(commands), 'versions': versions},
+    }
+    result: dict[str, Any] = plain(content)
+    return result
+
+
+def report_claims(
+    study: Study, ranges: dict[str, Any], overheating: dict[str, Any], pooled: list[dict[str, Any]]
+) -> list[Claim]:
+    """Return every claim of the paper beside these recordings."""
+    measured = {
+        run.name: run.attitudes for run in study.runs if run.attitudes and not run.interpolated
+    }
+    memory = {name: state_bytes(name) for name in ('complementary', 'ahrs')}
+    return [
+        range_claim(ranges),
+        orientation_claim(study.slopes),
+        device_claim(study.slopes),
+        pooled_claim(pooled),
+        linearity_claim(study),
+        gaussianity_claim(study),
+        *attitude_claims(measured, memory),
+        overheating_claim({name: found for name, found in overheating.items() if found}),
+    ]
+
+
+def attitude_content(run: StudiedRun, points: int) -> dict[str, Any]:
+    """Return statistics of every filter and data, and the Euler angles over time."""
+    series: dict[str, dict[str, Any]] = {}
+    for found in run.attitudes:
+        if found.data in ('raw', 'compensated'):
+            place = series.setdefault(found.filter, {})
+            place[found.data] = angle_lines(found, points // 2)
+    period = np.diff(run.recording.stamp)
+    return {
+        'name': run.name,
+        'device': run.device,
+        'rate_hz': float(1e9 / np.median(period)) if len(period) else None,
+        'interpolated': run.interpolated,
+        'filters': [
+            {
+                'filter': found.filter,
+                'data': found.data,
+                'statistics': found.statistics,
+                'nanoseconds_per_sample': found.nanoseconds_per_sample,
+                'flags': dict(found.flags),
+            }
+            for found in run.attitudes
+        ],
+        'series': series,
+    }
+
+
+def angle_lines(attitude: Attitude, points: int) -> dict[str, Any]:
+    """Return yaw, pitch and roll over time as lines."""
+    hours = attitude.time / 3600.0
+    return {
+        name: line(hours, attitude.angles[:, COLUMNS.index(name)], points=points, max_gap=0.02)
+        for name in EULER
+    }
+
+
+def published_table(run: StudiedRun) -> str:
+    """Return the paper's table that shows a device in the run's orientation, '' for none."""
+    up = run.recording.up_axis.lstrip('+-')
+    return next((name for name, (_, axis) in PAPER_TABLES.items() if axis == up), '')
+
+
+def lead(study: Study) -> str:
+    """Return what the report is about, in one sentence."""
+    names = ', '.join(device.name for device in study.devices)
+    profiles = sorted({run.recording.profile for run in study.runs if run.recording.profile})
+    plan = f' through {", ".join(profiles)}' if profiles else ''
+    return (
+        f'{names}{plan}: what temperature does to gyroscope, accelerometer and magnetometer, how '
+        'much of it the model removes, and what that does to the attitude.'
+    )

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A thermal model as plain values: terms with uncertainty, range, versions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from thermal_comp.model import SensorModel, ThermalModel
+
+
+def model_content(model: ThermalModel) -> dict[str, Any]:
+    """Return the terms of a model in SI units, its range and how it came about."""
+    ranges = [part.temperature_range for part in model.sensors.values()]
+    versions = [*model.history, model]
+    return {
+        'device': model.device,
+        'pooled': model.pooled,
+        'reference_temperature': model.reference_temperature,
+        'temperature_range': [
+            min((low for low, _ in ranges), default=None),
+            max((high for _, high in ranges), default=None),
+        ],
+        'terms': [
+            term for sensor, part in model.sensors.items() for term in sensor_terms(sensor, part)
+        ],
+        'history': [effects_of(version) for version in versions],
+        'provenance': {
+            'sources': dict(model.provenance.sources),
+            'version': model.provenance.version,
+            'notes': list(model.provenance.notes),
+        },
+    }
+
+
+def sensor_terms(sensor: str, part: SensorModel) -> list[dict[str, Any]]:
+    """Return one row per column of every effect: three values with standard uncertainties.
+
+    Terms with coefficients of their own in each run are summed up in their mean.
+    """
+    unit = {'gyroscope': 'rad/s', 'accelerometer': 'm/s²', 'magnetometer': 'T'}[sensor]
+    deviation = np.sqrt(np.maximum(np.diag(part.covariance), 0.0))
+    rows, start = [], 0
+    for effect, coefficients in zip(part.effects, part.coefficients, strict=True):
+        size = coefficients.size
+        uncertainty = deviation[start : start + size].reshape(coefficients.shape)
+        start += size
+        values, own = coefficients, uncertainty
+        if effect.per_run:
+            values, own = values.mean(axis=0), np.sqrt((own**2).mean(axis=0))
+        if values.ndim == 1:
+            values, own = (np.repeat(a[:, None], 3, axis=1) for a in (values, own))
+        for number, (value, sigma) in enumerate(zip(values, own, strict=True)):
+            name = effect.name if len(values) == 1 else f'{effect.name} [{number}]'
+            units = effect.coefficient_units
+            rows.append({
+                'sensor': sensor,
+                'effect': name,
+                'value': value,
+                'uncertainty': sigma,
+                'unit': (units[number] if number < len(units) else '').format(unit=unit),
+                'shape': effect.shape_parameters,
+            })
+    return rows
+
+
+def effects_of(model: ThermalModel) -> str:
+    """Return the effects of a version in one line."""
+    parts = []
+    for sensor, part in model.sensors.items():
+        names = ', '.join(effect.name.replace('_', ' ') for effect in part.effects)
+        parts.append(f'{sensor}: {names or "nothing"}')
+    return '; '.join(parts)

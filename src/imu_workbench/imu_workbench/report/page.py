@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report's page and its summary for the terminal, from the same content."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from imu_workbench.claim import VERDICT_NAMES
+from imu_workbench.comparison_text import comparison_text
+from imu_workbench.display import shown
+from imu_workbench.report.html import render_page
+from imu_workbench.report.sections_attitude import attitude_section
+from imu_workbench.report.sections_claims import (
+    claims_section,
+    paper_section,
+    reproduce_section,
+    summary_section,
+)
+from imu_workbench.report.sections_measured import (
+    cycle_section,
+    plan_section,
+    recordings_section,
+    statistics_section,
+)
+from imu_workbench.report.sections_modelled import (
+    comparison_section,
+    dependence_section,
+    fit_section,
+    model_section,
+)
+
+
+def report_page(content: Mapping[str, Any]) -> str:
+    """Return the page as one HTML text that needs no network."""
+    sections = (
+        summary_section(content),
+        claims_section(content),
+        plan_section(content),
+        statistics_section(content),
+        cycle_section(content),
+        dependence_section(content),
+        fit_section(content),
+        comparison_section(content),
+        model_section(content),
+        attitude_section(content),
+        paper_section(content),
+        recordings_section(content),
+        reproduce_section(content),
+    )
+    names = [device['name'] for device in content['devices']]
+    subtitle = f'{", ".join(names)} · {len(content["recordings"])} runs'
+    return render_page(content['title'], subtitle, [s for s in sections if s])
+
+
+def report_text(content: Mapping[str, Any]) -> str:
+    """Return the summary for the terminal."""
+    lines = [content['lead'], '']
+    for found in content['comparison'].values():
+        lines += [comparison_text(found), '']
+    lines += [f'{d["name"]}: {d["problem"]}' for d in content['devices'] if d['problem']]
+    lines += attitude_lines(content)
+    lines += ['', 'Claims of the paper:']
+    for claim in content['claims']:
+        lines.append(f'  [{VERDICT_NAMES[claim["verdict"]]}] {claim["claim"]}')
+        if claim['verdict'] != 'untestable':
+            lines.append(f'      {claim["ours"]}')
+    return '\n'.join(lines)
+
+
+def attitude_lines(content: Mapping[str, Any]) -> list[str]:
+    """Return σ of the rotation angle, raw and compensated, of every run and filter."""
+    lines = []
+    for run in content['attitudes']:
+        spread = {
+            (f['filter'], f['data']): f['statistics'][0].get('std', {}).get('rotation')
+            for f in run['filters']
+        }
+        for name in dict.fromkeys(f['filter'] for f in run['filters']):
+            mark = '  (interpolated to 50 Hz: no verdict)' if run['interpolated'] else ''
+            before, after = shown(spread[name, 'raw']), shown(spread[name, 'compensated'])
+            lines.append(f'  {run["name"]:<14}{name:<14}{before:>7}° → {after:>7}°{mark}')
+    title = 'Attitude of the resting device, σ of the rotation angle, raw → compensated:'
+    return ['', title, *lines] if lines else []

@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Everything a report says about recordings, as results: models, errors, attitudes, slopes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from imu_recording.columns_hash import columns_hash
+from imu_recording.recording import SENSOR_FIELDS, FloatArray
+from numpy.typing import NDArray
+from orientation_filters.filters import sample_rate
+from orientation_filters.upsample import upsample
+from thermal_comp.compare import Comparison, compare_prepared
+from thermal_comp.compensator import compensate
+from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.fit import fit_prepared
+from thermal_comp.model import ModelError, ThermalModel
+from thermal_comp.preparation import prepare
+from thermal_comp.prepared_run import PreparedRun
+from thermal_comp.startup import startup_rows
+
+from imu_recording import ImuRecording
+from imu_workbench.attitude import Attitude, estimate_attitudes
+from imu_workbench.pooling import Pooling, compare_pooling, known_noise
+from imu_workbench.progress import show_progress
+from imu_workbench.run_errors import RunErrors, errors_of_run
+from imu_workbench.slopes import block_slopes
+
+FILTER_RATE = 50.0
+"""Slowest rate [Hz] the filters are run at; slower recordings are interpolated to it."""
+
+
+@dataclass(frozen=True, eq=False)
+class StudiedRun:
+    """One recording and what follows from it."""
+
+    name: str
+    device: str
+    recording: ImuRecording
+    kept: NDArray[np.bool_]
+    """(n,) rows after the start-up transient."""
+    hash: str
+    errors: RunErrors | None
+    """Under the device's model; None where there is none."""
+    attitudes: tuple[Attitude, ...]
+    interpolated: bool
+    """Whether the filters saw interpolated samples."""
+
+
+@dataclass(frozen=True, eq=False)
+class StudiedDevice:
+    """The model of one device and how well it holds."""
+
+    name: str
+    model: ThermalModel | None
+    comparison: Comparison | None
+    problem: str = ''
+    """Why there is no model."""
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Results over all recordings."""
+
+    runs: tuple[StudiedRun, ...]
+    devices: tuple[StudiedDevice, ...]
+    pooling: Sequence[Pooling]
+    """One model for all devices beside one for each; empty for a single device."""
+    slopes: Mapping[str, Mapping[str, Mapping[str, FloatArray]]]
+    """(cycles, 3) per device, sensor and orientation [SI unit/K]."""
+
+
+def study_recordings(
+    recordings: Sequence[ImuRecording],
+    models: Mapping[str, ThermalModel] | None = None,
+    *,
+    attitudes: bool = True,
+) -> Study:
+    """Return the study of the recordings; a device without a given model is fitted a line.
+
+    `attitudes` False leaves the orientation filters out.
+    """
+    recordings = named(recordings)
+    prepared: dict[str, list[PreparedRun]] = {}
+    devices, runs = [], []
+    for device in dict.fromkeys(r.device for r in recordings):
+        own = [r for r in recordings if r.device == device]
+        show_progress(f'fitting {device} …')
+        studied, prepared[device] = study_device(device, own, (models or {}).get(device))
+        devices.append(studied)
+        by_name = {run.name: run for run in prepared[device]}
+        for recording in own:
+            show_progress(f'studying {recording.run} …')
+            runs.append(study_run(recording, studied.model, by_name, attitudes=attitudes))
+    show_progress('')
+    return Study(
+        runs=tuple(runs),
+        devices=tuple(devices),
+        pooling=study_pooling([run for own in prepared.values() for run in own], devices),
+        slopes=slopes_of(runs),
+    )
+
+
+def named(recordings: Sequence[ImuRecording]) -> list[ImuRecording]:
+    """Return the recordings with a run name each, unique, and a device name."""
+    seen: dict[str, int] = {}
+    result = []
+    for recording in recordings:
+        name = recording.run or recording.source.rstrip('/').rpartition('/')[2] or 'run'
+        seen[name] = seen.get(name, 0) + 1
+        unique = name if seen[name] == 1 else f'{name} ({seen[name]})'
+        device = recording.device or recording.namespace.strip('/') or 'device'
+        result.append(replace(recording, run=unique, device=device))
+    return result
+
+
+def study_device(
+    name: str, recordings: Sequence[ImuRecording], model: ThermalModel | None
+) -> tuple[StudiedDevice, list[PreparedRun]]:
+    """Return model and comparison of one device; what stands in the way is its `problem`."""
+    try:
+        runs = prepare(recordings)
+        model = model or fit_prepared([BiasTemperature()], runs)
+        return StudiedDevice(name, model, compare_prepared(model, runs)), runs
+    except ValueError as error:
+        if not isinstance(error, ModelError) and model is not None:
+            raise
+        return StudiedDevice(name, None, None, str(error)), []
+
+
+def study_run(
+    recording: ImuRecording,
+    model: ThermalModel | None,
+    prepared: Mapping[str, PreparedRun],
+    *,
+    attitudes: bool,
+) -> StudiedRun:
+    """Return what follows from one recording under a model."""
+    kept = np.ones(len(recording), dtype=bool)
+    kept[: startup_rows(recording)[0]] = False
+    rate = sample_rate(recording)
+    slow = not rate >= FILTER_RATE * 0.98
+    found: tuple[Attitude, ...] = ()
+    how: dict[str, Any] = {}
+    if attitudes and model is not None and kept.sum() > 1:
+        raw = recording.rows(kept)
+        compensated = compensate(raw, model)
+        if slow:
+            raw, compensated = upsample(raw, FILTER_RATE), upsample(compensated, FILTER_RATE)
+            how = {'data': ('raw', 'compensated'), 'every': round(FILTER_RATE)}
+        found = tuple(estimate_attitudes(raw, compensated, **how))
+    run = prepared.get(recording.run)
+    return StudiedRun(
+        name=recording.run,
+        device=recording.device,
+        recording=recording,
+        kept=kept,
+        hash=run.hash if run else columns_hash(recording),
+        errors=errors_of_run(run, model) if run and model else None,
+        attitudes=found,
+        interpolated=slow,
+    )
+
+
+def study_pooling(
+    runs: Sequence[PreparedRun], devices: Sequence[StudiedDevice]
+) -> list[Pooling]:
+    """Return one model for all devices beside one for each; none where that cannot be fitted."""
+    show_progress('fitting all devices together …')
+    known = known_noise(next((device.model for device in devices if device.model), None))
+    try:
+        return compare_pooling(runs, noise=known)
+    except ModelError:
+        return []
+
+
+def slopes_of(runs: Sequence[StudiedRun]) -> dict[str, dict[str, dict[str, FloatArray]]]:
+    """Return the slopes of every cycle, by device, sensor and orientation."""
+    found: dict[str, dict[str, dict[str, list[FloatArray]]]] = {}
+    for run in runs:
+        for sensor, name in SENSOR_FIELDS.items():
+            slopes = block_slopes(run.recording, getattr(run.recording, name), run.kept)
+            if len(slopes):
+                place = found.setdefault(run.device, {}).setdefault(sensor, {})
+                place.setdefault(run.recording.up_axis or run.name, []).append(slopes)
+    return {
+        device: {
+            sensor: {up: np.concatenate(parts) for up, parts in by_orientation.items()}
+            for sensor, by_orientation in sensors.items()
+        }
+        for device, sensors in found.items()
+    }
