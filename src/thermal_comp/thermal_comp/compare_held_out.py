@@ -27,7 +27,7 @@ class HeldOut:
     errors: Mapping[tuple[int, Sensor], FloatArray]
     """(m, 3) measured minus predicted, by run number and sensor [unit]."""
     variances: Mapping[tuple[int, Sensor], FloatArray]
-    """(m, 3) expectation of their squares under the noise model [unit²]."""
+    """(m, 3) expectation of their squares if the noise were all that is left [unit²]."""
     relearned: tuple[str, ...] = ()
     """Coefficients that only the held-out part can tell, taken from it like a level."""
 
@@ -36,7 +36,11 @@ class HeldOut:
         return np.sqrt(_mean([v**2 for (_, s), v in self.errors.items() if s == sensor]))
 
     def floor(self, sensor: Sensor) -> FloatArray:
-        """(3,) held-out rms per axis that the noise alone leads to expect."""
+        """(3,) held-out rms per axis that the noise alone leads to expect.
+
+        It counts the noise of a block and of the level, not that of the coefficients: a model
+        with more of them has to pay for them in its own error.
+        """
         return np.sqrt(_mean([v for (_, s), v in self.variances.items() if s == sensor]))
 
 
@@ -47,8 +51,7 @@ def hold_out(
 ) -> HeldOut:
     """Leave each part out of all runs in turn, fit the rest and predict it.
 
-    Levels come from the rest of the run, shape parameters stay as given. The expected square
-    holds the noise of the held-out block, of the prediction, and what they share.
+    Levels come from the rest of the run, shape parameters stay as given.
     """
     design = Design(runs, effects, noise)
     everywhere = solve(design.equations())
@@ -73,7 +76,7 @@ def hold_out(
                     basis = _local_basis(training, unseen, run, sensor, axis)[rows]
                     error[:, axis] -= basis @ (basis.T @ error[:, axis])
                     variances[run, sensor][rows, axis] = _expected(
-                        training, solution, (run, sensor, axis), rows, basis
+                        training, (run, sensor, axis), rows, basis
                     )
                 errors[run, sensor][rows] = error
     return HeldOut(errors, variances, tuple(sorted(relearned)))
@@ -117,34 +120,30 @@ def _local_basis(
 
 def _expected(
     design: Design,
-    solution: Solution,
     piece: tuple[int, Sensor, int],
     rows: NDArray[np.bool_],
     basis: FloatArray,
 ) -> FloatArray:
-    """Return the expected square of the prediction error of the held-out rows of one axis.
+    """Return the expected square of the noise of the held-out rows about the training's level.
 
-    cov(w − Xθ̂) = S − X C Gᵀ − G C Xᵀ + X C Xᵀ with θ̂ from the training rows,
-    C = (X_tᵀ S_t⁻¹ X_t)⁻¹, G = S_ht S_t⁻¹ X_t; then `basis` (rows, q) is projected out.
+    cov(w − 1 l̂) = S − 1 c gᵀ − g c 1ᵀ + 1 c 1ᵀ with the level l̂ from the training rows,
+    c = 1 / (1ᵀ S_t⁻¹ 1), g = S_ht S_t⁻¹ 1; then `basis` (rows, q) is projected out.
     """
     run, sensor, axis = piece
     prepared = design.runs[run]
-    index, columns = design.raw_columns(run, sensor, axis)
     valid = design.valid(run, sensor)
-    weights = np.zeros_like(columns)
-    weights[valid] = apply_transposed(
-        design.whitened(columns[valid], run, sensor, axis), design.gains_of(run, sensor, axis)
-    )
+    gains = design.gains_of(run, sensor, axis)
+    level = design.whitened(np.ones((int(valid.sum()), 1)), run, sensor, axis)
+    weights = np.zeros((len(valid), 1))
+    weights[valid] = apply_transposed(level, gains)
     lags = int(prepared.slot[-1]) + 1
     noise = mean_autocovariance(design.noise[sensor], axis, prepared.period, lags)
     shared = toeplitz_product(noise, prepared.slot, weights)[rows]
-    held = columns[rows]
-    covariance = solution.covariance[np.ix_(index, index)]
-    expected: FloatArray = noise[0] + ((held @ covariance) * (held - 2.0 * shared)).sum(axis=1)
+    c = 1.0 / float((level**2).sum())
+    expected: FloatArray = noise[0] + c * (1.0 - 2.0 * shared[:, 0])
     if basis.shape[1]:
         turned = toeplitz_product(noise, prepared.slot[rows], basis)
-        turned += held @ (covariance @ ((held - shared).T @ basis))
-        turned -= shared @ (covariance @ (held.T @ basis))
+        turned += c * ((1.0 - shared).T @ basis - shared * basis.sum(axis=0))
         inner = basis @ (basis.T @ turned)
         expected = expected + (basis * (inner - 2.0 * turned)).sum(axis=1)
     return np.maximum(expected, 0.0)
