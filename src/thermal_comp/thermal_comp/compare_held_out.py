@@ -11,6 +11,7 @@ from imu_recording.recording import FloatArray
 from numpy.typing import NDArray
 
 from thermal_comp.conditions import Sensor
+from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fit_design import Design
 from thermal_comp.fit_solution import Solution, solve
@@ -38,8 +39,8 @@ class HeldOut:
     def floor(self, sensor: Sensor) -> FloatArray:
         """(3,) held-out rms per axis that the noise alone leads to expect.
 
-        It counts the noise of a block and of the level, not that of the coefficients: a model
-        with more of them has to pay for them in its own error.
+        It counts the noise of a block and what it does to the level and a line in temperature,
+        whatever the model: further coefficients have to pay for themselves.
         """
         return np.sqrt(_mean([v for (_, s), v in self.variances.items() if s == sensor]))
 
@@ -62,6 +63,8 @@ def hold_out(
             design, rows=[run.fold != part for run in runs], white={}, gains={}, taken={}
         )
         solution = solve(training.equations())
+        line = replace(training, effects=dict.fromkeys(design.sensors, (BiasTemperature(),)))
+        line_solution = solve(line.equations())
         unseen = [
             j for j, others in solution.held.items() if not others and j not in everywhere.held
         ]
@@ -76,7 +79,7 @@ def hold_out(
                     basis = _local_basis(training, unseen, run, sensor, axis)[rows]
                     error[:, axis] -= basis @ (basis.T @ error[:, axis])
                     variances[run, sensor][rows, axis] = _expected(
-                        training, (run, sensor, axis), rows, basis
+                        line, line_solution, (run, sensor, axis), rows, basis
                     )
                 errors[run, sensor][rows] = error
     return HeldOut(errors, variances, tuple(sorted(relearned)))
@@ -120,30 +123,34 @@ def _local_basis(
 
 def _expected(
     design: Design,
+    solution: Solution,
     piece: tuple[int, Sensor, int],
     rows: NDArray[np.bool_],
     basis: FloatArray,
 ) -> FloatArray:
-    """Return the expected square of the noise of the held-out rows about the training's level.
+    """Return the expected square of the prediction error of the held-out rows of one axis.
 
-    cov(w − 1 l̂) = S − 1 c gᵀ − g c 1ᵀ + 1 c 1ᵀ with the level l̂ from the training rows,
-    c = 1 / (1ᵀ S_t⁻¹ 1), g = S_ht S_t⁻¹ 1; then `basis` (rows, q) is projected out.
+    cov(w − Xθ̂) = S − X C Gᵀ − G C Xᵀ + X C Xᵀ with θ̂ from the training rows,
+    C = (X_tᵀ S_t⁻¹ X_t)⁻¹, G = S_ht S_t⁻¹ X_t; then `basis` (rows, q) is projected out.
     """
     run, sensor, axis = piece
     prepared = design.runs[run]
+    index, columns = design.raw_columns(run, sensor, axis)
     valid = design.valid(run, sensor)
-    gains = design.gains_of(run, sensor, axis)
-    level = design.whitened(np.ones((int(valid.sum()), 1)), run, sensor, axis)
-    weights = np.zeros((len(valid), 1))
-    weights[valid] = apply_transposed(level, gains)
+    weights = np.zeros_like(columns)
+    weights[valid] = apply_transposed(
+        design.whitened(columns[valid], run, sensor, axis), design.gains_of(run, sensor, axis)
+    )
     lags = int(prepared.slot[-1]) + 1
     noise = mean_autocovariance(design.noise[sensor], axis, prepared.period, lags)
     shared = toeplitz_product(noise, prepared.slot, weights)[rows]
-    c = 1.0 / float((level**2).sum())
-    expected: FloatArray = noise[0] + c * (1.0 - 2.0 * shared[:, 0])
+    held = columns[rows]
+    covariance = solution.covariance[np.ix_(index, index)]
+    expected: FloatArray = noise[0] + ((held @ covariance) * (held - 2.0 * shared)).sum(axis=1)
     if basis.shape[1]:
         turned = toeplitz_product(noise, prepared.slot[rows], basis)
-        turned += c * ((1.0 - shared).T @ basis - shared * basis.sum(axis=0))
+        turned += held @ (covariance @ ((held - shared).T @ basis))
+        turned -= shared @ (covariance @ (held.T @ basis))
         inner = basis @ (basis.T @ turned)
         expected = expected + (basis * (inner - 2.0 * turned)).sum(axis=1)
     return np.maximum(expected, 0.0)
