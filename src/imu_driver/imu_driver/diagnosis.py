@@ -72,6 +72,9 @@ class Diagnosis:
             'clock_skew_ppm': session.clock.skew_ppm,
             'clock_residual_us': session.clock.residual * 1e6,
         }
+        if session.sequence.missing:
+            gap = session.sequence.missing[-1]
+            values['last_gap'] = f'{gap.start} … {gap.stop - 1}'
         if session.information:
             values |= _identity(session.information)
         errors = self._errors(session, reader, now)

@@ -10,7 +10,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Final
+
+REMEMBERED: Final = 1000
+"""Gaps."""
 
 _RANGE_16 = 0xFFFF
 _RANGE_32 = 0xFFFFFFFF
@@ -25,6 +30,8 @@ class SequenceCount:
     gaps: int = 0
     following: int | None = None
     """Number the next sample will have; None before the first."""
+    missing: deque[range] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
+    """Numbers of the samples lost last."""
     _knows_32_bits: bool = False
 
     def take(self, number: int) -> int:
@@ -68,3 +75,5 @@ class SequenceCount:
         if missing:
             self.gaps += 1
             self.lost += missing
+            first = self.following or 0
+            self.missing.append(range(first, first + missing))
