@@ -81,6 +81,8 @@ class Conductor:
         self.sequencer = sequencer
         self.link = link
         self.directory = directory
+        self.report: Callable[[str], object] = lambda _: None
+        """Told every change in one line."""
         self._clocks = clocks
         self._surroundings = surroundings
         self._journal: Journal | None = None
@@ -152,6 +154,11 @@ class Conductor:
             self._journal.write(note, stamp, orientation=step.orientation, **facts)
         except OSError as error:
             self._journal_fault = f'the journal cannot be written: {error.strerror or error}'
+        why = note.progress.reason or note.details.get('prompt', '')
+        self.report(
+            f'{note.event}: {note.progress.mode} {step.id} {note.progress.stage}'
+            + (f', {why}' if why else '')
+        )
 
     def stop_at_once(self) -> None:
         """Put the chamber on stand-by now, without a ramp, and note it."""

@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import sys
-import threading
-import time
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from imu_recording.lifecycle_node import ConfiguredNode
@@ -18,6 +16,7 @@ from chamber_profile.chamber_link import ClockError
 from chamber_profile.interruptible_node import spin_until_over
 from chamber_profile.node_config import ChamberConfig, open_run
 from chamber_profile.run_messages import OUTPUTS, chamber_messages, phase_text, run_status
+from chamber_profile.run_thread import RunThread
 from chamber_profile.sequencer import COMMANDS
 from chamber_profile.witnesses import Witnesses
 
@@ -27,16 +26,19 @@ class ChamberProfileNode(ConfiguredNode):
 
     config_class = ChamberConfig
 
-    def __init__(self, **options):
+    def __init__(self, **options: Any) -> None:
         super().__init__('chamber_profile', **options)
-        self._thread = self.run = self.moment = self.exit_code = None
-        self._stop = threading.Event()
+        self.run: Any = None
+        self.moment: Any = None
+        self.exit_code: int | None = None
+        self._thread: RunThread | None = None
 
-    def setup(self, config):
+    def setup(self, config: ChamberConfig) -> None:
         """Open the run: nothing is connected yet, nothing moves."""
         simulated_time = self._now is not None or self.get_parameter('use_sim_time').value
         self.witnesses = Witnesses(config, self.now)
         self.run = open_run(config, self.now, self.witnesses.look, simulated_time=simulated_time)
+        self.run.conductor.report = self.get_logger().info
         self._phase = ''
         self._outputs = {topic: self.output(kind, topic) for topic, kind in OUTPUTS.items()
                          if config.publish_temperature or 'temperature' not in topic}
@@ -52,24 +54,21 @@ class ChamberProfileNode(ConfiguredNode):
             self._entities.append(lambda service=service: self.destroy_service(service))
         self._entities.append(self.run.conductor.close)
 
-    def activated(self):
+    def activated(self) -> None:
         """Begin to watch the chamber; `start:=true` also begins the run."""
         self.witnesses.excuse_imu()
         if self.config.start:
-            self.get_logger().info(f'start: {self.order("start") or self.run.directory}')
+            self.order('start')
         if self._capture is None:
-            self._stop.clear()
-            self._thread = threading.Thread(target=self._work, name='chamber', daemon=True)
-            self._thread.start()
+            self._thread = RunThread(self.advance, self.run.period_s, self.fail)
 
-    def deactivated(self):
+    def deactivated(self) -> None:
         """Stop watching; the chamber was made safe before, or stands by."""
         if self._thread is not None:
-            self._stop.set()
-            self._thread.join()
+            self._thread.stop()
             self._thread = None
 
-    def on_deactivate(self, state):
+    def on_deactivate(self, state: Any) -> Any:
         """Refuse while a run is under way: abort it first."""
         if self.in_charge:
             self.get_logger().error('a run is under way: call ~/abort first')
@@ -77,23 +76,27 @@ class ChamberProfileNode(ConfiguredNode):
         return super().on_deactivate(state)
 
     @property
-    def in_charge(self):
+    def in_charge(self) -> bool:
         """Whether a run is under way and the chamber depends on this process."""
         return self.run is not None and self.run.conductor.sequencer.in_charge
 
-    def stop_at_once(self):
-        """Put the chamber on stand-by without a ramp, whatever else is going on."""
-        self._stop.set()
-        self.deactivated()
-        self.run.conductor.stop_at_once()
-
-    def order(self, name):
-        """Give an order (one of COMMANDS, or 'standby'); return why it is refused, or ''."""
+    def order(self, name: str) -> str:
+        """Give an order (one of COMMANDS); return why it is refused, or ''."""
         if name == 'confirm':
             self.witnesses.excuse_imu()
         return self.run.conductor.sequencer.command(name)
 
-    def advance(self):
+    def stop_at_once(self) -> None:
+        """Put the chamber on stand-by without a ramp, whatever else is going on."""
+        self.deactivated()
+        self.run.conductor.stop_at_once()
+
+    def fail(self) -> None:
+        """Stop at once, for a reason nobody has thought of."""
+        self.exit_code = 1
+        self.run.conductor.stop_at_once()
+
+    def advance(self) -> None:
         """One step of the run: read, decide, order, publish."""
         try:
             self.moment = self.run.conductor.step()
@@ -108,38 +111,22 @@ class ChamberProfileNode(ConfiguredNode):
         if phase and phase != self._phase:
             self._phase = phase
             self._phase_output.publish(String(data=phase))
-            self.get_logger().info(f'{self.moment.progress.mode} {phase}')
         if self.exit_code is None:
             self.exit_code = self.run.exit_code(self.moment.progress)
 
-    def diagnostics(self):
+    def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
         """State of run, chamber and link."""
         return run_status(self.moment, self.run) if self.moment else (0, self.state, {})
 
-    def _answering(self, name):
-        def answer(_, response):
+    def _answering(self, name: str) -> Any:
+        def answer(_: Any, response: Any) -> Any:
             refusal = self.order(name)
             response.success, response.message = not refusal, refusal or name
             return response
 
         return answer
 
-    def _work(self):
-        due = time.monotonic()
-        while not self._stop.wait(max(due - time.monotonic(), 0.0)):
-            due = max(due + self.run.period_s, time.monotonic())
-            try:
-                self.advance()
-            except Exception:
-                self.exit_code = 1
-                self.run.conductor.stop_at_once()
-                raise
 
-
-def main():
+def main() -> int:
     """Run until the run ends or the node is interrupted; return the process's exit code."""
     return spin_until_over(ChamberProfileNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

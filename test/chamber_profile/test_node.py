@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node in-process, on a clock by hand: what it publishes, refuses, watches over, resumes."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from chamber_profile.journal import read_journal
+from chamber_profile.node import ChamberProfileNode
+from chamber_profile.sequence_types import ABORTED, DONE, RUN, SAFE
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.lifecycle import TransitionCallbackReturn
+from sensor_msgs.msg import Temperature
+from std_srvs.srv import Trigger
+
+SECOND = 1_000_000_000
+
+
+class Bench:
+    """A node, what it published, and its clock."""
+
+    def __init__(self, directory: Path, **parameters) -> None:
+        self.stamp = 1_000 * SECOND
+        self.sent: list[tuple[str, object]] = []
+        self.imu = True
+        values = {
+            'profile': 'short_20min',
+            'run_directory': str(directory),
+            'chamber': 'simulated?seed=2',
+            **parameters,
+        }
+        self.node = ChamberProfileNode(
+            capture=lambda topic, message: self.sent.append((topic, message)),
+            now=lambda: self.stamp,
+            parameters=values,
+        )
+        self.started = self.node.autostart()
+
+    @property
+    def mode(self) -> str:
+        return self.node.moment.progress.mode
+
+    def step(self, seconds: float = 1.0) -> None:
+        self.stamp += int(seconds * SECOND)
+        if self.imu and 'imu/temperature' in self.node.inputs:
+            self.node.inputs['imu/temperature'](Temperature())
+        self.node.advance()
+
+    def until(self, condition, longest: int = 5000) -> None:
+        for _ in range(longest):
+            self.step()
+            if condition():
+                return
+        raise AssertionError(self.node.moment)
+
+    def call(self, service: str) -> Trigger.Response:
+        return self.node._answering(service)(Trigger.Request(), Trigger.Response())
+
+    def topics(self) -> set[str]:
+        return {topic for topic, _ in self.sent}
+
+
+@pytest.fixture
+def make(ros, tmp_path):
+    benches = []
+
+    def build(directory: Path = tmp_path / 'run', **parameters) -> Bench:
+        benches.append(Bench(directory, **parameters))
+        return benches[-1]
+
+    yield build
+    for bench in benches:
+        bench.node.destroy_node()
+
+
+def test_activation_moves_nothing(make) -> None:
+    bench = make()
+    for _ in range(100):
+        bench.step()
+    assert bench.mode == 'IDLE'
+    assert not bench.node.moment.reading.running
+    assert not bench.node.run.directory.exists()
+
+
+def test_a_run_by_services_publishes_all_it_knows_and_ends_done(make) -> None:
+    bench = make()
+    bench.step()
+    assert bench.call('start').success
+    bench.until(lambda: bench.mode == RUN)
+    refused = bench.call('start')
+    assert not refused.success
+    assert 'RUN' in refused.message
+    bench.until(lambda: bench.mode == DONE)
+    assert bench.node.exit_code is None  # it was not asked to exit
+    assert {f'chamber/{name}' for name in (
+        'setpoint', 'temperature', 'temperature_2', 'device_temperature', 'humidity', 'heater',
+        'compressor', 'fan', 'phase',
+    )} <= bench.topics()  # fmt: skip
+    phases = [message.data for topic, message in bench.sent if topic == 'chamber/phase']
+    assert phases == [
+        'precondition 0', 'ramp_down 1', 'dwell_cold 1', 'ramp_up 1', 'dwell_hot 1',
+        'ramp_down 1', 'dwell_reference 1', 'final 0',
+    ]  # fmt: skip
+    setpoints = [m.temperature for topic, m in bench.sent if topic == 'chamber/setpoint']
+    assert min(setpoints) == 15.0
+    assert max(setpoints) == 30.0
+
+
+@pytest.mark.parametrize(('end', 'code'), [('', 0), ('abort', 1)])
+def test_with_start_the_process_ends_with_the_run(make, end: str, code: int) -> None:
+    bench = make(start=True)
+    bench.until(lambda: bench.mode == RUN)
+    if end:
+        assert bench.call(end).success
+    bench.until(lambda: bench.node.exit_code is not None)
+    assert bench.node.exit_code == code
+
+
+def test_a_dead_imu_ends_in_the_safe_state_after_ten_seconds(make) -> None:
+    bench = make(start=True)
+    bench.until(lambda: bench.node.moment.step.id == 'heat')
+    bench.imu = False
+    for _ in range(9):
+        bench.step()
+        assert bench.mode == RUN
+    bench.until(lambda: bench.mode == SAFE, 3)
+    assert 'IMU' in bench.node.moment.progress.reason
+    level, line, _ = bench.node.diagnostics()
+    assert level == 2
+    assert 'IMU' in line
+
+
+def test_an_imu_is_not_missed_where_none_is_required(make) -> None:
+    bench = make(start=True, require_imu=False)
+    bench.until(lambda: bench.mode == DONE)
+    assert 'imu/temperature' not in bench.node.inputs
+
+
+def test_a_recorder_that_fails_ends_the_run_safely(make) -> None:
+    bench = make(start=True)
+    bench.until(lambda: bench.node.moment.step.id == 'heat')
+    status = DiagnosticStatus(level=bytes([2]), name='recorder', message='disk full')
+    bench.node.inputs['/diagnostics'](DiagnosticArray(status=[status]))
+    bench.step()
+    assert bench.mode == SAFE
+    assert 'disk full' in bench.node.moment.progress.reason
+
+
+def test_a_reference_logger_takes_the_place_of_the_chambers_sensor(make) -> None:
+    bench = make(start=True, publish_temperature=False)
+    logger = bench.node.inputs
+
+    def read(air: float) -> None:
+        logger['chamber/temperature'](Temperature(temperature=air))
+        logger['chamber/device_temperature'](Temperature(temperature=air + 1.0))
+
+    for _ in range(50):
+        read(22.0)
+        bench.step()
+    assert bench.mode == RUN
+    assert bench.node.run.conductor.sequencer.progress.setpoint <= 22.0
+    temperatures = {topic for topic in bench.topics() if 'temperature' in topic}
+    assert not temperatures
+    assert 'chamber/setpoint' in bench.topics()
+    for _ in range(12):  # the logger falls silent
+        bench.step()
+    assert bench.mode == SAFE
+    assert 'reference logger' in bench.node.moment.progress.reason
+
+
+def test_a_run_is_resumed_from_its_directory_and_a_finished_one_refused(make, tmp_path) -> None:
+    first = make(start=True)
+    first.until(lambda: first.node.moment.step.id == 'hot')
+    first.node.run.conductor.close()
+    again = make(profile='')
+    again.step()
+    assert again.mode == 'IDLE'
+    assert again.node.moment.step.id == 'hot'
+    assert again.call('start').success
+    again.until(lambda: again.mode == DONE)
+    assert again.node.moment.progress.interruptions == 1
+    events = [entry['event'] for entry in read_journal(tmp_path / 'run')]
+    assert events.count('interrupted') == 1
+    assert not make(profile='').started
+
+
+def test_an_accelerated_clock_needs_a_chamber_that_says_it_is_emulated(make) -> None:
+    bench = make(time_scale=60.0, start=True)
+    bench.node.run.conductor.link.chamber.emulated = False
+    bench.step()
+    assert bench.node.exit_code == 2
+    assert not bench.node.run.directory.exists()
+
+
+def test_a_run_under_way_forbids_deactivation(make) -> None:
+    bench = make(start=True)
+    bench.until(lambda: bench.mode == RUN)
+    state = SimpleNamespace(label='active')
+    assert bench.node.on_deactivate(state) == TransitionCallbackReturn.FAILURE
+    bench.node.stop_at_once()
+    assert bench.node.run.conductor.sequencer.progress.mode == ABORTED
+    assert not bench.node.run.conductor.link.chamber.running
+    assert bench.node.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
+
+
+@pytest.mark.parametrize(
+    'parameters',
+    [
+        {'profile': ''},
+        {'profile': 'coffee'},
+        {'chamber': 'coffee+tcp://localhost:1'},
+        {'orientation': 'w'},
+        {'run_directory': '/proc/nowhere', 'profile': ''},
+    ],
+)
+def test_parameters_that_make_no_run_are_refused(make, parameters) -> None:
+    directory = Path(parameters.pop('run_directory', 'nowhere'))
+    bench = make(directory, **parameters)
+    assert not bench.started
+    assert bench.node.refused
+
+
+def test_the_orientation_reaches_the_journal(make, tmp_path) -> None:
+    bench = make(start=True, orientation='-z')
+    bench.until(lambda: bench.mode == RUN)
+    entries = read_journal(tmp_path / 'run')
+    assert {entry['orientation'] for entry in entries if 'orientation' in entry} == {'-z'}
+
+
+def test_a_full_disk_ends_in_the_safe_state(make, monkeypatch) -> None:
+    bench = make(start=True)
+    bench.until(lambda: bench.node.moment.step.id == 'heat')
+    monkeypatch.setattr('chamber_profile.conductor.free_bytes', lambda _: 1 << 29)
+    bench.step()
+    assert bench.mode == SAFE
+    assert 'GiB' in bench.node.moment.progress.reason
+
+
+def test_a_journal_that_cannot_be_written_ends_in_the_safe_state(make, monkeypatch) -> None:
+    bench = make(start=True)
+    bench.until(lambda: bench.node.moment.step.id == 'heat')
+
+    def fail(*_, **__):
+        raise OSError(28, 'No space left on device')
+
+    monkeypatch.setattr('chamber_profile.journal.Journal.write', fail)
+    bench.until(lambda: bench.mode in (SAFE, ABORTED))
+    assert 'journal' in bench.node.moment.progress.reason
+    bench.until(lambda: bench.mode == ABORTED)
+    assert not bench.node.run.conductor.link.chamber.running
