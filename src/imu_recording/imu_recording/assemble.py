@@ -95,7 +95,8 @@ def _samples(name: str, column: TopicColumns, notes: list[str]) -> Samples:
 
 def _finite(name: str, values: FloatArray, notes: list[str]) -> FloatArray:
     """Turn infinities into NaN and count what is not a number."""
-    total = values.sum()
+    with np.errstate(over='ignore', invalid='ignore'):
+        total = values.sum()  # the cheap question first; a sum that overflows is looked into
     if np.isfinite(total):
         return values
     infinite = np.isinf(values)

@@ -26,6 +26,8 @@ COMPRESSIONS = {
     'message': CompressionMode.MESSAGE,
     'file': CompressionMode.FILE,
 }
+END_OF_STAMPS = (1 << 31) * 1_000_000_000
+"""builtin_interfaces/Time counts seconds in 31 bits [ns]."""
 ROWS = 1 << 14
 """Rows serialised at a time, so that memory stays bounded."""
 
@@ -86,6 +88,8 @@ def _check(parts: Sequence[ImuRecording], path: Path, storage: str, compression:
             raise BagError(f'{path}: the recording of {device} has no samples')
         if np.any(np.diff(part.stamp) <= 0):
             raise BagError(f'{path}: stamps of {device} do not increase')
+        if part.stamp[0] < 0 or part.stamp[-1] >= END_OF_STAMPS:
+            raise BagError(f'{path}: stamps of {device} are outside 1970 … 2038')
 
 
 def _metadata(parts: Sequence[ImuRecording]) -> Iterator[tuple[str, str]]:
