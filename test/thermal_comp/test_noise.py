@@ -6,7 +6,7 @@ import pytest
 from thermal_comp.model import NoiseModel
 from thermal_comp.noise import fit_noise_to_spectra
 from thermal_comp.noise_process import LADDER, draw_noise, mean_autocovariance, toeplitz_product
-from thermal_comp.noise_spectrum import residual_spectrum
+from thermal_comp.noise_spectrum import project_spectra
 from thermal_comp.whitening import log_determinant, whiten
 
 PERIOD = 20.0
@@ -43,9 +43,9 @@ def test_expected_spectrum_is_what_draws_average_to() -> None:
     slot = slots_with_gaps(rng, 200)
     trend = np.stack([np.ones(len(slot)), slot, slot**2.0], axis=1)
     basis, _ = np.linalg.qr(trend)
+    projection = project_spectra(slot, basis, LADDER, PERIOD)
     spectra = [
-        residual_spectrum(draw_noise(TRUE_NOISE, slot, PERIOD, rng), slot, basis, LADDER, PERIOD)
-        for _ in range(400)
+        projection.spectrum_of(draw_noise(TRUE_NOISE, slot, PERIOD, rng)) for _ in range(400)
     ]
     measured = np.mean([s.periodogram[:, 0] for s in spectra], axis=0)
     variances = np.r_[TRUE_NOISE.white[0] ** 2, TRUE_NOISE.amplitudes[:, 0] ** 2]
@@ -63,7 +63,7 @@ def test_noise_is_found_again_behind_a_projection_and_gaps() -> None:
         waves = np.cos(np.pi * np.outer(slot + 0.5, np.arange(40)) / 1500)
         basis, _ = np.linalg.qr(waves)
         drawn = draw_noise(TRUE_NOISE, slot, PERIOD, rng)
-        spectra.append(residual_spectrum(drawn, slot, basis, LADDER, PERIOD))
+        spectra.append(project_spectra(slot, basis, LADDER, PERIOD).spectrum_of(drawn))
     fitted = fit_noise_to_spectra(spectra)
     np.testing.assert_allclose(fitted.white, TRUE_NOISE.white, rtol=0.05)
     for period, tolerance in ((20.0, 0.25), (200.0, 0.4), (2000.0, 0.6)):

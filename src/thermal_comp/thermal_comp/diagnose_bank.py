@@ -114,15 +114,20 @@ class ColumnBank:
                 place = stop
         return [self._terms[effect] for effect in effects]
 
-    def generic_term(
-        self, function: Callable[[PreparedRun], FloatArray], *, per_run: bool = False
-    ) -> Term:
-        """Return the columns (m, p) a function makes of each run's block means."""
+    def generic_terms(
+        self, functions: Sequence[tuple[Callable[[PreparedRun], FloatArray], bool]]
+    ) -> list[Term]:
+        """Return the columns (m, p) each function makes of a run's block means; True: per run."""
         runs = self.source.runs
-        parts = [function(run)[ok] for run, ok in zip(runs, self.valid, strict=True)]
-        columns = _block_diagonal(parts) if per_run else np.concatenate(parts)
-        place = self._append(np.repeat(columns[:, None, :], 3, axis=1))
-        return Term(tuple(range(place, place + columns.shape[1])))
+        made = []
+        for function, per_run in functions:
+            parts = [function(run)[ok] for run, ok in zip(runs, self.valid, strict=True)]
+            made.append(_block_diagonal(parts) if per_run else np.concatenate(parts))
+        place = self._append(np.repeat(np.concatenate(made, axis=1)[:, None, :], 3, axis=1))
+        stops = place + np.cumsum([columns.shape[1] for columns in made])
+        starts = [place, *stops[:-1].tolist()]
+        pairs = zip(starts, stops.tolist(), strict=True)
+        return [Term(tuple(range(start, stop))) for start, stop in pairs]
 
     def solve(self, terms: Sequence[Term]) -> tuple[float, int]:
         """Return the χ² the terms explain together and the rank they use."""

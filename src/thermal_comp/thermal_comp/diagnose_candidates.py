@@ -21,7 +21,7 @@ TIME_CONSTANTS = np.geomspace(12.0, 7000.0, 18)
 """Lags tried [s]."""
 HALF_WIDTHS = np.geomspace(0.8, 28.0, 13)
 """Half-widths of plays tried [K]."""
-STEP_SPACING_S = 600.0
+STEP_SPACING_S = 1200.0
 """Distance of the step times tried [s]."""
 
 
@@ -43,16 +43,40 @@ class Family:
     forms: tuple[Form, ...]
 
 
+@dataclass(frozen=True)
+class Plan:
+    """A form before its columns are computed."""
+
+    effect: Effect
+    parts: tuple[Effect, ...]
+    """Effects whose columns together are the form's."""
+    free: int
+    run: int | None = None
+    """The run whose column alone is taken."""
+
+
 def families(bank: ColumnBank, catalogue: Mapping[str, type[Effect]]) -> list[Family]:
     """Return the families of the catalogue whose channels were logged in every run."""
     runs = bank.source.runs
-    found = []
-    for name, effect in catalogue.items():
-        if name != 'bias_temperature' and usable(effect, bank.sensor, runs):
-            forms = _MAKERS.get(name, _grid_forms)(bank, effect)
-            if forms:
-                found.append(Family(name, tuple(forms)))
-    return found
+    planned = {
+        name: _PLANNERS.get(name, _grid)(bank, effect)
+        for name, effect in catalogue.items()
+        if name != 'bias_temperature' and usable(effect, bank.sensor, runs)
+    }
+    parts = [part for plans in planned.values() for plan in plans for part in plan.parts]
+    bank.terms(parts)
+    return [
+        Family(name, tuple(_form(bank, plan) for plan in plans))
+        for name, plans in planned.items()
+        if plans
+    ]
+
+
+def _form(bank: ColumnBank, plan: Plan) -> Form:
+    terms = tuple(bank.terms(plan.parts))
+    if plan.run is not None:
+        terms = tuple(Term((term.columns[plan.run],)) for term in terms)
+    return Form(plan.effect, terms, plan.free)
 
 
 def usable(effect: type[Effect], sensor: Sensor, runs: Sequence[PreparedRun]) -> bool:
@@ -78,13 +102,12 @@ def shape_grid(effect: type[Effect], points: int = 9) -> list[Effect]:
     return forms
 
 
-def _grid_forms(bank: ColumnBank, effect: Any) -> list[Form]:
-    return _single_forms(bank, shape_grid(effect))
+def _grid(_: ColumnBank, effect: Any) -> list[Plan]:
+    return _single(shape_grid(effect))
 
 
-def _single_forms(bank: ColumnBank, effects: Sequence[Effect]) -> list[Form]:
-    terms = bank.terms(effects)
-    return [Form(e, (t,), _free(e)) for e, t in zip(effects, terms, strict=True)]
+def _single(effects: Sequence[Effect]) -> list[Plan]:
+    return [Plan(effect, (effect,), _free(effect)) for effect in effects]
 
 
 def _free(effect: Effect) -> int:
@@ -92,78 +115,68 @@ def _free(effect: Effect) -> int:
     return sum(len(v) if isinstance(v, tuple) else 1 for v in values)
 
 
-def _lags(bank: ColumnBank, effect: Any) -> list[Form]:
-    return _single_forms(bank, [effect(float(t)) for t in TIME_CONSTANTS if t <= 3600.0])
+def _lags(_: ColumnBank, effect: Any) -> list[Plan]:
+    return _single([effect(float(t)) for t in TIME_CONSTANTS if t <= 3600.0])
 
 
-def _two_lags(bank: ColumnBank, effect: Any) -> list[Form]:
+def _two_lags(_: ColumnBank, effect: Any) -> list[Plan]:
     lag: Any = EFFECTS['thermal_lag']
-    single = bank.terms([lag(float(t)) for t in TIME_CONSTANTS])
-    pairs = combinations(zip(TIME_CONSTANTS, single, strict=True), 2)
     return [
-        Form(effect(float(fast), float(slow)), (a, b), 2)
-        for (fast, a), (slow, b) in pairs
+        Plan(effect(fast, slow), (lag(fast), lag(slow)), 2)
+        for fast, slow in combinations(TIME_CONSTANTS.tolist(), 2)
         if slow > 2.5 * fast and fast <= 600.0 and slow >= 120.0
     ]
 
 
-def _plays(bank: ColumnBank, effect: Any) -> list[Form]:
-    single = bank.terms([effect((float(r),)) for r in HALF_WIDTHS])
-    widths = list(zip(HALF_WIDTHS, single, strict=True))
-    chosen: list[tuple[tuple[float, Term], ...]] = [(w,) for w in widths]
+def _plays(_: ColumnBank, effect: Any) -> list[Plan]:
+    widths = HALF_WIDTHS.tolist()
+    chosen: list[tuple[float, ...]] = [(width,) for width in widths]
     for count in (2, 3):
         chosen += [some for some in combinations(widths, count) if _spread(some)]
     chosen += [tuple(widths[k] for k in (1, 4, 7, 10)), tuple(widths[k] for k in (3, 6, 8, 10))]
-    return [
-        Form(effect(tuple(float(r) for r, _ in some)), tuple(t for _, t in some), len(some))
-        for some in chosen
-    ]
+    return [Plan(effect(some), tuple(effect((r,)) for r in some), len(some)) for some in chosen]
 
 
-def _spread(widths: Sequence[tuple[float, Term]]) -> bool:
-    return all(wide > 1.7 * narrow for (narrow, _), (wide, _) in pairwise(widths))
+def _spread(widths: Sequence[float]) -> bool:
+    return all(wide > 1.7 * narrow for narrow, wide in pairwise(widths))
 
 
-def _warm_ups(bank: ColumnBank, effect: Any) -> list[Form]:
-    return _single_forms(bank, [effect(float(t)) for t in np.geomspace(60.0, 7200.0, 10)])
+def _warm_ups(_: ColumnBank, effect: Any) -> list[Plan]:
+    return _single([effect(float(t)) for t in np.geomspace(60.0, 7200.0, 10)])
 
 
-def _creeps(bank: ColumnBank, effect: Any) -> list[Form]:
-    return _single_forms(bank, [effect(float(t)) for t in np.geomspace(60.0, 20_000.0, 6)])
+def _creeps(_: ColumnBank, effect: Any) -> list[Plan]:
+    return _single([effect(float(t)) for t in np.geomspace(60.0, 20_000.0, 6)])
 
 
-def _ice(bank: ColumnBank, effect: Any) -> list[Form]:
-    grid = [
-        (g, m) for g in np.geomspace(300.0, 10_000.0, 6) for m in np.geomspace(60.0, 2500.0, 7)
-    ]
-    return _single_forms(bank, [effect(g, m) for g, m in grid])
+def _ice(_: ColumnBank, effect: Any) -> list[Plan]:
+    grow, melt = np.geomspace(300.0, 10_000.0, 6), np.geomspace(60.0, 2500.0, 7)
+    return _single([effect(float(g), float(m)) for g in grow for m in melt])
 
 
-def _cycle_levels(bank: ColumnBank, effect: Any) -> list[Form]:
+def _cycle_levels(bank: ColumnBank, effect: Any) -> list[Plan]:
     cycles = max(int(run.cycle.max()) for run in bank.source.runs)
     if cycles < 2:
         return []
-    (form,) = _single_forms(bank, [effect(float(cycles))])
-    return [Form(form.effect, form.terms, 0)]
+    levels = effect(float(cycles))
+    return [Plan(levels, (levels,), 0)]
 
 
-def _steps(bank: ColumnBank, effect: Any) -> list[Form]:
+def _steps(bank: ColumnBank, effect: Any) -> list[Plan]:
     last = max(float(run.time[-1]) for run in bank.source.runs)
-    times = np.arange(STEP_SPACING_S, last, STEP_SPACING_S)
-    forms = []
-    effects = [effect(float(t)) for t in times]
-    for instance, term in zip(effects, bank.terms(effects), strict=True):
-        forms.append(Form(instance, (term,), 1))
-        forms += [Form(instance, (Term((column,)),), 1) for column in term.columns]
-    return forms
+    plans = []
+    for time in np.arange(STEP_SPACING_S, last, STEP_SPACING_S):
+        step = effect(float(time))
+        plans.append(Plan(step, (step,), 1))
+        plans += [Plan(step, (step,), 1, run) for run in range(len(bank.source.runs))]
+    return plans
 
 
-def _lines(bank: ColumnBank, effect: Any) -> list[Form]:
-    frequencies = spectral_lines(bank.source.runs, bank.sensor)
-    return _single_forms(bank, [effect(f) for f in frequencies])
+def _lines(bank: ColumnBank, effect: Any) -> list[Plan]:
+    return _single([effect(f) for f in spectral_lines(bank.source.runs, bank.sensor)])
 
 
-_MAKERS: dict[str, Callable[[ColumnBank, Any], list[Form]]] = {
+_PLANNERS: dict[str, Callable[[ColumnBank, Any], list[Plan]]] = {
     'thermal_lag': _lags,
     'thermal_lag_two_stage': _two_lags,
     'thermal_hysteresis': _plays,

@@ -52,10 +52,8 @@ def judges(bank: ColumnBank) -> list[Judge]:
             )
     if all(run.conditions.has('vibration') for run in runs):
         made.append(('vibration', 'vibration and its square', spans.vibration, False))
-    return [
-        Judge(depends_on, name, bank.generic_term(function, per_run=per_run))
-        for depends_on, name, function, per_run in made
-    ]
+    terms = bank.generic_terms([(function, per_run) for _, _, function, per_run in made])
+    return [Judge(row[0], row[1], term) for row, term in zip(made, terms, strict=True)]
 
 
 @dataclass(frozen=True)

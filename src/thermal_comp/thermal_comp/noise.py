@@ -9,7 +9,7 @@ faster ones, as flicker noise does.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -17,11 +17,9 @@ from imu_recording.recording import FloatArray
 from thermal_comp.conditions import Sensor
 from thermal_comp.model import NoiseModel
 from thermal_comp.noise_process import LADDER, mean_autocovariance, toeplitz_product
-from thermal_comp.noise_spectrum import ResidualSpectrum, residual_spectrum
+from thermal_comp.noise_spectrum import Projection, ResidualSpectrum, project_spectra
+from thermal_comp.prepared_run import PreparedRun
 from thermal_comp.saturated_model import saturated_basis
-
-if TYPE_CHECKING:
-    from thermal_comp.preparation import PreparedRun
 
 SMOOTHNESS = 1.2
 """Standard deviation of the log-variance step between neighbours of the ladder."""
@@ -68,15 +66,23 @@ def expected_square(noise: NoiseModel, run: PreparedRun, axis: int, operator: Fl
     return float(np.einsum('mq,mq->', operator, product))
 
 
+_PROJECTIONS: WeakKeyDictionary[PreparedRun, dict[bytes, Projection]] = WeakKeyDictionary()
+"""Projections of runs by the rows that are valid: mostly the same for all sensors."""
+
+
 def _spectrum_of(run: PreparedRun, sensor: Sensor) -> ResidualSpectrum | None:
     values = run.measured[sensor]
     valid = np.isfinite(values).all(axis=1)
     if valid.sum() < 30:
         return None
-    basis = saturated_basis(run)[valid]
-    basis, _ = np.linalg.qr(basis)
-    slot = run.slot[valid] - run.slot[valid][0]
-    return residual_spectrum(values[valid], slot, basis, LADDER, run.period)
+    kept = _PROJECTIONS.setdefault(run, {})
+    if valid.tobytes() not in kept:
+        basis = saturated_basis(run)
+        if not valid.all():
+            basis, _ = np.linalg.qr(basis[valid])
+        slot = run.slot[valid] - run.slot[valid][0]
+        kept[valid.tobytes()] = project_spectra(slot, basis, LADDER, run.period)
+    return kept[valid.tobytes()].spectrum_of(values[valid])
 
 
 def _whittle(

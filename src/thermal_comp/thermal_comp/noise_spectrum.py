@@ -23,23 +23,32 @@ class ResidualSpectrum:
     """(f,) share of white power the projection leaves."""
 
 
-def residual_spectrum(
-    values: FloatArray,
-    slot: IntArray,
-    basis: FloatArray,
-    time_constants: FloatArray,
-    period: float,
-) -> ResidualSpectrum:
-    """Project `basis` (m, p; orthonormal) out of `values` (m, axes) and compare spectra.
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """What a projection of some rows does to the spectra of noise processes."""
+
+    slot: IntArray
+    basis: FloatArray
+    expected: FloatArray
+    weight: FloatArray
+
+    def spectrum_of(self, values: FloatArray) -> ResidualSpectrum:
+        """Return the spectrum of values (m, axes) after the projection."""
+        grid = np.zeros((int(self.slot[-1]) + 1, values.shape[1]))
+        grid[self.slot] = values - self.basis @ (self.basis.T @ values)
+        periodogram = np.abs(np.fft.rfft(grid, axis=0)) ** 2 / len(self.slot)
+        return ResidualSpectrum(periodogram, self.expected, self.weight)
+
+
+def project_spectra(
+    slot: IntArray, basis: FloatArray, time_constants: FloatArray, period: float
+) -> Projection:
+    """Return what projecting `basis` (m, p; orthonormal) out does to each noise process.
 
     The expectation is exact: E|F M y|² = diag(F M S M F*), M = D − Q Qᵀ, D the rows present,
     so that neither leakage nor the power the model absorbs biases the noise.
     """
-    length = int(slot[-1]) + 1
-    rows = len(slot)
-    grid = np.zeros((length, values.shape[1]))
-    grid[slot] = values - basis @ (basis.T @ values)
-    periodogram = np.abs(np.fft.rfft(grid, axis=0)) ** 2 / rows
+    length, rows = int(slot[-1]) + 1, len(slot)
     present = np.zeros(length)
     present[slot] = 1.0
     overlap = _autocorrelation(present)
@@ -60,7 +69,7 @@ def residual_spectrum(
     left = np.stack(expected)
     weight = np.clip(left[0] * period, 0.0, 1.0)
     weight[0] *= 0.5
-    return ResidualSpectrum(periodogram, left, weight)
+    return Projection(slot, basis, left, weight)
 
 
 def _spectrum(columns: FloatArray, slot: IntArray, length: int) -> np.ndarray:
