@@ -40,4 +40,5 @@ class BiasTemperatureCurvature(Effect):
     ) -> tuple[FloatArray, State | None]:
         """Return (n, 2): x² [K²] and x³ [K³]."""
         x = conditions.temperature_difference
-        return np.stack([x**2, x**3], axis=1), None
+        square = x * x  # powers by multiplication: x**3 takes forty times as long
+        return np.stack([square, square * x], axis=1), None
