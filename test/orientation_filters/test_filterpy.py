@@ -38,9 +38,11 @@ def moving(seed: int, seconds: float = 20.0, world_frame: str = 'enu') -> ImuRec
 
 @pytest.mark.parametrize('world_frame', ['enu', 'ned'])
 @pytest.mark.parametrize('use_magnetometer', [True, False])
-def test_native_equals_filterpy(world_frame: str, use_magnetometer: bool) -> None:
+@pytest.mark.parametrize('preset', ['paper', 'robust'])
+def test_native_equals_filterpy(world_frame: str, use_magnetometer: bool, preset: str) -> None:
     recording = moving(1, world_frame=world_frame)
-    options = {'world_frame': world_frame, 'use_magnetometer': use_magnetometer, 'details': True}
+    options = {'world_frame': world_frame, 'use_magnetometer': use_magnetometer}
+    options |= {'details': True, 'preset': preset}
     native = run_filter('ahrs', recording, **options)
     matrices = run_filter('ahrs', recording, implementation='filterpy', **options)
     np.testing.assert_array_equal(native.flags, matrices.flags)

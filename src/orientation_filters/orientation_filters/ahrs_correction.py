@@ -18,7 +18,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orientation_filters.kernel import kernel
-from orientation_filters.quaternion import Vector, dot
+from orientation_filters.quaternion import Vector, add, dot
 
 Symmetric = tuple[float, float, float, float, float, float]
 """xx, xy, xz, yy, yz, zz."""
@@ -92,12 +92,6 @@ def cross(a: Vector, b: Vector) -> Vector:
 def times(a: Vector, b: Vector) -> Vector:
     """Return the product component by component."""
     return a[0] * b[0], a[1] * b[1], a[2] * b[2]
-
-
-@kernel
-def add(a: Vector, b: Vector) -> Vector:
-    """Return a + b."""
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @kernel

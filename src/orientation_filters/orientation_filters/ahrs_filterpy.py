@@ -14,9 +14,12 @@ from filterpy.kalman import KalmanFilter
 from imu_recording.recording import FloatArray, ImuRecording
 
 from orientation_filters import ahrs_kalman
+from orientation_filters.ahrs_adaptive_step import apply_errors, flags_after, gather_sample
 from orientation_filters.ahrs_correction import Variances
-from orientation_filters.ahrs_kalman import GRAVITY, MICROTESLA, Params, State
+from orientation_filters.ahrs_observation import Observation, weigh
+from orientation_filters.ahrs_state import GRAVITY, MICROTESLA, Params, State, initial_state
 from orientation_filters.flags import INVALID_ACCELEROMETER, JAMMED, NOT_STARTED
+from orientation_filters.joint_covariance import Errors, JointCovariance
 from orientation_filters.quaternion import Vector
 from orientation_filters.result import OrientationResult, empty_result
 from orientation_filters.rotation import (
@@ -26,8 +29,6 @@ from orientation_filters.rotation import (
     normalised,
     rotate,
 )
-
-initial_state = ahrs_kalman.initial_state
 
 
 def update(
@@ -42,6 +43,13 @@ def update(
         np.array(state.orientation),
         from_rotation_vector((np.array(w) - state.bias) * interval),
     )
+    if params.adaptive.enabled:
+        start = tuple(q.tolist())
+        state, due, flags = gather_sample(state, params, stamp, start, w, f, m, has_field, flags)
+        if due:
+            seen = weigh(state.adaptive, params.adaptive, state.bias, params.up, params.north)
+            state = apply_errors(state, params, seen, adaptive_errors(seen, params.up))
+        return state, flags_after(state, params, has_field, flags)
     has_gravity = not flags & INVALID_ACCELEROMETER
     noise = params.noise
     down = np.array([0.0, 0.0, -params.up])
@@ -78,7 +86,48 @@ def update(
         Variances(*variances),
         state.updates + 1,
         stamp if has_field else state.field_stamp,
+        state.adaptive,
     ), flags
+
+
+def adaptive_errors(seen: Observation, up: float) -> Errors:
+    """Return what `ahrs_adaptive.take_in` returns, by one update of all twelve states.
+
+    Linear acceleration [m/s²] and the field's turn [rad] are states whose variance is all the
+    noise there is.
+    """
+    prior = np.zeros((12, 12))
+    prior[:6, :6] = _matrix_of(seen.prior)
+    prior[6:, 6:] = np.diag(
+        [max(seen.force_variance, 0.0)] * 3 + [max(seen.east_variance, 0.0)] * 3
+    )
+    h, noise, identity = np.zeros((6, 12)), np.zeros(6), np.eye(3)
+    pull = up * GRAVITY
+    h[0, [1, 6]], h[1, [0, 7]], h[2, [2, 11]] = (pull, 1.0), (-pull, 1.0), (-1.0, 1.0)
+    h[3:, 3:6] = identity
+    noise[3:] = seen.rest_variance
+    z = np.array([*seen.acceleration[:2], seen.east, *seen.rest_error])
+    present = (
+        [seen.force_variance > 0] * 2 + [seen.east_variance > 0] + [seen.rest_variance > 0] * 3
+    )
+    x, p = _kalman_update(prior, h, np.diag(noise), z, present, np.inf)
+    errors = x[:6].tolist()
+    return Errors(tuple(errors[:3]), tuple(errors[3:]), _joint_of(p[:6, :6]))
+
+
+def _matrix_of(p: JointCovariance) -> FloatArray:
+    """Return the 6×6 covariance of its blocks."""
+    places = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
+    t, b, c = np.array(p.orientation)[places], np.array(p.bias)[places], np.array(p.cross)
+    return np.block([[t, c], [c.T, b]])
+
+
+def _joint_of(p: FloatArray) -> JointCovariance:
+    """Return the blocks of a 6×6 covariance."""
+    rows, columns = np.triu_indices(3)
+    t, b = p[:3, :3][rows, columns].tolist(), p[3:, 3:][rows, columns].tolist()
+    c0, c1, c2 = (tuple(row) for row in p[:3, 3:].tolist())
+    return JointCovariance(tuple(t), (c0, c1, c2), tuple(b))
 
 
 def _kalman_update(

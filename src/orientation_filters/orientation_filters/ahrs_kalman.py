@@ -8,26 +8,27 @@ MathWorks' ahrsfilter documents parameters and defaults; ENU and NED. Magnetic q
 
 from __future__ import annotations
 
-from math import sqrt
-from typing import NamedTuple
-
 import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording, IntArray
 from numpy.typing import NDArray
 
-from orientation_filters.ahrs_correction import (
-    INITIAL_VARIANCES,
-    Noise,
-    Symmetric,
-    Variances,
-    correct,
-    predict_variances,
+from orientation_filters.ahrs_adaptive import start_adaptive
+from orientation_filters.ahrs_adaptive_step import apply_errors, flags_after, gather_sample
+from orientation_filters.ahrs_correction import INITIAL_VARIANCES, Symmetric
+from orientation_filters.ahrs_observation import take_in, weigh
+from orientation_filters.ahrs_paper_step import paper_step
+from orientation_filters.ahrs_state import (
+    ADAPTIVE_STATE,
+    MICROTESLA,
+    ZERO,
+    Params,
+    State,
+    initial_state,
 )
 from orientation_filters.flags import (
     DROPPED,
     INVALID_ACCELEROMETER,
     INVALID_MAGNETOMETER,
-    JAMMED,
     JUMPED_BACK,
     NOT_STARTED,
     REINITIALISED,
@@ -35,79 +36,26 @@ from orientation_filters.flags import (
 )
 from orientation_filters.intake import check_sample, check_time
 from orientation_filters.kernel import kernel
+from orientation_filters.magnetic_reference import no_reference
 from orientation_filters.quaternion import (
-    Matrix,
-    Quaternion,
     Vector,
     absent,
     attitude_from_vectors,
     from_rotation_vector,
     matrix,
     multiply,
-    normalised,
     scale,
     subtract,
-    transform,
 )
 from orientation_filters.result import OrientationResult, empty_result
 
-GRAVITY = 9.81
-MICROTESLA = 1e6
+__all__ = ['ADAPTIVE_STATE', 'Params', 'State', 'initial_state', 'run', 'update']
+
 NAN3 = (np.nan,) * 3
 NAN4 = (np.nan,) * 4
 NAN6 = (np.nan,) * 6
-ZERO = (0.0, 0.0, 0.0)
 NOT_A_STEP = DROPPED | REINITIALISED
 """Flags of samples that set the attitude anew or leave it as it is."""
-
-
-class Params(NamedTuple):
-    """Numbers the kernel needs; `presets` makes them from named parameters with units."""
-
-    up: float
-    """World z of the upward direction: +1 ENU, −1 NED."""
-    north: tuple[float, float]
-    """World x, y of magnetic north (unit vector)."""
-    use_magnetometer: bool
-    field_strength: float
-    """Expected [µT]."""
-    max_gap: int
-    """[ns]"""
-    magnetometer_timeout: int
-    """[ns]"""
-    noise: Noise
-
-
-class State(NamedTuple):
-    """What one sample leaves for the next."""
-
-    stamp: int
-    """Of the last sample used [ns]; −1 before the first."""
-    orientation: Quaternion
-    bias: Vector
-    """Of the gyroscope [rad/s], sensor frame."""
-    linear_acceleration: Vector
-    """Without gravity [m/s²], sensor frame."""
-    magnetic_disturbance: Vector
-    """Of the last update [µT], sensor frame."""
-    dip: tuple[float, float]
-    """Cosine and sine of the field's inclination, downward positive."""
-    variances: Variances
-    """Prior of the first update while `updates` is 0, else posterior of the last."""
-    updates: int
-    """Since the attitude was set."""
-    field_stamp: int
-    """Of the last magnetometer sample [ns]; −1 before the first."""
-
-
-ADAPTIVE_STATE: tuple[str, ...] = ()
-"""Fields of the state that only the adaptive filter makes use of."""
-
-
-def initial_state() -> State:
-    """Return the state before the first sample."""
-    q = (0.0, 0.0, 0.0, 1.0)
-    return State(-1, q, ZERO, ZERO, ZERO, (1.0, 0.0), INITIAL_VARIANCES, 0, -1)
 
 
 @kernel
@@ -119,12 +67,17 @@ def update(
     if flags & DROPPED:
         return state, flags
     if flags & REINITIALISED:
-        return _start(state, params, stamp, f, m if has_field else NAN3, flags)
+        return _start(state, params, stamp, w, f, m if has_field else NAN3, flags)
     dt = (stamp - state.stamp) * 1e-9
     rate = subtract(w, state.bias)
     q = multiply(state.orientation, from_rotation_vector(scale(dt, rate)))
-    field_stamp = stamp if has_field else state.field_stamp
-    return _kalman_step(state, params, stamp, q, f, m, dt, field_stamp, has_field, flags)
+    if params.adaptive.enabled:
+        state, due, flags = gather_sample(state, params, stamp, q, w, f, m, has_field, flags)
+        if due:
+            seen = weigh(state.adaptive, params.adaptive, state.bias, params.up, params.north)
+            state = apply_errors(state, params, seen, take_in(seen, params.up))
+        return state, flags_after(state, params, has_field, flags)
+    return paper_step(state, params, stamp, q, f, m, dt, has_field, flags)
 
 
 @kernel
@@ -147,7 +100,7 @@ def admit(
 
 @kernel
 def _start(
-    state: State, params: Params, stamp: int, f: Vector, m: Vector, flags: int
+    state: State, params: Params, stamp: int, w: Vector, f: Vector, m: Vector, flags: int
 ) -> tuple[State, int]:
     """Set the attitude from one specific force and field; the bias survives all but a jump."""
     bias = ZERO if flags & JUMPED_BACK else state.bias
@@ -160,105 +113,19 @@ def _start(
         flags |= NOT_STARTED
     else:
         q = attitude_from_vectors(f, m, params.up, params.north)
-    variances = INITIAL_VARIANCES
-    return State(stamp, q, bias, ZERO, ZERO, (1.0, 0.0), variances, 0, field_stamp), flags
-
-
-@kernel
-def _kalman_step(  # noqa: PLR0913, PLR0917 (what update has prepared)
-    state: State,
-    params: Params,
-    stamp: int,
-    q: Quaternion,
-    f: Vector,
-    m: Vector,
-    dt: float,
-    field_stamp: int,
-    has_field: bool,
-    flags: int,
-) -> tuple[State, int]:
-    """Compare what the sensors say with what the attitude predicts, and take the error away."""
-    noise, strength = params.noise, params.field_strength
-    prior, coupling = state.variances, ZERO
-    if state.updates > 0:
-        prior, coupling = predict_variances(state.variances, noise, dt)
-    rows = matrix(q)
-    down = scale(-params.up, rows[2])
-    gravity = scale(GRAVITY, down)
-    expected = _expected_field(rows, down, params, state.dip)
-    acceleration = scale(noise.linear_acceleration_decay, state.linear_acceleration)
-    has_gravity = not flags & INVALID_ACCELEROMETER
-    z_gravity, z_field = ZERO, ZERO
-    if has_gravity:
-        z_gravity = subtract(subtract(acceleration, f), gravity)
-    if has_field:
-        z_field = subtract(scale(MICROTESLA, m), expected)
-    c = correct(
-        prior,
-        coupling,
-        noise,
-        dt,
-        gravity,
-        z_gravity,
-        has_gravity,
-        expected,
-        z_field,
-        has_field,
-        2.0 * strength,
-    )
-    q = normalised(multiply(q, from_rotation_vector(scale(-1.0, c.orientation))))
-    dip = state.dip
-    if c.jammed:
-        flags |= JAMMED
-    elif has_field:
-        dip = _corrected_dip(q, params, dip, c.disturbance)
-    state = State(
-        stamp,
-        q,
-        subtract(state.bias, c.bias),
-        subtract(acceleration, c.acceleration),
-        c.disturbance if has_field else state.magnetic_disturbance,
-        dip,
-        c.variances,
-        state.updates + 1,
-        field_stamp,
-    )
-    return state, flags
-
-
-@kernel
-def _expected_field(
-    rows: Matrix, down: Vector, params: Params, dip: tuple[float, float]
-) -> Vector:
-    """Return the field of the expected strength and dip [µT], sensor frame."""
-    level = params.field_strength * dip[0]
-    east, north = level * params.north[0], level * params.north[1]
-    sunk = params.field_strength * dip[1]
-    return (
-        east * rows[0][0] + north * rows[1][0] + sunk * down[0],
-        east * rows[0][1] + north * rows[1][1] + sunk * down[1],
-        east * rows[0][2] + north * rows[1][2] + sunk * down[2],
-    )
-
-
-@kernel
-def _corrected_dip(
-    q: Quaternion, params: Params, dip: tuple[float, float], disturbance: Vector
-) -> tuple[float, float]:
-    """Return the dip of the expected field less the disturbance, −90° … 90°."""
-    d = transform(matrix(q), disturbance)
-    level = params.field_strength * dip[0] - params.north[0] * d[0] - params.north[1] * d[1]
-    sunk = params.field_strength * dip[1] + params.up * d[2]
-    level = max(level, 0.0)
-    length = sqrt(level * level + sunk * sunk)
-    if length < 1e-9:
-        return dip
-    return level / length, sunk / length
+    adaptive = state.adaptive
+    if params.adaptive.enabled:
+        reference = no_reference() if flags & JUMPED_BACK else adaptive.reference
+        adaptive = start_adaptive(params.adaptive, w, f, not absent(m), reference)
+    variances, dip = INITIAL_VARIANCES, (1.0, 0.0)
+    return State(stamp, q, bias, ZERO, ZERO, dip, variances, 0, field_stamp, adaptive), flags
 
 
 @kernel
 def covariance(state: State) -> Symmetric:
     """Return xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
+    if state.adaptive.covariance.orientation[0] > 0.0:
+        return state.adaptive.covariance.orientation
     v = state.variances.orientation
     x, y, z = matrix(state.orientation)
     return (

@@ -191,7 +191,11 @@ def _correct_inclination(
         return 0.0, 0.0, 0.0, 0.0
     length = sqrt(dot(f, f))
     gain = _gain(params.inclination_rate, dt, state.age, params)
-    x, y = _inclination_error(transform(rows, scale(1.0 / length, f)), params.up)
+    if params.adaptive:  # accelerations average out only where they are not normalised away
+        up = transform(rows, scale(params.up / GRAVITY, f))
+        x, y = up[1], -up[0]
+    else:
+        x, y = _inclination_error(transform(rows, scale(1.0 / length, f)), params.up)
     return gain * x, gain * y, gain, params.inclination_sigma + abs(length - GRAVITY) / GRAVITY
 
 

@@ -53,6 +53,13 @@ def no_reference() -> FieldState:
 
 
 @kernel
+def norm_of(state: FieldState) -> float:
+    """Return the strength of the reference, unit of the field."""
+    level, sunk = state.reference
+    return sqrt(level * level + sunk * sunk)
+
+
+@kernel
 def _distance(a: tuple[float, float], b: tuple[float, float]) -> float:
     """Return |a − b| as a part of |b|."""
     gap = (a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])

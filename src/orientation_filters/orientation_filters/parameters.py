@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from imu_recording.parameter import ParameterError, checked, parameter
 
 from orientation_filters import ahrs_kalman, complementary
+from orientation_filters.ahrs_adaptive import AdaptiveParams
 from orientation_filters.ahrs_correction import Noise
 from orientation_filters.magnetic_reference import FieldParams
 from orientation_filters.rest import RestParams
@@ -51,7 +52,7 @@ class FilterParameters:
         0.035, 'At rest: largest change', unit='rad/s', bounds=(0.0, 10.0), dynamic=True
     )
     rest_linear_acceleration: float = parameter(
-        0.4, 'At rest: largest change', unit='m/s²', bounds=(0.0, 100.0), dynamic=True
+        0.5, 'At rest: largest change', unit='m/s²', bounds=(0.0, 100.0), dynamic=True
     )
     rest_duration: float = parameter(
         1.5, 'At rest: for at least', unit='s', bounds=(0.0, 3600.0), dynamic=True
@@ -64,7 +65,7 @@ class FilterParameters:
         dynamic=True,
     )
     field_tolerance: float = parameter(
-        0.1,
+        0.14,
         'Disturbed: distance from the reference as part of its norm',
         bounds=(0.0, 10.0),
         dynamic=True,
@@ -196,6 +197,71 @@ class AhrsParameters(FilterParameters):
         0.5, 'Part left after a step', bounds=(0.0, 1.0), dynamic=True
     )
 
+    step_interval: float = parameter(
+        0.1, 'Adaptive: between Kalman steps', unit='s', bounds=(0.0, 1.0), dynamic=True
+    )
+    angle_random_walk: float = parameter(
+        1e-3, 'Adaptive: of the gyroscope', unit='rad/√s', bounds=(0.0, 1.0), dynamic=True
+    )
+    rate_error: float = parameter(
+        0.004,
+        'Adaptive: error of the rate as its part, random over 1 s',
+        bounds=(0.0, 1.0),
+        dynamic=True,
+    )
+    bias_random_walk: float = parameter(
+        1e-5, 'Adaptive: of the bias', unit='rad/s/√s', bounds=(0.0, 1.0), dynamic=True
+    )
+    acceleration_floor: float = parameter(
+        0.05,
+        'Adaptive: error density of specific force at rest',
+        unit='m/s²·√s',
+        bounds=(1e-6, 100.0),
+        dynamic=True,
+    )
+    acceleration_weight: float = parameter(
+        0.04,
+        'Adaptive: part of the acceleration power that counts',
+        unit='s',
+        bounds=(0.0, 1e3),
+        dynamic=True,
+    )
+    acceleration_memory: float = parameter(
+        1.0,
+        'Adaptive: time over which that power is averaged',
+        unit='s',
+        bounds=(0.0, 1e3),
+        dynamic=True,
+    )
+    acceleration_smoothing: float = parameter(
+        1.5,
+        'Adaptive: low-pass of specific force in the world',
+        unit='s',
+        bounds=(0.0, 1e3),
+        dynamic=True,
+    )
+    heading_noise: float = parameter(
+        0.25,
+        'Adaptive: error density of an undisturbed heading',
+        unit='rad·√s',
+        bounds=(1e-6, 100.0),
+        dynamic=True,
+    )
+    rest_noise: float = parameter(
+        1e-3,
+        'Adaptive: error density of the resting gyroscope',
+        unit='rad/s·√s',
+        bounds=(1e-9, 1.0),
+        dynamic=True,
+    )
+    initial_bias: float = parameter(
+        0.01,
+        'Adaptive: standard deviation of the bias at the start',
+        unit='rad/s',
+        bounds=(0.0, 1.0),
+        dynamic=True,
+    )
+
     def kernel_params(self) -> ahrs_kalman.Params:
         """Return what the kernel needs."""
         up, north = world_axes(self.world_frame, self.magnetic_declination)
@@ -216,13 +282,37 @@ class AhrsParameters(FilterParameters):
                 self.magnetic_disturbance_noise,
                 self.magnetic_disturbance_decay,
             ),
+            AdaptiveParams(
+                self.adaptive,
+                self.learn_bias,
+                self.step_interval,
+                self.angle_random_walk,
+                self.rate_error,
+                self.bias_random_walk,
+                self.acceleration_floor,
+                self.acceleration_weight,
+                self.acceleration_memory,
+                self.acceleration_smoothing,
+                self.heading_noise,
+                self.rest_noise,
+                0.05,
+                0.1,
+                self.initial_bias,
+                _rest(self),
+                _field(self),
+            ),
         )
 
 
 PRESETS: dict[str, dict[str, dict[str, Any]]] = {
     'complementary': {
         'paper': {},
-        'robust': {'adaptive': True, 'cutoff_hz': 0.05, 'heading_cutoff_hz': 0.02},
+        'robust': {
+            'adaptive': True,
+            'cutoff_hz': 0.03,
+            'heading_cutoff_hz': 0.015,
+            'integral_gain': 0.0,
+        },
     },
     'ahrs': {'paper': {}, 'robust': {'adaptive': True}},
 }

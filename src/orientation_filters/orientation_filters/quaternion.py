@@ -26,6 +26,12 @@ def dot(a: Vector, b: Vector) -> float:
 
 
 @kernel
+def add(a: Vector, b: Vector) -> Vector:
+    """Return a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@kernel
 def subtract(a: Vector, b: Vector) -> Vector:
     """Return a − b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
@@ -104,6 +110,16 @@ def matrix(q: Quaternion) -> Matrix:
 def transform(rows: Matrix, v: Vector) -> Vector:
     """Return the matrix times the vector."""
     return dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)
+
+
+@kernel
+def to_sensor(rows: Matrix, v: Vector) -> Vector:
+    """Return a world vector in the sensor frame; rows: sensor → world."""
+    return (
+        rows[0][0] * v[0] + rows[1][0] * v[1] + rows[2][0] * v[2],
+        rows[0][1] * v[0] + rows[1][1] * v[1] + rows[2][1] * v[2],
+        rows[0][2] * v[0] + rows[1][2] * v[1] + rows[2][2] * v[2],
+    )
 
 
 @kernel
