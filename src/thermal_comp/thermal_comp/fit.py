@@ -39,8 +39,12 @@ def fit(
 
     Every run has a level of its own; shape parameters are searched from the values given.
     `pooled` fits one set of coefficients to several devices. `truth` and `period` [s]: as for
-    `prepare`.
+    `prepare`; 0 fits single samples.
     """
+    if period <= 0:
+        from thermal_comp.fit_full_rate import fit_full_rate
+
+        return fit_full_rate(effects, recordings, pooled=pooled, truth=truth)
     return fit_prepared(effects, prepare(recordings, period=period, truth=truth), pooled=pooled)
 
 
