@@ -17,6 +17,7 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/launch', glob('launch/*.launch.py')),
         (f'share/{NAME}/config', glob('config/*.yaml')),
+        (f'share/{NAME}/udev', glob('udev/*.rules')),
     ],
     install_requires=['setuptools'],
     extras_require={'test': ['pytest']},
