@@ -6,7 +6,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -23,9 +22,12 @@ from orientation_filters.rotation import (
     rotation_angle,
 )
 
+from imu_workbench.decimate import decimated
+
 START_S = 60.0
 """The start attitude is the mean over this long [s]."""
-COLUMNS = ('yaw', 'pitch', 'roll', 'rotation', 'heading', 'inclination')
+EULER = ('yaw', 'pitch', 'roll')
+COLUMNS = (*EULER, 'rotation', 'heading', 'inclination')
 """Columns of `Attitude.angles`: ZYX Euler angles (the paper's α, β, γ), then what never wraps."""
 DATA = ('raw', 'magnetometer compensated', 'compensated')
 """What the filters are fed with."""
@@ -33,43 +35,21 @@ DATA = ('raw', 'magnetometer compensated', 'compensated')
 
 @dataclass(frozen=True, eq=False)
 class Attitude:
-    """Angles of a filter's estimate relative to the start, [deg]."""
+    """What a filter's estimate does relative to the start: angles in degrees."""
 
     filter: str
     data: str
     """One of DATA."""
-    time: FloatArray
-    """(n,) [s] since the first sample."""
-    angles: FloatArray
-    """(n, 6) as COLUMNS."""
-    cycle: IntArray | None
-    """(n,) thermal cycle, 0 outside."""
+    statistics: list[dict[str, Any]]
+    """Mean, standard deviation and largest value of each of COLUMNS: the run, then each cycle."""
+    hours: Mapping[str, FloatArray]
+    """Time of the lines [h], per Euler angle."""
+    lines: Mapping[str, FloatArray]
+    """The Euler angles over time [deg], decimated without losing an extreme."""
     nanoseconds_per_sample: float
     """Time the filter took on this machine, compiled and warm."""
     flags: Mapping[str, int]
     """Rows in which the filter said something, by flag."""
-
-    @cached_property
-    def statistics(self) -> list[dict[str, Any]]:
-        """Mean and standard deviation of each angle over the run, then in each cycle."""
-        parts: dict[str, Any] = {'run': slice(None)}
-        if self.cycle is not None:
-            numbers = np.unique(self.cycle[self.cycle > 0])
-            parts |= {f'R{number}': self.cycle == number for number in numbers}
-        return [self._part(name, rows) for name, rows in parts.items()]
-
-    def _part(self, name: str, rows: Any) -> dict[str, Any]:
-        angles = self.angles[rows]
-        angles = angles[np.isfinite(angles).all(axis=1)]
-        if not len(angles):
-            return {'part': name}
-        mean, std = _circular(angles)
-        return {
-            'part': name,
-            'mean': dict(zip(COLUMNS, mean.tolist(), strict=True)),
-            'std': dict(zip(COLUMNS, std.tolist(), strict=True)),
-            'largest': dict(zip(COLUMNS, np.abs(angles).max(axis=0).tolist(), strict=True)),
-        }
 
 
 def estimate_attitudes(
@@ -79,10 +59,11 @@ def estimate_attitudes(
     filters: Sequence[str] = tuple(FILTERS),
     data: Sequence[str] = DATA,
     every: int = 1,
+    points: int = 1000,
 ) -> Iterator[Attitude]:
     """Run each filter, as the paper has it, over `data`: raw, half and fully compensated.
 
-    Angles are kept of every `every`-th row.
+    Angles are taken of every `every`-th row; lines have about `points` points.
     """
     variants = dict(
         zip(
@@ -100,16 +81,48 @@ def estimate_attitudes(
             start = time.perf_counter()
             result = run_filter(name, recording)
             spent = time.perf_counter() - start
-            angles = angles_from_start(recording.time, result.orientation, every)
+            seconds = recording.time
+            angles = angles_from_start(seconds, result.orientation, every)
+            hours, lines = angle_lines(seconds[::every] / 3600.0, angles, points)
             yield Attitude(
                 filter=name,
                 data=kind,
-                time=recording.time[::every],
-                angles=angles,
-                cycle=None if recording.cycle is None else recording.cycle[::every],
+                statistics=angle_statistics(
+                    angles, None if recording.cycle is None else recording.cycle[::every]
+                ),
+                hours=hours,
+                lines=lines,
                 nanoseconds_per_sample=1e9 * spent / max(1, len(recording)),
                 flags=counts(result.flags),
             )
+
+
+def angle_lines(
+    hours: FloatArray, angles: FloatArray, points: int
+) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    """Return time and value of each Euler angle, decimated; a missing minute breaks the line."""
+    found = {
+        name: decimated(hours, angles[:, COLUMNS.index(name)], points, max_gap=1 / 60)
+        for name in EULER
+    }
+    return {n: line[0] for n, line in found.items()}, {n: line[1] for n, line in found.items()}
+
+
+def angle_statistics(angles: FloatArray, cycle: IntArray | None) -> list[dict[str, Any]]:
+    """Return mean, standard deviation and largest of angles (n, 6): the run, then each cycle."""
+    parts: dict[str, Any] = {'run': slice(None)}
+    if cycle is not None:
+        parts |= {f'R{number}': cycle == number for number in np.unique(cycle[cycle > 0])}
+    return [{'part': name, **_part_statistics(angles[rows])} for name, rows in parts.items()]
+
+
+def _part_statistics(angles: FloatArray) -> dict[str, dict[str, float]]:
+    angles = angles[np.isfinite(angles).all(axis=1)]
+    if not len(angles):
+        return {}
+    mean, std = _circular(angles)
+    columns = {'mean': mean, 'std': std, 'largest': np.abs(angles).max(axis=0)}
+    return {k: dict(zip(COLUMNS, v.tolist(), strict=True)) for k, v in columns.items()}
 
 
 def angles_from_start(seconds: FloatArray, orientation: FloatArray, every: int = 1) -> FloatArray:

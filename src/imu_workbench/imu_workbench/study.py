@@ -5,32 +5,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from imu_recording.columns_hash import columns_hash
 from imu_recording.recording import SENSOR_FIELDS, FloatArray
 from numpy.typing import NDArray
-from orientation_filters.filters import sample_rate
-from orientation_filters.upsample import upsample
 from thermal_comp.compare import Comparison, compare_prepared
-from thermal_comp.compensator import compensate
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.fit import fit_prepared
 from thermal_comp.model import ModelError, ThermalModel
 from thermal_comp.preparation import prepare
 from thermal_comp.prepared_run import PreparedRun
-from thermal_comp.startup import startup_rows
 
 from imu_recording import ImuRecording
-from imu_workbench.attitude import Attitude, estimate_attitudes
+from imu_workbench.attitude import Attitude
+from imu_workbench.attitude_tasks import AttitudeTask, is_slow, settled, study_attitudes
 from imu_workbench.pooling import Pooling, compare_pooling, known_noise
 from imu_workbench.progress import show_progress
 from imu_workbench.run_errors import RunErrors, errors_of_run
 from imu_workbench.slopes import block_slopes
-
-FILTER_RATE = 50.0
-"""Slowest rate [Hz] the filters are run at; slower recordings are interpolated to it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,30 +71,32 @@ def study_recordings(
     models: Mapping[str, ThermalModel] | None = None,
     *,
     attitudes: bool = True,
+    workers: int = 1,
 ) -> Study:
     """Return the study of the recordings; a device without a given model is fitted a line.
 
-    `attitudes` False leaves the orientation filters out.
+    `attitudes` False leaves the orientation filters out; `workers` processes run them.
     """
     recordings = named(recordings)
-    prepared: dict[str, list[PreparedRun]] = {}
-    devices, runs = [], []
+    prepared: list[PreparedRun] = []
+    devices: dict[str, StudiedDevice] = {}
     for device in dict.fromkeys(r.device for r in recordings):
-        own = [r for r in recordings if r.device == device]
         show_progress(f'fitting {device} …')
-        studied, prepared[device] = study_device(device, own, (models or {}).get(device))
-        devices.append(studied)
-        by_name = {run.name: run for run in prepared[device]}
-        for recording in own:
-            show_progress(f'studying {recording.run} …')
-            runs.append(study_run(recording, studied.model, by_name, attitudes=attitudes))
+        own = [r for r in recordings if r.device == device]
+        devices[device], runs = study_device(device, own, (models or {}).get(device))
+        prepared += runs
+    found: list[tuple[Attitude, ...]] = [()] * len(recordings)
+    if attitudes:
+        tasks = [AttitudeTask(r, devices[r.device].model, len(recordings)) for r in recordings]
+        found = study_attitudes(tasks, workers)
+    by_name = {run.name: run for run in prepared}
+    studied = [
+        study_run(recording, devices[recording.device].model, by_name.get(recording.run), angles)
+        for recording, angles in zip(recordings, found, strict=True)
+    ]
+    pooling = study_pooling(prepared, list(devices.values()))
     show_progress('')
-    return Study(
-        runs=tuple(runs),
-        devices=tuple(devices),
-        pooling=study_pooling([run for own in prepared.values() for run in own], devices),
-        slopes=slopes_of(runs),
-    )
+    return Study(tuple(studied), tuple(devices.values()), pooling, slopes_of(studied))
 
 
 def named(recordings: Sequence[ImuRecording]) -> list[ImuRecording]:
@@ -134,34 +129,19 @@ def study_device(
 def study_run(
     recording: ImuRecording,
     model: ThermalModel | None,
-    prepared: Mapping[str, PreparedRun],
-    *,
-    attitudes: bool,
+    prepared: PreparedRun | None,
+    attitudes: tuple[Attitude, ...],
 ) -> StudiedRun:
     """Return what follows from one recording under a model."""
-    kept = np.ones(len(recording), dtype=bool)
-    kept[: startup_rows(recording)[0]] = False
-    rate = sample_rate(recording)
-    slow = not rate >= FILTER_RATE * 0.98
-    found: tuple[Attitude, ...] = ()
-    how: dict[str, Any] = {}
-    if attitudes and model is not None and kept.sum() > 1:
-        raw = recording.rows(kept)
-        compensated = compensate(raw, model)
-        if slow:
-            raw, compensated = upsample(raw, FILTER_RATE), upsample(compensated, FILTER_RATE)
-            how = {'data': ('raw', 'compensated'), 'every': round(FILTER_RATE)}
-        found = tuple(estimate_attitudes(raw, compensated, **how))
-    run = prepared.get(recording.run)
     return StudiedRun(
         name=recording.run,
         device=recording.device,
         recording=recording,
-        kept=kept,
-        hash=run.hash if run else columns_hash(recording),
-        errors=errors_of_run(run, model) if run and model else None,
-        attitudes=found,
-        interpolated=slow,
+        kept=settled(recording),
+        hash=prepared.hash if prepared else columns_hash(recording),
+        errors=errors_of_run(prepared, model) if prepared and model else None,
+        attitudes=attitudes,
+        interpolated=is_slow(recording),
     )
 
 

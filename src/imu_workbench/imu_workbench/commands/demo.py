@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,7 +44,9 @@ def run(options: argparse.Namespace) -> Answer:
     show_progress(f'simulating {PROFILE} at 50 Hz …')
     simulated = simulate_run(PROFILE, 'dut1', Logging(50.0), seed=options.seed, orientation='+x')
     bags = [read_bag(path) for path in paths]
-    study = study_recordings([replace(simulated, run=RUN), *bags])
+    study = study_recordings(
+        [replace(simulated, run=RUN), *bags], workers=os.cpu_count() or 1
+    )
     alone = (
         f'python -m imu_workbench simulate {PROFILE} --device dut1 --orientation x --rate 50 '
         f'--seed {options.seed} -o {RUN}  # the 50 Hz run by itself'

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -49,7 +50,9 @@ def run(options: argparse.Namespace) -> Answer:
     models = load_models(options.model)
     recordings = named(read_recordings(options, every_device=True))
     check_models(models, sorted({recording.device for recording in recordings}))
-    study = study_recordings(recordings, models, attitudes=not options.no_attitude)
+    study = study_recordings(
+        recordings, models, attitudes=not options.no_attitude, workers=os.cpu_count() or 1
+    )
     show_progress('writing the page …')
     content = report_content(study, commands=[command_line()], versions=versions())
     options.output.write_text(report_page(content), 'utf-8')

@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_workbench import paper
 from imu_workbench.answer import plain
-from imu_workbench.attitude import COLUMNS, Attitude, state_bytes
+from imu_workbench.attitude import Attitude, state_bytes
 from imu_workbench.claim import Claim
 from imu_workbench.claims_attitude import attitude_claims
 from imu_workbench.claims_model import gaussianity_claim, linearity_claim
@@ -35,13 +35,12 @@ from imu_workbench.report.measured import (
 from imu_workbench.report.model_content import model_content
 from imu_workbench.report.modelled import dependence_content, fit_content, residual_content
 from imu_workbench.report.paper_notes import PAPER_NOTES
-from imu_workbench.report.series import line
+from imu_workbench.report.series import rounded
 from imu_workbench.study import StudiedRun, Study
 
 TITLE = 'Temperature error of MEMS IMUs'
 ALL_POINTS = 6_000
 """Points per channel of all runs together: what keeps the page light."""
-EULER = ('yaw', 'pitch', 'roll')
 
 
 def report_content(
@@ -104,7 +103,7 @@ def report_content(
         'models': {
             device.name: model_content(device.model) for device in study.devices if device.model
         },
-        'attitudes': [attitude_content(run, points) for run in study.runs if run.attitudes],
+        'attitudes': [attitude_content(run) for run in study.runs if run.attitudes],
         'published_attitudes': list(paper.tables_6_7()),
         'claims': report_claims(study, ranges, overheating, pooled),
         'paper_notes': list(PAPER_NOTES),
@@ -134,13 +133,13 @@ def report_claims(
     ]
 
 
-def attitude_content(run: StudiedRun, points: int) -> dict[str, Any]:
+def attitude_content(run: StudiedRun) -> dict[str, Any]:
     """Return statistics of every filter and data, and the Euler angles over time."""
     series: dict[str, dict[str, Any]] = {}
     for found in run.attitudes:
         if found.data in ('raw', 'compensated'):
             place = series.setdefault(found.filter, {})
-            place[found.data] = angle_lines(found, points // 2)
+            place[found.data] = angle_series(found)
     period = np.diff(run.recording.stamp)
     return {
         'name': run.name,
@@ -161,12 +160,11 @@ def attitude_content(run: StudiedRun, points: int) -> dict[str, Any]:
     }
 
 
-def angle_lines(attitude: Attitude, points: int) -> dict[str, Any]:
+def angle_series(attitude: Attitude) -> dict[str, Any]:
     """Return yaw, pitch and roll over time as lines."""
-    hours = attitude.time / 3600.0
     return {
-        name: line(hours, attitude.angles[:, COLUMNS.index(name)], points=points, max_gap=0.02)
-        for name in EULER
+        name: {'x': rounded(attitude.hours[name]), 'y': rounded(values, 4)}
+        for name, values in attitude.lines.items()
     }
 
 
