@@ -126,12 +126,13 @@ def test_a_file_that_is_still_written(tmp_path: Path, through_sqlite: list[int])
 
 def test_tables_that_are_not_plain(tmp_path: Path, through_sqlite: list[int]) -> None:
     path = tmp_path / 'a.db3'
-    connection = make_file(path, [(1, 1.5, b'real')], 4096)  # a time that is no integer
-    connection.close()
+    rows = [(1, 1.5, b'a time that is no integer'), (1, 2, 'text'), (1, 3, b'plain')]
+    make_file(path, rows, 4096).close()
     blocks: list[MessageBlock] = []
-    scan_sqlite(path, {1: 0}, blocks.append)
-    assert sum(through_sqlite) == 1
-    assert blocks[0].received[0] == 1
+    problems = scan_sqlite(path, {1: 0}, blocks.append)
+    assert sum(through_sqlite) == 3
+    assert [block.bytes_of(0) for block in blocks] == [b'plain']
+    assert problems == ['2 damaged rows left out']
 
 
 def test_topics_and_files_that_are_no_bag(tmp_path: Path) -> None:

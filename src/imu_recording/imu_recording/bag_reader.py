@@ -77,7 +77,8 @@ def _topics(bags: Iterable[Bag]) -> tuple[dict[str, set[str]], dict[str, int]]:
                 raise BagError(f'{file.path}: {error.strerror or error}') from None
             for topic, (message_type, count) in topics.items():
                 types.setdefault(topic, set()).add(message_type)
-                counts[topic] = counts.get(topic, 0) + count
+                plausible = min(count, file.path.stat().st_size)  # a byte per message at least
+                counts[topic] = counts.get(topic, 0) + plausible
     return types, counts
 
 
@@ -99,13 +100,13 @@ def _metadata(bags: Sequence[Bag], space: str) -> dict[str, str]:
 
 
 def _refuse_empty(name: str, columns: Mapping[str, TopicColumns]) -> None:
-    for topic, column in columns.items():
-        if column.undecodable and not column.count:
-            raise BagError(
-                f'{name}: none of the {column.undecodable} messages on {topic} '
-                f'is a {column.track.message_type}; record the topic again'
-            )
     imu = next((topic for topic, c in columns.items() if c.track.message_type == IMU), '')
+    damaged = columns[imu].undecodable
+    if damaged and not columns[imu].count:
+        raise BagError(
+            f'{name}: none of the {damaged} messages on {imu} is a {IMU}; '
+            'was another type recorded under this name?'
+        )
     if not columns[imu].count:
         raise BagError(f'{name}: no samples on {imu}; the recording ended before the first')
 

@@ -15,6 +15,8 @@ import numpy as np
 import yaml
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.rosbag1 import ReaderError
+from rosbags.serde import SerdeError
+from rosbags.typesys import TypesysError
 
 from imu_recording.bag_error import BagError
 from imu_recording.bag_files import BagFile
@@ -26,6 +28,23 @@ from imu_recording.odd_message import values_of
 from imu_recording.sqlite_scan import scan_sqlite, sqlite_channels
 from imu_recording.topic_columns import MessageBlock, TopicColumns
 
+DAMAGED_ROS1 = (
+    AnyReaderError,
+    ReaderError,
+    TypesysError,
+    SerdeError,
+    struct.error,
+    AssertionError,
+    LookupError,
+    ValueError,
+    OverflowError,
+    MemoryError,
+    RuntimeError,
+    TypeError,
+    AttributeError,
+    EOFError,
+)
+"""What rosbags raises on damaged ROS 1 bags."""
 Deliver = Callable[[MessageBlock], None]
 UNCLOSED = 'was not closed: read as far as it goes'
 
@@ -149,8 +168,11 @@ def _ros1(path: Path) -> Iterator[AnyReader]:
     try:
         with AnyReader([path]) as reader:
             yield reader
-    except (AnyReaderError, ReaderError, struct.error, AssertionError) as error:
-        raise BagError(f'{path}: cannot be read as a ROS 1 bag ({error})') from None
+    except BagError:
+        raise
+    except DAMAGED_ROS1 as error:
+        reason = ' '.join(str(error).split())[:200] or type(error).__name__
+        raise BagError(f'{path}: cannot be read as a ROS 1 bag ({reason})') from None
 
 
 def _scan_ros1(path: Path, columns: Mapping[str, TopicColumns]) -> list[str]:

@@ -72,6 +72,8 @@ def _namespace(
         raise BagError(f'{name}: several devices; choose one with --namespace: {_listed(spaces)}')
     if f'/{IMU_TOPIC}' in types:
         return ''  # present with another type: said when topics are chosen
+    if not types:
+        raise BagError(f'{name}: no topics in it; it is damaged or ended before its first message')
     others = sorted(topic for topic in types if IMU in types[topic])
     way = f'; name one with --topic {IMU_TOPIC}:={others[0]}' if others else ''
     raise BagError(f'{name}: no topic {IMU_TOPIC}; it has {_listed(sorted(types))}{way}')

@@ -77,9 +77,7 @@ class McapScan:
                 continue
             if size > LARGEST:
                 break
-            if len(buffer) < size:
-                buffer = bytearray(size + size // 4)
-            got = _fill(stream, memoryview(buffer)[:size])
+            buffer, got = _fill(stream, buffer, size)
             self._record(opcode, memoryview(buffer)[:got], size, place)
             if got < size:
                 break
@@ -175,15 +173,21 @@ class McapScan:
                 return -1
 
 
-def _fill(stream: BinaryIO, view: memoryview) -> int:
-    """Read into the view until it is full or the file ends; return the bytes read."""
+def _fill(stream: BinaryIO, buffer: bytearray, size: int) -> tuple[bytearray, int]:
+    """Read `size` bytes, or up to the file's end; return the buffer and how many there are.
+
+    The buffer grows only as bytes come, whatever a damaged record claims.
+    """
     got = 0
-    while got < len(view):
-        count = stream.readinto(view[got:])  # type: ignore[attr-defined]
+    while got < size:
+        if got == len(buffer):
+            buffer = buffer + bytearray(min(size - got, max(len(buffer), BLOCK)))
+        view = memoryview(buffer)[got:size]
+        count = stream.readinto(view)  # type: ignore[attr-defined]
         if not count:
             break
         got += count
-    return got
+    return buffer, got
 
 
 def _parse(fields: str, content: bytes) -> list[Any]:

@@ -9,6 +9,8 @@ from pathlib import Path
 from imu_recording.mcap_scan import CHANNEL, MAGIC, SCHEMA, Channel, McapScan
 
 STATISTICS = 0x0B
+LARGEST_SUMMARY = 256 << 20
+"""A summary that claims to be larger is damage [bytes]."""
 _FOOTER = struct.Struct('<BQQQI8s')
 _COUNTS_AT = 8 + 2 + 4 + 4 + 4 + 4 + 8 + 8
 
@@ -21,7 +23,9 @@ def read_summary(path: Path) -> dict[str, tuple[str, int]] | None:
             return None
         stream.seek(size - _FOOTER.size)
         opcode, length, start, _, _, magic = _FOOTER.unpack(stream.read(_FOOTER.size))
-        if opcode != 2 or length != 20 or magic != MAGIC or not 0 < start < size:
+        if opcode != 2 or length != 20 or magic != MAGIC:
+            return None
+        if not 0 < start < size or size - start > LARGEST_SUMMARY:
             return None
         stream.seek(start)
         summary = stream.read(size - _FOOTER.size - start)

@@ -38,6 +38,10 @@ _VALUES: dict[str, Any] = {
 }
 
 
+_FOREIGN = (IndexError, AttributeError, TypeError, ValueError, KeyError)
+"""What a message of another definition under the same name raises."""
+
+
 class OddMessageError(ValueError):
     """A message whose bytes are not a message of its type."""
 
@@ -58,8 +62,9 @@ def types_of(message_type: str, definition: str) -> Typestore:
         own = get_typestore(Stores.EMPTY)
         own.register(_parsed(message_type, definition))
         own.get_msgdef(message_type)
-    except (TypesysError, KeyError, ValueError) as error:
-        raise OddMessageError(f'definition of {message_type} cannot be read: {error}') from None
+    except (TypesysError, LookupError, ValueError, AttributeError, TypeError) as error:
+        kind = type(error).__name__
+        raise OddMessageError(f'definition of {message_type} is damaged ({kind})') from None
     if own.hash_rihs01(message_type) == standard.hash_rihs01(message_type):
         return standard
     return own
@@ -97,9 +102,9 @@ def decode_odd(raw: bytes, message_type: str, types: Typestore) -> tuple[int | N
         return _decode_version_2(raw, message_type)
     try:
         message: Any = types.deserialize_cdr(raw, message_type)
-    except (SerdeError, TypesysError, struct.error, IndexError) as error:
+        return values_of(message, message_type)
+    except (SerdeError, TypesysError, struct.error, *_FOREIGN) as error:
         raise OddMessageError(str(error)) from None
-    return values_of(message, message_type)
 
 
 def values_of(message: Any, message_type: str) -> tuple[int | None, Values, str]:

@@ -25,6 +25,10 @@ SPARSE = 3
 """Pages of a group are read one by one where they spread over more than this many groups."""
 SIBLINGS = ('-wal', '-journal')
 MOST_COLUMNS = 16
+BEYOND = 64
+"""Bytes behind the last page, so that a number cut by the end of its page reads as something."""
+LONGEST = 1 << 31
+"""A column that claims to be longer is damage [bytes]."""
 _WIDTHS = np.array([0, 1, 2, 3, 4, 6, 8, 8, 0, 0], np.int64)
 
 
@@ -69,7 +73,7 @@ def scan_pages(
                 deliver(MessageBlock(buffer, offset, length, received, slot, count))
             if not plain:
                 break
-    except NotPlainError:
+    except (NotPlainError, OSError):
         pass  # sqlite reads the rest, or says what is wrong
     finally:
         os.close(descriptor)
@@ -152,15 +156,20 @@ def _read(
     numbers = np.array(pages, np.int64) - 1
     first, last = int(numbers.min()), int(numbers.max())
     if last - first < SPARSE * max(len(pages), 64):
-        data = os.pread(descriptor, (last - first + 1) * page_size, first * page_size)
+        reads = [(first, last - first + 1)]
         starts = (numbers - first) * page_size
     else:
-        parts = [os.pread(descriptor, page_size, n * page_size) for n in numbers.tolist()]
-        data = b''.join(parts)
+        reads = [(number, 1) for number in numbers.tolist()]
         starts = np.arange(len(pages), dtype=np.int64) * page_size
-    if len(data) < int(starts.max()) + page_size:
+    length = sum(count for _, count in reads) * page_size
+    buffer = np.zeros(length + BEYOND, np.uint8)
+    at = 0
+    for number, count in reads:
+        view = memoryview(buffer)[at : at + count * page_size]
+        at += os.preadv(descriptor, [view], number * page_size)
+    if at < length:
         raise NotPlainError
-    return np.frombuffer(data, np.uint8), starts
+    return buffer, starts
 
 
 @njit(cache=True, nogil=True)
@@ -189,13 +198,17 @@ def big_endian(buffer, at, width):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def read_record(buffer, at, end, places, widths):  # type: ignore[no-untyped-def]
     """Return (topic, timestamp, byte and length of data); length −1 where it is not plain."""
+    topic, moment, data, length = np.int64(-1), np.int64(0), np.int64(0), np.int64(-1)
     size, head = varint(buffer, at)
+    if size < 1 or size > end - at:
+        return topic, moment, data, length
     body = at + size
     stop = body
-    topic, moment, data, length = np.int64(-1), np.int64(0), np.int64(0), np.int64(-1)
     column = 0
-    while head < stop and head < end:
+    while head < stop:
         kind, head = varint(buffer, head)
+        if kind < 0 or kind > LONGEST or body > end:
+            return topic, moment, data, np.int64(-1)
         blob = kind >= 12
         width = (kind - 12) // 2 if blob else widths[min(kind, 9)]
         number = kind - 8 if kind >= 8 else np.int64(0)
@@ -225,6 +238,8 @@ def read_leaves(buffer, starts, usable, places, slots, widths, arrays, last):  #
             return found, last, False
         cells = (np.int64(buffer[start + 3]) << 8) | np.int64(buffer[start + 4])
         end = start + usable
+        if 8 + 2 * cells > usable:
+            return found, last, False
         for cell in range(cells):
             pointer = start + 8 + 2 * cell
             at = start + ((np.int64(buffer[pointer]) << 8) | np.int64(buffer[pointer + 1]))
@@ -232,6 +247,8 @@ def read_leaves(buffer, starts, usable, places, slots, widths, arrays, last):  #
                 return found, last, False
             payload, at = varint(buffer, at)
             row, at = varint(buffer, at)
+            if row <= last:
+                return found, last, False
             whole = payload <= usable - 35
             topic, moment, data, size = read_record(buffer, at, end, places, widths)
             wanted = slots[topic] if 0 <= topic < slots.shape[0] else -1

@@ -20,6 +20,10 @@ from imu_recording.topic_columns import MessageBlock
 
 MAGIC = b'SQLite format 3\x00'
 ROWS = 8192
+DAMAGE = (apsw.Error, UnicodeDecodeError)
+"""What apsw raises on damaged files."""
+MOST_TOPICS = 1 << 20
+"""A topic with a larger number is damage."""
 
 
 def sqlite_channels(path: Path) -> dict[int, Channel]:
@@ -29,18 +33,19 @@ def sqlite_channels(path: Path) -> dict[int, Channel]:
             topics: Any = connection.execute(
                 'SELECT id, name, type, serialization_format FROM topics ORDER BY id'
             ).fetchall()
-        except apsw.Error as error:
+        except DAMAGE as error:
             raise BagError(f'{path}: not a rosbag2 sqlite3 file ({error})') from None
         try:
             found: Any = connection.execute(
                 'SELECT topic_type, encoded_message_definition FROM message_definitions'
             ).fetchall()
-        except apsw.Error:
+        except DAMAGE:
             found = []  # files written before ROS 2 Iron carry none
-    definitions = dict(found)
+    definitions = {str(kind): str(text) for kind, text in found}
     return {
-        key: Channel(topic, kind, encoding, definitions.get(kind, ''))
+        key: Channel(str(topic), str(kind), str(encoding), definitions.get(str(kind), ''))
         for key, topic, kind, encoding in topics
+        if isinstance(key, int) and 0 <= key < MOST_TOPICS
     }
 
 
@@ -58,13 +63,21 @@ def scan_sqlite(
     table = np.full(max(slots) + 1, -1, np.int64)
     table[list(slots)] = list(slots.values())
     with closing(_open(path)) as connection:
-        place = None if compressed else _messages_table(connection)
+        place = None if compressed else _messages_table(connection, problems)
         last = scan_pages(path, place, table, deliver) if place else -1
         marks = ','.join('?' * len(slots))
         rest = f'WHERE id > ? AND topic_id IN ({marks}) ORDER BY id'
         query = f'SELECT topic_id, timestamp, data FROM messages {rest}'  # noqa: S608
-        cursor = connection.execute(query, [last, *slots])
-        for rows in _blocks(cursor, problems):
+        try:
+            cursor = connection.execute(query, [last, *slots])
+        except DAMAGE as error:
+            return [*problems, f'reading stopped early: {error}']
+        damaged = 0
+        for block in _blocks(cursor, problems):
+            rows = [row for row in block if [*map(type, row)] == [int, int, bytes]]
+            damaged += len(block) - len(rows)
+            if not rows:
+                continue
             topics, times, data = zip(*rows, strict=True)
             if compressed:
                 data = tuple(decompress_message(message) for message in data)
@@ -75,15 +88,23 @@ def scan_sqlite(
             slot = table[np.array(topics, np.int64)]
             received = np.array(times, np.int64)
             deliver(MessageBlock(buffer, offset, length, received, slot, len(data)))
+    if damaged:
+        problems.append(f'{damaged} damaged rows left out')
     return problems
 
 
-def _messages_table(connection: apsw.Connection) -> MessagesTable | None:
+def _messages_table(
+    connection: apsw.Connection, problems: list[str]
+) -> MessagesTable | None:
     """Return where the messages are, or None where the table is not rosbag2's own."""
-    found: Any = connection.execute(
-        "SELECT rootpage, sql FROM sqlite_master WHERE type = 'table' AND name = 'messages'"
-    ).fetchall()
-    columns: Any = connection.execute('PRAGMA table_info(messages)').fetchall()
+    try:
+        found: Any = connection.execute(
+            "SELECT rootpage, sql FROM sqlite_master WHERE type = 'table' AND name = 'messages'"
+        ).fetchall()
+        columns: Any = connection.execute('PRAGMA table_info(messages)').fetchall()
+    except DAMAGE as error:
+        problems.append(f'its tables cannot be read: {error}')
+        return None
     names = [column[1] for column in columns]
     key = [column[1] for column in columns if column[5]]
     if not found or key != ['id'] or 'WITHOUT' in found[0][1].upper():
@@ -99,7 +120,7 @@ def _blocks(cursor: apsw.Cursor, problems: list[str]) -> Iterator[list[Any]]:
         rows: list[Any] = []
         try:
             rows.extend(islice(cursor, ROWS))  # keeps what came before an error
-        except apsw.Error as error:
+        except DAMAGE as error:
             problems.append(f'reading stopped early: {error}')
         if rows:
             yield rows
@@ -119,7 +140,7 @@ def _open(path: Path) -> apsw.Connection:
             connection = apsw.Connection(f'{path.resolve().as_uri()}?{options}', flags=flags)
             connection.execute(f'PRAGMA writable_schema={lenient}')
             connection.execute('SELECT count(*) FROM sqlite_master').fetchall()
-        except apsw.Error as error:
+        except DAMAGE as error:
             reason = error
         else:
             return connection

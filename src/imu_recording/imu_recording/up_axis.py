@@ -25,7 +25,8 @@ def infer_up_axis(linear_acceleration: FloatArray) -> str:
     sample = sample[np.isfinite(sample).all(axis=1)]
     if not len(sample):
         return ''
-    norm = np.linalg.norm(sample, axis=1)
+    with np.errstate(over='ignore'):  # numbers no accelerometer gives make no axis point up
+        norm = np.linalg.norm(sample, axis=1)
     if not 0.5 * GRAVITY < float(np.median(norm)) < 1.5 * GRAVITY:
         return ''
     middle = np.median(sample, axis=0)
