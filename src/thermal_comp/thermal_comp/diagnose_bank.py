@@ -93,6 +93,13 @@ class ColumnBank:
         target = np.concatenate([rows[ok] for rows, ok in zip(measured, self.valid, strict=True)])
         self.target = self._projected(self._whitened(target[:, :, None]))[:, :, 0]
 
+    def retarget(self, values: Sequence[FloatArray]) -> None:
+        """Take other values (m, 3) per run as what was measured; all rows must be valid."""
+        target = np.concatenate([rows[ok] for rows, ok in zip(values, self.valid, strict=True)])
+        self.target = self._projected(self._whitened(target[:, :, None]))[:, :, 0]
+        for axis in range(3):
+            self.right[axis] = self._columns[axis].T @ self.target[axis]
+
     @property
     def chi_square(self) -> float:
         """χ² of the residual of the base model."""

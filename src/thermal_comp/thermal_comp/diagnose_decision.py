@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from thermal_comp.conditions import Sensor
 from thermal_comp.diagnose_judges import Judge
-from thermal_comp.diagnose_search import Rated, Search
-from thermal_comp.effects.effect import Effect
+from thermal_comp.diagnose_search import RICHER, Rated, Search
 
 JUDGED = 20.0
 """Evidence from which a judge's dependence counts."""
@@ -33,13 +32,6 @@ CHANNELS_OF: dict[Sensor, tuple[str, ...]] = {
     'magnetometer': ('heater', 'compressor', 'supply_voltage'),
 }
 """Channels that can act on each sensor."""
-RICHER = {
-    'thermal_lag': ('thermal_lag_two_stage',),
-    'scale_factor_temperature': ('misalignment_temperature',),
-    'fixture_tilt': ('misalignment_temperature', 'scale_factor_temperature'),
-    'fixture_hard_iron': ('misalignment_temperature', 'scale_factor_temperature'),
-}
-"""Forms that contain an effect wholly or nearly so on static runs."""
 
 
 @dataclass(frozen=True)
@@ -167,13 +159,3 @@ def _without_name(
 
 _OWN = ('temperature', 'branch', 'time', 'orientation', 'heater', 'compressor', 'supply', 'cycle')
 """Variables that no channel of the chamber stands for."""
-
-
-def similarity_table(named: Named) -> list[Mapping[str, object]]:
-    """Return the rivals as plain values."""
-    return [{'name': name, 'similarity': share} for name, share in named.rivals]
-
-
-def effect_of(named: Named) -> Effect:
-    """Return the effect instance of a named finding."""
-    return named.rated.form.effect

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -13,6 +13,7 @@ from imu_recording.recording import FloatArray
 from thermal_comp.diagnose_bank import ColumnBank, Term
 from thermal_comp.diagnose_candidates import Family, Form
 from thermal_comp.diagnose_thresholds import threshold_of
+from thermal_comp.prepared_run import PreparedRun
 
 MOST_EFFECTS = 5
 """Effects tried on one sensor before the search gives up."""
@@ -23,7 +24,19 @@ REPEATABLE = ('bias_step',)
 WITHOUT_CYCLE_VETO = ('bias_step', 'turn_on_bias', 'warm_up', 'mains_alias', 'bias_creep')
 """Effects that a cycle left out cannot confirm."""
 
-Veto = Callable[['Search', Sequence[Form], Form], bool]
+ENRICHMENT = 5.0
+"""χ² gain each further parameter of a richer form has to bring."""
+ENRICHED = {'thermal_lag': ('thermal_lag_two_stage',)}
+"""Effects whose richer form may take over at that price; others pay the full one."""
+EDGE_S = 1300.0
+"""A step this near to a cycle's edge is the cycle's [s]."""
+RICHER = {
+    'thermal_lag': ('thermal_lag_two_stage',),
+    'scale_factor_temperature': ('misalignment_temperature',),
+    'fixture_tilt': ('misalignment_temperature',),
+    'fixture_hard_iron': ('misalignment_temperature',),
+}
+"""Effects that contain another one wholly, or nearly so on static runs."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +76,7 @@ class Search:
             if best is None:
                 break
             chosen = self._renamed([*chosen, best.form])
-        chosen = self._pruned(chosen)
+        chosen = self._without_edges(self._enriched(self._pruned(chosen)))
         return sorted((self.rate(chosen, f) for f in chosen), key=lambda r: -r.evidence)
 
     def total(self, forms: Sequence[Form]) -> tuple[float, float, int]:
@@ -168,6 +181,33 @@ class Search:
             chosen = [form for form in chosen if form is not weakest.form]
         return chosen
 
+    def _enriched(self, chosen: list[Form]) -> list[Form]:
+        """Let a form that contains the chosen one take over where its own part is significant."""
+        for k, form in enumerate(chosen):
+            others = chosen[:k] + chosen[k + 1 :]
+            for family in self.families:
+                if family.name not in ENRICHED.get(form.effect.name, ()):
+                    continue
+                here, richer = self.rate(chosen, form), self.best_form(others, family)
+                if richer is None:
+                    continue
+                more = richer.rank + richer.form.free - here.rank - form.free
+                if richer.gain - here.gain > ENRICHMENT * max(more, 1):
+                    return [*others, richer.form]
+        return chosen
+
+    def _without_edges(self, chosen: list[Form]) -> list[Form]:
+        """Drop steps at the edges of cycles where every cycle has a level of its own anyway."""
+        if 'turn_on_bias' not in {form.effect.name for form in chosen}:
+            return chosen
+        edges = np.concatenate([_cycle_edges(run) for run in self.bank.source.runs])
+        return [
+            form
+            for form in chosen
+            if form.effect.name != 'bias_step'
+            or np.abs(edges - form.effect.shape_parameters['step_time']).min() > EDGE_S
+        ]
+
     def _confirmed_by_cycles(self, chosen: Sequence[Form], form: Form) -> bool:
         """Leave one part out at a time: the effect must help to predict most of them."""
         bank = self.bank
@@ -182,6 +222,11 @@ class Search:
         ]
         better = sum(gain > 0.0 for gain in gains)
         return sum(gains) > 0.0 and better >= 0.6 * len(gains)
+
+
+def _cycle_edges(run: PreparedRun) -> FloatArray:
+    """Return the times [s] at which the number of the cycle changes."""
+    return np.asarray(run.time[np.flatnonzero(np.diff(run.cycle)) + 1])
 
 
 def held_out_chi_square(bank: ColumnBank, terms: Sequence[Term], part: int) -> float:

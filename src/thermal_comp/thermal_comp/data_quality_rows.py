@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rows of one triad that are clipped, stuck or spikes."""
+
+from __future__ import annotations
+
+import numpy as np
+from imu_recording.recording import FloatArray
+from numpy.typing import NDArray
+
+BoolArray = NDArray[np.bool_]
+
+STUCK_S = 4.0
+"""A triad that repeats itself for longer is stuck [s]."""
+STUCK_ROWS = 4
+SPIKE_SIGMA = 9.0
+"""A row that far from its neighbours is a spike."""
+PILE = 10
+"""At least this many values at the very extreme are a rail."""
+PILE_RATIO = 3.0
+"""A rail holds this many times more values than the steps just below it."""
+
+
+def stuck_rows(values: FloatArray, period: float) -> BoolArray:
+    """Return the rows (n,) in which all axes repeat the row before, for long enough."""
+    same = np.zeros(len(values), dtype=bool)
+    same[1:] = (values[1:] == values[:-1]).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.r_[False, same, False].astype(int)))
+    stuck = np.zeros(len(values), dtype=bool)
+    needed = max(STUCK_ROWS, int(np.ceil(STUCK_S / period)))
+    for start, stop in edges.reshape(-1, 2):
+        if stop - start >= needed:
+            stuck[start:stop] = True
+    # The first row of a quantised quiet triad may repeat by chance; a constant triad is no log.
+    return stuck & bool(stuck.mean() < 0.9)
+
+
+def rail_rows(values: FloatArray) -> BoolArray:
+    """Return the rows (n,) that stand at a rail, or so near that their mean is touched by it."""
+    touched = np.zeros(len(values), dtype=bool)
+    for column in values.T:
+        finite = column[np.isfinite(column)]
+        if len(finite) < 100 or np.ptp(finite) == 0.0:
+            continue
+        noise = 1.4826 * float(np.median(np.abs(np.diff(finite)))) / np.sqrt(2.0)
+        for sign in (1.0, -1.0):
+            extreme = float((sign * finite).max())
+            if _piles_up(sign * finite, extreme):
+                with np.errstate(invalid='ignore'):
+                    touched |= sign * column >= extreme - 4.0 * noise
+    return touched
+
+
+def spike_rows(values: FloatArray) -> BoolArray:
+    """Return the rows (n,) that stand alone, far from both neighbours."""
+    spikes = np.zeros(len(values), dtype=bool)
+    if len(values) < 5:
+        return spikes
+    for column in values.T:
+        before, here, after = column[:-2], column[1:-1], column[2:]
+        jump = here - 0.5 * (before + after)
+        finite = jump[np.isfinite(jump)]
+        if not len(finite):
+            continue
+        sigma = 1.4826 * float(np.median(np.abs(finite - np.median(finite))))
+        if sigma <= 0.0:
+            continue
+        with np.errstate(invalid='ignore'):
+            alone = (np.abs(jump) > SPIKE_SIGMA * sigma) & (
+                np.abs(before - after) < 0.5 * np.abs(jump)
+            )
+        spikes[1:-1] |= alone
+    return spikes
+
+
+def _piles_up(values: FloatArray, extreme: float) -> bool:
+    at_rail = int((values == extreme).sum())
+    if at_rail < PILE:
+        return False
+    others = np.unique(values[values < extreme])
+    if not len(others):
+        return False
+    below = [int((values == other).sum()) for other in others[-3:]]
+    return at_rail > PILE_RATIO * max(below)
