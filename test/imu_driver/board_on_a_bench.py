@@ -27,6 +27,8 @@ TRUTH = {
 class StillDevice:
     """Counts of a device at rest; the last bit follows time so that frames differ."""
 
+    rate_factor = 1.0
+
     def __init__(self) -> None:
         self.full_scale = dict(DEFAULT_FULL_SCALE)
 

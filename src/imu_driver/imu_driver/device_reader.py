@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Final
 
 from imu_driver.sample import Sample
-from imu_driver.session import DeviceSession
+from imu_driver.session import DeviceSession, Trouble
 from imu_driver.transport import Transport
 
 FIRST_RETRY: Final = 0.2
@@ -48,6 +48,11 @@ class DeviceReader:
     def reconnects(self) -> int:
         """How often the line was opened again after it had been lost."""
         return max(self.connections - 1, 0)
+
+    @property
+    def running(self) -> bool:
+        """Whether the thread lives."""
+        return self._thread.is_alive()
 
     def start(self) -> None:
         """Begin to read."""
@@ -111,5 +116,5 @@ class DeviceReader:
 
     def _tell(self, trouble: str) -> None:
         if trouble != self.trouble:
-            self._report(trouble or 'connected')
+            self._report(Trouble(trouble) if trouble else 'connected')
         self.trouble = trouble

@@ -107,7 +107,9 @@ class Diagnosis:
 
     def _errors(self, session: DeviceSession, reader: DeviceReader, now: int) -> list[str]:
         errors = []
-        if not reader.connected:
+        if not (reader.running and self._queue.running):
+            errors.append('the driver has stopped after an internal error: see its log')
+        elif not reader.connected:
             errors.append(f'not connected: {reader.trouble}')
         elif session.refusal:
             errors.append(f'refused: {session.refusal}')

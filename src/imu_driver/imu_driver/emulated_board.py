@@ -41,6 +41,10 @@ class CountSource(Protocol):
 
     full_scale: dict[str, float]
 
+    @property
+    def rate_factor(self) -> float:
+        """Actual over nominal output data rate after the last sample."""
+
     def sample(
         self, time: float, ambient: float
     ) -> tuple[Sequence[int], Sequence[int], Sequence[int], int]:
@@ -91,7 +95,7 @@ class EmulatedBoard:
         self.configuration = 0
         self.output_data_rate = self.options.output_data_rate
         self.rate_error = 1.0
-        """Actual over nominal rate."""
+        """Actual over nominal rate, beyond what the sensor itself is off."""
         self._source = source
         self._ambient = ambient
         self._device_time = device_time
@@ -155,7 +159,8 @@ class EmulatedBoard:
         while self.next_due <= time:
             if self.streaming and self._next_sample <= self._next_information:
                 sent.append(self._measured(self._next_sample))
-                self._next_sample += 1.0 / (self.output_data_rate * self.rate_error)
+                rate = self.output_data_rate * self._source.rate_factor * self.rate_error
+                self._next_sample += 1.0 / rate
             else:
                 if not self.options.minimal:
                     sent.append(self._sent(self.information(self._next_information)))

@@ -13,11 +13,10 @@ from std_srvs.srv import Trigger
 
 from imu_driver.driver import ImuDriver
 from imu_driver.driver_config import DriverParameters
-from imu_driver.frames import CommandCode
+from imu_driver.driver_services import DriverServices
 from imu_driver.message_bytes import MessageBytes
-from imu_driver.rest_report import PositionCheck, rest_report
 from imu_driver.sample import Sample
-from imu_driver.stream_statistics import RestError
+from imu_driver.session import Trouble
 
 RCLError = rclpy_implementation.RCLError
 
@@ -35,18 +34,14 @@ class ImuDriverNode(ConfiguredNode):
     def __init__(self, name: str = 'imu_driver', **options: Any) -> None:
         self.driver: ImuDriver | None = None
         super().__init__(name, **options)
-        for service, callback in (
-            ('restart_stream', self.on_restart_stream),
-            ('measure_rest', self.on_measure_rest),
-            ('check_position', self.on_check_position),
-        ):
+        self.services_of_device = DriverServices(lambda: self.driver)
+        for service, callback in self.services_of_device.callbacks.items():
             self.create_service(Trigger, f'~/{service}', callback)
 
     def setup(self, config: DriverConfig) -> None:
         """Check that the driver can be built, and create the publishers."""
         self._prepared: ImuDriver | None = self._new_driver(config)
         self._messages = _messages(config)
-        self._positions = PositionCheck()
         self._temperature = self.output(Temperature, 'imu/temperature')
         self._magnetic_field = self.output(MagneticField, 'imu/mag')
         self._imu = self.output(Imu, 'imu/data_raw')
@@ -92,36 +87,16 @@ class ImuDriverNode(ConfiguredNode):
             )
         self._imu.publish(messages.imu(sample))
 
-    def on_restart_stream(self, _: Any, response: Any) -> Any:
-        """Stop and start the device's stream."""
-        session = self.driver.session if self.driver else None
-        response.success = session is not None
-        response.message = 'restarting' if session else 'no device is being read'
-        if session:
-            session.command(CommandCode.STOP)
-            session.command(CommandCode.START)
-        return response
-
-    def on_measure_rest(self, _: Any, response: Any) -> Any:
-        """Tell gyroscope bias and noise over the last seconds."""
-        return self._answer(response, lambda driver: rest_report(driver.statistics))
-
-    def on_check_position(self, _: Any, response: Any) -> Any:
-        """Take the present position into the six-position check."""
-        return self._answer(response, lambda driver: self._positions.take(driver.statistics))
-
-    def _answer(self, response: Any, ask: Any) -> Any:
-        try:
-            response.message = ask(self.driver) if self.driver else 'no device is being read'
-            response.success = self.driver is not None
-        except RestError as error:
-            response.success, response.message = False, str(error)
-        return response
-
     def _new_driver(self, config: DriverConfig) -> ImuDriver:
-        return ImuDriver(
-            config, now=self.now, publish=self.publish, report=self.get_logger().info
-        )
+        return ImuDriver(config, now=self.now, publish=self.publish, report=self._report)
+
+    def _report(self, event: str) -> None:
+        log = self.get_logger()
+        # Two lines of code, because rclpy remembers the severity of each.
+        if isinstance(event, Trouble):
+            log.warning(event)
+        else:
+            log.info(event)
 
 
 def _messages(config: DriverConfig) -> MessageBytes:

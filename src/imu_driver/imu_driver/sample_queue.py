@@ -34,6 +34,11 @@ class SampleQueue:
         """Share of the capacity in use."""
         return self._fill / CAPACITY
 
+    @property
+    def running(self) -> bool:
+        """Whether the thread lives."""
+        return self._thread.is_alive()
+
     def start(self) -> None:
         """Begin to publish."""
         self._thread.start()

@@ -52,6 +52,12 @@ class SessionConfig:
     axis_maps: Mapping[str, AxisMap] = field(default_factory=dict)
 
 
+class Trouble(str):
+    """An event that an operator should look at."""
+
+    __slots__ = ()
+
+
 class DeviceSession:
     """One device over any number of connections."""
 
@@ -133,7 +139,7 @@ class DeviceSession:
         elif isinstance(frame, AcknowledgementFrame):
             refused = self.set_up.acknowledged(frame)
             if refused:
-                self.events.append(refused)
+                self.events.append(Trouble(refused))
         elif isinstance(frame, OtherVersion):
             self._settle(samples)
             self._refuse(f'the device speaks protocol version {frame.version}, this driver 1')
@@ -203,7 +209,7 @@ class DeviceSession:
     ) -> None:
         self._settle(samples)
         self._compare(frame, arrival)
-        self.clock.tick_rate = float(frame.tick_rate)
+        self.clock.tick_rate = float(frame.tick_rate or 1_000_000)
         self.information = frame
         self._identified = True
         if self.config.device and frame.serial_number != self.config.device:
@@ -229,7 +235,7 @@ class DeviceSession:
         elif before.serial_number != frame.serial_number:
             self.exchanges += 1
             self.events.append(
-                f'device {frame.serial_number} took the place of {before.serial_number}'
+                Trouble(f'device {frame.serial_number} took the place of {before.serial_number}')
             )
             self.clock.restart()
             self.sequence.restart(None)
@@ -240,13 +246,15 @@ class DeviceSession:
         elif before.full_scale != frame.full_scale:
             self.configuration_changes += 1
             self.events.append(
-                'full scales (dps, g, gauss) changed from '
-                f'{_listed(before.full_scale)} to {_listed(frame.full_scale)}'
+                Trouble(
+                    'full scales (dps, g, gauss) changed from '
+                    f'{_listed(before.full_scale)} to {_listed(frame.full_scale)}'
+                )
             )
 
     def _restarted(self) -> None:
         self.restarts += 1
-        self.events.append('the device restarted')
+        self.events.append(Trouble('the device restarted'))
         self.clock.restart()
         self.sequence.restart(0)
         self.set_up.stopped()
@@ -271,7 +279,7 @@ class DeviceSession:
 
     def _refuse(self, reason: str) -> None:
         if reason != self.refusal:
-            self.events.append(f'refused: {reason}')
+            self.events.append(Trouble(f'refused: {reason}'))
         self.refusal = reason
         self._discard(len(self._held))
 
