@@ -52,7 +52,7 @@ def test_hold_takes_the_newest_not_later() -> None:
     rows = np.array([0, 10, 20, 30])
     (held,), notes = hold_newest('x', rows, samples([5, 10, 18, 19, 31]))
     assert np.array_equal(held[:, 0], [np.nan, 10, 19, 19], equal_nan=True)
-    assert notes == ('x: 3 of 5 samples found no row', 'x: 1 rows lie before its first sample')
+    assert notes == ('x: 1 of 5 samples found no row', 'x: 1 rows lie before its first sample')
     (none,), _ = hold_newest('x', rows, samples([50]))
     assert np.isnan(none).all()
 

@@ -89,10 +89,9 @@ def hold_newest(
     for values in held:
         values[before] = np.nan
     notes: list[str] = []
-    used = 0 if before.all() else int(np.count_nonzero(np.diff(newest[~before]))) + 1
-    if not event and used < len(samples.stamp):
-        lost = len(samples.stamp) - used
-        notes.append(f'{name}: {lost} of {len(samples.stamp)} samples found no row')
+    late = int(np.count_nonzero(samples.stamp > rows[-1]))
+    if not event and late:
+        notes.append(f'{name}: {late} of {len(samples.stamp)} samples found no row')
     if before.any() and not event:
         notes.append(f'{name}: {int(before.sum())} rows lie before its first sample')
     silence = (rows[-1] - samples.stamp[-1]) * 1e-9
