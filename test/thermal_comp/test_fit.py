@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The fit finds what is in the data, says how sure it is, and names what it cannot know."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from imu_driver.simulated_device import DEVICES
+from imu_recording.recording import SENSOR_FIELDS
+from thermal_comp.effects import EFFECTS
+from thermal_comp.fit import fit
+from thermal_comp.model import ModelError
+
+from imu_recording import read_bag
+
+from .campaign import SLOPES, WHITE, chamber, lagging, run
+
+LINE = (EFFECTS['bias_temperature'](),)
+
+
+def three_runs(**options: object) -> list:
+    return [run(up, seed=k, **options) for k, up in enumerate(('+x', '+y', '+z'))]
+
+
+def test_slopes_of_the_simulated_device_come_back(bags: Path) -> None:
+    model = fit(LINE, [read_bag(bags / f'dut1_{axis}') for axis in 'xyz'])
+    device = DEVICES['dut1']
+    for sensor in SENSOR_FIELDS:
+        # Per degree of the die's own thermometer, which has a gain error.
+        true = getattr(device, sensor).slope / (1.0 + device.thermometer_gain)
+        slope = model.sensors[sensor].coefficients[0][0]
+        np.testing.assert_allclose(slope, true, rtol=0.01, atol=3e-3 * np.abs(true).max())
+
+
+def test_stated_intervals_hold_under_coloured_noise() -> None:
+    scores = []
+    for seed in range(8):
+        model = fit(LINE, [run(seed=100 + seed)])
+        for sensor, name in SENSOR_FIELDS.items():
+            fitted = model.sensors[sensor]
+            std = np.sqrt(np.diag(fitted.covariance))
+            scores += ((fitted.coefficients[0][0] - SLOPES[name]) / std).tolist()
+    # 72 standard scores: their rms is 1 ± 0.17 where the intervals are honest.
+    assert 0.7 < np.sqrt(np.mean(np.square(scores))) < 1.4
+
+
+def test_the_noise_found_is_the_noise_put_in() -> None:
+    model = fit(LINE, three_runs())
+    for sensor, name in SENSOR_FIELDS.items():
+        found = np.sqrt(model.sensors[sensor].noise.variance_of_means(20.0))
+        put_in = WHITE[name] * np.sqrt(1 / 20.0 + 2 * 0.4**2)
+        assert found == pytest.approx(put_in, rel=0.35)
+
+
+def test_a_lag_is_found_with_its_time_constant() -> None:
+    _, die, _, _ = chamber()
+    loop = 4e-4 * (lagging(die, 150.0, 5.0) - die)[:, None] * np.array([1.0, -0.6, 0.3])
+    recordings = three_runs(error={'angular_velocity': loop})
+    model = fit({'gyroscope': (*LINE, EFFECTS['thermal_lag']())}, recordings)
+    gyroscope = model.sensors['gyroscope']
+    (std,) = gyroscope.shape_std['thermal_lag.time_constant']
+    found = gyroscope.effects[1].time_constant
+    assert abs(found - 150.0) < 3.0 * std
+    assert std < 10.0
+    np.testing.assert_allclose(
+        gyroscope.coefficients[1][0], 4e-4 * np.array([1.0, -0.6, 0.3]), rtol=0.1
+    )
+    assert model.sensors['accelerometer'].effects == ()
+
+
+def test_three_orientations_leave_one_mode_per_axis_and_a_fourth_tells_it() -> None:
+    effects = [
+        EFFECTS[name]()
+        for name in ('bias_temperature', 'scale_factor_temperature', 'misalignment_temperature')
+    ]
+    three = fit({'accelerometer': effects}, three_runs())
+    named = [note for note in three.provenance.notes if 'cannot be told apart' in note]
+    assert len(named) == 3
+    assert all('bias_temperature' in note for note in named)
+    four = fit({'accelerometer': effects}, [*three_runs(), run('-x', seed=3)])
+    assert not any('cannot be told apart' in note for note in four.provenance.notes)
+    accelerometer = four.sensors['accelerometer']
+    std = np.sqrt(np.diag(accelerometer.covariance))[:3]
+    slopes = SLOPES['linear_acceleration']
+    assert (np.abs(accelerometer.coefficients[0][0] - slopes) < 4.0 * std).all()
+
+
+def test_what_is_not_excited_is_said_to_be() -> None:
+    model = fit([*LINE, EFFECTS['scale_factor_temperature']()], [run()])
+    assert any(
+        'gyroscope: scale_factor_temperature is not excited' in note
+        for note in model.provenance.notes
+    )
+    np.testing.assert_array_equal(model.sensors['gyroscope'].coefficients[1], 0.0)
+
+
+def test_levels_belong_to_runs_and_do_not_disturb_the_slope() -> None:
+    plain, shifted = three_runs(), three_runs()
+    moved = shifted[1].angular_velocity + np.array([0.5, -0.2, 0.1])
+    shifted[1] = replace(shifted[1], angular_velocity=moved)
+    before, after = fit(LINE, plain), fit(LINE, shifted)
+    np.testing.assert_allclose(
+        after.sensors['gyroscope'].coefficients[0],
+        before.sensors['gyroscope'].coefficients[0],
+        rtol=1e-8,
+    )
+    name = shifted[1].run
+    rise = after.sensors['gyroscope'].levels[name] - before.sensors['gyroscope'].levels[name]
+    np.testing.assert_allclose(rise, [0.5, -0.2, 0.1], rtol=1e-8)
+
+
+def test_single_samples_give_the_same_slopes_as_block_means() -> None:
+    recordings = [run(period=2.0)]
+    blocks, samples = fit(LINE, recordings), fit(LINE, recordings, period=0.0)
+    for sensor in SENSOR_FIELDS:
+        a, b = blocks.sensors[sensor], samples.sensors[sensor]
+        std = np.sqrt(np.diag(b.covariance))
+        assert (np.abs(a.coefficients[0][0] - b.coefficients[0][0]) < 3.0 * std).all()
+        assert (std >= 0.99 * np.sqrt(np.diag(a.covariance))).all()
+
+
+def test_mixed_devices_are_refused_by_name_unless_pooled() -> None:
+    mixed = [run(device='dut1'), run(device='dut2', seed=1)]
+    with pytest.raises(ModelError, match='dut1, dut2; fit each by itself'):
+        fit(LINE, mixed)
+    assert fit(LINE, mixed, pooled=True).device == 'dut1+dut2'
+
+
+def test_bad_input_is_refused_in_one_line_or_left_out_and_said() -> None:
+    good = run(cycles=1)
+    with pytest.raises(ModelError, match='no recordings'):
+        fit(LINE, [])
+    with pytest.raises(ModelError, match='hold the same data'):
+        fit(LINE, [good, good])
+    still = replace(good, temperature=np.full(len(good), 21.5))
+    with pytest.raises(ModelError, match=r'stays within 21\.50 … 21\.50 °C'):
+        fit(LINE, [still])
+    with pytest.raises(ModelError, match='supply_sensitivity needs supply_voltage'):
+        fit([*LINE, EFFECTS['supply_sensitivity']()], [good])
+    with pytest.raises(ModelError, match='listed twice'):
+        fit([*LINE, *LINE], [good])
+    stuck = replace(good, magnetic_field=np.full((len(good), 3), 2e-5))
+    model = fit(LINE, [stuck])
+    assert sorted(model.sensors) == ['accelerometer', 'gyroscope']
+    assert any('magnetometer left out' in note for note in model.provenance.notes)
+    missing = replace(good, magnetic_field=np.full((len(good), 3), np.nan))
+    assert 'magnetometer' not in fit(LINE, [missing]).sensors
+
+
+@pytest.mark.shared_data
+@pytest.mark.parametrize(
+    ('campaign', 'sensor', 'effect', 'parameter', 'true'),
+    [('practice_a', 'magnetometer', 'thermal_lag', 'time_constant', 101.4)],
+)
+def test_shape_parameters_of_foreign_campaigns_come_back(
+    shared: Path, campaign: str, sensor: str, effect: str, parameter: str, true: float
+) -> None:
+    recordings = [read_bag(path) for path in sorted((shared / 'campaigns' / campaign).iterdir())]
+    model = fit({sensor: (*LINE, EFFECTS[effect]())}, recordings).sensors[sensor]
+    (std,) = model.shape_std[f'{effect}.{parameter}']
+    assert getattr(model.effects[1], parameter) == pytest.approx(true, abs=3.0 * std)

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Model files: exact both ways, and every refusal names the field."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from thermal_comp.effects import EFFECTS
+from thermal_comp.model import ModelError, SensorModel, ThermalModel
+from thermal_comp.model_file import check_device, load_model, model_document, save_model
+
+from .models import line_model
+
+
+def rich_model() -> ThermalModel:
+    """Every kind of coefficient: per axis, shared, per run, with shape parameters and history."""
+    rng = np.random.default_rng(5)
+    effects = (
+        EFFECTS['bias_temperature'](),
+        EFFECTS['thermal_lag'](time_constant=123.456789),
+        EFFECTS['thermal_hysteresis'](half_widths=(3.3, 7.7)),
+        EFFECTS['fixture_tilt'](),
+        EFFECTS['bias_step'](step_time=1e4 / 3.0),
+    )
+    shapes = ((1, 3), (1, 3), (2, 3), (3,), (2, 1, 3))
+    coefficients = tuple(rng.standard_normal(shape) * 1e-5 for shape in shapes)
+    size = sum(c.size for c in coefficients)
+    root = rng.standard_normal((size, size)) * 1e-7
+    sensor = replace(
+        line_model().sensors['accelerometer'],
+        effects=effects,
+        coefficients=coefficients,
+        covariance=root @ root.T,
+        shape_std={'thermal_lag.time_constant': (2.5,), 'thermal_hysteresis.half_widths': (1, 2)},
+        contributions={effect.name: rng.random(3) for effect in effects},
+    )
+    earlier = line_model()
+    return earlier.succeeded_by(replace(earlier, sensors={'accelerometer': sensor}))
+
+
+def test_a_model_read_back_is_the_model_written(tmp_path: Path) -> None:
+    model = rich_model()
+    save_model(model, tmp_path / 'model.yaml')
+    back = load_model(tmp_path / 'model.yaml')
+    assert model_document(back) == model_document(model)
+    assert back.sensors['accelerometer'].effects == model.sensors['accelerometer'].effects
+    np.testing.assert_array_equal(
+        back.sensors['accelerometer'].covariance, model.sensors['accelerometer'].covariance
+    )
+    assert len(back.history) == 1
+    assert list(back.history[0].sensors) == list(line_model().sensors)
+
+
+def test_an_empty_model_is_kept_too(tmp_path: Path) -> None:
+    empty = SensorModel((), (), np.zeros((0, 0)), temperature_range=(0.0, 1.0))
+    save_model(replace(line_model(), sensors={'gyroscope': empty}), tmp_path / 'model.yaml')
+    assert load_model(tmp_path / 'model.yaml').sensors['gyroscope'].effects == ()
+
+
+def changed(path: tuple[Any, ...], value: Any) -> dict[str, Any]:
+    document = model_document(rich_model())
+    place: Any = document
+    for key in path[:-1]:
+        place = place[key]
+    if value is KeyError:
+        del place[path[-1]]
+    else:
+        place[path[-1]] = value
+    return document
+
+
+SENSOR = ('sensors', 'accelerometer')
+
+
+@pytest.mark.parametrize(
+    ('path', 'value', 'message'),
+    [
+        (('schema',), 2, 'schema: is 2, this version reads 1'),
+        (('schema',), KeyError, 'schema: missing'),
+        (('device',), KeyError, 'device: missing'),
+        (('device',), 7, 'device: is 7, expected text'),
+        (('reference_temperature', 'unit'), 'K', "reference_temperature.unit: is 'K'"),
+        (('reference_temperature', 'value'), float('nan'), 'reference_temperature.value: is nan'),
+        (('sensors',), {}, 'sensors: holds no sensor'),
+        (('sensors',), {'barometer': {}}, 'sensors.barometer: no such sensor'),
+        ((*SENSOR, 'unit'), 'g', "accelerometer.unit: is 'g', expected 'm/s²'"),
+        ((*SENSOR, 'covariance'), [[1.0]], 'accelerometer.covariance: has shape'),
+        ((*SENSOR, 'temperature_range', 'value'), [50, -10], 'the lower end comes first'),
+        ((*SENSOR, 'noise', 'white'), KeyError, 'noise.white: missing'),
+        ((*SENSOR, 'noise', 'time_constants', 'value'), [-1.0], 'not positive'),
+        ((*SENSOR, 'effects', 0, 'name'), 'magic', r"effects\[0\].name: 'magic' .* --effects"),
+        ((*SENSOR, 'effects', 0, 'coefficients'), [[1, 2]], r'effects\[0\].coefficients: has sha'),
+        ((*SENSOR, 'effects', 0, 'coefficients'), [[1, 2, float('inf')]], 'expected a finite'),
+        ((*SENSOR, 'effects', 0, 'coefficients'), [[1, 2, 'x']], "'x' is no number"),
+        ((*SENSOR, 'effects', 1, 'shape', 'time_constant', 'value'), 1.0, 'expected 10 … 3600'),
+        ((*SENSOR, 'effects', 1, 'shape', 'time_constant'), KeyError, 'time_constant: missing'),
+        ((*SENSOR, 'effects', 1, 'shape', 'width'), {'value': 1}, 'has no such parameter'),
+        ((*SENSOR, 'effects', 2, 'coefficients'), [[1, 2, 3]], r'effects\[2\].coefficients'),
+        (('provenance',), KeyError, 'provenance: missing'),
+        (('history',), [{'schema': 9}], 'schema: is 9'),
+    ],
+)
+def test_every_refusal_names_file_and_field(
+    tmp_path: Path, path: tuple[Any, ...], value: Any, message: str
+) -> None:
+    file = tmp_path / 'model.yaml'
+    file.write_text(yaml.safe_dump(changed(path, value), allow_unicode=True))
+    with pytest.raises(ModelError, match=message) as refusal:
+        load_model(file)
+    assert str(file) in str(refusal.value)
+    assert '\n' not in str(refusal.value)
+
+
+def test_an_asymmetric_or_negative_covariance_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / 'model.yaml'
+    for row, column, value, message in ((0, 1, 1.0, 'symmetric'), (0, 0, -1.0, 'negative')):
+        document = model_document(rich_model())
+        document['sensors']['accelerometer']['covariance'][row][column] = value
+        file.write_text(yaml.safe_dump(document))
+        with pytest.raises(ModelError, match=message):
+            load_model(file)
+
+
+def test_a_file_that_is_no_model_is_one_clear_line(tmp_path: Path) -> None:
+    file = tmp_path / 'model.yaml'
+    for text in ('', '[1, 2', '- 1\n- 2\n', '!!python/object:os.system {}', '\x00'):
+        file.write_text(text)
+        with pytest.raises(ModelError) as refusal:
+            load_model(file)
+        assert '\n' not in str(refusal.value)
+
+
+def test_numbers_written_by_hand_without_a_point_are_numbers(tmp_path: Path) -> None:
+    file = tmp_path / 'model.yaml'
+    save_model(line_model(), file)
+    text = file.read_text().replace('- [0.001, -0.0005, 0.0]', '- [1e-3, -5e-4, 0]')
+    assert '1e-3' in text
+    file.write_text(text)
+    np.testing.assert_array_equal(
+        load_model(file).sensors['gyroscope'].coefficients[0], [[1e-3, -5e-4, 0.0]]
+    )
+
+
+def test_the_wrong_device_is_refused_and_a_pooled_model_serves_its_devices() -> None:
+    with pytest.raises(ModelError, match='device: the model is of dut1, the recording of dut2'):
+        check_device(line_model(), 'dut2')
+    check_device(line_model(), '')
+    check_device(replace(line_model(), device='dut1+dut2', pooled=True), 'dut2')
