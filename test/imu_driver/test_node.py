@@ -2,7 +2,10 @@
 """The node in-process: what it publishes, refuses and answers."""
 
 import json
+import os
 import threading
+import time
+import tty
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -133,6 +136,39 @@ def test_a_missing_device_is_an_error_not_the_end(ros: Any, tmp_path: Path) -> N
     node.destroy_node()
     assert level == 2
     assert line.startswith('not connected')
+
+
+def test_it_can_be_deactivated_and_activated_again(ros: Any, captured: Captured) -> None:
+    node = ImuDriverNode(capture=captured, parameters={'transport': 'simulated://dut3'})
+    assert node.autostart()
+    for _ in range(2):
+        before = captured.count('imu/data_raw')
+        captured.wait(lambda n=before: captured.count('imu/data_raw') > n + 20)
+        node.trigger_deactivate()
+        assert node.diagnostics() == (0, 'inactive', {})
+        node.trigger_activate()
+    node.trigger_deactivate()
+    node.trigger_cleanup()
+    node.destroy_node()
+
+
+def test_noise_on_the_line_is_told(ros: Any, tmp_path: Path) -> None:
+    board, host = os.openpty()
+    tty.setraw(host)
+    parameters = {'transport': f'serial://{os.ttyname(host)}'}
+    node = ImuDriverNode(capture=lambda *_: None, parameters=parameters)
+    assert node.autostart()
+    end = time.monotonic() + DEADLINE
+    line = ''
+    while 'no frame among them' not in line:
+        assert time.monotonic() < end, line
+        os.write(board, bytes([0x55, 0xAA, 0x10, 0x00]) * 50)
+        time.sleep(0.01)
+        line = node.diagnostics()[1]
+    node.trigger_deactivate()
+    node.destroy_node()
+    os.close(board)
+    os.close(host)
 
 
 def test_a_bag_keeps_its_stamps(ros: Any, captured: Captured, tmp_path: Path) -> None:

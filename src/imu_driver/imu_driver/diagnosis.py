@@ -20,6 +20,8 @@ RATE_TOLERANCE: Final = 0.05
 """Relative; wider than the output data rate's spread over devices and temperature."""
 STALE: Final = 1.0
 """[s] without data is an error."""
+MUCH: Final = 1000
+"""[bytes] In so many there must be a frame."""
 REMEMBERED: Final = 10
 """Calls for which something counted keeps the level at WARN."""
 
@@ -113,6 +115,8 @@ class Diagnosis:
             errors.append(f'not connected: {reader.trouble}')
         elif session.refusal:
             errors.append(f'refused: {session.refusal}')
+        elif session.counts.bytes > MUCH and not session.counts.frames:
+            errors.append('bytes come, but no frame among them: check baudrate and protocol')
         elif now - session.last_data > STALE * 1e9:
             errors.append('no data' if session.last_data else 'no data yet')
         return errors

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import select
 import socket
+import termios
 from collections.abc import Callable
 from typing import Final, Protocol
 from urllib.parse import urlsplit
@@ -50,7 +51,7 @@ class SerialTransport:
             self._port = serial.Serial(
                 path, baudrate, timeout=TIMEOUT, write_timeout=TIMEOUT, exclusive=True
             )
-        except ValueError as error:  # a baud rate the port does not have
+        except (ValueError, termios.error) as error:  # no such baud rate; gone while opening
             raise OSError(f'{path}: {error}') from None
 
     def read(self) -> bytes:
