@@ -40,12 +40,6 @@ class Gram:
             rows=int(n) - 1,
         )
 
-    def means(self) -> tuple[FloatArray, FloatArray]:
-        """Return the mean of each column (p,) and of each measured value (q,)."""
-        mean = self.products[0, 1:] / self.products[0, 0]
-        p = len(mean) - self.measured
-        return mean[:p], mean[p:]
-
 
 def gram(
     effects: Sequence[Effect], conditions: Conditions, measured: Sequence[FloatArray]
@@ -59,6 +53,8 @@ def gram(
     q = sum(values.shape[1] for values in measured)
     total = np.zeros((0, 0))
     states: list[State | None] = [None] * len(effects)
+    # A level the run's own takes up anyway: without it small residuals drown in large sums.
+    shifts = [np.nan_to_num(np.nanmedian(values[:PIECE], axis=0)) for values in measured]
     for start in range(0, len(conditions), PIECE):
         rows = slice(start, start + PIECE)
         part = conditions.rows(rows)
@@ -70,7 +66,7 @@ def gram(
                     f'{effect.name}: its axes share coefficients; fit it to block means'
                 )
             stacked.append(columns)
-        stacked += [values[rows] for values in measured]
+        stacked += [values[rows] - shift for values, shift in zip(measured, shifts, strict=True)]
         # Columns lie contiguously, as the product reads them.
         block = np.empty((sum(c.shape[1] for c in stacked), len(part)))
         np.concatenate([c.T for c in stacked], out=block)
