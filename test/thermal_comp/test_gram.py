@@ -41,9 +41,10 @@ def test_rows_that_are_not_finite_do_not_count() -> None:
     kept = np.arange(len(recording)) != 100
     effects = [EFFECTS['bias_temperature']()]
     conditions = static_conditions(recording)
-    with_hole = gram(effects, conditions, [broken])
-    without = gram(effects, conditions.rows(kept), [recording.angular_velocity[kept]])
-    np.testing.assert_allclose(with_hole.products, without.products, rtol=1e-12)
+    with_hole = gram(effects, conditions, [broken]).equations()
+    without = gram(effects, conditions.rows(kept), [recording.angular_velocity[kept]]).equations()
+    assert with_hole.rows == without.rows
+    np.testing.assert_allclose(solve(with_hole).estimate, solve(without).estimate, rtol=1e-9)
 
 
 def test_columns_shared_by_axes_are_refused_by_name() -> None:

@@ -54,7 +54,8 @@ def gram(
     total = np.zeros((0, 0))
     states: list[State | None] = [None] * len(effects)
     # A level the run's own takes up anyway: without it small residuals drown in large sums.
-    shifts = [np.nan_to_num(np.nanmedian(values[:PIECE], axis=0)) for values in measured]
+    medians = [np.nanmedian(values[:PIECE], axis=0) for values in measured]
+    shift = np.nan_to_num(np.concatenate(medians))[:, None]
     for start in range(0, len(conditions), PIECE):
         rows = slice(start, start + PIECE)
         part = conditions.rows(rows)
@@ -66,10 +67,11 @@ def gram(
                     f'{effect.name}: its axes share coefficients; fit it to block means'
                 )
             stacked.append(columns)
-        stacked += [values[rows] - shift for values, shift in zip(measured, shifts, strict=True)]
+        stacked += [values[rows] for values in measured]
         # Columns lie contiguously, as the product reads them.
         block = np.empty((sum(c.shape[1] for c in stacked), len(part)))
         np.concatenate([c.T for c in stacked], out=block)
+        block[-q:] -= shift
         products = block @ block.T
         if not np.isfinite(products[0]).all():
             block = block[:, np.isfinite(block).all(axis=0)]
