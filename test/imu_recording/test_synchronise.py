@@ -20,7 +20,7 @@ from recording_samples import (
     temperature,
 )
 
-from imu_recording import BagError, bag_namespaces, read_bag
+from imu_recording import BagError, bag_namespaces, read_bag, synchronise
 
 PERIOD = 10_000_000
 
@@ -46,6 +46,19 @@ def test_join_goes_to_the_same_or_the_next_row_within_a_period() -> None:
     joined, notes = join_next('x', rows, samples([0, 3, 10, 21, 24, 31, 95, 101]))
     assert np.array_equal(joined[:, 0], [0, 10, np.nan, 24, 95], equal_nan=True)
     assert notes == ('x: 4 of 8 samples found no row',)
+
+
+@pytest.mark.parametrize('block', [1, 3, 64])
+def test_blocks_do_not_show(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(2)
+    rows = np.cumsum(rng.integers(5, 15, 200))
+    taken = samples(np.cumsum(rng.integers(1, 20, 200)).tolist())
+    whole = join_next('x', rows, taken), hold_newest('x', rows, taken)
+    monkeypatch.setattr(synchronise, 'BLOCK', block)
+    parts = join_next('x', rows, taken), hold_newest('x', rows, taken)
+    assert np.array_equal(whole[0][0], parts[0][0], equal_nan=True)
+    assert np.array_equal(whole[1][0][0], parts[1][0][0], equal_nan=True)
+    assert [whole[0][1], whole[1][1]] == [parts[0][1], parts[1][1]]
 
 
 def test_hold_takes_the_newest_not_later() -> None:

@@ -38,8 +38,8 @@ def assemble_recording(
     rows = samples.pop(IMU_TOPIC)
     stamp = rows.stamp
     tracks: dict[str, Any] = dict(zip(TRACK_OF_TOPIC[IMU_TOPIC].fields, rows.values, strict=True))
-    for name, taken in samples.items():
-        tracks |= _joined(name, stamp, taken, notes)
+    for name in list(samples):
+        tracks |= _joined(name, stamp, samples.pop(name), notes)
     for name, field, shape in (
         (MAGNETIC_TOPIC, 'magnetic_field', (len(stamp), 3)),
         (TEMPERATURE_TOPIC, 'temperature', (len(stamp),)),
@@ -80,31 +80,32 @@ def _topic_notes(column: TopicColumns) -> list[str]:
 
 
 def _samples(name: str, column: TopicColumns, notes: list[str]) -> Samples:
-    values = tuple(_finite(name, group, notes) for group in column.values)
+    stamp, values = column.hand_over()
+    for group in values:
+        _blank_infinities(name, group, notes)
     if name == PHASE_TOPIC:
         parsed = {text: parse_phase(text) for text in set(column.texts)}
         unknown = sorted(text for text, (phase, _) in parsed.items() if phase < 0)
         if unknown:
             notes.append(f'{name}: {unknown[0]!r} is no phase; such rows are −1')
         pairs = np.array([parsed[text] for text in column.texts], float)
-        values = (pairs[:, :1], pairs[:, 1:])
-    samples = in_order(name, column.stamp, values)
+        values = [pairs[:, :1], pairs[:, 1:]]
+    samples = in_order(name, stamp, values)
     notes += samples.notes
     return samples
 
 
-def _finite(name: str, values: FloatArray, notes: list[str]) -> FloatArray:
-    """Turn infinities into NaN and count what is not a number."""
+def _blank_infinities(name: str, values: FloatArray, notes: list[str]) -> None:
+    """Turn infinities into NaN, in place, and count what is not a number."""
     with np.errstate(over='ignore', invalid='ignore'):
         total = values.sum()  # the cheap question first; a sum that overflows is looked into
     if np.isfinite(total):
-        return values
+        return
     infinite = np.isinf(values)
     bad = int(np.count_nonzero((infinite | np.isnan(values)).any(axis=1)))
     if bad:
         values[infinite] = np.nan
         notes.append(f'{name}: {bad} of {len(values)} samples are NaN or infinite, kept as NaN')
-    return values
 
 
 def _joined(

@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from imu_recording.recording import FloatArray, IntArray
 
+BLOCK = 1 << 18
+"""Rows joined at a time."""
 STALE_S = 60.0
 """A track that ended longer before the last row is worth a note [s]."""
 
@@ -24,29 +27,37 @@ class Samples:
     notes: tuple[str, ...] = ()
 
 
-def in_order(name: str, stamp: IntArray, values: tuple[FloatArray, ...]) -> Samples:
+def in_order(name: str, stamp: IntArray, values: Sequence[FloatArray]) -> Samples:
     """Sort samples by stamp; of those that share one keep the first read; say what was done."""
+    groups = list(values)
     notes: list[str] = []
     unset = int(np.count_nonzero(stamp == 0))
     if 1 < unset < len(stamp):
-        kept = stamp != 0
-        stamp, values = stamp[kept], tuple(v[kept] for v in values)
+        kept = np.flatnonzero(stamp)
+        stamp = _taken(stamp, groups, kept)
         notes.append(f'{name}: {unset} samples without a stamp left out')
     step = np.diff(stamp)
     if len(step) and step.min() <= 0:
         backward = int(np.count_nonzero(step < 0))
+        del step
         order = np.argsort(stamp, kind='stable')
-        stamp = stamp[order]
         first = np.ones(len(stamp), bool)
-        first[1:] = np.diff(stamp) > 0
-        taken = order[first]
-        repeated = len(first) - len(taken)
-        stamp, values = stamp[first], tuple(v[taken] for v in values)
+        first[1:] = np.diff(stamp[order]) > 0
+        repeated = len(stamp) - int(np.count_nonzero(first))
+        stamp = _taken(stamp, groups, order[first])
         if backward:
             notes.append(f'{name}: stamps stepped back {backward} times; sorted by stamp')
         if repeated:
             notes.append(f'{name}: {repeated} samples with a repeated stamp left out')
-    return Samples(stamp, values, tuple(notes))
+    return Samples(stamp, tuple(groups), tuple(notes))
+
+
+def _taken(stamp: IntArray, groups: list[FloatArray], order: IntArray) -> IntArray:
+    """Reorder the groups in place, one after the other to save memory; return the stamps."""
+    for k, group in enumerate(groups):
+        groups[k] = group[order]
+        del group
+    return stamp[order]
 
 
 def join_next(name: str, rows: IntArray, samples: Samples) -> tuple[FloatArray, tuple[str, ...]]:
@@ -60,15 +71,19 @@ def join_next(name: str, rows: IntArray, samples: Samples) -> tuple[FloatArray, 
         return values, ()
     period = int(np.median(np.diff(rows))) if len(rows) > 1 else 0
     joined = np.full((len(rows), values.shape[1]), np.nan)
-    row = np.searchsorted(rows, samples.stamp, side='left')
-    reached = row < len(rows)
-    delay = rows[np.minimum(row, len(rows) - 1)] - samples.stamp
-    reached &= delay <= period
-    row = row[reached]
-    last = np.ones(len(row), bool)
-    last[:-1] = row[1:] != row[:-1]
-    joined[row[last]] = values[reached][last]
-    lost = len(samples.stamp) - int(last.sum())
+    used = 0
+    for part in _blocks(len(samples.stamp)):
+        moments = samples.stamp[part]
+        row = np.searchsorted(rows, moments, side='left')
+        reached = row < len(rows)
+        reached &= rows[np.minimum(row, len(rows) - 1)] - moments <= period
+        following = samples.stamp[part.stop : part.stop + 1]
+        beyond = np.searchsorted(rows, following, side='left')
+        last = np.diff(np.concatenate((row, beyond)), append=-1)[: len(row)] != 0
+        reached &= last
+        joined[row[reached]] = values[part][reached]
+        used += int(np.count_nonzero(reached))
+    lost = len(samples.stamp) - used
     notes = (f'{name}: {lost} of {len(samples.stamp)} samples found no row',) if lost else ()
     return joined, notes
 
@@ -82,22 +97,32 @@ def hold_newest(
     """
     if np.array_equal(rows, samples.stamp):
         return samples.values, ()
-    newest = np.searchsorted(samples.stamp, rows, side='right') - 1
-    before = newest < 0
-    newest[before] = 0
-    held = tuple(values[newest] for values in samples.values)
-    for values in held:
-        values[before] = np.nan
+    held = tuple(np.empty((len(rows), values.shape[1])) for values in samples.values)
+    for part in _blocks(len(rows)):
+        newest = np.searchsorted(samples.stamp, rows[part], side='right') - 1
+        for out, values in zip(held, samples.values, strict=True):
+            out[part] = values[np.maximum(newest, 0)]
+            out[part][newest < 0] = np.nan
+    if event:
+        return held, ()
     notes: list[str] = []
-    late = int(np.count_nonzero(samples.stamp > rows[-1]))
-    if not event and late:
-        notes.append(f'{name}: {late} of {len(samples.stamp)} samples found no row')
-    if before.any() and not event:
-        notes.append(f'{name}: {int(before.sum())} rows lie before its first sample')
+    total = len(samples.stamp)
+    late = total - int(np.searchsorted(samples.stamp, rows[-1], side='right'))
+    early = int(np.searchsorted(rows, samples.stamp[0], side='left'))
+    if late:
+        notes.append(f'{name}: {late} of {total} samples found no row')
+    if early:
+        notes.append(f'{name}: {early} rows lie before its first sample')
     silence = (rows[-1] - samples.stamp[-1]) * 1e-9
-    if not event and silence > _allowed(samples.stamp):
+    if silence > _allowed(samples.stamp):
         notes.append(f'{name} ends {silence:.0f} s before the last row, its last value is held')
     return held, tuple(notes)
+
+
+def _blocks(length: int) -> Iterator[slice]:
+    """Cut a length into blocks, so that what is computed on the way stays small."""
+    for at in range(0, length, BLOCK):
+        yield slice(at, min(at + BLOCK, length))
 
 
 def _allowed(stamp: IntArray) -> float:

@@ -74,19 +74,19 @@ class TopicColumns:
         self._types = types_of(self.track.message_type, definition)
 
     @property
-    def stamp(self) -> IntArray:
-        """(n,) stamp of the header, else time of receipt [ns]."""
-        return (self._received if self.unstamped else self._stamp)[: self.count]
-
-    @property
     def unstamped(self) -> bool:
         """Whether the header's stamps were never set, so that times of receipt stand in."""
         return self.count > 0 and not self._stamp[: self.count].any()
 
-    @property
-    def values(self) -> tuple[FloatArray, ...]:
-        """One (n, k) array per group of columns."""
-        return tuple(words[: self.count].view(np.float64) for words in self._words)
+    def hand_over(self) -> tuple[IntArray, list[FloatArray]]:
+        """Give away stamps (n,) of the headers, else times of receipt [ns], and (n, k) numbers.
+
+        Nothing is kept, so that whoever reorders them holds the only copy.
+        """
+        stamp = (self._received if self.unstamped else self._stamp)[: self.count]
+        words, self._words = self._words, []
+        self._stamp = self._received = np.empty(0, np.int64)
+        return stamp, [group[: self.count].view(np.float64) for group in words]
 
     def take(self, block: MessageBlock, slot: int) -> None:
         """Append the block's messages of one slot."""
