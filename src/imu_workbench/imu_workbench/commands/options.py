@@ -28,20 +28,22 @@ def add_bag_arguments(parser: argparse.ArgumentParser, *, optional: bool = False
         metavar='NAME:=OTHER',
         action='append',
         default=[],
-        help='read topic OTHER where NAME is expected, e.g. imu/data_raw:=/sensor/imu; repeatable',
+        help='read OTHER for NAME (imu/mag:=/compass), or nothing (imu/mag:=); repeatable',
     )
 
 
 def topic_remap(rules: list[str]) -> dict[str, str]:
     """Return the --topic rules as a mapping.
 
-    >>> topic_remap(['imu/mag:=/compass'])
-    {'imu/mag': '/compass'}
+    Nothing after := means that the topic is not read at all.
+
+    >>> topic_remap(['imu/mag:=/compass', 'imu/temperature:='])
+    {'imu/mag': '/compass', 'imu/temperature': ''}
     """
     remap = {}
     for rule in rules:
         name, separator, other = rule.partition(':=')
-        if not (separator and name and other):
+        if not (separator and name):
             raise ValueError(f'--topic {rule!r}: write it as name:=other, e.g. imu/mag:=/compass')
         remap[name] = other
     return remap
