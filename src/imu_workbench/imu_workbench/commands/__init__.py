@@ -12,10 +12,16 @@ COMMANDS: dict[str, str] = {
     'report': 'report',
     'demo': 'demo',
     'simulate': 'simulate',
+    'reveal': 'reveal',
     'plan': 'plan',
     'campaign': 'campaign',
     'replay': 'replay',
     'orient': 'orient',
+    'diagnose': 'diagnose',
+    'add': 'add',
+    'auto': 'auto',
+    'explain': 'explain',
+    'check-effect': 'check_effect',
 }
 """Verb → module in this package. A verb's executable comes from here as well."""
 
