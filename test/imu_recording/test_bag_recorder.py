@@ -90,6 +90,10 @@ def test_an_interrupted_recording_is_continued(tmp_path: Path) -> None:
     feed(second, messages[45:])
     second.close()
     assert len(read_bag(tmp_path / 'run')) == 30
+    content = yaml.safe_load((tmp_path / 'run' / 'metadata.yaml').read_text())
+    information = content['rosbag2_bagfile_information']
+    assert information['message_count'] == 90
+    assert information['duration']['nanoseconds'] == 29 * 10_000_000
 
 
 def test_a_full_disk_leaves_everything_before_it(tmp_path: Path) -> None:
@@ -153,6 +157,15 @@ def count_messages(path: Path) -> int:
             return int(reader.message_count)
     except AnyReaderError as error:
         raise AssertionError(str(error)) from None
+
+
+def test_an_empty_file_of_a_killed_recorder_does_not_stop_the_next(tmp_path: Path) -> None:
+    (tmp_path / 'run').mkdir()
+    (tmp_path / 'run' / 'run_0.mcap').touch()
+    recorder = BagRecorder(tmp_path / 'run')
+    feed(recorder, standard_messages(5))
+    recorder.close()
+    assert len(read_bag(tmp_path / 'run')) == 5
 
 
 def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ from imu_recording.bag_error import BagError
 from imu_recording.logging_contract import PHASE_TOPIC, STRING
 from imu_recording.mcap_stream import McapStream
 from imu_recording.odd_message import definition_of
-from imu_recording.recorder_metadata import Qos, RecordedFile, qos_text, write_metadata
+from imu_recording.recorded_file import RecordedFile, inspect_file
+from imu_recording.recorder_metadata import Qos, qos_text, write_metadata
 
 CHUNK_BYTES = 4 << 20
 """A chunk is closed early when its records reach this size."""
@@ -65,7 +66,11 @@ class BagRecorder:
             old = sorted(self.folder.glob(f'{self.folder.name}_*.mcap'), key=_number)
         except OSError as error:
             raise BagError(f'{self.folder}: cannot be written ({error.strerror})') from None
-        self._files = [RecordedFile(path.name) for path in old]
+        self._files: list[RecordedFile] = []
+        for path in old:
+            file, types = inspect_file(path)
+            self._files.append(file)
+            self._types |= {topic: (kind, []) for topic, kind in types.items()}
         self._next = 1 + max(map(_number, old), default=-1)
 
     def record(
@@ -87,7 +92,7 @@ class BagRecorder:
         assert self._open is not None  # noqa: S101 (_begin opens it or raises)
         channel = self._open.channels.get(topic)
         if channel is None:
-            self._types.setdefault(topic, (message_type, list(qos)))
+            self._types[topic] = (message_type, list(qos))
             channel = self._open.stream.add_channel(
                 topic, message_type, definition_of(message_type), qos_text(qos)
             )

@@ -12,7 +12,8 @@ from imu_recording.bag_error import BagError
 from imu_recording.bag_messages import BagMessage
 from imu_recording.mcap_stream import McapStream
 from imu_recording.odd_message import definition_of
-from imu_recording.recorder_metadata import RecordedFile, qos_profile, qos_text, write_metadata
+from imu_recording.recorded_file import RecordedFile
+from imu_recording.recorder_metadata import qos_profile, qos_text, write_metadata
 
 CHUNK = 1 << 20
 """Bytes of messages after which a chunk is closed."""

@@ -5,30 +5,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from imu_recording.odd_message import hash_of
+from imu_recording.recorded_file import RecordedFile
 
 Qos = dict[str, Any]
 """One offered QoS profile as rosbag2 writes it: history, depth, reliability, durability …"""
 FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 """rmw's infinite duration."""
-
-
-@dataclass(frozen=True)
-class RecordedFile:
-    """One file of the bag."""
-
-    name: str
-    first: int = 0
-    """Time of receipt of the first message [ns]."""
-    last: int = 0
-    counts: dict[str, int] = field(default_factory=dict)
-    """Messages by topic."""
 
 
 def qos_profile(*, reliable: bool, latched: bool, depth: int) -> Qos:
