@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from imu_recording.recording import ImuRecording
 
@@ -179,6 +179,23 @@ def search_sensors(
     return outcomes
 
 
+def joined_effects(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Return the effects with the values of repeated ones joined: several steps are one effect."""
+    joined: dict[str, Effect] = {}
+    for effect in effects:
+        before = joined.get(effect.name)
+        if before is not None:
+            values = {
+                name: tuple(sorted({*value, *before.shape_parameters[name]}))
+                for name, value in effect.shape_parameters.items()
+                if isinstance(value, tuple)
+            }
+            joined[effect.name] = replace(before, **values)
+        else:
+            joined[effect.name] = effect
+    return tuple(joined.values())
+
+
 def greyed_out(
     runs: Sequence[PreparedRun], catalogue: Mapping[str, type[Effect]]
 ) -> dict[str, str]:
@@ -198,7 +215,7 @@ def _explained(
     noise: Mapping[Sensor, NoiseModel],
 ) -> Explained:
     listed: Listed = {
-        sensor: (*base[sensor], *(n.rated.form.effect for n in outcome.named))
+        sensor: joined_effects([*base[sensor], *(n.rated.form.effect for n in outcome.named)])
         for sensor, outcome in outcomes.items()
     }
     coupled = {e for effects in listed.values() for e in effects if e.coupled}

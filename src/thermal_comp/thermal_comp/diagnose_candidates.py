@@ -166,7 +166,7 @@ def _steps(bank: ColumnBank, effect: Any) -> list[Plan]:
     last = max(float(run.time[-1]) for run in bank.source.runs)
     plans = []
     for time in np.arange(STEP_SPACING_S, last, STEP_SPACING_S):
-        step = effect(float(time))
+        step = effect((float(time),))
         plans.append(Plan(step, (step,), 1))
         plans += [Plan(step, (step,), 1, run) for run in range(len(bank.source.runs))]
     return plans

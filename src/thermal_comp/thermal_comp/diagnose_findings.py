@@ -41,7 +41,11 @@ def effect_findings(
 ) -> list[Finding]:
     """Return one finding per effect that is named."""
     findings = []
+    seen: set[str] = set()
     for named in outcome.named:
+        if named.rated.name in seen:
+            continue
+        seen.add(named.rated.name)
         effect = named.rated.form.effect
         label = '+'.join(effect.sensors) if effect.coupled else sensor
         after = explained.comparison

@@ -205,7 +205,7 @@ class Search:
             form
             for form in chosen
             if form.effect.name != 'bias_step'
-            or np.abs(edges - form.effect.shape_parameters['step_time']).min() > EDGE_S
+            or np.abs(edges - form.effect.shape_parameters['step_time'][0]).min() > EDGE_S
         ]
 
     def _confirmed_by_cycles(self, chosen: Sequence[Form], form: Form) -> bool:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.conditions import Conditions
@@ -16,12 +17,14 @@ from thermal_comp.effects.effect import Effect, State, shape_parameter
 class BiasStep(Effect):
     """The bias jumps once and stays."""
 
-    step_time: float = shape_parameter(20_000.0, unit='s', bounds=(0.0, 1e7))
+    step_time: tuple[float, ...] = shape_parameter((20_000.0,), unit='s', bounds=(0.0, 1e7))
 
     name: ClassVar[str] = 'bias_step'
     kind: ClassVar[Literal['device', 'campaign']] = 'campaign'
     per_run: ClassVar[bool] = True
-    equation: ClassVar[str] = 'error = a_r · H(t − t₀) in run r,  t since the first sample [s]'
+    equation: ClassVar[str] = (
+        'error = Σ_j a_jr · H(t − t_j) in run r,  t since the first sample [s]'
+    )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',)
     mechanism: ClassVar[str] = 'Stress relief: a crack or slip of solder or glue.'
     look_alikes: ClassVar[tuple[str, ...]] = ('turn_on_bias', 'bias_drift')
@@ -35,5 +38,5 @@ class BiasStep(Effect):
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
-        """Return (n, 1): 1 after the step, 0 before."""
-        return (conditions.time >= self.step_time).astype(float)[:, None], None
+        """Return (n, p): 1 after each step, 0 before."""
+        return (conditions.time[:, None] >= np.array(self.step_time)).astype(float), None

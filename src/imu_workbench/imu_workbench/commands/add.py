@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Add a physical effect to a model and refit everything together."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from thermal_comp.conditions import SENSORS
+from thermal_comp.diagnose import Settings
+from thermal_comp.diagnose_growth import add_effect
+from thermal_comp.effects.user_effects import effect_catalogue
+from thermal_comp.model_file import load_model, save_model
+from thermal_comp.preparation import prepare
+
+from imu_workbench.answer import Answer
+from imu_workbench.commands.diagnose import add_effects_argument
+from imu_workbench.commands.options import add_bag_arguments, read_recordings
+from imu_workbench.growth_text import growth_text
+from imu_workbench.progress import show_progress
+
+HELP = 'Add an effect to the model, refit it jointly, show how far the error falls.'
+EPILOG = 'example:\n  python -m imu_workbench add thermal_lag bags/dut1_? -o dut1_lag.yaml'
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    parser.add_argument('effect', metavar='EFFECT', help='name in the catalogue')
+    add_bag_arguments(parser)
+    parser.add_argument(
+        '--model', metavar='MODEL', type=Path, help='model to add to; else a line per axis'
+    )
+    parser.add_argument(
+        '--sensor',
+        choices=SENSORS,
+        action='append',
+        default=[],
+        help='sensor that gets it; else those in which there is evidence',
+    )
+    parser.add_argument(
+        '-o', '--output', metavar='MODEL', type=Path, required=True, help='model file to write'
+    )
+    add_effects_argument(parser)
+
+
+def run(options: argparse.Namespace) -> Answer:
+    """Add, refit, compare, save."""
+    catalogue = effect_catalogue(options.effects)
+    model = load_model(options.model, catalogue) if options.model else None
+    recordings = read_recordings(options)
+    show_progress(f'adding {options.effect} …')
+    runs = prepare(recordings)
+    growth = add_effect(model, runs, options.effect, Settings(catalogue), options.sensor)
+    save_model(growth.model, options.output)
+    content = growth.after.content() | {
+        'steps': [step.content() for step in growth.steps],
+        'unneeded': list(growth.unneeded),
+        'undetermined': list(growth.model.provenance.notes),
+        'model': str(options.output),
+    }
+    return Answer(content, f'{growth_text(content)}\nsaved {options.output}')

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Add missing effects one after the other until nothing is missing or nothing can be decided."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from thermal_comp.data_quality import check_quality
+from thermal_comp.diagnose import Settings
+from thermal_comp.diagnose_growth import grow
+from thermal_comp.effects.user_effects import effect_catalogue
+from thermal_comp.model_file import load_model, save_model
+from thermal_comp.preparation import prepare
+
+from imu_workbench.answer import Answer
+from imu_workbench.commands.diagnose import add_effects_argument
+from imu_workbench.commands.options import add_bag_arguments, read_recordings
+from imu_workbench.growth_text import growth_text
+from imu_workbench.progress import show_progress
+
+HELP = 'Diagnose and add, again and again, until the model is complete or nothing can be decided.'
+EPILOG = 'example:\n  python -m imu_workbench auto bags/hidden_effect_? -o model.yaml'
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    add_bag_arguments(parser)
+    parser.add_argument(
+        '--model', metavar='MODEL', type=Path, help='model to start from; else a line per axis'
+    )
+    parser.add_argument(
+        '-o', '--output', metavar='MODEL', type=Path, required=True, help='model file to write'
+    )
+    add_effects_argument(parser)
+
+
+def run(options: argparse.Namespace) -> Answer:
+    """Grow the model and save it."""
+    catalogue = effect_catalogue(options.effects)
+    model = load_model(options.model, catalogue) if options.model else None
+    clean, defects = check_quality(read_recordings(options))
+    growth = grow(model, prepare(clean), Settings(catalogue), show_progress)
+    save_model(growth.model, options.output)
+    left = growth.diagnosis.content() if growth.diagnosis else {'verdict': 'complete'}
+    content = growth.after.content() | {
+        'steps': [step.content() for step in growth.steps],
+        'verdict': left['verdict'],
+        'findings_left': left.get('findings', []),
+        'data_quality': [f'{d.name}: {d.text}' for d in defects],
+        'unneeded': list(growth.unneeded),
+        'undetermined': list(growth.model.provenance.notes),
+        'model': str(options.output),
+    }
+    text = f'{growth_text(content)}\nafter that: {left["verdict"]}'
+    return Answer(content, f'{text}\nsaved {options.output}')

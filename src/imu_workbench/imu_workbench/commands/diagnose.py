@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Say which physical effect is missing in a model, and what the evidence is."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from thermal_comp.diagnose import diagnose
+from thermal_comp.effects.user_effects import effect_catalogue
+from thermal_comp.model_file import load_model
+
+from imu_workbench.answer import Answer
+from imu_workbench.commands.options import add_bag_arguments, read_recordings
+from imu_workbench.diagnosis_text import diagnosis_text
+from imu_workbench.progress import show_progress
+
+HELP = 'Name the missing physical effect, or say that nothing is missing or nothing explains it.'
+EPILOG = 'example:\n  python -m imu_workbench diagnose bags/hidden_effect_? --json diagnosis.json'
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    add_bag_arguments(parser)
+    parser.add_argument(
+        '--model',
+        metavar='MODEL',
+        type=Path,
+        help='model file to judge; without it a line per axis is fitted to these bags',
+    )
+    parser.add_argument(
+        '--calibrate',
+        metavar='N',
+        type=int,
+        default=0,
+        help='simulate N campaigns without any effect and raise the thresholds to what they reach',
+    )
+    parser.add_argument(
+        '--noise-reference',
+        metavar='MODEL',
+        type=Path,
+        help='model file whose noise counts as normal; else the shipped table of the LSM9DS1',
+    )
+    add_effects_argument(parser)
+
+
+def add_effects_argument(parser: argparse.ArgumentParser) -> None:
+    """Add --effects."""
+    parser.add_argument(
+        '--effects',
+        metavar='FILE',
+        type=Path,
+        action='append',
+        default=[],
+        help='Python file with further effects; repeatable',
+    )
+
+
+def run(options: argparse.Namespace) -> Answer:
+    """Diagnose."""
+    if options.calibrate < 0:
+        raise ValueError(f'--calibrate {options.calibrate}: expected 0 or more campaigns')
+    catalogue = effect_catalogue(options.effects)
+    model = load_model(options.model, catalogue) if options.model else None
+    reference = None
+    if options.noise_reference:
+        known = load_model(options.noise_reference, catalogue)
+        reference = {s: m.noise for s, m in known.sensors.items() if m.noise is not None}
+    recordings = read_recordings(options)
+    show_progress('diagnosing …')
+    found = diagnose(
+        recordings,
+        model,
+        catalogue=catalogue,
+        reference=reference,
+        calibrate=options.calibrate,
+    )
+    content = found.content()
+    return Answer(content, diagnosis_text(content))

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Explain a physical effect: equation, units, mechanism, what looks like it, how to tell."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from thermal_comp.effects.explanation import explain_all, explanation, explanation_text
+from thermal_comp.effects.user_effects import effect_catalogue
+
+from imu_workbench.answer import Answer
+from imu_workbench.commands.diagnose import add_effects_argument
+
+HELP = 'Explain an effect of the catalogue; --all writes the whole catalogue as Markdown.'
+EPILOG = 'example:\n  python -m imu_workbench explain thermal_lag'
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    parser.add_argument('effect', metavar='EFFECT', nargs='?', help='name in the catalogue')
+    parser.add_argument('--all', action='store_true', help='the whole catalogue as Markdown')
+    parser.add_argument('-o', '--output', metavar='FILE', type=Path, help='write it there')
+    add_effects_argument(parser)
+
+
+def run(options: argparse.Namespace) -> Answer:
+    """Explain."""
+    catalogue = effect_catalogue(options.effects)
+    if options.all or options.effect is None:
+        text = explain_all(catalogue)
+        content = {name: explanation(effect) for name, effect in catalogue.items()}
+    elif options.effect in catalogue:
+        effect = catalogue[options.effect]
+        content, text = explanation(effect), explanation_text(effect)
+    else:
+        raise ValueError(f'effect {options.effect!r} is not known; known: {", ".join(catalogue)}')
+    if options.output:
+        options.output.write_text(text.rstrip() + '\n', 'utf-8')
+        text = f'wrote {options.output}'
+    return Answer(content, text)

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A diagnosis as lines for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from imu_workbench.display import DISPLAY_UNITS, shown
+
+VERDICTS = {
+    'complete': 'nothing is missing',
+    'missing': 'an effect is missing',
+    'ambiguous': 'an effect is missing; these runs cannot tell which of the named',
+    'unexplained': 'something is missing that no effect of the catalogue explains',
+    'unlogged': 'several effects at once, or a variable that was not logged',
+    'noise_above_reference': 'nothing is missing, but the noise is higher than the reference',
+    'data_quality': 'the data have defects; they were left out of what follows',
+}
+
+
+def diagnosis_text(content: Mapping[str, Any]) -> str:
+    """Return the diagnosis (the dictionary that --json writes) as lines."""
+    name = content.get('device') or 'device'
+    lines = [f'{name}: {VERDICTS[content["verdict"]]}']
+    for finding in content['findings']:
+        lines += _finding_lines(finding)
+    for sensor, state in content['sensors'].items():
+        unit = DISPLAY_UNITS[sensor]
+        error, floor = (
+            ' '.join(shown(value * unit.factor) for value in state[key])
+            for key in ('held_out_rms', 'noise_floor')
+        )
+        lines.append(
+            f'  {sensor:<14} {state["verdict"]:<12} held out {error} {unit.unit}, '
+            f'noise floor {floor}'
+        )
+        if state['where'] and state['verdict'] not in {'complete', 'noise_above_reference'}:
+            lines.append(f'    worst: {"; ".join(_place(where) for where in state["where"][:3])}')
+    if content['greyed_out']:
+        lines.append(
+            '  not tried: '
+            + '; '.join(f'{effect} {reason}' for effect, reason in content['greyed_out'].items())
+        )
+    lines += [f'  undetermined: {text}' for text in content['undetermined']]
+    lines += [f'  note: {text}' for text in content['notes']]
+    return '\n'.join(lines)
+
+
+def _finding_lines(finding: Mapping[str, Any]) -> list[str]:
+    weight = f'evidence {finding["evidence"]:.0f}, needed {finding["threshold"]:.0f}'
+    lines = [f'  {finding["text"]} ({weight})']
+    sensor = finding['sensor'].split('+')[0]
+    if finding['error_after'] is not None and sensor in DISPLAY_UNITS:
+        unit = DISPLAY_UNITS[sensor]
+        before, after, floor = (
+            shown(finding[key] * unit.factor)
+            for key in ('error_before', 'error_after', 'noise_floor')
+        )
+        lines.append(f'    held-out error {before} → {after} {unit.unit}, noise floor {floor}')
+    for name, value in finding['parameters'].items():
+        lines.append(
+            f'    {name} = {_number(value["value"])} ± {_number(value["std"])} {value["unit"]}'
+        )
+    if finding['rivals']:
+        rivals = ', '.join(f'{r["name"]} {r["similarity"]:.0%}' for r in finding['rivals'][:3])
+        lines.append(f'    others would explain of it: {rivals}')
+    return lines
+
+
+def _number(value: Any) -> str:
+    if value is None:
+        return '?'
+    if isinstance(value, list | tuple):
+        return f'({", ".join(_number(item) for item in value)})'
+    return f'{value:.4g}'
+
+
+def _place(where: Mapping[str, Any]) -> str:
+    parts = [f'{key} {value}' for key, value in where.items() if key not in {'ratio', 'rms'}]
+    return f'{", ".join(parts)} {where["ratio"]:.1f} × floor'

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Effects of other people: from a file, or from the entry points of installed packages."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+from collections.abc import Mapping, Sequence
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.contract import check_effect
+from thermal_comp.effects.effect import Effect
+
+GROUP = 'thermal_comp.effects'
+"""Entry point group; each entry is an Effect class."""
+
+
+class EffectError(ValueError):
+    """An effect that cannot be used; the message names the file and what is wrong."""
+
+
+def effect_catalogue(files: Sequence[str | Path] = ()) -> Mapping[str, type[Effect]]:
+    """Return the catalogue with the effects of entry points and files added.
+
+    Every added effect has to keep the contract; a name of the catalogue cannot be taken.
+    """
+    catalogue = dict(EFFECTS)
+    for entry in entry_points(group=GROUP):
+        _include(catalogue, entry.load(), f'entry point {entry.name}')
+    for file in files:
+        for effect in effects_in_file(file):
+            _include(catalogue, effect, str(file))
+    return catalogue
+
+
+def effects_in_file(file: str | Path) -> list[type[Effect]]:
+    """Return the Effect classes that a Python file defines."""
+    path = Path(file)
+    if not path.is_file():
+        raise EffectError(f'{path}: no such file')
+    spec = importlib.util.spec_from_file_location(f'user_effects_{path.stem}', path)
+    if spec is None or spec.loader is None:
+        raise EffectError(f'{path}: not a Python file')
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except (SyntaxError, ImportError, NameError, TypeError, ValueError, AttributeError) as error:
+        raise EffectError(f'{path}: cannot be loaded: {error}') from error
+    found = [
+        item
+        for _, item in inspect.getmembers(module, inspect.isclass)
+        if issubclass(item, Effect) and item.__module__ == module.__name__
+    ]
+    if not found:
+        raise EffectError(f'{path}: defines no subclass of thermal_comp.effects.Effect')
+    return found
+
+
+def _include(catalogue: dict[str, type[Effect]], effect: type[Effect], source: str) -> None:
+    problems = check_effect(effect)
+    if problems:
+        raise EffectError(f'{source}: {"; ".join(problems)}')
+    if effect.name in EFFECTS:
+        raise EffectError(f'{source}: the name {effect.name!r} is in the catalogue already')
+    catalogue[effect.name] = effect
