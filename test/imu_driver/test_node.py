@@ -74,6 +74,7 @@ def test_a_simulated_device(ros: Any, captured: Captured) -> None:
     response = node.services_of_device.measure_rest(Trigger.Request(), Trigger.Response())
     position = node.services_of_device.check_position(Trigger.Request(), Trigger.Response())
     level, line, values = node.diagnostics()
+    node.publish_diagnostics()
     node.trigger_deactivate()
     refused = node.services_of_device.measure_rest(Trigger.Request(), Trigger.Response())
     assert refused.success is False
@@ -101,6 +102,8 @@ def test_a_simulated_device(ros: Any, captured: Captured) -> None:
     bias = json.loads(response.message)['gyroscope_bias']
     assert np.abs(bias).max() < 0.05
     assert position.message.startswith('+y is up')
+    (supply,) = captured.on('imu/supply_voltage')
+    assert supply.data == pytest.approx(3.3)
     assert level == 0
     assert line.endswith('Hz')
     assert values['device'] == 'DUT1'

@@ -75,6 +75,12 @@ class ImuDriver:
         """Return level, line and values at ROS time `now` [ns]; ask once a second."""
         return self.diagnosis.take(now)
 
+    @property
+    def supply_voltage(self) -> float:
+        """Device supply [V]; 0 unknown."""
+        information = self.session.information if self.session else None
+        return information.supply_millivolts * 1e-3 if information else 0.0
+
     def _publish_batch(self, samples: list[Sample]) -> None:
         for sample in samples:
             self._publish(sample)

@@ -9,6 +9,7 @@ from typing import Any
 from imu_recording.lifecycle_node import ConfiguredNode, NodeConfig, run_node
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from sensor_msgs.msg import Imu, MagneticField, Temperature
+from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from imu_driver.driver import ImuDriver
@@ -45,6 +46,7 @@ class ImuDriverNode(ConfiguredNode):
         self._temperature = self.output(Temperature, 'imu/temperature')
         self._magnetic_field = self.output(MagneticField, 'imu/mag')
         self._imu = self.output(Imu, 'imu/data_raw')
+        self._supply = self.output(Float64, 'imu/supply_voltage')
 
     def activated(self) -> None:
         """Start to read."""
@@ -67,6 +69,13 @@ class ImuDriverNode(ConfiguredNode):
         if self.driver is None:
             return super().diagnostics()
         return self.driver.diagnostics(self.now())
+
+    def publish_diagnostics(self) -> None:
+        """Publish, once a second, also what the board measures of its supply."""
+        super().publish_diagnostics()
+        volts = self.driver.supply_voltage if self.driver else 0.0
+        if volts:
+            self._supply.publish(Float64(data=float(volts)))
 
     def publish(self, sample: Sample) -> None:
         """Publish a sample, unless Ctrl-C has taken the middleware away under the thread."""
@@ -91,12 +100,10 @@ class ImuDriverNode(ConfiguredNode):
         return ImuDriver(config, now=self.now, publish=self.publish, report=self._report)
 
     def _report(self, event: str) -> None:
-        log = self.get_logger()
-        # Two lines of code, because rclpy remembers the severity of each.
         if isinstance(event, Trouble):
-            log.warning(event)
+            self.get_logger().warning(event)
         else:
-            log.info(event)
+            self.get_logger().info(event)
 
 
 def _messages(config: DriverConfig) -> MessageBytes:
