@@ -94,7 +94,7 @@ def test_declination_turns_the_heading_by_itself() -> None:
         turned = run_filter(name, recording, magnetic_declination=east).orientation[-1]
         between = multiply(turned, conjugate(plain))
         expected = [0.0, 0.0, np.sin(-east / 2), np.cos(east / 2)]
-        np.testing.assert_allclose(between, expected, atol=1e-9)
+        np.testing.assert_allclose(between, expected, atol=1e-6)
 
 
 def test_mount_gives_the_attitude_of_the_body() -> None:

@@ -15,7 +15,7 @@ from imu_recording.recording import FloatArray, ImuRecording
 
 from orientation_filters import ahrs_kalman
 from orientation_filters.ahrs_adaptive_step import apply_errors, flags_after, gather_sample
-from orientation_filters.ahrs_correction import Variances
+from orientation_filters.ahrs_correction import Symmetric, Variances
 from orientation_filters.ahrs_observation import Observation, weigh
 from orientation_filters.ahrs_state import GRAVITY, MICROTESLA, Params, State, initial_state
 from orientation_filters.flags import INVALID_ACCELEROMETER, JAMMED, NOT_STARTED
@@ -208,6 +208,17 @@ def _dip(params: Params, field: FloatArray, before: tuple[float, float]) -> tupl
     return (cos(inclination), sin(inclination)) if np.any(field) else before
 
 
+def orientation(state: State) -> tuple[float, float, float, float]:
+    """Return the attitude, sensor → world, w ≥ 0."""
+    return state.orientation
+
+
+def covariance(state: State) -> Symmetric:
+    """Return xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
+    packed: Symmetric = ahrs_kalman.covariance(state)
+    return packed
+
+
 def run(recording: ImuRecording, params: Params, *, details: bool = False) -> OrientationResult:
     """Return attitude, covariance, bias and flags of every row, as `ahrs_kalman.run`."""
     result = empty_result(recording.stamp, details=details)
@@ -221,7 +232,7 @@ def run(recording: ImuRecording, params: Params, *, details: bool = False) -> Or
         started = not flags & NOT_STARTED
         result.flags[i] = flags
         result.orientation[i] = state.orientation if started else np.nan
-        result.packed_covariance[i] = ahrs_kalman.covariance(state) if started else np.nan
+        result.spread[i] = ahrs_kalman.covariance(state) if started else np.nan
         result.bias[i] = state.bias if started else np.nan
         if details and started:
             _write_details(result, i, state)

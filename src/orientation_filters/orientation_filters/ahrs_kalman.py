@@ -28,16 +28,16 @@ from orientation_filters.ahrs_state import (
 from orientation_filters.flags import (
     DROPPED,
     INVALID_ACCELEROMETER,
-    INVALID_MAGNETOMETER,
     JUMPED_BACK,
     NOT_STARTED,
     REINITIALISED,
     SIX_AXIS,
 )
-from orientation_filters.intake import check_sample, check_time
+from orientation_filters.intake import check_sample, check_time, is_field
 from orientation_filters.kernel import kernel
 from orientation_filters.magnetic_reference import no_reference
 from orientation_filters.quaternion import (
+    Quaternion,
     Vector,
     absent,
     attitude_from_vectors,
@@ -88,7 +88,7 @@ def admit(
     flags = check_sample(w, f, m) | check_time(stamp, state.stamp, params.max_gap)
     if flags & DROPPED:
         return flags if state.stamp >= 0 else flags | NOT_STARTED, False
-    has_field = params.use_magnetometer and not absent(m) and not flags & INVALID_MAGNETOMETER
+    has_field = params.use_magnetometer and is_field(m)
     if has_field and state.field_stamp < 0:
         flags |= REINITIALISED
     elif not has_field and (
@@ -122,6 +122,12 @@ def _start(
 
 
 @kernel
+def orientation(state: State) -> Quaternion:
+    """Return the attitude, sensor → world, w ≥ 0."""
+    return state.orientation
+
+
+@kernel
 def covariance(state: State) -> Symmetric:
     """Return xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
     if state.adaptive.covariance.orientation[0] > 0.0:
@@ -150,7 +156,7 @@ def run(recording: ImuRecording, params: Params, *, details: bool = False) -> Or
         np.ascontiguousarray(recording.linear_acceleration),
         np.ascontiguousarray(recording.magnetic_field),
         result.orientation,
-        result.packed_covariance,
+        result.spread,
         result.bias,
         result.flags,
         none if result.linear_acceleration is None else result.linear_acceleration,
@@ -168,7 +174,7 @@ def _run(  # noqa: PLR0913, PLR0917 (one loop over columns, compiled)
     w: FloatArray,
     f: FloatArray,
     m: FloatArray,
-    orientation: FloatArray,
+    attitude: FloatArray,
     packed: FloatArray,
     bias: FloatArray,
     row_flags: NDArray[np.int32],
@@ -185,12 +191,13 @@ def _run(  # noqa: PLR0913, PLR0917 (one loop over columns, compiled)
             (f[i, 0], f[i, 1], f[i, 2]),
             (m[i, 0], m[i, 1], m[i, 2]),
         )
-        row_flags[i] = flags
+        if flags:
+            row_flags[i] = flags
         q, c, b = state.orientation, covariance(state), state.bias
         if flags & NOT_STARTED:
             q, c, b = NAN4, NAN6, NAN3
         for k in range(4):
-            orientation[i, k] = q[k]
+            attitude[i, k] = q[k]
         for k in range(6):
             packed[i, k] = c[k]
         for k in range(3):

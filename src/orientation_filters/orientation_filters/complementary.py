@@ -23,13 +23,12 @@ from orientation_filters.flags import (
     DISTURBED,
     DROPPED,
     INVALID_ACCELEROMETER,
-    INVALID_MAGNETOMETER,
     JUMPED_BACK,
     NOT_STARTED,
     REINITIALISED,
     SIX_AXIS,
 )
-from orientation_filters.intake import check_sample, check_time
+from orientation_filters.intake import check_sample, check_time, is_field
 from orientation_filters.kernel import kernel
 from orientation_filters.magnetic_reference import (
     FieldParams,
@@ -48,6 +47,7 @@ from orientation_filters.quaternion import (
     from_rotation_vector,
     matrix,
     multiply,
+    normalised,
     scale,
     subtract,
     transform,
@@ -55,7 +55,7 @@ from orientation_filters.quaternion import (
 from orientation_filters.rest import RestParams, RestState, start_rest, watch_rest
 from orientation_filters.result import OrientationResult, empty_result
 
-GRAVITY = 9.81
+PER_GRAVITY = 1.0 / 9.81
 NAN3 = (np.nan,) * 3
 NAN4 = (np.nan,) * 4
 NAN6 = (np.nan,) * 6
@@ -103,6 +103,7 @@ class State(NamedTuple):
     stamp: int
     """Of the last sample used [ns]; −1 before the first."""
     orientation: Quaternion
+    """Of nearly unit length; `orientation` gives it exactly."""
     bias: Vector
     """Of the gyroscope [rad/s], sensor frame."""
     variance: tuple[float, float]
@@ -134,29 +135,54 @@ def update(
     state: State, params: Params, stamp: int, w: Vector, f: Vector, m: Vector
 ) -> tuple[State, int]:
     """Return state and flags after a sample: stamp [ns], rad/s, m/s², T (NaN: no sample)."""
+    return _step(state, params, stamp, w, f, m, params.adaptive)
+
+
+@kernel
+def _step(
+    state: State,
+    params: Params,
+    stamp: int,
+    w: Vector,
+    f: Vector,
+    m: Vector,
+    adaptive: bool,
+) -> tuple[State, int]:
+    """Do what `update` promises; a constant `adaptive` leaves the other half out when compiled."""
     flags = check_sample(w, f, m) | check_time(stamp, state.stamp, params.max_gap)
     if flags & DROPPED:
         return state, flags if state.stamp >= 0 else flags | NOT_STARTED
-    has_field = params.use_magnetometer and not absent(m) and not flags & INVALID_MAGNETOMETER
+    has_field = params.use_magnetometer and is_field(m)
     if flags & REINITIALISED or (has_field and state.field_stamp < 0):
         return _start(state, params, stamp, w, f, m if has_field else NAN3, flags)
     dt = (stamp - state.stamp) * 1e-9
     rate = subtract(w, state.bias)
-    q = multiply(state.orientation, from_rotation_vector(scale(dt, rate)))
+    before = state.orientation
+    square = before[0] ** 2 + before[1] ** 2 + before[2] ** 2 + before[3] ** 2
+    q = multiply(before, from_rotation_vector(scale(dt, rate)))
     rows = matrix(q)
-    x, y, tilt_gain, tilt_sigma = _correct_inclination(state, params, rows, f, dt, flags)
+    x, y, tilt_gain, tilt_sigma = _correct_inclination(state, params, rows, f, dt, flags, adaptive)
+    known_gain = (dt if tilt_gain > 0.0 else -1.0, tilt_gain)
     z, turn_gain, field, field_flags = _correct_heading(
-        state, params, transform(rows, m), stamp, rate, has_field
+        state,
+        params,
+        transform(rows, m),
+        stamp,
+        rate,
+        has_field,
+        known_gain,
+        adaptive,
     )
     flags |= field_flags
-    q = _turn(q, x, y, z)
+    q = _turn(q, (x, y, z), tilt_gain, turn_gain, square)
     rest, bias = state.rest, state.bias
-    if params.adaptive:
+    if adaptive:
         rest = watch_rest(rest, params.rest, w, f, dt)
         if rest.duration >= params.rest.duration:
             bias, flags = _learn_at_rest(bias, rest, params, dt, flags)
         elif params.learn_bias:
-            bias = _learn_in_motion(bias, params, rows, (x, y, z), state.age)
+            turned = (tilt_gain * x, tilt_gain * y, turn_gain * z)
+            bias = _learn_in_motion(bias, params, rows, turned, state.age)
     variance, lag = _spread_errors(state, params, dt, (tilt_gain, turn_gain), tilt_sigma)
     field_stamp = stamp if has_field else state.field_stamp
     age = state.age + dt
@@ -184,53 +210,71 @@ def _heading_error(seen: Vector, level: float, north: tuple[float, float]) -> fl
 
 @kernel
 def _correct_inclination(
-    state: State, params: Params, rows: Matrix, f: Vector, dt: float, flags: int
+    state: State,
+    params: Params,
+    rows: Matrix,
+    f: Vector,
+    dt: float,
+    flags: int,
+    adaptive: bool,
 ) -> tuple[float, float, float, float]:
-    """Return x, y of the rotation towards specific force, its gain, the sample's sigma."""
+    """Return x, y of the rotation to specific force upward, gain, the sample's sigma."""
     if flags & INVALID_ACCELEROMETER:
         return 0.0, 0.0, 0.0, 0.0
+    gain = _gain(params.inclination_rate, dt, state.age, params, adaptive)
     length = sqrt(dot(f, f))
-    gain = _gain(params.inclination_rate, dt, state.age, params)
-    if params.adaptive:  # accelerations average out only where they are not normalised away
-        up = transform(rows, scale(params.up / GRAVITY, f))
+    if adaptive:  # accelerations average out only where they are not normalised away
+        up = transform(rows, scale(params.up * PER_GRAVITY, f))
         x, y = up[1], -up[0]
     else:
         x, y = _inclination_error(transform(rows, scale(1.0 / length, f)), params.up)
-    return gain * x, gain * y, gain, params.inclination_sigma + abs(length - GRAVITY) / GRAVITY
+    return x, y, gain, params.inclination_sigma + abs(length * PER_GRAVITY - 1.0)
 
 
 @kernel
 def _correct_heading(
-    state: State, params: Params, seen: Vector, stamp: int, rate: Vector, has_field: bool
+    state: State,
+    params: Params,
+    seen: Vector,
+    stamp: int,
+    rate: Vector,
+    has_field: bool,
+    known_gain: tuple[float, float],
+    adaptive: bool,
 ) -> tuple[float, float, FieldState, int]:
-    """Return z of the rotation of the field `seen` to magnetic north, gain, field and flags."""
+    """Return z of the rotation of the field `seen` to magnetic north, gain, field and flags.
+
+    `known_gain` is a time step [s] and the accelerometer's gain for it.
+    """
     since = (stamp - state.field_stamp) * 1e-9
     field = state.field
     if not has_field:
         late = state.field_stamp < 0 or stamp - state.field_stamp > params.magnetometer_timeout
         return 0.0, 0.0, field, SIX_AXIS if late else 0
     level = sqrt(seen[0] * seen[0] + seen[1] * seen[1])
-    if params.adaptive:
+    if adaptive:
         parts = (level, -params.up * seen[2])
         field = judge_field(field, params.field, parts, sqrt(dot(rate, rate)), since)
         if field.accepted_for < params.field.hold:
             return 0.0, 0.0, field, DISTURBED
     if level <= 1e-3 * abs(seen[2]):
         return 0.0, 0.0, field, 0
-    gain = _gain(params.heading_rate, since, state.age, params)
-    return gain * _heading_error(seen, level, params.north), gain, field, 0
+    gain = known_gain[1]
+    if adaptive or since != known_gain[0] or params.heading_rate != params.inclination_rate:
+        gain = _gain(params.heading_rate, since, state.age, params, adaptive)
+    return _heading_error(seen, level, params.north), gain, field, 0
 
 
 @kernel
-def _turn(q: Quaternion, x: float, y: float, z: float) -> Quaternion:
-    """Return q turned in the world by a vector x, y, z [rad] of sine length, normalised."""
-    q = multiply((0.5 * x, 0.5 * y, 0.5 * z, 1.0), q)
-    square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
-    near = abs(square - 1.0) < 1e-5  # then 1/√square to 4e-11; what is left goes in the next step
-    factor = 1.5 - 0.5 * square if near else 1.0 / sqrt(square)
-    if q[3] < 0.0:
-        factor = -factor
-    return q[0] * factor, q[1] * factor, q[2] * factor, q[3] * factor
+def _turn(q: Quaternion, error: Vector, tilt: float, turn: float, square: float) -> Quaternion:
+    """Return q turned in the world by its part of `error`, rescaled by the length² it had before.
+
+    Rescaling by what is known already keeps square root and division out of the way of the next
+    sample; the length stays within the square of half a correction of 1.
+    """
+    factor = 1.5 - 0.5 * square
+    tilt, turn = 0.5 * factor * tilt, 0.5 * factor * turn
+    return multiply((tilt * error[0], tilt * error[1], turn * error[2], factor), q)
 
 
 @kernel
@@ -258,15 +302,15 @@ def _start(
 
 
 @kernel
-def _gain(rate: float, dt: float, age: float, params: Params) -> float:
+def _gain(rate: float, dt: float, age: float, params: Params, adaptive: bool) -> float:
     """Return 1 − exp(−rate · dt); the adaptive filter starts as a mean and becomes a low-pass."""
-    if params.adaptive:
+    if adaptive:
         rate = max(rate, params.start_time / (age + dt))
     x = rate * dt
     if x > 0.5:
         return 1.0 - exp(-x)
     square = x * x
-    return x / (1.0 + 0.5 * x + square * (1 / 12 - square * (1 / 720 - square / 30240)))
+    return x / (1.0 + 0.5 * x + square * (1 / 12 - square * (1 / 720 - square * (1 / 30240))))
 
 
 @kernel
@@ -323,6 +367,19 @@ def _learn_in_motion(
 
 
 @kernel
+def orientation(state: State) -> Quaternion:
+    """Return the attitude, sensor → world, of unit length, w ≥ 0."""
+    q = state.orientation
+    excess = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0
+    if abs(excess) > 1e-4:
+        return normalised(q)
+    factor = 1.0 + excess * (0.375 * excess - 0.5)  # 1/√(1 + excess) to 3e-13
+    if q[3] < 0.0:
+        factor = -factor
+    return q[0] * factor, q[1] * factor, q[2] * factor, q[3] * factor
+
+
+@kernel
 def covariance(state: State) -> tuple[float, float, float, float, float, float]:
     """Return xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
     tilt = state.variance[0] + state.lag[0] * state.lag[0]
@@ -332,8 +389,8 @@ def covariance(state: State) -> tuple[float, float, float, float, float, float]:
 
 def run(recording: ImuRecording, params: Params) -> OrientationResult:
     """Return attitude, covariance, bias and flags of every row of the recording."""
-    result = empty_result(recording.stamp)
-    _run(
+    result = empty_result(recording.stamp, covariances=2)
+    (_run_adaptive if params.adaptive else _run_fixed)(
         initial_state(),
         params,
         recording.stamp,
@@ -341,7 +398,7 @@ def run(recording: ImuRecording, params: Params) -> OrientationResult:
         np.ascontiguousarray(recording.linear_acceleration),
         np.ascontiguousarray(recording.magnetic_field),
         result.orientation,
-        result.packed_covariance,
+        result.spread,
         result.bias,
         result.flags,
     )
@@ -349,34 +406,65 @@ def run(recording: ImuRecording, params: Params) -> OrientationResult:
 
 
 @kernel
-def _run(  # noqa: PLR0913, PLR0917 (one loop over columns, compiled)
+def _run_fixed(  # noqa: PLR0913, PLR0917 (one loop over columns, compiled)
     state: State,
     params: Params,
     stamp: IntArray,
     w: FloatArray,
     f: FloatArray,
     m: FloatArray,
-    orientation: FloatArray,
-    packed: FloatArray,
+    attitude: FloatArray,
+    spread: FloatArray,
     bias: FloatArray,
     row_flags: NDArray[np.int32],
 ) -> None:
     for i in range(len(stamp)):
-        state, flags = update(
-            state,
-            params,
-            stamp[i],
-            (w[i, 0], w[i, 1], w[i, 2]),
-            (f[i, 0], f[i, 1], f[i, 2]),
-            (m[i, 0], m[i, 1], m[i, 2]),
-        )
-        row_flags[i] = flags
-        q, c, b = state.orientation, covariance(state), state.bias
+        state, flags = _step(state, params, stamp[i], _row(w, i), _row(f, i), _row(m, i), False)
+        _write(i, state, flags, attitude, spread, row_flags)
         if flags & NOT_STARTED:
-            q, c, b = NAN4, NAN6, NAN3
-        for k in range(4):
-            orientation[i, k] = q[k]
-        for k in range(6):
-            packed[i, k] = c[k]
+            bias[i] = np.nan
+
+
+@kernel
+def _run_adaptive(  # noqa: PLR0913, PLR0917 (one loop over columns, compiled)
+    state: State,
+    params: Params,
+    stamp: IntArray,
+    w: FloatArray,
+    f: FloatArray,
+    m: FloatArray,
+    attitude: FloatArray,
+    spread: FloatArray,
+    bias: FloatArray,
+    row_flags: NDArray[np.int32],
+) -> None:
+    for i in range(len(stamp)):
+        state, flags = _step(state, params, stamp[i], _row(w, i), _row(f, i), _row(m, i), True)
+        _write(i, state, flags, attitude, spread, row_flags)
         for k in range(3):
-            bias[i, k] = b[k]
+            bias[i, k] = np.nan if flags & NOT_STARTED else state.bias[k]
+
+
+@kernel
+def _row(column: FloatArray, i: int) -> Vector:
+    return column[i, 0], column[i, 1], column[i, 2]
+
+
+@kernel
+def _write(
+    i: int,
+    state: State,
+    flags: int,
+    attitude: FloatArray,
+    spread: FloatArray,
+    row_flags: NDArray[np.int32],
+) -> None:
+    if flags:
+        row_flags[i] = flags
+    q, c = orientation(state), covariance(state)
+    if flags & NOT_STARTED:
+        q, c = NAN4, NAN6
+    for k in range(4):
+        attitude[i, k] = q[k]
+    spread[i, 0] = c[0]
+    spread[i, 1] = c[5]

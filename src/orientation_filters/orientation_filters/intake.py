@@ -12,7 +12,7 @@ from orientation_filters.flags import (
     REINITIALISED,
 )
 from orientation_filters.kernel import kernel
-from orientation_filters.quaternion import Vector, absent, dot, usable
+from orientation_filters.quaternion import Vector, absent, dot
 
 RATE_LIMIT = 1e3
 """Largest angular velocity taken for a measurement [rad/s]."""
@@ -26,13 +26,19 @@ FIELD_LIMIT = 1.0
 def check_sample(w: Vector, f: Vector, m: Vector) -> int:
     """Return INVALID_… and DROPPED bits; a field of NaN only is no sample, not an invalid one."""
     flags = 0
-    if not usable(w, RATE_LIMIT):
+    if not dot(w, w) <= RATE_LIMIT * RATE_LIMIT:  # not, so that NaN is refused as well
         flags |= INVALID_GYROSCOPE | DROPPED
-    if not usable(f, FORCE_LIMIT) or dot(f, f) < 1e-12:
+    if not 1e-12 <= dot(f, f) <= FORCE_LIMIT * FORCE_LIMIT:
         flags |= INVALID_ACCELEROMETER
-    if not absent(m) and (not usable(m, FIELD_LIMIT) or dot(m, m) < 1e-20):
+    if not is_field(m) and not absent(m):
         flags |= INVALID_MAGNETOMETER
     return flags
+
+
+@kernel
+def is_field(m: Vector) -> bool:
+    """Whether the vector can be a magnetic field [T]: neither zero, nor NaN, nor absurd."""
+    return 1e-20 <= dot(m, m) <= FIELD_LIMIT * FIELD_LIMIT
 
 
 @kernel

@@ -106,7 +106,7 @@ class LiveFilter:
         if flags & (DROPPED | NOT_STARTED) or self.refusal:
             return None
         xx, xy, xz, yy, yz, zz = self._module.covariance(self._state)
-        q = self._state.orientation
+        q = self._module.orientation(self._state)
         roll, pitch, yaw = euler_zyx(np.array(q)).tolist()
         covariance = (xx, xy, xz, xy, yy, yz, xz, yz, zz)
         return Estimate(imu, q, covariance, (roll, pitch, yaw), flags)

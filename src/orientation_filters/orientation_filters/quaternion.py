@@ -50,12 +50,6 @@ def approach(a: Vector, b: Vector, gain: float) -> Vector:
 
 
 @kernel
-def usable(v: Vector, limit: float) -> bool:
-    """Whether the vector is finite and no component exceeds `limit`."""
-    return abs(v[0]) <= limit and abs(v[1]) <= limit and abs(v[2]) <= limit
-
-
-@kernel
 def absent(v: Vector) -> bool:
     """Whether no component holds a number: a row without a sample."""
     return v[0] != v[0] and v[1] != v[1] and v[2] != v[2]
@@ -86,8 +80,8 @@ def from_rotation_vector(v: Vector) -> Quaternion:
     """Return the rotation by |v| [rad] about v."""
     square = dot(v, v)
     if square < SERIES_LIMIT:
-        half_sinc = 0.5 - square * (1 / 48 - square * (1 / 3840 - square / 645120))
-        cosine = 1.0 - square * (1 / 8 - square * (1 / 384 - square / 46080))
+        half_sinc = 0.5 - square * (1 / 48 - square * (1 / 3840 - square * (1 / 645120)))
+        cosine = 1.0 - square * (1 / 8 - square * (1 / 384 - square * (1 / 46080)))
     else:
         angle = sqrt(square)
         half_sinc = sin(0.5 * angle) / angle
