@@ -13,7 +13,7 @@ from thermal_comp.conditions import SENSORS, Conditions, field_conditions
 from thermal_comp.effects.effect import State
 from thermal_comp.model import ThermalModel
 from thermal_comp.model_file import check_device
-from thermal_comp.sensor_error import sensor_error
+from thermal_comp.sensor_error import plan_of, sensor_error
 from thermal_comp.vibration import vibration_of
 
 PIECE = 50_000
@@ -68,10 +68,11 @@ def _sensor(model: ThermalModel, conditions: Conditions) -> _Found:
     error = np.empty((len(conditions), 3))
     outside = np.zeros(len(conditions), dtype=bool)
     skipped: dict[str, int] = {}
+    plan = plan_of(model.sensors[conditions.sensor])
     states: tuple[State | None, ...] | None = None
     for start in range(0, len(conditions), PIECE):
         rows = slice(start, start + PIECE)
-        part = sensor_error(model.sensors[conditions.sensor], conditions.rows(rows), states)
+        part = sensor_error(plan, conditions.rows(rows), states)
         error[rows], outside[rows], states = part.error, part.clamped, part.states
         for name, missing in part.skipped.items():
             skipped[name] = skipped.get(name, 0) + int(missing.sum())

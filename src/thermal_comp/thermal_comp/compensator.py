@@ -18,12 +18,13 @@ from imu_recording.recording import FloatArray
 from thermal_comp.compensate_recording import compensate
 from thermal_comp.conditions import CHANNELS, SENSORS, Conditions, Sensor
 from thermal_comp.effects.effect import State
-from thermal_comp.model import SensorModel, ThermalModel
+from thermal_comp.model import ThermalModel
 from thermal_comp.sensor_error import (
     SensorError,
+    SensorPlan,
     has_history,
+    plan_of,
     sensor_error,
-    uncompensated_variance,
 )
 from thermal_comp.vibration import VibrationState, update_vibration
 
@@ -78,6 +79,8 @@ class Compensator:
 
     def __init__(self, model: ThermalModel, *, temperature_timeout: float = 10.0) -> None:
         self.model = model
+        self._plans = {s: plan_of(model.sensors[s]) for s in SENSORS if s in model.sensors}
+        self._noise_of: dict[tuple[Sensor, int], FloatArray] = {}
         self.timeout_ns = round(temperature_timeout * 1e9)
         self.condition = Condition(history='lost' if _needs_history(model) else 'not needed')
         self.origin = -1
@@ -150,7 +153,7 @@ class Compensator:
         accelerometer = self._compensate(
             'accelerometer', stamp, linear_acceleration, keep=in_order
         )
-        if in_order:
+        if in_order and self.condition.history != 'not needed':
             # The magnetometer's history advances with the rows, as in a recording.
             self._before_row = self.histories.get('magnetometer')
             self._compensate('magnetometer', stamp, self._field, keep=True)
@@ -182,49 +185,55 @@ class Compensator:
     def _compensate(
         self, sensor: Sensor, stamp: int, measured: Vector, *, keep: bool
     ) -> CompensatedVector:
-        model = self.model.sensors.get(sensor)
+        plan = self._plans.get(sensor)
+        if plan is None:
+            return CompensatedVector(measured, np.zeros((3, 3)), np.zeros(3), compensated=False)
         temperature = self._value('temperature', stamp, self.timeout_ns)
         self.condition.stale = temperature is None
-        if model is None or not isinstance(temperature, float):
-            return self._passed_on(model, measured)
+        if not isinstance(temperature, float):
+            unknown = np.diag(plan.variance)
+            return CompensatedVector(measured, unknown, self._noise(sensor), compensated=False)
         again = sensor == 'magnetometer' and stamp == self.newest and not keep
         states = self._before_row if again else self.histories.get(sensor)
-        found = sensor_error(model, self._conditions(sensor, stamp, temperature), states)
+        found = sensor_error(plan, self._conditions(sensor, stamp, temperature), states)
         if keep:
             self.histories[sensor] = found.states
-        self._note(sensor, temperature, found)
-        value = np.array(measured) - found.error[0]
+        self._note(plan, temperature, found)
+        value = [m - e for m, e in zip(measured, found.error[0].tolist(), strict=True)]
         return CompensatedVector(
-            (float(value[0]), float(value[1]), float(value[2])),
+            (value[0], value[1], value[2]),
             found.covariance[0],
-            self._noise(model),
+            self._noise(sensor),
             compensated=True,
         )
 
-    def _passed_on(self, model: SensorModel | None, measured: Vector) -> CompensatedVector:
-        variance = np.zeros(3) if model is None else uncompensated_variance(model)
-        noise = np.zeros(3) if model is None else self._noise(model)
-        return CompensatedVector(measured, np.diag(variance), noise, compensated=False)
-
-    def _note(self, sensor: Sensor, temperature: float, found: SensorError) -> None:
+    def _note(self, plan: SensorPlan, temperature: float, found: SensorError) -> None:
         self.condition.temperature = temperature
         self.condition.outside = bool(found.clamped[0])
-        terms = {e.name: e for _, e, _ in self.model.sensors[sensor].device_terms()}
-        for name, effect in terms.items():
-            if name in found.skipped:
-                self.condition.not_applied[name] = ', '.join(effect.channels)
-            else:
-                self.condition.not_applied.pop(name, None)
+        for effect in plan.effects:
+            if effect.name in found.skipped:
+                self.condition.not_applied[effect.name] = ', '.join(effect.channels)
+            elif effect.channels:
+                self.condition.not_applied.pop(effect.name, None)
 
-    def _noise(self, model: SensorModel) -> FloatArray:
-        if model.noise is None:
+    def _noise(self, sensor: Sensor) -> FloatArray:
+        """Return the (3,) noise variance at the newest sample's distance from the one before."""
+        noise = self.model.sensors[sensor].noise
+        if noise is None:
             return np.zeros(3)
         interval = self._interval if math.isfinite(self._interval) else 1.0
-        return model.noise.variance_of_means(min(max(interval, 1e-4), 100.0))
+        key = (sensor, round(min(max(interval, 1e-4), 100.0) * 1e4))
+        if key not in self._noise_of:
+            self._noise_of[key] = noise.variance_of_means(key[1] * 1e-4)
+        return self._noise_of[key]
 
     def _conditions(self, sensor: Sensor, stamp: int, temperature: float) -> Conditions:
         origin = self.origin if self.origin >= 0 else stamp
-        conditions = Conditions(
+        channels: dict[str, Any] = {'vibration': np.array([self.vibration.variance])}
+        for name in self._channels:
+            if name in CHANNELS and (value := self._value(name, stamp)) is not None:
+                channels[name] = np.array([value], dtype=float)
+        return Conditions(
             time=np.array([(stamp - origin) * 1e-9]),
             temperature=np.array([temperature]),
             specific_force=np.array([self._force]),
@@ -232,16 +241,8 @@ class Compensator:
             magnetic_field=np.array([self._field]),
             sensor=sensor,
             reference_temperature=self.model.reference_temperature,
+            **channels,
         )
-        known = {name: self._value(name, stamp) for name in self._channels if name in CHANNELS}
-        if 'vibration' not in known:
-            known['vibration'] = self.vibration.variance
-        channels: dict[str, Any] = {
-            name: np.array([value], dtype=float)
-            for name, value in known.items()
-            if value is not None
-        }
-        return replace(conditions, **channels)
 
     def _value(self, name: str, stamp: int, timeout: int | None = None) -> float | Vector | None:
         """Return the newest value not later than `stamp` and not older than `timeout` [ns]."""

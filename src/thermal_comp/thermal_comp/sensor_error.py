@@ -31,51 +31,80 @@ class SensorError:
     """History of each device effect."""
 
 
+@dataclass(frozen=True, eq=False)
+class SensorPlan:
+    """What a sensor model says about every sample alike."""
+
+    effects: tuple[Effect, ...]
+    """The device effects."""
+    coefficients: tuple[FloatArray, ...]
+    places: tuple[slice, ...]
+    """Where each one's coefficients stand in the covariance."""
+    covariance: FloatArray
+    rms: tuple[FloatArray, ...]
+    """(3,) rms of each one's error in the fit [unit]."""
+    variance: FloatArray
+    """(3,) variance a sample has where nothing is subtracted [unit²]."""
+    low: float
+    high: float
+    """Fitted temperatures [°C]."""
+
+
+def plan_of(model: SensorModel) -> SensorPlan:
+    """Return the plan of a sensor model."""
+    starts = np.cumsum([0, *(c.size for c in model.coefficients)]).tolist()
+    terms = model.device_terms()
+    rms = tuple(np.asarray(model.contributions.get(e.name, np.zeros(3))) for _, e, _ in terms)
+    return SensorPlan(
+        effects=tuple(effect for _, effect, _ in terms),
+        coefficients=tuple(coefficients for _, _, coefficients in terms),
+        places=tuple(slice(starts[i], starts[i + 1]) for i, _, _ in terms),
+        covariance=model.covariance,
+        rms=rms,
+        variance=np.sum([r**2 for r in rms], axis=0) if rms else np.zeros(3),
+        low=model.temperature_range[0],
+        high=model.temperature_range[1],
+    )
+
+
 def sensor_error(
-    model: SensorModel, conditions: Conditions, states: tuple[State | None, ...] | None = None
+    plan: SensorPlan, conditions: Conditions, states: tuple[State | None, ...] | None = None
 ) -> SensorError:
     """Return the modelled error of the device effects for rows with a finite temperature.
 
-    The temperature is clamped to the fitted range. An effect whose channel is not known in a row
-    adds nothing there but its rms in the fit to the variance.
+    The temperature is clamped to the fitted range; beyond it the whole modelled error is taken to
+    be uncertain in proportion to the distance, in units of half the range. An effect whose
+    channel is not known in a row adds nothing there but its rms in the fit to the variance.
     """
-    low, high = model.temperature_range
-    clamped = (conditions.temperature < low) | (conditions.temperature > high)
-    outside = conditions.temperature - np.clip(conditions.temperature, low, high)
-    conditions = replace(conditions, temperature=conditions.temperature - outside)
-    terms = model.device_terms()
-    history = list(states or (None,) * len(terms))
     n = len(conditions)
-    error = np.zeros((n, 3))
-    jacobian = np.zeros((n, 3, len(model.covariance)))
-    variance = _extrapolation(model, outside)
+    error, variance = np.zeros((n, 3)), np.zeros((n, 3))
+    limited = np.minimum(np.maximum(conditions.temperature, plan.low), plan.high)
+    clamped = limited != conditions.temperature
+    if clamped.any():
+        outside = (conditions.temperature - limited) / (0.5 * max(plan.high - plan.low, 1.0))
+        variance += outside[:, None] ** 2 * plan.variance
+        conditions = replace(conditions, temperature=limited)
+    history = list(states or (None,) * len(plan.effects))
+    jacobian = np.zeros((n, 3, len(plan.covariance)))
     skipped: dict[str, NDArray[np.bool_]] = {}
-    starts = np.cumsum([0, *(c.size for c in model.coefficients)])
-    for k, (i, effect, coefficients) in enumerate(terms):
-        unknown = _unknown_rows(effect, conditions)
-        if not unknown.all():
-            # A held channel is unknown only before its first sample; history starts there.
-            first = int(np.argmin(unknown))
-            columns, history[k] = effect.columns(conditions.rows(slice(first, None)), history[k])
-            gap = unknown[first:].reshape(-1, *[1] * (columns.ndim - 1))
-            columns = np.where(gap, 0.0, columns) if gap.any() else columns
-            error[first:] += columns @ coefficients
-            _fill(jacobian[first:, :, starts[i] : starts[i + 1]], columns)
-        if unknown.any():
+    for k, effect in enumerate(plan.effects):
+        # A held channel is unknown only before its first sample; history starts there.
+        unknown = _unknown_rows(effect, conditions) if effect.channels else None
+        first = 0 if unknown is None else int(np.argmin(unknown))
+        if unknown is None or not unknown[first]:
+            part = conditions.rows(slice(first, None)) if first else conditions
+            columns, history[k] = effect.columns(part, history[k])
+            if unknown is not None and unknown[first:].any():
+                gap = unknown[first:].reshape(-1, *[1] * (columns.ndim - 1))
+                columns = np.where(gap, 0.0, columns)
+            error[first:] += columns @ plan.coefficients[k]
+            _fill(jacobian[first:, :, plan.places[k]], columns)
+        if unknown is not None and unknown.any():
             skipped[effect.name] = unknown
-            rms = model.contributions.get(effect.name, np.zeros(3))
-            variance += unknown[:, None] * rms**2
-    covariance = jacobian @ model.covariance @ jacobian.transpose(0, 2, 1)
+            variance += unknown[:, None] * plan.rms[k] ** 2
+    covariance = jacobian @ plan.covariance @ jacobian.transpose(0, 2, 1)
     covariance[:, [0, 1, 2], [0, 1, 2]] += variance
     return SensorError(error, covariance, clamped, skipped, tuple(history))
-
-
-def uncompensated_variance(model: SensorModel) -> FloatArray:
-    """Return the (3,) variance a sample has where nothing was subtracted [unit²]."""
-    effects = [effect.name for _, effect, _ in model.device_terms()]
-    variances = [np.asarray(model.contributions.get(name, np.zeros(3))) ** 2 for name in effects]
-    total: FloatArray = np.sum(variances, axis=0) if variances else np.zeros(3)
-    return total
 
 
 def has_history(model: SensorModel, conditions: Conditions) -> bool:
@@ -105,16 +134,3 @@ def _fill(jacobian: FloatArray, columns: FloatArray) -> None:
         return
     for axis in range(3):
         jacobian[:, axis, axis::3] = columns
-
-
-def _extrapolation(model: SensorModel, outside: FloatArray) -> FloatArray:
-    """Return the (n, 3) variance for a temperature `outside` kelvin beyond the fitted range.
-
-    The whole modelled error is taken to grow with the distance, in units of half the range.
-    """
-    low, high = model.temperature_range
-    if not np.isfinite([low, high]).all() or high <= low:
-        return np.zeros((len(outside), 3))
-    share = outside / (0.5 * (high - low))
-    variance: FloatArray = share[:, None] ** 2 * uncompensated_variance(model)
-    return variance
