@@ -98,6 +98,7 @@ class Bench:
                 protocol=self.options.protocol, first_tick=schedule.first_tick()
             )
         self.time = 0.0
+        self.host_ahead = 0.0
         self.port = MemoryPort()
         self.source = StillDevice()
         self.board = EmulatedBoard(self.source, self.options)
@@ -114,7 +115,7 @@ class Bench:
         return self.emulator.line
 
     def ns(self) -> int:
-        return EPOCH + round(self.time * 1e9)
+        return EPOCH + round((self.time + self.host_ahead) * 1e9)
 
     def run(self, until: float) -> None:
         while self.time < until:

@@ -187,6 +187,19 @@ def test_new_only_where_newly_measured(bench: Any) -> None:
     )
 
 
+@pytest.mark.parametrize('step', [86_400.0, -7_200.0, 3.0])
+def test_setting_the_hosts_clock_costs_no_sample(bench: Any, step: float) -> None:
+    run = bench()
+    run.run(until=2.0)
+    run.host_ahead = step
+    run.run(until=8.0)
+    run.finish()
+    assert run.session.sequence.lost == 0
+    assert run.session.restarts == 0
+    assert len(run.samples) == run.line.sent
+    assert run.samples[-1].stamp == pytest.approx(run.ns(), abs=50_000_000)
+
+
 @pytest.mark.parametrize('text', ['flood@3', 'reset', 'reset@x', 'reset@3+', '@3', 'reset@-1'])
 def test_a_fault_that_does_not_exist_is_named(text: str) -> None:
     with pytest.raises(FaultError, match='expected NAME@SECONDS'):

@@ -25,9 +25,6 @@ STEP: Final = 0.5
 STEP_LASTS: Final = 3.0
 """[s] … if it lasts this long; stalls of the host pass."""
 
-BACKLOG: Final = 10.0
-"""[s] No buffer between the device and here holds more than this."""
-
 
 @dataclass
 class ConvexHull:
@@ -121,15 +118,6 @@ class DeviceClock:
     def has_restarted(self, tick: int, arrival: int) -> bool:
         """Whether a tick cannot follow the last one on the same device."""
         return self._origin is not None and self._advance(tick, arrival) < 0
-
-    def may_continue(self, tick: int, arrival: int) -> bool:
-        """Whether the device can have run on since the last stamp, as far as both clocks tell."""
-        if self._origin is None:
-            return True
-        waited = (arrival - self._arrival) / NANOSECOND
-        return abs(self._advance(tick, arrival) / self.tick_rate - waited) < BACKLOG + (
-            LARGEST_SKEW * waited
-        )
 
     def stamp(self, tick: int, arrival: int) -> int:
         """Return the ROS time [ns] at which the device read `tick`; `arrival` is ROS time [ns]."""

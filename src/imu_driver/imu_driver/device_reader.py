@@ -8,8 +8,9 @@ from collections.abc import Callable
 from typing import Final
 
 from imu_driver.sample import Sample
-from imu_driver.session import DeviceSession, Trouble
+from imu_driver.session import DeviceSession
 from imu_driver.transport import Transport
+from imu_driver.trouble import Trouble
 
 FIRST_RETRY: Final = 0.2
 LAST_RETRY: Final = 1.0

@@ -17,7 +17,7 @@ from imu_driver.driver_config import DriverParameters
 from imu_driver.driver_services import DriverServices
 from imu_driver.message_bytes import MessageBytes
 from imu_driver.sample import Sample
-from imu_driver.session import Trouble
+from imu_driver.trouble import Trouble
 
 RCLError = rclpy_implementation.RCLError
 

@@ -27,6 +27,7 @@ from imu_driver.frames import (
 from imu_driver.lsm9ds1 import DEFAULT_FULL_SCALE, SENSORS
 from imu_driver.sample import Sample, SampleScale
 from imu_driver.sequence import SequenceCount
+from imu_driver.trouble import Trouble
 
 HELD_AT_MOST: Final = 4000
 """Samples kept while their scale is unknown (four seconds at the highest rate)."""
@@ -50,12 +51,6 @@ class SessionConfig:
     latency: float = 0.0
     """[s] from sample to arrival at the least."""
     axis_maps: Mapping[str, AxisMap] = field(default_factory=dict)
-
-
-class Trouble(str):
-    """An event that an operator should look at."""
-
-    __slots__ = ()
 
 
 class DeviceSession:
@@ -162,11 +157,11 @@ class DeviceSession:
         if self.clock.has_restarted(frame.tick, arrival):
             self._settle(samples)
             self._restarted()
-        self.sequence.take(frame.sequence)
         if self._scale is None:
-            self.discarded += 1
-        else:
-            self._unstamped.append((frame, self.clock.observe(frame.tick, arrival)))
+            self._held.append((frame, arrival))
+            return
+        self.sequence.take(frame.sequence)
+        self._unstamped.append((frame, self.clock.observe(frame.tick, arrival)))
 
     def _settle(self, samples: list[Sample]) -> None:
         """Stamp what was observed since the last call."""
@@ -212,19 +207,27 @@ class DeviceSession:
         self.clock.tick_rate = float(frame.tick_rate or 1_000_000)
         self.information = frame
         self._identified = True
-        if self.config.device and frame.serial_number != self.config.device:
-            self._refuse(
-                f'device {frame.serial_number} is connected, {self.config.device} is wanted'
-            )
-            self.sequence.expect(frame.samples)
-            return
-        if self.refusal:
+        full_scale = dict(zip(SENSORS, map(float, frame.full_scale), strict=True))
+        reason = self._reason_against(frame, full_scale)
+        if reason:
+            self._refuse(reason)
+        elif self.refusal:
             self.events.append(f'device {frame.serial_number} is accepted')
             self.refusal = ''
-        full_scale = dict(zip(SENSORS, map(float, frame.full_scale), strict=True))
-        self._release(full_scale, frame.configuration, samples)
+        if not reason:
+            self._release(full_scale, frame.configuration, samples)
+            self.set_up.informed(frame, arrival)
         self.sequence.expect(frame.samples)
-        self.set_up.informed(frame, arrival)
+
+    def _reason_against(self, frame: InformationFrame, full_scale: Mapping[str, float]) -> str:
+        wanted = self.config.device
+        if wanted and frame.serial_number != wanted:
+            return f'device {frame.serial_number} is connected, {wanted} is wanted'
+        try:
+            SampleScale(full_scale)
+        except ValueError as error:
+            return str(error)
+        return ''
 
     def _compare(self, frame: InformationFrame, arrival: int) -> None:
         """Notice another device, a restart or another configuration."""
@@ -239,7 +242,7 @@ class DeviceSession:
             )
             self.clock.restart()
             self.sequence.restart(None)
-        elif self.sequence.has_restarted(frame.samples) or not self.clock.may_continue(
+        elif self.sequence.has_restarted(frame.samples) or self.clock.has_restarted(
             frame.tick, arrival
         ):
             self._restarted()
@@ -263,11 +266,7 @@ class DeviceSession:
     def _release(
         self, full_scale: Mapping[str, float], configuration: int, samples: list[Sample]
     ) -> None:
-        try:
-            self._scale = SampleScale(full_scale, self.config.axis_maps)
-        except ValueError as error:
-            self._refuse(str(error))
-            return
+        self._scale = SampleScale(full_scale, self.config.axis_maps)
         self._configuration = configuration
         held, self._held = self._held, []
         for frame, arrival in held:

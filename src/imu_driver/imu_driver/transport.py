@@ -104,8 +104,9 @@ def transport_opener(url: str, baudrate: int, rate: float = 0.0) -> Callable[[],
     `rate` [Hz] is what a simulated device samples at from power-on.
     """
     parts = urlsplit(url)
-    if parts.scheme == 'serial' and parts.path:
-        return lambda: SerialTransport(parts.path, baudrate)
+    path = parts.netloc + parts.path
+    if parts.scheme == 'serial' and path:
+        return lambda: SerialTransport(path, baudrate)
     if parts.scheme == 'tcp':
         try:
             host, port = parts.hostname, parts.port
