@@ -44,6 +44,10 @@ def test_a_file_by_itself(tmp_path: Path) -> None:
     assert_same(recording, read_bag(tmp_path / 'b' / 'b.mcap'))
     write_bag(recording, tmp_path / 'm', compression='message')
     assert_same(recording, read_bag(tmp_path / 'm' / 'm.mcap'))
+    (tmp_path / 'm' / 'metadata.yaml').unlink()
+    alone = read_bag(tmp_path / 'm')
+    assert np.array_equal(alone.angular_velocity, recording.angular_velocity)
+    assert np.array_equal(alone.phase, recording.phase)
 
 
 @pytest.mark.parametrize('compression', ['zstd', 'none', 'message', 'file'])

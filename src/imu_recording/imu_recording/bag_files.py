@@ -13,9 +13,9 @@ import yaml
 
 from imu_recording import mcap_scan, sqlite_scan
 from imu_recording.bag_error import BagError
+from imu_recording.decompress import ZSTD_MAGIC
 
 ROS1_MAGIC = b'#ROSBAG V2.0'
-ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 SUFFIXES = ('.mcap', '.db3', '.bag')
 LOOKED_FOR = 'metadata.yaml, *.mcap, *.db3, *.bag'
 

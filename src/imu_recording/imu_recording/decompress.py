@@ -15,6 +15,7 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
+ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 COMPRESSIONS = ('', 'zstd', 'lz4')
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from imu_recording.cdr_decode import decode_messages
 from imu_recording.cdr_layout import ENCAPSULATION, LAYOUTS, Bytes
+from imu_recording.decompress import ZSTD_MAGIC, decompress_message
 from imu_recording.logging_contract import STRING, Track
 from imu_recording.odd_message import OddMessageError, Values, decode_odd, standard_types, types_of
 from imu_recording.recording import FloatArray, IntArray
@@ -138,6 +139,8 @@ class TopicColumns:
         return int(stopped)
 
     def _take_odd(self, raw: bytes, received: int) -> None:
+        if raw.startswith(ZSTD_MAGIC):  # compressed one by one, where no metadata said so
+            raw = decompress_message(raw)
         try:
             stamp, values, text = decode_odd(raw, self.track.message_type, self._types)
         except OddMessageError:
