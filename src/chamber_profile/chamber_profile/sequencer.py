@@ -141,14 +141,19 @@ class Sequencer:
             note = self._note('confirm')
             self._take_over(readings)
             return note + self._next_step()
-        checking_on = self.progress.mode == kinds.CHECK and readings.running and self._resumed
-        if name == 'abort' and (self.progress.mode in kinds.IN_CHARGE or checking_on):
-            if checking_on:
-                self._take_over(readings)
-            return self._go_safe('aborted by the operator')
-        reason = 'aborted by the operator' if name == 'abort' else 'stand-by at once'
-        note = self._note('aborted', mode=kinds.ABORTED, stage=kinds.STOP, reason=reason)
+        if name == 'abort':
+            return self._abort(readings)
+        note = self._note('aborted', **_over('stand-by at once'))
         return [*note, Switch(False)]
+
+    def _abort(self, readings: Readings) -> list[Action]:
+        """Make safe what is ours: a run under way, or a chamber that an interrupted run left."""
+        reason = 'aborted by the operator'
+        if self.progress.mode not in kinds.IN_CHARGE:
+            if not self._resumed or readings.running is False:
+                return self._note('aborted', **_over(reason))
+            self._take_over(readings)
+        return self._go_safe(reason)
 
     def _check(self, readings: Readings) -> list[Action]:
         problems = check_problems(self.profile, self.steps, readings)
@@ -382,3 +387,7 @@ class Sequencer:
         self.progress = replace(self.progress, **own)
         details = {name: value for name, value in changes.items() if name not in names}
         return [Note(event, self.progress, details)]
+
+
+def _over(reason: str) -> dict[str, str]:
+    return {'mode': kinds.ABORTED, 'stage': kinds.STOP, 'reason': reason}

@@ -58,12 +58,20 @@ class SetpointWriter:
         if now - self.written_at < WRITE_PERIOD_S - JITTER_S:
             return None
         ahead = advanced(setpoint, heading, WRITE_PERIOD_S / 2)
-        value = self._quantised(ahead)
+        value = self._quantised(self._within_rate(ahead, now, heading))
         return None if value == self.written else value
 
     def after(self, now: float, value: float) -> SetpointWriter:
         """Return the writer after the value was written."""
         return replace(self, written=value, written_at=now)
+
+    def _within_rate(self, value: float, now: float, heading: Heading) -> float:
+        """Where the way turns round, looking ahead must not make the written step too large."""
+        if self.written is None or not heading.rate_c_per_min:
+            return value
+        passed = heading.rate_c_per_min / 60.0 * (now - self.written_at)
+        most = passed + self.resolution_c / 2 + 1e-6
+        return min(max(value, self.written - most), self.written + most)
 
     def _quantised(self, value: float) -> float:
         steps = round(value / self.resolution_c)
