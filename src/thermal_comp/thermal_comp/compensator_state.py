@@ -52,6 +52,8 @@ def restore_state(compensator: Compensator, path: str | os.PathLike[str]) -> str
         vibration = VibrationState(*_tuples(document['vibration']))
     except (ValueError, KeyError, TypeError, OSError) as error:
         return f'{target} cannot be read: {error}'
+    if newest < 0:
+        return f'{target} was written before the first sample'
     compensator.resume(origin, newest, histories, vibration)
     return ''
 

@@ -41,6 +41,8 @@ def load_model(
     """Read a model; raise ModelError that names the file, the field and what is expected."""
     try:
         document = yaml.load(Path(path).read_text('utf-8'), Loader=_Loader)  # noqa: S506 (safe)
+    except OSError as error:
+        raise ModelError(f'{path}: {error.strerror}') from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         reason = ' '.join(str(error).split())
         raise ModelError(f'{path}: not a YAML file: {reason}') from None
