@@ -44,7 +44,9 @@ class ImuDriver:
         self.queue = SampleQueue(self._publish_batch)
         self._reader: Reader
         if parameters.transport.startswith('bag:'):
-            self._reader = BagReader(parameters.transport, deliver=self.queue.put, report=report)
+            self._reader = BagReader(
+                parameters.transport, deliver=self.queue.put_when_room, report=report
+            )
             self.diagnosis = Diagnosis(self.statistics, self.queue, parameters)
         else:
             self.session = DeviceSession(session_config(parameters))

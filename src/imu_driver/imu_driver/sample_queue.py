@@ -55,13 +55,19 @@ class SampleQueue:
                 self._fill -= len(oldest)
                 self.overflowed += len(oldest)
             self.fullest = max(self.fullest, self._fill)
-            self._wake.notify()
+            self._wake.notify_all()
+
+    def put_when_room(self, samples: list[Sample]) -> None:
+        """Append samples, waiting for the publisher where there is no room."""
+        with self._wake:
+            self._wake.wait_for(lambda: self._fill + len(samples) <= CAPACITY or not self.running)
+        self.put(samples)
 
     def stop(self) -> None:
         """Publish what waits and end."""
         with self._wake:
             self._open = False
-            self._wake.notify()
+            self._wake.notify_all()
         self._thread.join()
 
     def _run(self) -> None:
@@ -72,6 +78,7 @@ class SampleQueue:
                 batches = list(self._waiting)
                 self._waiting.clear()
                 self._fill = 0
+                self._wake.notify_all()
             if not batches:
                 return
             for batch in batches:

@@ -74,15 +74,12 @@ class DeviceSession:
         self.last_data = 0
         """ROS time of the last data frame's arrival [ns]; 0 before the first."""
         self._past = DecoderCounts()
-        self._begin(0)
+        self.connected(0)
 
     # Connection -------------------------------------------------------------------------------
 
     def connected(self, now: int) -> None:
         """Start over with a fresh connection; `now` is ROS time [ns]."""
-        self._begin(now)
-
-    def _begin(self, now: int) -> None:
         self.decoder = FrameDecoder(self.config.protocol)
         self.set_up = DeviceSetUp(self.config.full_scale, self.config.output_data_rate, now)
         self._scale: SampleScale | None = None
@@ -211,10 +208,10 @@ class DeviceSession:
         reason = self._reason_against(frame, full_scale)
         if reason:
             self._refuse(reason)
-        elif self.refusal:
-            self.events.append(f'device {frame.serial_number} is accepted')
+        else:
+            if self.refusal:
+                self.events.append(f'device {frame.serial_number} is accepted')
             self.refusal = ''
-        if not reason:
             self._release(full_scale, frame.configuration, samples)
             self.set_up.informed(frame, arrival)
         self.sequence.expect(frame.samples)
@@ -289,7 +286,7 @@ class DeviceSession:
         self.discarded += count
 
     def ask(self, now: int) -> None:
-        """Ask the device for information, at ROS time `now` [ns]."""
+        """Ask the device for information soon."""
         self.set_up.ask(now)
 
     def command(self, code: CommandCode, value: int = 0) -> None:
