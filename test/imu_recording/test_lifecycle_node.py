@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The shell of every node: parameters, states, outputs, diagnostics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from imu_recording.lifecycle_node import ConfiguredNode, NodeConfig
+from imu_recording.messages import float_message
+from imu_recording.parameter import parameter
+from rclpy.parameter import Parameter
+from std_msgs.msg import Float64
+
+STAMP = 1_700_000_000_500_000_000
+
+
+@dataclass(frozen=True)
+class DoublerConfig(NodeConfig):
+    factor: float = parameter(2.0, 'Factor', bounds=(0.0, 10.0), dynamic=True)
+    topic: str = parameter('out', 'Where to')
+
+
+class Doubler(ConfiguredNode):
+    config_class = DoublerConfig
+
+    def setup(self, config: Any) -> None:
+        if config.topic == 'taken':
+            raise ValueError('topic taken: choose another')
+        self.publisher = self.output(Float64, config.topic)
+        self.input(Float64, 'in', self.on_number)
+
+    def on_number(self, message: Any) -> None:
+        self.publisher.publish(float_message(message.data * self.config.factor))
+
+    def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
+        return 1, 'doubling', {'device': 'd', 'factor': self.config.factor}
+
+
+def make(**parameters: Any) -> tuple[Doubler, list[tuple[str, Any]]]:
+    sent: list[tuple[str, Any]] = []
+    node = Doubler(
+        'doubler',
+        capture=lambda topic, message: sent.append((topic, message)),
+        now=lambda: STAMP,
+        parameters=parameters,
+    )
+    return node, sent
+
+
+def test_inputs_reach_outputs_in_one_process(ros: Any) -> None:
+    node, sent = make(factor=3)
+    assert node.autostart()
+    node.inputs['in'](Float64(data=2.0))
+    assert sent == [('out', Float64(data=6.0))]
+    node.destroy_node()
+
+
+def test_dynamic_parameters_change_while_active_and_others_do_not(ros: Any) -> None:
+    node, sent = make()
+    node.autostart()
+    changed = node.set_parameters([Parameter('factor', value=5)])[0]
+    fixed = node.set_parameters([Parameter('topic', value='other')])[0]
+    wrong = node.set_parameters([Parameter('factor', value=50.0)])[0]
+    assert changed.successful
+    assert not fixed.successful
+    assert 'topic takes effect at configuration' in fixed.reason
+    assert not wrong.successful
+    assert '50' in wrong.reason
+    node.inputs['in'](Float64(data=2.0))
+    assert sent[-1][1].data == 10.0
+    node.destroy_node()
+
+
+def test_a_refused_configuration_is_no_traceback(ros: Any) -> None:
+    node, _ = make(topic='taken')
+    assert not node.autostart()
+    assert node.state == 'unconfigured'
+    assert node.inputs == {}
+    node.destroy_node()
+
+
+def test_states_and_cleanup(ros: Any) -> None:
+    node, _ = make()
+    assert node.state == 'unconfigured'
+    node.autostart()
+    assert node.state == 'active'
+    node.trigger_deactivate()
+    node.trigger_cleanup()
+    assert (node.state, node.inputs) == ('unconfigured', {})
+    assert node.autostart()
+    node.destroy_node()
+
+
+def test_diagnostics_carry_stamp_level_and_values(ros: Any) -> None:
+    node, sent = make()
+    node.autostart()
+    node.publish_diagnostics()
+    topic, message = sent[-1]
+    status = message.status[0]
+    assert topic == '/diagnostics'
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == divmod(STAMP, 10**9)
+    assert (status.level, status.message, status.hardware_id) == (b'\x01', 'doubling', 'd')
+    assert {v.key: v.value for v in status.values}['factor'] == '2'
+    node.destroy_node()
