@@ -14,6 +14,8 @@ from imu_workbench.report.page import report_page, report_text
 from imu_workbench.report.palette import COLOURS, painted
 from imu_workbench.study import study_recordings
 
+from imu_workbench import parallel
+
 SLOPE = {'gyroscope': (4e-5, -2e-5, 1e-5), 'magnetometer': (2e-7, -1e-7, 3e-7)}
 
 
@@ -97,7 +99,7 @@ def test_the_page_needs_no_network(page) -> None:
 def test_every_axis_has_a_title_with_its_unit(page) -> None:
     figures = figures_of(page)
     assert {key.split('|')[0] for key in figures} == {
-        'plan', 'cycle', 'dependence', 'fit', 'residual', 'where', 'attitude',
+        'plan', 'cycle', 'dependence', 'fit', 'residual', 'where', 'stairs', 'attitude',
     }  # fmt: skip
     for key, figure in figures.items():
         used = {trace.get(a, a[0]) for trace in figure['data'] for a in ('xaxis', 'yaxis')}
@@ -105,7 +107,7 @@ def test_every_axis_has_a_title_with_its_unit(page) -> None:
             axis = figure['layout'][f'{name[0]}axis{name[1:]}']
             labelled = axis.get('showticklabels', True)
             text = axis['title']['text']
-            if key.startswith(('dependence', 'attitude', 'where')) and not text:
+            if key.startswith(('dependence', 'attitude', 'where', 'stairs')) and not text:
                 continue  # a neighbouring panel in the same row or column carries the title
             assert not labelled or re.search(r'\[.+\]|blocks of 20 s', text), (key, name, text)
 
@@ -180,10 +182,11 @@ def test_long_lists_are_packed_and_holes_survive() -> None:
     assert '</' not in json_for_page({'a': '</script>'})
 
 
-def test_workers_give_the_same_numbers(run) -> None:
+def test_workers_give_the_same_numbers(run, monkeypatch) -> None:
+    monkeypatch.setattr(parallel, 'may_fork', lambda: True)
     recordings = [run(up=up, cycles=1) for up in 'xz']
-    alone = content_of(recordings)
-    together = content_of(recordings, workers=2)
+    alone = content_of(recordings, diagnosis=False)
+    together = content_of(recordings, diagnosis=False, workers=2)
     for a, b in zip(alone['attitudes'], together['attitudes'], strict=True):
         for f, g in zip(a['filters'], b['filters'], strict=True):
             assert f['statistics'] == g['statistics']

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -173,31 +173,24 @@ def slope_table(slopes: Slopes) -> list[dict[str, Any]]:
     return rows
 
 
-def pooled_claim(rows: Sequence[Mapping[str, Any]]) -> Claim:
-    """Compare the residual of one model for all devices with that of one model for each.
-
-    `rows`: sensor, individual and pooled rms (3,), opposite: axes with slopes of opposite sign.
-    """
+def pooled_claim(tests: Mapping[str, Mapping[str, Any]]) -> Claim:
+    """Compare the residual of one model for all devices with that of one model for each."""
     said = 'One model for all devices fails, because slopes have opposite signs (section V)'
-    if not rows:
+    if not tests:
         return untestable('pooled', said, 'There are recordings of one device only.')
     factors = {
-        row['sensor']: np.asarray(row['pooled_rms']) / np.asarray(row['individual_rms'])
-        for row in rows
+        sensor: np.asarray(test['pooled_rms']) / np.asarray(test['own_rms'])
+        for sensor, test in tests.items()
     }
-    worst = max(float(np.nanmax(f)) for f in factors.values())
-    axes = int(sum(np.sum(row['opposite']) for row in rows))
-    said_factors = ', '.join(
-        f'{sensor} × {shown(float(np.nanmax(f)), 2)}' for sensor, f in factors.items()
-    )
+    worst = max(float(np.nanmax(factor)) for factor in factors.values())
+    opposite = sum(sum(test['opposite_signs']) for test in tests.values())
+    grown = ', '.join(f'{s} × {shown(float(np.nanmax(f)), 2)}' for s, f in factors.items())
     return Claim(
         'pooled',
         said,
-        f'the pooled residual is larger than the individual one: {said_factors} on the worst '
-        f'axis; {axes} of {3 * len(rows)} axes have slopes of opposite sign',
-        'supported' if worst > 1.5 and axes else 'not',
+        f'the pooled residual is larger than the individual one: {grown} on the worst axis of the '
+        f'worst device; {opposite} of {3 * len(tests)} axes have slopes of opposite sign',
+        'supported' if worst > 1.5 and opposite else 'not',
         'Rms of 20 s means after the pooled and after the individual model; supported where it '
         'grows by half or more and opposite signs are the reason.',
-        {'sensors': [dict(row) for row in rows]},
     )
-

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from imu_recording.columns_hash import columns_hash
@@ -14,13 +15,15 @@ from thermal_comp.compare import Comparison, compare_prepared
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.fit import fit_prepared
 from thermal_comp.model import ModelError, ThermalModel
+from thermal_comp.pooling import PoolingTest, examine_pooling
 from thermal_comp.preparation import prepare
 from thermal_comp.prepared_run import PreparedRun
 
 from imu_recording import ImuRecording
 from imu_workbench.attitude import Attitude
-from imu_workbench.attitude_tasks import AttitudeTask, is_slow, settled, study_attitudes
-from imu_workbench.pooling import Pooling, compare_pooling, known_noise
+from imu_workbench.attitude_task import AttitudeTask, is_slow, settled
+from imu_workbench.diagnosis_task import DiagnosisTask
+from imu_workbench.parallel import run_tasks
 from imu_workbench.progress import show_progress
 from imu_workbench.run_errors import RunErrors, errors_of_run
 from imu_workbench.slopes import block_slopes
@@ -50,6 +53,8 @@ class StudiedDevice:
     name: str
     model: ThermalModel | None
     comparison: Comparison | None
+    versions: tuple[Comparison, ...] = ()
+    """Of the earlier versions in the model's history, oldest first."""
     problem: str = ''
     """Why there is no model."""
 
@@ -60,10 +65,12 @@ class Study:
 
     runs: tuple[StudiedRun, ...]
     devices: tuple[StudiedDevice, ...]
-    pooling: Sequence[Pooling]
-    """One model for all devices beside one for each; empty for a single device."""
+    pooling: Mapping[str, PoolingTest]
+    """One model for all devices beside one for each, per sensor; empty for a single device."""
     slopes: Mapping[str, Mapping[str, Mapping[str, FloatArray]]]
     """(cycles, 3) per device, sensor and orientation [SI unit/K]."""
+    diagnoses: Mapping[str, Mapping[str, Any]]
+    """Diagnosis of each device as plain values, with the steps that would follow."""
 
 
 def study_recordings(
@@ -71,11 +78,13 @@ def study_recordings(
     models: Mapping[str, ThermalModel] | None = None,
     *,
     attitudes: bool = True,
+    diagnosis: bool = True,
     workers: int = 1,
 ) -> Study:
     """Return the study of the recordings; a device without a given model is fitted a line.
 
-    `attitudes` False leaves the orientation filters out; `workers` processes run them.
+    `attitudes` False leaves the orientation filters out, `diagnosis` False the search for missing
+    effects; `workers` processes share both.
     """
     recordings = named(recordings)
     prepared: list[PreparedRun] = []
@@ -85,18 +94,32 @@ def study_recordings(
         own = [r for r in recordings if r.device == device]
         devices[device], runs = study_device(device, own, (models or {}).get(device))
         prepared += runs
-    found: list[tuple[Attitude, ...]] = [()] * len(recordings)
-    if attitudes:
-        tasks = [AttitudeTask(r, devices[r.device].model, len(recordings)) for r in recordings]
-        found = study_attitudes(tasks, workers)
+    filtering = [AttitudeTask(r, devices[r.device].model, len(recordings)) for r in recordings]
+    judging = [
+        DiagnosisTask(
+            device.name, [r for r in recordings if r.device == device.name], device.model
+        )
+        for device in devices.values()
+        if device.model
+    ]
+    tasks = [*(filtering if attitudes else ()), *(judging if diagnosis else ())]
+    results = run_tasks(tasks, workers)
+    found = results[: len(recordings)] if attitudes else [()] * len(recordings)
+    diagnoses = results[-len(judging) :] if diagnosis and judging else []
     by_name = {run.name: run for run in prepared}
     studied = [
         study_run(recording, devices[recording.device].model, by_name.get(recording.run), angles)
         for recording, angles in zip(recordings, found, strict=True)
     ]
-    pooling = study_pooling(prepared, list(devices.values()))
+    pooling = study_pooling(recordings) if len(devices) > 1 else {}
     show_progress('')
-    return Study(tuple(studied), tuple(devices.values()), pooling, slopes_of(studied))
+    return Study(
+        tuple(studied),
+        tuple(devices.values()),
+        pooling,
+        slopes_of(studied),
+        {found['device']: found for found in diagnoses},
+    )
 
 
 def named(recordings: Sequence[ImuRecording]) -> list[ImuRecording]:
@@ -119,11 +142,12 @@ def study_device(
     try:
         runs = prepare(recordings)
         model = model or fit_prepared([BiasTemperature()], runs)
-        return StudiedDevice(name, model, compare_prepared(model, runs)), runs
+        older = tuple(compare_prepared(version, runs) for version in model.history)
+        return StudiedDevice(name, model, compare_prepared(model, runs), older), runs
     except ValueError as error:
         if not isinstance(error, ModelError) and model is not None:
             raise
-        return StudiedDevice(name, None, None, str(error)), []
+        return StudiedDevice(name, None, None, problem=str(error)), []
 
 
 def study_run(
@@ -145,16 +169,13 @@ def study_run(
     )
 
 
-def study_pooling(
-    runs: Sequence[PreparedRun], devices: Sequence[StudiedDevice]
-) -> list[Pooling]:
+def study_pooling(recordings: Sequence[ImuRecording]) -> Mapping[str, PoolingTest]:
     """Return one model for all devices beside one for each; none where that cannot be fitted."""
     show_progress('fitting all devices together …')
-    known = known_noise(next((device.model for device in devices if device.model), None))
     try:
-        return compare_pooling(runs, noise=known)
+        return examine_pooling(recordings)[1]
     except ModelError:
-        return []
+        return {}
 
 
 def slopes_of(runs: Sequence[StudiedRun]) -> dict[str, dict[str, dict[str, FloatArray]]]:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +11,12 @@ from thermal_comp.compare import compare_prepared
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.fit import fit_prepared
 from thermal_comp.model_file import save_model
+from thermal_comp.pooling import examine_pooling
 from thermal_comp.preparation import prepare
 
 from imu_workbench.answer import Answer
 from imu_workbench.commands.options import add_bag_arguments, read_recordings
 from imu_workbench.comparison_text import comparison_text
-from imu_workbench.display import DISPLAY_UNITS, SENSORS, shown
-from imu_workbench.pooling import Pooling, compare_pooling
 from imu_workbench.progress import show_progress
 
 HELP = 'Fit a line per axis against die temperature to the runs of one device; save the model.'
@@ -48,32 +46,14 @@ def run(options: argparse.Namespace) -> Answer:
     comparison = compare_prepared(model, runs)
     content: dict[str, Any] = comparison.content() | {'model': str(options.output)}
     text = [comparison_text(content), *(f'note: {note}' for note in model.provenance.notes)]
-    pooling = compare_pooling(runs, model) if options.pooled else []
-    if pooling:
-        content['pooling'] = [vars(row) for row in pooling]
-        text += ['', pooling_text(pooling)]
+    if options.pooled and len({run.device for run in runs}) > 1:
+        show_progress('testing whether the devices may share a model …')
+        tests = examine_pooling(recordings)[1]
+        content['pooling'] = {sensor: test.content() for sensor, test in tests.items()}
+        text += ['', 'May the devices share one model?']
+        text += [f'  {line}' for test in tests.values() for line in test.lines()]
+        opposite = sum(sum(test.opposite_signs) for test in tests.values())
+        verdict = 'one model cannot hold for all' if opposite else 'signs do not speak against it'
+        text.append(f'  {opposite} of {3 * len(tests)} axes have opposite signs: {verdict}')
     text.append(f'saved {options.output}')
     return Answer(content, '\n'.join(text))
-
-
-def pooling_text(rows: Sequence[Pooling]) -> str:
-    """Return the paper's argument against pooling as a table."""
-    lines = ['Pooling: residual rms, a model for each device → one for all (slopes per K)']
-    for row in sorted(rows, key=lambda row: SENSORS.index(row.sensor)):
-        unit = DISPLAY_UNITS[row.sensor]
-        for i, axis in enumerate('xyz'):
-            slopes = ', '.join(
-                f'{name} {shown(slope[i] * unit.factor)}' for name, slope in row.slopes.items()
-            )
-            sign = 'opposite signs' if row.opposite[i] else 'same sign'
-            each = shown(row.individual_rms[i] * unit.factor)
-            together = shown(row.pooled_rms[i] * unit.factor)
-            lines.append(
-                f'  {row.sensor:<14}{axis}  {sign:<15}{each:>9} → {together:>9} {unit.unit:<5} '
-                f'({slopes})'
-            )
-    count = int(sum(row.opposite.sum() for row in rows))
-    verdict = 'one model cannot hold for all' if count else 'signs do not speak against pooling'
-    lines.append(f'  {count} of {3 * len(rows)} channels have slopes of opposite sign: {verdict}')
-    return '\n'.join(lines)
-

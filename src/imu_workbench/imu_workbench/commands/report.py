@@ -35,6 +35,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         '--no-attitude', action='store_true', help='leave the orientation filters out (faster)'
     )
     parser.add_argument(
+        '--no-diagnosis', action='store_true', help='leave the search for missing effects out'
+    )
+    parser.add_argument(
         '-o', '--output', metavar='HTML', type=Path, required=True, help='page to write'
     )
 
@@ -51,7 +54,11 @@ def run(options: argparse.Namespace) -> Answer:
     recordings = named(read_recordings(options, every_device=True))
     check_models(models, sorted({recording.device for recording in recordings}))
     study = study_recordings(
-        recordings, models, attitudes=not options.no_attitude, workers=os.cpu_count() or 1
+        recordings,
+        models,
+        attitudes=not options.no_attitude,
+        diagnosis=not options.no_diagnosis,
+        workers=os.cpu_count() or 1,
     )
     show_progress('writing the page …')
     content = report_content(study, commands=[command_line()], versions=versions())

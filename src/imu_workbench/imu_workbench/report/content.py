@@ -36,6 +36,7 @@ from imu_workbench.report.model_content import model_content
 from imu_workbench.report.modelled import dependence_content, fit_content, residual_content
 from imu_workbench.report.paper_notes import PAPER_NOTES
 from imu_workbench.report.series import rounded
+from imu_workbench.report.staircase import staircase_content
 from imu_workbench.study import StudiedRun, Study
 
 TITLE = 'Temperature error of MEMS IMUs'
@@ -60,7 +61,7 @@ def report_content(
     ranges = overall_ranges(statistics)
     overheating = {run.name: overheating_content(run.recording) or {} for run in study.runs}
     devices = [{'name': device.name, 'problem': device.problem} for device in study.devices]
-    pooled = [vars(row) for row in study.pooling]
+    pooled = {sensor: test.content() for sensor, test in study.pooling.items()}
     content = {
         'schema': 1,
         'title': TITLE,
@@ -88,7 +89,7 @@ def report_content(
             if device.model
         },
         'slopes': slope_table(study.slopes),
-        'pooled': {'sensors': pooled} if pooled else None,
+        'pooled': pooled,
         'fits': {run.name: fit_content(run.errors) for run in study.runs if run.errors},
         'residuals': {
             run.name: residual_content(run.errors, points=points)
@@ -103,6 +104,8 @@ def report_content(
         'models': {
             device.name: model_content(device.model) for device in study.devices if device.model
         },
+        'diagnosis': dict(study.diagnoses),
+        'staircase': staircase_content(study),
         'attitudes': [attitude_content(run) for run in study.runs if run.attitudes],
         'published_attitudes': list(paper.tables_6_7()),
         'claims': report_claims(study, ranges, overheating, pooled),
@@ -114,7 +117,7 @@ def report_content(
 
 
 def report_claims(
-    study: Study, ranges: dict[str, Any], overheating: dict[str, Any], pooled: list[dict[str, Any]]
+    study: Study, ranges: dict[str, Any], overheating: dict[str, Any], pooled: dict[str, Any]
 ) -> list[Claim]:
     """Return every claim of the paper beside these recordings."""
     measured = {

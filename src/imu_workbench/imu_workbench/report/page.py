@@ -8,6 +8,7 @@ from typing import Any
 
 from imu_workbench.claim import VERDICT_NAMES
 from imu_workbench.comparison_text import comparison_text
+from imu_workbench.diagnosis_text import diagnosis_text
 from imu_workbench.display import shown
 from imu_workbench.report.html import render_page
 from imu_workbench.report.sections_attitude import attitude_section
@@ -17,6 +18,7 @@ from imu_workbench.report.sections_claims import (
     reproduce_section,
     summary_section,
 )
+from imu_workbench.report.sections_diagnosis import diagnosis_section
 from imu_workbench.report.sections_measured import (
     cycle_section,
     plan_section,
@@ -42,6 +44,7 @@ def report_page(content: Mapping[str, Any]) -> str:
         dependence_section(content),
         fit_section(content),
         comparison_section(content),
+        diagnosis_section(content),
         model_section(content),
         attitude_section(content),
         paper_section(content),
@@ -58,6 +61,8 @@ def report_text(content: Mapping[str, Any]) -> str:
     lines = [content['lead'], '']
     for found in content['comparison'].values():
         lines += [comparison_text(found), '']
+    for found in content['diagnosis'].values():
+        lines += [diagnosis_text(found), '']
     lines += [f'{d["name"]}: {d["problem"]}' for d in content['devices'] if d['problem']]
     lines += attitude_lines(content)
     lines += ['', 'Claims of the paper:']

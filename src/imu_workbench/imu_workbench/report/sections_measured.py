@@ -69,12 +69,14 @@ def statistics_section(content: Mapping[str, Any]) -> Section:
             if sensor not in run['sensors']:
                 parts.append(f'<p data-key="{escape(key)}">This run has no {sensor} data.</p>')
                 continue
-            parts.append(statistics_table(run['sensors'][sensor], key, f'Ours: {run["name"]}'))
+            ours = run['sensors'][sensor]
+            decimals = DECIMALS[ours['unit']]
+            parts.append(statistics_table(ours, key, f'Ours: {run["name"]}', decimals))
             name = run['published']
             published = content['published_statistics'].get(name)
             if published:
                 caption = f'Paper, Table {name} ({published["device"]}, {published["up"]} up)'
-                parts.append(statistics_table(published['sensors'][sensor], key, caption))
+                parts.append(statistics_table(published['sensors'][sensor], key, caption, 2))
     group = group_html(
         'statistics',
         [Choice('Run', names), Choice('Sensor', sensors)],
@@ -92,11 +94,10 @@ def statistics_section(content: Mapping[str, Any]) -> Section:
     return Section('statistics', 'Tables III–V', said + ranges_html(content) + group)
 
 
-def statistics_table(table: Mapping[str, Any], key: str, caption: str) -> str:
+def statistics_table(table: Mapping[str, Any], key: str, caption: str, decimals: int) -> str:
     """Return one sensor's table: a row per axis, four numbers per segment."""
     unit, rows = table['unit'], table['rows']
     segments = list(dict.fromkeys(row['segment'] for row in rows))
-    decimals = DECIMALS[unit]
     by_place = {(row['axis'], row['segment']): row for row in rows}
     head = [
         ['Axis', *(f'{SEGMENT_NAMES.get(segment, segment)}|4' for segment in segments)],

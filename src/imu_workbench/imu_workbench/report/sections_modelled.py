@@ -71,21 +71,25 @@ def pooled_html(pooled: Mapping[str, Any]) -> str:
     """Return the paper's argument against one model for all devices, as a table."""
     rows = [
         [
-            f'{row["sensor"]} {axis}',
-            shown(row['measured_rms'][i] * DISPLAY_UNITS[row['sensor']].factor),
-            shown(row['individual_rms'][i] * DISPLAY_UNITS[row['sensor']].factor),
-            shown(row['pooled_rms'][i] * DISPLAY_UNITS[row['sensor']].factor),
-            'yes' if row['opposite'][i] else 'no',
-            DISPLAY_UNITS[row['sensor']].unit,
+            f'{sensor.capitalize()} {axis}',
+            *(shown(_worst(test[kind], i) * unit.factor) for kind in ('own_rms', 'pooled_rms')),
+            unit.unit,
+            'yes' if test['opposite_signs'][i] else 'no',
+            shown(test['normalised_difference'][i]),
         ]
-        for row in pooled['sensors']
+        for sensor, test in pooled.items()
+        for unit in (DISPLAY_UNITS[sensor],)
         for i, axis in enumerate('xyz')
     ]
     head = [[
-        'Rms of 20 s means', 'measured', 'a model per device', 'one model for all',
-        'slopes of opposite sign', 'unit',
+        'Rms of 20 s means, worst device', 'a model per device', 'one model for all', 'unit',
+        'slopes of opposite sign', 'largest normalised difference',
     ]]  # fmt: skip
     return table_html(head, rows, caption='Pooling over devices')
+
+
+def _worst(rms: Sequence[Sequence[float]], axis: int) -> float:
+    return max(row[axis] for row in rms)
 
 
 def fit_section(content: Mapping[str, Any]) -> Section | None:

@@ -1,11 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The orientation filters over many recordings, several at a time where cores are free."""
+"""The orientation filters over one recording, raw and compensated, as a task."""
 
 from __future__ import annotations
 
-import multiprocessing
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +15,6 @@ from thermal_comp.startup import startup_rows
 
 from imu_recording import ImuRecording
 from imu_workbench.attitude import DATA, Attitude, estimate_attitudes
-from imu_workbench.progress import show_progress
 
 FILTER_RATE = 50.0
 """Slowest rate [Hz] the filters are run at; slower recordings are interpolated to it."""
@@ -34,6 +30,18 @@ class AttitudeTask:
     model: ThermalModel | None
     among: int
     """Number of recordings whose lines share a page."""
+
+    @property
+    def label(self) -> str:
+        """What is filtered."""
+        return f'filtering {self.recording.run}'
+
+    @property
+    def size(self) -> float:
+        """Filtered samples, in all variants [10⁶]."""
+        seconds = float(self.recording.time[-1]) if len(self.recording) else 0.0
+        rows = FILTER_RATE * seconds if is_slow(self.recording) else 1.5 * len(self.recording)
+        return rows * 1e-6
 
     def run(self) -> tuple[Attitude, ...]:
         """Return the attitudes; none without a model."""
@@ -65,32 +73,3 @@ def settled(recording: ImuRecording) -> NDArray[np.bool_]:
     kept = np.ones(len(recording), dtype=bool)
     kept[: startup_rows(recording)[0]] = False
     return kept
-
-
-def study_attitudes(tasks: Sequence[AttitudeTask], workers: int) -> list[tuple[Attitude, ...]]:
-    """Return the attitudes of each task, in order; `workers` forked processes share the work."""
-    if workers < 2 or len(tasks) < 2:
-        found = []
-        for task in tasks:
-            show_progress(f'filtering {task.recording.run} …')
-            found.append(task.run())
-        return found
-    _WAITING[:] = tasks  # forked processes see the recordings without copying them
-    longest_first = sorted(range(len(tasks)), key=lambda i: -len(tasks[i].recording))
-    done: dict[int, tuple[Attitude, ...]] = {}
-    try:
-        context = multiprocessing.get_context('fork')
-        with ProcessPoolExecutor(min(workers, len(tasks)), mp_context=context) as pool:
-            for i, attitudes in zip(longest_first, pool.map(_run, longest_first), strict=True):
-                done[i] = attitudes
-                show_progress(f'filtering: {len(done)} of {len(tasks)} runs …')
-    finally:
-        _WAITING.clear()
-    return [done[i] for i in range(len(tasks))]
-
-
-_WAITING: list[AttitudeTask] = []
-
-
-def _run(index: int) -> tuple[Attitude, ...]:
-    return _WAITING[index].run()

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The diagnosis of one device's model and what adding effects would bring, as a task."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from thermal_comp.data_quality import check_quality
+from thermal_comp.diagnose import Settings, diagnose
+from thermal_comp.diagnose_growth import grow
+from thermal_comp.effects import EFFECTS
+from thermal_comp.model import ThermalModel
+from thermal_comp.preparation import prepare
+
+from imu_recording import ImuRecording
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosisTask:
+    """The recordings of one device and the model to be judged."""
+
+    device: str
+    recordings: Sequence[ImuRecording]
+    model: ThermalModel
+
+    @property
+    def label(self) -> str:
+        """What is diagnosed."""
+        return f'diagnosing {self.device}'
+
+    @property
+    def size(self) -> float:
+        """Longer than any filter run."""
+        return 100.0
+
+    def run(self) -> dict[str, Any]:
+        """Return the diagnosis as plain values, with `steps` where effects can be added."""
+        content = diagnose(self.recordings, self.model).content()
+        steps: list[dict[str, Any]] = []
+        if any(finding['kind'] == 'effect' for finding in content['findings']):
+            runs = prepare(check_quality(self.recordings)[0])
+            steps = [step.content() for step in grow(self.model, runs, Settings(EFFECTS)).steps]
+        return content | {'steps': steps}

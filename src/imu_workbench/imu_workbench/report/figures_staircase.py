@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The error staircase: how far each version of the model brings the error down."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from imu_workbench.display import shown
+from imu_workbench.report.panels import Figure, Panel, figure, trace_axes
+
+
+def staircase_figure(sensors: Mapping[str, Any]) -> Figure:
+    """Return the error after each step per sensor, with the noise floor; proposals are hatched."""
+    data: list[dict[str, Any]] = []
+    panels, shapes = [], []
+    for i, (sensor, found) in enumerate(sensors.items()):
+        unit = found['unit']
+        for kind, name in (('steps', 'reached'), ('proposed', 'proposed')):
+            bars = found[kind]
+            if not bars:
+                continue
+            data.append({
+                'type': 'bar', 'name': name, 'legendgroup': name,
+                'showlegend': name not in {trace['name'] for trace in data},
+                'x': [_wrapped(bar['label']) for bar in bars],
+                'y': [bar['error'] for bar in bars],
+                'text': [shown(bar['error']) for bar in bars], 'textposition': 'outside',
+                'cliponaxis': False,
+                'marker': {'color': '@compensated' if kind == 'steps' else '@raw_soft',
+                           'pattern': {'shape': '' if kind == 'steps' else '/'}},
+                'hovertemplate': f'%{{x}}: %{{y:.4~g}} {unit}<extra></extra>',
+                **trace_axes(i),
+            })  # fmt: skip
+        place = trace_axes(i)
+        shapes.append({
+            'type': 'line', 'xref': f'{place["xaxis"]} domain', 'yref': place['yaxis'],
+            'x0': 0, 'x1': 1, 'y0': found['floor'], 'y1': found['floor'],
+            'line': {'color': '@z', 'dash': 'dash', 'width': 1.6},
+        })  # fmt: skip
+        panels.append(
+            Panel('', f'rms over the axes [{unit}]',
+                  title=f'{sensor.capitalize()}, floor {shown(found["floor"])} {unit}',
+                  x={'tickangle': 0}, y={'type': 'log', 'dtick': 1, 'range': _decades(found)})
+        )  # fmt: skip
+    spec = figure(data, panels, columns=3, height=230, linked=False, shapes=shapes)
+    spec['layout']['bargap'] = 0.35
+    return spec
+
+
+def _decades(found: Mapping[str, Any]) -> list[float]:
+    """Return the range of the logarithmic axis, from below the floor to above the highest bar."""
+    values = [bar['error'] for kind in ('steps', 'proposed') for bar in found[kind]]
+    known = [v for v in (*values, found['floor']) if v and v > 0.0] or [1.0]
+    return [math.log10(min(known) / 3.0), math.log10(max(known) * 2.5)]
+
+
+def _wrapped(label: str) -> str:
+    """Return a label of one word a line, '+' with its word."""
+    return '<br>'.join(label.replace('+ ', '+\xa0').split(' '))

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The section of the page about what a model misses and how the error falls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from typing import Any
+
+from imu_workbench.diagnosis_text import VERDICTS
+from imu_workbench.display import DISPLAY_UNITS, shown
+from imu_workbench.report.figures_staircase import staircase_figure
+from imu_workbench.report.html import Choice, Section, group_html, table_html
+
+GOOD = ('complete',)
+BAD = ('missing', 'ambiguous', 'unexplained', 'unlogged')
+
+
+def diagnosis_section(content: Mapping[str, Any]) -> Section | None:
+    """Return diagnosis and staircase of every device."""
+    stairs = content['staircase']
+    if not stairs and not content['diagnosis']:
+        return None
+    body = ''.join(map(diagnosis_html, content['diagnosis'].values()))
+    figures = {}
+    if stairs:
+        figures = {f'stairs|{name}': staircase_figure(s['sensors']) for name, s in stairs.items()}
+        body += '<h3>How the error falls</h3>' + group_html(
+            'stairs',
+            [Choice('Device', list(stairs))],
+            'Error staircase on a logarithmic scale: what was measured, what each version of the '
+            'model leaves on data it has not seen, hatched what adding the named effects would '
+            'leave. Dashed: the noise floor.',
+            'Error after each step of the model',
+            parts=''.join(degrees_html(name, found) for name, found in stairs.items()),
+        )
+    return Section('diagnosis', 'What the model misses', body, figures, short='Diagnosis')
+
+
+def diagnosis_html(found: Mapping[str, Any]) -> str:
+    """Return verdict, findings and what could not be tried, of one device."""
+    verdict = found['verdict']
+    look = 'supported' if verdict in GOOD else 'not' if verdict in BAD else 'open'
+    head = (
+        f'<h3>{escape(found["device"])} <span class="verdict {look}">'
+        f'{escape(VERDICTS.get(verdict, verdict))}</span></h3>'
+    )
+    items = ''.join(map(_finding_html, found['findings']))
+    greyed = '; '.join(f'{name} {reason}' for name, reason in found['greyed_out'].items())
+    notes = [*([f'not tried: {greyed}'] if greyed else []), *found['undetermined']]
+    said = ''.join(f'<li>{escape(note.replace("_", " "))}</li>' for note in notes)
+    return (
+        f'{head}<ul class="claims">{items}</ul>'
+        + (f'<ul class="plain soft small">{said}</ul>' if said else '')
+    )  # fmt: skip
+
+
+def _finding_html(finding: Mapping[str, Any]) -> str:
+    lines = []
+    unit = DISPLAY_UNITS.get(finding['sensor'].split('+')[0])
+    if unit and finding['error_after'] is not None:
+        before, after, floor = (
+            shown((finding[key] or 0.0) * unit.factor)
+            for key in ('error_before', 'error_after', 'noise_floor')
+        )
+        lines.append(f'held-out error {before} → {after} {unit.unit}, noise floor {floor}')
+    lines += [
+        f'{name.replace("_", " ")} = {_value(value["value"])} ± {_value(value["std"])} '
+        f'{value["unit"]}'
+        for name, value in finding['parameters'].items()
+    ]
+    if finding['rivals']:
+        rivals = ', '.join(f'{r["name"]} {r["similarity"]:.0%}' for r in finding['rivals'][:3])
+        lines.append(f'look-alikes: {rivals.replace("_", " ")}')
+    evidence = f'evidence {shown(finding["evidence"])}, needed {shown(finding["threshold"])}'
+    detail = escape(' · '.join([evidence, *lines]))
+    said = escape(finding['text'].replace('_', ' '))
+    return f'<li><b>{said}</b><p class="soft small">{detail}</p></li>'
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return f'({", ".join(_value(item) for item in value)})'
+    return shown(value, 4)
+
+
+def degrees_html(device: str, found: Mapping[str, Any]) -> str:
+    """Return what the model brings in degrees, per run and filter."""
+    rows = [
+        [
+            f'{escape(row["run"])}{" ‡" if row["interpolated"] else ""}, {escape(row["filter"])}',
+            shown(row['raw']),
+            shown(row['compensated']),
+        ]
+        for row in found['degrees']
+    ]
+    head = [['Run, filter', 'raw [°]', 'compensated [°]']]
+    mark = ' (‡ interpolated to 50 Hz: no verdict)' if any(
+        row['interpolated'] for row in found['degrees']
+    ) else ''  # fmt: skip
+    caption = f'In degrees: σ of the rotation angle{mark}'
+    return table_html(head, rows, caption=caption, key=device) if rows else ''
