@@ -19,7 +19,7 @@ from imu_recording.recording import IntArray
 from imu_recording.topic_columns import MessageBlock, empty_block
 
 INTERIOR, LEAF = 0x05, 0x0D
-GROUP = 2048
+GROUP = 512
 """Leaf pages decoded at a time."""
 SPARSE = 3
 """Pages of a group are read one by one where they spread over more than this many groups."""

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reading takes memory in proportion to what it returns, whatever the storage and the order."""
+
+from __future__ import annotations
+
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recording_samples import arrays, make_recording, without_tracks
+
+from imu_recording import bag_writer, read_bag, write_bag
+
+ROWS = 60_000
+
+
+@pytest.mark.parametrize(('storage', 'compression'), [('mcap', 'zstd'), ('sqlite3', 'none')])
+def test_peak_is_at_most_three_times_what_is_returned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, storage: str, compression: str
+) -> None:
+    recording = without_tracks(make_recording(ROWS, step_ns=10_000_000))
+    pairs = np.arange(ROWS).reshape(-1, 2)[:, ::-1].ravel()
+    shuffled = recording.rows(pairs)  # every stamp steps back once: everything must be sorted
+    monkeypatch.setattr(bag_writer, '_check', lambda *arguments: None)
+    monkeypatch.setattr(bag_writer, '_stretches', lambda parts: [[(0, 0, ROWS)]])
+    monkeypatch.setattr(bag_writer.np, 'lexsort', lambda keys: np.arange(len(keys[0])))
+    write_bag(shuffled, tmp_path / 'b', storage=storage, compression=compression)
+    monkeypatch.undo()
+    read_bag(tmp_path / 'b')  # compiles, imports
+    tracemalloc.start()
+    found = read_bag(tmp_path / 'b')
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert any('stepped back' in note for note in found.notes)
+    assert np.array_equal(found.stamp, recording.stamp)
+    returned = sum(column.nbytes for column in arrays(found).values())
+    buffers = 12e6  # blocks of a file, whatever its length
+    assert peak < 3 * returned + buffers
