@@ -79,6 +79,7 @@ def test_its_log_tells_what_became_of_every_sample(tmp_path: Path) -> None:
     ('arguments', 'told'),
     [
         (['--link', '/nowhere/at/all/imu0'], '/nowhere/at/all'),
+        (['--link', __file__], 'exists and is no link'),
         (['--link', 'x', '--fault', 'flood@3'], "fault 'flood@3'"),
         (['--link', 'x', '--rate', '0'], '--rate'),
         (['--link', 'x', '--dut', 'dut9'], 'dut9'),

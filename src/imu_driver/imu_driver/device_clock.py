@@ -195,7 +195,7 @@ class DeviceClock:
         """How much faster than ROS time the device's clock runs [ppm]."""
         if not self._active.points:
             return 0.0
-        return -1e6 * self._active.line()[2]
+        return 0.0 - 1e6 * self._active.line()[2]
 
     def _advance(self, tick: int, arrival: int) -> int:
         """Return the ticks since the last one; negative where the device restarted."""

@@ -49,6 +49,8 @@ class PtyPort:
 
     def plug(self) -> None:
         """Make a terminal and the link to it."""
+        if self._link.exists() and not self._link.is_symlink():
+            raise FileExistsError(f'{self._link} exists and is no link; choose another name')
         self._board, self._host = os.openpty()
         # Held open and raw: nothing is echoed before a reader has set the terminal up itself.
         tty.setraw(self._host)
