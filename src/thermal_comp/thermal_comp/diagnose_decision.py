@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from thermal_comp.conditions import Sensor
+from thermal_comp.diagnose_coherence import coherence_evidence
 from thermal_comp.diagnose_judges import Judge
 from thermal_comp.diagnose_search import RICHER, Rated, Search
 
@@ -16,14 +17,41 @@ JUDGED = 20.0
 FORM_SHARE = 0.02
 """Share of the χ² gain that may be left to judges without doubting the names."""
 DOMINANT = 0.95
-"""An effect that explains this share alone keeps its name; the rest is its form."""
-SECOND = 0.02
-"""A second effect below this share of the first one's gain belongs to the first one's form."""
+"""Effects that explain this share together keep their names; the rest is their form."""
+SECOND = 0.03
+"""An effect below this share of the strongest one's gain may be part of that one's form."""
 RIVAL_EVIDENCE = 10.0
 RIVAL_SHARE = 0.98
 """Rivals: within this evidence, or this share of the χ² gain."""
 CHAIN = 3
 """This many families on one sensor are a sign of something else."""
+COHERENT = 30.0
+"""Evidence from which a common course of the axes counts."""
+GROUPS = (
+    frozenset(
+        {
+            'bias_temperature_curvature',
+            'thermal_lag',
+            'thermal_lag_two_stage',
+            'temperature_rate',
+            'thermal_gradient',
+            'thermal_hysteresis',
+            'icing',
+            'humidity',
+        }
+    ),
+    frozenset(
+        {
+            'scale_factor_temperature',
+            'misalignment_temperature',
+            'g_sensitivity_temperature',
+            'fixture_hard_iron',
+            'fixture_tilt',
+        }
+    ),
+    frozenset({'warm_up', 'bias_drift', 'bias_creep', 'turn_on_bias', 'bias_step'}),
+)
+"""Effects that can stand for a flaw in each other's form."""
 ADEQUATE = 0.9
 """Share of what can be explained from which one variable's judge counts as the law."""
 CHANNELS_OF: dict[Sensor, tuple[str, ...]] = {
@@ -71,32 +99,53 @@ def decide(search: Search, judges: Sequence[Judge], missing: Sequence[str]) -> O
     found = search.run()
     left = _strongest(search, judges, found)
     if not found:
-        if left is None:
-            return Outcome('complete')
-        return _without_name(search, judges, missing, found)
+        return _nothing_found(search, judges, missing, left)
     total = search.total([r.form for r in found])[1] + (left.gain if left else 0.0)
-    first = _alone(search, found)
-    if first.gain >= DOMINANT * total:
-        others = [r for r in found if r.form is not first.form and r.gain > SECOND * first.gain]
-        if not others:
-            approximate = len(found) > 1 or left is not None
-            return Outcome('named', (_named(search, [first], first, approximate=approximate),))
-    names = {r.name for r in found}
-    fits = left is None or left.gain < FORM_SHARE * total
+    major = _majors(search, found)
+    share = search.total([r.form for r in major])[1] / total
+    names = {r.name for r in major}
     relevant = [c for c in CHANNELS_OF[search.bank.sensor] if c in missing and c in LOGGED]
-    if fits and len(names) < CHAIN and not (relevant and len(names) > 1):
-        return Outcome('named', tuple(_named(search, found, r) for r in found))
+    fits = left is None or left.gain < FORM_SHARE * total or share >= DOMINANT
+    alone = len(names) == 1
+    doubtful = len(names) >= CHAIN or (relevant and not alone)
+    if fits and share >= DOMINANT and not doubtful:
+        rated = sorted(
+            (search.rate([m.form for m in major], m.form) for m in major),
+            key=lambda r: -r.evidence,
+        )
+        rough = left is not None or len(major) < len(found)
+        return Outcome('named', tuple(_named(search, rated, r, approximate=rough) for r in rated))
     return _without_name(search, judges, missing, found)
+
+
+def _nothing_found(
+    search: Search, judges: Sequence[Judge], missing: Sequence[str], left: _Left | None
+) -> Outcome:
+    if left is not None:
+        return _without_name(search, judges, missing, [])
+    common = coherence_evidence(search.bank)
+    if common > COHERENT:
+        relevant = [c for c in CHANNELS_OF[search.bank.sensor] if c in missing]
+        logged = [c for c in relevant if c in LOGGED]
+        name = logged[0].removesuffix('_voltage') if len(logged) == 1 else 'chamber'
+        return Outcome('unlogged' if relevant else 'unexplained', (), name, common)
+    return Outcome('complete')
+
+
+def _majors(search: Search, found: Sequence[Rated]) -> list[Rated]:
+    """Return the effects that are more than a flaw in the strongest one's form."""
+    alone = [search.rate([], r.form) for r in found]
+    first = max(range(len(found)), key=lambda k: alone[k].gain)
+    kin = next((g for g in GROUPS if found[first].name in g), frozenset())
+    return [
+        r
+        for k, r in enumerate(found)
+        if k == first or r.name not in kin or r.gain > SECOND * alone[first].gain
+    ]
 
 
 LOGGED = ('heater', 'compressor', 'supply_voltage')
 """Channels whose absence alone makes several effects at once suspicious."""
-
-
-def _alone(search: Search, found: Sequence[Rated]) -> Rated:
-    """Return the effect found that explains most by itself."""
-    rated = [search.rate([], r.form) for r in found]
-    return max(rated, key=lambda r: r.gain)
 
 
 def _strongest(search: Search, judges: Sequence[Judge], found: Sequence[Rated]) -> _Left | None:

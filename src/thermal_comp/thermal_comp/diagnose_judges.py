@@ -67,7 +67,7 @@ class _Spans:
     cycle_length: float
 
     def temperature(self, run: PreparedRun) -> FloatArray:
-        return _spline(run.temperature, self.low, self.high, 10)
+        return _spline(run.temperature, self.low, self.high, 16)
 
     def branch(self, run: PreparedRun) -> FloatArray:
         curve = _spline(run.temperature, self.low, self.high, 8)
@@ -75,7 +75,11 @@ class _Spans:
         return np.concatenate([curve, curve * rising[:, None]], axis=1)
 
     def rate(self, run: PreparedRun) -> FloatArray:
-        return _spline(self._rate(run), -self.fastest, self.fastest, 7)
+        rate = self._rate(run)
+        curve = _spline(rate, -self.fastest, self.fastest, 7)
+        x = (run.temperature - run.conditions.reference_temperature) / 30.0
+        slope = (rate / self.fastest * x)[:, None]
+        return np.concatenate([curve, slope], axis=1)
 
     def time(self, run: PreparedRun) -> FloatArray:
         return _spline(run.time, 0.0, self.longest, 9)

@@ -12,6 +12,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.diagnose_bank import ColumnBank, Term
 from thermal_comp.diagnose_candidates import Family, Form
+from thermal_comp.diagnose_shapes import moved_forms
 from thermal_comp.diagnose_thresholds import threshold_of
 from thermal_comp.prepared_run import PreparedRun
 
@@ -24,11 +25,13 @@ REPEATABLE = ('bias_step',)
 WITHOUT_CYCLE_VETO = ('bias_step', 'turn_on_bias', 'warm_up', 'mains_alias', 'bias_creep')
 """Effects that a cycle left out cannot confirm."""
 
+SHAPE_STEPS = (1.25, 1.1, 1.04)
+"""Factors by which shape parameters are moved."""
 ENRICHMENT = 5.0
 """χ² gain each further parameter of a richer form has to bring."""
 ENRICHED = {'thermal_lag': ('thermal_lag_two_stage',)}
 """Effects whose richer form may take over at that price; others pay the full one."""
-EDGE_S = 1300.0
+EDGE_S = 300.0
 """A step this near to a cycle's edge is the cycle's [s]."""
 RICHER = {
     'thermal_lag': ('thermal_lag_two_stage',),
@@ -75,7 +78,7 @@ class Search:
             best = self._best_addition(chosen)
             if best is None:
                 break
-            chosen = self._renamed([*chosen, best.form])
+            chosen = self._refined(self._renamed([*chosen, best.form]))
         chosen = self._without_edges(self._enriched(self._pruned(chosen)))
         return sorted((self.rate(chosen, f) for f in chosen), key=lambda r: -r.evidence)
 
@@ -180,6 +183,28 @@ class Search:
                 break
             chosen = [form for form in chosen if form is not weakest.form]
         return chosen
+
+    def _refined(self, chosen: list[Form]) -> list[Form]:
+        """Move the shape parameters off their grid while that explains more."""
+        for k, form in enumerate(chosen):
+            others = chosen[:k] + chosen[k + 1 :]
+            chosen = [*chosen[:k], self._best_shape(others, form), *chosen[k + 1 :]]
+        return chosen
+
+    def _best_shape(self, others: list[Form], form: Form) -> Form:
+        """Try steps of every shape parameter, ever smaller."""
+        if form.free == 0:
+            return form
+        best, gain = form, self.total([*others, form])[1]
+        for ratio in SHAPE_STEPS:
+            moved = True
+            while moved:
+                moved = False
+                trials = moved_forms(self.bank, best, ratio)
+                gains = [self.total([*others, trial])[1] for trial in trials]
+                if gains and max(gains) > gain + 0.1:
+                    best, gain, moved = trials[int(np.argmax(gains))], max(gains), True
+        return best
 
     def _enriched(self, chosen: list[Form]) -> list[Form]:
         """Let a form that contains the chosen one take over where its own part is significant."""
