@@ -48,6 +48,14 @@ class TcpEndpoint:
             elif key.fileobj in self._clients:
                 self._answer(key.fileobj, active)  # type: ignore[arg-type]
 
+    def send(self, data: bytes) -> None:
+        """Send to every client, unasked."""
+        for client in list(self._clients):
+            try:
+                client.sendall(data)
+            except OSError:
+                self._drop(client)
+
     def close(self) -> None:
         """Stop listening and drop all clients."""
         for client in list(self._clients):
@@ -104,7 +112,13 @@ class PtyEndpoint:
             self.close()
         elif ready:
             for answer in self._server.feed(os.read(self._master, 4096)):
-                os.write(self._master, damaged(answer, active))
+                self.send(damaged(answer, active))
+
+    def send(self, data: bytes) -> None:
+        """Send unasked; where nobody reads, what does not fit is lost as on a wire."""
+        if self._master >= 0:
+            with contextlib.suppress(BlockingIOError):
+                os.write(self._master, data)
 
     def close(self) -> None:
         """Remove the link and close the terminal."""
@@ -118,6 +132,7 @@ class PtyEndpoint:
         # The slave stays open here: without it the master fails with EIO between two clients.
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave, termios.TCSANOW)
+        os.set_blocking(self._master, False)
         with contextlib.suppress(FileNotFoundError):
             self.link.unlink()
         self.link.symlink_to(os.ttyname(self._slave))
