@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Diagnostics tell the story of what happened, and stop telling it when it is over."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from imu_driver.diagnosis import REMEMBERED, Diagnosis
+from imu_driver.driver_config import DriverParameters
+from imu_driver.emulated_board import BoardOptions
+from imu_driver.frames import CommandCode
+from imu_driver.session import SessionConfig
+from imu_driver.stream_statistics import StreamStatistics
+
+OK, WARN, ERROR = 0, 1, 2
+
+
+class Watched:
+    """A bench whose samples are counted as published and whose diagnosis is asked each second."""
+
+    def __init__(self, bench: Any, **options: Any) -> None:
+        self.statistics = StreamStatistics()
+        self.bench = bench(on_samples=self._publish, **options)
+        self.reader = SimpleNamespace(running=True, connected=True, reconnects=0, trouble='')
+        queue = SimpleNamespace(running=True, fill=0.0, fullest=0, overflowed=0)
+        self.diagnosis = Diagnosis(
+            self.statistics, queue, DriverParameters(), self.bench.session, self.reader
+        )
+
+    def _publish(self, samples: list[Any]) -> None:
+        for sample in samples:
+            self.statistics.add(sample)
+
+    def after(self, second: float) -> tuple[int, str, dict[str, Any]]:
+        self.bench.run(until=second)
+        return self.diagnosis.take(self.bench.ns())
+
+
+def test_a_quiet_line(bench: Any) -> None:
+    watched = Watched(bench)
+    watched.after(1.0)
+    level, line, values = watched.after(2.0)
+    assert (level, line) == (OK, '238.0 Hz')
+    assert values['rate_hz'] == pytest.approx(238.0, rel=1e-3)
+    assert values['jitter_ms'] < 0.1
+    assert values['temperature_c'] == 20.0
+    assert values['device'] == 'DUT1'
+    assert values['registers'].startswith('CTRL_REG1_G=80 ')
+    assert values['samples_received'] + values['samples_lost'] == watched.bench.line.sent
+
+
+def test_damage_is_told_for_ten_seconds(bench: Any) -> None:
+    watched = Watched(bench, faults=('bit_flips@1.5+1',))
+    levels = [watched.after(float(second))[:2] for second in range(1, 16)]
+    assert levels[0][0] == OK
+    assert levels[2][0] == WARN
+    assert 'samples_lost' in levels[2][1]
+    assert 'crc_errors' in levels[2][1]
+    assert [level for level, _ in levels[2 : 1 + REMEMBERED]] == [WARN] * (REMEMBERED - 1)
+    assert levels[-1][0] == OK
+
+
+def test_a_wrong_rate(bench: Any) -> None:
+    watched = Watched(bench, faults=('wrong_rate@1+60',))
+    watched.after(1.0)
+    watched.after(2.0)
+    level, line, _ = watched.after(3.0)
+    assert level == WARN
+    assert 'rate is 166.6 Hz, nominal 238.0 Hz' in line
+
+
+def test_silence_and_absence(bench: Any) -> None:
+    watched = Watched(bench, faults=('silence@1+60',))
+    watched.after(1.0)
+    level, line, _ = watched.after(3.0)
+    assert (level, line.split(';')[0]) == (ERROR, 'no data')
+    watched.reader.connected, watched.reader.trouble = False, 'no such file'
+    level, line, _ = watched.after(4.0)
+    assert (level, line.split(';')[0]) == (ERROR, 'not connected: no such file')
+    watched.reader.running = False
+    assert 'internal error' in watched.after(5.0)[1]
+
+
+def test_what_spoils_a_thermal_campaign(bench: Any) -> None:
+    options = BoardOptions(magnetometer_temperature_compensation=True)
+    watched = Watched(bench, options=options)
+    watched.bench.board._ambient = lambda _: 91.0
+    watched.after(1.0)
+    level, line, values = watched.after(2.0)
+    assert level == WARN
+    assert 'die at 91.0 °C, rated -40 … 85 °C' in line
+    assert 'compensates its temperature error by itself' in line
+    assert values['magnetometer_temperature_compensation'] is True
+
+
+def test_a_refused_device(bench: Any) -> None:
+    watched = Watched(bench, config=SessionConfig(device='OTHER'))
+    level, line, _ = watched.after(1.0)
+    assert level == ERROR
+    assert 'refused: device DUT1 is connected, OTHER is wanted' in line
+
+
+def test_a_restarted_stream_goes_on(bench: Any) -> None:
+    watched = Watched(bench)
+    watched.after(2.0)
+    watched.bench.session.command(CommandCode.STOP)
+    watched.bench.session.command(CommandCode.START)
+    before = watched.statistics.published
+    level, _, values = watched.after(4.0)
+    assert watched.statistics.published > before + 400
+    assert values['samples_lost'] == 0
+    assert level == OK
