@@ -72,7 +72,7 @@ def _sensor(model: ThermalModel, conditions: Conditions) -> _Found:
     states: tuple[State | None, ...] | None = None
     for start in range(0, len(conditions), PIECE):
         rows = slice(start, start + PIECE)
-        part = sensor_error(plan, conditions.rows(rows), states)
+        part = sensor_error(plan, conditions.rows(rows), states, uncertain=False)
         error[rows], outside[rows], states = part.error, part.clamped, part.states
         for name, missing in part.skipped.items():
             skipped[name] = skipped.get(name, 0) + int(missing.sum())

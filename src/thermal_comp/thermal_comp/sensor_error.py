@@ -68,13 +68,18 @@ def plan_of(model: SensorModel) -> SensorPlan:
 
 
 def sensor_error(
-    plan: SensorPlan, conditions: Conditions, states: tuple[State | None, ...] | None = None
+    plan: SensorPlan,
+    conditions: Conditions,
+    states: tuple[State | None, ...] | None = None,
+    *,
+    uncertain: bool = True,
 ) -> SensorError:
     """Return the modelled error of the device effects for rows with a finite temperature.
 
     The temperature is clamped to the fitted range; beyond it the whole modelled error is taken to
     be uncertain in proportion to the distance, in units of half the range. An effect whose
     channel is not known in a row adds nothing there but its rms in the fit to the variance.
+    `uncertain` False saves the coefficients' part of the covariance.
     """
     n = len(conditions)
     error, variance = np.zeros((n, 3)), np.zeros((n, 3))
@@ -85,7 +90,7 @@ def sensor_error(
         variance += outside[:, None] ** 2 * plan.variance
         conditions = replace(conditions, temperature=limited)
     history = list(states or (None,) * len(plan.effects))
-    jacobian = np.zeros((n, 3, len(plan.covariance)))
+    jacobian = np.zeros((n, 3, len(plan.covariance) if uncertain else 0))
     skipped: dict[str, NDArray[np.bool_]] = {}
     for k, effect in enumerate(plan.effects):
         # A held channel is unknown only before its first sample; history starts there.
@@ -98,11 +103,14 @@ def sensor_error(
                 gap = unknown[first:].reshape(-1, *[1] * (columns.ndim - 1))
                 columns = np.where(gap, 0.0, columns)
             error[first:] += columns @ plan.coefficients[k]
-            _fill(jacobian[first:, :, plan.places[k]], columns)
+            if uncertain:
+                _fill(jacobian[first:, :, plan.places[k]], columns)
         if unknown is not None and unknown.any():
             skipped[effect.name] = unknown
             variance += unknown[:, None] * plan.rms[k] ** 2
-    covariance = jacobian @ plan.covariance @ jacobian.transpose(0, 2, 1)
+    covariance = np.zeros((n, 3, 3))
+    if uncertain:
+        covariance = jacobian @ plan.covariance @ jacobian.transpose(0, 2, 1)
     covariance[:, [0, 1, 2], [0, 1, 2]] += variance
     return SensorError(error, covariance, clamped, skipped, tuple(history))
 
