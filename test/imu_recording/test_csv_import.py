@@ -38,7 +38,7 @@ def written(path: Path, rows: str, header: str = HEADER) -> Path:
 def test_freeimu_log_becomes_a_bag(shared: Path, tmp_path: Path) -> None:
     source = shared / 'data' / 'freeimu_freezer' / 'Tempdata01-02-14.csv'
     recording = import_csv(source, EXAMPLES / 'freeimu_mapping.yaml')
-    raw = np.genfromtxt(source, delimiter=',', skip_header=1)
+    raw = np.loadtxt(source, delimiter=',', skiprows=1)
     order = np.argsort(raw[:, 12], kind='stable')
     first = np.concatenate(([True], np.diff(raw[order, 12]) > 0))
     raw = raw[order][first]

@@ -16,6 +16,7 @@ from imu_recording.bag_error import BagError
 from imu_recording.decompress import ZSTD_MAGIC
 
 ROS1_MAGIC = b'#ROSBAG V2.0'
+METADATA = 'metadata.yaml'
 SUFFIXES = ('.mcap', '.db3', '.bag')
 LOOKED_FOR = 'metadata.yaml, *.mcap, *.db3, *.bag'
 
@@ -44,6 +45,8 @@ class Bag:
 def locate_bag(path: str | PathLike[str]) -> Bag:
     """Find a bag's files; raise BagError naming the path where there is none."""
     path = Path(path)
+    if path.name == METADATA:
+        path = path.parent
     if not path.exists():
         raise BagError(f'{path}: no such file or folder')
     bag = Bag(path)
@@ -72,7 +75,7 @@ def locate_bag(path: str | PathLike[str]) -> Bag:
 
 def _metadata(folder: Path, bag: Bag) -> dict[str, Any]:
     """Return rosbag2_bagfile_information, or an empty dict with a note."""
-    file = folder / 'metadata.yaml'
+    file = folder / METADATA
     if not file.is_file():
         bag.notes.append('metadata.yaml is missing: the recording was not closed')
         return {}
@@ -102,7 +105,7 @@ def _files_of_folder(folder: Path, information: dict[str, Any], bag: Bag) -> lis
     if missing and not present:
         raise BagError(f'{folder}: {missing[0]} named in metadata.yaml is missing')
     if not present:
-        inner = sorted(sub.name for sub in folder.iterdir() if (sub / 'metadata.yaml').is_file())
+        inner = sorted(sub.name for sub in folder.iterdir() if (sub / METADATA).is_file())
         if inner:
             raise BagError(f'{folder}: not a bag but a folder of bags; name one: {_few(inner)}')
         raise BagError(f'{folder}: no bag in this folder (looked for {LOOKED_FOR})')
