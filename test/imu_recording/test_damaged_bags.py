@@ -70,3 +70,20 @@ def test_damage_anywhere(tmp_path: Path, storage: str, compression: str) -> None
     for refusal in refusals:
         assert str(tmp_path) in refusal
         assert '\n' not in refusal
+
+
+def test_damaged_metadata(tmp_path: Path) -> None:
+    """With its metadata.yaml in any state a whole file is read, or the metadata named."""
+    recording = make_recording(20)
+    write_bag(recording, tmp_path / 'b')
+    file = tmp_path / 'b' / 'metadata.yaml'
+    whole = file.read_bytes()
+    rng = random.Random(1)  # noqa: S311 (repeatable damage)
+    for _ in range(2 * CASES):
+        data = bytearray(whole)
+        rng.choice(DAMAGES)(data, rng)
+        file.write_bytes(data)
+        assert len(read_bag(tmp_path / 'b')) == 20
+    for text in ('', '[]', 'rosbag2_bagfile_information: 3', 'a: 2001-99-99', '{', '\0'):
+        file.write_text(text)
+        assert len(read_bag(tmp_path / 'b')) == 20

@@ -62,7 +62,7 @@ def locate_bag(path: str | PathLike[str]) -> Bag:
     bag.custom = {
         str(key): str(value) for key, value in (information.get('custom_data') or {}).items()
     }
-    per_message = str(information.get('compression_mode') or '').lower() == 'message'
+    per_message = information.get('compression_mode') == 'message'
     for file in files:
         if not file.stat().st_size:
             bag.notes.append(f'{file.name} is empty')
@@ -82,12 +82,14 @@ def _metadata(folder: Path, bag: Bag) -> dict[str, Any]:
     try:
         content = yaml.safe_load(file.read_text(encoding='utf-8', errors='replace'))
         information = content['rosbag2_bagfile_information']
-        if not isinstance(information.get('relative_file_paths') or [], list):
-            raise TypeError('relative_file_paths is no list')
-    except (yaml.YAMLError, KeyError, TypeError, AttributeError):
+        return {
+            'relative_file_paths': [str(p) for p in information.get('relative_file_paths') or []],
+            'custom_data': dict(information.get('custom_data') or {}),
+            'compression_mode': str(information.get('compression_mode') or '').lower(),
+        }
+    except (yaml.YAMLError, LookupError, TypeError, AttributeError, ValueError):
         bag.notes.append('metadata.yaml cannot be read: the files were scanned without it')
         return {}
-    return dict(information)
 
 
 def _files_of_folder(folder: Path, information: dict[str, Any], bag: Bag) -> list[Path]:

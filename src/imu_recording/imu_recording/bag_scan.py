@@ -25,7 +25,7 @@ from imu_recording.logging_contract import METADATA_KEYS
 from imu_recording.mcap_scan import Channel, McapScan
 from imu_recording.mcap_summary import read_summary
 from imu_recording.odd_message import values_of
-from imu_recording.sqlite_scan import scan_sqlite, sqlite_channels
+from imu_recording.sqlite_scan import scan_sqlite, sqlite_channels, sqlite_metadata
 from imu_recording.topic_columns import MessageBlock, TopicColumns
 
 DAMAGED_ROS1 = (
@@ -99,23 +99,26 @@ def scan_file(
             slots = {key: select(channel) for key, channel in sqlite_channels(path).items()}
             wanted = {key: slot for key, slot in slots.items() if slot >= 0}
             problems = scan_sqlite(path, wanted, deliver, compressed=file.message_compressed)
+            _metadata_inside(sqlite_metadata(path), {}, metadata, space)
         return [f'{file.path.name}: {problem}' for problem in problems]
     through = _decompressing(deliver) if file.message_compressed else deliver
     scan = McapScan(select, through)
     _run(scan, file)
-    _metadata_inside(scan, metadata, space)
+    text = scan.metadata.get('rosbag2', {}).get('serialized_metadata', '')
+    _metadata_inside(text, scan.metadata.get('custom_data', {}), metadata, space)
     if not scan.complete:
         scan.problems.append(UNCLOSED)
     return [f'{file.path.name}: {problem}' for problem in scan.problems]
 
 
-def _metadata_inside(scan: McapScan, metadata: dict[str, str], space: str) -> None:
-    """Take device, run … from the file's own metadata records where metadata.yaml lacks them."""
-    found: dict[str, str] = dict(scan.metadata.get('custom_data', {}))
-    text = scan.metadata.get('rosbag2', {}).get('serialized_metadata', '')
+def _metadata_inside(
+    text: str, custom: Mapping[str, str], metadata: dict[str, str], space: str
+) -> None:
+    """Take device, run … from the file's own metadata where metadata.yaml lacks them."""
+    found: dict[str, str] = dict(custom)
     try:
         content = yaml.safe_load(text) if text else None
-    except yaml.YAMLError:
+    except (yaml.YAMLError, ValueError, TypeError):
         content = None  # the recording itself does not depend on it
     if isinstance(content, dict) and isinstance(content.get('custom_data'), dict):
         found |= {str(key): str(value) for key, value in content['custom_data'].items()}

@@ -49,6 +49,18 @@ def sqlite_channels(path: Path) -> dict[int, Channel]:
     }
 
 
+def sqlite_metadata(path: Path) -> str:
+    """Return the metadata the file carries as YAML, '' where it has none."""
+    with closing(_open(path)) as connection:
+        try:
+            found: Any = connection.execute(
+                'SELECT metadata FROM metadata ORDER BY id DESC LIMIT 1'
+            ).fetchall()
+        except DAMAGE:
+            found = []  # files written before ROS 2 Iron, or not closed, carry none
+    return str(found[0][0]) if found else ''
+
+
 def scan_sqlite(
     path: Path,
     slots: dict[int, int],
