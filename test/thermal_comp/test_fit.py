@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from imu_driver.simulated_device import DEVICES
+from imu_recording.csv_import import import_csv
 from imu_recording.recording import SENSOR_FIELDS
+from thermal_comp.compare import compare
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fit import fit
 from thermal_comp.model import ModelError
@@ -95,6 +97,15 @@ def test_what_is_not_excited_is_said_to_be() -> None:
     np.testing.assert_array_equal(model.sensors['gyroscope'].coefficients[1], 0.0)
 
 
+def test_a_shape_parameter_at_its_limit_is_said_to_be() -> None:
+    time, *_ = chamber()
+    slow = 1e-3 * (time / time[-1])[:, None] * np.ones(3)
+    model = fit(
+        {'gyroscope': (*LINE, EFFECTS['warm_up']())}, [run(error={'angular_velocity': slow})]
+    )
+    assert any('warm_up.time_constant ends at 7200' in note for note in model.provenance.notes)
+
+
 def test_levels_belong_to_runs_and_do_not_disturb_the_slope() -> None:
     plain, shifted = three_runs(), three_runs()
     moved = shifted[1].angular_velocity + np.array([0.5, -0.2, 0.1])
@@ -146,6 +157,25 @@ def test_bad_input_is_refused_in_one_line_or_left_out_and_said() -> None:
     assert any('magnetometer left out' in note for note in model.provenance.notes)
     missing = replace(good, magnetic_field=np.full((len(good), 3), np.nan))
     assert 'magnetometer' not in fit(LINE, [missing]).sensors
+
+
+@pytest.mark.shared_data
+def test_a_board_warming_up_without_cycles_is_fitted_and_compared(shared: Path) -> None:
+    csv = shared / 'data' / 'freeimu_freezer' / 'Tempdata01-02-14.csv'
+    mapping = Path(__file__).resolve().parents[2] / 'examples' / 'freeimu_mapping.yaml'
+    recording = import_csv(csv, mapping)
+    model = fit(LINE, [recording])
+    comparison = compare(model, [recording])
+    assert any('5 contiguous blocks' in note for note in comparison.notes)
+    accelerometer = comparison.sensors['accelerometer']
+    # The z axis bends: a line leaves several times the noise, x and y do not.
+    assert accelerometer.held_out_rms[2] > 4.0 * accelerometer.noise_floor[2]
+    assert (accelerometer.held_out_rms[:2] < 1.5 * accelerometer.noise_floor[:2]).all()
+    with_scale = fit([*LINE, EFFECTS['scale_factor_temperature']()], [recording])
+    assert any(
+        'scale_factor_temperature[2] cannot be told apart from bias_temperature z' in note
+        for note in with_scale.provenance.notes
+    )
 
 
 @pytest.mark.shared_data

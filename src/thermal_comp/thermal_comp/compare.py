@@ -14,8 +14,8 @@ from thermal_comp.compare_held_out import HeldOut, hold_out
 from thermal_comp.compare_where import Where, rank_where
 from thermal_comp.conditions import Sensor
 from thermal_comp.effects.effect import Effect
-from thermal_comp.fit import device_of, sensor_groups, usable_sensors
 from thermal_comp.fit_design import Design
+from thermal_comp.fit_inputs import device_of, sensor_groups, usable_sensors
 from thermal_comp.fit_solution import solve
 from thermal_comp.gaussianity import DwellModes, Gaussianity, dwell_modes, gaussianity
 from thermal_comp.model import ModelError, NoiseModel, SensorModel, ThermalModel

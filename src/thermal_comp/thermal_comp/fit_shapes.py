@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 from imu_recording.recording import FloatArray
-from scipy.optimize import minimize, minimize_scalar
 
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fit_design import Design, Term
@@ -98,6 +97,24 @@ def with_shape(effect: Effect, scales: list[ShapeScale], values: FloatArray) -> 
     return replace(effect, **changed)
 
 
+def bound_notes(design: Design) -> list[str]:
+    """Return one sentence per shape parameter that the search left at an end of its range."""
+    duration = max(float(run.time[-1]) for run in design.runs)
+    notes = []
+    for term in design.terms:
+        for scale in shape_scales(term.effect, duration):
+            value = getattr(term.effect, scale.name)
+            value = value if scale.place is None else value[scale.place]
+            near = 1e-3 * (scale.grid()[-1] - scale.grid()[0])
+            if min(abs(scale.forward(value) - end) for end in scale.grid()[[0, -1]]) <= near:
+                notes.append(
+                    f'{"+".join(term.sensors)}: {term.effect.name}.{scale.name} ends at '
+                    f'{value:.4g}, the limit of its range {scale.low:.4g} … {scale.high:.4g}: '
+                    'another effect may be meant'
+                )
+    return notes
+
+
 def refine_shapes(design: Design) -> Design:
     """Return the design with every shape parameter at the least whitened sum of squares."""
     duration = max(float(run.time[-1]) for run in design.runs)
@@ -110,6 +127,8 @@ def refine_shapes(design: Design) -> Design:
 
 
 def _refine(design: Design, term: Term, duration: float, *, globally: bool) -> Design:
+    from scipy.optimize import minimize, minimize_scalar
+
     scales = shape_scales(term.effect, duration)
 
     def cost(values: FloatArray) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from imu_recording.recording import PHASES, FloatArray, IntArray
-from scipy import stats
+from scipy import special
 
 EXPECTED_PER_CLASS = 8
 """Least expected count in a class of the χ² test."""
@@ -72,12 +72,14 @@ def gaussianity(runs: Sequence[FloatArray]) -> Gaussianity:
     if n < SMALLEST_SAMPLE or spread == 0.0:
         return Gaussianity(np.nan, np.nan, 0, n, thinning)
     classes = int(np.clip(n // EXPECTED_PER_CLASS, 5, 30))
-    probability = stats.norm.cdf((thinned - thinned.mean()) / spread)
+    probability = special.ndtr((thinned - thinned.mean()) / spread)
     counts = np.bincount(np.minimum((probability * classes).astype(int), classes - 1))
     counts = np.pad(counts, (0, classes - len(counts)))
     chi_square = float(((counts - n / classes) ** 2).sum() / (n / classes))
     degrees = classes - 3
-    return Gaussianity(float(stats.chi2.sf(chi_square, degrees)), chi_square, degrees, n, thinning)
+    return Gaussianity(
+        float(special.chdtrc(degrees, chi_square)), chi_square, degrees, n, thinning
+    )
 
 
 def correlation_length(runs: Sequence[FloatArray]) -> int:
