@@ -29,6 +29,8 @@ START_S = 60.0
 EULER = ('yaw', 'pitch', 'roll')
 COLUMNS = (*EULER, 'rotation', 'heading', 'inclination')
 """Columns of `Attitude.angles`: ZYX Euler angles (the paper's α, β, γ), then what never wraps."""
+CHUNK = 50_000
+"""Rows whose angles are computed at a time: they stay in the cache."""
 DATA = ('raw', 'magnetometer compensated', 'compensated')
 """What the filters are fed with."""
 
@@ -78,9 +80,9 @@ def estimate_attitudes(
         run_filter(name, raw.rows(slice(0, 100)))  # compiles
         for kind in data:
             recording = variants[kind]
-            start = time.perf_counter()
+            start = time.thread_time()
             result = run_filter(name, recording)
-            spent = time.perf_counter() - start
+            spent = time.thread_time() - start
             seconds = recording.time
             angles = angles_from_start(seconds, result.orientation, every)
             hours, lines = angle_lines(seconds[::every] / 3600.0, angles, points)
@@ -117,12 +119,15 @@ def angle_statistics(angles: FloatArray, cycle: IntArray | None) -> list[dict[st
 
 
 def _part_statistics(angles: FloatArray) -> dict[str, dict[str, float]]:
-    angles = angles[np.isfinite(angles).all(axis=1)]
-    if not len(angles):
+    known = np.isfinite(angles[:, 0])
+    if not known.any():
         return {}
-    mean, std = _circular(angles)
-    columns = {'mean': mean, 'std': std, 'largest': np.abs(angles).max(axis=0)}
-    return {k: dict(zip(COLUMNS, v.tolist(), strict=True)) for k, v in columns.items()}
+    found: dict[str, dict[str, float]] = {'mean': {}, 'std': {}, 'largest': {}}
+    for name, column in zip(COLUMNS, angles.T, strict=True):
+        values = column if known.all() else column[known]
+        found['mean'][name], found['std'][name] = _circular(values)
+        found['largest'][name] = float(max(values.max(), -values.min()))
+    return found
 
 
 def angles_from_start(seconds: FloatArray, orientation: FloatArray, every: int = 1) -> FloatArray:
@@ -132,37 +137,41 @@ def angles_from_start(seconds: FloatArray, orientation: FloatArray, every: int =
     from the vertical. NaN where the filter has no attitude.
     """
     known = np.isfinite(orientation).all(axis=1)
-    angles = np.full((len(orientation[::every]), len(COLUMNS)), np.nan)
+    angles = np.full((len(orientation[::every]), len(COLUMNS)), np.nan, order='F')
     if not known.any():
         return angles
     first = seconds[known][0]
     early = orientation[known & (seconds < first + START_S)]
     signs = np.sign(early @ early[0])[:, None]
-    start = normalised((early * np.where(signs == 0, 1.0, signs)).mean(axis=0))
-    rows = known[::every]
-    q = orientation[::every][rows]
-    angles[rows, :3] = euler_zyx(multiply(conjugate(start), q))[:, ::-1]
-    world = multiply(q, conjugate(start))
-    for column, measure in enumerate((rotation_angle, heading_angle, inclination_angle), 3):
-        angles[rows, column] = measure(world)
-    return np.degrees(angles)
+    start = conjugate(normalised((early * np.where(signs == 0, 1.0, signs)).mean(axis=0)))
+    kept, rows = orientation[::every], np.flatnonzero(known[::every])
+    for begin in range(0, len(rows), CHUNK):
+        part = rows[begin : begin + CHUNK]
+        q = kept[part]
+        angles[part, :3] = euler_zyx(multiply(start, q))[:, ::-1]
+        world = multiply(q, start)
+        for column, measure in enumerate((rotation_angle, heading_angle, inclination_angle), 3):
+            angles[part, column] = measure(world)
+    return np.degrees(angles, out=angles)
 
 
-def _circular(angles: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean and standard deviation [deg] of angles (n, k) that may wrap at ±180°.
+def _circular(values: FloatArray) -> tuple[float, float]:
+    """Return mean and standard deviation [deg] of angles (n,) that may wrap at ±180°.
 
     Deviations are taken the short way round: from the first value, then from their mean.
     """
-    centre = angles[0] + _wrapped(angles - angles[0]).mean(axis=0)
-    away = _wrapped(angles - centre)
-    mean = centre + away.mean(axis=0)
-    return (mean + 180.0) % 360.0 - 180.0, away.std(axis=0)
+    away = _wrapped(values - values[0])
+    centre = float(values[0] + away.mean())
+    away = _wrapped(np.subtract(values, centre, out=away))
+    mean = centre + float(away.mean())
+    return (mean + 180.0) % 360.0 - 180.0, float(away.std())
 
 
 def _wrapped(difference: FloatArray) -> FloatArray:
     """Return differences of angles [deg] within ±180°, in place."""
-    difference[difference > 180.0] -= 360.0
-    difference[difference < -180.0] += 360.0
+    if max(difference.max(), -difference.min()) > 180.0:
+        difference[difference > 180.0] -= 360.0
+        difference[difference < -180.0] += 360.0
     return difference
 
 

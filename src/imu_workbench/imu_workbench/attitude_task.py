@@ -48,7 +48,7 @@ class AttitudeTask:
         kept = settled(self.recording)
         if self.model is None or kept.sum() < 2:
             return ()
-        raw = self.recording.rows(kept)
+        raw = self.recording if kept.all() else self.recording.rows(kept)
         compensated = compensate(raw, self.model)
         slow = is_slow(raw)
         if slow:
