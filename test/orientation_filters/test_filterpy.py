@@ -14,7 +14,7 @@ from orientation_filters.rotation import conjugate, from_rotation_vector, multip
 from static_data import random_attitude, rest, world_vectors
 
 
-def moving(seed: int, seconds: float = 20.0, world_frame: str = 'enu') -> ImuRecording:
+def moving(seed: int, seconds: float = 8.0, world_frame: str = 'enu') -> ImuRecording:
     """Return a recording of smooth rotation with pushes, lost and disturbed fields."""
     rng = np.random.default_rng(seed)
     still = rest(random_attitude(seed), seed=seed, seconds=seconds, world_frame=world_frame)
@@ -25,7 +25,7 @@ def moving(seed: int, seconds: float = 20.0, world_frame: str = 'enu') -> ImuRec
         q.append(multiply(q[-1], from_rotation_vector(w * 0.01)))
     force, field = (rotate(conjugate(np.array(q)), v) for v in world_vectors(world_frame))
     push = np.where(np.sin(time * 2.0)[:, None] > 0.7, 3.0, 0.0) * rng.normal(size=(len(time), 3))
-    field[1000:1100] += 300e-6
+    field[400:450] += 300e-6
     field[::7] = np.nan
     return replace(
         still,

@@ -7,7 +7,9 @@ measurement matrix, the innovation and its inverse are filterpy's and numpy's bu
 
 from __future__ import annotations
 
+from functools import cache
 from math import atan2, cos, pi, sin
+from typing import Any
 
 import numpy as np
 from filterpy.kalman import KalmanFilter
@@ -115,6 +117,12 @@ def adaptive_errors(seen: Observation, up: float) -> Errors:
     return Errors(tuple(errors[:3]), tuple(errors[3:]), _joint_of(p[:6, :6]))
 
 
+@cache
+def _kalman_filter(measurements: int) -> Any:
+    """Return filterpy's filter for that many rows; state and covariance are set at every use."""
+    return KalmanFilter(dim_x=12, dim_z=measurements)
+
+
 def _matrix_of(p: JointCovariance) -> FloatArray:
     """Return the 6×6 covariance of its blocks."""
     places = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
@@ -142,7 +150,8 @@ def _kalman_update(
     rows = np.flatnonzero(present)
     if not len(rows):
         return np.zeros(12), prior
-    kalman = KalmanFilter(dim_x=12, dim_z=len(rows))
+    kalman = _kalman_filter(len(rows))
+    kalman.x = np.zeros((12, 1))
     kalman.P = prior
     kalman.update(innovation[rows, None], R=noise[np.ix_(rows, rows)], H=h[rows])
     x = kalman.x[:, 0].copy()

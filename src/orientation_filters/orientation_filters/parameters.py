@@ -49,10 +49,10 @@ class FilterParameters:
     )
     learn_bias: bool = parameter(True, 'Learn the gyroscope bias', dynamic=True)
     rest_angular_velocity: float = parameter(
-        0.035, 'At rest: largest change', unit='rad/s', bounds=(0.0, 10.0), dynamic=True
+        0.035, 'At rest: largest rms change', unit='rad/s', bounds=(0.0, 10.0), dynamic=True
     )
     rest_linear_acceleration: float = parameter(
-        0.5, 'At rest: largest change', unit='m/s²', bounds=(0.0, 100.0), dynamic=True
+        0.3, 'At rest: largest rms change', unit='m/s²', bounds=(0.0, 100.0), dynamic=True
     )
     rest_duration: float = parameter(
         1.5, 'At rest: for at least', unit='s', bounds=(0.0, 3600.0), dynamic=True

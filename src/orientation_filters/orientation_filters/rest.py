@@ -17,13 +17,13 @@ class RestParams(NamedTuple):
     """When a sensor counts as resting."""
 
     angular_velocity: float
-    """Largest deviation from the running mean [rad/s]."""
+    """Largest rms deviation from the running mean [rad/s]."""
     linear_acceleration: float
-    """Largest deviation from the running mean [m/s²]."""
+    """Largest rms deviation from the running mean [m/s²]."""
     duration: float
     """How long nothing may vary before it counts [s]."""
     time_constant: float
-    """Of the running means [s]."""
+    """Of the running means and mean squares [s]."""
     bias_limit: float
     """Largest rate taken for a bias [rad/s]."""
 
@@ -33,13 +33,18 @@ class RestState(NamedTuple):
 
     angular_velocity: Vector
     linear_acceleration: Vector
+    turning: float
+    """Mean square deviation of angular velocity [(rad/s)²]."""
+    pushing: float
+    """Mean square deviation of specific force [(m/s²)²]."""
     duration: float
+    """[s]"""
 
 
 @kernel
 def start_rest(w: Vector, f: Vector) -> RestState:
     """Return the state at the first sample."""
-    return RestState(w, f, 0.0)
+    return RestState(w, f, 0.0, 0.0, 0.0)
 
 
 @kernel
@@ -50,8 +55,10 @@ def watch_rest(state: RestState, params: RestParams, w: Vector, f: Vector, dt: f
     mean_f = approach(state.linear_acceleration, f, gain)
     turn = subtract(w, mean_w)
     push = subtract(f, mean_f)
+    turning = state.turning + gain * (dot(turn, turn) - state.turning)
+    pushing = state.pushing + gain * (dot(push, push) - state.pushing)
     varies = (
-        dot(turn, turn) > params.angular_velocity * params.angular_velocity
-        or dot(push, push) > params.linear_acceleration * params.linear_acceleration
+        turning > params.angular_velocity * params.angular_velocity
+        or pushing > params.linear_acceleration * params.linear_acceleration
     )
-    return RestState(mean_w, mean_f, 0.0 if varies else state.duration + dt)
+    return RestState(mean_w, mean_f, turning, pushing, 0.0 if varies else state.duration + dt)

@@ -1,0 +1,272 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Attitude error on real motion with optical truth: python benchmarks/broad.py --data DIR.
+
+DIR holds trials of BROAD (Laidig et al., Data 6(7):72, 2021) as MATLAB files, any number of them.
+Every filter with one parameter set for all trials, beside vqf, imufusion and ahrs; total, heading
+and inclination rms over the movement phase, starting from the first sample. With --freezer DIR
+(default: beside DIR) a real board's temperature errors are added to the motion, and taken away
+again by a model fitted to other measurements of that board. Exit code 1 where a claim fails.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from imu_recording.csv_import import import_csv
+from imu_recording.recording import FloatArray
+from orientation_filters.errors import KINDS, attitude_errors
+from orientation_filters.filters import run_filter
+from orientation_filters.rotation import normalised
+from scipy.io import loadmat
+from thermal_comp.compensator import compensate
+from thermal_comp.effects import EFFECTS
+from thermal_comp.fit import fit
+from vqf import VQF
+
+from imu_recording import ImuRecording
+
+OURS = [(name, preset) for name in ('complementary', 'ahrs') for preset in ('paper', 'robust')]
+LIMITS = {'ahrs robust': 1.25, 'complementary robust': 2.0}
+"""Largest mean total error as a multiple of VQF's."""
+SLOW_LIMIT_DEG = 3.0
+THERMAL_LIMIT = 1.05
+BLOCK_S = 20.0
+REFERENCE_C = 20.0
+MAPPING = Path(__file__).resolve().parents[1] / 'examples' / 'freeimu_mapping.yaml'
+MODEL = ('bias_temperature', 'bias_temperature_curvature')
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One trial: the recording with its truth, and the rows that count."""
+
+    name: str
+    recording: ImuRecording
+    movement: np.ndarray
+    rate_hz: float
+
+
+def load_trial(path: Path) -> Trial:
+    data = loadmat(path)
+    rate_hz = float(data['sampling_rate'].ravel()[0]) if 'sampling_rate' in data else 2000 / 7
+    n = len(data['imu_gyr'])
+    recording = ImuRecording(
+        stamp=np.round(np.arange(n) * (1e9 / rate_hz)).astype(np.int64),
+        angular_velocity=np.ascontiguousarray(data['imu_gyr']),
+        linear_acceleration=np.ascontiguousarray(data['imu_acc']),
+        magnetic_field=np.ascontiguousarray(data['imu_mag']) * 1e-6,
+        temperature=np.full(n, REFERENCE_C),
+        reference_orientation=data['opt_quat'][:, [1, 2, 3, 0]],
+        device='broad',
+    )
+    return Trial(path.stem, recording, data['movement'].ravel().astype(bool), rate_hz)
+
+
+def run_vqf(trial: Trial) -> FloatArray:
+    r = trial.recording
+    result = VQF(1 / trial.rate_hz).updateBatch(
+        r.angular_velocity, r.linear_acceleration, r.magnetic_field * 1e6
+    )
+    q: FloatArray = result['quat9D'][:, [1, 2, 3, 0]]
+    return q
+
+
+def run_imufusion(trial: Trial) -> FloatArray:
+    import imufusion
+
+    settings = imufusion.AhrsSettings()
+    settings.convention = imufusion.CONVENTION_ENU
+    settings.sample_rate = trial.rate_hz
+    settings.gyroscope_range = 2000.0
+    settings.gain, settings.acceleration_rejection = 0.5, 10.0
+    settings.magnetic_rejection = 10.0
+    settings.rejection_timeout = 5.0
+    ahrs = imufusion.Ahrs()
+    ahrs.set_settings(settings)
+    r = trial.recording
+    out = np.empty((len(r), 4))
+    columns = np.degrees(r.angular_velocity), r.linear_acceleration / 9.81, r.magnetic_field * 1e6
+    for i, (w, f, m) in enumerate(zip(*columns, strict=True)):
+        ahrs.update(w, f, m)
+        out[i] = np.asarray(ahrs.get_quaternion())
+    return out[:, [1, 2, 3, 0]]
+
+
+def run_madgwick(trial: Trial) -> FloatArray:
+    from ahrs.filters import Madgwick
+
+    r = trial.recording
+    q = Madgwick(
+        gyr=r.angular_velocity,
+        acc=r.linear_acceleration,
+        mag=r.magnetic_field * 1e9,
+        frequency=trial.rate_hz,
+        gain=0.12,
+    ).Q
+    return heading_free(np.asarray(q)[:, [1, 2, 3, 0]])
+
+
+def heading_free(q: FloatArray) -> FloatArray:
+    """Return attitudes whose world has x to magnetic north, turned to ENU."""
+    x, y, z, w = normalised(q).T
+    s = np.sqrt(0.5)
+    return np.column_stack([s * (x - y), s * (y + x), s * (z + w), s * (w - z)])
+
+
+PEERS: dict[str, Callable[[Trial], FloatArray]] = {
+    'VQF 2.1.2': run_vqf,
+    'imufusion': run_imufusion,
+    'ahrs Madgwick': run_madgwick,
+}
+
+
+def run_ours(trial: Trial, name: str, preset: str, **options: Any) -> FloatArray:
+    return run_filter(name, trial.recording, preset=preset, **options).orientation
+
+
+def error_deg(trial: Trial, q: FloatArray) -> list[float]:
+    rms = attitude_errors(q, trial.recording.reference_orientation).rms(trial.movement)
+    return [float(np.degrees(rms[kind])) for kind in KINDS]
+
+
+def freezer_blocks(folder: Path) -> tuple[ImuRecording, ImuRecording]:
+    """Return the odd and the even 20 s block means of a real board, one row each."""
+    board = import_csv(next(folder.glob('*.csv')), MAPPING)
+    block = (board.time // BLOCK_S).astype(int)
+    names = ('angular_velocity', 'linear_acceleration', 'magnetic_field', 'temperature')
+    rows = [np.flatnonzero(block == k) for k in np.unique(block)]
+    columns: dict[str, Any] = {
+        name: np.array([np.nanmean(getattr(board, name)[r], axis=0) for r in rows])
+        for name in names
+    }
+    stamp = np.array([board.stamp[r[0]] for r in rows])
+    means = ImuRecording(stamp=stamp, device='freeimu', up_axis='+z', **columns)
+    return means.rows(slice(1, None, 2)), means.rows(slice(0, None, 2))
+
+
+def with_thermal_errors(trial: Trial, swept: ImuRecording) -> Trial:
+    """Return the trial as that board would have measured it, its temperature swept once."""
+    order = np.argsort(swept.temperature)
+    known = swept.temperature[order]
+    temperature = np.linspace(known[0], known[-1], len(trial.recording))
+
+    def added(name: str) -> FloatArray:
+        clean: FloatArray = getattr(trial.recording, name)
+        columns = []
+        for k in range(3):
+            level = getattr(swept, name)[order, k]
+            at = np.interp(temperature, known, level) - np.interp(REFERENCE_C, known, level)
+            columns.append(clean[:, k] + at)
+        return np.column_stack(columns)
+
+    recording = replace(
+        trial.recording,
+        device=swept.device,
+        temperature=temperature,
+        angular_velocity=added('angular_velocity'),
+        linear_acceleration=added('linear_acceleration'),
+        magnetic_field=added('magnetic_field'),
+    )
+    return replace(trial, recording=recording)
+
+
+def thermal(trials: list[Trial], folder: Path) -> dict[str, dict[str, float]]:
+    """Return mean total errors [deg]: without, with, and with compensated temperature errors."""
+    swept, fitted = freezer_blocks(folder)
+    model = fit([EFFECTS[name]() for name in MODEL], [fitted], period=BLOCK_S)
+    results: dict[str, dict[str, float]] = {}
+    for name, preset in OURS:
+        for learn in (True, False):
+            if preset == 'paper' and not learn:
+                continue
+            options = {} if learn else {'learn_bias': False}
+            sums = np.zeros(3)
+            for trial in trials:
+                hot = with_thermal_errors(trial, swept)
+                cured = replace(hot, recording=compensate(hot.recording, model))
+                for k, variant in enumerate((trial, hot, cured)):
+                    sums[k] += error_deg(trial, run_ours(variant, name, preset, **options))[0]
+            label = f'{name} {preset}' + ('' if learn else ', no bias learning')
+            kinds = ('without', 'with', 'compensated')
+            results[label] = dict(zip(kinds, (sums / len(trials)).tolist(), strict=True))
+    return results
+
+
+def report(trials: list[Trial], errors: dict[str, np.ndarray]) -> list[str]:
+    """Print the tables; return the claims that do not hold."""
+    print(f'total rms error [deg]\n{"":44}' + ''.join(f'{name[:13]:>14}' for name in errors))
+    for i, trial in enumerate(trials):
+        print(f'{trial.name:44}' + ''.join(f'{e[i, 0]:14.2f}' for e in errors.values()))
+    for k, kind in enumerate(KINDS):
+        print(f'mean {kind:39}' + ''.join(f'{e[:, k].mean():14.2f}' for e in errors.values()))
+    failed = []
+    vqf = errors['VQF 2.1.2'][:, 0].mean()
+    for label, limit in LIMITS.items():
+        factor = errors[label][:, 0].mean() / vqf
+        print(f'{label}: {factor:.2f} × VQF (at most {limit:g})')
+        if factor > limit:
+            failed.append(f'{label}: {factor:.2f} × VQF, limit {limit:g}')
+    for i, trial in enumerate(trials):
+        if trial.name.startswith('01_'):
+            slow = errors['ahrs paper'][i, 0]
+            print(f'slow trial 01, ahrs paper: {slow:.2f}° (at most {SLOW_LIMIT_DEG:g}°)')
+            if slow > SLOW_LIMIT_DEG:
+                failed.append(f'slow trial 01: {slow:.2f}°, limit {SLOW_LIMIT_DEG:g}°')
+    return failed
+
+
+def report_thermal(results: dict[str, dict[str, float]]) -> list[str]:
+    failed = []
+    print("\na real board's temperature errors added: mean total error [deg]")
+    for label, row in results.items():
+        print(f'{label:44}' + ''.join(f'{kind} {value:7.2f}   ' for kind, value in row.items()))
+        if 'robust' in label and row['compensated'] > THERMAL_LIMIT * row['without']:
+            factor = row['compensated'] / row['without']
+            failed.append(f'{label}: compensated error is {factor:.3f} × that without')
+    return failed
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--data', type=Path, required=True)
+    parser.add_argument('--freezer', type=Path, help='a board warming up from cold, as CSV')
+    parser.add_argument('--json', type=Path)
+    options = parser.parse_args()
+    files = sorted(options.data.glob('*.mat'))
+    if not files:
+        parser.error(f'--data {options.data}: no *.mat file there')
+    trials = [load_trial(path) for path in files]
+    errors: dict[str, np.ndarray] = {}
+    for label, run in PEERS.items():
+        errors[label] = np.array([error_deg(trial, run(trial)) for trial in trials])
+    for name, preset in OURS:
+        found = [error_deg(trial, run_ours(trial, name, preset)) for trial in trials]
+        errors[f'{name} {preset}'] = np.array(found)
+    failed = report(trials, errors)
+    freezer = options.freezer or options.data.parent / 'freeimu_freezer'
+    warm = thermal(trials, freezer) if freezer.is_dir() else {}
+    failed += report_thermal(warm)
+    if options.json:
+        rows = {label: e.tolist() for label, e in errors.items()}
+        content = {
+            'trials': [trial.name for trial in trials],
+            'kinds': KINDS,
+            'errors_deg': rows,
+            'thermal_deg': warm,
+            'failed': failed,
+        }
+        options.json.write_text(json.dumps(content, indent=1) + '\n')
+    for line in failed:
+        print(f'FAILED: {line}')
+    return 1 if failed else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
