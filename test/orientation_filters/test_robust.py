@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from imu_recording.recording import FloatArray, ImuRecording
+from orientation_filters.errors import attitude_errors
 from orientation_filters.filters import run_filter
 from orientation_filters.flags import AT_REST, BIAS_LIMITED, DISTURBED
 from orientation_filters.rotation import (

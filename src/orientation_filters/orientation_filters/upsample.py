@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording, IntArray
@@ -33,7 +34,9 @@ def upsample(recording: ImuRecording, rate_hz: float = 50.0) -> ImuRecording:
     inside = _between(stamp, recording.stamp)
     stamp = stamp if inside.all() else stamp[inside]
     held = recording.rows(np.searchsorted(recording.stamp, stamp, side='right') - 1)
-    columns = {name: _columns(stamp, recording.stamp, getattr(recording, name)) for name in LINES}
+    columns: dict[str, Any] = {
+        name: _columns(stamp, recording.stamp, getattr(recording, name)) for name in LINES
+    }
     return replace(held, stamp=stamp, **columns).with_notes(
         f'interpolated linearly from {1e9 / period:.3g} Hz to {rate_hz:g} Hz for the filters; '
         'angles say little about fast errors'
@@ -56,7 +59,7 @@ def _columns(stamp: IntArray, known: IntArray, values: FloatArray) -> FloatArray
 
 def _between(stamp: IntArray, known: IntArray) -> NDArray[np.bool_]:
     """Return which stamps lie on a known one or between two at most three periods apart."""
-    inside = (stamp >= known[0]) & (stamp <= known[-1])
+    inside: NDArray[np.bool_] = (stamp >= known[0]) & (stamp <= known[-1])
     gap = np.diff(known)
     for hole in np.flatnonzero(gap > LARGEST_GAP * float(np.median(gap))):
         inside &= (stamp <= known[hole]) | (stamp >= known[hole + 1])
