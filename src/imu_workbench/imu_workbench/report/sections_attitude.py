@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
-from imu_workbench.display import shown
+from imu_workbench.display import fixed, shown
 from imu_workbench.report.figures_attitude import FILTER_NAMES, attitude_figure
 from imu_workbench.report.html import Choice, Section, group_html, table_html
 
@@ -65,7 +65,7 @@ def attitude_table(content: Mapping[str, Any], data: str, caption: str) -> str:
         for found in run['filters']
         if found['data'] == data
     ]
-    return table_html(_head(), rows, caption=caption + _marked(content))
+    return table_html(_head(), rows, caption=caption + _marked(content), dense=True)
 
 
 def cycles_html(content: Mapping[str, Any]) -> str:
@@ -79,7 +79,8 @@ def cycles_html(content: Mapping[str, Any]) -> str:
                     rows.append([label, *_cells(part)])
     if not rows:
         return ''
-    table = table_html(_head(), rows, caption='Angles cycle by cycle [°]' + _marked(content))
+    caption = 'Angles cycle by cycle [°]' + _marked(content)
+    table = table_html(_head(), rows, caption=caption, dense=True)
     return f'<details><summary>Cycle by cycle</summary>{table}</details>'
 
 
@@ -95,7 +96,7 @@ def published_table(content: Mapping[str, Any], data: str, caption: str) -> str:
                 for r in published
                 if (r['dut'], r['filter'], r['euler_angle']) == (device, name, angle)
             )
-            cells += [shown(row['mean_deg']), shown(row['std_deg'])]
+            cells += [fixed(row['mean_deg'], 1), fixed(row['std_deg'], 1)]
         rows.append([f'{device}, {FILTER_NAMES[name]}', *cells])
     head = [
         ['', *(f'{symbol}|2' for symbol in EULER.values())],
@@ -129,5 +130,5 @@ def _head() -> list[list[str]]:
 def _cells(part: Mapping[str, Any]) -> list[str]:
     if 'mean' not in part:
         return ['–'] * 12
-    cells = [shown(part[kind][angle]) for angle in EULER for kind in ('mean', 'std')]
-    return cells + [shown(part[kind][angle]) for angle in BESIDE for kind in ('std', 'largest')]
+    cells = [fixed(part[kind][angle], 3) for angle in EULER for kind in ('mean', 'std')]
+    return cells + [fixed(part[kind][a], 3) for a in BESIDE for kind in ('std', 'largest')]

@@ -74,7 +74,8 @@ def _finding_html(finding: Mapping[str, Any]) -> str:
         lines.append(f'look-alikes: {rivals.replace("_", " ")}')
     evidence = f'evidence {shown(finding["evidence"])}, needed {shown(finding["threshold"])}'
     detail = escape(' · '.join([evidence, *lines]))
-    said = escape(finding['text'].replace('_', ' '))
+    name = f'{finding["name"]}: ' if finding['kind'] == 'data_quality' else ''
+    said = escape(f'{name}{finding["text"]}'.replace('_', ' '))
     return f'<li><b>{said}</b><p class="soft small">{detail}</p></li>'
 
 
