@@ -63,6 +63,8 @@ class ConfiguredNode(LifecycleNode):
     """
 
     config_class: ClassVar[type[NodeConfig]] = NodeConfig
+    event_driven: ClassVar[bool] = False
+    """Whether `run_node` uses the events executor: half the cost per message at high rates."""
 
     def __init__(
         self,
@@ -280,6 +282,19 @@ def _shown(value: Any) -> str:
     return f'{value:.6g}' if isinstance(value, float) else str(value)
 
 
+def _spin(node: ConfiguredNode) -> None:
+    """Run callbacks until shutdown; `spin_once` in a loop, as EventsExecutor.spin may hang."""
+    if not node.event_driven:
+        rclpy.spin(node)
+        return
+    from rclpy.experimental.events_executor import EventsExecutor
+
+    executor = EventsExecutor()
+    executor.add_node(node)
+    while rclpy.ok():
+        executor.spin_once(timeout_sec=1.0)
+
+
 def run_node(node_class: type[ConfiguredNode], args: list[str] | None = None) -> int:
     """Run a node until Ctrl-C; return the process's exit code (2: configuration refused)."""
     rclpy.init(args=args)
@@ -290,7 +305,7 @@ def run_node(node_class: type[ConfiguredNode], args: list[str] | None = None) ->
         if node.get_parameter('autostart').value and not node.autostart():
             code = 2
         else:
-            rclpy.spin(node)
+            _spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     finally:

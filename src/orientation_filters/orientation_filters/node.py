@@ -29,6 +29,7 @@ class FilterNode(ConfiguredNode):
     """Estimates orientation from imu/data_raw and imu/mag."""
 
     filter_name: ClassVar[str]
+    event_driven = True
     _preset: ClassVar[dict[str, Any]] = {}
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
