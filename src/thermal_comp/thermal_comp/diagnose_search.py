@@ -225,7 +225,7 @@ class Search:
         """Drop steps at the edges of cycles where every cycle has a level of its own anyway."""
         if 'turn_on_bias' not in {form.effect.name for form in chosen}:
             return chosen
-        edges = np.concatenate([_cycle_edges(run) for run in self.bank.source.runs])
+        edges = np.concatenate([[-np.inf], *(_cycle_edges(r) for r in self.bank.source.runs)])
         return [
             form
             for form in chosen
@@ -250,8 +250,9 @@ class Search:
 
 
 def _cycle_edges(run: PreparedRun) -> FloatArray:
-    """Return the times [s] at which the number of the cycle changes."""
-    return np.asarray(run.time[np.flatnonzero(np.diff(run.cycle)) + 1])
+    """Return the times [s] at which the cycles as a whole begin and end."""
+    outside = (run.cycle == 0).astype(int)
+    return np.asarray(run.time[np.flatnonzero(np.diff(outside)) + 1])
 
 
 def held_out_chi_square(bank: ColumnBank, terms: Sequence[Term], part: int) -> float:

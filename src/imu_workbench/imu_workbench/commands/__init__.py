@@ -20,6 +20,8 @@ COMMANDS: dict[str, str] = {
     'diagnose': 'diagnose',
     'add': 'add',
     'auto': 'auto',
+    'next-experiment': 'next_experiment',
+    'check-tables': 'check_tables',
     'explain': 'explain',
     'check-effect': 'check_effect',
 }

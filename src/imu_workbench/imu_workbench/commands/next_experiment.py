@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plan the experiment that best tells two rival effects apart."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import yaml
+from chamber_profile.profile import load_profile
+from thermal_comp.effects.user_effects import effect_catalogue
+from thermal_comp.experiment_design import Limits, Proposal, design_experiment
+from thermal_comp.experiment_plan import FINAL_S, PRECONDITION_S, REFERENCE_C
+from thermal_comp.model_file import load_model
+
+from imu_workbench.answer import Answer
+from imu_workbench.commands.diagnose import add_effects_argument
+from imu_workbench.progress import show_progress
+
+HELP = 'Find the chamber profile that best separates two rival effects; write it as a profile.'
+EPILOG = (
+    'example:\n  python -m imu_workbench next-experiment thermal_lag temperature_rate '
+    '--model model.yaml -o profile.yaml'
+)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    parser.add_argument('effects_a', metavar='A', help='one effect')
+    parser.add_argument('effects_b', metavar='B', help='its rival')
+    parser.add_argument(
+        '--model', metavar='MODEL', type=Path, required=True, help='model of the device'
+    )
+    parser.add_argument(
+        '--range',
+        metavar=('LOW', 'HIGH'),
+        type=float,
+        nargs=2,
+        default=(-10.0, 50.0),
+        help='temperatures the chamber may go to [°C]',
+    )
+    parser.add_argument(
+        '--max-rate', metavar='RATE', type=float, default=2.0, help='fastest ramp [°C/min]'
+    )
+    parser.add_argument('--hours', type=float, default=12.0, help='longest run [h]')
+    parser.add_argument('--seed', type=int, default=0, help='seed of the search')
+    parser.add_argument(
+        '-o', '--output', metavar='PROFILE', type=Path, required=True, help='profile to write'
+    )
+    add_effects_argument(parser)
+
+
+def run(options: argparse.Namespace) -> Answer:
+    """Design, write, read back."""
+    low, high = options.range
+    if not low < REFERENCE_C < high:
+        raise ValueError(f'--range {low:g} {high:g}: expected LOW < {REFERENCE_C:g} < HIGH')
+    if options.max_rate <= 0.0 or options.hours <= 0.0:
+        raise ValueError('--max-rate and --hours: expected more than 0')
+    catalogue = dict(effect_catalogue(options.effects))
+    model = load_model(options.model, catalogue)
+    limits = Limits(low, high, options.max_rate, options.hours)
+    names = (options.effects_a, options.effects_b)
+    show_progress('searching a profile …')
+    proposal = design_experiment(names, model, limits, catalogue, seed=options.seed)
+    text = yaml.safe_dump(
+        profile_content(proposal, names, limits), sort_keys=False, allow_unicode=True
+    )
+    options.output.write_text(text, 'utf-8')
+    load_profile(options.output)
+    content: dict[str, Any] = {
+        'schema': 1,
+        'effects': list(names),
+        'sensor': proposal.sensor,
+        'evidence_before': proposal.evidence_before,
+        'evidence_after': proposal.evidence_after,
+        'separable': proposal.separable,
+        'actions': list(proposal.actions),
+        'hours': proposal.plan.hours,
+        'repeats': proposal.plan.repeats,
+        'profile': str(options.output),
+    }
+    return Answer(content, proposal_text(content))
+
+
+def profile_content(proposal: Proposal, names: tuple[str, str], limits: Limits) -> dict[str, Any]:
+    """Return the proposal in the profile format of chamber_profile."""
+    steps: list[dict[str, Any]] = [
+        {
+            'id': 'precondition',
+            'kind': 'precondition',
+            'target_c': REFERENCE_C,
+            'rate_c_per_min': limits.max_rate,
+            'dwell_s': PRECONDITION_S,
+        }
+    ]
+    ids = []
+    for number, segment in enumerate(proposal.plan.cycle, 1):
+        ramp = {
+            'id': f'ramp_{number}',
+            'kind': 'ramp',
+            'target_c': segment.target,
+            'rate_c_per_min': segment.rate,
+        }
+        steps += [ramp, {'id': f'dwell_{number}', 'kind': 'dwell', 'dwell_s': segment.dwell}]
+        ids += [f'ramp_{number}', f'dwell_{number}']
+    steps.append(
+        {
+            'id': 'final',
+            'kind': 'final',
+            'target_c': REFERENCE_C,
+            'rate_c_per_min': limits.max_rate,
+            'dwell_s': FINAL_S,
+        }
+    )
+    return {
+        'schema': 1,
+        'name': f'{names[0]}_or_{names[1]}',
+        'description': f'Tells {names[0]} from {names[1]}, three or more equal cycles',
+        'limits': {
+            'air_min_c': limits.low - 5.0,
+            'air_max_c': limits.high + 5.0,
+            'device_min_c': -40.0,
+            'device_max_c': 85.0,
+            'rate_max_c_per_min': limits.max_rate,
+        },
+        'stabilise': {
+            'source': 'air',
+            'band_c': 0.5,
+            'hold_s': 0,
+            'timeout_s': 7200,
+            'on_timeout': 'abort',
+        },
+        'dwell_mode': 'free',
+        'steps': steps,
+        'cycles': {'from': ids[0], 'to': ids[-1], 'count': proposal.plan.repeats},
+        'on_abort': {
+            'target_c': REFERENCE_C,
+            'rate_c_per_min': limits.max_rate,
+            'timeout_s': 3600,
+        },
+    }
+
+
+def proposal_text(content: dict[str, Any]) -> str:
+    """Return the proposal as lines."""
+    one, other = content['effects']
+    verdict = 'separable' if content['separable'] else 'not separable by temperature alone'
+    before, after = content['evidence_before'], content['evidence_after']
+    lines = [
+        f'{one} or {other} in the {content["sensor"]}: {verdict}',
+        f'  evidence {before:.1f} with the plan of the paper, {after:.1f} with this one',
+        f'  {content["repeats"]} cycles, {content["hours"]:.1f} h a run: {content["profile"]}',
+    ]
+    return '\n'.join([*lines, *(f'  do: {action}' for action in content['actions'])])
