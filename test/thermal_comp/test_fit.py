@@ -97,6 +97,22 @@ def test_what_is_not_excited_is_said_to_be() -> None:
     np.testing.assert_array_equal(model.sensors['gyroscope'].coefficients[1], 0.0)
 
 
+def test_a_run_too_short_for_a_noise_spectrum_is_fitted_with_white_noise_and_said_so() -> None:
+    model = fit(LINE, [run(cycles=1).rows(slice(400, 508))])
+    gyroscope = model.sensors['gyroscope']
+    slopes = gyroscope.coefficients[0][0]
+    np.testing.assert_allclose(slopes, SLOPES['angular_velocity'], rtol=0.1)
+    assert (gyroscope.noise.variance_of_means(20.0) > 0.0).all()
+    assert any('too short to tell the colour' in note for note in model.provenance.notes)
+
+
+def test_data_without_noise_give_the_exact_line() -> None:
+    model = fit(LINE, [run(cycles=1, noise=0.0)])
+    for sensor, name in SENSOR_FIELDS.items():
+        slope = model.sensors[sensor].coefficients[0][0]
+        np.testing.assert_allclose(slope, SLOPES[name], rtol=1e-9)
+
+
 def test_a_shape_parameter_at_its_limit_is_said_to_be() -> None:
     time, *_ = chamber()
     slow = 1e-3 * (time / time[-1])[:, None] * np.ones(3)

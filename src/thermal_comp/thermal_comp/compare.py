@@ -20,7 +20,7 @@ from thermal_comp.fit_solution import solve
 from thermal_comp.gaussianity import DwellModes, Gaussianity, dwell_modes, gaussianity
 from thermal_comp.model import ModelError, NoiseModel, SensorModel, ThermalModel
 from thermal_comp.model_file import check_device
-from thermal_comp.noise import fit_noise
+from thermal_comp.noise_of_runs import noise_of_runs
 from thermal_comp.preparation import PERIOD, Truth, prepare
 from thermal_comp.prepared_run import PreparedRun
 
@@ -178,7 +178,7 @@ def _noise(
     model: ThermalModel, sensor: Sensor, runs: Sequence[PreparedRun], seen: bool
 ) -> NoiseModel:
     stored = model.sensors[sensor].noise
-    return stored if seen and stored is not None else fit_noise(runs, sensor)
+    return stored if seen and stored is not None else noise_of_runs(runs, sensor)[0]
 
 
 def _residuals(

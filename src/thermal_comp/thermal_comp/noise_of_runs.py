@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The noise a fit weighs with: fitted where runs are long enough, white where they are not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.conditions import Sensor
+from thermal_comp.model import NoiseModel
+from thermal_comp.noise import fit_noise
+from thermal_comp.prepared_run import PreparedRun
+
+SMALLEST = 1e-12
+"""Least noise of a mean, as a share of the largest value: no measurement is better resolved."""
+
+
+def noise_of_runs(runs: Sequence[PreparedRun], sensor: Sensor) -> tuple[NoiseModel, str]:
+    """Return the noise model and, where it is only a guess, one sentence that says so."""
+    fitted = fit_noise(runs, sensor)
+    variance = fitted.variance_of_means(runs[0].period)
+    if np.isfinite(variance).all() and (variance > 0.0).all():
+        return fitted, ''
+    white = np.sqrt(runs[0].period) * _scatter(runs, sensor)
+    guess = NoiseModel(white, fitted.time_constants, np.zeros((len(fitted.time_constants), 3)))
+    return guess, (
+        f'{sensor}: the runs are too short to tell the colour of its noise; it is taken as white, '
+        'from what a line in temperature leaves'
+    )
+
+
+def _scatter(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray:
+    """Return the (3,) standard deviation of block means about a level and a line per run."""
+    squares, degrees, largest = np.zeros(3), 0, 0.0
+    for run in runs:
+        rows = np.isfinite(run.measured[sensor]).all(axis=1)
+        values = run.measured[sensor][rows]
+        if not len(values):
+            continue
+        design = np.column_stack([np.ones(len(values)), run.temperature[rows]])
+        left = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
+        squares += (left**2).sum(axis=0)
+        degrees += max(len(values) - 2, 0)
+        largest = max(largest, float(np.abs(values).max()))
+    scatter: FloatArray = np.sqrt(squares / max(degrees, 1))
+    return np.maximum(scatter, max(SMALLEST * largest, 1e-300))
