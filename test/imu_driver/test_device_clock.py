@@ -2,6 +2,7 @@
 """Stamps against true sampling times under what USB, schedulers and crystals do."""
 
 import numpy as np
+import pytest
 from imu_driver.device_clock import DeviceClock
 from imu_recording.recording import FloatArray
 
@@ -49,6 +50,15 @@ def test_an_hour_of_a_wandering_crystal() -> None:
     assert 20 < clock.skew_ppm < 50
 
 
+def test_a_ceramic_resonator() -> None:
+    rng = np.random.default_rng(4)
+    time = np.arange(0.0, 300.0, 0.0101)
+    clock = DeviceClock()
+    error = run(clock, time * (1.0 - 4e-3), arrivals(time, rng)) - time
+    assert clock.skew_ppm == pytest.approx(-4000.0, rel=0.05)
+    assert error[time > 10.0].std() < 100e-6
+
+
 def test_a_restart_begins_anew() -> None:
     clock = DeviceClock()
     time = np.arange(0.0, 30.0, 0.01)
@@ -81,6 +91,16 @@ def test_a_host_clock_that_was_set() -> None:
     stamp.append(clock.stamp(3_000_000, EPOCH - 7_000_000_000))
     assert stamp[-1] == EPOCH - 7_000_000_000
     assert clock.steps == 1
+
+
+def test_a_line_that_backs_up_for_long_is_no_set_clock() -> None:
+    time = np.arange(0.0, 60.0, 0.01)
+    backlog = np.interp(time, [0.0, 20.0, 24.0, 40.0, 40.5], [0.0, 0.0, 3.0, 3.0, 0.0])
+    clock = DeviceClock()
+    arrival = np.maximum.accumulate(time + 1e-3 + backlog)
+    stamps = run(clock, time, arrival)
+    assert clock.steps == 0
+    np.testing.assert_allclose(stamps, time + 1e-3, atol=2e-6)
 
 
 def test_stamps_do_not_lie_after_arrival() -> None:

@@ -9,6 +9,7 @@ measurements", INFOCOM 2002; two hulls that take turns follow a wandering crysta
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -16,8 +17,8 @@ NANOSECOND: Final = 1_000_000_000
 TICK_RANGE: Final = 1 << 32
 HALF_RANGE: Final = 1 << 31
 
-LARGEST_SKEW: Final = 500e-6
-"""No crystal or ceramic resonator in working order is further off."""
+LARGEST_SKEW: Final = 1e-2
+"""No ceramic resonator in working order is further off, let alone a crystal."""
 SKEW_BASELINE: Final = 5.0
 """[s] Data shorter than this say nothing about skew under millisecond delays."""
 STEP: Final = 0.5
@@ -32,6 +33,8 @@ class ConvexHull:
 
     points: list[tuple[float, float]] = field(default_factory=list)
     """(device time, arrival minus device time), both [s] since the clock's start."""
+    slope: float = 0.0
+    """Slope of the last good line."""
 
     def add(self, x: float, y: float) -> None:
         """Add a point to the right of all others."""
@@ -44,17 +47,23 @@ class ConvexHull:
         points.append((x, y))
 
     def line(self) -> tuple[float, float, float]:
-        """Return the hull's edge over the middle of its span: abscissa, ordinate, slope."""
+        """Return the line that supports the points from below: abscissa, ordinate, slope.
+
+        It is the hull's edge over the middle of its span. Where that edge ends in the newest
+        point, nothing in the later half came in good time: then the slope found last holds.
+        """
         points = self.points
         if points[-1][0] - points[0][0] >= SKEW_BASELINE:
             middle = 0.5 * (points[0][0] + points[-1][0])
             index = next(i for i, point in enumerate(points) if point[0] >= middle)
-            (x1, y1), (x2, y2) = points[index - 1], points[index]
-            slope = (y2 - y1) / (x2 - x1)
-            if abs(slope) <= LARGEST_SKEW:
-                return x2, y2, slope
-        x, y = min(points, key=lambda point: point[1])
-        return x, y, 0.0
+            if index < len(points) - 1:
+                (x1, y1), (x2, y2) = points[index - 1], points[index]
+                slope = (y2 - y1) / (x2 - x1)
+                if abs(slope) <= LARGEST_SKEW:
+                    self.slope = slope
+                    return x2, y2, slope
+        x, y = min(points, key=lambda point: point[1] - self.slope * point[0])
+        return x, y, self.slope
 
 
 class Observation(NamedTuple):
@@ -107,7 +116,8 @@ class DeviceClock:
         self._tick = 0
         self._elapsed = 0
         self._arrival = 0
-        self._in_time = 0.0
+        self._jumped_at = math.inf
+        self._last_offset = 0.0
 
     def restart(self) -> None:
         """Forget the device's time: the device restarted, or another took its place."""
@@ -144,6 +154,7 @@ class DeviceClock:
         self._active.add(time, offset)
         self._pending.add(time, offset)
         if time >= self._switch_at:
+            self._pending.slope = self._active.slope
             self._active, self._pending = self._pending, ConvexHull()
             self._pending.add(time, offset)
             self._switch_at = time + self.window
@@ -177,13 +188,17 @@ class DeviceClock:
         return stamps
 
     def _host_clock_stepped(self, newest: Observation) -> bool:
+        """Whether the delay has jumped and stayed; a line that backs up delays more and more."""
         x, y, slope = self._active.line()
         if newest.offset - (y + slope * (newest.time - x)) < STEP:
-            self._in_time = newest.time
-        elif newest.time - self._in_time > STEP_LASTS:
-            self.steps += 1
-            return True
-        return False
+            self._jumped_at = math.inf
+        elif newest.offset - self._last_offset > STEP:
+            self._jumped_at = newest.time
+        self._last_offset = newest.offset
+        if newest.time - self._jumped_at <= STEP_LASTS:
+            return False
+        self.steps += 1
+        return True
 
     @property
     def age(self) -> float:

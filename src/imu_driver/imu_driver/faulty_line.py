@@ -11,7 +11,7 @@ from typing import Any, Final
 from imu_driver.emulated_board import Sent
 from imu_driver.faults import BYTE_FAULTS, Fault, damage
 
-BUFFER: Final = 4096
+BUFFER: Final = 16384
 """[bytes] Output buffer of the board: a frame that finds no room in it is dropped."""
 TRICKLE_RATE: Final = 2000.0
 """[bytes/s] of the trickle fault."""
