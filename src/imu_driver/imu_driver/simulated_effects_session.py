@@ -83,7 +83,7 @@ def humidity(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Genera
             raise ValueError('humidity cannot act: the environment has none')
         period = run.environment.period
         outer = low_pass(run.environment.humidity, time, period)
-        inner = low_pass(outer, 0.1 * time, period)
+        inner = low_pass(outer, 0.04 * time, period)
         waves.append(along_axes(0.8 * outer + 0.2 * inner, gains))
     return in_sensor(sensor, waves, time_constant=time)
 
