@@ -10,29 +10,23 @@ given again.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 from chamber_profile import sequence_types as kinds
-from chamber_profile.chamber_orders import OBEDIENCE_S, ChamberOrders
-from chamber_profile.profile import Profile, Step
-from chamber_profile.sequence_types import Action, Note, Progress, Readings, Switch
-from chamber_profile.setpoint_program import Heading, advanced
-from chamber_profile.stabilisation import RampWatch, Settling
+from chamber_profile.profile import Profile
+from chamber_profile.sequence_types import Action, Progress, Readings, Switch
+from chamber_profile.step_course import SAFE_BAND_C, StepCourse
 from chamber_profile.supervision import check_problems, trip_reason
-from chamber_profile.unroll import closed_steps
 
 LONGEST_TICK_S = 10.0
 """A longer gap between two ticks counts as this: the programmed temperature never jumps [s]."""
 CHECK_S = 30.0
 """How long the checks before a start may take until all is well [s]."""
-SAFE_BAND_C = 2.0
-"""So near the safe temperature the chamber is switched off [K]."""
 
 COMMANDS = ('start', 'pause', 'resume', 'abort', 'confirm')
 """What an operator can order; `standby` (at once, no ramp) is for the second interrupt."""
 
 
-class Sequencer:
+class Sequencer(StepCourse):
     """One run of a profile. `progress` says where it is; give it back to continue a run.
 
     Commands return why they are refused, '' where they are not; they act at the next `tick`.
@@ -48,28 +42,13 @@ class Sequencer:
         *,
         patience: float = 1.0,
     ) -> None:
-        self.profile = profile
-        self.steps = closed_steps(profile)
-        self.progress = progress or Progress()
-        self.dwelt_s = 0.0
-        """Time on the present dwell's clock [s]."""
+        super().__init__(profile, resolution_c, progress or Progress(), patience)
         self._resumed = progress is not None
-        self._patience = patience
-        self._orders = ChamberOrders.within(profile.limits, resolution_c, patience)
         self._command = ''
-        self._now = float('-inf')
-        self._since = 0.0  # when the stage, CHECK or SAFE was entered
         self._held = kinds.RUN  # the mode that HOLD_FAULT interrupts
         self._protected = False  # whether the chamber has our limits
-        self._settling: Settling | None = None
-        self._watch: RampWatch | None = None
 
     # What is going on -------------------------------------------------------------------------
-
-    @property
-    def step(self) -> Step:
-        """The step the run is in."""
-        return self.steps[self.progress.step]
 
     @property
     def in_charge(self) -> bool:
@@ -131,7 +110,7 @@ class Sequencer:
             if self.progress.aborting:
                 self._take_over(readings)
                 return self._go_safe(self.progress.reason)
-            self._since, self._protected = self._now, False
+            self._clock.since, self._protected = self._now, False
             return self._note('start', mode=kinds.CHECK, reason='')
         if name == 'pause':
             return self._note('pause', mode=kinds.PAUSED, reason='by the operator')
@@ -169,7 +148,7 @@ class Sequencer:
             note = self._note('limits', low_c=limits.air_min_c, high_c=limits.air_max_c)
             return [*note, kinds.ProgramLimits(limits.air_min_c, limits.air_max_c)]
         self._protected = False
-        if self._now - self._since < CHECK_S * self._patience:
+        if self._now - self._clock.since < CHECK_S * self._patience:
             return []
         reason = f'check failed: {"; ".join(problems)}'
         if self._resumed and readings.running:
@@ -177,124 +156,6 @@ class Sequencer:
             return self._go_safe(reason)
         mode = kinds.IDLE if self._resumed else kinds.ABORTED
         return self._note('check_failed', mode=mode, reason=reason)
-
-    def _take_over(self, readings: Readings) -> None:
-        """Go on from the air's temperature: nothing may jump. The chamber is to be started."""
-        if readings.air is not None:
-            limits = self.profile.limits
-            here = min(max(readings.air, limits.air_min_c), limits.air_max_c)
-            self.progress = replace(self.progress, setpoint=here)
-        self._orders.begin(self._now)
-
-    # RUN --------------------------------------------------------------------------------------
-
-    def _run(self, readings: Readings, elapsed: float) -> list[Action]:
-        stage = self.progress.stage
-        if stage == kinds.MOVE and self._orders.started:
-            return self._move(readings, elapsed)
-        if stage == kinds.SETTLE:
-            return self._settle(readings)
-        if stage == kinds.DWELL:
-            return self._dwell(readings, elapsed)
-        if stage == kinds.STOP:
-            return self._stop(readings, 'done', kinds.DONE)
-        return []
-
-    def _move(self, readings: Readings, elapsed: float) -> list[Action]:
-        step = self.step
-        setpoint = self._advance(elapsed)
-        actions: list[Action] = []
-        rate = None
-        if self._watch is not None and setpoint is not None:
-            rate = self._watch.deviation(self._now, readings.air, setpoint)
-        if rate is not None:
-            actions += self._note('ramp_rate', measured=rate, nominal=step.rate_c_per_min)
-        if setpoint != step.target_c:
-            return actions
-        return actions + (
-            self._next_step() if step.kind == 'ramp' else self._enter_stage(kinds.SETTLE)
-        )
-
-    def _settle(self, readings: Readings) -> list[Action]:
-        step, settling = self.step, self._settling
-        if settling is None:
-            return self._settle_for_opening(readings)
-        criterion = settling.criterion
-        waited = round(self._now - self._since, 3)
-        if settling.settled(self._now, self._watched(readings), step.target_c):
-            return self._enter_stage(kinds.DWELL, settled_after_s=waited)
-        if waited < criterion.timeout_s:
-            return []
-        reason = (
-            f'{criterion.source} not within {criterion.band_c:g} K of {step.target_c:g} °C '
-            f'after {criterion.timeout_s:g} s'
-        )
-        if criterion.on_timeout == 'continue':
-            return self._enter_stage(kinds.DWELL, not_settled=reason)
-        if criterion.on_timeout == 'hold':
-            return self._note('pause', mode=kinds.PAUSED, reason=reason)
-        return self._go_safe(reason)
-
-    def _settle_for_opening(self, readings: Readings) -> list[Action]:
-        """Ask to open only when air and device are as warm as the room: no condensation."""
-        floor = self.profile.ambient_c - 1.0
-        known = [value for value in (readings.air, readings.device) if value is not None]
-        if readings.air is None or min(known) < floor:
-            return []
-        if abs(readings.air - self.step.target_c) > SAFE_BAND_C:
-            return []
-        return self._enter_stage(kinds.CONFIRM, prompt=self.step.prompt)
-
-    def _dwell(self, readings: Readings, elapsed: float) -> list[Action]:
-        step = self.step
-        inside = step.dwell_mode == 'free' or self._settling is None
-        if self._settling is not None and not inside:
-            inside = self._settling.in_band(self._watched(readings), step.target_c)
-        if inside:
-            self.dwelt_s += elapsed
-        elif step.dwell_mode == 'restart' and self.dwelt_s > 0.0:
-            lost, self.dwelt_s = self.dwelt_s, 0.0
-            return self._note('dwell_restart', lost_s=round(lost, 3))
-        return self._next_step() if self.dwelt_s >= step.dwell_s - 1e-6 else []
-
-    def _watched(self, readings: Readings) -> float | None:
-        source = self._settling.criterion.source if self._settling else 'air'
-        return readings.air if source == 'air' else readings.device
-
-    def _next_step(self) -> list[Action]:
-        if self.progress.step + 1 < len(self.steps):
-            return self._enter('step', self.progress.step + 1)
-        return self._enter_stage(kinds.STOP)
-
-    def _enter(self, event: str, number: int, mode: str = '') -> list[Action]:
-        step = self.steps[number]
-        self._since, self.dwelt_s = self._now, 0.0
-        self._settling = Settling(step.stabilise) if step.stabilise else None
-        self._watch = self._ramp_watch(step)
-        stays = self.progress.setpoint == step.target_c and self._orders.started
-        stage = kinds.SETTLE if stays and step.kind != 'ramp' else kinds.MOVE
-        mode = mode or self.progress.mode
-        return self._note(event, mode=mode, step=number, stage=stage, reason='')
-
-    def _enter_stage(self, stage: str, **details: Any) -> list[Action]:
-        self._since, self.dwelt_s = self._now, 0.0
-        return self._note('stage', stage=stage, **details)
-
-    def _ramp_watch(self, step: Step) -> RampWatch | None:
-        here = self.progress.setpoint
-        if step.kind != 'ramp' or here is None or here == step.target_c:
-            return None
-        return RampWatch(here, step.target_c, step.rate_c_per_min)
-
-    def _go_on(self, event: str, mode: str) -> list[Action]:
-        """Leave PAUSED or HOLD_FAULT: what was being measured over time starts anew."""
-        self._watch = self._ramp_watch(self.step)
-        if self._settling is not None:
-            self._settling = Settling(self._settling.criterion)
-        if self.progress.stage == kinds.SETTLE:
-            self._since = self._now
-        reason = self.progress.reason if mode == kinds.PAUSED else ''
-        return self._note(event, mode=mode, reason=reason)
 
     # Faults and the safe state ----------------------------------------------------------------
 
@@ -317,10 +178,6 @@ class Sequencer:
             reason = self._orders.disobedience(self._now, readings)
         return actions + (self._go_safe(reason) if reason else [])
 
-    def _go_safe(self, reason: str) -> list[Action]:
-        self._since = self._now
-        return self._note('safe', mode=kinds.SAFE, stage=kinds.MOVE, reason=reason, aborting=True)
-
     def _make_safe(self, readings: Readings, elapsed: float) -> list[Action]:
         """To the safe temperature at the safe rate, then stop; never start a stopped chamber."""
         if readings.link != kinds.LINK_OK:
@@ -336,36 +193,11 @@ class Sequencer:
             return self._enter_stage(kinds.STOP, air=readings.air)
         low, high = self.profile.limits.air_min_c, self.profile.limits.air_max_c
         allowed = (high - low) / safe.rate_c_per_min * 60.0 + safe.timeout_s
-        if self._now - self._since <= allowed:
+        if self._now - self._clock.since <= allowed:
             return []
         return self._enter_stage(kinds.STOP, not_safe=f'not at {safe.target_c:g} °C in time')
 
-    def _stop(self, readings: Readings, event: str, mode: str) -> list[Action]:
-        if readings.running is False and readings.link == kinds.LINK_OK:
-            return self._note(event, mode=mode)
-        if self._now - self._since > OBEDIENCE_S * self._patience:
-            reason = self.progress.reason or 'the run was complete'
-            reason += '; the chamber did not confirm stand-by'
-            return [
-                *self._note('aborted', mode=kinds.ABORTED, reason=reason),
-                Switch(False),
-            ]
-        return []
-
     # The chamber ------------------------------------------------------------------------------
-
-    def _heading(self) -> Heading:
-        mode, stage = self.progress.mode, self.progress.stage
-        if mode == kinds.SAFE:
-            return Heading(self.profile.on_abort.target_c, self.profile.on_abort.rate_c_per_min)
-        moving = mode == kinds.RUN and stage == kinds.MOVE and self._orders.started
-        return Heading(self.step.target_c, self.step.rate_c_per_min if moving else 0.0)
-
-    def _advance(self, elapsed: float) -> float | None:
-        if self.progress.setpoint is not None:
-            setpoint = advanced(self.progress.setpoint, self._heading(), elapsed)
-            self.progress = replace(self.progress, setpoint=setpoint)
-        return self.progress.setpoint
 
     def _drive(self, readings: Readings) -> list[Action]:
         """Write the set-point where it is due, then see to it that the chamber runs or stops."""
@@ -381,12 +213,6 @@ class Sequencer:
             actions += self._orders.keep_running(self._now, readings)
         return actions
 
-    def _note(self, event: str, **changes: Any) -> list[Action]:
-        names = ('mode', 'step', 'stage', 'reason', 'aborting')
-        own = {name: value for name, value in changes.items() if name in names}
-        self.progress = replace(self.progress, **own)
-        details = {name: value for name, value in changes.items() if name not in names}
-        return [Note(event, self.progress, details)]
 
 
 def _over(reason: str) -> dict[str, str]:
