@@ -52,7 +52,7 @@ def attitude_section(content: Mapping[str, Any]) -> Section | None:
     for data, table in (('raw', 'VI'), ('compensated', 'VII')):
         body += attitude_table(content, data, f'Table {table}. Angles on {data} data [°]')
         body += published_table(content, data, f'Paper, Table {table} [°]')
-    body += cycles_html(content)
+    body += factors_html(content) + cycles_html(content)
     title = 'Attitude: Fig. 7 and 8, Tables VI and VII'
     return Section('attitude', title, body, figures, short='Attitude')
 
@@ -66,6 +66,23 @@ def attitude_table(content: Mapping[str, Any], data: str, caption: str) -> str:
         if found['data'] == data
     ]
     return table_html(_head(), rows, caption=caption + _marked(content), dense=True)
+
+
+def factors_html(content: Mapping[str, Any]) -> str:
+    """Return the factor by which each angle's σ shrinks."""
+    claim = next((c for c in content['claims'] if c['key'] == 'spread'), None)
+    factors = (claim or {}).get('numbers', {}).get('factors', [])
+    if not factors:
+        return ''
+    rows = [
+        [
+            f'{escape(row["run"])}, {FILTER_NAMES.get(row["filter"], row["filter"])}',
+            *map(shown, row['factor'].values()),
+        ]
+        for row in factors
+    ]
+    head = [['σ raw / σ compensated', 'α (yaw)', 'β (pitch)', 'γ (roll)']]
+    return table_html(head, rows)
 
 
 def cycles_html(content: Mapping[str, Any]) -> str:

@@ -114,20 +114,6 @@ def _ours(claim: Mapping[str, Any]) -> str:
     return '' if claim['verdict'] == 'untestable' else f'<p>{escape(claim["ours"])}</p>'
 
 
-def factors_html(content: Mapping[str, Any]) -> str:
-    """Return the factor by which each angle's σ shrinks."""
-    claim = next((c for c in content['claims'] if c['key'] == 'spread'), None)
-    factors = (claim or {}).get('numbers', {}).get('factors', [])
-    if not factors:
-        return ''
-    rows = [
-        [f'{escape(row["run"])}, {escape(row["filter"])}', *map(shown, row['factor'].values())]
-        for row in factors
-    ]
-    head = [['σ raw / σ compensated', 'α (yaw)', 'β (pitch)', 'γ (roll)']]
-    return table_html(head, rows)
-
-
 def paper_section(content: Mapping[str, Any]) -> Section:
     """Return where the published numbers cannot be right."""
     items = ''.join(

@@ -14,7 +14,7 @@ from imu_workbench.report.figures_modelled import (
     fit_figure,
     residual_figure,
 )
-from imu_workbench.report.html import Choice, Section, figure_html, group_html, table_html
+from imu_workbench.report.html import Choice, Section, group_html, table_html
 
 ERRORS = {
     'measured_rms': 'measured',
@@ -261,11 +261,3 @@ def _floor(content: Mapping[str, Any], run: str, sensor: str) -> list[float] | N
 def _scaled(value: float | None, factor: float) -> float | None:
     return None if value is None else value * factor
 
-
-__all__ = [
-    'comparison_section',
-    'dependence_section',
-    'figure_html',
-    'fit_section',
-    'model_section',
-]
