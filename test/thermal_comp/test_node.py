@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The compensation node in-process: what goes in, what comes out, what diagnostics say."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,13 @@ from imu_recording.messages import (
     ImuSample,
     MagneticSample,
     TemperatureSample,
+    float_message,
     imu_from_sample,
     magnetic_field_from_sample,
     temperature_from_sample,
 )
 from sensor_msgs.msg import Imu
+from thermal_comp.effects import EFFECTS
 from thermal_comp.model_file import save_model
 from thermal_comp.node import ThermalCompNode
 
@@ -170,3 +173,52 @@ def test_a_clock_that_jumps_back_starts_anew(ros: Any, model_path: str) -> None:
     feed(compensation, 5 * SECOND, 30.0)
     assert imu_messages(sent)[1].angular_velocity.x == pytest.approx(-0.01)
     assert np.isfinite(imu_messages(sent)[1].angular_velocity_covariance).all()
+
+
+def model_with(effect: str, path: Path) -> str:
+    line = line_model()
+    sensors = {
+        name: replace(part, effects=(EFFECTS[effect](),), contributions={effect: np.ones(3)})
+        for name, part in line.sensors.items()
+    }
+    save_model(replace(line, sensors=sensors), path)
+    return str(path)
+
+
+def test_the_history_outlives_a_restart(ros: Any, tmp_path: Path) -> None:
+    model = model_with('thermal_lag', tmp_path / 'model.yaml')
+    state = str(tmp_path / 'state.json')
+    sent: list[tuple[str, Any]] = []
+    whole = node(ros, sent, model=model)
+    for second in range(4):
+        feed(whole, second * SECOND, 20.0 + 5.0 * second)
+    expected = imu_messages(sent)[-1].angular_velocity.x
+    assert expected != 0.0
+
+    sent.clear()
+    first = node(ros, sent, model=model, state_file=state)
+    assert 'history lost' in first.diagnostics()[1]
+    for second in range(3):
+        feed(first, second * SECOND, 20.0 + 5.0 * second)
+    first.trigger_deactivate()
+    second_life = node(ros, sent, model=model, state_file=state)
+    feed(second_life, 3 * SECOND, 35.0)
+    assert imu_messages(sent)[-1].angular_velocity.x == expected
+    assert second_life.diagnostics()[2]['history'] == 'restored'
+
+
+def test_a_channel_the_model_needs_is_subscribed_and_missed_until_it_comes(
+    ros: Any, tmp_path: Path
+) -> None:
+    sent: list[tuple[str, Any]] = []
+    compensation = node(ros, sent, model=model_with('supply_sensitivity', tmp_path / 'm.yaml'))
+    feed(compensation, SECOND, 30.0)
+    assert 'not applied: supply_sensitivity' in compensation.diagnostics()[1]
+    compensation.inputs['imu/supply_voltage'](float_message(3.4))
+    feed(compensation, 2 * SECOND, 30.0)
+    without, with_supply = imu_messages(sent)
+    assert without.angular_velocity.x == 0.0
+    assert with_supply.angular_velocity.x != 0.0
+    assert with_supply.angular_velocity_covariance[0] < without.angular_velocity_covariance[0]
+    assert compensation.diagnostics()[0] == 0
+    assert 'chamber/heater' not in compensation.inputs
