@@ -183,3 +183,15 @@ def test_a_diagnosis_is_judged_by_the_truth(
     judgement = judge(truth, {'findings': findings})
     assert judgement.outcome == outcome
     assert judgement.right == (right and outcome != 'wrong')
+
+
+def test_reveal_diagnoses_first_and_then_opens_the_truth(
+    bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['reveal', str(bags), '--json', str(tmp_path / 'answer.json')]) == 0
+    content = json.loads((tmp_path / 'answer.json').read_text())
+    assert content['right']
+    assert content['outcome'] == 'named'
+    assert content['truth']['name'] in capsys.readouterr().out
+    assert main(['reveal', str(tmp_path)]) == 2
+    assert 'no truth here' in capsys.readouterr().err
