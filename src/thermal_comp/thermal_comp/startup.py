@@ -7,12 +7,14 @@ import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording
 from numpy.typing import NDArray
 
-WINDOW_S = 600.0
-"""The settled level is taken from this long after the first sample [s]."""
+WINDOWS_S = (600.0, 2400.0, 9600.0)
+"""The settled level is that of the second half of the first of these [s] that is long enough."""
 TRIGGER = 0.02
 """Common deviation from the settled level above which the first samples are a start-up."""
 AGREEMENT = 0.25
 """Channels may differ by this share of the common deviation."""
+REMAINDER = 1e-5
+"""A start-up is over when this share of the level is still missing."""
 LARGE = 20.0
 """A channel counts when its level is this many standard deviations of its noise."""
 
@@ -44,7 +46,15 @@ def startup_rows(recording: ImuRecording) -> tuple[int, float]:
     The ratio of each large channel to its settled level is the same for all of them while filters
     that started at zero fill up; a motion or a temperature never scales gravity and field alike.
     """
-    window = recording.rows(slice(0, int(np.searchsorted(recording.time, WINDOW_S))))
+    for seconds in WINDOWS_S:
+        window = recording.rows(slice(0, int(np.searchsorted(recording.time, seconds))))
+        rows, factor = _startup_of(window)
+        if rows < len(window) / 6 or len(window) == len(recording):
+            break
+    return (rows, factor) if rows < len(window) / 2 else (0, 1.0)
+
+
+def _startup_of(window: ImuRecording) -> tuple[int, float]:
     values = np.hstack(
         [window.linear_acceleration, window.angular_velocity, window.magnetic_field]
     )
@@ -54,15 +64,20 @@ def startup_rows(recording: ImuRecording) -> tuple[int, float]:
     if ratio.shape[1] < 2:
         return 0, 1.0
     common: FloatArray = np.median(ratio, axis=1)
-    noise = 1.4826 * float(np.median(np.abs(common - 1.0)))
+    noise = 1.4826 * float(np.median(np.abs(np.diff(common)))) / np.sqrt(2.0)
     off = np.abs(common - 1.0)
-    alike = np.ptp(ratio, axis=1) <= AGREEMENT * off + 6.0 * noise
+    apart = np.median(np.abs(ratio - common[:, None]), axis=1)
+    alike = apart <= AGREEMENT * off + 3.0 * noise
     first = _first_false((off > max(TRIGGER, 10.0 * noise)) & alike)
     if not first:
         return 0, 1.0
-    settled = off[first:] <= max(3.0 * noise, 1e-3)
+    threshold = max(3.0 * noise, 1e-3)
+    settled = off[first:] <= threshold
     rows = first + (int(np.argmax(settled)) if settled.any() else len(settled))
-    return (rows, float(common[0])) if rows < len(values) / 2 else (0, 1.0)
+    if rows > 10 and off[0] > threshold > REMAINDER:
+        # What decays exponentially is below the noise long before it is gone.
+        rows = int(np.ceil(rows * np.log(off[0] / REMAINDER) / np.log(off[0] / threshold)))
+    return min(rows, len(values)), float(common[0])
 
 
 def _large_ratios(values: FloatArray) -> FloatArray:
