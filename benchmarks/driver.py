@@ -34,6 +34,8 @@ from imu_driver.node import ImuDriverNode
 from imu_driver.sample import Sample
 from imu_driver.transport_simulated import emulated_board
 
+PATIENCE = 60.0
+"""[s] Processes may take so long to start on a busy machine."""
 EPOCH = 1_700_000_000_000_000_000
 TICKS_PER_SECOND = os.sysconf('SC_CLK_TCK')
 
@@ -134,7 +136,10 @@ def latency(seconds: float, rate: float = 238.0) -> dict[str, float]:
     rclpy.init()
     node = Watched(parameters={'transport': f'serial://{os.ttyname(host)}'})
     node.autostart()
-    _spin(node, seconds + 2.0)
+    give_up = time.monotonic() + PATIENCE
+    while not published and time.monotonic() < give_up:
+        rclpy.spin_once(node, timeout_sec=0.1)
+    _spin(node, seconds + 1.0)
     lost = node.driver.session.sequence.lost
     node.trigger_deactivate()
     node.destroy_node()
@@ -161,7 +166,7 @@ def write_frames(handle: int, rate: float, seconds: float) -> None:
     os.set_blocking(handle, False)
     start = time.monotonic()
     times: list[float] = []
-    while time.monotonic() < start + seconds:
+    while time.monotonic() < (times[0] + seconds if times else start + PATIENCE):
         time.sleep(max(board.next_due - (time.monotonic() - start), 0.0))
         with contextlib.suppress(BlockingIOError):
             board.receive(os.read(handle, 4096), time.monotonic() - start)
