@@ -57,6 +57,8 @@ def test_each_sensor_is_charged_with_its_own_error() -> None:
         assert magnetometer.gain['heading'] > 0.9 * raw['heading']
         assert costs[name, 'accelerometer compensated'].gain['inclination'] > 0.6 * tilt
         assert abs(costs[name, 'gyroscope compensated'].gain['total']) < 0.01
+        assert magnetometer.moved['heading'] == pytest.approx(raw['heading'], rel=0.1)
+        assert costs[name, 'raw'].moved['total'] < 1e-9
     assert result.against == 'reference orientation'
 
 

@@ -38,11 +38,14 @@ def test_ahrs_finds_random_attitudes_and_the_bias(world_frame: str) -> None:
 
 @pytest.mark.parametrize('world_frame', ['enu', 'ned'])
 @pytest.mark.parametrize('name', ['complementary', 'ahrs'])
-def test_both_filters_hold_the_attitude_in_both_frames(name: str, world_frame: str) -> None:
+@pytest.mark.parametrize('preset', ['paper', 'robust'])
+def test_both_filters_hold_the_attitude_in_both_frames(
+    name: str, world_frame: str, preset: str
+) -> None:
     for seed in range(10):
         truth = random_attitude(seed)
         recording = rest(truth, seed=seed, noise=0.01, world_frame=world_frame, seconds=20)
-        result = run_filter(name, recording, world_frame=world_frame)
+        result = run_filter(name, recording, world_frame=world_frame, preset=preset)
         assert np.degrees(rotation_angle(multiply(conjugate(truth), result.orientation[-1]))) < 0.1
         assert np.all(np.linalg.eigvalsh(result.covariance[-1]) > 0)
 

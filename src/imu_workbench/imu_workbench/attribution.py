@@ -43,6 +43,9 @@ class Cost:
     """total, heading, inclination."""
     gain: dict[str, float]
     """How much of the raw error this compensation takes away, each kind."""
+    moved: dict[str, float]
+    """Rms angle between this run and the raw one: what the temperature error did, whatever else
+    is wrong with the device."""
     cutoff_hz: float | None = None
 
 
@@ -104,7 +107,8 @@ def attribute(
             runs = {data: _estimate(name, r, options) for data, r in fast.items()}
             reference = runs['compensated'] if truth is None else truth
             errors = {data: attitude_errors(q, reference) for data, q in runs.items()}
-            costs += _costs(name, preset, errors)
+            moved = {data: attitude_errors(q, runs['raw']) for data, q in runs.items()}
+            costs += _costs(name, preset, errors, moved)
             for data in ('raw', 'compensated'):
                 groups[f'{name} {preset} {data}'] = [
                     *errors_by_phase(errors[data], measured),
@@ -122,13 +126,19 @@ def _estimate(name: str, recording: ImuRecording, options: dict[str, Any]) -> Fl
     return enu_from_ned(q) if options.get('world_frame') == 'ned' else q
 
 
-def _costs(name: str, preset: str, errors: dict[str, AttitudeErrors]) -> list[Cost]:
+def _costs(
+    name: str,
+    preset: str,
+    errors: dict[str, AttitudeErrors],
+    moved: dict[str, AttitudeErrors],
+    cutoff_hz: float | None = None,
+) -> list[Cost]:
     raw = _degrees(errors['raw'].rms())
     costs = []
     for data, found in errors.items():
         rms = _degrees(found.rms())
         gain = {kind: raw[kind] - rms[kind] for kind in raw}
-        costs.append(Cost(name, preset, data, rms, gain))
+        costs.append(Cost(name, preset, data, rms, gain, _degrees(moved[data].rms()), cutoff_hz))
     return costs
 
 
@@ -148,11 +158,9 @@ def _sweep(
         chosen = {**options, 'preset': 'paper', 'cutoff_hz': cutoff}
         runs = {d: _estimate('complementary', fast[d], chosen) for d in ('raw', 'compensated')}
         reference = runs['compensated'] if truth is None else truth
-        raw = _degrees(attitude_errors(runs['raw'], reference).rms())
-        for data, q in runs.items():
-            rms = _degrees(attitude_errors(q, reference).rms())
-            gain = {kind: raw[kind] - rms[kind] for kind in raw}
-            yield Cost('complementary', 'paper', data, rms, gain, cutoff)
+        errors = {data: attitude_errors(q, reference) for data, q in runs.items()}
+        moved = {data: attitude_errors(q, runs['raw']) for data, q in runs.items()}
+        yield from _costs('complementary', 'paper', errors, moved, cutoff)
 
 
 def _effort(name: str, preset: str, recording: ImuRecording, options: dict[str, Any]) -> Effort:

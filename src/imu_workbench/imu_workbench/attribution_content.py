@@ -50,20 +50,20 @@ def remarks(result: Attribution) -> list[dict[str, Any]]:
         rows.append(
             {
                 'remark': 'AHRS suffers more from temperature',
-                'ours': {'ahrs': both[0].gain['total'], 'complementary': both[1].gain['total']},
+                'ours': {'ahrs': both[0].moved['total'], 'complementary': both[1].moved['total']},
                 'unit': 'deg',
-                'holds': both[0].gain['total'] > both[1].gain['total'],
+                'holds': both[0].moved['total'] > both[1].moved['total'],
             }
         )
     singles = [c for (f, p, d), c in by.items() if f == 'ahrs' and p == 'paper' and ' ' in d]
     if singles:
-        most = max(singles, key=lambda cost: cost.gain['total'])
+        most = max(singles, key=lambda cost: cost.moved['total'])
         rows.append(
             {
                 'remark': 'because of the magnetometer',
-                'ours': {c.data.split()[0]: c.gain['total'] for c in singles},
+                'ours': {c.data.split()[0]: c.moved['total'] for c in singles},
                 'unit': 'deg',
-                'holds': most.data.startswith('magnetometer') and most.gain['total'] > 0,
+                'holds': most.data.startswith('magnetometer') and most.moved['total'] > 0,
             }
         )
     if ('ahrs', 'paper') in efforts and ('complementary', 'paper') in efforts:

@@ -21,7 +21,9 @@ from imu_workbench.progress import show_progress
 HELP = 'Orientation raw, compensated, and with one sensor compensated at a time.'
 EPILOG = (
     'Errors are against reference/orientation where the bag has it, else against the run with\n'
-    'all sensors compensated. Bags slower than 50 Hz are interpolated, which is said.\n'
+    'all sensors compensated. gained: error taken away by a compensation; moved: angle between\n'
+    'that run and the raw one, which is what the temperature error did to the attitude.\n'
+    'Bags slower than 50 Hz are interpolated, which is said.\n'
     'example:\n  python -m imu_workbench orient bags/dut1_motion --model dut1.yaml --json out.json'
 )
 
@@ -77,13 +79,13 @@ def text_of(result: Attribution, recording: ImuRecording) -> str:
     name = recording.source or recording.run or recording.device
     lines = [f'{name}: rms error [°] against the {result.against}']
     lines += [f'  note: {note}' for note in result.recording.notes]
-    lines += ['', f'{"":36}{"total":>9}{"heading":>9}{"inclin.":>9}{"gained":>9}']
+    lines += ['', f'{"":46}{"total":>9}{"heading":>9}{"inclin.":>9}{"gained":>9}{"moved":>9}']
     lines += [_row(f'{c.filter} {c.preset}, {c.data}', c) for c in result.costs]
     lines += ['', 'complementary over its cut-off:']
     lines += [_row(f'{c.cutoff_hz:g} Hz, {c.data}', c) for c in result.sweep]
-    lines += ['', f'{"":36}{"ns/sample":>11}{"state [B]":>11}']
+    lines += ['', f'{"":46}{"ns/sample":>11}{"state [B]":>11}']
     lines += [
-        f'{e.filter + " " + e.preset:36}{e.nanoseconds_per_sample:11.0f}{e.state_bytes:11d}'
+        f'{e.filter + " " + e.preset:46}{e.nanoseconds_per_sample:11.0f}{e.state_bytes:11d}'
         for e in result.efforts
     ]
     lines += ['', "the paper's remarks:"]
@@ -95,4 +97,4 @@ def text_of(result: Attribution, recording: ImuRecording) -> str:
 
 def _row(label: str, cost: Cost) -> str:
     kinds = ''.join(f'{cost.rms[kind]:9.3f}' for kind in ('total', 'heading', 'inclination'))
-    return f'{label:36}{kinds}{cost.gain["total"]:9.3f}'
+    return f'{label:46}{kinds}{cost.gain["total"]:9.3f}{cost.moved["total"]:9.3f}'
