@@ -76,7 +76,7 @@ def draw_loop(axes: Axes, before: dict[str, np.ndarray], axis: int, unit: str) -
         axes.scatter(before['temperature'][rows], values, s=3, color=colour, label=label)
     axes.set(xlabel='die temperature [°C]', title='2  A loop: memory is missing')
     axes.set_ylabel(f'residual [{unit}]')
-    axes.legend(frameon=False, markerscale=3, loc='center')
+    axes.legend(frameon=False, markerscale=3, loc=(0.1, 0.5))
 
 
 def draw_staircase(axes: Axes, growth: Growth, sensor: str, measured: float) -> None:
