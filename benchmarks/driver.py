@@ -133,6 +133,7 @@ def latency(seconds: float, rate: float = 238.0) -> dict[str, float]:
         stdout=subprocess.PIPE,
         text=True,
     )
+    sys.setswitchinterval(5e-4)  # as the node's own main does
     rclpy.init()
     node = Watched(parameters={'transport': f'serial://{os.ttyname(host)}'})
     node.autostart()
