@@ -11,6 +11,8 @@ WINDOWS_S = (600.0, 2400.0, 9600.0)
 """The settled level is that of the second half of the first of these [s] that is long enough."""
 TRIGGER = 0.02
 """Common deviation from the settled level above which the first samples are a start-up."""
+FIRST = 0.1
+"""The first sample is off by more than this; temperature moves a level by less."""
 AGREEMENT = 0.25
 """Channels may differ by this share of the common deviation."""
 REMAINDER = 1e-5
@@ -48,36 +50,40 @@ def startup_rows(recording: ImuRecording) -> tuple[int, float]:
     """
     for seconds in WINDOWS_S:
         window = recording.rows(slice(0, int(np.searchsorted(recording.time, seconds))))
-        rows, factor = _startup_of(window)
-        if rows < len(window) / 6 or len(window) == len(recording):
+        common, noise, first = _common_factor(window)
+        if not first:
+            return 0, 1.0
+        off = np.abs(common - 1.0)
+        threshold = max(3.0 * noise, 1e-3)
+        settled = off[first:] <= threshold
+        rows = first + (int(np.argmax(settled)) if settled.any() else len(settled))
+        if rows < len(window) / 3:
             break
-    return (rows, factor) if rows < len(window) / 2 else (0, 1.0)
+    else:
+        return 0, 1.0
+    if rows > 10 and threshold > REMAINDER:
+        # What decays exponentially is below the noise long before it is gone.
+        rows = int(np.ceil(rows * np.log(off[0] / REMAINDER) / np.log(off[0] / threshold)))
+    return (rows, float(common[0])) if rows < len(recording) / 2 else (0, 1.0)
 
 
-def _startup_of(window: ImuRecording) -> tuple[int, float]:
+def _common_factor(window: ImuRecording) -> tuple[FloatArray, float, int]:
+    """Return the large channels' common factor (n,), its noise, and its first rows off one.
+
+    The rows count while the channels agree, and not at all where the factor starts near one.
+    """
     values = np.hstack(
         [window.linear_acceleration, window.angular_velocity, window.magnetic_field]
     )
-    if len(values) < 10:
-        return 0, 1.0
-    ratio = _large_ratios(values)
-    if ratio.shape[1] < 2:
-        return 0, 1.0
+    if len(values) < 10 or (ratio := _large_ratios(values)).shape[1] < 2:
+        return np.ones(1), 0.0, 0
     common: FloatArray = np.median(ratio, axis=1)
     noise = 1.4826 * float(np.median(np.abs(np.diff(common)))) / np.sqrt(2.0)
     off = np.abs(common - 1.0)
     apart = np.median(np.abs(ratio - common[:, None]), axis=1)
     alike = apart <= AGREEMENT * off + 3.0 * noise
     first = _first_false((off > max(TRIGGER, 10.0 * noise)) & alike)
-    if not first:
-        return 0, 1.0
-    threshold = max(3.0 * noise, 1e-3)
-    settled = off[first:] <= threshold
-    rows = first + (int(np.argmax(settled)) if settled.any() else len(settled))
-    if rows > 10 and off[0] > threshold > REMAINDER:
-        # What decays exponentially is below the noise long before it is gone.
-        rows = int(np.ceil(rows * np.log(off[0] / REMAINDER) / np.log(off[0] / threshold)))
-    return min(rows, len(values)), float(common[0])
+    return common, noise, first if off[0] >= FIRST else 0
 
 
 def _large_ratios(values: FloatArray) -> FloatArray:
