@@ -143,6 +143,7 @@ def test_refusals_alarms_and_the_stop_button_are_reported(emulator, protocol: st
     reading = chamber.read()
     assert reading.alarms or not reading.running
     clock[0] = 26.0
+    chamber.run()
     assert chamber.read().running
     clock[0] = 31.0
     assert not chamber.read().running

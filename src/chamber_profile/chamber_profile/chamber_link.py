@@ -12,7 +12,7 @@ from chamber_profile.sequence_types import LINK_FAILING, LINK_LOST, LINK_OK, Act
 
 TRIES = 3
 WITHIN_S = 15.0
-"""So many failures within so long: the link is lost [s of the host]."""
+"""So many failures, or silence, within so long: the link is lost [s of the host]."""
 RETRY_S = 5.0
 """A link that failed is tried again after [s of the host]."""
 FIRST_RETRY_S = 1.0
@@ -39,6 +39,7 @@ class ChamberLink:
         self._host = host
         self._time_scale = time_scale
         self._recent: deque[float] = deque(maxlen=TRIES)
+        self._tried_at = self._good_at = host()
         self._retry_at = float('-inf')
         self._connected = False
 
@@ -50,6 +51,7 @@ class ChamberLink:
         """
         if self._host() < self._retry_at:
             return None
+        self._tried_at = self._host()
         try:
             if not self._connected:
                 self.identity = self.chamber.connect()
@@ -60,6 +62,7 @@ class ChamberLink:
             self._failed(error)
             return None
         self.status, self.complaint = LINK_OK, ''
+        self._good_at = self._host()
         return reading
 
     def carry_out(self, actions: Iterable[Action], note: Callable[[Note], None]) -> None:
@@ -89,7 +92,9 @@ class ChamberLink:
         self.failures += 1
         self.complaint = str(error)
         self._connected = False
-        self._recent.append(now)
-        self._retry_at = now + (RETRY_S if self.identity else FIRST_RETRY_S)
-        many = len(self._recent) == TRIES and now - self._recent[0] <= WITHIN_S
-        self.status = LINK_LOST if many or self.status == LINK_LOST else LINK_FAILING
+        # An attempt counts from its beginning: waiting for an answer must not stretch the tries.
+        self._recent.append(self._tried_at)
+        self._retry_at = self._tried_at + (RETRY_S if self.identity else FIRST_RETRY_S)
+        many = len(self._recent) == TRIES and self._tried_at - self._recent[0] <= WITHIN_S
+        lost = many or now - self._good_at > WITHIN_S or self.status == LINK_LOST
+        self.status = LINK_LOST if lost else LINK_FAILING

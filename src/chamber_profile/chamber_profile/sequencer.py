@@ -186,8 +186,8 @@ class Sequencer(StepCourse):
             return self._stop(readings, 'aborted', kinds.ABORTED)
         safe = self.profile.on_abort
         setpoint = self._advance(elapsed)
-        if readings.running is False or setpoint is None:
-            return self._enter_stage(kinds.STOP)
+        if readings.running is False or setpoint is None:  # told all the same: it may be mistaken
+            return [*self._enter_stage(kinds.STOP), Switch(False)]
         there = setpoint == safe.target_c and self._orders.told(setpoint)
         if there and readings.air is not None and abs(readings.air - setpoint) <= SAFE_BAND_C:
             return self._enter_stage(kinds.STOP, air=readings.air)

@@ -47,12 +47,13 @@ class Ascii2Server:
 
     def _image(self) -> str:
         chamber = self._body.chamber
+        if chamber.alarms:  # this protocol has no word for it: the chamber just stops
+            chamber.stop()
         reading = chamber.read()
         self._set[0] = chamber.setpoint
         actual = [reading.air, 100.0 * (reading.humidity or 0.0), *self._set[2:]]
         values = [value for pair in zip(self._set, actual, strict=True) for value in pair]
-        on = chamber.running and not chamber.alarms
-        bits = self._bits[:START_BIT] + str(int(on)) + self._bits[START_BIT + 1 :]
+        bits = self._bits[:START_BIT] + str(int(chamber.running)) + self._bits[START_BIT + 1 :]
         return ' '.join([*(f'{value:06.1f}' for value in values), bits])
 
     def _take(self, rest: list[str]) -> str:

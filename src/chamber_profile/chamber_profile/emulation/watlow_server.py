@@ -41,6 +41,8 @@ class F4Registers:
 
     def _read(self, first: int, count: int) -> bytes:
         chamber = self._body.chamber
+        if chamber.alarms:  # no register says so: the controller switches the chamber off
+            chamber.stop()
         low, high = chamber.limits
         table = {
             watlow_f4.PROCESS_VALUE: chamber.read().air * SCALE,
@@ -51,7 +53,7 @@ class F4Registers:
             watlow_f4.LIMIT_HIGH: high * SCALE,
             watlow_f4.DECIMALS: 1,
             watlow_f4.UNITS: 1,
-            EVENT: int(chamber.running and not chamber.alarms),
+            EVENT: int(chamber.running),
             watlow_f4.EMULATOR_MARK: watlow_f4.EMULATED,
         }
         values = [round(table[first + i]) for i in range(count)]

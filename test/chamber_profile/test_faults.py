@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every fault of every protocol through a whole run: the safe state, or recovery, as written."""
+
+from pathlib import Path
+
+import pytest
+from chamber_profile.chamber_link import ChamberLink, ClockError
+from chamber_profile.chambers.catalogue import CHAMBERS
+from chamber_profile.chambers.chamber import ChamberError, ChamberReading
+from chamber_profile.conductor import Clocks, Conductor, Surroundings
+from chamber_profile.emulated_chamber import SERVERS
+from chamber_profile.emulation.body import EmulatedBody
+from chamber_profile.emulation.faults import FaultPlan, damaged, parse_fault
+from chamber_profile.journal import read_journal
+from chamber_profile.profile import parse_profile
+from chamber_profile.sequence_types import ABORTED, DONE, LINK_FAILING, LINK_LOST, LINK_OK
+from chamber_profile.sequencer import Sequencer
+
+TINY = parse_profile("""\
+schema: 1
+name: tiny
+limits: {air_min_c: 10, air_max_c: 30, rate_max_c_per_min: 3}
+stabilise: {source: air, band_c: 0.6, timeout_s: 600}
+steps:
+  - {id: precondition, kind: precondition, target_c: 22, rate_c_per_min: 3, dwell_s: 60}
+  - {id: cool, kind: ramp, target_c: 15, rate_c_per_min: 3}
+  - {id: cold, kind: dwell, dwell_s: 120}
+  - {id: return, kind: ramp, target_c: 22, rate_c_per_min: 3}
+  - {id: final, kind: final, target_c: 22, rate_c_per_min: 3, dwell_s: 60}
+on_abort: {target_c: 22, rate_c_per_min: 3, timeout_s: 300}
+""")
+TIMEOUT_S = 3.0
+
+
+class MemoryLine:
+    """A line to an emulator without a wire; what is not answered costs its time-out."""
+
+    def __init__(self, protocol: str, *faults: str) -> None:
+        self.now = 0.0
+        self.body = EmulatedBody(seed=3)
+        self.plan = FaultPlan([parse_fault(text) for text in faults], self.body)
+        self.server = SERVERS[protocol](self.body, 0, True)
+        self.pause_s = 0.0
+
+    def open(self) -> None:
+        if 'disconnect' in self.plan.look(self.now):
+            raise ChamberError('connection refused')
+
+    def close(self) -> None:
+        pass
+
+    def ask(self, request: bytes, length) -> bytes:
+        self.body.look(self.now)
+        active = self.plan.look(self.now)
+        self.open()
+        answer = b''.join(damaged(part, active) for part in self.server.feed(request))
+        size = length(answer)
+        if not size or len(answer) < size:
+            self.now += TIMEOUT_S
+            raise ChamberError('no answer')
+        return answer[:size]
+
+    def ask_text(self, request: bytes) -> bytes:
+        return self.ask(request, len)
+
+
+class Trial:
+    """A run of the tiny profile over a protocol with faults, on one clock."""
+
+    def __init__(self, folder: Path, protocol: str, *faults: str) -> None:
+        self.line = MemoryLine(protocol, *faults)
+        chamber = CHAMBERS[protocol](self.line, {'tcp': 1})
+
+        def clock() -> float:
+            return self.line.now
+
+        link = ChamberLink(chamber, clock)
+        self.folder = folder / 'run'
+        self.sequencer = Sequencer(TINY)
+        self.conductor = Conductor(
+            self.sequencer, link, self.folder,
+            Clocks(clock, clock, lambda: int(clock() * 1e9)), Surroundings,
+        )  # fmt: skip
+        self.sequencer.command('start')
+
+    def run(self) -> list[dict]:
+        while not self.conductor.over:
+            assert self.line.now < 20_000, self.sequencer.progress
+            self.line.now += 1.0
+            self.conductor.step()
+        self.conductor.close()
+        return read_journal(self.folder)
+
+
+@pytest.mark.parametrize('protocol', sorted(CHAMBERS))
+def test_a_run_without_faults_is_done(protocol: str, tmp_path) -> None:
+    trial = Trial(tmp_path, protocol)
+    assert trial.run()[-1]['mode'] == DONE
+    assert not trial.line.body.chamber.running
+
+
+@pytest.mark.parametrize('protocol', sorted(CHAMBERS))
+@pytest.mark.parametrize('fault', ['silence', 'garbage', 'half_line', 'bad_crc', 'refusals'])
+def test_a_line_that_stays_broken_ends_the_run_in_the_safe_state(
+    protocol: str, fault: str, tmp_path
+) -> None:
+    trial = Trial(tmp_path, protocol, f'{fault}@250')
+    entries = trial.run()
+    modes = [entry.get('mode') for entry in entries]
+    hold = next(e for e in entries if e['event'] == 'hold')
+    safe = next(e for e in entries if e.get('mode') == 'SAFE')
+    assert modes[-1] == ABORTED
+    assert 250e9 <= hold['stamp'] < safe['stamp'] <= hold['stamp'] + 16e9
+    assert 'did not confirm' in entries[-1]['reason']
+
+
+@pytest.mark.parametrize('protocol', sorted(CHAMBERS))
+@pytest.mark.parametrize(
+    'fault', ['silence', 'garbage', 'half_line', 'bad_crc', 'refusals', 'disconnect']
+)
+def test_a_line_that_heals_in_time_is_a_pause_only(protocol: str, fault: str, tmp_path) -> None:
+    trial = Trial(tmp_path, protocol, f'{fault}@250+2')
+    entries = trial.run()
+    assert entries[-1]['mode'] == DONE
+    events = [entry['event'] for entry in entries]
+    assert 'safe' not in events
+    if fault != 'refusals':  # two seconds may pass without an order
+        assert {'hold', 'recovered'} <= set(events)
+
+
+@pytest.mark.parametrize('protocol', sorted(CHAMBERS))
+@pytest.mark.parametrize(
+    ('fault', 'words'),
+    [
+        ('alarms@250', ('alarm', 'stopped at its panel')),
+        ('operator_stop@250', ('stopped at its panel',)),
+        ('stuck_compressor@100', ('not within 0.6 K of 15 °C',)),
+    ],
+)
+def test_trouble_in_the_chamber_ends_the_run_in_the_safe_state(
+    protocol: str, fault: str, words: tuple[str, ...], tmp_path
+) -> None:
+    trial = Trial(tmp_path, protocol, fault)
+    entries = trial.run()
+    assert 'SAFE' in [entry.get('mode') for entry in entries]
+    assert entries[-1]['mode'] == ABORTED
+    assert any(word in entries[-1]['reason'] for word in words)
+    assert not trial.line.body.chamber.running
+
+
+class Wavering:
+    """A chamber whose link works or not, as told."""
+
+    emulated, programs_limits, resolution_c = False, True, 0.1
+
+    def __init__(self) -> None:
+        self.works = True
+
+    def connect(self) -> str:
+        return self.read() and 'a real chamber'
+
+    def read(self) -> ChamberReading:
+        if not self.works:
+            raise ChamberError('broken')
+        return ChamberReading(20.0, 20.0, running=True)
+
+
+def test_three_failures_within_fifteen_seconds_lose_the_link_and_it_comes_back() -> None:
+    now, chamber = [0.0], Wavering()
+    link = ChamberLink(chamber, lambda: now[0])
+    assert link.read() is not None
+    chamber.works = False
+    seen = []
+    for _ in range(20):
+        now[0] += 1.0
+        link.read()
+        seen.append(link.status)
+    assert seen[:10] == 10 * [LINK_FAILING]
+    assert seen[10] == LINK_LOST  # tried at 1, 6 and 11 s
+    chamber.works = True
+    for _ in range(6):
+        now[0] += 1.0
+        link.read()
+    assert link.status == LINK_OK
+
+
+def test_failures_far_apart_do_not_lose_the_link() -> None:
+    now, chamber = [0.0], Wavering()
+    link = ChamberLink(chamber, lambda: now[0])
+    for _ in range(10):
+        chamber.works = False
+        now[0] += 1.0
+        link.read()
+        assert link.status == LINK_FAILING
+        chamber.works = True
+        now[0] += 20.0
+        link.read()
+        assert link.status == LINK_OK
+
+
+def test_an_accelerated_clock_is_refused_before_anything_is_ordered() -> None:
+    link = ChamberLink(Wavering(), lambda: 0.0, time_scale=60.0)
+    with pytest.raises(ClockError, match='emulated'):
+        link.read()
