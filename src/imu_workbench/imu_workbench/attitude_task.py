@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,12 @@ from imu_workbench.attitude import DATA, Attitude, estimate_attitudes
 
 FILTER_RATE = 50.0
 """Slowest rate [Hz] the filters are run at; slower recordings are interpolated to it."""
+UNUSED = (
+    'chamber_temperature', 'chamber_temperature_2', 'device_temperature', 'setpoint', 'humidity',
+    'heater', 'compressor', 'fan', 'supply_voltage', 'vibration', 'phase',
+    'reference_orientation',
+)  # fmt: skip
+"""Tracks the filters do not look at."""
 ALL_POINTS = 4_000
 """Points per line of all recordings together."""
 
@@ -49,7 +56,7 @@ class AttitudeTask:
         if self.model is None or kept.sum() < 2:
             return ()
         raw = self.recording if kept.all() else self.recording.rows(kept)
-        compensated = compensate(raw, self.model)
+        raw, compensated = without_tracks(raw), without_tracks(compensate(raw, self.model))
         slow = is_slow(raw)
         if slow:
             raw, compensated = upsample(raw, FILTER_RATE), upsample(compensated, FILTER_RATE)
@@ -61,6 +68,12 @@ class AttitudeTask:
             points=int(np.clip(ALL_POINTS / self.among, 250, 1000)),
         )
         return tuple(found)
+
+
+def without_tracks(recording: ImuRecording) -> ImuRecording:
+    """Return the recording with what filters need and the cycle: copies become a third."""
+    absent: dict[str, Any] = dict.fromkeys(UNUSED)
+    return replace(recording, **absent)
 
 
 def is_slow(recording: ImuRecording) -> bool:
