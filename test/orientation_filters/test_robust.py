@@ -127,6 +127,20 @@ def test_a_magnet_switched_on_in_motion_is_rejected_and_forgotten(name: str) -> 
     assert heading_error(result.orientation, truth)[-500:].max() < 2.0
 
 
+@pytest.mark.parametrize('name', NAMES)
+def test_a_disturbed_start_is_found_out_and_corrected(name: str) -> None:
+    recording, truth = turning(9, seconds=240)
+    field = recording.magnetic_field.copy()
+    early = slice(0, 500)
+    field[early] += rotate(conjugate(truth[early]), np.array([20e-6, 15e-6, 10e-6]))
+    result = run_filter(name, replace(recording, magnetic_field=field), preset='robust')
+    error = heading_error(result.orientation, truth)
+    assert error[499] > 15.0
+    assert np.all(result.flags[1000:2000] & DISTURBED)
+    assert not np.any(result.flags[-3000:] & DISTURBED)
+    assert error[-500:].max() < 2.0
+
+
 def test_learning_can_be_switched_off() -> None:
     recording = rest(random_attitude(8), seed=8, seconds=20, bias=np.radians([1.0, 1.0, 1.0]))
     for name in NAMES:

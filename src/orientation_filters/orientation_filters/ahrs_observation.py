@@ -14,7 +14,13 @@ from orientation_filters.ahrs_adaptive import (
     rest_flags,
 )
 from orientation_filters.flags import AT_REST
-from orientation_filters.joint_covariance import Errors, JointCovariance, observe, predict
+from orientation_filters.joint_covariance import (
+    Errors,
+    JointCovariance,
+    doubt_heading,
+    observe,
+    predict,
+)
 from orientation_filters.kernel import kernel
 from orientation_filters.magnetic_reference import FieldState, judge_field, norm_of
 from orientation_filters.quaternion import Vector, approach, dot, scale
@@ -77,6 +83,8 @@ def weigh(
         force_variance = (density + params.acceleration_weight * max(power, now)) / t
     acceleration = (smoothed[0], smoothed[1], smoothed[2] - up * GRAVITY)
     east, east_variance, disturbance, reference = _weigh_field(state, params, up, north)
+    if reference.adopted and not state.reference.adopted:
+        prior = doubt_heading(prior, params.initial_heading)
     rest_error, rest_variance = _weigh_rest(state, params, bias)
     return Observation(
         prior,

@@ -58,6 +58,14 @@ def predict(p: JointCovariance, f: Matrix, angle: float, bias: float) -> JointCo
 
 
 @kernel
+def doubt_heading(p: JointCovariance, sigma: float) -> JointCovariance:
+    """Return the covariance with a heading that may be wrong by `sigma` [rad] more."""
+    t = p.orientation
+    turn = t[5] + sigma * sigma
+    return JointCovariance((t[0], t[1], t[2], t[3], t[4], turn), p.cross, p.bias)
+
+
+@kernel
 def observe(errors: Errors, h_t: Vector, h_b: Vector, z: float, variance: float) -> Errors:
     """Take in the measurement z = h_t · θ + h_b · b + noise."""
     p = errors.covariance

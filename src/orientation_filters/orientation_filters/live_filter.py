@@ -60,6 +60,7 @@ class LiveFilter:
         self._module = module(name, parameters)
         self._params = parameters.kernel_params()
         self._state = self._module.initial_state()
+        self._compile()
         self._pairing = MagnetometerPairing(use_magnetometer=parameters.use_magnetometer)
         mount = np.array(parameters.mount)
         self._mount = None if np.array_equal(mount, IDENTITY) else mount / np.linalg.norm(mount)
@@ -68,6 +69,14 @@ class LiveFilter:
         self._last_stamp: int | None = None
         self._intervals: deque[int] = deque(maxlen=500)
         self._judged_rate = False
+
+    def _compile(self) -> None:
+        """Run the kernels once, so that compiling them does not cost the first samples."""
+        state, _ = self._module.update(
+            self._state, self._params, 1, (0.0, 0.0, 0.0), (0.0, 0.0, 9.81), (2e-5, 0.0, -4e-5)
+        )
+        self._module.orientation(state)
+        self._module.covariance(state)
 
     def set_parameters(self, parameters: FilterParameters) -> None:
         """Take over parameters that changed; the state goes on."""

@@ -44,12 +44,14 @@ class FieldState(NamedTuple):
     """How long samples have agreed with the candidate while turning [s]."""
     rejected_for: float
     """How long samples have been rejected [s]."""
+    adopted: bool
+    """Whether the last sample made the candidate the reference."""
 
 
 @kernel
 def no_reference() -> FieldState:
     """Return the state before any sample."""
-    return FieldState((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), 0.0, 0.0, 0.0)
+    return FieldState((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), 0.0, 0.0, 0.0, False)
 
 
 @kernel
@@ -80,7 +82,7 @@ def judge_field(
     The sample is accepted where `accepted_for` has reached `params.hold`.
     """
     if state.reference[0] == 0.0 and state.reference[1] == 0.0:
-        return FieldState(parts, parts, parts, params.hold, 0.0, 0.0)
+        return FieldState(parts, parts, parts, params.hold, 0.0, 0.0, False)
     smoothed = _follow(state.smoothed, parts, dt / (params.smoothing + dt))
     reference = state.reference
     if _distance(smoothed, reference) < params.tolerance:
@@ -99,5 +101,7 @@ def judge_field(
     else:
         candidate = smoothed
     if candidate_for > params.adoption:
-        return FieldState(candidate, candidate, smoothed, params.hold, 0.0, 0.0)
-    return FieldState(reference, candidate, smoothed, accepted_for, candidate_for, rejected_for)
+        return FieldState(candidate, candidate, smoothed, params.hold, 0.0, 0.0, True)
+    return FieldState(
+        reference, candidate, smoothed, accepted_for, candidate_for, rejected_for, False
+    )
