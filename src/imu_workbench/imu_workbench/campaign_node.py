@@ -25,6 +25,7 @@ from imu_driver.sample import SampleScale
 from imu_driver.simulated_stream import SimulatedDevice
 from imu_recording.message_cdr import serialise, type_of
 from imu_recording.recorder_node import RecorderNode
+from imu_recording.recorder_settings import is_wanted
 from rclpy.context import Context
 from rclpy.logging import LoggingSeverity
 
@@ -32,6 +33,8 @@ SECOND = 1_000_000_000
 FIRST_DAY = 1_767_225_600 * SECOND
 """Start of the first run, 2026-01-01 00:00 UTC; each run has a day of its own [ns]."""
 DAY = 86_400 * SECOND
+SPLITS = {'phase': 'phase', 'size': '500 MB', 'none': 'none'}
+"""The profile's word for when a file begins → the recorder's."""
 TYPES = {
     'imu/data_raw': 'sensor_msgs/msg/Imu',
     'imu/mag': 'sensor_msgs/msg/MagneticField',
@@ -208,6 +211,7 @@ class _Bench:
     def _begin_recording(self) -> None:
         """Open the bag once the run's directory holds its profile."""
         plan = self.plan
+        profile = self.chamber.run.conductor.sequencer.profile
         recorder_node: Any = RecorderNode
         self._recorder = recorder_node(
             capture=lambda *_: None,
@@ -216,7 +220,8 @@ class _Bench:
                 'output': str(plan.directory),
                 'run': plan.directory.name,
                 'up_axis': plan.orientation,
-                'profile': self.chamber.run.conductor.sequencer.profile.name,
+                'profile': profile.name,
+                'split': SPLITS[profile.record.split],
             },
             **self.options,
         )
@@ -227,6 +232,8 @@ class _Bench:
             self._record(topic, message_type, message)
 
     def _record(self, topic: str, message_type: str, message: Any) -> None:
+        if not is_wanted(topic, self.chamber.run.conductor.sequencer.profile.record.topics):
+            return
         if self._recorder is None:
             self._early.append((topic, message_type, message))
             return
