@@ -21,6 +21,7 @@ from typing import Any
 
 import imufusion
 import numpy as np
+from filterpy.kalman import KalmanFilter
 from imu_recording.jit import NUMBA
 from orientation_filters.filters import FILTERS, filter_parameters, run_filter, state_bytes
 from vqf import VQF
