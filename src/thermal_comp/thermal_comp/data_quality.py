@@ -18,7 +18,7 @@ BoolArray = NDArray[np.bool_]
 
 FLIP_WINDOW_S = 300.0
 """Gravity's direction is judged on means over this [s]."""
-PLAUSIBLE = {'accelerometer': (8.0, 11.5), 'magnetometer': (5e-6, 2.5e-4)}
+PLAUSIBLE = {'accelerometer': (8.0, 11.5), 'magnetometer': (1e-6, 2e-3)}
 """Norm of the mean at rest [m/s², T]."""
 FOREIGN_NOISE = 20.0
 """Ratio of a run's noise to that of the other runs that only a wrong unit explains."""
@@ -69,7 +69,7 @@ def _check_rows(recording: ImuRecording, run: str) -> tuple[ImuRecording, list[Q
         for defect, rows in (
             ('stuck_value', stuck_rows(values, period)),
             ('saturation', rail_rows(values)),
-            ('spikes', spike_rows(values)),
+            ('spikes', spike_rows(values, period)),
         ):
             rows[:cut] = False
             if rows.any():

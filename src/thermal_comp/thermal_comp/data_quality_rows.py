@@ -14,6 +14,11 @@ STUCK_S = 4.0
 STUCK_ROWS = 4
 SPIKE_SIGMA = 9.0
 """A row that far from its neighbours is a spike."""
+SLOW_SPIKE_SIGMA = 14.0
+"""The same for rows slower than SLOW_S, between which switches of the chamber show."""
+SLOW_S = 2.0
+OTHERS_SIGMA = 6.0
+"""Other axes stay within this where a bit went wrong on one."""
 PILE = 10
 """At least this many values at the very extreme are a rail."""
 PILE_RATIO = 3.0
@@ -50,25 +55,20 @@ def rail_rows(values: FloatArray) -> BoolArray:
     return touched
 
 
-def spike_rows(values: FloatArray) -> BoolArray:
+def spike_rows(values: FloatArray, period: float = 0.0) -> BoolArray:
     """Return the rows (n,) that stand alone, far from both neighbours."""
     spikes = np.zeros(len(values), dtype=bool)
     if len(values) < 5:
         return spikes
-    for column in values.T:
-        before, here, after = column[:-2], column[1:-1], column[2:]
-        jump = here - 0.5 * (before + after)
-        finite = jump[np.isfinite(jump)]
-        if not len(finite):
-            continue
-        sigma = 1.4826 * float(np.median(np.abs(finite - np.median(finite))))
-        if sigma <= 0.0:
-            continue
-        with np.errstate(invalid='ignore'):
-            alone = (np.abs(jump) > SPIKE_SIGMA * sigma) & (
-                np.abs(before - after) < 0.5 * np.abs(jump)
-            )
-        spikes[1:-1] |= alone
+    limit = SPIKE_SIGMA if period < SLOW_S else SLOW_SPIKE_SIGMA
+    before, here, after = values[:-2], values[1:-1], values[2:]
+    jump = here - 0.5 * (before + after)
+    sigma = 1.4826 * np.nanmedian(np.abs(jump - np.nanmedian(jump, axis=0)), axis=0)
+    size = np.abs(jump) / np.where(sigma > 0.0, sigma, np.inf)
+    with np.errstate(invalid='ignore'):
+        alone = (size > limit) & (np.abs(before - after) < 0.5 * np.abs(jump))
+        single = (size > OTHERS_SIGMA).sum(axis=1) == 1
+    spikes[1:-1] = alone.any(axis=1) & single
     return spikes
 
 

@@ -10,7 +10,7 @@ from typing import Literal
 from thermal_comp.conditions import Sensor
 from thermal_comp.diagnose_coherence import coherence_evidence
 from thermal_comp.diagnose_judges import Judge
-from thermal_comp.diagnose_search import RICHER, Rated, Search
+from thermal_comp.diagnose_search import ENRICHMENT, RICHER, Rated, Search
 
 JUDGED = 20.0
 """Evidence from which a judge's dependence counts."""
@@ -23,6 +23,8 @@ SECOND = 0.03
 RIVAL_EVIDENCE = 10.0
 RIVAL_SHARE = 0.98
 """Rivals: within this evidence, or this share of the χ² gain."""
+CHEAPLY_ENRICHED = ('thermal_lag',)
+"""Effects whose richer form is a rival well below the full price of its parameters."""
 CHAIN = 3
 """This many families on one sensor are a sign of something else."""
 COHERENT = 30.0
@@ -172,8 +174,12 @@ def _named(
     for rival in ranking:
         near = rival.evidence > rated.evidence - RIVAL_EVIDENCE
         alike = rival.gain > RIVAL_SHARE * rated.gain and rival.evidence > 0.0
-        richer = rival.name in RICHER.get(rated.name, ())
-        if (near or alike) and not (richer and rival.evidence < rated.evidence + RIVAL_EVIDENCE):
+        if rival.name in RICHER.get(rated.name, ()):
+            more = rival.rank + rival.form.free - rated.rank - rated.form.free
+            cheap = rated.name in CHEAPLY_ENRICHED
+            near = cheap and rival.gain - rated.gain > ENRICHMENT * max(more, 1)
+            alike = False
+        if near or alike:
             close.append(rival.name)
     return Named(rated, tuple(rivals), tuple(close[:2]), approximate)
 

@@ -29,8 +29,6 @@ SHAPE_STEPS = (1.25, 1.1, 1.04)
 """Factors by which shape parameters are moved."""
 ENRICHMENT = 5.0
 """χ² gain each further parameter of a richer form has to bring."""
-ENRICHED = {'thermal_lag': ('thermal_lag_two_stage',)}
-"""Effects whose richer form may take over at that price; others pay the full one."""
 EDGE_S = 300.0
 """A step this near to a cycle's edge is the cycle's [s]."""
 RICHER = {
@@ -79,7 +77,7 @@ class Search:
             if best is None:
                 break
             chosen = self._refined(self._renamed([*chosen, best.form]))
-        chosen = self._without_edges(self._enriched(self._pruned(chosen)))
+        chosen = self._without_edges(self._pruned(chosen))
         return sorted((self.rate(chosen, f) for f in chosen), key=lambda r: -r.evidence)
 
     def total(self, forms: Sequence[Form]) -> tuple[float, float, int]:
@@ -205,21 +203,6 @@ class Search:
                 if gains and max(gains) > gain + 0.1:
                     best, gain, moved = trials[int(np.argmax(gains))], max(gains), True
         return best
-
-    def _enriched(self, chosen: list[Form]) -> list[Form]:
-        """Let a form that contains the chosen one take over where its own part is significant."""
-        for k, form in enumerate(chosen):
-            others = chosen[:k] + chosen[k + 1 :]
-            for family in self.families:
-                if family.name not in ENRICHED.get(form.effect.name, ()):
-                    continue
-                here, richer = self.rate(chosen, form), self.best_form(others, family)
-                if richer is None:
-                    continue
-                more = richer.rank + richer.form.free - here.rank - form.free
-                if richer.gain - here.gain > ENRICHMENT * max(more, 1):
-                    return [*others, richer.form]
-        return chosen
 
     def _without_edges(self, chosen: list[Form]) -> list[Form]:
         """Drop steps at the edges of cycles where every cycle has a level of its own anyway."""
