@@ -179,7 +179,8 @@ def _named(
             cheap = rated.name in CHEAPLY_ENRICHED
             near = cheap and rival.gain - rated.gain > ENRICHMENT * max(more, 1)
             alike = False
-        if near or alike:
+        contained = any(rival.name in RICHER.get(name, ()) for name in close)
+        if (near or alike) and not contained:
             close.append(rival.name)
     return Named(rated, tuple(rivals), tuple(close[:2]), approximate)
 
