@@ -170,7 +170,7 @@ def _named(
     others = [r.form for r in found if r.form is not rated.form]
     ranking = [r for r in search.ranking(others) if r.name != rated.name]
     rivals = [(r.name, r.gain / rated.gain) for r in ranking[:4] if r.gain > 0.0]
-    close = []
+    close: list[str] = []
     for rival in ranking:
         near = rival.evidence > rated.evidence - RIVAL_EVIDENCE
         alike = rival.gain > RIVAL_SHARE * rated.gain and rival.evidence > 0.0

@@ -225,9 +225,8 @@ class _Bench:
             if effect.per_run:
                 place = np.zeros((len(self.runs), 1))
                 place[number] = 1.0
-                columns = np.kron(place.T, columns.reshape(len(columns) * 3, -1)).reshape(
-                    len(columns), 3, -1
-                )
+                spread = np.kron(place.T, columns.reshape(len(columns) * 3, -1))
+                columns = np.asarray(spread.reshape(len(columns), 3, -1), dtype=np.float64)
             parts.append(np.asarray(columns, dtype=np.float64))
         return np.concatenate(parts)
 
