@@ -25,7 +25,7 @@ ros_prefix() { # prefix of a sourced ROS 2 that holds rclpy
   local prefix
   local IFS=:
   for prefix in ${AMENT_PREFIX_PATH:-}; do
-    if [ -e "$prefix/share/rclpy/package.xml" ]; then
+    if [ -e "$prefix/share/rclpy/package.xml" ] && [ -e "$prefix/setup.bash" ]; then
       printf '%s' "$prefix"
       return
     fi
