@@ -12,7 +12,7 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.contract import example_conditions
 from thermal_comp.model import ModelError, SensorModel, ThermalModel
 
-from imu_recording import ImuRecording
+from imu_recording import ImuRecording, RecordingError
 
 from .campaign import run
 from .models import line_model
@@ -205,3 +205,22 @@ def test_a_late_sample_does_not_disturb_the_history() -> None:
 def test_another_device_is_refused() -> None:
     with pytest.raises(ModelError, match='the model is of dut1'):
         compensate(short(10), line_model())
+
+
+def test_a_row_takes_the_newest_finite_temperature() -> None:
+    recording = run(device='board')
+    broken = recording.temperature.copy()
+    broken[100:103] = np.nan
+    held = recording.temperature.copy()
+    held[100:103] = held[99]
+    model = model_of('bias_temperature')
+    found = compensate(replace(recording, temperature=broken), model)
+    wanted = compensate(replace(recording, temperature=held), model)
+    np.testing.assert_array_equal(found.angular_velocity, wanted.angular_velocity)
+
+
+def test_without_any_temperature_nothing_is_called_compensated() -> None:
+    recording = run(device='board')
+    blank = replace(recording, temperature=np.full(len(recording), np.nan))
+    with pytest.raises(RecordingError, match='imu/temperature'):
+        compensate(blank, model_of('bias_temperature'))

@@ -55,7 +55,8 @@ def test_a_model_read_back_is_the_model_written(tmp_path: Path) -> None:
 
 
 def test_an_empty_model_is_kept_too(tmp_path: Path) -> None:
-    empty = SensorModel((), (), np.zeros((0, 0)), temperature_range=(0.0, 1.0))
+    noise = line_model().sensors['gyroscope'].noise
+    empty = SensorModel((), (), np.zeros((0, 0)), noise, temperature_range=(0.0, 1.0))
     save_model(replace(line_model(), sensors={'gyroscope': empty}), tmp_path / 'model.yaml')
     assert load_model(tmp_path / 'model.yaml').sensors['gyroscope'].effects == ()
 
@@ -80,6 +81,10 @@ SENSOR = ('sensors', 'accelerometer')
     [
         (('schema',), 2, 'schema: is 2, this version reads 1'),
         (('schema',), KeyError, 'schema: missing'),
+        (('pooled',), KeyError, 'pooled: missing'),
+        (('scheme',), 1, 'scheme: no such field'),
+        ((*SENSOR, 'noise'), KeyError, 'noise: missing'),
+        ((*SENSOR, 'noise', 'white', 'value'), [1.0, -1.0, 1.0], 'white: has a negative'),
         (('device',), KeyError, 'device: missing'),
         (('device',), 7, 'device: is 7, expected text'),
         (('reference_temperature', 'unit'), 'K', "reference_temperature.unit: is 'K'"),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
+from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording, RecordingError
 
 from thermal_comp.conditions import SENSORS, Conditions, field_conditions
 from thermal_comp.effects.effect import State
@@ -23,11 +23,18 @@ PIECE = 50_000
 def compensate(recording: ImuRecording, model: ThermalModel) -> ImuRecording:
     """Return the recording with the modelled error of the device effects subtracted.
 
-    Rows without a die temperature are passed on; what was passed on, clamped to the fitted range
-    or could not be applied is said in the notes.
+    A row takes the newest finite die temperature not later than itself; rows before the first are
+    passed on. What was passed on, clamped to the fitted range or could not be applied is said in
+    the notes. Raises RecordingError where no row has a die temperature.
     """
     check_device(model, recording.device)
+    recording = replace(recording, temperature=_newest_finite(recording.temperature))
     known = np.isfinite(recording.temperature)
+    if len(recording) and not known.any():
+        raise RecordingError(
+            f'{recording.source or "recording"}: no die temperature to compensate with; record '
+            'imu/temperature too'
+        )
     conditions = field_conditions(recording, model.reference_temperature)
     if recording.vibration is None and _needs_vibration(model) and len(recording):
         vibration = vibration_of(
@@ -55,6 +62,12 @@ def compensate(recording: ImuRecording, model: ThermalModel) -> ImuRecording:
     if outside.any():
         notes.append(f'{int(outside.sum())} rows outside the fitted temperatures are clamped')
     return replace(recording, **changed).with_notes(*notes)
+
+
+def _newest_finite(values: FloatArray) -> FloatArray:
+    finite = np.isfinite(values)
+    newest = np.maximum.accumulate(np.where(finite, np.arange(len(values)), -1))
+    return np.where(newest >= 0, values[newest], np.nan)
 
 
 @dataclass(frozen=True, eq=False)

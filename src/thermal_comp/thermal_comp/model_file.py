@@ -20,6 +20,15 @@ from thermal_comp.model import ModelError, NoiseModel, Provenance, SensorModel, 
 from thermal_comp.model_field import Field
 
 SCHEMA = 1
+ROOT_FIELDS = (
+    'schema',
+    'device',
+    'pooled',
+    'reference_temperature',
+    'sensors',
+    'provenance',
+    'history',
+)
 
 
 def save_model(model: ThermalModel, path: str | os.PathLike[str]) -> None:
@@ -81,7 +90,9 @@ def model_document(model: ThermalModel) -> dict[str, Any]:
 
 def _sensor_document(name: str, model: SensorModel) -> dict[str, Any]:
     unit = SENSOR_UNITS[name]
-    document: dict[str, Any] = {
+    if model.noise is None:
+        raise ModelError(f'sensors.{name}.noise: missing; a fitted model has it')
+    return {
         'unit': unit,
         'temperature_range': {'value': [*map(float, model.temperature_range)], 'unit': '°C'},
         'effects': [
@@ -96,14 +107,12 @@ def _sensor_document(name: str, model: SensorModel) -> dict[str, Any]:
         ],
         'covariance': model.covariance.tolist(),
         'levels': {run: np.asarray(level).tolist() for run, level in model.levels.items()},
-    }
-    if model.noise is not None:
-        document['noise'] = {
+        'noise': {
             'white': {'value': model.noise.white.tolist(), 'unit': f'{unit}·√s'},
             'time_constants': {'value': model.noise.time_constants.tolist(), 'unit': 's'},
             'amplitudes': {'value': model.noise.amplitudes.tolist(), 'unit': unit},
-        }
-    return document
+        },
+    }
 
 
 def _shape_document(effect: Effect, std: Mapping[str, tuple[float, ...]]) -> dict[str, Any]:
@@ -127,6 +136,9 @@ def model_from_document(
     schema = root['schema']
     if schema.value != SCHEMA:
         raise schema.refuse(f'is {schema.value!r}, this version reads {SCHEMA}')
+    unknown = sorted(set(root.entries()) - set(ROOT_FIELDS))
+    if unknown:
+        raise root[unknown[0]].refuse(f'no such field; there are {", ".join(ROOT_FIELDS)}')
     reference = root['reference_temperature']
     _check_unit(reference, '°C')
     sensors: dict[str, SensorModel] = {}
@@ -142,7 +154,7 @@ def model_from_document(
         device=root['device'].text(),
         sensors=sensors,
         reference_temperature=reference['value'].number(),
-        pooled=root.get('pooled', False).flag(),
+        pooled=root['pooled'].flag(),
         provenance=Provenance(
             sources={name: source.text() for name, source in sources.items()},
             version=provenance['version'].text(),
@@ -171,7 +183,7 @@ def _sensor(entry: Field, sensor: Sensor, catalogue: Mapping[str, type[Effect]])
         effects=tuple(found),
         coefficients=tuple(coefficients),
         covariance=_covariance(entry['covariance'], size),
-        noise=_noise(entry['noise'], unit) if 'noise' in entry.mapping() else None,
+        noise=_noise(entry['noise'], unit),
         levels={run: level.array(3) for run, level in entry.get('levels', {}).entries().items()},
         shape_std=std,
         contributions=rms,
@@ -257,11 +269,12 @@ def _noise(entry: Field, unit: str) -> NoiseModel:
     times = entry['time_constants']['value'].array(None)
     if (times <= 0.0).any():
         raise entry['time_constants'].refuse('has a value that is not positive')
-    return NoiseModel(
-        white=entry['white']['value'].array(3),
-        time_constants=times,
-        amplitudes=entry['amplitudes']['value'].array(len(times), 3),
-    )
+    white = entry['white']['value'].array(3)
+    amplitudes = entry['amplitudes']['value'].array(len(times), 3)
+    for key, values in (('white', white), ('amplitudes', amplitudes)):
+        if (values < 0.0).any():
+            raise entry[key].refuse('has a negative standard deviation')
+    return NoiseModel(white=white, time_constants=times, amplitudes=amplitudes)
 
 
 def _range(entry: Field) -> tuple[float, float]:
