@@ -74,7 +74,8 @@ def read_devices(
     every_device: bool = False,
 ) -> list[ImuRecording]:
     """Read one bag: the device in `namespace`, its only device, or every device."""
-    namespaces = [] if namespace is not None else bag_namespaces(path)
+    chosen = namespace is not None or bool((remap or {}).get('imu/data_raw'))
+    namespaces = [] if chosen else bag_namespaces(path)
     if len(namespaces) <= 1:
         return [read_bag(path, namespace=namespace, remap=remap)]
     if not every_device:
