@@ -43,6 +43,8 @@ def compensate(recording: ImuRecording, model: ThermalModel) -> ImuRecording:
         conditions = replace(conditions, vibration=vibration)
     conditions = conditions.rows(known)
     notes = ['compensated with a thermal model' + (f' of {model.device}' if model.device else '')]
+    if model.device and not recording.device:
+        notes.append(f'the recording does not name its device: taken to be {model.device}')
     if not known.all():
         notes.append(f'{int((~known).sum())} rows without a die temperature are passed on')
     changed: dict[str, Any] = {}
