@@ -12,6 +12,8 @@ BoolArray = NDArray[np.bool_]
 STUCK_S = 4.0
 """A triad that repeats itself for longer is stuck [s]."""
 STUCK_ROWS = 4
+CHANCE = 1e-6
+"""A run of repeats expected less often than this in the whole recording is no chance."""
 SPIKE_SIGMA = 9.0
 """A row that far from its neighbours is a spike."""
 SLOW_SPIKE_SIGMA = 14.0
@@ -31,12 +33,33 @@ def stuck_rows(values: FloatArray, period: float) -> BoolArray:
     same[1:] = (values[1:] == values[:-1]).all(axis=1)
     edges = np.flatnonzero(np.diff(np.r_[False, same, False].astype(int)))
     stuck = np.zeros(len(values), dtype=bool)
-    needed = max(STUCK_ROWS, int(np.ceil(STUCK_S / period)))
-    for start, stop in edges.reshape(-1, 2):
+    runs = edges.reshape(-1, 2)
+    least = max(STUCK_ROWS, int(np.ceil(STUCK_S / period)))
+    needed = _needed_repeats(runs[:, 1] - runs[:, 0], len(values), least)
+    for start, stop in runs:
         if stop - start >= needed:
             stuck[start:stop] = True
-    # The first row of a quantised quiet triad may repeat by chance; a constant triad is no log.
+    # A constant triad is no log.
     return stuck & bool(stuck.mean() < 0.9)
+
+
+def _needed_repeats(lengths: NDArray[np.int64], rows: int, least: int) -> int:
+    """Return how many repeats in a row chance does not explain: rows · p^L < CHANCE.
+
+    p is the share of repeats outside runs of L or more, so L is raised until both agree: a quiet
+    triad of few quantisation steps repeats by chance, a stuck one does not raise its own limit.
+    """
+    needed = least
+    while True:
+        long = lengths >= needed
+        others = rows - int(lengths[long].sum())
+        share = int(lengths[~long].sum()) / max(others, 1)
+        if not 0.0 < share < 1.0:
+            return needed
+        wanted = int(np.floor(np.log(CHANCE / rows) / np.log(share))) + 1
+        if wanted <= needed:
+            return needed
+        needed = wanted
 
 
 def rail_rows(values: FloatArray) -> BoolArray:

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A triad that repeats by chance is no stuck sensor; one that stands still is, at once."""
+
+import numpy as np
+import pytest
+from thermal_comp.data_quality_rows import STUCK_ROWS, stuck_rows
+
+PERIOD = 2.0
+
+
+def quantised(noise: float, *, seed: int) -> np.ndarray:
+    """Return (20000, 3) values in quantisation steps, of white noise of that many steps."""
+    return np.round(np.random.default_rng(seed).normal(0.3, noise, (20_000, 3)))
+
+
+@pytest.mark.parametrize('noise', [0.35, 0.6, 1.0, 3.0])
+def test_chance_repeats_of_a_quantised_triad_are_not_stuck(noise: float) -> None:
+    for seed in range(5):
+        assert not stuck_rows(quantised(noise, seed=seed), PERIOD).any()
+
+
+def test_chance_alone_makes_runs_as_long_as_the_least() -> None:
+    values = quantised(0.6, seed=1)
+    same = (values[1:] == values[:-1]).all(axis=1)
+    runs = np.lib.stride_tricks.sliding_window_view(same, STUCK_ROWS).all(axis=1)
+    assert runs.any()
+
+
+@pytest.mark.parametrize('noise', [0.35, 0.6, 3.0])
+def test_a_sensor_stuck_for_minutes_is_found_to_the_row(noise: float) -> None:
+    values = quantised(noise, seed=2)
+    values[5000:5091] = values[5000]
+    values[4999] = values[5091] = values[5000] + 5.0
+    stuck = np.flatnonzero(stuck_rows(values, PERIOD))
+    np.testing.assert_array_equal(stuck, np.arange(5001, 5091))
+
+
+def test_the_least_run_is_enough_where_nothing_repeats_by_chance() -> None:
+    values = np.random.default_rng(3).normal(size=(20_000, 3))
+    values[700 : 701 + STUCK_ROWS] = values[700]
+    assert stuck_rows(values, PERIOD).sum() == STUCK_ROWS
