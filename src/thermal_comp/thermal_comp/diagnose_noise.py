@@ -44,9 +44,19 @@ def shipped_reference() -> Mapping[str, Mapping[str, float]]:
 
 
 def judge_noise(
-    noise: NoiseModel, sensor: Sensor, reference: NoiseModel | None = None
+    noise: NoiseModel,
+    sensor: Sensor,
+    reference: NoiseModel | None = None,
+    *,
+    bandwidth_known: bool = False,
 ) -> NoiseFinding | None:
-    """Return what is too high, averaged over the axes; None where nothing is."""
+    """Return what is too high, averaged over the axes; None where nothing is.
+
+    White noise is judged only where `bandwidth_known`: rows that are means, or samples fast
+    enough. Single samples slower than the sensor's output fold its whole band into theirs, so
+    their density exceeds the reference's without more noise. The coloured part is slow and
+    stands in either.
+    """
     if not noise.white.any():
         return None
     if reference is None:
@@ -63,7 +73,7 @@ def judge_noise(
     ratios = amplitude / np.maximum(flicker, 1e-300)
     white_ratio = _rms(noise.white) / white
     flicker_ratio = _rms(ratios)
-    highest = max(white_ratio, flicker_ratio)
+    highest = max(white_ratio, flicker_ratio) if bandwidth_known else flicker_ratio
     if highest < HIGHER:
         return None
     fast, slow = _rms(ratios[:3]), _rms(ratios[-3:])

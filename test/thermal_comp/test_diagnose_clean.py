@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clean devices raise no alarm, however they are sampled; louder bias instability does."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from imu_workbench.experiment_hidden import practice_campaign
+from thermal_comp.diagnose import diagnose
+from thermal_comp.diagnose_noise import judge_noise, shipped_reference
+from thermal_comp.model import NoiseModel
+from thermal_comp.noise_process import LADDER
+
+from imu_recording import read_bag
+
+BAGS = Path(__file__).parents[2] / 'bags'
+
+
+def noise(white: float, flicker: float) -> NoiseModel:
+    """Return the gyroscope's reference noise, its parts multiplied."""
+    row = shipped_reference()['gyroscope']
+    amplitudes = np.full((len(LADDER), 3), flicker * row['flicker'])
+    return NoiseModel(np.full(3, white * row['white']), LADDER, amplitudes)
+
+
+def test_single_samples_at_half_a_hertz_of_a_clean_device_are_complete() -> None:
+    diagnosis = diagnose([read_bag(BAGS / f'dut1_{axis}') for axis in 'xyz'])
+    assert diagnosis.verdict == 'complete'
+    assert diagnosis.findings == ()
+
+
+def test_louder_bias_instability_is_found_whatever_the_rows_are() -> None:
+    recordings, _ = practice_campaign([], seed=21, mean_s=20.0, bias_instability=2.0)
+    found = [f for f in diagnose(recordings).findings if f.kind == 'noise']
+    assert {f.sensor for f in found} == {'accelerometer', 'gyroscope', 'magnetometer'}
+
+
+def test_white_noise_counts_only_where_the_bandwidth_is_known() -> None:
+    assert judge_noise(noise(5.0, 1.0), 'gyroscope') is None
+    known = judge_noise(noise(5.0, 1.0), 'gyroscope', bandwidth_known=True)
+    assert known is not None
+    assert known.white_ratio == pytest.approx(5.0)
+    coloured = judge_noise(noise(5.0, 2.0), 'gyroscope')
+    assert coloured is not None
+    assert coloured.evidence < known.evidence
