@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Clean devices raise no alarm, however they are sampled; louder bias instability does."""
 
+import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from imu_workbench.experiment_hidden import practice_campaign
+from thermal_comp.clock_temperature import clock_slope
 from thermal_comp.diagnose import diagnose
 from thermal_comp.diagnose_noise import judge_noise, shipped_reference
 from thermal_comp.model import NoiseModel
 from thermal_comp.noise_process import LADDER
 
-from imu_recording import read_bag
+from imu_recording import ImuRecording, read_bag
 
 BAGS = Path(__file__).parents[2] / 'bags'
 
@@ -43,3 +46,30 @@ def test_white_noise_counts_only_where_the_bandwidth_is_known() -> None:
     coloured = judge_noise(noise(5.0, 2.0), 'gyroscope')
     assert coloured is not None
     assert coloured.evidence < known.evidence
+
+
+def clocked(slope: float, *, gap_every: int | None) -> ImuRecording:
+    """Return 4 h at 1 Hz whose interval follows the temperature, with or without gaps."""
+    n = 14_400
+    temperature = 20.0 + 20.0 * np.sin(2.0 * np.pi * np.arange(n) / n)
+    step = 1.0 + slope * (temperature - 20.0)
+    step += np.random.default_rng(4).normal(0.0, 1e-4, n)
+    if gap_every:
+        step[::gap_every] += 2.0
+    stamp = np.round(np.cumsum(step) * 1e9).astype(np.int64)
+    still = np.zeros((n, 3))
+    return ImuRecording(stamp, still, still, still, temperature)
+
+
+def test_a_run_of_gaps_has_no_say_about_the_clock_and_no_warning() -> None:
+    sound = clocked(1e-5, gap_every=None)
+    broken = clocked(1e-5, gap_every=50)
+    nowhere = replace(sound, temperature=np.full(len(sound), np.nan))
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        assert clock_slope([broken]) is None
+        assert clock_slope([nowhere, broken]) is None
+        both, alone = clock_slope([broken, sound]), clock_slope([sound])
+    assert both == alone
+    assert alone is not None
+    assert alone.slope == pytest.approx(1e-5, rel=0.05)

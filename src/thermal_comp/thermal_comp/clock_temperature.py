@@ -43,6 +43,8 @@ def clock_slope(recordings: Sequence[ImuRecording]) -> ClockFinding | None:
         trimmed = step[: blocks * count].reshape(blocks, count)
         temperature = recording.temperature[: blocks * count].reshape(blocks, count)
         regular = (trimmed < 1.5 * usual).all(axis=1) & np.isfinite(temperature).all(axis=1)
+        if not regular.any():
+            continue
         relative = trimmed.mean(axis=1)[regular] / usual
         intervals.append(relative - relative.mean())
         temperatures.append(temperature.mean(axis=1)[regular])
