@@ -48,7 +48,9 @@ def diagnosis_text(content: Mapping[str, Any]) -> str:
 
 
 def _finding_lines(finding: Mapping[str, Any]) -> list[str]:
-    weight = f'evidence {finding["evidence"]:.0f}, needed {finding["threshold"]:.0f}'
+    weight = f'evidence {finding["evidence"]:.0f}'
+    if finding['threshold'] > 0.0:
+        weight += f', needed {finding["threshold"]:.0f}'
     lines = [f'  {finding["text"]} ({weight})']
     sensor = finding['sensor'].split('+')[0]
     if finding['error_after'] is not None and sensor in DISPLAY_UNITS:
