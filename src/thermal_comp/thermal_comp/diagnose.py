@@ -26,6 +26,7 @@ from thermal_comp.diagnose_findings import (
     with_verdict,
 )
 from thermal_comp.diagnose_judges import judges
+from thermal_comp.diagnose_noise import bandwidth_known
 from thermal_comp.diagnose_result import Diagnosis, Finding, SensorState
 from thermal_comp.diagnose_search import Search
 from thermal_comp.diagnose_thresholds import EVERYWHERE
@@ -48,6 +49,8 @@ class Settings:
     thresholds: Mapping[str, float] | None = None
     reference: Mapping[str, NoiseModel] | None = None
     """Noise that counts as normal, per sensor; None: the shipped table."""
+    bandwidth_known: bool = False
+    """Whether white noise may be judged."""
 
 
 def diagnose(
@@ -66,11 +69,11 @@ def diagnose(
     """
     clean, defects = check_quality(recordings)
     runs = prepare(clean, period=period)
-    settings = Settings(catalogue or EFFECTS, None, reference)
+    settings = Settings(catalogue or EFFECTS, None, reference, bandwidth_known(recordings))
     if calibrate:
         base = {sensor: base_effects(model, sensor) for sensor in SENSORS}
         thresholds = calibrated_thresholds(runs, base, settings.catalogue, calibrate)
-        settings = Settings(settings.catalogue, thresholds, reference)
+        settings = replace(settings, thresholds=thresholds)
     diagnosis = diagnose_prepared(runs, model, settings)
     findings = [quality_finding(defect) for defect in defects]
     clock = clock_slope(recordings)
@@ -120,7 +123,11 @@ def diagnose_prepared(
     states: dict[str, SensorState] = {s: sensor_state(s, outcomes[s], current) for s in sensors}
     for sensor in sensors:
         above = noise_finding(
-            sensor, noise[sensor], current, (settings.reference or {}).get(sensor)
+            sensor,
+            noise[sensor],
+            current,
+            (settings.reference or {}).get(sensor),
+            bandwidth_known=settings.bandwidth_known,
         )
         if above is not None:
             findings.append(above)

@@ -13,7 +13,7 @@ from thermal_comp.compare import Comparison
 from thermal_comp.conditions import Sensor
 from thermal_comp.data_quality import QualityFinding
 from thermal_comp.diagnose_decision import Named, Outcome
-from thermal_comp.diagnose_noise import judge_noise
+from thermal_comp.diagnose_noise import NEEDED, judge_noise
 from thermal_comp.diagnose_result import Finding, SensorState
 from thermal_comp.diagnose_thresholds import EVERYWHERE, threshold_of
 from thermal_comp.effects.effect import Effect
@@ -130,15 +130,21 @@ def unnamed_findings(sensor: Sensor, outcome: Outcome, current: Comparison) -> l
 
 
 def noise_finding(
-    sensor: Sensor, noise: NoiseModel, current: Comparison, reference: NoiseModel | None
+    sensor: Sensor,
+    noise: NoiseModel,
+    current: Comparison,
+    reference: NoiseModel | None,
+    *,
+    bandwidth_known: bool = False,
 ) -> Finding | None:
     """Return what is too high in the noise, if anything is."""
-    above = judge_noise(noise, sensor, reference)
+    above = judge_noise(noise, sensor, reference, bandwidth_known=bandwidth_known)
     if above is None:
         return None
     state = current.sensors[sensor]
+    white = f'white × {above.white_ratio:.2f}, ' if bandwidth_known else ''
     text = (
-        f'{sensor}: noise above the reference, white × {above.white_ratio:.2f}, '
+        f'{sensor}: noise above the reference, {white}'
         f'bias instability × {above.flicker_ratio:.2f}'
     )
     return Finding(
@@ -146,7 +152,7 @@ def noise_finding(
         above.name,
         sensor,
         above.evidence,
-        0.0,
+        NEEDED,
         depends_on=None,
         error_before=_rms(state.held_out_rms),
         noise_floor=_rms(state.noise_floor),

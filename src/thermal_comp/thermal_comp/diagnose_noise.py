@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from imu_recording.recording import ImuRecording
 
 from thermal_comp.conditions import Sensor
 from thermal_comp.model import NoiseModel
@@ -21,6 +22,12 @@ WALK = 3.0
 """A random walk's slow processes exceed the reference by this much more than its fast ones."""
 SPREAD = 0.1
 """Standard deviation of the logarithm of a ratio over identical campaigns."""
+
+
+SLOWEST_SAMPLES_S = 0.1
+"""Single samples further apart than this may fold the sensor's band into theirs [s]."""
+NEEDED = (np.log(HIGHER) / SPREAD) ** 2
+"""Evidence of a ratio of HIGHER."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +48,15 @@ def shipped_reference() -> Mapping[str, Mapping[str, float]]:
     text = files('thermal_comp').joinpath('noise_reference.yaml').read_text('utf-8')
     table: dict[str, Any] = yaml.safe_load(text)['lsm9ds1']
     return table
+
+
+def bandwidth_known(recordings: Sequence[ImuRecording]) -> bool:
+    """Return whether every recording's rows are fast samples, or means with a variance within."""
+    return all(
+        r.vibration is not None or np.median(np.diff(r.stamp)) * 1e-9 <= SLOWEST_SAMPLES_S
+        for r in recordings
+        if len(r) > 1
+    )
 
 
 def judge_noise(

@@ -72,7 +72,9 @@ def _finding_html(finding: Mapping[str, Any]) -> str:
     if finding['rivals']:
         rivals = ', '.join(f'{r["name"]} {r["similarity"]:.0%}' for r in finding['rivals'][:3])
         lines.append(f'look-alikes: {rivals.replace("_", " ")}')
-    evidence = f'evidence {shown(finding["evidence"])}, needed {shown(finding["threshold"])}'
+    evidence = f'evidence {shown(finding["evidence"])}'
+    if finding['threshold']:
+        evidence += f', needed {shown(finding["threshold"])}'
     detail = escape(' · '.join([evidence, *lines]))
     name = f'{finding["name"]}: ' if finding['kind'] == 'data_quality' else ''
     said = escape(f'{name}{finding["text"]}'.replace('_', ' '))
