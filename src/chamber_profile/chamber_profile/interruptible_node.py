@@ -3,33 +3,14 @@
 
 from __future__ import annotations
 
-import signal
-import time
 from typing import Any
 
 import rclpy
+from imu_recording.interrupts import Interrupts
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
-ONE_PRESS_S = 0.4
-"""Ctrl-C reaches a launched node twice within this time: still one interrupt [s]."""
 LOOK_S = 0.05
-
-
-class Interrupts:
-    """Counts SIGINT and SIGTERM; those that come close together count once."""
-
-    def __init__(self) -> None:
-        self.count = 0
-        self._last = float('-inf')
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._on_signal)
-
-    def _on_signal(self, *_: object) -> None:
-        now = time.monotonic()
-        if now - self._last > ONE_PRESS_S:
-            self.count += 1
-        self._last = now
 
 
 def spin_until_over(node_class: Any, args: list[str] | None = None) -> int:
@@ -37,8 +18,8 @@ def spin_until_over(node_class: Any, args: list[str] | None = None) -> int:
 
     The node has `exit_code` (None: go on), `in_charge`, `order(name)` and `stop_at_once()`.
     """
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     interrupts = Interrupts()
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     node = None
     try:
         node = node_class()
@@ -48,8 +29,7 @@ def spin_until_over(node_class: Any, args: list[str] | None = None) -> int:
         executor.add_node(node)
         return _spin(node, executor, interrupts)
     finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
+        interrupts.ignore()
         if node is not None:
             if node.in_charge:
                 node.stop_at_once()

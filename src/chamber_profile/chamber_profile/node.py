@@ -40,8 +40,11 @@ class ChamberProfileNode(ConfiguredNode):
         self.run = open_run(config, self.now, self.witnesses.look, simulated_time=simulated_time)
         self.run.conductor.report = self.get_logger().info
         self._phase = ''
-        self._outputs = {topic: self.output(kind, topic) for topic, kind in OUTPUTS.items()
-                         if config.publish_temperature or 'temperature' not in topic}
+        self._outputs = {
+            topic: self.output(kind, topic)
+            for topic, kind in OUTPUTS.items()
+            if config.publish_temperature or 'temperature' not in topic
+        }
         self._phase_output = self.output(String, 'chamber/phase', latched=True)
         for topic in config.imu_topics if config.require_imu else []:
             self.input(Temperature, topic, self.witnesses.on_imu)

@@ -6,9 +6,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from imu_recording.lifecycle_node import ConfiguredNode, NodeConfig, run_node
+from imu_recording.lifecycle_node import ConfiguredNode, NodeConfig
 from imu_recording.messages import TemperatureSample, temperature_from_sample
 from imu_recording.parameter import parameter
+from imu_recording.run_node import run_node
 from sensor_msgs.msg import Temperature
 
 from chamber_profile.reference_lines import ReferenceLines, parse_columns

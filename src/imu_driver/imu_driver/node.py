@@ -7,7 +7,8 @@ import sys
 from dataclasses import dataclass
 from typing import Any
 
-from imu_recording.lifecycle_node import ConfiguredNode, NodeConfig, run_node
+from imu_recording.lifecycle_node import ConfiguredNode, NodeConfig
+from imu_recording.run_node import run_node
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 from std_msgs.msg import Float64

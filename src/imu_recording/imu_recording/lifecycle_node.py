@@ -8,15 +8,12 @@ construct the same class with `capture` and `now` and call its callbacks directl
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
-from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -146,9 +143,7 @@ class ConfiguredNode(LifecycleNode):
         self.inputs[topic] = callback
         if self._capture:
             return
-        qos = QoSProfile(
-            depth=self.config.qos_depth, reliability=ReliabilityPolicy.BEST_EFFORT
-        )
+        qos = QoSProfile(depth=self.config.qos_depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
         def when_active(message: Any) -> None:
             if self.state == ACTIVE:
@@ -280,38 +275,3 @@ def _descriptor(metadata: Mapping[str, Any], *, dynamic: bool) -> ParameterDescr
 
 def _shown(value: Any) -> str:
     return f'{value:.6g}' if isinstance(value, float) else str(value)
-
-
-def _spin(node: ConfiguredNode) -> None:
-    """Run callbacks until shutdown; `spin_once` in a loop, as EventsExecutor.spin may hang."""
-    if not node.event_driven:
-        rclpy.spin(node)
-        return
-    from rclpy.experimental.events_executor import EventsExecutor
-
-    executor = EventsExecutor()
-    executor.add_node(node)
-    while rclpy.ok():
-        executor.spin_once(timeout_sec=1.0)
-
-
-def run_node(node_class: type[ConfiguredNode], args: list[str] | None = None) -> int:
-    """Run a node until Ctrl-C; return the process's exit code (2: configuration refused)."""
-    rclpy.init(args=args)
-    node = None
-    code = 0
-    try:
-        node = node_class()
-        if node.get_parameter('autostart').value and not node.autostart():
-            code = 2
-        else:
-            _spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-    finally:
-        if node is not None:
-            if node.state == ACTIVE:
-                node.deactivated()
-            node.destroy_node()
-        rclpy.try_shutdown()
-    return code

@@ -11,7 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from imu_recording.bag_error import BagError
 from imu_recording.bag_recorder import BagRecorder
-from imu_recording.lifecycle_node import ConfiguredNode, run_node
+from imu_recording.lifecycle_node import ConfiguredNode
 from imu_recording.recorder_config import RecorderConfig
 from imu_recording.recorder_metadata import qos_profile
 from imu_recording.recorder_settings import (
@@ -21,6 +21,7 @@ from imu_recording.recorder_settings import (
     recorder_health,
     recording_metadata,
 )
+from imu_recording.run_node import run_node
 
 
 class RecorderNode(ConfiguredNode):
@@ -118,4 +119,3 @@ class RecorderNode(ConfiguredNode):
 def main():
     """Run the node."""
     return run_node(RecorderNode)
-

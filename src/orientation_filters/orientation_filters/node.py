@@ -7,13 +7,14 @@ from dataclasses import fields, replace
 from typing import Any, ClassVar
 
 from geometry_msgs.msg import Vector3Stamped
-from imu_recording.lifecycle_node import ConfiguredNode, run_node
+from imu_recording.lifecycle_node import ConfiguredNode
 from imu_recording.messages import (
     imu_from_sample,
     sample_from_imu,
     sample_from_magnetic_field,
     vector_message,
 )
+from imu_recording.run_node import run_node
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Imu, MagneticField

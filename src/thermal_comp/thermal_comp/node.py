@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from imu_recording.jit import NUMBA
-from imu_recording.lifecycle_node import ConfiguredNode, NodeConfig, run_node
+from imu_recording.lifecycle_node import ConfiguredNode, NodeConfig
 from imu_recording.messages import (
     imu_from_sample,
     magnetic_field_from_sample,
@@ -17,6 +17,7 @@ from imu_recording.messages import (
     stamp_of,
 )
 from imu_recording.parameter import parameter
+from imu_recording.run_node import run_node
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 
 from thermal_comp.channel_topics import CHANNEL_TOPICS

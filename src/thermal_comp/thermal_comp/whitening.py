@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,33 +56,31 @@ def innovation_gains(slot: IntArray, noise: NoiseModel, axis: int, period: float
     series = 2.0 * r / 3.0 - r**2 / 2.0 + 7.0 * r**3 / 30.0
     exact = (2.0 * r - 3.0 + 4.0 * decay - decay**2) / r**2
     left = float(variance @ np.where(r < 1e-2, series, exact) + noise.white[axis] ** 2 / period)
-    missed, gain, deviation = _gains(np.asarray(slot), decay, weight, variance, shared, left)
+    places = np.ascontiguousarray(slot, dtype=np.int64)
+    missed, gain = np.ones((2, len(places), len(decay)))
+    deviation = np.empty(len(places))
+    covariance = np.diag(variance)
+    _fill_gains(
+        places, decay, weight, variance, shared, left, covariance, missed, gain, deviation
+    )
     return Gains(decay, weight, missed, gain, deviation)
 
 
 def apply_gains(values: FloatArray, gains: Gains) -> FloatArray:
     """Return the whitened rows (m, q)."""
-    whitened: FloatArray = _innovations(
-        np.ascontiguousarray(values, dtype=np.float64),
-        gains.decay,
-        gains.weight,
-        gains.missed,
-        gains.gain,
-        gains.deviation,
+    whitened = np.array(values, dtype=np.float64, order='C')
+    state = np.zeros((len(gains.decay), whitened.shape[1]))
+    _innovate(
+        whitened, state, gains.decay, gains.weight, gains.missed, gains.gain, gains.deviation
     )
     return whitened
 
 
 def apply_transposed(values: FloatArray, gains: Gains) -> FloatArray:
     """Return Wᵀ @ values, (m, q), where W is the filter: S⁻¹ x = Wᵀ W x."""
-    turned: FloatArray = _transposed(
-        np.ascontiguousarray(values, dtype=np.float64),
-        gains.decay,
-        gains.weight,
-        gains.missed,
-        gains.gain,
-        gains.deviation,
-    )
+    turned = np.array(values, dtype=np.float64, order='C')
+    after = np.zeros((len(gains.decay), turned.shape[1]))
+    _turn(turned, after, gains.decay, gains.weight, gains.missed, gains.gain, gains.deviation)
     return turned
 
 
@@ -90,78 +89,90 @@ def log_determinant(slot: IntArray, noise: NoiseModel, axis: int, period: float)
     return 2.0 * float(np.log(innovation_gains(slot, noise, axis, period).deviation).sum())
 
 
-@njit(cache=True)
-def _gains(
+# The kernels are plain loops over scalars that fill arrays made outside: what numpy does inside
+# a kernel (outer products, sums over an axis, allocation) takes numba ten times as long to
+# compile and runs no faster.
+
+
+@njit(cache=True, nogil=True)
+def _fill_gains(  # noqa: PLR0913 (the arrays a kernel fills)
     slot: IntArray,
     decay: FloatArray,
     weight: FloatArray,
     variance: FloatArray,
     shared: FloatArray,
     left: float,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    rows, order = len(slot), len(decay)
-    missed = np.ones((rows, order))
-    gain = np.zeros((rows, order))
-    deviation = np.zeros(rows)
-    covariance = np.diag(variance)
-    for i in range(rows):
+    covariance: FloatArray,
+    missed: FloatArray,
+    gain: FloatArray,
+    deviation: FloatArray,
+) -> None:
+    order = decay.shape[0]
+    for i in range(slot.shape[0]):
         if i > 0 and slot[i] > slot[i - 1] + 1:
-            missed[i] = decay ** (slot[i] - slot[i - 1] - 1)
-            covariance *= np.outer(missed[i], missed[i])
             for j in range(order):
-                covariance[j, j] += variance[j] * (1.0 - missed[i, j] ** 2)
-        seen = (covariance * weight).sum(axis=1)
-        spread = (weight * seen).sum() + left
-        gain[i] = (decay * seen + shared) / spread
-        covariance = covariance * np.outer(decay, decay) - np.outer(gain[i], gain[i]) * spread
+                missed[i, j] = decay[j] ** (slot[i] - slot[i - 1] - 1)
+            for j in range(order):
+                for k in range(order):
+                    covariance[j, k] *= missed[i, j] * missed[i, k]
+                covariance[j, j] += variance[j] * (1.0 - missed[i, j] * missed[i, j])
+        spread = left
         for j in range(order):
-            covariance[j, j] += variance[j] * (1.0 - decay[j] ** 2)
-        deviation[i] = np.sqrt(spread)
-    return missed, gain, deviation
+            seen = 0.0
+            for k in range(order):
+                seen += covariance[j, k] * weight[k]
+            gain[i, j] = decay[j] * seen + shared[j]
+            spread += weight[j] * seen
+        for j in range(order):
+            gain[i, j] /= spread
+        for j in range(order):
+            for k in range(order):
+                covariance[j, k] *= decay[j] * decay[k]
+                covariance[j, k] -= gain[i, j] * gain[i, k] * spread
+            covariance[j, j] += variance[j] * (1.0 - decay[j] * decay[j])
+        deviation[i] = math.sqrt(spread)
 
 
-@njit(cache=True)
-def _innovations(
-    values: FloatArray,
+@njit(cache=True, nogil=True)
+def _innovate(
+    rows: FloatArray,
+    state: FloatArray,
     decay: FloatArray,
     weight: FloatArray,
     missed: FloatArray,
     gain: FloatArray,
     deviation: FloatArray,
-) -> FloatArray:
-    rows, width = values.shape
-    order = len(decay)
-    whitened = np.empty((rows, width))
-    state = np.zeros((order, width))
-    for i in range(rows):
-        innovation = values[i].copy()
+) -> None:
+    order, width = state.shape
+    for i in range(rows.shape[0]):
         for j in range(order):
-            state[j] *= missed[i, j]
-            innovation -= weight[j] * state[j]
+            for c in range(width):
+                state[j, c] *= missed[i, j]
+                rows[i, c] -= weight[j] * state[j, c]
         for j in range(order):
-            state[j] = decay[j] * state[j] + gain[i, j] * innovation
-        whitened[i] = innovation / deviation[i]
-    return whitened
+            for c in range(width):
+                state[j, c] = decay[j] * state[j, c] + gain[i, j] * rows[i, c]
+        for c in range(width):
+            rows[i, c] /= deviation[i]
 
 
-@njit(cache=True)
-def _transposed(
-    values: FloatArray,
+@njit(cache=True, nogil=True)
+def _turn(
+    rows: FloatArray,
+    after: FloatArray,
     decay: FloatArray,
     weight: FloatArray,
     missed: FloatArray,
     gain: FloatArray,
     deviation: FloatArray,
-) -> FloatArray:
-    rows, width = values.shape
-    order = len(decay)
-    turned = np.empty((rows, width))
-    after = np.zeros((order, width))
-    for i in range(rows - 1, -1, -1):
-        innovation = values[i] / deviation[i]
+) -> None:
+    order, width = after.shape
+    for i in range(rows.shape[0] - 1, -1, -1):
+        for c in range(width):
+            rows[i, c] /= deviation[i]
         for j in range(order):
-            innovation += gain[i, j] * after[j]
+            for c in range(width):
+                rows[i, c] += gain[i, j] * after[j, c]
         for j in range(order):
-            after[j] = missed[i, j] * (decay[j] * after[j] - weight[j] * innovation)
-        turned[i] = innovation
-    return turned
+            for c in range(width):
+                after[j, c] = missed[i, j] * (decay[j] * after[j, c] - weight[j] * rows[i, c])
