@@ -25,6 +25,7 @@ from chamber_profile.sequence_types import (
     RUN,
     SAFE,
 )
+from chamber_profile.time_left import time_left
 
 if TYPE_CHECKING:
     from chamber_profile.node_config import Run
@@ -81,6 +82,7 @@ def run_status(moment: Moment, run: Run) -> tuple[int, str, dict[str, Any]]:
     line = progress.mode if progress.mode != RUN else f'{progress.mode} {moment.step.id}'
     told = moment.prompt or progress.reason or moment.complaint
     reading = moment.reading
+    phase_left, run_left = time_left(run.conductor.sequencer.steps, progress, moment.dwelt_s)
     values = {
         'mode': progress.mode,
         'step': moment.step.id,
@@ -91,6 +93,8 @@ def run_status(moment: Moment, run: Run) -> tuple[int, str, dict[str, Any]]:
         'programmed [°C]': progress.setpoint if progress.setpoint is not None else 'none',
         'air [°C]': reading.air if reading else 'unknown',
         'dwell [s]': f'{moment.dwelt_s:.0f} of {moment.step.dwell_s:.0f}',
+        'phase_left [s]': f'{phase_left:.0f}',
+        'run_left [s]': f'{run_left:.0f}',
         'prompt': moment.prompt or 'none',
         'reason': progress.reason or 'none',
         'interruptions': progress.interruptions,
