@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import argparse
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
-from thermal_comp.table_check import check_rows, read_table
+from thermal_comp.table_check import TableFinding, check_rows, read_table
 
 from imu_workbench.answer import Answer
 
@@ -28,14 +30,26 @@ def run(options: argparse.Namespace) -> Answer:
     """Check."""
     rows = read_table(options.table)
     findings = check_rows(rows)
-    lines = [f'{options.table}: {len(rows)} rows, {len(findings)} findings']
-    for finding in findings:
-        lines.append(f'  {finding.name}: {finding.text}')
-        lines += [f'    perhaps: {explanation}' for explanation in finding.explanations]
     content = {
         'schema': 1,
         'verdict': 'data_quality' if findings else 'complete',
         'rows': len(rows),
         'findings': [finding.content() for finding in findings],
     }
-    return Answer(content, '\n'.join(lines))
+    return Answer(content, '\n'.join(_lines(f'{options.table}: {len(rows)} rows', findings)))
+
+
+def _lines(head: str, findings: Sequence[TableFinding]) -> list[str]:
+    """Findings of one kind stand together; their explanations follow once."""
+    if not findings:
+        return [f'{head}, nothing contradicts itself']
+    counts = Counter(finding.name for finding in findings)
+    kinds = ', '.join(f'{name} {count}' for name, count in counts.items())
+    lines = [f'{head}, {len(findings)} findings: {kinds}']
+    groups: dict[tuple[str, tuple[str, ...]], list[TableFinding]] = {}
+    for finding in findings:
+        groups.setdefault((finding.name, finding.explanations), []).append(finding)
+    for (name, explanations), members in groups.items():
+        lines += [f'  {name}: {finding.text}' for finding in members]
+        lines.append(f'    either {"; or ".join(explanations)}')
+    return lines
