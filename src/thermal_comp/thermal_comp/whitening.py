@@ -56,13 +56,11 @@ def innovation_gains(slot: IntArray, noise: NoiseModel, axis: int, period: float
     series = 2.0 * r / 3.0 - r**2 / 2.0 + 7.0 * r**3 / 30.0
     exact = (2.0 * r - 3.0 + 4.0 * decay - decay**2) / r**2
     left = float(variance @ np.where(r < 1e-2, series, exact) + noise.white[axis] ** 2 / period)
-    places = np.ascontiguousarray(slot, dtype=np.int64)
-    missed, gain = np.ones((2, len(places), len(decay)))
-    deviation = np.empty(len(places))
-    covariance = np.diag(variance)
-    _fill_gains(
-        places, decay, weight, variance, shared, left, covariance, missed, gain, deviation
-    )
+    between = np.diff(slot, prepend=slot[:1] - 1) - 1
+    missed = decay ** between[:, None]
+    gain = np.empty_like(missed)
+    deviation = np.empty(len(missed))
+    _fill_gains(decay, weight, variance, shared, left, missed, gain, deviation)
     return Gains(decay, weight, missed, gain, deviation)
 
 
@@ -90,32 +88,29 @@ def log_determinant(slot: IntArray, noise: NoiseModel, axis: int, period: float)
 
 
 # The kernels are plain loops over scalars that fill arrays made outside: what numpy does inside
-# a kernel (outer products, sums over an axis, allocation) takes numba ten times as long to
-# compile and runs no faster.
+# a kernel (outer products, sums over an axis) takes numba ten times as long to compile and runs
+# slower.
 
 
 @njit(cache=True, nogil=True)
-def _fill_gains(  # noqa: PLR0913 (the arrays a kernel fills)
-    slot: IntArray,
+def _fill_gains(
     decay: FloatArray,
     weight: FloatArray,
     variance: FloatArray,
     shared: FloatArray,
     left: float,
-    covariance: FloatArray,
     missed: FloatArray,
     gain: FloatArray,
     deviation: FloatArray,
 ) -> None:
     order = decay.shape[0]
-    for i in range(slot.shape[0]):
-        if i > 0 and slot[i] > slot[i - 1] + 1:
-            for j in range(order):
-                missed[i, j] = decay[j] ** (slot[i] - slot[i - 1] - 1)
-            for j in range(order):
-                for k in range(order):
-                    covariance[j, k] *= missed[i, j] * missed[i, k]
-                covariance[j, j] += variance[j] * (1.0 - missed[i, j] * missed[i, j])
+    covariance = np.zeros((order, order))
+    for i in range(gain.shape[0]):
+        for j in range(order):
+            kept = missed[i, j] if i > 0 else 0.0
+            for k in range(order):
+                covariance[j, k] *= kept * missed[i, k]
+            covariance[j, j] += variance[j] * (1.0 - kept * kept)
         spread = left
         for j in range(order):
             seen = 0.0

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compile every kernel that fit, compare, diagnose and the node use, so that none of them waits.
+
+`python -m thermal_comp.precompile` fills numba's cache: seconds once instead of in the first fit.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from imu_recording.jit import NUMBA
+
+from imu_recording import ImuRecording, read_bag, write_bag
+from thermal_comp.effects.first_order_lag import follow
+from thermal_comp.effects.ice_amount import grow_and_melt
+from thermal_comp.effects.play_operator import play
+from thermal_comp.model import NoiseModel
+from thermal_comp.whitening import apply_gains, apply_transposed, innovation_gains
+
+BAGS = (('mcap', 'zstd'), ('mcap', 'none'), ('sqlite3', 'none'))
+"""Storage and compression of bags whose reading takes kernels of its own."""
+ROWS = 20
+
+
+def precompile() -> None:
+    """Call each cached kernel once with the types and layouts of real data."""
+    time = np.linspace(0.0, 60.0, ROWS)
+    values = np.linspace(-5.0, 5.0, ROWS)
+    play(values, 1.0)
+    follow(time, values, 10.0)
+    grow_and_melt(time, values, 10.0, 10.0)
+    noise = NoiseModel(np.ones(3), np.array([60.0, 600.0]), np.ones((2, 3)))
+    slot = np.delete(np.arange(ROWS + 1, dtype=np.int64), 3)
+    gains = innovation_gains(slot, noise, 0, 3.0)
+    apply_transposed(apply_gains(values[:, None], gains), gains)
+    recording = _recording()
+    with tempfile.TemporaryDirectory() as folder:
+        for storage, compression in BAGS:
+            path = Path(folder) / f'{storage}_{compression}'
+            write_bag(recording, path, storage=storage, compression=compression)
+            read_bag(path)
+
+
+def _recording() -> ImuRecording:
+    """Return a few samples with every kind of topic: with and without a header, one and two."""
+    tracks = np.ones((ROWS, 3))
+    return ImuRecording(
+        stamp=np.arange(ROWS, dtype=np.int64) * 10_000_000 + 1_700_000_000_000_000_000,
+        angular_velocity=tracks,
+        linear_acceleration=tracks,
+        magnetic_field=tracks,
+        temperature=np.linspace(20.0, 21.0, ROWS),
+        heater=np.linspace(0.0, 1.0, ROWS),
+        vibration=tracks,
+        up_axis='+z',
+    )
+
+
+def main() -> int:
+    """Fill the cache; say so where there is nothing to compile with."""
+    if not NUMBA:
+        sys.stderr.write('numba is not installed: kernels run as plain Python, slower\n')
+        return 0
+    precompile()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
