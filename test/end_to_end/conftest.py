@@ -63,7 +63,7 @@ class Processes:
             for _, process, _ in self.running:
                 process.send_signal(signal.SIGINT)
         for name, process, log in self.running:
-            assert process.wait(timeout=20) == 0, (name, log.read_text())
+            assert process.wait(timeout=60) == 0, (name, log.read_text())
             assert 'Traceback' not in log.read_text(), (name, log.read_text())
         self.running.clear()
 

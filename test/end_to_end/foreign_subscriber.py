@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A subscriber from another robot stack: knows sensor_msgs and topics, nothing of this project.
 
-Usage: foreign_subscriber.py COUNT SECONDS TOPIC=TYPE …
+Usage: foreign_subscriber.py COUNT SECONDS TOPIC=TYPE … [node:NAME …]
 Receives COUNT messages of every topic, once with the default and once with the sensor-data quality
-of service, and prints the last message of each as JSON. Exit code 1 when SECONDS passed before.
+of service, and one status of every node named on /diagnostics; prints the last message of each as
+JSON. Exit code 1 when SECONDS passed before.
 """
 
 import json
@@ -55,17 +56,26 @@ def main() -> int:
 
         node.create_subscription(TYPES[kind], topic, on_message, QUALITIES[quality])
 
+    awaited = {item.removeprefix('node:') for item in wanted if item.startswith('node:')}
+
+    def on_diagnostics(message: diagnostic_msgs.msg.DiagnosticArray) -> None:
+        awaited.difference_update(status.name for status in message.status)
+
+    node.create_subscription(TYPES['DiagnosticArray'], '/diagnostics', on_diagnostics, 10)
     for item in wanted:
-        for quality in QUALITIES:
+        for quality in () if item.startswith('node:') else QUALITIES:
             subscribe(*item.split('='), quality)
+
+    def missing() -> bool:
+        return bool(awaited) or min(received.values()) < int(count)
+
     deadline = time.monotonic() + float(seconds)
-    while min(received.values()) < int(count) and time.monotonic() < deadline:
+    while missing() and time.monotonic() < deadline:
         rclpy.spin_once(node, timeout_sec=0.1)
-    missing = min(received.values()) < int(count)
     print(json.dumps({'received': received, 'last': {k: plain(m) for k, m in last.items()}}))
     node.destroy_node()
     rclpy.try_shutdown()
-    return int(missing)
+    return int(missing())
 
 
 if __name__ == '__main__':

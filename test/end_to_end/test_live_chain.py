@@ -54,7 +54,7 @@ def test_every_output_reaches_a_foreign_subscriber(
     options = ('-r', f'__ns:={namespace}') if namespace else ()
     start_chain(processes, dut1_model, *options)
     topics = [f'{namespace}/{topic}={kind}' for topic, kind in TOPICS.items()]
-    heard = processes.listen(20, 60, *topics, '/diagnostics=DiagnosticArray')
+    heard = processes.listen(20, 240, *topics, '/diagnostics=DiagnosticArray')
     assert all(math.isfinite(n) for n in numbers(heard['last']))
     for topic, kind in TOPICS.items():
         for quality in ('default', 'sensor_data'):
@@ -89,7 +89,8 @@ def test_one_ctrl_c_ends_every_node_cleanly(
         '-p', f'run_directory:={tmp_path}/run',
     )  # fmt: skip
     processes.listen(
-        5, 60,
+        5, 240,
         '/imu/data_ahrs=Imu', '/imu/data_complementary=Imu', '/chamber/temperature=Temperature',
+        'node:recorder', 'node:chamber_profile',
     )  # fmt: skip
     processes.interrupt()
