@@ -9,7 +9,6 @@ from typing import Any
 
 from imu_recording.lifecycle_node import ConfiguredNode, NodeConfig
 from imu_recording.run_node import run_node
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
@@ -20,8 +19,6 @@ from imu_driver.driver_services import DriverServices
 from imu_driver.message_bytes import MessageBytes
 from imu_driver.sample import Sample
 from imu_driver.trouble import Trouble
-
-RCLError = rclpy_implementation.RCLError
 
 
 @dataclass(frozen=True)
@@ -80,14 +77,7 @@ class ImuDriverNode(ConfiguredNode):
             self._supply.publish(Float64(data=float(volts)))
 
     def publish(self, sample: Sample) -> None:
-        """Publish, temperature first, unless Ctrl-C took the middleware from under the thread."""
-        try:
-            self._publish(sample)
-        except RCLError:
-            if self.context.ok():
-                raise
-
-    def _publish(self, sample: Sample) -> None:
+        """Publish, temperature first."""
         messages = self._messages
         if sample.temperature is not None:
             self._temperature.publish(messages.temperature(sample.stamp, sample.temperature))
