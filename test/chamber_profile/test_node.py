@@ -9,6 +9,7 @@ from chamber_profile.journal import read_journal
 from chamber_profile.node import ChamberProfileNode
 from chamber_profile.sequence_types import ABORTED, DONE, RUN, SAFE
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from imu_recording.run_notice import parse_notice
 from rclpy.lifecycle import TransitionCallbackReturn
 from sensor_msgs.msg import Temperature
 from std_srvs.srv import Trigger
@@ -225,6 +226,56 @@ def test_the_orientation_reaches_the_journal(make, tmp_path) -> None:
     bench.until(lambda: bench.mode == RUN)
     entries = read_journal(tmp_path / 'run')
     assert {entry['orientation'] for entry in entries if 'orientation' in entry} == {'-z'}
+
+
+CAMPAIGN = """\
+schema: 1
+name: two
+orientations: [x, -z]
+limits: {air_min_c: 10, air_max_c: 35, rate_max_c_per_min: 3}
+record: {topics: ['imu/*'], split: size}
+steps:
+  - {id: precondition, kind: precondition, target_c: 22, rate_c_per_min: 3, dwell_s: 60}
+"""
+
+
+def runs_said(bench: Bench) -> list[str]:
+    notices = [parse_notice(m.data) for topic, m in bench.sent if topic == 'chamber/run']
+    assert {(n.profile, n.runs, n.split, n.topics) for n in notices} == {
+        ('two', 2, 'size', ('imu/*',))
+    }
+    assert all(n.run == n.up_axis.lstrip('+') for n in notices)
+    return [notice.up_axis for notice in notices]
+
+
+def test_each_orientation_is_announced_and_between_them_a_hand_is_waited_for(
+    make, tmp_path
+) -> None:
+    profile = tmp_path / 'two.yaml'
+    profile.write_text(CAMPAIGN)
+    bench = make(profile=str(profile), start=True)
+    assert runs_said(bench) == ['']
+    bench.until(lambda: bench.node.moment.prompt)
+    assert '-z points up' in bench.node.moment.prompt
+    assert runs_said(bench) == ['', '+x', '']
+    for _ in range(600):
+        bench.step()
+    assert bench.node.moment.prompt
+    assert not bench.node.moment.reading.running
+    assert bench.call('confirm').success
+    bench.until(lambda: bench.node.exit_code is not None)
+    assert bench.node.exit_code == 0
+    assert runs_said(bench) == ['', '+x', '', '-z', '']
+
+
+def test_a_resumed_run_keeps_the_orientation_it_was_begun_with(make) -> None:
+    first = make(start=True, orientation='-z')
+    first.until(lambda: first.node.moment.step.id == 'heat')
+    first.node.run.conductor.close()
+    again = make(profile='')
+    again.step()
+    (notice,) = [parse_notice(m.data) for topic, m in again.sent if topic == 'chamber/run']
+    assert notice.up_axis == '-z'
 
 
 def test_a_full_disk_ends_in_the_safe_state(make, monkeypatch) -> None:

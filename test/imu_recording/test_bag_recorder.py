@@ -172,3 +172,21 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / 'file').touch()
     with pytest.raises(BagError, match='file/run: cannot be written'):
         BagRecorder(tmp_path / 'file' / 'run')
+
+
+def test_a_disk_that_does_not_take_the_data_is_an_error(tmp_path: Path, monkeypatch: Any) -> None:
+    recorder = BagRecorder(tmp_path / 'run')
+    messages = standard_messages(30)
+    feed(recorder, messages[:45])
+    recorder.flush()
+
+    def fail(_: int) -> None:
+        raise OSError(5, 'Input/output error')
+
+    feed(recorder, messages[45:])
+    monkeypatch.setattr('imu_recording.bag_recorder.os.fsync', fail)
+    with pytest.raises(BagError, match=r'run_0\.mcap: not on disk \(Input'):
+        recorder.flush()
+    monkeypatch.undo()
+    recorder.close()  # there is no file left to close
+    assert len(read_bag(tmp_path / 'run')) >= 15

@@ -53,24 +53,29 @@ class Journal:
                 os.fsync(stream.fileno())
             part.replace(path)
             _sync_directory(self.directory)
-        self._append({
-            'stamp': stamp,
-            'event': 'open',
-            'format': FORMAT,
-            'profile': profile.name,
-            'sha256': profile.sha256,
-            **facts,
-        })
+        self._append(
+            {
+                'stamp': stamp,
+                'event': 'open',
+                'format': FORMAT,
+                'profile': profile.name,
+                'sha256': profile.sha256,
+                'orientations': list(profile.orientations),
+                **facts,
+            }
+        )
 
     def write(self, note: Note, stamp: int, **facts: Any) -> None:
         """Write a note with the ROS time [ns] it was taken at."""
-        self._append({
-            'stamp': stamp,
-            'event': note.event,
-            **asdict(note.progress),
-            **facts,
-            **note.details,
-        })
+        self._append(
+            {
+                'stamp': stamp,
+                'event': note.event,
+                **asdict(note.progress),
+                **facts,
+                **note.details,
+            }
+        )
 
     def close(self) -> None:
         """Release the file."""
@@ -123,6 +128,8 @@ def load_run(directory: Path) -> InterruptedRun:
         raise JournalError(f'{directory}: the journal does not say what was run')
     if opened[0]['sha256'] != profile.sha256:
         raise JournalError(f'{path} was changed since the run began; put the original back')
+    turned = opened[0].get('orientations', profile.orientations)
+    profile = replace(profile, orientations=tuple(turned))
     progress = _last_progress(entries)
     if progress.mode in FINISHED:
         raise JournalError(

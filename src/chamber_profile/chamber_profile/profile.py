@@ -81,7 +81,7 @@ class Step:
     cycle: int = 0
     """1 … within the cycles, 0 outside."""
     orientation: str = ''
-    """Sensor axis that points up, '+x' … '-z'; '' not stated."""
+    """Sensor axis that points up, '+x' … '-z'; '' not stated, or the devices are being turned."""
 
 
 @dataclass(frozen=True)

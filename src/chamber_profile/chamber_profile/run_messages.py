@@ -6,16 +6,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from imu_recording.logging_contract import PHASE_TOPIC
 from imu_recording.messages import (
     TemperatureSample,
     float_message,
     humidity_message,
     temperature_from_sample,
 )
+from imu_recording.run_notice import RUN_TOPIC, RunNotice
 from sensor_msgs.msg import RelativeHumidity, Temperature
 from std_msgs.msg import Float64
 
 from chamber_profile.conductor import Moment
+from chamber_profile.profile import Step
 from chamber_profile.sequence_types import (
     ABORTED,
     CONFIRM,
@@ -67,11 +70,39 @@ def chamber_messages(moment: Moment) -> Iterator[tuple[str, Any]]:
             yield f'chamber/{name}', float_message(state)
 
 
-def phase_text(moment: Moment) -> str:
-    """Return what chamber/phase says; '' before the run and after it."""
-    if moment.progress.mode not in IN_CHARGE:
-        return ''
-    return f'{moment.step.phase} {moment.step.cycle}'
+def outputs(*, temperatures: bool) -> dict[str, type]:
+    """Return type by topic of what to publish, with or without the chamber's temperatures."""
+    return {
+        topic: kind
+        for topic, kind in OUTPUTS.items()
+        if temperatures or 'temperature' not in topic
+    }
+
+
+def latched_texts(run: Run) -> dict[str, str]:
+    """Return what chamber/run and chamber/phase say now; no phase before and after the run."""
+    sequencer = run.conductor.sequencer
+    step, mode = sequencer.step, sequencer.progress.mode
+    texts = {RUN_TOPIC: _notice(run, step, under_way=mode in (*IN_CHARGE, SAFE)).text()}
+    if mode in IN_CHARGE:
+        texts[PHASE_TOPIC] = f'{step.phase} {step.cycle}'
+    return texts
+
+
+def _notice(run: Run, step: Step, *, under_way: bool) -> RunNotice:
+    profile = run.conductor.sequencer.profile
+    runs = max(1, len(profile.orientations))
+    up_axis = step.orientation if under_way or runs == 1 else ''
+    return RunNotice(
+        directory=run.directory.absolute().name,
+        run=up_axis.lstrip('+'),
+        runs=runs,
+        up_axis=up_axis,
+        profile=profile.name,
+        profile_sha256=profile.sha256,
+        topics=profile.record.topics,
+        split=profile.record.split,
+    )
 
 
 def run_status(moment: Moment, run: Run) -> tuple[int, str, dict[str, Any]]:

@@ -50,7 +50,6 @@ def campaign_steps(profile: Profile) -> tuple[Step, ...]:
                     prompt=f'Turn the devices so that {orientation} points up, then confirm.',
                     expected_s=TURN_S,
                     phase=OPERATOR_PHASE,
-                    orientation=orientations[number - 1],
                 )
             )
         steps += [replace(step, orientation=orientation) for step in profile.run_steps]

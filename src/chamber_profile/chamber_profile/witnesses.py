@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import Temperature
 
 from chamber_profile.conductor import Surroundings
 
@@ -26,6 +29,15 @@ class Witnesses:
         self._air: tuple[int, float] | None = None
         self._device: tuple[int, float] | None = None
         self._recorder = ''
+
+    def inputs(self) -> Iterator[tuple[type, str, Callable[[Any], None]]]:
+        """Yield type, topic and callback of everything to listen to."""
+        for topic in self._config.imu_topics if self._config.require_imu else []:
+            yield Temperature, topic, self.on_imu
+        if not self._config.publish_temperature:
+            yield Temperature, 'chamber/temperature', self.on_air
+            yield Temperature, 'chamber/device_temperature', self.on_device
+        yield DiagnosticArray, '/diagnostics', self.on_diagnostics
 
     def excuse_imu(self) -> None:
         """Give the IMU ten seconds from now."""

@@ -83,8 +83,8 @@ class BagRecorder:
         qos: Sequence[Qos] = (),
     ) -> None:
         """Take one serialised message; `received` is its time of receipt [ns]."""
-        if self._split_at_phase and message_type == STRING and topic.endswith(f'/{PHASE_TOPIC}'):
-            self._follow_phase(bytes(data))
+        if message_type == STRING and topic.endswith(f'/{PHASE_TOPIC}'):
+            self.follow_phase(data)
         if self._open is not None and self._split_bytes and self._size() >= self._split_bytes:
             self.split()
         if self._open is None:
@@ -107,17 +107,23 @@ class BagRecorder:
         if self._open is None:
             return
         self._write(self._open.stream.flush())
-        if self._sync and self._open is not None:
-            os.fsync(self._open.descriptor)
+        self._to_disk(self._open)
+
+    def follow_phase(self, data: bytes | memoryview) -> None:
+        """Begin a new file where this message of chamber/phase tells another phase."""
+        phase = bytes(data[8:]).split(b'\0')[0].split(b' ')[0].decode(errors='replace')
+        if self._split_at_phase and self._phase and phase != self._phase:
+            self.split()
+        self._phase = phase
 
     def split(self) -> None:
         """Finish the file; the next message begins another."""
         if self._open is None:
             return
         self._write(self._open.stream.end())
-        open_file, self._open = self._open, None
-        if self._sync:
-            os.fsync(open_file.descriptor)
+        open_file = self._open
+        self._to_disk(open_file)
+        self._open = None
         os.close(open_file.descriptor)
         self._files[-1] = _recorded(open_file)
 
@@ -126,12 +132,6 @@ class BagRecorder:
         self.split()
         if self._files:
             self._write_metadata()
-
-    def _follow_phase(self, data: bytes) -> None:
-        phase = data[8:].split(b'\0')[0].split(b' ')[0].decode(errors='replace')
-        if self._phase and phase != self._phase:
-            self.split()
-        self._phase = phase
 
     def _size(self) -> int:
         assert self._open is not None  # noqa: S101 (callers checked)
@@ -149,6 +149,15 @@ class BagRecorder:
         self._files.append(RecordedFile(path.name))
         self._write(stream.begin() + stream.metadata('custom_data', self.metadata))
         self._write_metadata()
+
+    def _to_disk(self, open_file: _OpenFile) -> None:
+        try:
+            if self._sync:
+                os.fsync(open_file.descriptor)
+        except OSError as error:
+            os.close(open_file.descriptor)
+            self._open = None
+            raise BagError(f'{open_file.path}: not on disk ({error.strerror})') from None
 
     def _write(self, data: bytes) -> None:
         """Append to the file; where that fails cut it back to what is whole and stop."""

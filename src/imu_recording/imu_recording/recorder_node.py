@@ -1,31 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records topics to one bag: raw, reliable where offered, on disk every second."""
+"""Records topics, a bag for each run: raw, reliable where offered, on disk every second."""
 
 from __future__ import annotations
 
 import shutil
-from importlib import import_module
+from functools import partial
 
-from rclpy.clock import Clock, ClockType
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import String
 
 from imu_recording.bag_error import BagError
-from imu_recording.bag_recorder import BagRecorder
-from imu_recording.lifecycle_node import ConfiguredNode
+from imu_recording.discovering_node import DiscoveringNode
 from imu_recording.recorder_config import RecorderConfig
-from imu_recording.recorder_metadata import qos_profile
-from imu_recording.recorder_settings import (
-    is_wanted,
-    output_folder,
-    parse_split,
-    recorder_health,
-    recording_metadata,
-)
+from imu_recording.recorder_settings import output_folder, recorder_health
+from imu_recording.recording import RecordingError
 from imu_recording.run_node import run_node
+from imu_recording.run_notice import RUN_TOPIC, parse_notice
+from imu_recording.run_recorder import RunRecorder
 
 
-class RecorderNode(ConfiguredNode):
-    """Subscribes to whatever matches, as it appears, and hands the bytes to a BagRecorder."""
+class RecorderNode(DiscoveringNode):
+    """Subscribes to whatever matches, as it appears, and hands the bytes to a RunRecorder."""
 
     config_class = RecorderConfig
 
@@ -33,74 +27,52 @@ class RecorderNode(ConfiguredNode):
         super().__init__('recorder', **options)
 
     def setup(self, config):
-        """Open the folder and begin to look for topics."""
-        at_phase, size = parse_split(config.split)
-        folder = output_folder(config.output)
-        metadata = recording_metadata(folder, config)
-        self.recorder = BagRecorder(
-            folder, metadata=metadata, split_at_phase=at_phase, split_bytes=size
-        )
+        """Take the folder and begin to look for topics."""
+        self.recorder = RunRecorder(config, output_folder(config.output))
         self.failure = ''
-        self.unknown = set()
-        host = Clock(clock_type=ClockType.STEADY_TIME)
-        for period, act in ((0.5, self.discover), (1.0, self.flush)):
-            timer = self.create_timer(period, act, clock=host)
-            self._entities.append(lambda timer=timer: self.destroy_timer(timer))
+        self.listen(String, RUN_TOPIC, self.on_run)
+        self.every(0.5, self.discover)
+        self.every(1.0, self.flush)
+
+    def activated(self):
+        """Look for topics at once."""
         self.discover()
 
-    def discover(self):
-        """Subscribe to wanted topics that have appeared."""
-        for topic, types in self.get_topic_names_and_types():
-            known = topic in self.inputs or topic in self.unknown
-            if known or not is_wanted(topic, self.config.topics):
-                continue
-            offers = self.get_publishers_info_by_topic(topic)
-            if offers:
-                self.subscribe(topic, types[0], [offer.qos_profile for offer in offers])
+    def is_wanted(self, topic):
+        """Tell whether the recording needs the topic."""
+        return self.recorder.needs(topic)
 
-    def subscribe(self, topic, message_type, offers=()):
-        """Subscribe to the serialised messages of one topic."""
-        package, _, name = message_type.split('/')
+    def take(self, topic, message_type, data, offered):
+        """Record a message."""
+        self.attempt(self.recorder.record, topic, message_type, data, self.now(), offered)
+
+    def on_run(self, message):
+        """Go on with the bag of the run that the chamber says is under way."""
         try:
-            message_class = getattr(import_module(f'{package}.msg'), name)
-        except (ImportError, AttributeError):
-            self.unknown.add(topic)
-            self.get_logger().error(f'{topic}: type {message_type} is not installed')
+            notice = parse_notice(message.data)
+            self.attempt(self.recorder.follow, notice, self.now())
+        except RecordingError as error:
+            self.get_logger().error(str(error))
             return
-        qos, offered = self.matching_qos(offers)
+        folder = self.recorder.plan.folder
+        self.get_logger().info(f'recording to {folder}' if folder else 'waiting for the next run')
+        self.discover()
 
-        def on_bytes(data):
-            self.attempt(self.recorder.record, topic, message_type, data, self.now(), qos=offered)
-
-        self.input(message_class, topic, on_bytes, qos=qos, raw=True)
-
-    def matching_qos(self, offers):
-        """Return what to ask for, as strict as every publisher offers, and how to note it."""
-        reliable = all(o.reliability == ReliabilityPolicy.RELIABLE for o in offers)
-        latched = bool(offers) and all(
-            o.durability == DurabilityPolicy.TRANSIENT_LOCAL for o in offers
-        )
-        qos = QoSProfile(depth=self.config.qos_depth)
-        if not reliable:
-            qos.reliability = ReliabilityPolicy.BEST_EFFORT
-        if latched:
-            qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
-        return qos, [qos_profile(reliable=reliable, latched=latched, depth=qos.depth)]
-
-    def attempt(self, act, *arguments, **options):
+    def attempt(self, act, *arguments):
         """Write unless writing has failed; a failure ends the recording and is reported."""
         if self.failure:
             return
         try:
-            act(*arguments, **options)
+            act(*arguments)
         except BagError as error:
             self.failure = str(error)
             self.get_logger().error(f'recording stopped: {error}')
             self.publish_diagnostics()
 
     def flush(self):
-        """Put what was received on disk."""
-        self.attempt(self.recorder.flush)
+        """Put what was received on disk; wait a little for a chamber that has just appeared."""
+        expecting = not self._capture and self.count_publishers(RUN_TOPIC) > 0
+        self.attempt(partial(self.recorder.flush, expecting=expecting))
 
     def deactivated(self):
         """Close the bag."""
@@ -110,10 +82,12 @@ class RecorderNode(ConfiguredNode):
         """Tell what is recorded, and what went wrong."""
         if not hasattr(self, 'recorder'):
             return 0, self.state, {}
-        free = shutil.disk_usage(self.recorder.folder).free
-        values = {'folder': self.recorder.folder, 'messages': self.recorder.messages}
+        folder = self.recorder.plan.folder
+        free = shutil.disk_usage(self.recorder.output.parent).free
+        values = {'folder': folder or 'none', 'messages': self.recorder.messages}
         values |= {'topics': len(self.inputs), 'free_bytes': free}
-        return *recorder_health(self.failure, self.unknown, free), values
+        waiting = '' if folder else 'waiting for the next run'
+        return *recorder_health(self.failure, self.unknown, free, waiting), values
 
 
 def main():

@@ -62,7 +62,9 @@ def output_folder(output: str, now: datetime | None = None) -> Path:
     return Path('recordings') / moment.strftime('%Y%m%dT%H%M%SZ')
 
 
-def recorder_health(failure: str, unknown: Collection[str], free: int) -> tuple[int, str]:
+def recorder_health(
+    failure: str, unknown: Collection[str], free: int, waiting: str = ''
+) -> tuple[int, str]:
     """Return the level (0 ok, 1 warn, 2 error) and line for /diagnostics."""
     if failure:
         return 2, f'recording stopped: {failure}'
@@ -70,19 +72,31 @@ def recorder_health(failure: str, unknown: Collection[str], free: int) -> tuple[
         return 1, f'types not installed: {", ".join(sorted(unknown))}'
     if free < LOW_DISK:
         return 1, f'{free / MEGABYTE:.0f} MB left on the disk'
-    return 0, 'recording'
+    return 0, waiting or 'recording'
 
 
 class Named(Protocol):
     """What names a recording."""
 
-    device: str
-    run: str
-    up_axis: str
-    profile: str
-    """Name of the thermal profile, or its file."""
-    metadata: list[str]
-    """Further entries 'key=value'."""
+    @property
+    def device(self) -> str:
+        """Serial number or name of the device."""
+
+    @property
+    def run(self) -> str:
+        """Name of the run."""
+
+    @property
+    def up_axis(self) -> str:
+        """Sensor axis that points up."""
+
+    @property
+    def profile(self) -> str:
+        """Name of the thermal profile, or its file."""
+
+    @property
+    def metadata(self) -> list[str]:
+        """Further entries 'key=value'."""
 
 
 def recording_metadata(folder: Path, named: Named) -> dict[str, str]:
@@ -91,9 +105,7 @@ def recording_metadata(folder: Path, named: Named) -> dict[str, str]:
     Where the profile is given by name, a profile.yaml in the folder is taken for its file.
     """
     if named.up_axis and named.up_axis not in UP_AXES:
-        raise RecordingError(
-            f'up_axis is {named.up_axis!r}, expected one of {", ".join(UP_AXES)}'
-        )
+        raise RecordingError(f'up_axis is {named.up_axis!r}, expected one of {", ".join(UP_AXES)}')
     profile, file = named.profile, folder / 'profile.yaml'
     if profile.endswith(('.yaml', '.yml')):
         file = Path(profile)

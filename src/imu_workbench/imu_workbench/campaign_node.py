@@ -23,9 +23,10 @@ from imu_driver.lsm9ds1 import DEFAULT_FULL_SCALE
 from imu_driver.node import ImuDriverNode
 from imu_driver.sample import SampleScale
 from imu_driver.simulated_stream import SimulatedDevice
+from imu_recording.logging_contract import STRING
 from imu_recording.message_cdr import serialise, type_of
 from imu_recording.recorder_node import RecorderNode
-from imu_recording.recorder_settings import is_wanted
+from imu_recording.run_notice import RUN_TOPIC
 from rclpy.context import Context
 from rclpy.logging import LoggingSeverity
 
@@ -33,8 +34,6 @@ SECOND = 1_000_000_000
 FIRST_DAY = 1_767_225_600 * SECOND
 """Start of the first run, 2026-01-01 00:00 UTC; each run has a day of its own [ns]."""
 DAY = 86_400 * SECOND
-SPLITS = {'phase': 'phase', 'size': '500 MB', 'none': 'none'}
-"""The profile's word for when a file begins → the recorder's."""
 TYPES = {
     'imu/data_raw': 'sensor_msgs/msg/Imu',
     'imu/mag': 'sensor_msgs/msg/MagneticField',
@@ -116,14 +115,13 @@ class _Bench:
         self.plan = plan
         self._stamp = FIRST_DAY + plan.number * DAY
         self._begin = self._stamp
-        self._recorder: Any = None
-        self._early: list[tuple[str, str, Any]] = []
         self.options: dict[str, Any] = {
             'context': context,
             'enable_rosout': False,
             'start_parameter_services': False,
         }
         self._listeners: dict[str, Callable[[Any], None]] = {}
+        self._recorder = self._open_recorder()
         self.devices = [_Device(self, name, i) for i, name in enumerate(plan.devices)]
         self.chamber = ChamberProfileNode(
             capture=lambda topic, message: self.take(f'/{topic}', topic, message),
@@ -165,8 +163,6 @@ class _Bench:
         while chamber.exit_code is None:
             self._stamp = self._begin + second * SECOND
             chamber.advance()
-            if self._recorder is None:
-                self._begin_recording()
             if second % every == 0:
                 self._sample(second, steps if plan.imu_rate_hz > 1.0 else 1)
             asked = self._confirm(asked)
@@ -184,9 +180,8 @@ class _Bench:
 
     def close(self) -> None:
         """Finish the bag and let go of the nodes."""
-        if self._recorder is not None:
-            self._recorder.deactivated()
-            self._recorder.destroy_node()
+        self._recorder.deactivated()
+        self._recorder.destroy_node()
         self.chamber.run.conductor.close()
         for node in (self.chamber, *(device.node for device in self.devices)):
             node.destroy_node()
@@ -208,36 +203,26 @@ class _Bench:
             self.chamber.order('confirm')
         return asked or self._stamp
 
-    def _begin_recording(self) -> None:
-        """Open the bag once the run's directory holds its profile."""
+    def _open_recorder(self) -> Any:
         plan = self.plan
-        profile = self.chamber.run.conductor.sequencer.profile
         recorder_node: Any = RecorderNode
-        self._recorder = recorder_node(
+        recorder = recorder_node(
             capture=lambda *_: None,
             now=self.now,
-            parameters={
-                'output': str(plan.directory),
-                'run': plan.directory.name,
-                'up_axis': plan.orientation,
-                'profile': profile.name,
-                'split': SPLITS[profile.record.split],
-            },
+            parameters={'output': str(plan.directory), 'run': plan.directory.name},
             **self.options,
         )
-        if not self._recorder.trigger_configure():
-            raise CampaignError(f'the recorder refuses: {self._recorder.refused}')
-        early, self._early = self._early, []
-        for topic, message_type, message in early:
-            self._record(topic, message_type, message)
+        if not recorder.trigger_configure():
+            raise CampaignError(f'the recorder refuses: {recorder.refused}')
+        return recorder
 
     def _record(self, topic: str, message_type: str, message: Any) -> None:
-        if not is_wanted(topic, self.chamber.run.conductor.sequencer.profile.record.topics):
-            return
-        if self._recorder is None:
-            self._early.append((topic, message_type, message))
-            return
-        if topic not in self._recorder.inputs:
-            self._recorder.subscribe(topic, message_type)
-        data = message if isinstance(message, bytes) else serialise(message)
-        self._recorder.inputs[topic](data)
+        """Hand a message to the recorder, as DDS would: what it wants, serialised."""
+        recorder = self._recorder
+        if message_type == STRING and topic == f'/{RUN_TOPIC}':
+            recorder.inputs[RUN_TOPIC](message)
+        if topic not in recorder.inputs:
+            if not recorder.is_wanted(topic):
+                return
+            recorder.subscribe(topic, message_type)
+        recorder.inputs[topic](message if isinstance(message, bytes) else serialise(message))
