@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from orientation_filters.flags import AT_REST, BIAS_LIMITED, DISTURBED
 from orientation_filters.joint_covariance import JointCovariance
-from orientation_filters.kernel import kernel
+from orientation_filters.kernel import inline
 from orientation_filters.magnetic_reference import (
     FieldParams,
     FieldState,
@@ -92,7 +92,7 @@ class AdaptiveState(NamedTuple):
     """Time since the last step with a field [s]."""
 
 
-@kernel
+@inline
 def start_adaptive(
     params: AdaptiveParams, w: Vector, f: Vector, has_field: bool, field: FieldState
 ) -> AdaptiveState:
@@ -130,7 +130,7 @@ def no_adaptive_state() -> AdaptiveState:
     )
 
 
-@kernel
+@inline
 def gather(  # noqa: PLR0913, PLR0917 (one sample's quantities)
     state: AdaptiveState,
     params: AdaptiveParams,
@@ -181,7 +181,7 @@ def gather(  # noqa: PLR0913, PLR0917 (one sample's quantities)
     )
 
 
-@kernel
+@inline
 def rest_flags(rest: RestState, params: AdaptiveParams) -> int:
     """Return AT_REST, and BIAS_LIMITED where the rate is too large for a bias."""
     if rest.duration < params.rest.duration:
@@ -190,7 +190,7 @@ def rest_flags(rest: RestState, params: AdaptiveParams) -> int:
     return AT_REST | BIAS_LIMITED if dot(mean, mean) > limit * limit else AT_REST
 
 
-@kernel
+@inline
 def flags_now(state: AdaptiveState, params: AdaptiveParams) -> int:
     """Return AT_REST, BIAS_LIMITED, DISTURBED as they stand."""
     flags = rest_flags(state.rest, params)
@@ -200,7 +200,7 @@ def flags_now(state: AdaptiveState, params: AdaptiveParams) -> int:
     return flags
 
 
-@kernel
+@inline
 def after_step(
     state: AdaptiveState,
     power: float,

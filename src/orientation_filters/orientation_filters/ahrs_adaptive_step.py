@@ -8,7 +8,7 @@ from orientation_filters.ahrs_observation import Observation, dip_of, unexplaine
 from orientation_filters.ahrs_state import MICROTESLA, Params, State
 from orientation_filters.flags import INVALID_ACCELEROMETER, JAMMED
 from orientation_filters.joint_covariance import Errors
-from orientation_filters.kernel import kernel
+from orientation_filters.kernel import inline
 from orientation_filters.magnetic_reference import norm_of
 from orientation_filters.quaternion import (
     Quaternion,
@@ -24,7 +24,7 @@ from orientation_filters.quaternion import (
 )
 
 
-@kernel
+@inline
 def gather_sample(  # noqa: PLR0913, PLR0917 (what update has prepared)
     state: State,
     params: Params,
@@ -56,7 +56,7 @@ def gather_sample(  # noqa: PLR0913, PLR0917 (what update has prepared)
     return state, a.elapsed >= params.adaptive.interval, flags
 
 
-@kernel
+@inline
 def apply_errors(state: State, params: Params, seen: Observation, errors: Errors) -> State:
     """Return the adaptive filter's state with the estimated errors taken away."""
     turn = from_rotation_vector(scale(-1.0, errors.orientation))
@@ -88,7 +88,7 @@ def apply_errors(state: State, params: Params, seen: Observation, errors: Errors
     )
 
 
-@kernel
+@inline
 def flags_after(state: State, params: Params, has_field: bool, flags: int) -> int:
     """Return the flags with what the adaptive filter knows after the sample."""
     flags |= flags_now(state.adaptive, params.adaptive)

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from orientation_filters.kernel import kernel
+from orientation_filters.kernel import inline
 from orientation_filters.quaternion import Vector, add, dot
 
 Symmetric = tuple[float, float, float, float, float, float]
@@ -78,7 +78,7 @@ class Correction(NamedTuple):
     variances: Variances
 
 
-@kernel
+@inline
 def cross(a: Vector, b: Vector) -> Vector:
     """Return the vector product."""
     return (
@@ -88,13 +88,13 @@ def cross(a: Vector, b: Vector) -> Vector:
     )
 
 
-@kernel
+@inline
 def times(a: Vector, b: Vector) -> Vector:
     """Return the product component by component."""
     return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 
-@kernel
+@inline
 def apply_symmetric(c: Symmetric, v: Vector) -> Vector:
     """Return the symmetric matrix times the vector."""
     return (
@@ -104,7 +104,7 @@ def apply_symmetric(c: Symmetric, v: Vector) -> Vector:
     )
 
 
-@kernel
+@inline
 def inverse_symmetric(a: Symmetric) -> Symmetric:
     """Return the inverse of a positive definite symmetric 3×3 matrix."""
     c0 = a[3] * a[5] - a[4] * a[4]
@@ -121,7 +121,7 @@ def inverse_symmetric(a: Symmetric) -> Symmetric:
     )
 
 
-@kernel
+@inline
 def _information(w: Vector, v: Vector) -> Symmetric:
     """Return [v]×ᵀ diag(w) [v]×."""
     return (
@@ -134,7 +134,7 @@ def _information(w: Vector, v: Vector) -> Symmetric:
     )
 
 
-@kernel
+@inline
 def _spread(c: Symmetric, v: Vector) -> Vector:
     """Return the diagonal of [v]× C [v]×ᵀ."""
     return (
@@ -144,7 +144,7 @@ def _spread(c: Symmetric, v: Vector) -> Vector:
     )
 
 
-@kernel
+@inline
 def _posterior(prior: Vector, weight: Vector, spread: Vector) -> Vector:
     """Return the variance of a noise state seen with `weight` = 1 / (prior + R)."""
     k0, k1, k2 = prior[0] * weight[0], prior[1] * weight[1], prior[2] * weight[2]
@@ -155,13 +155,13 @@ def _posterior(prior: Vector, weight: Vector, spread: Vector) -> Vector:
     )
 
 
-@kernel
+@inline
 def _regressed(prior: float, p: float, s: float, c: float) -> float:
     """Return the variance of a state whose covariance with u is p, u's falling from s to c."""
     return prior - p * p / s + (p / s) * (p / s) * c
 
 
-@kernel
+@inline
 def predict_variances(after: Variances, noise: Noise, k: float) -> tuple[Variances, Vector]:
     """Return the prior of the next update after k [s], and the covariances of θ and b."""
     t, b, a, d = after.orientation, after.bias, after.acceleration, after.disturbance
@@ -183,7 +183,7 @@ def predict_variances(after: Variances, noise: Noise, k: float) -> tuple[Varianc
     return prior, (-k * (b[0] + beta), -k * (b[1] + beta), -k * (b[2] + beta))
 
 
-@kernel
+@inline
 def correct(  # noqa: PLR0913, PLR0917 (the measurement equation's own quantities)
     prior: Variances,
     coupling: Vector,

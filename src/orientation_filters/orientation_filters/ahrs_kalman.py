@@ -33,8 +33,8 @@ from orientation_filters.flags import (
     REINITIALISED,
     SIX_AXIS,
 )
-from orientation_filters.intake import check_sample, check_time, is_field
-from orientation_filters.kernel import kernel
+from orientation_filters.intake import check_sample, check_time, columns, is_field
+from orientation_filters.kernel import inline, kernel
 from orientation_filters.magnetic_reference import no_reference
 from orientation_filters.quaternion import (
     Quaternion,
@@ -80,7 +80,7 @@ def update(
     return paper_step(state, params, stamp, q, f, m, dt, has_field, flags)
 
 
-@kernel
+@inline
 def admit(
     state: State, params: Params, stamp: int, w: Vector, f: Vector, m: Vector
 ) -> tuple[int, bool]:
@@ -98,7 +98,7 @@ def admit(
     return flags, has_field
 
 
-@kernel
+@inline
 def _start(
     state: State, params: Params, stamp: int, w: Vector, f: Vector, m: Vector, flags: int
 ) -> tuple[State, int]:
@@ -151,10 +151,7 @@ def run(recording: ImuRecording, params: Params, *, details: bool = False) -> Or
     _run(
         initial_state(),
         params,
-        recording.stamp,
-        np.ascontiguousarray(recording.angular_velocity),
-        np.ascontiguousarray(recording.linear_acceleration),
-        np.ascontiguousarray(recording.magnetic_field),
+        *columns(recording),
         result.orientation,
         result.spread,
         result.bias,

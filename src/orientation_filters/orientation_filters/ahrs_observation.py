@@ -21,7 +21,7 @@ from orientation_filters.joint_covariance import (
     observe,
     predict,
 )
-from orientation_filters.kernel import kernel
+from orientation_filters.kernel import inline
 from orientation_filters.magnetic_reference import FieldState, judge_field, norm_of
 from orientation_filters.quaternion import Vector, approach, dot, scale
 
@@ -52,7 +52,7 @@ class Observation(NamedTuple):
     reference: FieldState
 
 
-@kernel
+@inline
 def weigh(
     state: AdaptiveState,
     params: AdaptiveParams,
@@ -102,7 +102,7 @@ def weigh(
     )
 
 
-@kernel
+@inline
 def _weigh_field(
     state: AdaptiveState, params: AdaptiveParams, up: float, north: tuple[float, float]
 ) -> tuple[float, float, Vector, FieldState]:
@@ -130,7 +130,7 @@ def _weigh_field(
     return sine, params.heading_noise * params.heading_noise / since, disturbance, reference
 
 
-@kernel
+@inline
 def _weigh_rest(
     state: AdaptiveState, params: AdaptiveParams, bias: Vector
 ) -> tuple[Vector, float]:
@@ -143,14 +143,14 @@ def _weigh_rest(
     return error, params.rest_noise * params.rest_noise / state.elapsed
 
 
-@kernel
+@inline
 def unexplained(seen: Observation, errors: Errors, up: float) -> Vector:
     """Return the acceleration that the errors do not explain, world [m/s²]."""
     a, turn, pull = seen.acceleration, errors.orientation, up * GRAVITY
     return a[0] - pull * turn[1], a[1] + pull * turn[0], a[2]
 
 
-@kernel
+@inline
 def dip_of(reference: FieldState, before: tuple[float, float]) -> tuple[float, float]:
     """Return cosine and sine of the reference's inclination."""
     level, sunk = reference.reference
@@ -158,7 +158,7 @@ def dip_of(reference: FieldState, before: tuple[float, float]) -> tuple[float, f
     return (level / length, sunk / length) if length > 0.0 else before
 
 
-@kernel
+@inline
 def take_in(seen: Observation, up: float) -> Errors:
     """Return the errors after all measurements, one after the other."""
     errors = Errors(ZERO, ZERO, seen.prior)

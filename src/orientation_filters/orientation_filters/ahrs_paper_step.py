@@ -8,7 +8,7 @@ from math import sqrt
 from orientation_filters.ahrs_correction import correct, predict_variances
 from orientation_filters.ahrs_state import GRAVITY, MICROTESLA, ZERO, Params, State
 from orientation_filters.flags import INVALID_ACCELEROMETER, JAMMED
-from orientation_filters.kernel import kernel
+from orientation_filters.kernel import inline
 from orientation_filters.quaternion import (
     Matrix,
     Quaternion,
@@ -23,7 +23,7 @@ from orientation_filters.quaternion import (
 )
 
 
-@kernel
+@inline
 def paper_step(  # noqa: PLR0913, PLR0917 (what update has prepared)
     state: State,
     params: Params,
@@ -85,7 +85,7 @@ def paper_step(  # noqa: PLR0913, PLR0917 (what update has prepared)
     return state, flags
 
 
-@kernel
+@inline
 def _expected_field(
     rows: Matrix, down: Vector, params: Params, dip: tuple[float, float]
 ) -> Vector:
@@ -100,7 +100,7 @@ def _expected_field(
     )
 
 
-@kernel
+@inline
 def _corrected_dip(
     q: Quaternion, params: Params, dip: tuple[float, float], disturbance: Vector
 ) -> tuple[float, float]:

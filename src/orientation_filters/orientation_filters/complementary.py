@@ -28,8 +28,8 @@ from orientation_filters.flags import (
     REINITIALISED,
     SIX_AXIS,
 )
-from orientation_filters.intake import check_sample, check_time, is_field
-from orientation_filters.kernel import kernel
+from orientation_filters.intake import check_sample, check_time, columns, is_field
+from orientation_filters.kernel import inline, kernel
 from orientation_filters.magnetic_reference import (
     FieldParams,
     FieldState,
@@ -138,7 +138,7 @@ def update(
     return _step(state, params, stamp, w, f, m, params.adaptive)
 
 
-@kernel
+@inline
 def _step(
     state: State,
     params: Params,
@@ -189,7 +189,7 @@ def _step(
     return State(stamp, q, bias, variance, lag, age, field_stamp, rest, field), flags
 
 
-@kernel
+@inline
 def _inclination_error(up: Vector, sign: float) -> tuple[float, float]:
     """Return x, y of the rotation vector that turns `up` to the vertical: its sine, at most 1."""
     x, y = up[1] * sign, -up[0] * sign
@@ -199,7 +199,7 @@ def _inclination_error(up: Vector, sign: float) -> tuple[float, float]:
     return x, y
 
 
-@kernel
+@inline
 def _heading_error(seen: Vector, level: float, north: tuple[float, float]) -> float:
     """Return the sine of the angle from the horizontal field to `north`; ±1 beyond 90°."""
     sine = (seen[0] * north[1] - seen[1] * north[0]) / level
@@ -208,7 +208,7 @@ def _heading_error(seen: Vector, level: float, north: tuple[float, float]) -> fl
     return sine
 
 
-@kernel
+@inline
 def _correct_inclination(
     state: State,
     params: Params,
@@ -231,7 +231,7 @@ def _correct_inclination(
     return x, y, gain, params.inclination_sigma + abs(length * PER_GRAVITY - 1.0)
 
 
-@kernel
+@inline
 def _correct_heading(
     state: State,
     params: Params,
@@ -265,7 +265,7 @@ def _correct_heading(
     return _heading_error(seen, level, params.north), gain, field, 0
 
 
-@kernel
+@inline
 def _turn(q: Quaternion, error: Vector, tilt: float, turn: float, square: float) -> Quaternion:
     """Return q turned in the world by its part of `error`, rescaled by the length² it had before.
 
@@ -277,7 +277,7 @@ def _turn(q: Quaternion, error: Vector, tilt: float, turn: float, square: float)
     return multiply((tilt * error[0], tilt * error[1], turn * error[2], factor), q)
 
 
-@kernel
+@inline
 def _start(
     state: State, params: Params, stamp: int, w: Vector, f: Vector, m: Vector, flags: int
 ) -> tuple[State, int]:
@@ -301,7 +301,7 @@ def _start(
     return State(stamp, q, bias, variance, (0.0, 0.0), 0.0, field_stamp, rest, field), flags
 
 
-@kernel
+@inline
 def _gain(rate: float, dt: float, age: float, params: Params, adaptive: bool) -> float:
     """Return 1 − exp(−rate · dt); the adaptive filter starts as a mean and becomes a low-pass."""
     if adaptive:
@@ -313,7 +313,7 @@ def _gain(rate: float, dt: float, age: float, params: Params, adaptive: bool) ->
     return x / (1.0 + 0.5 * x + square * (1 / 12 - square * (1 / 720 - square * (1 / 30240))))
 
 
-@kernel
+@inline
 def _spread_errors(
     state: State, params: Params, dt: float, gain: tuple[float, float], tilt_sigma: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -328,13 +328,13 @@ def _spread_errors(
     return variance, lag
 
 
-@kernel
+@inline
 def _filtered(variance: float, gain: float, sigma: float) -> float:
     """Return the variance after one step of a low-pass over samples of `sigma`."""
     return (1.0 - gain) * (1.0 - gain) * variance + gain * gain * sigma * sigma
 
 
-@kernel
+@inline
 def _learn_at_rest(
     bias: Vector, rest: RestState, params: Params, dt: float, flags: int
 ) -> tuple[Vector, int]:
@@ -347,7 +347,7 @@ def _learn_at_rest(
     return approach(bias, mean, dt / (params.rest_bias_time + dt)), flags | AT_REST
 
 
-@kernel
+@inline
 def _learn_in_motion(
     bias: Vector, params: Params, rows: Matrix, turn: Vector, age: float
 ) -> Vector:
@@ -393,10 +393,7 @@ def run(recording: ImuRecording, params: Params) -> OrientationResult:
     (_run_adaptive if params.adaptive else _run_fixed)(
         initial_state(),
         params,
-        recording.stamp,
-        np.ascontiguousarray(recording.angular_velocity),
-        np.ascontiguousarray(recording.linear_acceleration),
-        np.ascontiguousarray(recording.magnetic_field),
+        *columns(recording),
         result.orientation,
         result.spread,
         result.bias,
@@ -445,12 +442,12 @@ def _run_adaptive(  # noqa: PLR0913, PLR0917 (one loop over columns, compiled)
             bias[i, k] = np.nan if flags & NOT_STARTED else state.bias[k]
 
 
-@kernel
+@inline
 def _row(column: FloatArray, i: int) -> Vector:
     return column[i, 0], column[i, 1], column[i, 2]
 
 
-@kernel
+@inline
 def _write(
     i: int,
     state: State,

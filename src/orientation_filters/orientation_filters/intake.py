@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+from imu_recording.recording import FloatArray, ImuRecording, IntArray
+
 from orientation_filters.flags import (
     DROPPED,
     INVALID_ACCELEROMETER,
@@ -11,7 +14,7 @@ from orientation_filters.flags import (
     JUMPED_BACK,
     REINITIALISED,
 )
-from orientation_filters.kernel import kernel
+from orientation_filters.kernel import inline
 from orientation_filters.quaternion import Vector, absent, dot
 
 RATE_LIMIT = 1e3
@@ -22,7 +25,7 @@ FIELD_LIMIT = 1.0
 """Largest magnetic field taken for a measurement [T]."""
 
 
-@kernel
+@inline
 def check_sample(w: Vector, f: Vector, m: Vector) -> int:
     """Return INVALID_… and DROPPED bits; a field of NaN only is no sample, not an invalid one."""
     flags = 0
@@ -35,13 +38,13 @@ def check_sample(w: Vector, f: Vector, m: Vector) -> int:
     return flags
 
 
-@kernel
+@inline
 def is_field(m: Vector) -> bool:
     """Whether the vector can be a magnetic field [T]: neither zero, nor NaN, nor absurd."""
     return 1e-20 <= dot(m, m) <= FIELD_LIMIT * FIELD_LIMIT
 
 
-@kernel
+@inline
 def check_time(stamp: int, last: int, max_gap: int) -> int:
     """Return DROPPED, REINITIALISED, JUMPED_BACK bits for a stamp after `last` [ns] (−1: none)."""
     if last < 0:
@@ -54,3 +57,22 @@ def check_time(stamp: int, last: int, max_gap: int) -> int:
     if step <= 0:
         return DROPPED
     return 0
+
+
+def columns(
+    recording: ImuRecording,
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Return stamp, angular velocity, specific force and field as kernels are compiled for.
+
+    They are contiguous and read-only, wherever the recording has them from: one compiled version.
+    """
+    names = ('angular_velocity', 'linear_acceleration', 'magnetic_field')
+    stamp = _readable(recording.stamp, np.int64)
+    w, f, m = (_readable(getattr(recording, name), np.float64) for name in names)
+    return stamp, w, f, m
+
+
+def _readable(column: np.ndarray, dtype: type) -> np.ndarray:
+    view: np.ndarray = np.ascontiguousarray(column, dtype=dtype).view()
+    view.flags.writeable = False
+    return view

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orientation_filters.ahrs_correction import Symmetric, apply_symmetric
-from orientation_filters.kernel import kernel
+from orientation_filters.kernel import inline
 from orientation_filters.quaternion import Matrix, Vector, dot
 
 
@@ -33,7 +33,7 @@ class Errors(NamedTuple):
     covariance: JointCovariance
 
 
-@kernel
+@inline
 def predict(p: JointCovariance, f: Matrix, angle: float, bias: float) -> JointCovariance:
     """Return the covariance after θ grew by f · b, with noise variances `angle` and `bias`."""
     b, c = p.bias, p.cross
@@ -57,7 +57,7 @@ def predict(p: JointCovariance, f: Matrix, angle: float, bias: float) -> JointCo
     )
 
 
-@kernel
+@inline
 def doubt_heading(p: JointCovariance, sigma: float) -> JointCovariance:
     """Return the covariance with a heading that may be wrong by `sigma` [rad] more."""
     t = p.orientation
@@ -65,7 +65,7 @@ def doubt_heading(p: JointCovariance, sigma: float) -> JointCovariance:
     return JointCovariance((t[0], t[1], t[2], t[3], t[4], turn), p.cross, p.bias)
 
 
-@kernel
+@inline
 def observe(errors: Errors, h_t: Vector, h_b: Vector, z: float, variance: float) -> Errors:
     """Take in the measurement z = h_t · θ + h_b · b + noise."""
     p = errors.covariance
@@ -95,7 +95,7 @@ def observe(errors: Errors, h_t: Vector, h_b: Vector, z: float, variance: float)
     )
 
 
-@kernel
+@inline
 def _less(s: Symmetric, v: Vector, weight: float) -> Symmetric:
     """Return s − weight · v vᵀ."""
     x, y, z = weight * v[0], weight * v[1], weight * v[2]
@@ -109,6 +109,6 @@ def _less(s: Symmetric, v: Vector, weight: float) -> Symmetric:
     )
 
 
-@kernel
+@inline
 def _row_less(row: Vector, factor: float, v: Vector) -> Vector:
     return row[0] - factor * v[0], row[1] - factor * v[1], row[2] - factor * v[2]

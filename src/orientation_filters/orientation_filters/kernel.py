@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How kernels are compiled: inlined into the loop that calls them, without division checks.
 
-Inlining keeps a filter's state in registers; called, it would be copied at every step.
+Inlining keeps a filter's state in registers; called, it would be copied at every step. `inline` is
+for what kernels alone call, `kernel` for what Python calls.
 """
 
 from __future__ import annotations
@@ -9,12 +10,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from imu_recording.jit import njit
+from imu_recording import jit
 
 F = TypeVar('F', bound=Callable[..., Any])
 
 
 def kernel(function: F) -> F:
-    """Compile a step that other kernels call; without numba it stays as it is."""
-    compiled: F = njit(cache=True, error_model='numpy', forceinline=True)(function)
+    """Compile a kernel for Python to call; without numba it stays as it is."""
+    compiled: F = jit.njit(cache=True, error_model='numpy', forceinline=True)(function)
     return compiled
+
+
+def inline(function: F) -> F:
+    """Let kernels call the function, compiled into them."""
+    made: F = jit.inline(error_model='numpy', forceinline=True)(function)
+    return made

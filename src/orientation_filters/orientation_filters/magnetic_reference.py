@@ -12,7 +12,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import NamedTuple
 
-from orientation_filters.kernel import kernel
+from orientation_filters.kernel import inline
 
 
 class FieldParams(NamedTuple):
@@ -48,32 +48,32 @@ class FieldState(NamedTuple):
     """Whether the last sample made the candidate the reference."""
 
 
-@kernel
+@inline
 def no_reference() -> FieldState:
     """Return the state before any sample."""
     return FieldState((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), 0.0, 0.0, 0.0, False)
 
 
-@kernel
+@inline
 def norm_of(state: FieldState) -> float:
     """Return the strength of the reference, unit of the field."""
     level, sunk = state.reference
     return sqrt(level * level + sunk * sunk)
 
 
-@kernel
+@inline
 def _distance(a: tuple[float, float], b: tuple[float, float]) -> float:
     """Return |a − b| as a part of |b|."""
     gap = (a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])
     return sqrt(gap / (b[0] * b[0] + b[1] * b[1] + 1e-30))
 
 
-@kernel
+@inline
 def _follow(a: tuple[float, float], b: tuple[float, float], gain: float) -> tuple[float, float]:
     return a[0] + gain * (b[0] - a[0]), a[1] + gain * (b[1] - a[1])
 
 
-@kernel
+@inline
 def judge_field(
     state: FieldState, params: FieldParams, parts: tuple[float, float], rate: float, dt: float
 ) -> FieldState:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from math import cos, isfinite, sin, sqrt
 
-from orientation_filters.kernel import kernel
+from orientation_filters.kernel import inline
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -19,43 +19,43 @@ SERIES_LIMIT = 0.04
 """Square of the rotation angle [rad²] below which the series is exact to rounding."""
 
 
-@kernel
+@inline
 def dot(a: Vector, b: Vector) -> float:
     """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel
+@inline
 def add(a: Vector, b: Vector) -> Vector:
     """Return a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@kernel
+@inline
 def subtract(a: Vector, b: Vector) -> Vector:
     """Return a − b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@kernel
+@inline
 def scale(factor: float, a: Vector) -> Vector:
     """Return factor · a."""
     return factor * a[0], factor * a[1], factor * a[2]
 
 
-@kernel
+@inline
 def approach(a: Vector, b: Vector, gain: float) -> Vector:
     """Return a + gain · (b − a), one step of a first-order low-pass."""
     return a[0] + gain * (b[0] - a[0]), a[1] + gain * (b[1] - a[1]), a[2] + gain * (b[2] - a[2])
 
 
-@kernel
+@inline
 def absent(v: Vector) -> bool:
     """Whether no component holds a number: a row without a sample."""
     return v[0] != v[0] and v[1] != v[1] and v[2] != v[2]
 
 
-@kernel
+@inline
 def multiply(p: Quaternion, q: Quaternion) -> Quaternion:
     """Return the Hamilton product p ⊗ q."""
     return (
@@ -66,7 +66,7 @@ def multiply(p: Quaternion, q: Quaternion) -> Quaternion:
     )
 
 
-@kernel
+@inline
 def normalised(q: Quaternion) -> Quaternion:
     """Return the quaternion of unit length with w ≥ 0."""
     length = 1.0 / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
@@ -75,7 +75,7 @@ def normalised(q: Quaternion) -> Quaternion:
     return q[0] * length, q[1] * length, q[2] * length, q[3] * length
 
 
-@kernel
+@inline
 def from_rotation_vector(v: Vector) -> Quaternion:
     """Return the rotation by |v| [rad] about v."""
     square = dot(v, v)
@@ -89,7 +89,7 @@ def from_rotation_vector(v: Vector) -> Quaternion:
     return v[0] * half_sinc, v[1] * half_sinc, v[2] * half_sinc, cosine
 
 
-@kernel
+@inline
 def matrix(q: Quaternion) -> Matrix:
     """Return the rows of the rotation matrix sensor → world."""
     x, y, z, w = q
@@ -100,13 +100,13 @@ def matrix(q: Quaternion) -> Matrix:
     )
 
 
-@kernel
+@inline
 def transform(rows: Matrix, v: Vector) -> Vector:
     """Return the matrix times the vector."""
     return dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)
 
 
-@kernel
+@inline
 def to_sensor(rows: Matrix, v: Vector) -> Vector:
     """Return a world vector in the sensor frame; rows: sensor → world."""
     return (
@@ -116,7 +116,7 @@ def to_sensor(rows: Matrix, v: Vector) -> Vector:
     )
 
 
-@kernel
+@inline
 def rotation_between(a: Vector, up: float) -> Quaternion:
     """Return the shortest rotation of the unit vector `a` onto (0, 0, up), up = ±1."""
     cosine = a[2] * up
@@ -127,7 +127,7 @@ def rotation_between(a: Vector, up: float) -> Quaternion:
     return a[1] * factor, -a[0] * factor, 0.0, w
 
 
-@kernel
+@inline
 def heading_rotation(x: float, y: float, north: tuple[float, float]) -> Quaternion:
     """Return the rotation about z that turns the horizontal vector (x, y) ≠ 0 to `north`."""
     length = sqrt(x * x + y * y)
@@ -138,7 +138,7 @@ def heading_rotation(x: float, y: float, north: tuple[float, float]) -> Quaterni
     return 0.0, 0.0, 0.5 * (x * north[1] - y * north[0]) / (length * w), w
 
 
-@kernel
+@inline
 def attitude_from_vectors(
     f: Vector, m: Vector, up: float, north: tuple[float, float]
 ) -> Quaternion:

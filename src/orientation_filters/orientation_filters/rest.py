@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from orientation_filters.kernel import kernel
+from orientation_filters.kernel import inline
 from orientation_filters.quaternion import Vector, approach, dot, subtract
 
 
@@ -41,13 +41,13 @@ class RestState(NamedTuple):
     """[s]"""
 
 
-@kernel
+@inline
 def start_rest(w: Vector, f: Vector) -> RestState:
     """Return the state at the first sample."""
     return RestState(w, f, 0.0, 0.0, 0.0)
 
 
-@kernel
+@inline
 def watch_rest(state: RestState, params: RestParams, w: Vector, f: Vector, dt: float) -> RestState:
     """Return the state after a sample of angular velocity [rad/s] and specific force [m/s²]."""
     gain = dt / (params.time_constant + dt)

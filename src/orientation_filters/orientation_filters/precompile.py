@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compile every kernel of this package now: python -m orientation_filters.precompile.
+
+What is compiled stays on disk; afterwards filters start at once, live and over recordings.
+"""
+
+from __future__ import annotations
+
+import sys
+from math import nan
+
+import numpy as np
+from imu_recording.jit import NUMBA, compiled_here
+from imu_recording.messages import ImuSample, MagneticSample
+
+from imu_recording import ImuRecording
+from orientation_filters.filters import FILTERS, filter_parameters, run_filter
+from orientation_filters.live_filter import LiveFilter
+from orientation_filters.parameters import PRESET_NAMES
+
+
+def precompile() -> list[str]:
+    """Run both filters, live and over a recording; return the kernels that had to be compiled."""
+    recording = at_rest(3)
+    for name in FILTERS:
+        for preset in PRESET_NAMES:
+            run_filter(name, recording, preset=preset)
+            live = LiveFilter(name, filter_parameters(name, preset=preset))
+            for stamp in recording.stamp.tolist():
+                live.add_field(MagneticSample(stamp, (2e-5, 0.0, -4e-5)))
+                live.add_imu(ImuSample(stamp, (0.0, 0.0, 0.0), (0.0, 0.0, 9.81)))
+    return [kernel for kernel in compiled_here() if kernel.startswith('orientation_filters.')]
+
+
+def at_rest(rows: int) -> ImuRecording:
+    """Return a sensor lying flat, the last row without a magnetometer sample."""
+    field = np.tile([2e-5, 0.0, -4e-5], (rows, 1))
+    field[-1] = nan
+    return ImuRecording(
+        stamp=1_000_000_000 + 10_000_000 * np.arange(rows),
+        angular_velocity=np.zeros((rows, 3)),
+        linear_acceleration=np.tile([0.0, 0.0, 9.81], (rows, 1)),
+        magnetic_field=field,
+        temperature=np.full(rows, 20.0),
+    )
+
+
+def main() -> int:
+    """Compile, and say what was."""
+    if not NUMBA:
+        sys.stderr.write('numba is not installed: filters run as plain Python, slower\n')
+        return 0
+    sys.stdout.write(f'orientation_filters: {len(precompile())} kernels compiled\n')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

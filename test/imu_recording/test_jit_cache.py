@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Kernels kept on disk are used again while what went into them is as it was, and only then."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CONSTANT = 'OFFSET = {offset}\n'
+PART = """
+from imu_recording.jit import inline
+
+@inline()
+def part(x):
+    return {factor} * x
+"""
+WHOLE = """
+from imu_recording.jit import compiled_here, njit
+from constant import OFFSET
+from part import part
+
+@njit
+def whole(x):
+    return part(x) + OFFSET
+
+print(whole(2.0), len(compiled_here()))
+"""
+
+
+def write(folder: Path, *, factor: float = 3.0, offset: float = 1.0) -> None:
+    (folder / 'constant.py').write_text(CONSTANT.format(offset=offset))
+    (folder / 'part.py').write_text(PART.format(factor=factor))
+    (folder / 'whole.py').write_text(WHOLE)
+
+
+def run(folder: Path, **environment: str) -> str:
+    path = os.pathsep.join([str(folder), *sys.path])
+    variables = {**os.environ, 'PYTHONPATH': path, **environment}
+    command = [sys.executable, '-B', str(folder / 'whole.py')]
+    return subprocess.run(
+        command, check=True, env=variables, capture_output=True, text=True
+    ).stdout.strip()
+
+
+def test_a_change_anywhere_in_what_was_compiled_in_is_seen(tmp_path: Path) -> None:
+    pytest.importorskip('numba')
+    write(tmp_path)
+    assert run(tmp_path) == '7.0 1'
+    assert run(tmp_path) == '7.0 0'
+    write(tmp_path, factor=4.0)
+    assert run(tmp_path) == '9.0 1'
+    write(tmp_path, factor=4.0, offset=2.0)
+    assert run(tmp_path) == '10.0 1'
+
+
+def test_kernels_run_where_nothing_can_be_written(tmp_path: Path) -> None:
+    pytest.importorskip('numba')
+    write(tmp_path)
+    (tmp_path / '__pycache__').write_text('a file, so no folder can be made here')
+    home = tmp_path / 'home'
+    assert run(tmp_path, XDG_CACHE_HOME=str(home)) == '7.0 1'
+    assert any(home.rglob('whole.whole-*.nbc'))
+    assert run(tmp_path, XDG_CACHE_HOME=str(tmp_path / 'constant.py')) == '7.0 1'
