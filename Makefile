@@ -2,7 +2,7 @@
 # Every target does all its own set-up.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint bench clean
+.PHONY: help setup demo test lint clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -21,9 +21,6 @@ test: ## Run every test
 lint: ## ruff and mypy
 	@tools/setup_workspace.sh requirements-dev.txt
 	@. ./env.sh && ruff check . && mypy src
-
-bench: ## Install what the benchmarks compare with
-	@tools/setup_workspace.sh requirements-dev.txt requirements-bench.txt
 
 clean: ## Remove everything the set-up made
 	rm -rf .venv build install log env.sh demo

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Makes .venv, builds the workspace with colcon and writes env.sh; does nothing when all is current.
-# Usage: tools/setup_workspace.sh [requirements file …]   (extra sets, e.g. requirements-dev.txt)
+# Makes .venv, builds the workspace with colcon, writes env.sh and compiles the numerical kernels;
+# does nothing when all is current.
+# Usage: tools/setup_workspace.sh [requirements file …]   (extra sets: requirements-dev.txt)
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 workspace=$PWD
@@ -59,7 +60,7 @@ find_python() {
 }
 
 ros=$(ros_prefix)
-requirements=(requirements.txt)
+requirements=(requirements.txt requirements-web.txt requirements-bench.txt)
 venv_options=()
 if [ -n "$ros" ]; then
   [ "${ROS_DISTRO:-jazzy}" = jazzy ] ||
@@ -128,3 +129,16 @@ esac
 unset _workspace _ros _shell _nounset
 EOF
 } > env.sh
+
+# Kernels are compiled here rather than while a user waits for a first answer.
+kernels=$(grep -rlE --include='*.py' '@(njit|inline)' src | sort | xargs cat src/imu_recording/imu_recording/jit*.py | sha256sum)
+compiled=install/.workspace_kernels
+if [ ! -e "$compiled" ] || [ "$(cat "$compiled")" != "$kernels" ]; then
+  echo 'Compiling the numerical kernels …'
+  # shellcheck disable=SC1091
+  (
+    . ./env.sh
+    python -m imu_workbench.precompile
+  )
+  printf '%s\n' "$kernels" > "$compiled"
+fi

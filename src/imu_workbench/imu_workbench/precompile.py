@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compile every kernel of the workspace, on all cores: python -m imu_workbench.precompile.
+
+The set-up runs it, so that no command and no node compiles when a user first starts it.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import orientation_filters.precompile
+import thermal_comp.precompile
+from imu_driver.transport_simulated import SimulatedTransport
+from imu_recording.jit import NUMBA
+
+from imu_workbench.experiment import Logging, simulate_run
+from imu_workbench.parallel import run_tasks
+
+
+@dataclass(frozen=True)
+class Compilation:
+    """The kernels of one part."""
+
+    label: str
+    size: float
+    compile: Callable[[], object]
+
+    def run(self) -> None:
+        """Compile."""
+        self.compile()
+
+
+def precompile_simulation() -> None:
+    """Run the simulated chamber and device once, recorded and live."""
+    simulate_run('short_20min', 'dut1', Logging(10.0), seed=1)
+    simulate_run('short_20min', 'dut1', Logging(1.0, mean=True), seed=1)
+    SimulatedTransport.from_url('simulated://dut1').read()
+
+
+def main() -> int:
+    """Compile."""
+    if not NUMBA:
+        sys.stderr.write('numba is not installed: kernels run as plain Python, slower\n')
+        return 0
+    parts = (
+        Compilation('orientation filters', 3.0, orientation_filters.precompile.precompile),
+        Compilation('simulated chamber and device', 2.0, precompile_simulation),
+        Compilation('thermal model and bags', 1.0, thermal_comp.precompile.precompile),
+    )
+    run_tasks(parts, os.cpu_count() or 1)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
