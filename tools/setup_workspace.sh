@@ -81,18 +81,22 @@ touch .venv/COLCON_IGNORE
 touch "$stamp"
 # A set once installed stays wanted, so that "make demo" after "make test" installs nothing anew.
 mapfile -t wanted < <({ sed -n 's/^set: //p' "$stamp"; printf '%s\n' "${requirements[@]}"; } | sort -u)
+place=$(printf 'workspace: %s\nros: %s' "$workspace" "$ros")
 current=$(
-  printf 'workspace: %s\nros: %s\n' "$workspace" "$ros"
+  printf '%s\n' "$place"
   printf 'set: %s\n' "${wanted[@]}"
   cat "${wanted[@]}"
 )
-if [ "$(cat "$stamp")" != "$current" ] || ! .venv/bin/python -c '' 2>/dev/null; then
+if [ "$(sed -n '1,2p' "$stamp")" != "$place" ] || ! .venv/bin/python -c '' 2>/dev/null; then
   echo 'Setting up .venv (once; about two minutes) …'
   "$python" -m venv --clear "${venv_options[@]}" .venv
   touch .venv/COLCON_IGNORE
+  rm -rf build install log
+fi
+if [ ! -e "$stamp" ] || [ "$(cat "$stamp")" != "$current" ]; then
+  echo 'Installing the packages that are required …'
   .venv/bin/python -m pip install --quiet --disable-pip-version-check "${wanted[@]/#/-r}"
   printf '%s\n' "$current" > "$stamp"
-  rm -rf build install log
 fi
 
 sources=$(cat src/*/setup.py src/imu_workbench/imu_workbench/commands/__init__.py src/*/setup.cfg src/*/package.xml; ls src/*/launch src/*/config 2>/dev/null || true)
