@@ -4,18 +4,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+from imu_recording.recording import FloatArray
 
 from thermal_comp.conditions import Sensor
 from thermal_comp.diagnose_bank import ColumnBank, ColumnSource
-from thermal_comp.diagnose_candidates import families
-from thermal_comp.diagnose_search import WITHOUT_CYCLE_VETO, Search
-from thermal_comp.diagnose_thresholds import EVERYWHERE, threshold_of
+from thermal_comp.diagnose_candidates import families, plans
+from thermal_comp.diagnose_nulls import LINE, Draw, SlowEffects, reached_in_draws
+from thermal_comp.diagnose_search import WITHOUT_CYCLE_VETO
+from thermal_comp.diagnose_thresholds import EVERYWHERE, shipped_thresholds, threshold_of
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fit import usable_sensors
-from thermal_comp.noise import fit_noise
+from thermal_comp.model import NoiseModel
+from thermal_comp.noise import fit_noise, fit_noise_to_values
 from thermal_comp.noise_process import draw_noise
 from thermal_comp.prepared_run import PreparedRun
 
@@ -23,11 +26,15 @@ SLOW = (*WITHOUT_CYCLE_VETO, 'bias_drift')
 """Effects whose evidence depends on how well slow noise is known: it is fitted to every draw."""
 MARGIN = 5.0
 QUANTILE = 0.995
+TAIL = 0.9
+"""Quantile from which on the tail is taken as exponential."""
+
+Listed = Mapping[Sensor, tuple[Effect, ...]]
 
 
 def calibrated_thresholds(
     runs: Sequence[PreparedRun],
-    base: Mapping[Sensor, tuple[Effect, ...]],
+    base: Listed,
     catalogue: Mapping[str, type[Effect]],
     draws: int,
     seed: int = 0,
@@ -36,31 +43,80 @@ def calibrated_thresholds(
 
     The draws have the noise fitted to the recordings; thresholds never fall below the shipped.
     """
-    rng = np.random.default_rng(seed)
-    reached: dict[str, list[float]] = {}
-    source = ColumnSource(runs)
-    slow = {name: effect for name, effect in catalogue.items() if name in SLOW}
     sensors, _ = usable_sensors(runs)
-    for sensor in sensors:
-        noise = fit_noise(runs, sensor)
-        steady = ColumnBank(source, sensor, noise, base[sensor])
-        others = families(steady, {n: e for n, e in catalogue.items() if n not in SLOW})
-        for _ in range(draws):
-            drawn = [draw_noise(noise, run.slot, run.period, rng) for run in runs]
-            fake = [
-                replace(run, measured={**run.measured, sensor: values})
-                for run, values in zip(runs, drawn, strict=True)
-            ]
-            steady.retarget(drawn)
-            _collect(reached, Search(steady, others))
-            bank = ColumnBank(source, sensor, fit_noise(fake, sensor), base[sensor], drawn)
-            _collect(reached, Search(bank, families(bank, slow)))
-    return {
-        name: max(threshold_of(name), EVERYWHERE, float(np.quantile(found, QUANTILE)) + MARGIN)
+    noise = {sensor: fit_noise(runs, sensor) for sensor in sensors}
+    reached = reached_without_effect(runs, noise, base, catalogue, draws, seed)
+    raised = {
+        name: max(threshold_of(name), EVERYWHERE, tail_quantile(found, QUANTILE) + MARGIN)
         for name, found in reached.items()
     }
+    return {**shipped_thresholds(), **raised}
 
 
-def _collect(reached: dict[str, list[float]], search: Search) -> None:
-    for rated in search.ranking([]):
-        reached.setdefault(rated.name, []).append(rated.evidence)
+def reached_without_effect(
+    runs: Sequence[PreparedRun],
+    noise: Mapping[Sensor, NoiseModel],
+    base: Listed,
+    catalogue: Mapping[str, type[Effect]],
+    draws: int,
+    seed: int = 0,
+) -> dict[str, FloatArray]:
+    """Return the evidence each effect reaches in draws of the noise, for all sensors together.
+
+    0 stands for a draw in which there was nothing to rate.
+    """
+    source = ColumnSource(runs)
+    found: dict[str, list[FloatArray]] = {}
+    with ThreadPoolExecutor() as pool:
+        for number, (sensor, model) in enumerate(noise.items()):
+            rng = np.random.default_rng([seed, number])
+            drawn = [_draw(runs, sensor, model, rng) for _ in range(draws)]
+            bank = ColumnBank(source, sensor, model, base[sensor])
+            steady = {n: e for n, e in catalogue.items() if n not in SLOW}
+            slow = {n: e for n, e in catalogue.items() if n in SLOW}
+            rated = SlowEffects(source, slow, _fixed_columns(bank, slow))
+            tasks = [pool.submit(_reached_once, rated, bank, base[sensor], d) for d in drawn]
+            for name, values in reached_in_draws(bank, families(bank, steady), drawn).items():
+                found.setdefault(name, []).append(values)
+            once = [task.result() for task in tasks]
+            for name in {n for some in once for n in some}:
+                values = np.array([some.get(name, 0.0) for some in once])
+                found.setdefault(name, []).append(values)
+    return {name: np.concatenate(values) for name, values in found.items()}
+
+
+def tail_quantile(values: FloatArray, share: float) -> float:
+    """Return the quantile of a sample, at least that of an exponential fitted to its tail.
+
+    Beyond the quantile TAIL the excess has mean s: q(p) = q(TAIL) + s · ln((1 − TAIL) / (1 − p)).
+    """
+    start = float(np.quantile(values, TAIL))
+    beyond = values[values > start]
+    scale = float((beyond - start).mean()) if len(beyond) else 0.0
+    extrapolated = start + scale * float(np.log((1.0 - TAIL) / (1.0 - share)))
+    return max(extrapolated, float(np.quantile(values, share)))
+
+
+def _draw(
+    runs: Sequence[PreparedRun], sensor: Sensor, noise: NoiseModel, rng: np.random.Generator
+) -> Draw:
+    """Return one draw with the gaps of what was measured."""
+    drawn = [draw_noise(noise, run.slot, run.period, rng) for run in runs]
+    for values, run in zip(drawn, runs, strict=True):
+        values[~np.isfinite(run.measured[sensor]).all(axis=1)] = np.nan
+    return drawn
+
+
+def _fixed_columns(
+    bank: ColumnBank, catalogue: Mapping[str, type[Effect]]
+) -> dict[Effect, list[FloatArray]]:
+    planned = plans(bank, {n: e for n, e in catalogue.items() if n != LINE})
+    effects = {part for some in planned.values() for plan in some for part in plan.parts}
+    return {e: [run.columns(e, bank.sensor) for run in bank.source.runs] for e in effects}
+
+
+def _reached_once(
+    rated: SlowEffects, bank: ColumnBank, base: Sequence[Effect], drawn: Draw
+) -> dict[str, float]:
+    noise = fit_noise_to_values(bank.source.runs, drawn)
+    return rated.reached(ColumnBank(bank.source, bank.sensor, noise, base, drawn))

@@ -57,19 +57,21 @@ class Plan:
 
 def families(bank: ColumnBank, catalogue: Mapping[str, type[Effect]]) -> list[Family]:
     """Return the families of the catalogue whose channels were logged in every run."""
-    runs = bank.source.runs
+    planned = plans(bank, catalogue)
+    bank.terms([part for some in planned.values() for plan in some for part in plan.parts])
+    return [
+        Family(name, tuple(_form(bank, plan) for plan in some)) for name, some in planned.items()
+    ]
+
+
+def plans(bank: ColumnBank, catalogue: Mapping[str, type[Effect]]) -> dict[str, list[Plan]]:
+    """Return the forms of each family before their columns are computed; none is empty."""
     planned = {
         name: _PLANNERS.get(name, _grid)(bank, effect)
         for name, effect in catalogue.items()
-        if name != 'bias_temperature' and usable(effect, bank.sensor, runs)
+        if name != 'bias_temperature' and usable(effect, bank.sensor, bank.source.runs)
     }
-    parts = [part for plans in planned.values() for plan in plans for part in plan.parts]
-    bank.terms(parts)
-    return [
-        Family(name, tuple(_form(bank, plan) for plan in plans))
-        for name, plans in planned.items()
-        if plans
-    ]
+    return {name: some for name, some in planned.items() if some}
 
 
 def _form(bank: ColumnBank, plan: Plan) -> Form:

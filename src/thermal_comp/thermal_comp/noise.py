@@ -34,7 +34,12 @@ def fit_noise(runs: Sequence[PreparedRun], sensor: Sensor) -> NoiseModel:
     It is a property of the measurement, not of a model: every effect a saturated model can
     follow is taken out first.
     """
-    spectra = [_spectrum_of(run, sensor) for run in runs]
+    return fit_noise_to_values(runs, [run.measured[sensor] for run in runs])
+
+
+def fit_noise_to_values(runs: Sequence[PreparedRun], values: Sequence[FloatArray]) -> NoiseModel:
+    """Return the noise of values (m, 3) per run, measured or drawn under the runs' conditions."""
+    spectra = [_spectrum_of(run, v) for run, v in zip(runs, values, strict=True)]
     return fit_noise_to_spectra([s for s in spectra if s is not None])
 
 
@@ -70,8 +75,7 @@ _PROJECTIONS: WeakKeyDictionary[PreparedRun, dict[bytes, Projection]] = WeakKeyD
 """Projections of runs by the rows that are valid: mostly the same for all sensors."""
 
 
-def _spectrum_of(run: PreparedRun, sensor: Sensor) -> ResidualSpectrum | None:
-    values = run.measured[sensor]
+def _spectrum_of(run: PreparedRun, values: FloatArray) -> ResidualSpectrum | None:
     valid = np.isfinite(values).all(axis=1)
     if valid.sum() < 30:
         return None

@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What effects reach in campaigns that hold noise alone, many at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from imu_recording.recording import FloatArray, IntArray
+
+from thermal_comp.diagnose_bank import RANK_TOLERANCE, ColumnBank, ColumnSource
+from thermal_comp.diagnose_candidates import Family, Plan, plans
+from thermal_comp.diagnose_line import spectral_lines
+from thermal_comp.effects.effect import Effect
+from thermal_comp.prepared_run import PreparedRun
+from thermal_comp.whitening import apply_gains, innovation_gains
+
+LINE = 'mains_alias'
+"""Its forms depend on the spectrum of a draw."""
+
+ABSORBED = 1e-10
+"""A column of which less than this share of its power is left says nothing beside the base."""
+
+Draw = Sequence[FloatArray]
+"""(m, 3) values per run."""
+
+
+def reached_in_draws(
+    bank: ColumnBank, families: Sequence[Family], draws: Sequence[Draw]
+) -> dict[str, FloatArray]:
+    """Return the evidence (draws,) of each family's best form; the bank's noise is the draws'."""
+    coupled = [f for f in families if any(t.shared for t in f.forms[0].terms)]
+    rights, single = [], []
+    for draw in draws:
+        bank.retarget(draw)
+        rights.append(bank.right.copy())
+        single.append([max(_evidence(bank, f, k) for k in range(len(f.forms))) for f in coupled])
+    best = np.array(single)
+    reached = {family.name: best[:, k] for k, family in enumerate(coupled)}
+    price = float(np.log(bank.rows))
+    stacked = np.stack(rights)
+    for family in families:
+        if family.name not in reached:
+            index = [[c for term in form.terms for c in term.columns] for form in family.forms]
+            free = [form.free for form in family.forms]
+            reached[family.name] = best_evidence(bank.normal, stacked, index, free, price)
+    return reached
+
+
+def _evidence(bank: ColumnBank, family: Family, k: int) -> float:
+    form = family.forms[k]
+    gain, rank = bank.solve(form.terms)
+    return gain - (rank + form.free) * float(np.log(bank.rows)) if rank else -np.inf
+
+
+def best_evidence(
+    normal: FloatArray,
+    rights: FloatArray,
+    index: Sequence[Sequence[int]],
+    free: Sequence[int],
+    price: float,
+) -> FloatArray:
+    """Return the evidence (n,) of the best of several forms, for right-hand sides (n, 3, w).
+
+    `normal` (3, w, w) per axis; a form is the columns `index` of each axis, none shared, with
+    `free` shape parameters searched. Undetermined directions explain nothing and cost nothing.
+    """
+    best = np.full(len(rights), -np.inf)
+    for count in {len(some) for some in index}:
+        which = [k for k, some in enumerate(index) if len(some) == count]
+        place = np.array([index[k] for k in which])
+        blocks = normal[:, place[:, :, None], place[:, None, :]]
+        size = np.sqrt(np.maximum(np.einsum('afkk->afk', blocks), 0.0))
+        inverse = np.where(size > 1e-9, 1.0 / np.maximum(size, 1e-9), 0.0)
+        values, vectors = np.linalg.eigh(blocks * inverse[..., None] * inverse[:, :, None, :])
+        kept = values > RANK_TOLERANCE
+        scaled = rights[:, :, place] * inverse
+        turned = np.einsum('afkj,nafk->nafj', vectors, scaled)
+        weight = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
+        gain = np.einsum('nafj,afj->nf', turned**2, weight)
+        rank = kept.sum(axis=(0, 2))
+        cost = (rank + np.array([free[k] for k in which])) * price
+        evidence = np.where(rank > 0, gain - cost, -np.inf)
+        best = np.maximum(best, evidence.max(axis=1))
+    return best
+
+
+@dataclass(frozen=True, eq=False)
+class SlowEffects:
+    """Effects of time alone, rated on draws whose noise is fitted anew to each of them."""
+
+    source: ColumnSource
+    catalogue: Mapping[str, type[Effect]]
+    known: dict[Effect, list[FloatArray]]
+    """Columns per run of the forms that do not depend on a draw."""
+
+    def reached(self, bank: ColumnBank) -> dict[str, float]:
+        """Return the evidence of each family's best form in the draw that is the bank's target."""
+        planned = plans(bank, {n: e for n, e in self.catalogue.items() if n != LINE})
+        if LINE in self.catalogue:
+            lines = [self.catalogue[LINE](f) for f in _lines(bank)]  # type: ignore[call-arg]
+            planned[LINE] = [Plan(line, (line,), 1) for line in lines]
+        effects = list(
+            dict.fromkeys(p for some in planned.values() for x in some for p in x.parts)
+        )
+        table = _Table.of([self._columns(bank, effect) for effect in effects], effects)
+        normal, right = table.equations(bank)
+        price = float(np.log(bank.rows))
+        return {
+            name: float(
+                best_evidence(
+                    normal,
+                    right[None],
+                    [table.index(plan) for plan in some],
+                    [plan.free for plan in some],
+                    price,
+                )[0]
+            )
+            for name, some in planned.items()
+            if some
+        }
+
+    def _columns(self, bank: ColumnBank, effect: Effect) -> list[FloatArray]:
+        columns = self.known.get(effect)
+        if columns is None:
+            columns = [run.columns(effect, bank.sensor) for run in self.source.runs]
+        return columns
+
+
+def _lines(bank: ColumnBank) -> list[float]:
+    """Return the most prominent lines of a draw, which has no finer rows than its blocks."""
+    runs, at = bank.source.runs, 0
+    coarse: list[PreparedRun] = []
+    for run, ok in zip(runs, bank.valid, strict=True):
+        values = np.full((len(run), 3), np.nan)
+        values[ok] = bank.target[:, at : at + int(ok.sum())].T
+        at += int(ok.sum())
+        coarse.append(
+            replace(run, conditions=run.block_conditions, fine_measured={bank.sensor: values})
+        )
+    return spectral_lines(coarse, bank.sensor)
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """Columns of several effects and which unknowns they belong to."""
+
+    columns: list[FloatArray]
+    """(m, p) per run, all effects beside each other."""
+    unknown: list[IntArray]
+    """(p,) per run: the unknown of each column."""
+    first: dict[Effect, tuple[int, int]]
+    """First unknown of an effect and its columns per run."""
+    width: int
+
+    @classmethod
+    def of(cls, columns: Sequence[list[FloatArray]], effects: Sequence[Effect]) -> _Table:
+        """Stack the columns; effects per run get unknowns for every run."""
+        runs = len(columns[0])
+        unknown: list[list[int]] = [[] for _ in range(runs)]
+        first, width = {}, 0
+        for effect, parts in zip(effects, columns, strict=True):
+            count = parts[0].shape[1]
+            first[effect] = (width, count)
+            for r in range(runs):
+                start = width + r * count * effect.per_run
+                unknown[r] += range(start, start + count)
+            width += count * (runs if effect.per_run else 1)
+        stacked = [np.concatenate([parts[r] for parts in columns], axis=1) for r in range(runs)]
+        return cls(stacked, [np.array(u) for u in unknown], first, width)
+
+    def index(self, plan: Plan) -> list[int]:
+        """Return the unknowns of a form."""
+        found = []
+        for part in plan.parts:
+            start, count = self.first[part]
+            runs = len(self.columns) if part.per_run else 1
+            wanted = range(runs) if plan.run is None else [plan.run]
+            found += [start + r * count + k for r in wanted for k in range(count)]
+        return found
+
+    def equations(self, bank: ColumnBank) -> tuple[FloatArray, FloatArray]:
+        """Return normal matrices (3, w, w) and right-hand sides (3, w), the base taken out."""
+        normal, right = np.zeros((3, self.width, self.width)), np.zeros((3, self.width))
+        for axis in range(3):
+            cross = np.zeros((bank.base[axis].shape[1], self.width))
+            at = 0
+            for run, ok, columns, unknown in zip(
+                bank.source.runs, bank.valid, self.columns, self.unknown, strict=True
+            ):
+                gains = innovation_gains(run.slot[ok], bank.noise, axis, run.period)
+                white = apply_gains(columns[ok], gains)
+                rows = slice(at, at + len(white))
+                at += len(white)
+                normal[axis][np.ix_(unknown, unknown)] += white.T @ white
+                cross[:, unknown] += bank.base[axis][rows].T @ white
+                right[axis, unknown] += white.T @ bank.target[axis, rows]
+            power = np.diag(normal[axis]).copy()
+            normal[axis] -= cross.T @ cross
+            absorbed = np.diag(normal[axis]) <= ABSORBED * power
+            normal[axis][absorbed] = normal[axis][:, absorbed] = right[axis, absorbed] = 0.0
+        return normal, right

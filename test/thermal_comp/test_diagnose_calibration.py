@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Thresholds from noise alone are those the search itself would need."""
+
+import numpy as np
+import pytest
+from thermal_comp.diagnose_bank import ColumnBank, ColumnSource
+from thermal_comp.diagnose_calibration import (
+    SLOW,
+    calibrated_thresholds,
+    reached_without_effect,
+    tail_quantile,
+)
+from thermal_comp.diagnose_candidates import families
+from thermal_comp.diagnose_search import Search
+from thermal_comp.diagnose_thresholds import EVERYWHERE, shipped_thresholds, threshold_of
+from thermal_comp.effects import EFFECTS
+from thermal_comp.model import NoiseModel
+from thermal_comp.noise import fit_noise, fit_noise_to_values
+from thermal_comp.noise_process import draw_noise
+from thermal_comp.preparation import prepare
+from thermal_comp.prepared_run import PreparedRun
+
+from .campaign import run
+
+LINE = (EFFECTS['bias_temperature'](),)
+
+
+@pytest.fixture(scope='module')
+def runs() -> list[PreparedRun]:
+    return prepare([run(up, seed=k, cycles=3) for k, up in enumerate(('+x', '+z'))])
+
+
+def test_draws_are_rated_as_the_search_rates_them(runs: list[PreparedRun]) -> None:
+    sensor = 'accelerometer'
+    noise = fit_noise(runs, sensor)
+    reached = reached_without_effect(runs, {sensor: noise}, {sensor: LINE}, EFFECTS, 1, seed=4)
+    rng = np.random.default_rng([4, 0])
+    drawn = [draw_noise(noise, run.slot, run.period, rng) for run in runs]
+    source = ColumnSource(runs)
+    steady = ColumnBank(source, sensor, noise, LINE, drawn)
+    slow = ColumnBank(source, sensor, fit_noise_to_values(runs, drawn), LINE, drawn)
+    searched = {}
+    for bank, names in ((steady, set(EFFECTS) - set(SLOW)), (slow, set(SLOW))):
+        offered = {n: e for n, e in EFFECTS.items() if n in names and n != 'mains_alias'}
+        for rated in Search(bank, families(bank, offered)).ranking([]):
+            searched[rated.name] = rated.evidence
+    assert {'thermal_lag', 'thermal_hysteresis', 'fixture_tilt', 'bias_step'} <= set(searched)
+    for name, evidence in searched.items():
+        assert reached[name][0] == pytest.approx(evidence, abs=1e-3), name
+
+
+def test_thresholds_never_fall_below_the_shipped(runs: list[PreparedRun]) -> None:
+    catalogue = {name: EFFECTS[name] for name in ('thermal_lag', 'bias_drift', 'bias_step')}
+    found = calibrated_thresholds(runs[:1], {'gyroscope': LINE, **_all_lines()}, catalogue, 8)
+    assert set(shipped_thresholds()) <= set(found)
+    for name in catalogue:
+        assert found[name] >= max(threshold_of(name), EVERYWHERE)
+
+
+def test_noise_slower_than_the_fit_believes_raises_thresholds(runs: list[PreparedRun]) -> None:
+    white = NoiseModel(np.full(3, 1e-3), np.array([3e4]), np.zeros((1, 3)))
+    lines = {'accelerometer': LINE}
+    catalogue = {'bias_drift': EFFECTS['bias_drift']}
+    quiet = reached_without_effect(runs, {'accelerometer': white}, lines, catalogue, 20)
+    walking = NoiseModel(np.full(3, 1e-3), np.array([3e6]), np.full((1, 3), 1e-1))
+    loud = reached_without_effect(runs, {'accelerometer': walking}, lines, catalogue, 20)
+    assert np.median(loud['bias_drift']) > np.median(quiet['bias_drift'])
+
+
+def test_the_tail_is_extrapolated_where_draws_are_few() -> None:
+    rng = np.random.default_rng(0)
+    exact = -np.log(0.005)
+    found = [tail_quantile(rng.exponential(1.0, 200), 0.995) for _ in range(40)]
+    assert np.mean(found) == pytest.approx(exact, rel=0.12)
+
+
+def _all_lines() -> dict[str, tuple]:
+    return dict.fromkeys(('accelerometer', 'gyroscope', 'magnetometer'), LINE)
