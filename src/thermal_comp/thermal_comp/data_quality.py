@@ -5,23 +5,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
-from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
+from imu_recording.recording import SENSOR_FIELDS, ImuRecording
 from numpy.typing import NDArray
 
+from thermal_comp.data_quality_channels import impossible_rows
 from thermal_comp.data_quality_rows import rail_rows, spike_rows, stuck_rows
+from thermal_comp.data_quality_units import foreign_units
 from thermal_comp.startup import startup_rows
 
 BoolArray = NDArray[np.bool_]
 
 FLIP_WINDOW_S = 300.0
 """Gravity's direction is judged on means over this [s]."""
-PLAUSIBLE = {'accelerometer': (8.0, 11.5), 'magnetometer': (1e-6, 2e-3)}
-"""Norm of the mean at rest [m/s², T]."""
-FOREIGN_NOISE = 20.0
-"""Ratio of a run's noise to that of the other runs that only a wrong unit explains."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +49,16 @@ def check_quality(
         mended, found = _check_rows(recording, recording.run or str(number))
         clean.append(mended)
         findings += found
-    clean, foreign = _check_units(clean)
-    return clean, _merged([*findings, *foreign])
+    for number, sensor, text in foreign_units(clean, _clipped(findings)):
+        rows = np.ones(len(clean[number]), dtype=bool)
+        clean[number] = _without(clean[number], sensor, rows)
+        findings.append(QualityFinding('unit_mismatch', sensor, len(rows), text))
+    return clean, _merged(findings)
+
+
+def _clipped(findings: Sequence[QualityFinding]) -> set[str]:
+    """Return the sensors with a rail, whose level tells nothing about their unit."""
+    return {finding.sensor for finding in findings if finding.name == 'saturation'}
 
 
 def _check_rows(recording: ImuRecording, run: str) -> tuple[ImuRecording, list[QualityFinding]]:
@@ -60,17 +67,24 @@ def _check_rows(recording: ImuRecording, run: str) -> tuple[ImuRecording, list[Q
     if cut:
         text = f'run {run}: first {cut} rows, starting at {factor:.2f} of the level'
         findings.append(QualityFinding('startup_transient', 'all', cut, text))
+    for channel, rows, text in impossible_rows(recording):
+        count = int(rows.sum())
+        found_here = f'run {run}: {channel} {text} in {count} of {len(rows)} rows'
+        findings.append(QualityFinding('impossible_statistic', 'all', count, found_here))
+        recording = _blank(recording, channel, rows)
     recording, found = _check_orientation(recording, run)
     findings += found
     for sensor, name in SENSOR_FIELDS.items():
         values = getattr(recording, name)
         period = _period(recording)
         bad = np.zeros(len(values), dtype=bool)
-        for defect, rows in (
-            ('stuck_value', stuck_rows(values, period)),
-            ('saturation', rail_rows(values)),
-            ('spikes', spike_rows(values, period)),
+        for defect, judge in (
+            ('stuck_value', partial(stuck_rows, period=period)),
+            ('saturation', rail_rows),
+            ('spikes', partial(spike_rows, period=period)),
         ):
+            # The edges of what is stuck or clipped are no spikes.
+            rows = judge(np.where(bad[:, None], np.nan, values))
             rows[:cut] = False
             if rows.any():
                 text = f'run {run}: {int(rows.sum())} of {len(rows)} rows'
@@ -82,8 +96,12 @@ def _check_rows(recording: ImuRecording, run: str) -> tuple[ImuRecording, list[Q
 
 
 def _without(recording: ImuRecording, sensor: str, rows: BoolArray) -> ImuRecording:
-    name = SENSOR_FIELDS[sensor]
-    values = getattr(recording, name).copy()
+    return _blank(recording, SENSOR_FIELDS[sensor], rows)
+
+
+def _blank(recording: ImuRecording, name: str, rows: BoolArray) -> ImuRecording:
+    """Return the recording with rows of one column unknown; None where all of a track are."""
+    values = getattr(recording, name).astype(float)
     values[rows] = np.nan
     changed: dict[str, Any] = {name: values}
     return replace(recording, **changed)
@@ -135,32 +153,6 @@ def _up_name(code: int) -> str:
 def _most_common(codes: NDArray[np.int64]) -> int:
     values, counts = np.unique(codes, return_counts=True)
     return int(values[np.argmax(counts)])
-
-
-def _check_units(
-    recordings: Sequence[ImuRecording],
-) -> tuple[list[ImuRecording], list[QualityFinding]]:
-    findings, clean = [], list(recordings)
-    for sensor, name in SENSOR_FIELDS.items():
-        noise = [_noise(getattr(r, name)) for r in recordings]
-        for k, recording in enumerate(recordings):
-            others = [n for j, n in enumerate(noise) if j != k and n > 0.0]
-            ratio = noise[k] / float(np.median(others)) if others and noise[k] > 0.0 else 1.0
-            foreign = len(others) > 1 and not 1.0 / FOREIGN_NOISE < ratio < FOREIGN_NOISE
-            norm = float(np.linalg.norm(np.nanmedian(getattr(recording, name), axis=0)))
-            low, high = PLAUSIBLE.get(sensor, (0.0, np.inf))
-            if foreign or (np.isfinite(norm) and not low <= norm <= high and norm > 0.0):
-                rows = np.ones(len(recording), dtype=bool)
-                clean[k] = _without(clean[k], sensor, rows)
-                text = f'run {recording.run or k + 1}: mean norm {norm:.4g}, noise × {ratio:.3g}'
-                findings.append(QualityFinding('unit_mismatch', sensor, len(recording), text))
-    return clean, findings
-
-
-def _noise(values: FloatArray) -> float:
-    steps = np.diff(values, axis=0)
-    steps = steps[np.isfinite(steps).all(axis=1)]
-    return float(np.median(np.abs(steps))) if len(steps) else 0.0
 
 
 def _merged(findings: Sequence[QualityFinding]) -> list[QualityFinding]:
