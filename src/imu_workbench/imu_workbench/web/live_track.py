@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What was heard of one topic: every sample of the last half minute, and means of every second."""
+
+from __future__ import annotations
+
+import numpy as np
+from imu_recording.recording import FloatArray, IntArray
+
+from imu_workbench.web.live_batch import Rows
+
+RECENT_ROWS = 32_768
+"""Samples kept as they are: 30 s at 1 kHz."""
+HISTORY_ROWS = 86_400
+"""Seconds kept as means: a day."""
+SECOND = 1_000_000_000
+
+
+class Recent:
+    """The newest samples; the oldest give way."""
+
+    def __init__(self, width: int, capacity: int = RECENT_ROWS) -> None:
+        self._stamp = np.zeros(capacity, np.int64)
+        self._values = np.zeros((capacity, width))
+        self._written = 0
+
+    def add(self, rows: Rows) -> None:
+        """Append rows."""
+        capacity = len(self._stamp)
+        stamp, values = rows.stamp[-capacity:], rows.values[-capacity:]
+        places = (self._written + np.arange(len(stamp))) % capacity
+        self._stamp[places], self._values[places] = stamp, values
+        self._written += len(stamp)
+
+    def since(self, stamp: int) -> Rows:
+        """Return the rows from `stamp` [ns] on, in the order they arrived."""
+        capacity = len(self._stamp)
+        count = min(self._written, capacity)
+        order = (self._written - count + np.arange(count)) % capacity
+        chosen = order[self._stamp[order] >= stamp]
+        return Rows(self._stamp[chosen], self._values[chosen])
+
+
+class PerSecond:
+    """Mean and standard deviation of every second of stamps."""
+
+    def __init__(self, width: int, capacity: int = HISTORY_ROWS) -> None:
+        self._capacity = capacity
+        self._offset = np.full(width, np.nan)  # near the values: sums of squares keep digits
+        self._second = np.zeros(64, np.int64)
+        self._sums = np.zeros((64, 3, width))  # count, sum and sum of squares above the offset
+        self._count = 0
+
+    def add(self, rows: Rows) -> None:
+        """Add rows; those of a second that has left the history are passed over."""
+        if not len(rows.stamp):
+            return
+        self._offset = np.where(np.isnan(self._offset), _first_known(rows.values), self._offset)
+        second = rows.stamp // SECOND
+        above = rows.values - self._offset
+        known = np.isfinite(above)
+        above = np.where(known, above, 0.0)
+        for value in np.unique(second):
+            of_it = second == value
+            sums = np.stack([known[of_it].sum(0), above[of_it].sum(0), (above[of_it] ** 2).sum(0)])
+            self._add_second(int(value), sums)
+
+    def seconds(self) -> IntArray:
+        """Return the seconds (n,), increasing."""
+        return self._second[: self._count].copy()
+
+    def means(self) -> FloatArray:
+        """Return the mean of every second (n, k)."""
+        count, total, _ = self._counted()
+        mean: FloatArray = total / count + self._offset
+        return mean
+
+    def deviations(self) -> FloatArray:
+        """Return the standard deviation within every second (n, k)."""
+        count, total, squares = self._counted()
+        variance = squares / count - (total / count) ** 2
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+    def _counted(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        count, total, squares = np.moveaxis(self._sums[: self._count], 1, 0)
+        return np.where(count > 0, count, np.nan), total, squares
+
+    def _add_second(self, second: int, sums: FloatArray) -> None:
+        place = int(np.searchsorted(self._second[: self._count], second))
+        if place < self._count and self._second[place] == second:
+            self._sums[place] += sums
+        elif place == self._count:
+            self._make_room()
+            self._second[self._count], self._sums[self._count] = second, sums
+            self._count += 1
+
+    def _make_room(self) -> None:
+        if self._count == self._capacity:
+            kept = self._capacity - self._capacity // 10
+            self._second[:kept] = self._second[self._count - kept : self._count]
+            self._sums[:kept] = self._sums[self._count - kept : self._count]
+            self._count = kept
+        if self._count == len(self._second):
+            size = min(2 * len(self._second), self._capacity)
+            self._second = np.resize(self._second, size)
+            self._sums = np.resize(self._sums, (size, *self._sums.shape[1:]))
+
+
+def _first_known(values: FloatArray) -> FloatArray:
+    """Return the first finite value of every column (k,), NaN where there is none."""
+    known = np.isfinite(values)
+    first = values[known.argmax(0), np.arange(values.shape[1])]
+    return np.where(known.any(0), first, np.nan)
+
+
+class Track:
+    """One topic, or one difference of two."""
+
+    def __init__(self, width: int) -> None:
+        self.recent = Recent(width)
+        self.history = PerSecond(width)
+        self.newest = -1
+        """Newest stamp [ns]; −1 before the first."""
+        self.received = float('-inf')
+        """When the newest arrived [s], by the clock of the state."""
+
+    def add(self, rows: Rows, received: float) -> None:
+        """Add rows that arrived now."""
+        if len(rows.stamp):
+            self.recent.add(rows)
+            self.history.add(rows)
+            self.newest = max(self.newest, int(rows.stamp.max()))
+            self.received = received
+
+    def jumped_back(self, rows: Rows) -> bool:
+        """Tell whether rows are from well before what was heard: a bag that starts again."""
+        return bool(len(rows.stamp)) and int(rows.stamp.max()) < self.newest - SECOND
