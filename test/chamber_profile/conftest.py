@@ -1,11 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bench for the sequencer: the plainest chamber there can be, and a clock by hand."""
+"""A bench for the sequencer, the plainest chamber there can be; emulators on a wire."""
 
 from __future__ import annotations
 
+import sys
+import threading
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from chamber_profile.chambers.catalogue import open_chamber
+from chamber_profile.emulated_chamber import SERVERS
+from chamber_profile.emulation.body import EmulatedBody
+from chamber_profile.emulation.endpoint import PtyEndpoint, TcpEndpoint
+from chamber_profile.emulation.faults import FaultPlan, parse_fault
 from chamber_profile.profile import load_profile, profile_from_content
 from chamber_profile.sequence_types import (
     FINISHED,
@@ -17,6 +25,8 @@ from chamber_profile.sequence_types import (
     WriteSetpoint,
 )
 from chamber_profile.sequencer import Sequencer
+
+sys.path.insert(0, str(Path(__file__).parent))  # modules the tests of this folder share
 
 
 class Bench:
@@ -108,3 +118,45 @@ def bench():
         return Bench(profile, **options)
 
     return make
+
+
+@pytest.fixture
+def emulator(tmp_path: Path):
+    """Serve a protocol in a thread; its clock is `clock[0]`, set by hand."""
+    running = []
+
+    def start(protocol: str, wire: str, *faults: str, options: str = ''):
+        body = EmulatedBody(seed=1)
+        plan = FaultPlan([parse_fault(text) for text in faults], body)
+        clock = [0.0]
+
+        def make_server():
+            return SERVERS[protocol](body, 0, wire == 'tcp')
+
+        if wire == 'tcp':
+            endpoint = TcpEndpoint(0, make_server)
+            address = f'{protocol}+{endpoint.name}'
+        else:
+            endpoint = PtyEndpoint(tmp_path / 'chamber', make_server)
+            address = f'{protocol}+{endpoint.name}'
+        stop = threading.Event()
+
+        def serve() -> None:
+            def prepare():
+                body.look(clock[0])
+                return plan.look(clock[0])
+
+            while not stop.is_set():
+                endpoint.serve(0.01, prepare)
+            endpoint.close()
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        running.append((stop, thread))
+        chamber = open_chamber(address + options)
+        return chamber, body, clock
+
+    yield start
+    for stop, thread in running:
+        stop.set()
+        thread.join()

@@ -102,7 +102,10 @@ class Conductor:
         reading = self.link.read()
         stamp = self._clocks.stamp()
         if reading is not None:
-            self.sequencer.use_resolution(self.link.chamber.resolution_c)
+            chamber = self.link.chamber
+            self.sequencer.suit(
+                resolution_c=chamber.resolution_c, programs_limits=chamber.programs_limits
+            )
         actions = self.sequencer.tick(self._readings(now, reading))
         self.link.carry_out(actions, self._note)
         return Moment(
@@ -148,13 +151,11 @@ class Conductor:
         try:
             if self._journal is None:
                 self._journal = Journal(self.directory)
-                self._journal.begin(
-                    self.sequencer.profile, stamp, chamber=self.link.identity
-                )
+                self._journal.begin(self.sequencer.profile, stamp, chamber=self.link.identity)
             self._journal.write(note, stamp, orientation=step.orientation, **facts)
         except OSError as error:
             self._journal_fault = f'the journal cannot be written: {error.strerror or error}'
-        why = note.progress.reason or note.details.get('prompt', '')
+        why = note.progress.reason or note.details.get('prompt', note.details.get('warning', ''))
         self.report(
             f'{note.event}: {note.progress.mode} {step.id} {note.progress.stage}'
             + (f', {why}' if why else '')

@@ -11,6 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 
+from imu_recording.user_error import UserError
+
 from chamber_profile.emulation.body import EmulatedBody
 from chamber_profile.emulation.endpoint import PtyEndpoint, Server, TcpEndpoint
 from chamber_profile.emulation.espec_server import EspecServer
@@ -82,7 +84,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         faults = [parse_fault(text) for text in options.faults]
         if not options.time_scale > 0.0:
-            raise ValueError(f'--time-scale {options.time_scale:g}: expected a positive number')
+            raise UserError(f'--time-scale {options.time_scale:g}: expected a positive number')
         body = EmulatedBody(options.seed, options.time_scale)
         endpoint = open_endpoint(options, body)
     except (ValueError, OSError) as error:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from imu_recording.user_error import UserError
 
 from chamber_profile.emulation.endpoint import PtyEndpoint, TcpEndpoint
 
@@ -64,9 +65,9 @@ def read_table(path: Path | None) -> tuple[FloatArray, FloatArray]:
                 for row in csv.DictReader(stream)
             ]
         except (KeyError, TypeError, ValueError) as error:
-            raise ValueError(f'{path}: expected columns time_s,temperature_c: {error}') from error
+            raise UserError(f'{path}: expected columns time_s,temperature_c: {error}') from error
     if not rows:
-        raise ValueError(f'{path}: no row')
+        raise UserError(f'{path}: no row')
     table = np.array(rows).T
     return table[0], table[1]
 

@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from imu_recording.user_error import UserError
+
 from chamber_profile.profile import Profile, parse_profile
 from chamber_profile.profile_check import ProfileError
 from chamber_profile.sequence_types import FINISHED, IDLE, Note, Progress
@@ -18,7 +20,7 @@ PROFILE_FILE = 'profile.yaml'
 FORMAT = 1
 
 
-class JournalError(ValueError):
+class JournalError(UserError):
     """A run directory that cannot be used; the message names it and a way out."""
 
 

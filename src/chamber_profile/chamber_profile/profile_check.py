@@ -10,6 +10,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from imu_recording.user_error import UserError
+
 from chamber_profile.profile_text import LocatedText, LocatedTextError, Place, parse_located
 
 SCHEMA_FILE = Path(__file__).parent / 'profile.schema.json'
@@ -23,7 +25,7 @@ _REQUIRED = {
 }
 
 
-class ProfileError(ValueError):
+class ProfileError(UserError):
     """A profile that cannot be run; the message has one line per error, with its place."""
 
 

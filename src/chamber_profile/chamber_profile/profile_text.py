@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import yaml
+from imu_recording.user_error import UserError
 
 Place: TypeAlias = tuple[str | int, ...]
 
@@ -28,7 +29,7 @@ class LocatedText:
         return self.lines.get(place, 1)
 
 
-class LocatedTextError(ValueError):
+class LocatedTextError(UserError):
     """Text that is no YAML; the message begins with the line."""
 
 

@@ -7,11 +7,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from imu_recording.user_error import UserError
+
 LONGEST_LINE = 4096
 """More bytes without an end of line are not a line."""
 
 
-class ColumnError(ValueError):
+class ColumnError(UserError):
     """A column map that maps nothing; the message says how one looks."""
 
 

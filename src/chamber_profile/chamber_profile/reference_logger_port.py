@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 
 import serial
+from imu_recording.user_error import UserError
 
 RETRY_S = 1.0
 
@@ -16,7 +17,7 @@ class ReferenceLoggerPort:
     def __init__(self, address: str, baudrate: int) -> None:
         scheme, _, rest = address.partition('://')
         if scheme not in ('serial', 'tcp') or not rest:
-            raise ValueError(
+            raise UserError(
                 f'port is {address!r}, expected serial:///dev/… or tcp://HOST:PORT'
             )
         self.complaint = 'not opened yet'

@@ -46,6 +46,7 @@ class Sequencer(StepCourse):
         self._resumed = progress is not None
         self._command = ''
         self._held = kinds.RUN  # the mode that HOLD_FAULT interrupts
+        self._programs_limits = True
         self._protected = False  # whether the chamber has our limits
 
     # What is going on -------------------------------------------------------------------------
@@ -55,9 +56,10 @@ class Sequencer(StepCourse):
         """Whether a run is under way: the chamber depends on us."""
         return self.progress.mode not in (kinds.IDLE, *kinds.FINISHED)
 
-    def use_resolution(self, resolution_c: float) -> None:
-        """Round set-points to what the protocol can express [K]."""
+    def suit(self, *, resolution_c: float, programs_limits: bool) -> None:
+        """Keep to what the protocol can express [K], and to whether it knows limits."""
         self._orders.writer = replace(self._orders.writer, resolution_c=resolution_c)
+        self._programs_limits = programs_limits
 
     @property
     def prompt(self) -> str:
@@ -144,9 +146,7 @@ class Sequencer(StepCourse):
             return self._enter(event, self.progress.step, mode=kinds.RUN)
         if not problems:
             self._protected = True
-            limits = self.profile.limits
-            note = self._note('limits', low_c=limits.air_min_c, high_c=limits.air_max_c)
-            return [*note, kinds.ProgramLimits(limits.air_min_c, limits.air_max_c)]
+            return self._protect()
         self._protected = False
         if self._now - self._clock.since < CHECK_S * self._patience:
             return []
@@ -156,6 +156,18 @@ class Sequencer(StepCourse):
             return self._go_safe(reason)
         mode = kinds.IDLE if self._resumed else kinds.ABORTED
         return self._note('check_failed', mode=mode, reason=reason)
+
+    def _protect(self) -> list[Action]:
+        """Program the profile's limits into the chamber, or say that they are not there."""
+        low, high = self.profile.limits.air_min_c, self.profile.limits.air_max_c
+        if self._programs_limits:
+            note = self._note('limits', low_c=low, high_c=high, programmed=True)
+            return [*note, kinds.ProgramLimits(low, high)]
+        warning = (
+            f'this protocol programs no limits: set {low:g} … {high:g} °C at the chamber; '
+            'until then only this program watches over them'
+        )
+        return self._note('limits', low_c=low, high_c=high, programmed=False, warning=warning)
 
     # Faults and the safe state ----------------------------------------------------------------
 
@@ -212,7 +224,6 @@ class Sequencer(StepCourse):
         if mode != kinds.SAFE:
             actions += self._orders.keep_running(self._now, readings)
         return actions
-
 
 
 def _over(reason: str) -> dict[str, str]:

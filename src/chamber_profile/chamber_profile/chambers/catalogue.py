@@ -5,11 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
+from importlib.util import find_spec
 from urllib.parse import parse_qsl, urlsplit
+
+from imu_recording.user_error import UserError
 
 from chamber_profile.chambers.chamber import Chamber
 from chamber_profile.chambers.espec import EspecChamber
 from chamber_profile.chambers.line import TIMEOUT_S, Line
+from chamber_profile.chambers.modbus_line import ModbusLine, PymodbusLine
 from chamber_profile.chambers.simulated_chamber import SimulatedChamber
 from chamber_profile.chambers.votsch import Ascii2Chamber, Layout, SimservChamber
 from chamber_profile.chambers.watlow_f4 import RTU_PAUSE_S, WatlowF4Chamber
@@ -26,14 +30,17 @@ def _make_ascii2(line: Line, options: Mapping[str, int]) -> Chamber:
 
 
 def _make_watlow(line: Line, options: Mapping[str, int]) -> Chamber:
-    if not options['tcp']:
+    tcp = bool(options['tcp'])
+    if not tcp:
         line.pause_s = RTU_PAUSE_S
-    return WatlowF4Chamber(
-        line,
-        options.get('address', 1),
-        tcp=bool(options['tcp']),
-        cond_event=options.get('cond_event', 1),
-    )
+    if options.get('pymodbus') and find_spec('pymodbus') is None:
+        raise ChamberAddressError(
+            'chamber option pymodbus: it is not installed; pip install chamber_profile[pymodbus], '
+            'or leave the option out: the same frames are then made without it'
+        )
+    kind = PymodbusLine if options.get('pymodbus') else ModbusLine
+    registers = kind(line, options.get('address', 1), tcp=tcp)
+    return WatlowF4Chamber(registers, cond_event=options.get('cond_event', 1))
 
 
 CHAMBERS: dict[str, MakeChamber] = {
@@ -47,17 +54,15 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     'espec': ('address',),
     'ascii2': ('address', *Layout.__dataclass_fields__),
     'simserv': ('address',),
-    'watlow_f4': ('address', 'cond_event'),
+    'watlow_f4': ('address', 'cond_event', 'pymodbus'),
 }
 """Protocol → whole-number options of its address, beside `baudrate` and `timeout`."""
 BAUDRATES = {'espec': 19200, 'ascii2': 9600, 'simserv': 19200, 'watlow_f4': 19200}
 
-EXAMPLES = (
-    'simulated, espec+tcp://192.168.0.5:10001, watlow_f4+serial:///dev/ttyUSB0?address=1'
-)
+EXAMPLES = 'simulated, espec+tcp://192.168.0.5:10001, watlow_f4+serial:///dev/ttyUSB0?address=1'
 
 
-class ChamberAddressError(ValueError):
+class ChamberAddressError(UserError):
     """A `chamber` parameter that names no chamber; the message says what would."""
 
 

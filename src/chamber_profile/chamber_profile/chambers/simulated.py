@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from imu_recording.recording import PHASES, FloatArray, IntArray
+from imu_recording.user_error import UserError
 
 from chamber_profile.actions import carry_out, readings_of
 from chamber_profile.chambers import climate as physics
@@ -56,7 +57,7 @@ def simulate_chamber(profile: Profile, *, seed: int, period_s: float = 1.0) -> C
     """
     period = int(period_s)
     if period < 1 or period != period_s:
-        raise ValueError(f'period_s is {period_s:g}, expected a whole number of seconds')
+        raise UserError(f'period_s is {period_s:g}, expected a whole number of seconds')
     chamber = SimulatedChamber(seed=seed)
     sequencer = Sequencer(replace(profile, orientations=()), chamber.resolution_c)
     notes: list[Note] = []
@@ -80,7 +81,7 @@ def simulate_chamber(profile: Profile, *, seed: int, period_s: float = 1.0) -> C
             chamber.advance(1.0)
         time += TICK_S
     if sequencer.progress.mode != DONE:
-        raise ValueError(f'the simulated chamber cannot run {profile.name}: {notes[-1].progress}')
+        raise UserError(f'the simulated chamber cannot run {profile.name}: {notes[-1].progress}')
     return _run(rows)
 
 

@@ -7,6 +7,8 @@ import math
 import re
 from dataclasses import dataclass
 
+from imu_recording.user_error import UserError
+
 from chamber_profile.emulation.body import EmulatedBody
 
 FAULTS = {
@@ -48,7 +50,7 @@ def parse_fault(text: str) -> Fault:
     """
     match = _PATTERN.match(text.replace('-', '_'))
     if not match or match[1] not in FAULTS:
-        raise ValueError(f'--fault {text}: expected NAME@SECONDS, NAME one of {", ".join(FAULTS)}')
+        raise UserError(f'--fault {text}: expected NAME@SECONDS, NAME one of {", ".join(FAULTS)}')
     name, start, duration = match.groups()
     default = DISCONNECT_S if name == 'disconnect' else math.inf
     return Fault(name, float(start), float(duration) if duration else default)

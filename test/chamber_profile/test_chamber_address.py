@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Addresses of chambers, faults of emulators: what is wrong is named, with what would be right."""
+
+import pytest
+from chamber_profile.chambers.catalogue import ChamberAddressError, open_chamber
+from chamber_profile.chambers.chamber import ChamberError
+from chamber_profile.emulation.faults import Fault, parse_fault
+
+
+@pytest.mark.parametrize(
+    ('address', 'words'),
+    [
+        ('coffee+tcp://localhost:1', 'protocols: simulated, ascii2, espec, simserv, watlow_f4'),
+        ('espec', 'write e.g.'),
+        ('espec+tcp://localhost', 'tcp://HOST:PORT'),
+        ('espec+tcp://localhost:99999', '99999'),
+        ('espec+serial://ttyUSB0', 'serial:///dev'),
+        ('espec+tcp://h:1?baud=3', "option 'baud'; known: baudrate, timeout, address"),
+        ('espec+tcp://h:1?address=x', 'no whole number'),
+        ('simulated?seed=x', 'no whole number'),
+    ],
+)
+def test_an_address_that_names_no_chamber_says_what_would(address: str, words: str) -> None:
+    with pytest.raises(ChamberAddressError) as caught:
+        open_chamber(address)
+    assert words in str(caught.value)
+
+
+def test_address_options_reach_the_driver() -> None:
+    chamber = open_chamber('espec+serial:///dev/ttyUSB7?address=3&baudrate=9600')
+    assert chamber._prefix == '3,'
+    assert chamber._line.baudrate == 9600
+    assert chamber._line.port == '/dev/ttyUSB7'
+    with pytest.raises(ChamberError, match='ttyUSB7'):
+        chamber.connect()
+
+
+@pytest.mark.parametrize('text', ['silence', 'coffee@3', 'silence@', 'silence@-3', 'silence@3+'])
+def test_a_fault_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match='NAME@SECONDS'):
+        parse_fault(text)
+
+
+def test_faults_last_until_the_end_unless_told_otherwise() -> None:
+    assert parse_fault('garbage@3') == Fault('garbage', 3.0)
+    assert parse_fault('half-line@3+4') == Fault('half_line', 3.0, 4.0)
