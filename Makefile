@@ -2,7 +2,7 @@
 # Every target does all its own set-up.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint clean
+.PHONY: help setup demo test test-web lint clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -17,6 +17,10 @@ demo: ## Simulate, fit, compare; writes demo/report.html and demo/report.json
 test: ## Run every test
 	@tools/setup_workspace.sh requirements-dev.txt
 	@. ./env.sh && export ROS_PYTHON_CHECK_FIELDS=1 && python -m pytest $(PYTEST_ARGS)
+
+test-web: ## Test the web page in headless Chromium (apt install chromium)
+	@tools/setup_workspace.sh requirements-dev.txt requirements-web.txt
+	@. ./env.sh && python -m pytest test/web -o python_files='*_in_browser.py' $(PYTEST_ARGS)
 
 lint: ## ruff and mypy
 	@tools/setup_workspace.sh requirements-dev.txt

@@ -13,8 +13,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
+from imu_recording.user_error import UserError
+
 from imu_workbench.answer import Answer, write_json
 from imu_workbench.commands import COMMANDS, INTERNAL
+from imu_workbench.error_line import error_line
 from imu_workbench.progress import show_progress
 
 
@@ -66,9 +69,11 @@ def main(argv: list[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (ValueError, OSError) as error:
+    except (UserError, OSError) as error:
         show_progress('')
-        sys.stderr.write(f'{options.verb}: {_one_line(error)}\n')
+        if not is_users(error):
+            raise
+        sys.stderr.write(f'{options.verb}: {error_line(error)}\n')
         return 2
     except KeyboardInterrupt:
         show_progress('')
@@ -78,7 +83,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _answer(options: argparse.Namespace) -> int:
     if options.json and not options.json.parent.is_dir():
-        raise ValueError(f'--json {options.json}: there is no folder {options.json.parent}')
+        raise UserError(f'--json {options.json}: there is no folder {options.json.parent}')
     answer: Answer = options.run(options)
     show_progress('')
     if options.json:
@@ -89,12 +94,14 @@ def _answer(options: argparse.Namespace) -> int:
     return answer.exit_code
 
 
-def _one_line(error: Exception) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        text = f'{error.filename}: {error.strerror}' if error.filename else error.strerror
-    else:
-        text = str(error) or type(error).__name__
-    return ' '.join(text.split())
+def is_users(error: Exception) -> bool:
+    """Tell whether an error is the user's to mend: their input, or a file, folder, port of theirs.
+
+    A file of the package itself that cannot be opened is a bug.
+    """
+    name = getattr(error, 'filename', None)
+    own = Path(__file__).resolve().parents[1]
+    return not (isinstance(name, str) and Path(name).resolve().is_relative_to(own))
 
 
 def run_verb() -> int:

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may talk to the server: this machine alone, or whoever holds the token."""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+from http.cookies import SimpleCookie
+from typing import Any
+from urllib.parse import parse_qs
+
+COOKIE = 'imu_workbench_token'
+LOCAL_NAMES = ('localhost', '127.0.0.1', '::1')
+REFUSED_TOKEN = (
+    b'<!doctype html><meta charset="utf-8"><title>IMU workbench</title>'
+    b'<p>This server asks for its token: open the address with ?token= that it printed at its '
+    b'start.</p>'
+)
+REFUSED_HOST = b'<!doctype html><p>This server answers to localhost only.</p>'
+
+
+def is_local(host: str) -> bool:
+    """Tell whether an address to bind is this machine's own.
+
+    >>> is_local('127.0.0.1'), is_local('localhost'), is_local('0.0.0.0')
+    (True, True, False)
+    """
+    try:
+        return host == 'localhost' or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+class AccessCheck:
+    """ASGI middleware over pages and web sockets alike.
+
+    Without a token only requests that name this machine pass, so that a foreign web page whose
+    name resolves to it does not. With a token, the first request carries it and gets a cookie.
+    """
+
+    def __init__(self, app: Any, token: str = '') -> None:
+        self._app, self._token = app, token
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """Pass a request on, or refuse it."""
+        if scope['type'] not in ('http', 'websocket'):
+            await self._app(scope, receive, send)
+            return
+        headers = {key.decode('latin-1').lower(): value for key, value in scope['headers']}
+        if not self._token:
+            if host_of(headers.get('host', b'').decode('latin-1')) in LOCAL_NAMES:
+                await self._app(scope, receive, send)
+            else:
+                await refuse(scope, send, REFUSED_HOST)
+            return
+        query = parse_qs(scope.get('query_string', b'').decode('latin-1'))
+        given = query.get('token', [''])[0]
+        if self._matches(given):
+            await self._app(scope, receive, with_cookie(send, given))
+        elif self._matches(token_in(headers.get('cookie', b'').decode('latin-1'))):
+            await self._app(scope, receive, send)
+        else:
+            await refuse(scope, send, REFUSED_TOKEN)
+
+    def _matches(self, given: str) -> bool:
+        return hmac.compare_digest(given.encode(), self._token.encode())
+
+
+def host_of(header: str) -> str:
+    """Return the host of a Host header without its port.
+
+    >>> host_of('localhost:8080'), host_of('[::1]:8080'), host_of('127.0.0.1')
+    ('localhost', '::1', '127.0.0.1')
+    """
+    if header.startswith('['):
+        return header[1:].partition(']')[0]
+    return header.partition(':')[0].lower()
+
+
+def token_in(header: str) -> str:
+    """Return the token of a Cookie header, '' without one."""
+    cookie = SimpleCookie(header).get(COOKIE)
+    return cookie.value if cookie else ''
+
+
+def with_cookie(send: Any, token: str) -> Any:
+    """Return `send` that also hands out the cookie."""
+
+    async def sending(message: Any) -> None:
+        if message['type'] == 'http.response.start':
+            value = f'{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/'.encode()
+            message = {**message, 'headers': [*message['headers'], (b'set-cookie', value)]}
+        await send(message)
+
+    return sending
+
+
+async def refuse(scope: Any, send: Any, body: bytes) -> None:
+    """Answer 403, or close the web socket."""
+    if scope['type'] == 'websocket':
+        await send({'type': 'websocket.close', 'code': 4403})
+        return
+    headers = [(b'content-type', b'text/html; charset=utf-8')]
+    await send({'type': 'http.response.start', 'status': 403, 'headers': headers})
+    await send({'type': 'http.response.body', 'body': body})

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The folder a server opens bags from, and nothing above it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+SUFFIXES = ('.mcap', '.db3', '.bag')
+"""Storage files of a bag."""
+DEEPEST = 4
+"""Folders below the root that are searched."""
+
+
+class RootError(ValueError):
+    """A path the server does not open; the message says what it would open."""
+
+
+@dataclass(frozen=True)
+class BagRoot:
+    """A resolved folder."""
+
+    folder: Path
+
+    @classmethod
+    def of(cls, bags: Sequence[Path], folder: Path | None = None) -> BagRoot:
+        """Return the given root, else the nearest folder above all bags, else the current one."""
+        if folder is not None:
+            if not folder.is_dir():
+                raise RootError(f'--root {folder}: no such folder')
+            return cls(folder.resolve())
+        parents = [str(bag.resolve().parent) for bag in bags]
+        return cls(Path(os.path.commonpath(parents)) if parents else Path.cwd().resolve())
+
+    def locate(self, text: str | Path) -> Path:
+        """Return a path below the root, links resolved; relative ones start at the root."""
+        path = (self.folder / Path(text).expanduser()).resolve()
+        if not path.is_relative_to(self.folder):
+            raise RootError(
+                f'{text}: outside {self.folder}; copy it there, or start the server with a --root '
+                'that holds it'
+            )
+        if not path.exists():
+            raise RootError(f'{text}: no such file or folder below {self.folder}')
+        return path
+
+    def name_of(self, path: Path) -> str:
+        """Return a path as shown: relative to the root."""
+        return str(path.relative_to(self.folder)) if path != self.folder else path.name
+
+    def bags(self) -> list[Path]:
+        """Return the bags below the root: folders with metadata.yaml, and storage files."""
+        found: list[Path] = []
+        self._search(self.folder, DEEPEST, found)
+        return sorted(found)
+
+    def _search(self, folder: Path, depth: int, found: list[Path]) -> None:
+        try:
+            entries = sorted(folder.iterdir())
+        except OSError:
+            return
+        if any(entry.name == 'metadata.yaml' for entry in entries):
+            found.append(folder)
+            return
+        for entry in entries:
+            if entry.name.startswith('.') or entry.is_symlink():
+                continue
+            if entry.is_dir() and depth:
+                self._search(entry, depth - 1, found)
+            elif entry.suffix in SUFFIXES:
+                found.append(entry)

@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compare: the model against the measurement, and where it fails."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+from nicegui import ui
+
+from imu_workbench.report.panels import Figure
+from imu_workbench.web.figure_failure import FailureMap, failure_figure, failure_map
+from imu_workbench.web.figure_noise import allan_figure, spectrum_figure
+from imu_workbench.web.figure_scatter import phase_figure, rate_figure, temperature_figure
+from imu_workbench.web.figure_time import time_figure, time_lines
+from imu_workbench.web.plot import Look, figure_card
+from imu_workbench.web.session import Session
+from imu_workbench.web.view import Place
+
+WORST = 6
+"""Places offered as buttons."""
+
+
+class ComparePage:
+    """The plots of one sensor and axis; all follow the chosen place."""
+
+    def __init__(self, session: Session, look: Look, go_to: Callable[[Place | None], Any]) -> None:
+        self._session, self._look, self._go_to = session, look, go_to
+        self._map: FailureMap | None = None
+        self._drawn = 0
+        with ui.element('div').classes('grid-compare'):
+            with ui.element('div').classes('stack wide'):
+                self._time = figure_card(
+                    look, 'Measured, modelled and what is left',
+                    'Error and temperature over time, residual below',
+                )  # fmt: skip
+                self._where = figure_card(
+                    look, 'Where it fails: residual in units of the noise floor',
+                    'Residual by phase, cycle and run in units of the noise floor',
+                )  # fmt: skip
+            with ui.element('div').classes('stack'):
+                with ui.element('section').classes('card'):
+                    ui.html('<h2>Worst places</h2>', sanitize=False)
+                    self._places = ui.element('div').classes('places')
+                self._temperature = figure_card(
+                    look, 'Residual against temperature',
+                    'Residual against die temperature by branch and cycle',
+                )  # fmt: skip
+                self._rate = figure_card(
+                    look, 'Residual against rate', 'Residual against the die temperature rate'
+                )
+            self._phase = figure_card(
+                look, 'Residual by phase', 'Mean and spread of the residual per phase and cycle'
+            )
+            self._spectrum = figure_card(
+                look, 'Spectrum of the residual', 'Amplitude density of the residual'
+            )
+            self._allan = figure_card(
+                look, 'Allan deviation', 'Allan deviation of samples and residual'
+            )
+        self._where.on('plotly_click', self._on_cell)
+        self._time.on('plotly_relayout', self._on_zoom)
+
+    @property
+    def plots(self) -> list[Any]:
+        """Every plot of the page."""
+        return [
+            self._time, self._where, self._temperature, self._rate, self._phase, self._spectrum,
+            self._allan,
+        ]  # fmt: skip
+
+    async def refresh(self) -> None:
+        """Draw everything anew."""
+        self._drawn += 1
+        mine = self._drawn
+        state = self._session.state
+        if state is None:
+            for plot in self.plots:
+                plot.show(None)
+            self._places.clear()
+            return
+        figures, found = await asyncio.to_thread(self._figures)
+        if mine != self._drawn:
+            return
+        self._map = found
+        for plot, figure in zip(self.plots, figures, strict=True):
+            plot.show(figure)
+        self._show_places()
+
+    def repaint(self) -> None:
+        """Draw everything in the present look."""
+        for plot in self.plots:
+            plot.repaint()
+
+    def _figures(self) -> tuple[list[Figure | None], FailureMap | None]:
+        state, view = self._session.state, self._session.view
+        if state is None:
+            return [None] * 7, None
+        version, bags = state.version, state.bags
+        time = time_figure(bags, version, view, state.earlier_version)
+        if version is None:
+            return [time, *[None] * 6], None
+        found = failure_map(version, view)
+        return [
+            time,
+            failure_figure(found, view),
+            temperature_figure(version, view),
+            rate_figure(version, view),
+            phase_figure(version, view) if found.by_phase else None,
+            spectrum_figure(version, view),
+            allan_figure(version, view, bags),
+        ], found
+
+    def _show_places(self) -> None:
+        self._places.clear()
+        if self._map is None:
+            return
+        chosen = self._session.view.place
+        with self._places:
+            for place, ratio in self._map.worst(WORST):
+                on = place == chosen
+                button = ui.element('button').classes('place on' if on else 'place')
+                button.props(f'type=button aria-pressed={"true" if on else "false"}')
+                button.on('click', lambda _, place=place: self._go_to(place))
+                with button:
+                    ui.label(str(place))
+                    ui.label(f'{ratio:.1f} ×').classes('number')
+            if chosen is not None:
+                button = ui.element('button').classes('place').props('type=button')
+                button.on('click', lambda _: self._go_to(None))
+                with button:
+                    ui.label('Show everything')
+
+    async def _on_cell(self, event: Any) -> None:
+        point = (event.args.get('points') or [{}])[0]
+        if self._map is None or 'x' not in point:
+            return
+        place = self._map.places[int(point['y'])][int(point['x'])]
+        if place is not None:
+            await self._go_to(place)
+
+    async def _on_zoom(self, event: Any) -> None:
+        state, window = self._session.state, window_of(event.args)
+        if state is None or window == ():
+            return
+        shown = (window[0], window[1]) if window else None
+        view, version, earlier = self._session.view, state.version, state.earlier_version
+        self._drawn += 1
+        mine = self._drawn
+        lines = await asyncio.to_thread(time_lines, state.bags, version, view, shown, earlier)
+        if mine == self._drawn:
+            self._time.replace_lines(lines)
+
+
+def window_of(change: dict[str, Any]) -> tuple[float, ...] | None:
+    """Return the new range of the time axis; () where it has not changed, None for everything.
+
+    >>> window_of({'xaxis.range[0]': 1, 'xaxis.range[1]': 2.5})
+    (1.0, 2.5)
+    >>> window_of({'xaxis.autorange': True}) is None, window_of({'yaxis.range[0]': 1})
+    (True, ())
+    """
+    for axis in ('xaxis', 'xaxis3'):
+        if f'{axis}.range[0]' in change and f'{axis}.range[1]' in change:
+            return float(change[f'{axis}.range[0]']), float(change[f'{axis}.range[1]'])
+        if f'{axis}.range' in change:
+            return float(change[f'{axis}.range'][0]), float(change[f'{axis}.range'][1])
+        if change.get(f'{axis}.autorange'):
+            return None
+    return ()

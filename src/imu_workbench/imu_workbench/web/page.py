@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page: bar, tiles, tabs; it connects what the user does with what is drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from nicegui import ui
+
+from imu_workbench.web.add_page import AddActions, AddPage
+from imu_workbench.web.channel_tiles import ChannelTiles
+from imu_workbench.web.compare_page import ComparePage
+from imu_workbench.web.job import Job
+from imu_workbench.web.learn_page import LearnActions, LearnPage
+from imu_workbench.web.library import Library
+from imu_workbench.web.messages import Messages, Work
+from imu_workbench.web.open_dialog import OpenDialog
+from imu_workbench.web.plot import Look
+from imu_workbench.web.view import Place
+from imu_workbench.web.workbench_tab import Display, WorkbenchTab
+
+PHONE = 640
+"""Width [px] below which figures stand below each other."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """What every tab opens with."""
+
+    bags: tuple[Path, ...] = ()
+    model_text: str | None = None
+
+
+class Page:
+    """Builds one tab and keeps it up to date."""
+
+    def __init__(self, library: Library, start: Start) -> None:
+        self._start = start
+        self._look = Look()
+        self._dark = ui.dark_mode(None)
+        self._tab = WorkbenchTab(library, Display(self._started, self._ended, self._say))
+        self._build()
+
+    def _started(self, job: Job) -> None:
+        self._work.start(job)
+
+    def _ended(self, job: Job) -> None:
+        self._work.end(job)
+
+    def _say(self, text: str) -> None:
+        self._messages.say(text)
+
+    def _build(self) -> None:
+        session = self._tab.session
+        self._dialog = OpenDialog(self._tab.library.root, self.open_bags)
+        with ui.element('header').classes('bar'):
+            ui.html('<h1>IMU workbench</h1>', sanitize=False)
+            self._device = ui.select(
+                [], label='Device', on_change=lambda event: self._choose_device(event.value)
+            )
+            self._device.props('dense outlined options-dense').classes('device')
+            ui.button('Open bags', on_click=self._dialog.show).props('no-caps outline')
+            self._told = ui.label('').classes('soft told')
+            theme = ui.button('Light / dark', on_click=self._switch_theme)
+            theme.props('no-caps flat aria-label="switch between light and dark"')
+        with (
+            ui.tabs(on_change=self.refresh)
+            .classes('tabs')
+            .props('no-caps align=left dense') as self._tabs
+        ):
+            for name in ('Compare', 'Learn', 'Add', 'Live'):
+                ui.tab(name)
+        self._messages = Messages()
+        self._work = Work()
+        with ui.element('main'):
+            self._tiles = ChannelTiles(session, self._choose_channel)
+            with ui.tab_panels(self._tabs, value='Compare', animated=False).classes('panels'):
+                with ui.tab_panel('Compare'):
+                    self._compare = ComparePage(session, self._look, self.go_to)
+                with ui.tab_panel('Learn'):
+                    actions = LearnActions(
+                        self._diagnose, self._add, self._tab.fingerprint, self._tab.next_profile
+                    )
+                    self._learn = LearnPage(session, self._look, self._tab.catalogue, actions)
+                with ui.tab_panel('Add'):
+                    self._grow = AddPage(
+                        session, self._look, self._tab.catalogue, self._add_actions()
+                    )
+                with ui.tab_panel('Live') as self._live:
+                    self._live_built = False
+        ui.context.client.on_delete(self._work.cancel_all)
+        ui.timer(0.0, self._begin, once=True)
+
+    def _add_actions(self) -> AddActions:
+        return AddActions(
+            add=self._add,
+            remove=self._remove,
+            undo=self._undo,
+            show_version=self._show_version,
+            compare_with=self._compare_with,
+            save_model=self._save_model,
+            save_report=self._save_report,
+            load_model=self._load_model,
+            load_effects=self._load_effects,
+        )
+
+    async def _begin(self) -> None:
+        await ui.context.client.connected()
+        dark, width = await ui.run_javascript(
+            "[matchMedia('(prefers-color-scheme: dark)').matches, window.innerWidth]"
+        )
+        self._look.dark, self._look.narrow = bool(dark), int(width) < PHONE
+        if self._start.bags:
+            await self.open_bags([str(bag) for bag in self._start.bags])
+        else:
+            await self.refresh()
+            await self._dialog.show()
+
+    async def open_bags(self, paths: list[str]) -> None:
+        """Open bags and compare the first device's with its model."""
+        if await self._tab.open_bags(paths):
+            self._device.set_options(list(self._tab.session.devices))
+            self._device.set_value(self._tab.session.device)
+            await self._show_device()
+
+    async def _choose_device(self, name: str) -> None:
+        if name and name != self._tab.session.device:
+            self._tab.session.device = name
+            await self._show_device()
+
+    async def _show_device(self) -> None:
+        session, state = self._tab.session, self._tab.session.state
+        session.look_at(place=None)
+        if state is not None and not state.versions:
+            await self.refresh()
+            await self._tab.first_version(self._start.model_text)
+        await self.refresh()
+
+    async def _choose_channel(self, sensor: str, axis: int) -> None:
+        self._tab.session.look_at(sensor=sensor, axis=axis)
+        await self.refresh()
+
+    async def go_to(self, place: Place | None) -> None:
+        """Let every plot show a place."""
+        self._tab.session.go_to(place)
+        await self.refresh()
+
+    async def refresh(self) -> None:
+        """Draw what is on the screen."""
+        state = self._tab.session.state
+        self._tiles.refresh()
+        samples = sum(bag.samples for bag in state.bags) if state else 0
+        self._told.set_text(
+            f'{len(state.bags)} runs, {samples:,} samples'.replace(',', ' ') if state else ''
+        )
+        shown = self._tabs.value
+        if shown == 'Live':
+            self._show_live()
+        elif shown == 'Learn':
+            await self._learn.refresh()
+        elif shown == 'Add':
+            await self._grow.refresh()
+        else:
+            await self._compare.refresh()
+
+    def _show_live(self) -> None:
+        if self._live_built:
+            return
+        self._live_built = True
+        with self._live:
+            from imu_workbench.web.live_page import build_live
+
+            build_live(self._live, dark=lambda: self._look.dark)
+
+    async def _switch_theme(self) -> None:
+        self._look.dark = not self._look.dark
+        self._dark.set_value(self._look.dark)
+        for page in (self._compare, self._learn, self._grow):
+            page.repaint()
+
+    async def _diagnose(self) -> None:
+        if await self._tab.diagnose():
+            await self.refresh()
+
+    async def _add(self, effect: str, sensors: list[str]) -> None:
+        await self._tab.add(effect, sensors)
+        await self.refresh()
+
+    async def _remove(self, effect: str, sensors: list[str]) -> None:
+        await self._tab.remove(effect, sensors)
+        await self.refresh()
+
+    async def _undo(self) -> None:
+        if self._tab.session.state:
+            self._tab.session.state.undo()
+            await self.refresh()
+
+    async def _show_version(self, number: int) -> None:
+        state = self._tab.session.state
+        if state and number != state.current:
+            state.current = number
+            await self.refresh()
+
+    async def _compare_with(self, number: int | None) -> None:
+        if self._tab.session.state:
+            self._tab.session.state.earlier = number
+            await self.refresh()
+
+    def _save_model(self) -> None:
+        session = self._tab.session
+        if session.version:
+            ui.download.content(session.version.model_text, f'{session.device}.yaml')
+
+    async def _save_report(self) -> None:
+        path = await self._tab.report()
+        if path is not None:
+            ui.download.file(path, f'{self._tab.session.device}.html')
+
+    async def _load_model(self, name: str, content: bytes) -> None:
+        try:
+            text = content.decode('utf-8')
+        except UnicodeDecodeError:
+            self._messages.say(f'{name}: not a text file; a model file is YAML')
+            return
+        await self._tab.first_version(text)
+        await self.refresh()
+
+    async def _load_effects(self, name: str, content: bytes) -> None:
+        if await self._tab.load_effects(name, content):
+            self._messages.say(f'{Path(name).name}: its effects are in the list now', 'info')
+            await self._tab_refit()
+        await self.refresh()
+
+    async def _tab_refit(self) -> Any:
+        state = self._tab.session.state
+        if state is not None and not state.versions:
+            return await self._tab.first_version(self._start.model_text)
+        return None

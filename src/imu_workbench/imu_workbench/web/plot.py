@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A Plotly figure on a page: the theme's colours, the phone's layout, a name to read out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from nicegui import ui
+
+from imu_workbench.report.palette import painted
+from imu_workbench.report.panels import Figure
+
+CONFIG = {
+    'displaylogo': False,
+    'responsive': True,
+    'modeBarButtonsToRemove': ['select2d', 'lasso2d', 'autoScale2d'],
+    'toImageButtonOptions': {'format': 'svg'},
+}
+
+
+@dataclass
+class Look:
+    """How figures are shown in one tab."""
+
+    dark: bool = False
+    narrow: bool = False
+
+    @property
+    def theme(self) -> str:
+        """Key of the palette."""
+        return 'dark' if self.dark else 'light'
+
+
+def options_of(figure: Figure, look: Look) -> dict[str, Any]:
+    """Return what plotly.js draws: data, layout, config."""
+    layout = dict(figure['layout'])
+    if look.narrow:
+        for key, change in figure['narrow'].items():
+            before = layout.get(key)
+            nested = isinstance(change, dict) and isinstance(before, dict)
+            layout[key] = dict(before or {}) | change if nested else change
+        layout['dragmode'] = False
+    for key, axis in layout.items():
+        if key.startswith(('xaxis', 'yaxis')) and 'title' in axis:
+            font = {'size': 12, **axis['title'].get('font', {})}
+            layout[key] = {**axis, 'title': {**axis['title'], 'font': font}}
+    layout['legend'] = {**layout.get('legend', {}), 'font': {'size': 11.5}, 'itemwidth': 30}
+    options = {'data': figure['data'], 'layout': layout, 'config': CONFIG}
+    result: dict[str, Any] = painted(options, look.theme)
+    return result
+
+
+class Plot:
+    """One figure; it is drawn again where the theme changes."""
+
+    def __init__(self, look: Look, label: str) -> None:
+        self._look, self._label = look, label
+        self._figure: Figure | None = None
+        self._place = ui.element('div')
+        self._element: ui.plotly | None = None
+        self._handlers: list[tuple[str, Callable[..., Any]]] = []
+
+    def show(self, figure: Figure | None) -> None:
+        """Draw a figure; None leaves the place empty."""
+        self._figure = figure
+        if figure is None:
+            self._place.clear()
+            self._element = None
+            return
+        options = options_of(figure, self._look)
+        if self._element is not None:
+            self._element.update_figure(options)
+            return
+        with self._place:
+            self._element = ui.plotly(options).classes('plot')
+        self._element.props(f'role=img aria-label="{self._label}"')
+        for event, handler in self._handlers:
+            self._element.on(event, handler)
+
+    def repaint(self) -> None:
+        """Draw the same figure in the present look."""
+        if self._figure is not None:
+            self.show(self._figure)
+
+    def on(self, event: str, handler: Callable[..., Any]) -> None:
+        """Call the handler on a plotly event."""
+        self._handlers.append((event, handler))
+
+    def replace_lines(self, lines: dict[str, dict[str, Any]]) -> None:
+        """Put other points into the traces, in order, where the figure stands."""
+        if self._figure is None or self._element is None:
+            return
+        for trace, line in zip(self._figure['data'], lines.values(), strict=True):
+            trace.update(line)
+        change = {
+            'x': [line['x'] for line in lines.values()],
+            'y': [line['y'] for line in lines.values()],
+        }
+        self._element.run_plot_method('restyle', change, list(range(len(lines))))
+
+
+def figure_card(look: Look, title: str, label: str, classes: str = '') -> Plot:
+    """Return a plot in a card with a heading."""
+    with ui.element('section').classes(f'card {classes}'):
+        ui.html(f'<h2>{title}</h2>', sanitize=False)
+        return Plot(look, label)

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The server of the page."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Thread
+
+import uvicorn
+from fastapi import FastAPI
+from nicegui import app as nicegui_app
+from nicegui import ui
+
+from imu_workbench.web.access import AccessCheck
+from imu_workbench.web.bag_root import BagRoot
+from imu_workbench.web.job import warm_up
+from imu_workbench.web.library import Library
+from imu_workbench.web.page import Page, Start
+
+RECONNECT_S = 30.0
+"""A tab that lost the server keeps its state so long."""
+
+
+class PortError(ValueError):
+    """An address that cannot be bound."""
+
+
+def bind(host: str, port: int) -> socket.socket:
+    """Return a listening socket; raise PortError that says what to do."""
+    family = socket.AF_INET6 if ':' in host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((host, port))
+        listening.listen(128)
+    except (OSError, OverflowError) as error:
+        listening.close()
+        reason = getattr(error, 'strerror', None) or str(error)
+        raise PortError(
+            f'--host {host} --port {port}: {reason}; choose another with --port, or stop the '
+            'program that has it'
+        ) from None
+    return listening
+
+
+def run_server(
+    listening: socket.socket,
+    root: BagRoot,
+    start: Start,
+    *,
+    token: str = '',
+    ready: Callable[[], None] = lambda: None,
+) -> None:
+    """Serve until interrupted."""
+    with TemporaryDirectory(prefix='imu_workbench_') as folder:
+        library = Library(root, Path(folder))
+        outer = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+        outer.add_middleware(AccessCheck, token=token)
+        here = files('imu_workbench') / 'web'
+        look = (here / 'theme.css').read_text('utf-8')
+        script = (here / 'hidden_plots.js').read_text('utf-8')
+
+        @ui.page('/', response_timeout=30.0)
+        def _page() -> None:
+            ui.add_css(look)
+            ui.add_head_html(f'<script>{script}</script>')
+            ui.query('.nicegui-content').classes('content')
+            Page(library, start)
+
+        nicegui_app.on_startup(ready)
+        ui.run_with(
+            outer,
+            title='IMU workbench',
+            favicon='📈',
+            dark=None,
+            language='en-US',
+            reconnect_timeout=RECONNECT_S,
+            show_welcome_message=False,
+        )
+        Thread(target=warm_up, daemon=True).start()
+        settings = uvicorn.Config(outer, log_level='warning', lifespan='on')
+        uvicorn.Server(settings).run(sockets=[listening])

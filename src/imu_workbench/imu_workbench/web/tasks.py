@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What runs in worker processes: read, fit, compare, diagnose, add, remove.
+
+Every task takes `progress` first and returns plain data; effects of users are loaded from their
+files again in each process.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from thermal_comp.compare import compare_prepared
+from thermal_comp.conditions import SENSORS, Sensor
+from thermal_comp.diagnose import Settings, diagnose, greyed_out
+from thermal_comp.diagnose_growth import add_effect
+from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.effects.user_effects import effect_catalogue
+from thermal_comp.fit import fit_prepared
+from thermal_comp.model import ModelError
+from thermal_comp.model_file import check_device
+from thermal_comp.preparation import prepare
+from thermal_comp.prepared_run import PreparedRun
+
+from imu_workbench.answer import plain
+from imu_workbench.commands.options import read_devices
+from imu_workbench.web.stored_bag import StoredBag, store_recording
+from imu_workbench.web.version import Version, make_version, model_from_text
+
+Progress = Callable[[str], None]
+
+
+def read_task(progress: Progress, path: Path, folder: Path) -> list[StoredBag]:
+    """Read a bag and store the recording of each of its devices in a folder below `folder`."""
+    progress(f'reading {path.name}')
+    stored = []
+    for number, recording in enumerate(read_devices(path, None, None, every_device=True)):
+        stored.append(store_recording(recording, folder / str(number)))
+    return stored
+
+
+def prepare_task(progress: Progress, bags: Sequence[StoredBag], target: Path) -> None:
+    """Prepare the runs of one device and keep them in a file."""
+    progress('taking 20 s means')
+    runs = prepare([bag.recording() for bag in bags])
+    with target.open('wb') as file:
+        pickle.dump(runs, file, protocol=5)
+
+
+def first_version_task(
+    progress: Progress,
+    bags: Sequence[StoredBag],
+    prepared: Path,
+    model_text: str | None,
+    effect_files: Sequence[Path],
+) -> tuple[Version, dict[str, str]]:
+    """Return the given model, else a line per axis, against the runs, and what is greyed out."""
+    catalogue = effect_catalogue(effect_files)
+    if not prepared.exists():
+        prepare_task(progress, bags, prepared)
+    runs = load_runs(prepared)
+    if model_text is None:
+        progress('fitting a line per axis')
+        model, label = fit_prepared([BiasTemperature()], runs), 'line per axis'
+    else:
+        model, label = model_from_text(model_text, catalogue), 'opened model'
+        if not model.pooled:
+            for run in runs:
+                check_device(model, run.device)
+    progress('comparing')
+    version = make_version(label, model, compare_prepared(model, runs), runs)
+    return version, greyed_out(runs, catalogue)
+
+
+def add_task(
+    progress: Progress,
+    prepared: Path,
+    model_text: str,
+    effect: str,
+    sensors: Sequence[Sensor],
+    effect_files: Sequence[Path],
+) -> Version:
+    """Return the model with an effect more, everything refitted."""
+    progress(f'adding {effect.replace("_", " ")}')
+    catalogue = effect_catalogue(effect_files)
+    runs = load_runs(prepared)
+    model = model_from_text(model_text, catalogue)
+    growth = add_effect(model, runs, effect, Settings(catalogue), sensors)
+    places = ', '.join(sensor for step in growth.steps for sensor in step.sensors)
+    label = f'+ {effect} ({places})'
+    return make_version(label, growth.model, growth.after, runs, growth.unneeded)
+
+
+def remove_task(
+    progress: Progress,
+    prepared: Path,
+    model_text: str,
+    effect: str,
+    sensors: Sequence[Sensor],
+    effect_files: Sequence[Path],
+) -> Version:
+    """Return the model without an effect, everything refitted."""
+    progress(f'removing {effect.replace("_", " ")}')
+    catalogue = effect_catalogue(effect_files)
+    runs = load_runs(prepared)
+    model = model_from_text(model_text, catalogue)
+    coupled = catalogue[effect].coupled
+    listed: dict[Sensor, tuple[Any, ...]] = {
+        sensor: tuple(
+            e
+            for e in model.sensors[sensor].effects
+            if not (e.name == effect and (coupled or not sensors or sensor in sensors))
+        )
+        for sensor in SENSORS
+        if sensor in model.sensors
+    }
+    if all(len(listed[s]) == len(model.sensors[s].effects) for s in listed):
+        raise ModelError(f'{effect} is not in the model of {", ".join(sensors) or "any sensor"}')
+    noise = {s: part.noise for s, part in model.sensors.items() if part.noise is not None}
+    fitted = fit_prepared(listed, runs, noise=noise)  # type: ignore[arg-type]
+    label = f'− {effect}' + (f' ({", ".join(sensors)})' if sensors else '')
+    grown = model.succeeded_by(fitted)
+    return make_version(label, grown, compare_prepared(fitted, runs), runs)
+
+
+def diagnose_task(
+    progress: Progress, bags: Sequence[StoredBag], model_text: str, effect_files: Sequence[Path]
+) -> dict[str, Any]:
+    """Return what `diagnose --json` writes."""
+    progress('diagnosing')
+    catalogue = effect_catalogue(effect_files)
+    model = model_from_text(model_text, catalogue)
+    found = diagnose([bag.recording() for bag in bags], model, catalogue=catalogue)
+    content: dict[str, Any] = plain(found.content())
+    return content
+
+
+def load_runs(prepared: Path) -> list[PreparedRun]:
+    """Return the runs that `prepare_task` kept."""
+    with prepared.open('rb') as file:
+        runs: list[PreparedRun] = pickle.load(file)  # noqa: S301 (written by this server)
+    return runs

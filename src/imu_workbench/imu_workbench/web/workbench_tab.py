@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One tab: its session, its work, and the pages it shows."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from thermal_comp.experiment_design import Limits
+
+from imu_workbench.web import tasks
+from imu_workbench.web.catalogue import Catalogue, effects_task
+from imu_workbench.web.fingerprint import Fingerprint, fingerprint_task
+from imu_workbench.web.job import Job, JobCancelled, JobError
+from imu_workbench.web.library import Library, file_key
+from imu_workbench.web.next_profile import next_profile_task
+from imu_workbench.web.report_task import report_task
+from imu_workbench.web.session import DeviceState, Session
+from imu_workbench.web.stored_bag import StoredBag, with_unique_runs
+
+
+@dataclass(frozen=True)
+class Display:
+    """How a tab shows work and messages."""
+
+    started: Callable[[Job], None]
+    ended: Callable[[Job], None]
+    say: Callable[[str], None]
+
+
+class WorkbenchTab:
+    """What a user can do; every act says on the page what went wrong and changes nothing then."""
+
+    def __init__(self, library: Library, display: Display) -> None:
+        self.library = library
+        self.session = Session()
+        self.catalogue = Catalogue()
+        self._display = display
+
+    async def open_bags(self, paths: Sequence[str | Path]) -> bool:
+        """Read bags and make their devices known; True where there are new ones."""
+        stored: list[StoredBag] = []
+        for found in await asyncio.gather(*(self._read(path) for path in paths)):
+            stored += found
+        known = {bag.folder for state in self.session.devices.values() for bag in state.bags}
+        stored = [bag for bag in stored if bag.folder not in known]
+        if not stored:
+            return False
+        for device in dict.fromkeys(bag.device for bag in stored):
+            before = self.session.devices.get(device)
+            bags = [*(before.bags if before else ()), *(b for b in stored if b.device == device)]
+            bags = with_unique_runs(bags)
+            prepared = self.library.prepared_path(bags)
+            self.session.devices[device] = DeviceState(device, bags, prepared)
+        self.session.device = self.session.device or stored[0].device
+        if self.session.device not in {bag.device for bag in stored}:
+            self.session.device = stored[0].device
+        return True
+
+    async def _read(self, path: str | Path) -> list[StoredBag]:
+        try:
+            located = self.library.root.locate(path)
+        except ValueError as error:
+            self._display.say(str(error))
+            return []
+        folder = self.library.fresh_path()
+        found = await self._do(file_key(located), tasks.read_task, located, folder)
+        return found or []
+
+    async def first_version(self, model_text: str | None = None) -> bool:
+        """Fit the line, or take the given model; True where there is a version now."""
+        state = self.session.state
+        if state is None:
+            return False
+        files = list(self.session.effect_files)
+        key = (str(state.prepared), model_text, tuple(files))
+        arguments = (state.bags, state.prepared, model_text, files)
+        found = await self._do(key, tasks.first_version_task, *arguments)
+        if found is None:
+            return False
+        version, state.greyed = found
+        state.versions, state.current, state.earlier = [version], 0, None
+        self.session.look_at_worst()
+        return True
+
+    async def add(self, effect: str, sensors: Sequence[str]) -> bool:
+        """Add an effect and refit."""
+        return await self._grow(tasks.add_task, effect, sensors)
+
+    async def remove(self, effect: str, sensors: Sequence[str]) -> bool:
+        """Take an effect out and refit."""
+        return await self._grow(tasks.remove_task, effect, sensors)
+
+    async def _grow(
+        self, function: Callable[..., Any], effect: str, sensors: Sequence[str]
+    ) -> bool:
+        state = self.session.state
+        if state is None or state.version is None:
+            return False
+        before = state.version
+        files = list(self.session.effect_files)
+        key = (str(state.prepared), before.model_text, effect, tuple(sensors), tuple(files))
+        arguments = (state.prepared, before.model_text, effect, list(sensors), files)
+        version = await self._do(key, function, *arguments)
+        if version is None or state.version is not before:
+            return False
+        state.append(version)
+        return True
+
+    async def diagnose(self) -> bool:
+        """Diagnose the version looked at."""
+        state = self.session.state
+        if state is None or state.version is None:
+            return False
+        text, files = state.version.model_text, list(self.session.effect_files)
+        key = (str(state.prepared), text, tuple(files))
+        found = await self._do(key, tasks.diagnose_task, state.bags, text, files)
+        if found is not None:
+            state.diagnoses[text] = found
+        return found is not None
+
+    async def fingerprint(self, effect: str, sensor: str) -> Fingerprint | None:
+        """Return what an effect would explain of the version looked at."""
+        state = self.session.state
+        if state is None or state.version is None:
+            return None
+        text, files = state.version.model_text, list(self.session.effect_files)
+        key = (str(state.prepared), text, effect, sensor, tuple(files))
+        arguments = (state.prepared, text, effect, sensor, files)
+        found: Fingerprint | None = await self._do(key, fingerprint_task, *arguments)
+        return found
+
+    async def next_profile(self, one: str, other: str) -> dict[str, Any] | None:
+        """Return the experiment that tells two effects apart."""
+        version = self.session.version
+        if version is None:
+            return None
+        files = list(self.session.effect_files)
+        key = (version.model_text, one, other, tuple(files))
+        arguments = (version.model_text, (one, other), Limits(), files)
+        found: dict[str, Any] | None = await self._do(key, next_profile_task, *arguments)
+        return found
+
+    async def report(self) -> Path | None:
+        """Write the report of the device looked at."""
+        state = self.session.state
+        if state is None or state.version is None:
+            return None
+        text, files = state.version.model_text, list(self.session.effect_files)
+        key = (str(state.prepared), text, tuple(files))
+        target = self.library.fresh_path('.html')
+        models = {state.name: text}
+        found: Path | None = await self._do(key, report_task, state.bags, models, files, target)
+        return found
+
+    async def load_effects(self, name: str, content: bytes) -> bool:
+        """Take the effects of a file into the catalogue."""
+        folder = self.library.fresh_path()
+        folder.mkdir()
+        file = folder / (Path(name).name or 'my_effect.py')
+        file.write_bytes(content)
+        files = [*self.session.effect_files, file]
+        found = await self._do(tuple(files), effects_task, files)
+        if found is None:
+            return False
+        self.session.effect_files = files
+        self.catalogue.effects = found
+        return True
+
+    async def _do(self, key: Any, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return the value of a task, None where it failed or was stopped; say why."""
+        begun: list[Job] = []
+
+        def started(job: Job) -> None:
+            begun.append(job)
+            self._display.started(job)
+
+        try:
+            return await self.library.compute(started, key, function, *arguments)
+        except JobError as error:
+            self._display.say(str(error).replace(f'{self.library.folder}/', ''))
+        except JobCancelled:
+            pass
+        finally:
+            for job in begun:
+                self._display.ended(job)
+        return None
