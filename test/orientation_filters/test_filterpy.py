@@ -41,11 +41,13 @@ def moving(seed: int, seconds: float = 8.0, world_frame: str = 'enu') -> ImuReco
 @pytest.mark.parametrize('preset', ['paper', 'robust'])
 def test_native_equals_filterpy(world_frame: str, use_magnetometer: bool, preset: str) -> None:
     recording = moving(1, world_frame=world_frame)
+    learn_bias = world_frame == 'enu' or not use_magnetometer
     options = {'world_frame': world_frame, 'use_magnetometer': use_magnetometer}
-    options |= {'details': True, 'preset': preset}
+    options |= {'details': True, 'preset': preset, 'learn_bias': learn_bias}
     native = run_filter('ahrs', recording, **options)
     matrices = run_filter('ahrs', recording, implementation='filterpy', **options)
     np.testing.assert_array_equal(native.flags, matrices.flags)
+    assert np.any(native.bias) == learn_bias
     assert np.any(native.flags & JAMMED) == use_magnetometer
     for name in ('orientation', 'packed_covariance', 'bias', 'linear_acceleration', 'inclination'):
         np.testing.assert_allclose(

@@ -144,9 +144,18 @@ def test_a_disturbed_start_is_found_out_and_corrected(name: str) -> None:
 def test_learning_can_be_switched_off() -> None:
     recording = rest(random_attitude(8), seed=8, seconds=20, bias=np.radians([1.0, 1.0, 1.0]))
     for name in NAMES:
-        result = run_filter(name, recording, preset='robust', learn_bias=False)
-        if name == 'complementary':
+        for preset in ('paper', 'robust'):
+            result = run_filter(name, recording, preset=preset, learn_bias=False)
             assert np.all(result.bias == 0.0)
+
+
+def test_learning_is_an_option_of_the_fixed_complementary_filter() -> None:
+    bias = np.radians([1.0, -1.0, 1.0])
+    recording = rest(random_attitude(8), seed=8, seconds=20, bias=bias)
+    plain = run_filter('complementary', recording)
+    taught = run_filter('complementary', recording, learn_bias=True)
+    assert np.all(plain.bias == 0.0)
+    assert np.degrees(np.abs(taught.bias[-1] - bias)).max() < 0.1
 
 
 def test_covariance_covers_the_error_at_rest() -> None:

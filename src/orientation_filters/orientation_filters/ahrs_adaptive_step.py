@@ -7,7 +7,7 @@ from orientation_filters.ahrs_adaptive import after_step, flags_now, gather
 from orientation_filters.ahrs_observation import Observation, dip_of, unexplained
 from orientation_filters.ahrs_state import MICROTESLA, Params, State
 from orientation_filters.flags import INVALID_ACCELEROMETER, JAMMED
-from orientation_filters.joint_covariance import Errors
+from orientation_filters.joint_covariance import Errors, uncoupled
 from orientation_filters.kernel import inline
 from orientation_filters.magnetic_reference import norm_of
 from orientation_filters.quaternion import (
@@ -62,6 +62,9 @@ def apply_errors(state: State, params: Params, seen: Observation, errors: Errors
     turn = from_rotation_vector(scale(-1.0, errors.orientation))
     q = normalised(multiply(turn, state.orientation))
     rows = matrix(q)
+    covariance = errors.covariance
+    if not params.adaptive.learn_bias:
+        covariance = uncoupled(covariance, state.adaptive.covariance.bias)
     disturbance, dip = state.magnetic_disturbance, state.dip
     if state.adaptive.fields:
         disturbance = scale(MICROTESLA, to_sensor(rows, seen.disturbance))
@@ -82,7 +85,7 @@ def apply_errors(state: State, params: Params, seen: Observation, errors: Errors
             seen.smoothed,
             seen.age,
             seen.reference,
-            errors.covariance,
+            covariance,
             matrix(turn),
         ),
     )

@@ -184,6 +184,12 @@ def predict_variances(after: Variances, noise: Noise, k: float) -> tuple[Varianc
 
 
 @inline
+def with_bias(v: Variances, bias: Vector) -> Variances:
+    """Return the variances with another one of the bias; zero: nothing is learned about it."""
+    return Variances(v.orientation, bias, v.acceleration, v.disturbance)
+
+
+@inline
 def correct(  # noqa: PLR0913, PLR0917 (the measurement equation's own quantities)
     prior: Variances,
     coupling: Vector,

@@ -78,6 +78,8 @@ def update(
     elif has_field:
         dip = _dip(params, field - rotate(q, x[9:]), state.dip)
     variances = [(float(v[0]), float(v[1]), float(v[2])) for v in np.diag(p).reshape(4, 3)]
+    if not params.adaptive.learn_bias:
+        variances[1] = state.variances.bias
     return State(
         stamp,
         tuple(q.tolist()),
@@ -163,7 +165,8 @@ def _kalman_update(
 def _prior(state: State, params: Params, interval: float) -> FloatArray:
     """Return P⁻ (12, 12) of the note's process noise Q; everything it does not name is zero."""
     t, b, a, d = (np.array(v) for v in state.variances)
-    noise = params.noise
+    noise, learns = params.noise, params.adaptive.learn_bias
+    b *= learns
     if state.updates == 0:
         return np.diag(np.concatenate([t, b, a, d]))
     beta, eta = noise.gyroscope_drift, noise.gyroscope
@@ -171,13 +174,13 @@ def _prior(state: State, params: Params, interval: float) -> FloatArray:
         np.concatenate(
             [
                 t + interval**2 * (b + beta + eta),
-                b + beta,
+                (b + beta) * learns,
                 noise.linear_acceleration_decay**2 * a + noise.linear_acceleration,
                 noise.magnetic_disturbance_decay**2 * d + noise.magnetic_disturbance,
             ]
         )
     )
-    coupling = np.diag(-interval * (b + beta))
+    coupling = np.diag(-interval * (b + beta) * learns)
     prior[:3, 3:6] = coupling
     prior[3:6, :3] = coupling
     return prior

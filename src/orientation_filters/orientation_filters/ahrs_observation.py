@@ -20,11 +20,13 @@ from orientation_filters.joint_covariance import (
     doubt_heading,
     observe,
     predict,
+    uncoupled,
 )
 from orientation_filters.kernel import inline
 from orientation_filters.magnetic_reference import FieldState, judge_field, norm_of
 from orientation_filters.quaternion import Vector, approach, dot, scale
 
+NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -69,8 +71,10 @@ def weigh(
     )
     walk = params.angle_random_walk * params.angle_random_walk * t
     walk += params.rate_error * params.rate_error * state.angle
-    drift = params.bias_random_walk * params.bias_random_walk * t if params.learn_bias else 0.0
-    prior = predict(state.covariance, minus, walk, drift)
+    known, drift = state.covariance, params.bias_random_walk * params.bias_random_walk * t
+    if not params.learn_bias:
+        known, drift = uncoupled(known, NOTHING), 0.0
+    prior = predict(known, minus, walk, drift)
     force = scale(1.0 / t, state.force)
     power, smoothed, age = state.power, state.smoothed, state.age
     force_variance = -1.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from orientation_filters.ahrs_correction import correct, predict_variances
+from orientation_filters.ahrs_correction import correct, predict_variances, with_bias
 from orientation_filters.ahrs_state import GRAVITY, MICROTESLA, ZERO, Params, State
 from orientation_filters.flags import INVALID_ACCELEROMETER, JAMMED
 from orientation_filters.kernel import inline
@@ -37,9 +37,12 @@ def paper_step(  # noqa: PLR0913, PLR0917 (what update has prepared)
 ) -> tuple[State, int]:
     """Compare what the sensors say with what the attitude predicts, and take the error away."""
     noise, strength = params.noise, params.field_strength
-    prior, coupling = state.variances, ZERO
+    learns = params.adaptive.learn_bias
+    prior, coupling = state.variances if learns else with_bias(state.variances, ZERO), ZERO
     if state.updates > 0:
-        prior, coupling = predict_variances(state.variances, noise, dt)
+        prior, coupling = predict_variances(prior, noise, dt)
+    if not learns:
+        prior, coupling = with_bias(prior, ZERO), ZERO
     rows = matrix(q)
     down = scale(-params.up, rows[2])
     gravity = scale(GRAVITY, down)
@@ -77,7 +80,7 @@ def paper_step(  # noqa: PLR0913, PLR0917 (what update has prepared)
         subtract(acceleration, c.acceleration),
         c.disturbance if has_field else state.magnetic_disturbance,
         dip,
-        c.variances,
+        c.variances if learns else with_bias(c.variances, state.variances.bias),
         state.updates + 1,
         stamp if has_field else state.field_stamp,
         state.adaptive,

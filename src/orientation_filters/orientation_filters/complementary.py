@@ -4,23 +4,25 @@
 The gyroscope's attitude is turned, by the gain g = 1 − exp(−2π f_c Δt) of a first-order low-pass,
 towards the attitude at which specific force points up, then about the vertical towards magnetic
 north (quaternion form after Valenti, Dryanovski, Xiao, Sensors 15, 2015). `adaptive` adds what
-motion and disturbance ask for: a faster start, rest detection and integral bias learning, and
-rejection of a magnetic field unlike the reference.
+motion and disturbance ask for: a faster start and rejection of a magnetic field unlike the
+reference; `learn_bias` rest detection and bias learning.
 """
 
 from __future__ import annotations
-
-from math import exp, sqrt
-from typing import NamedTuple
 
 import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording, IntArray
 from numpy.typing import NDArray
 
+from orientation_filters.complementary_bias import learn
+from orientation_filters.complementary_correction import (
+    correct_heading,
+    correct_inclination,
+    spread_errors,
+    turn,
+)
+from orientation_filters.complementary_state import ADAPTIVE_STATE, Params, State, initial_state
 from orientation_filters.flags import (
-    AT_REST,
-    BIAS_LIMITED,
-    DISTURBED,
     DROPPED,
     INVALID_ACCELEROMETER,
     JUMPED_BACK,
@@ -30,20 +32,12 @@ from orientation_filters.flags import (
 )
 from orientation_filters.intake import check_sample, check_time, columns, is_field
 from orientation_filters.kernel import inline, kernel
-from orientation_filters.magnetic_reference import (
-    FieldParams,
-    FieldState,
-    judge_field,
-    no_reference,
-)
+from orientation_filters.magnetic_reference import no_reference
 from orientation_filters.quaternion import (
-    Matrix,
     Quaternion,
     Vector,
     absent,
-    approach,
     attitude_from_vectors,
-    dot,
     from_rotation_vector,
     matrix,
     multiply,
@@ -52,82 +46,14 @@ from orientation_filters.quaternion import (
     subtract,
     transform,
 )
-from orientation_filters.rest import RestParams, RestState, start_rest, watch_rest
+from orientation_filters.rest import start_rest, watch_rest
 from orientation_filters.result import OrientationResult, empty_result
 
-PER_GRAVITY = 1.0 / 9.81
+__all__ = ['ADAPTIVE_STATE', 'Params', 'State', 'initial_state', 'run', 'update']
+
 NAN3 = (np.nan,) * 3
 NAN4 = (np.nan,) * 4
 NAN6 = (np.nan,) * 6
-
-
-class Params(NamedTuple):
-    """Numbers the kernel needs; `presets` makes them from named parameters with units."""
-
-    up: float
-    """World z of the upward direction: +1 ENU, −1 NED."""
-    north: tuple[float, float]
-    """World x, y of magnetic north (unit vector)."""
-    use_magnetometer: bool
-    inclination_rate: float
-    """2π × cut-off of the accelerometer's correction [rad/s]."""
-    heading_rate: float
-    """2π × cut-off of the magnetometer's correction [rad/s]."""
-    max_gap: int
-    """[ns]"""
-    magnetometer_timeout: int
-    """[ns]"""
-    angle_random_walk: float
-    """[rad/√s]"""
-    bias_sigma: float
-    """Gyroscope bias left over, standard deviation [rad/s]."""
-    inclination_sigma: float
-    """Error of one specific force as a vertical [rad]."""
-    heading_sigma: float
-    """Error of one magnetic field as a heading [rad]."""
-    adaptive: bool
-    learn_bias: bool
-    start_time: float
-    """Time over which the gain falls from 1 to the cut-off's, in 1 / rate."""
-    bias_rate: float
-    """Integral gain in motion, as a part of rate² [1]."""
-    rest_bias_time: float
-    """Time constant of bias learning at rest [s]."""
-    rest: RestParams
-    field: FieldParams
-
-
-class State(NamedTuple):
-    """What one sample leaves for the next."""
-
-    stamp: int
-    """Of the last sample used [ns]; −1 before the first."""
-    orientation: Quaternion
-    """Of nearly unit length; `orientation` gives it exactly."""
-    bias: Vector
-    """Of the gyroscope [rad/s], sensor frame."""
-    variance: tuple[float, float]
-    """Of inclination and heading from noise [rad²]."""
-    lag: tuple[float, float]
-    """Error of inclination and heading from a bias of one standard deviation [rad]."""
-    age: float
-    """Since the attitude was set [s]."""
-    field_stamp: int
-    """Of the last magnetometer sample [ns]; −1 before the first."""
-    rest: RestState
-    field: FieldState
-
-
-ADAPTIVE_STATE = ('bias', 'rest', 'field')
-"""Fields of the state that only the adaptive filter makes use of."""
-
-
-def initial_state() -> State:
-    """Return the state before the first sample."""
-    zero = (0.0, 0.0, 0.0)
-    start = (0.0, 0.0, 0.0, 1.0)
-    rest = start_rest(zero, zero)
-    return State(-1, start, zero, (0.0, 0.0), (0.0, 0.0), 0.0, -1, rest, no_reference())
 
 
 @kernel
@@ -135,146 +61,45 @@ def update(
     state: State, params: Params, stamp: int, w: Vector, f: Vector, m: Vector
 ) -> tuple[State, int]:
     """Return state and flags after a sample: stamp [ns], rad/s, m/s², T (NaN: no sample)."""
-    return _step(state, params, stamp, w, f, m, params.adaptive)
+    return _step(state, params, stamp, w, f, m, params.adaptive or params.learn_bias)
 
 
 @inline
 def _step(
-    state: State,
-    params: Params,
-    stamp: int,
-    w: Vector,
-    f: Vector,
-    m: Vector,
-    adaptive: bool,
+    state: State, params: Params, stamp: int, w: Vector, f: Vector, m: Vector, watchful: bool
 ) -> tuple[State, int]:
-    """Do what `update` promises; a constant `adaptive` leaves the other half out when compiled."""
+    """Do what `update` promises; a constant False leaves what adapts and learns out."""
     flags = check_sample(w, f, m) | check_time(stamp, state.stamp, params.max_gap)
     if flags & DROPPED:
         return state, flags if state.stamp >= 0 else flags | NOT_STARTED
     has_field = params.use_magnetometer and is_field(m)
     if flags & REINITIALISED or (has_field and state.field_stamp < 0):
         return _start(state, params, stamp, w, f, m if has_field else NAN3, flags)
+    adaptive = watchful and params.adaptive
     dt = (stamp - state.stamp) * 1e-9
     rate = subtract(w, state.bias)
     before = state.orientation
     square = before[0] ** 2 + before[1] ** 2 + before[2] ** 2 + before[3] ** 2
     q = multiply(before, from_rotation_vector(scale(dt, rate)))
     rows = matrix(q)
-    x, y, tilt_gain, tilt_sigma = _correct_inclination(state, params, rows, f, dt, flags, adaptive)
+    x, y, tilt_gain, tilt_sigma = correct_inclination(state, params, rows, f, dt, flags, adaptive)
     known_gain = (dt if tilt_gain > 0.0 else -1.0, tilt_gain)
-    z, turn_gain, field, field_flags = _correct_heading(
-        state,
-        params,
-        transform(rows, m),
-        stamp,
-        rate,
-        has_field,
-        known_gain,
-        adaptive,
+    seen = transform(rows, m)
+    z, turn_gain, field, field_flags = correct_heading(
+        state, params, seen, stamp, rate, has_field, known_gain, adaptive
     )
     flags |= field_flags
-    q = _turn(q, (x, y, z), tilt_gain, turn_gain, square)
+    q = turn(q, (x, y, z), tilt_gain, turn_gain, square)
     rest, bias = state.rest, state.bias
-    if adaptive:
+    if watchful:
         rest = watch_rest(rest, params.rest, w, f, dt)
-        if rest.duration >= params.rest.duration:
-            bias, flags = _learn_at_rest(bias, rest, params, dt, flags)
-        elif params.learn_bias:
-            turned = (tilt_gain * x, tilt_gain * y, turn_gain * z)
-            bias = _learn_in_motion(bias, params, rows, turned, state.age)
-    variance, lag = _spread_errors(state, params, dt, (tilt_gain, turn_gain), tilt_sigma)
+        turned = (tilt_gain * x, tilt_gain * y, turn_gain * z)
+        bias, rest_flags = learn(bias, params, rest, rows, turned, state.age, dt)
+        flags |= rest_flags
+    variance, lag = spread_errors(state, params, dt, (tilt_gain, turn_gain), tilt_sigma)
     field_stamp = stamp if has_field else state.field_stamp
     age = state.age + dt
     return State(stamp, q, bias, variance, lag, age, field_stamp, rest, field), flags
-
-
-@inline
-def _inclination_error(up: Vector, sign: float) -> tuple[float, float]:
-    """Return x, y of the rotation vector that turns `up` to the vertical: its sine, at most 1."""
-    x, y = up[1] * sign, -up[0] * sign
-    if up[2] * sign < 0.0:  # beyond 90° the sine falls again; the correction must not
-        length = sqrt(x * x + y * y)
-        return (x / length, y / length) if length > 1e-6 else (1.0, 0.0)
-    return x, y
-
-
-@inline
-def _heading_error(seen: Vector, level: float, north: tuple[float, float]) -> float:
-    """Return the sine of the angle from the horizontal field to `north`; ±1 beyond 90°."""
-    sine = (seen[0] * north[1] - seen[1] * north[0]) / level
-    if seen[0] * north[0] + seen[1] * north[1] < 0.0:
-        return -1.0 if sine < 0.0 else 1.0
-    return sine
-
-
-@inline
-def _correct_inclination(
-    state: State,
-    params: Params,
-    rows: Matrix,
-    f: Vector,
-    dt: float,
-    flags: int,
-    adaptive: bool,
-) -> tuple[float, float, float, float]:
-    """Return x, y of the rotation to specific force upward, gain, the sample's sigma."""
-    if flags & INVALID_ACCELEROMETER:
-        return 0.0, 0.0, 0.0, 0.0
-    gain = _gain(params.inclination_rate, dt, state.age, params, adaptive)
-    length = sqrt(dot(f, f))
-    if adaptive:  # accelerations average out only where they are not normalised away
-        up = transform(rows, scale(params.up * PER_GRAVITY, f))
-        x, y = up[1], -up[0]
-    else:
-        x, y = _inclination_error(transform(rows, scale(1.0 / length, f)), params.up)
-    return x, y, gain, params.inclination_sigma + abs(length * PER_GRAVITY - 1.0)
-
-
-@inline
-def _correct_heading(
-    state: State,
-    params: Params,
-    seen: Vector,
-    stamp: int,
-    rate: Vector,
-    has_field: bool,
-    known_gain: tuple[float, float],
-    adaptive: bool,
-) -> tuple[float, float, FieldState, int]:
-    """Return z of the rotation of the field `seen` to magnetic north, gain, field and flags.
-
-    `known_gain` is a time step [s] and the accelerometer's gain for it.
-    """
-    since = (stamp - state.field_stamp) * 1e-9
-    field = state.field
-    if not has_field:
-        late = state.field_stamp < 0 or stamp - state.field_stamp > params.magnetometer_timeout
-        return 0.0, 0.0, field, SIX_AXIS if late else 0
-    level = sqrt(seen[0] * seen[0] + seen[1] * seen[1])
-    if adaptive:
-        parts = (level, -params.up * seen[2])
-        field = judge_field(field, params.field, parts, sqrt(dot(rate, rate)), since)
-        if field.accepted_for < params.field.hold:
-            return 0.0, 0.0, field, DISTURBED
-    if level <= 1e-3 * abs(seen[2]):
-        return 0.0, 0.0, field, 0
-    gain = known_gain[1]
-    if adaptive or since != known_gain[0] or params.heading_rate != params.inclination_rate:
-        gain = _gain(params.heading_rate, since, state.age, params, adaptive)
-    return _heading_error(seen, level, params.north), gain, field, 0
-
-
-@inline
-def _turn(q: Quaternion, error: Vector, tilt: float, turn: float, square: float) -> Quaternion:
-    """Return q turned in the world by its part of `error`, rescaled by the length² it had before.
-
-    Rescaling by what is known already keeps square root and division out of the way of the next
-    sample; the length stays within the square of half a correction of 1.
-    """
-    factor = 1.5 - 0.5 * square
-    tilt, turn = 0.5 * factor * tilt, 0.5 * factor * turn
-    return multiply((tilt * error[0], tilt * error[1], turn * error[2], factor), q)
 
 
 @inline
@@ -301,71 +126,6 @@ def _start(
     return State(stamp, q, bias, variance, (0.0, 0.0), 0.0, field_stamp, rest, field), flags
 
 
-@inline
-def _gain(rate: float, dt: float, age: float, params: Params, adaptive: bool) -> float:
-    """Return 1 − exp(−rate · dt); the adaptive filter starts as a mean and becomes a low-pass."""
-    if adaptive:
-        rate = max(rate, params.start_time / (age + dt))
-    x = rate * dt
-    if x > 0.5:
-        return 1.0 - exp(-x)
-    square = x * x
-    return x / (1.0 + 0.5 * x + square * (1 / 12 - square * (1 / 720 - square * (1 / 30240))))
-
-
-@inline
-def _spread_errors(
-    state: State, params: Params, dt: float, gain: tuple[float, float], tilt_sigma: float
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the variances from noise and the errors from a bias, inclination and heading."""
-    walk = params.angle_random_walk * params.angle_random_walk * dt
-    drift = params.bias_sigma * dt
-    variance = (
-        _filtered(state.variance[0] + walk, gain[0], tilt_sigma),
-        _filtered(state.variance[1] + walk, gain[1], params.heading_sigma),
-    )
-    lag = ((1.0 - gain[0]) * (state.lag[0] + drift), (1.0 - gain[1]) * (state.lag[1] + drift))
-    return variance, lag
-
-
-@inline
-def _filtered(variance: float, gain: float, sigma: float) -> float:
-    """Return the variance after one step of a low-pass over samples of `sigma`."""
-    return (1.0 - gain) * (1.0 - gain) * variance + gain * gain * sigma * sigma
-
-
-@inline
-def _learn_at_rest(
-    bias: Vector, rest: RestState, params: Params, dt: float, flags: int
-) -> tuple[Vector, int]:
-    """Let the bias approach the mean rate at rest, unless that is more than a bias can be."""
-    mean = rest.angular_velocity
-    if not params.learn_bias:
-        return bias, flags | AT_REST
-    if dot(mean, mean) > params.rest.bias_limit * params.rest.bias_limit:
-        return bias, flags | AT_REST | BIAS_LIMITED
-    return approach(bias, mean, dt / (params.rest_bias_time + dt)), flags | AT_REST
-
-
-@inline
-def _learn_in_motion(
-    bias: Vector, params: Params, rows: Matrix, turn: Vector, age: float
-) -> Vector:
-    """Let the bias take its part of the correction just made (integral action), sensor frame."""
-    if params.bias_rate == 0.0 or age * params.inclination_rate < 1.0:
-        return bias
-    x = params.bias_rate * params.inclination_rate * turn[0]
-    y = params.bias_rate * params.inclination_rate * turn[1]
-    z = params.bias_rate * params.heading_rate * turn[2]
-    corrected = (
-        bias[0] - (rows[0][0] * x + rows[1][0] * y + rows[2][0] * z),
-        bias[1] - (rows[0][1] * x + rows[1][1] * y + rows[2][1] * z),
-        bias[2] - (rows[0][2] * x + rows[1][2] * y + rows[2][2] * z),
-    )
-    limit = params.rest.bias_limit
-    return corrected if dot(corrected, corrected) < limit * limit else bias
-
-
 @kernel
 def orientation(state: State) -> Quaternion:
     """Return the attitude, sensor → world, of unit length, w ≥ 0."""
@@ -390,7 +150,7 @@ def covariance(state: State) -> tuple[float, float, float, float, float, float]:
 def run(recording: ImuRecording, params: Params) -> OrientationResult:
     """Return attitude, covariance, bias and flags of every row of the recording."""
     result = empty_result(recording.stamp, covariances=2)
-    (_run_adaptive if params.adaptive else _run_fixed)(
+    _run(
         initial_state(),
         params,
         *columns(recording),
@@ -403,7 +163,7 @@ def run(recording: ImuRecording, params: Params) -> OrientationResult:
 
 
 @kernel
-def _run_fixed(  # noqa: PLR0913, PLR0917 (one loop over columns, compiled)
+def _run(  # noqa: PLR0913, PLR0917 (one loop over columns, compiled)
     state: State,
     params: Params,
     stamp: IntArray,
@@ -415,53 +175,43 @@ def _run_fixed(  # noqa: PLR0913, PLR0917 (one loop over columns, compiled)
     bias: FloatArray,
     row_flags: NDArray[np.int32],
 ) -> None:
+    if params.adaptive or params.learn_bias:
+        _loop(state, params, stamp, w, f, m, attitude, spread, bias, row_flags, True)
+    else:
+        _loop(state, params, stamp, w, f, m, attitude, spread, bias, row_flags, False)
+
+
+@inline
+def _loop(  # noqa: PLR0913, PLR0917 (as _run)
+    state: State,
+    params: Params,
+    stamp: IntArray,
+    w: FloatArray,
+    f: FloatArray,
+    m: FloatArray,
+    attitude: FloatArray,
+    spread: FloatArray,
+    bias: FloatArray,
+    row_flags: NDArray[np.int32],
+    watchful: bool,
+) -> None:
+    """Go over the rows; compiled once for each constant `watchful`."""
     for i in range(len(stamp)):
-        state, flags = _step(state, params, stamp[i], _row(w, i), _row(f, i), _row(m, i), False)
-        _write(i, state, flags, attitude, spread, row_flags)
+        state, flags = _step(state, params, stamp[i], _row(w, i), _row(f, i), _row(m, i), watchful)
+        if flags:
+            row_flags[i] = flags
+        q, c, b = orientation(state), covariance(state), state.bias
         if flags & NOT_STARTED:
-            bias[i] = np.nan
-
-
-@kernel
-def _run_adaptive(  # noqa: PLR0913, PLR0917 (one loop over columns, compiled)
-    state: State,
-    params: Params,
-    stamp: IntArray,
-    w: FloatArray,
-    f: FloatArray,
-    m: FloatArray,
-    attitude: FloatArray,
-    spread: FloatArray,
-    bias: FloatArray,
-    row_flags: NDArray[np.int32],
-) -> None:
-    for i in range(len(stamp)):
-        state, flags = _step(state, params, stamp[i], _row(w, i), _row(f, i), _row(m, i), True)
-        _write(i, state, flags, attitude, spread, row_flags)
-        for k in range(3):
-            bias[i, k] = np.nan if flags & NOT_STARTED else state.bias[k]
+            q, c, b = NAN4, NAN6, NAN3
+        for k in range(4):
+            attitude[i, k] = q[k]
+        spread[i, 0] = c[0]
+        spread[i, 1] = c[5]
+        if watchful or flags:
+            for k in range(3):
+                bias[i, k] = b[k]
 
 
 @inline
 def _row(column: FloatArray, i: int) -> Vector:
     return column[i, 0], column[i, 1], column[i, 2]
-
-
-@inline
-def _write(
-    i: int,
-    state: State,
-    flags: int,
-    attitude: FloatArray,
-    spread: FloatArray,
-    row_flags: NDArray[np.int32],
-) -> None:
-    if flags:
-        row_flags[i] = flags
-    q, c = orientation(state), covariance(state)
-    if flags & NOT_STARTED:
-        q, c = NAN4, NAN6
-    for k in range(4):
-        attitude[i, k] = q[k]
-    spread[i, 0] = c[0]
-    spread[i, 1] = c[5]

@@ -13,28 +13,19 @@ from typing import Any
 
 import numpy as np
 from imu_recording.recording import ImuRecording
+from imu_recording.user_error import UserError
 
 from orientation_filters import ahrs_kalman, complementary
-from orientation_filters.parameters import (
-    AhrsParameters,
-    ComplementaryParameters,
-    FilterParameters,
-    with_preset,
-)
+from orientation_filters.parameters import FilterParameters
+from orientation_filters.presets import PARAMETERS, with_preset
 from orientation_filters.result import OrientationResult
 from orientation_filters.rotation import rotate
 
 FILTERS: dict[str, ModuleType] = {'complementary': complementary, 'ahrs': ahrs_kalman}
 """Name → module with Params, State, initial_state, update, run."""
 
-PARAMETERS: dict[str, type[FilterParameters]] = {
-    'complementary': ComplementaryParameters,
-    'ahrs': AhrsParameters,
-}
-"""Name → the dataclass of its named parameters."""
 
-
-class FilterError(ValueError):
+class FilterError(UserError):
     """A recording and a filter that do not go together; the message names both."""
 
 

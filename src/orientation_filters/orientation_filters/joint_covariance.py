@@ -66,6 +66,13 @@ def doubt_heading(p: JointCovariance, sigma: float) -> JointCovariance:
 
 
 @inline
+def uncoupled(p: JointCovariance, bias: Symmetric) -> JointCovariance:
+    """Return the covariance with a bias that is independent; zero: nothing is learned about it."""
+    zero = (0.0, 0.0, 0.0)
+    return JointCovariance(p.orientation, (zero, zero, zero), bias)
+
+
+@inline
 def observe(errors: Errors, h_t: Vector, h_b: Vector, z: float, variance: float) -> Errors:
     """Take in the measurement z = h_t · θ + h_b · b + noise."""
     p = errors.covariance

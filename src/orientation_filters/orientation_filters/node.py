@@ -3,17 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from geometry_msgs.msg import Vector3Stamped
 from imu_recording.lifecycle_node import ConfiguredNode
-from imu_recording.messages import (
-    imu_from_sample,
-    sample_from_imu,
-    sample_from_magnetic_field,
-    vector_message,
-)
+from imu_recording.messages import imu_from_sample, vector_message
+from imu_recording.messages import sample_from_imu as imu_of
+from imu_recording.messages import sample_from_magnetic_field as field_of
 from imu_recording.run_node import run_node
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -21,7 +18,8 @@ from sensor_msgs.msg import Imu, MagneticField
 
 from orientation_filters.live_filter import Estimate, LiveFilter
 from orientation_filters.node_config import AhrsConfig, ComplementaryConfig
-from orientation_filters.parameters import PRESETS, check_mount
+from orientation_filters.parameters import check_mount
+from orientation_filters.presets import PRESETS, preset_changes
 from orientation_filters.raw_imu import field_from_bytes, imu_from_bytes
 from orientation_filters.transform import transform_class, transform_message
 
@@ -33,15 +31,15 @@ class FilterNode(ConfiguredNode):
     event_driven = True
     _preset: ClassVar[dict[str, Any]] = {}
 
+    def __init__(self, **options: Any) -> None:
+        super().__init__(f'{self.filter_name}_filter', **options)
+
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Give parameters that nobody set the values of the preset."""
         preset = PRESETS[self.filter_name][self.get_parameter('preset').value]
-        defaults = {item.name: item.default for item in fields(self.config_class)}
-        for name in self._preset.keys() | preset.keys():
-            untouched = self.get_parameter(name).value == self._preset.get(name, defaults[name])
-            if untouched and name not in self._parameter_overrides:
-                value = preset.get(name, defaults[name])
-                self.set_parameters([Parameter(name, value=value)])
+        changes = preset_changes(self.config_class, self._preset, preset, self._values())
+        for name in changes.keys() - self._parameter_overrides.keys():
+            self.set_parameters([Parameter(name, value=changes[name])])
         self._preset = preset
         return super().on_configure(state)
 
@@ -50,8 +48,8 @@ class FilterNode(ConfiguredNode):
         check_mount(config)
         self.filter = LiveFilter(self.filter_name, config)
         raw = config.raw_subscription
-        self._imu_sample = imu_from_bytes if raw else sample_from_imu
-        self._field_sample = field_from_bytes if raw else sample_from_magnetic_field
+        self._imu_sample = imu_from_bytes if raw else imu_of
+        self._field_sample = field_from_bytes if raw else field_of
         self._orientation = self.output(Imu, 'imu/data')
         self._euler = self.output(Vector3Stamped, '~/euler') if config.publish_euler else None
         self._tf = self.output(transform_class(), '/tf') if config.publish_tf else None
@@ -82,21 +80,18 @@ class FilterNode(ConfiguredNode):
     def _publish(self, estimates: list[Estimate]) -> None:
         if self.filter.refusal:
             self.refuse(self.filter.refusal)
-        for estimate in estimates:
-            sample = estimate.sample
+        for found in estimates:
+            sample = found.sample
             if self.config.body_frame_id:
                 sample = replace(sample, frame_id=self.config.body_frame_id)
-            self._orientation.publish(
-                imu_from_sample(
-                    sample,
-                    orientation=estimate.orientation,
-                    orientation_covariance=estimate.covariance,
-                )
+            message = imu_from_sample(
+                sample, orientation=found.orientation, orientation_covariance=found.covariance
             )
+            self._orientation.publish(message)
             if self._euler:
-                self._euler.publish(vector_message(sample.stamp, estimate.euler, sample.frame_id))
+                self._euler.publish(vector_message(sample.stamp, found.euler, sample.frame_id))
             if self._tf:
-                self._tf.publish(transform_message(self.config.world_frame_id, sample, estimate))
+                self._tf.publish(transform_message(self.config.world_frame_id, sample, found))
 
 
 class ComplementaryFilterNode(FilterNode):
@@ -105,18 +100,12 @@ class ComplementaryFilterNode(FilterNode):
     config_class = ComplementaryConfig
     filter_name = 'complementary'
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__('complementary_filter', **options)
-
 
 class AhrsFilterNode(FilterNode):
     """The AHRS as a node."""
 
     config_class = AhrsConfig
     filter_name = 'ahrs'
-
-    def __init__(self, **options: Any) -> None:
-        super().__init__('ahrs_filter', **options)
 
 
 def main_complementary() -> int:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from imu_recording.lifecycle_node import NodeConfig
 from imu_recording.parameter import parameter
 
-from orientation_filters.parameters import AhrsParameters, ComplementaryParameters
+from orientation_filters.ahrs_parameters import AhrsParameters
+from orientation_filters.complementary_parameters import ComplementaryParameters
 
 
 @dataclass(frozen=True)

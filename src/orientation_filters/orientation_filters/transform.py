@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from imu_recording.messages import ImuSample, fill_quaternion, fill_stamp
+from imu_recording.user_error import UserError
 
 from orientation_filters.live_filter import Estimate
 
@@ -15,7 +16,7 @@ def transform_class() -> Any:
     try:
         from tf2_msgs.msg import TFMessage
     except ImportError as error:
-        raise ValueError('publish_tf needs the package tf2_msgs, which is absent') from error
+        raise UserError('publish_tf needs the package tf2_msgs, which is absent') from error
     return TFMessage
 
 
