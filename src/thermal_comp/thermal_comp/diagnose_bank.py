@@ -9,16 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
+from thermal_comp.column_source import ColumnSource
 from thermal_comp.conditions import Sensor
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model import NoiseModel
 from thermal_comp.preparation import PreparedRun
-from thermal_comp.whitening import Gains, apply_gains, innovation_gains
+from thermal_comp.whitening import Gains, apply_gains, apply_transposed, innovation_gains
 
-SMOOTHING_S = 30.0
-"""Standard deviation of the filter that tells the thermometer's noise from temperature [s]."""
+__all__ = ['ColumnBank', 'ColumnSource', 'Term']
 
 RANK_TOLERANCE = 1e-7
 """Directions of a normal matrix below this share of the largest count as undetermined."""
@@ -31,21 +30,6 @@ class Term:
     columns: tuple[int, ...]
     shared: bool = False
     """True where the three axes share the coefficients; else each axis has its own."""
-
-
-class ColumnSource:
-    """Columns of effects as block means, kept, because several sensors and steps need the same."""
-
-    def __init__(self, runs: Sequence[PreparedRun]) -> None:
-        self.runs = list(runs)
-        self._kept: dict[tuple[Effect, Sensor], list[FloatArray]] = {}
-
-    def columns(self, effect: Effect, sensor: Sensor) -> list[FloatArray]:
-        """Return the effect's (m, p) or (m, 3, p) columns of each run."""
-        key = (effect, sensor)
-        if key not in self._kept:
-            self._kept[key] = [run.columns(effect, sensor) for run in self.runs]
-        return self._kept[key]
 
 
 class ColumnBank:
@@ -83,6 +67,7 @@ class ColumnBank:
         self._columns = np.zeros((3, self.rows, 128))
         self.normal = np.zeros((3, 128, 128))
         self.right = np.zeros((3, 128))
+        self._size = np.zeros(0)
         self.width = 0
         levels = np.repeat(_block_diagonal([np.ones((m, 1)) for m in sizes])[:, None], 3, axis=1)
         known = [levels, self._thermometer_noise()]
@@ -139,6 +124,35 @@ class ColumnBank:
     def solve(self, terms: Sequence[Term]) -> tuple[float, int]:
         """Return the χ² the terms explain together and the rank they use."""
         own, common = self._split(terms)
+        gain, rank, shared_normal, shared_right = self._eliminated(own, common)
+        if common:
+            full = np.diag(self.normal.sum(axis=0))[common]
+            answer, used = _solve(shared_normal, shared_right[:, None], full)
+            gain += float(shared_right @ answer[:, 0])
+            rank += used
+        return gain, rank
+
+    def shared_equations(self, known: Sequence[Term], term: Term) -> tuple[FloatArray, FloatArray]:
+        """Return normal matrix and right-hand side of a shared term beside known ones.
+
+        They are those of its coefficients in their own units: equations of several sensors that
+        share the coefficients add up.
+        """
+        own, common = self._split(known)
+        *_, normal, right = self._eliminated(own, [*common, *term.columns])
+        first = len(common)
+        answer, _ = _solve(
+            normal[:first, :first], np.column_stack([right[:first], normal[:first, first:]])
+        )
+        cross = normal[:first, first:]
+        size = self._size[list(term.columns)]
+        left = normal[first:, first:] - cross.T @ answer[:, 1:]
+        return left * np.outer(size, size), (right[first:] - cross.T @ answer[:, 0]) * size
+
+    def _eliminated(
+        self, own: list[int], common: list[int]
+    ) -> tuple[float, int, FloatArray, FloatArray]:
+        """Return χ² and rank of each axis's own columns, and the equations of those shared."""
         gain, rank = 0.0, 0
         normal, right = self.normal, self.right
         size = len(common)
@@ -151,12 +165,7 @@ class ColumnBank:
             rank += used
             shared_normal += normal[axis][np.ix_(common, common)] - cross.T @ answer[:, 1:]
             shared_right += right[axis][common] - answer[:, 1:].T @ rows
-        if size:
-            full = np.diag(self.normal.sum(axis=0))[common]
-            answer, used = _solve(shared_normal, shared_right[:, None], full)
-            gain += float(shared_right @ answer[:, 0])
-            rank += used
-        return gain, rank
+        return gain, rank, shared_normal, shared_right
 
     def reduced(
         self, known: Sequence[int], columns: Sequence[int]
@@ -178,6 +187,15 @@ class ColumnBank:
         own, common = self._split(terms)
         return [self._columns[axis][:, [*own, *common]] for axis in range(3)]
 
+    def transposed(self, run: int) -> FloatArray:
+        """Return (m, 3) Wᵀ of the residual of one run; W whitens, m are its valid rows."""
+        rows = slice(self._edges[run], self._edges[run + 1])
+        columns = [
+            apply_transposed(self.target[axis, rows, None], self._gains[run][axis])
+            for axis in range(3)
+        ]
+        return np.concatenate(columns, axis=1)
+
     def split_sizes(self, terms: Sequence[Term]) -> tuple[int, int]:
         """Return how many columns each axis has of its own and how many are shared."""
         own, common = self._split(terms)
@@ -196,14 +214,9 @@ class ColumnBank:
         return _block_diagonal(parts) if effect.per_run else np.concatenate(parts)
 
     def _thermometer_noise(self) -> FloatArray:
-        """(rows, 3, 1) smoothed minus measured temperature: its noise, times the slope, is error.
-
-        Without it short lags, which smooth the thermometer, would look like physics.
-        """
-        parts = [
-            run.block_mean(_smoothed(run) - run.conditions.temperature)[ok]
-            for run, ok in zip(self.source.runs, self.valid, strict=True)
-        ]
+        """(rows, 3, 1) smoothed minus measured temperature: times the slope it is error."""
+        noises = self.source.temperature_noise
+        parts = [noise[ok] for noise, ok in zip(noises, self.valid, strict=True)]
         return np.repeat(np.concatenate(parts)[:, None, None], 3, axis=1)
 
     def _whitened(self, columns: FloatArray) -> FloatArray:
@@ -226,6 +239,7 @@ class ColumnBank:
         projected = self._projected(whitened)
         size = np.sqrt((projected**2).sum(axis=(0, 1)))
         projected *= np.where(size > 1e-6 * before, 1.0 / np.maximum(size, 1e-300), 0.0)
+        self._size = np.concatenate([self._size, size])
         start, stop = self.width, self.width + projected.shape[2]
         self._grow(stop)
         self._columns[:, :, start:stop] = projected
@@ -244,12 +258,6 @@ class ColumnBank:
             self._columns = np.pad(self._columns, ((0, 0), (0, 0), (0, more)))
             self.normal = np.pad(self.normal, ((0, 0), (0, more), (0, more)))
             self.right = np.pad(self.right, ((0, 0), (0, more)))
-
-
-def _smoothed(run: PreparedRun) -> FloatArray:
-    """(n,) die temperature of the fine rows through a Gaussian of SMOOTHING_S."""
-    step = float(np.median(np.diff(run.conditions.time)))
-    return np.asarray(gaussian_filter1d(run.conditions.temperature, SMOOTHING_S / step))
 
 
 def _per_axis(columns: FloatArray) -> tuple[FloatArray, bool]:

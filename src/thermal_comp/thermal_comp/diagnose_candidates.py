@@ -13,12 +13,21 @@ import numpy as np
 from thermal_comp.conditions import Sensor
 from thermal_comp.diagnose_bank import ColumnBank, Term
 from thermal_comp.diagnose_line import spectral_lines
+from thermal_comp.diagnose_steps import step_times
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
 from thermal_comp.prepared_run import PreparedRun
 
-TIME_CONSTANTS = np.geomspace(12.0, 7000.0, 18)
-"""Lags tried [s]."""
+TIME_CONSTANTS = np.geomspace(20.0, 7000.0, 18)
+"""Lags tried [s]; a faster one is the rate of change, as far as block means can tell."""
+CREEP_TIMES = np.geomspace(60.0, 8000.0, 6)
+"""Times of creep tried [s]; a slower one is a drift, as far as a run of some hours can tell."""
+SEARCHED = {
+    ('thermal_lag', 'time_constant'): (20.0, 3600.0),
+    ('thermal_lag_two_stage', 'time_constant_fast'): (20.0, 600.0),
+    ('bias_creep', 'time_constant'): (30.0, 8000.0),
+}
+"""Bounds of the search where they are closer than the parameter's own."""
 HALF_WIDTHS = np.geomspace(0.8, 28.0, 13)
 """Half-widths of plays tried [K]."""
 STEP_SPACING_S = 1200.0
@@ -148,7 +157,7 @@ def _warm_ups(_: ColumnBank, effect: Any) -> list[Plan]:
 
 
 def _creeps(_: ColumnBank, effect: Any) -> list[Plan]:
-    return _single([effect(float(t)) for t in np.geomspace(60.0, 20_000.0, 6)])
+    return _single([effect(float(t)) for t in CREEP_TIMES])
 
 
 def _ice(_: ColumnBank, effect: Any) -> list[Plan]:
@@ -171,6 +180,9 @@ def _steps(bank: ColumnBank, effect: Any) -> list[Plan]:
         step = effect((float(time),))
         plans.append(Plan(step, (step,), 1))
         plans += [Plan(step, (step,), 1, run) for run in range(len(bank.source.runs))]
+    for run, at in step_times(bank):
+        step = effect((at,))
+        plans.append(Plan(step, (step,), 1, run))
     return plans
 
 

@@ -31,8 +31,14 @@ ENRICHMENT = 5.0
 """χ² gain each further parameter of a richer form has to bring."""
 EDGE_S = 300.0
 """A step this near to a cycle's edge is the cycle's [s]."""
+FORM_SHARE = 0.02
+"""Share of the χ² gain that a flaw in an effect's form may cost without doubting its name."""
+NESTED_SHARE = 0.005
+"""Share of the χ² gain from which a richer form says more than that every law bends a little."""
 RICHER = {
+    'temperature_rate': ('thermal_lag', 'thermal_lag_two_stage'),
     'thermal_lag': ('thermal_lag_two_stage',),
+    'bias_drift': ('bias_creep',),
     'scale_factor_temperature': ('misalignment_temperature',),
     'fixture_tilt': ('misalignment_temperature',),
     'fixture_hard_iron': ('misalignment_temperature',),
@@ -63,6 +69,8 @@ class Search:
     families: Sequence[Family]
     thresholds: Mapping[str, float] | None = None
     vetoed: list[str] = field(default_factory=list)
+    support: Mapping[str, float] = field(default_factory=dict)
+    """χ² that another sensor adds to an effect both of them feel."""
 
     @property
     def price(self) -> float:
@@ -77,13 +85,14 @@ class Search:
             if best is None:
                 break
             chosen = self._refined(self._renamed([*chosen, best.form]))
-        chosen = self._without_edges(self._pruned(chosen))
+        chosen = self._without_edges(self._simplified(self._pruned(chosen)))
         return sorted((self.rate(chosen, f) for f in chosen), key=lambda r: -r.evidence)
 
     def total(self, forms: Sequence[Form]) -> tuple[float, float, int]:
         """Return evidence, χ² gain and rank of the forms together."""
         terms = [term for form in forms for term in form.terms]
         gain, rank = self.bank.solve(terms)
+        gain += sum(self.support.get(form.effect.name, 0.0) for form in forms)
         free = sum(form.free for form in forms)
         return gain - (rank + free) * self.price, gain, rank
 
@@ -180,6 +189,24 @@ class Search:
             if weakest.evidence >= threshold_of(weakest.name, self.thresholds):
                 break
             chosen = [form for form in chosen if form is not weakest.form]
+        return chosen
+
+    def _simplified(self, chosen: list[Form]) -> list[Form]:
+        """Let a simpler effect stand for a richer one that gains no more than a flaw in form."""
+        for form in tuple(chosen):
+            others = [f for f in chosen if f is not form]
+            least = (1.0 - NESTED_SHARE) * self.rate(chosen, form).gain
+            taken = {f.effect.name for f in others}
+            for family in self.families:
+                if form.effect.name not in RICHER.get(family.name, ()) or family.name in taken:
+                    continue
+                simpler = self.best_form(others, family)
+                if simpler is None:
+                    continue
+                refined = self._best_shape(others, simpler.form)
+                if self.rate([*others, refined], refined).gain > least:
+                    chosen = [*others, refined]
+                    break
         return chosen
 
     def _refined(self, chosen: list[Form]) -> list[Form]:

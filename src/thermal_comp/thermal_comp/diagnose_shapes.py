@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 from thermal_comp.diagnose_bank import ColumnBank, Term
-from thermal_comp.diagnose_candidates import Form
+from thermal_comp.diagnose_candidates import SEARCHED, Form
 from thermal_comp.effects.effect import Effect
 
 STEP_TIME_S = 400.0
@@ -31,7 +31,7 @@ def moved_forms(bank: ColumnBank, form: Form, ratio: float) -> list[Form]:
 def _moved(effect: Effect, ratio: float) -> Iterator[Effect]:
     for item in fields(effect):
         value: Any = getattr(effect, item.name)
-        low, high = item.metadata['bounds']
+        low, high = SEARCHED.get((effect.name, item.name), item.metadata['bounds'])
         if item.metadata['unit'] == '1':
             continue
         several = isinstance(value, tuple)

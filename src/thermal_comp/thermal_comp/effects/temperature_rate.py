@@ -12,7 +12,7 @@ from thermal_comp.conditions import Conditions
 from thermal_comp.effects.effect import Effect, State
 from thermal_comp.effects.first_order_lag import follow
 
-SMOOTHING = 50.0
+SMOOTHING = 30.0
 """Time constant of the derivative filter [s]; its second stage takes the delay out again."""
 
 
