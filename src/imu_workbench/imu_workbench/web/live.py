@@ -45,9 +45,12 @@ class Watch:
 
 
 class Listener:
-    """Subscribes to what the pages' devices publish. Pages share it, and what it heard."""
+    """Subscribes to what the pages' devices publish. Pages share it, and what it heard.
 
-    def __init__(self) -> None:
+    `domain_id` None: that of the environment, ROS_DOMAIN_ID.
+    """
+
+    def __init__(self, domain_id: int | None = None) -> None:
         self.topics: tuple[Topic, ...] = ()
         """What is published, as of the last look."""
         self._watches: dict[tuple[str, tuple[tuple[str, str], ...]], Watch] = {}
@@ -55,7 +58,7 @@ class Listener:
         self._targets: dict[str, list[tuple[LiveState, str]]] = {}
         self._ended = threading.Event()
         self._context = Context()
-        rclpy.init(args=[], context=self._context)
+        rclpy.init(args=[], context=self._context, domain_id=domain_id)
         self._node = rclpy.create_node(
             'imu_workbench_live',
             context=self._context,
