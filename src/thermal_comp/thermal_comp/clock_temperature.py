@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from imu_recording.recording import ImuRecording
+from imu_recording.recording import FloatArray, ImuRecording
 
 WINDOW_S = 120.0
 """The interval is averaged over this [s]."""
@@ -26,31 +26,43 @@ class ClockFinding:
     rms_after: float
 
 
-def clock_slope(recordings: Sequence[ImuRecording]) -> ClockFinding | None:
-    """Return the slope of the sampling interval over temperature; None without irregularity.
+Windows = tuple[FloatArray, FloatArray]
+"""(k,) relative sampling interval and (k,) temperature [K], each about its mean."""
 
-    Δt = Δt₀ (1 + k (T − T̄)) on means over WINDOW_S; the noise is what the line leaves, with
-    neighbouring windows' correlation counted.
-    """
-    intervals, temperatures = [], []
-    for recording in recordings:
-        step = np.diff(recording.stamp) * 1e-9
-        if len(step) < 50:
-            continue
-        usual = float(np.median(step))
-        count = max(round(WINDOW_S / usual), 1)
-        blocks = len(step) // count
-        trimmed = step[: blocks * count].reshape(blocks, count)
-        temperature = recording.temperature[: blocks * count].reshape(blocks, count)
-        regular = (trimmed < 1.5 * usual).all(axis=1) & np.isfinite(temperature).all(axis=1)
-        if not regular.any():
-            continue
-        relative = trimmed.mean(axis=1)[regular] / usual
-        intervals.append(relative - relative.mean())
-        temperatures.append(temperature.mean(axis=1)[regular])
-        temperatures[-1] = temperatures[-1] - temperatures[-1].mean()
-    if not intervals:
+
+def clock_slope(recordings: Sequence[ImuRecording]) -> ClockFinding | None:
+    """Return the slope of the sampling interval over temperature; None without irregularity."""
+    return slope_of_windows([clock_windows(recording) for recording in recordings])
+
+
+def clock_windows(recording: ImuRecording) -> Windows | None:
+    """Return means over WINDOW_S without gaps of one recording; None where there is none."""
+    step = np.diff(recording.stamp) * 1e-9
+    if len(step) < 50:
         return None
+    usual = float(np.median(step))
+    count = max(round(WINDOW_S / usual), 1)
+    blocks = len(step) // count
+    trimmed = step[: blocks * count].reshape(blocks, count)
+    temperature = recording.temperature[: blocks * count].reshape(blocks, count)
+    regular = (trimmed < 1.5 * usual).all(axis=1) & np.isfinite(temperature).all(axis=1)
+    if not regular.any():
+        return None
+    relative = trimmed.mean(axis=1)[regular] / usual
+    means = temperature.mean(axis=1)[regular]
+    return relative - relative.mean(), means - means.mean()
+
+
+def slope_of_windows(windows: Sequence[Windows | None]) -> ClockFinding | None:
+    """Return the slope over the windows of all recordings.
+
+    Δt = Δt₀ (1 + k (T − T̄)); the noise is what the line leaves, with neighbouring windows'
+    correlation counted.
+    """
+    known = [some for some in windows if some is not None]
+    if not known:
+        return None
+    intervals, temperatures = zip(*known, strict=True)
     y, x = np.concatenate(intervals), np.concatenate(temperatures)
     if len(y) < 20 or not np.ptp(y) > 1e-9 or not np.ptp(x) > 1.0:
         return None

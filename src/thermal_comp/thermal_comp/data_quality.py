@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from thermal_comp.data_quality_channels import impossible_rows
 from thermal_comp.data_quality_rows import rail_rows, spike_rows, stuck_rows
-from thermal_comp.data_quality_units import foreign_units
+from thermal_comp.data_quality_units import Scale, foreign_units, scales_of
 from thermal_comp.startup import startup_rows
 
 BoolArray = NDArray[np.bool_]
@@ -45,23 +45,35 @@ def check_quality(
     """Return the recordings with defective rows taken out, and what was defective."""
     findings: list[QualityFinding] = []
     clean = []
-    for number, recording in enumerate(recordings, 1):
-        mended, found = _check_rows(recording, recording.run or str(number))
+    names = [recording.run or str(number) for number, recording in enumerate(recordings, 1)]
+    for name, recording in zip(names, recordings, strict=True):
+        mended, found = check_recording(recording, name)
         clean.append(mended)
         findings += found
-    for number, sensor, text in foreign_units(clean, _clipped(findings)):
+    for number, finding in wrong_units([scales_of(r) for r in clean], names, findings):
         rows = np.ones(len(clean[number]), dtype=bool)
-        clean[number] = _without(clean[number], sensor, rows)
-        findings.append(QualityFinding('unit_mismatch', sensor, len(rows), text))
-    return clean, _merged(findings)
+        clean[number] = _without(clean[number], finding.sensor, rows)
+        findings.append(replace(finding, rows=len(rows)))
+    return clean, merged(findings)
 
 
-def _clipped(findings: Sequence[QualityFinding]) -> set[str]:
-    """Return the sensors with a rail, whose level tells nothing about their unit."""
-    return {finding.sensor for finding in findings if finding.name == 'saturation'}
+def wrong_units(
+    scales: Sequence[Mapping[str, Scale]],
+    names: Sequence[str],
+    findings: Sequence[QualityFinding],
+) -> list[tuple[int, QualityFinding]]:
+    """Return run number and finding, its rows not counted, of every sensor in a foreign unit."""
+    clipped = {finding.sensor for finding in findings if finding.name == 'saturation'}
+    return [
+        (number, QualityFinding('unit_mismatch', sensor, 0, text))
+        for number, sensor, text in foreign_units(scales, names, clipped)
+    ]
 
 
-def _check_rows(recording: ImuRecording, run: str) -> tuple[ImuRecording, list[QualityFinding]]:
+def check_recording(
+    recording: ImuRecording, run: str
+) -> tuple[ImuRecording, list[QualityFinding]]:
+    """Return one recording with defective rows taken out, and what was defective."""
     findings = []
     cut, factor = startup_rows(recording)
     if cut:
@@ -74,9 +86,9 @@ def _check_rows(recording: ImuRecording, run: str) -> tuple[ImuRecording, list[Q
         recording = _blank(recording, channel, rows)
     recording, found = _check_orientation(recording, run)
     findings += found
+    period = _period(recording)
     for sensor, name in SENSOR_FIELDS.items():
         values = getattr(recording, name)
-        period = _period(recording)
         bad = np.zeros(len(values), dtype=bool)
         for defect, judge in (
             ('stuck_value', partial(stuck_rows, period=period)),
@@ -84,7 +96,7 @@ def _check_rows(recording: ImuRecording, run: str) -> tuple[ImuRecording, list[Q
             ('spikes', partial(spike_rows, period=period)),
         ):
             # The edges of what is stuck or clipped are no spikes.
-            rows = judge(np.where(bad[:, None], np.nan, values))
+            rows = judge(np.where(bad[:, None], np.nan, values) if bad.any() else values)
             rows[:cut] = False
             if rows.any():
                 text = f'run {run}: {int(rows.sum())} of {len(rows)} rows'
@@ -155,7 +167,7 @@ def _most_common(codes: NDArray[np.int64]) -> int:
     return int(values[np.argmax(counts)])
 
 
-def _merged(findings: Sequence[QualityFinding]) -> list[QualityFinding]:
+def merged(findings: Sequence[QualityFinding]) -> list[QualityFinding]:
     """Join the runs' findings of one kind and sensor."""
     joined: dict[tuple[str, str], QualityFinding] = {}
     for finding in findings:

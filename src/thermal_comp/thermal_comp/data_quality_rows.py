@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from imu_recording.recording import FloatArray
 from numpy.typing import NDArray
@@ -29,11 +31,12 @@ PILE_RATIO = 3.0
 
 def stuck_rows(values: FloatArray, period: float) -> BoolArray:
     """Return the rows (n,) in which all axes repeat the row before, for long enough."""
-    same = np.zeros(len(values), dtype=bool)
-    same[1:] = (values[1:] == values[:-1]).all(axis=1)
-    edges = np.flatnonzero(np.diff(np.r_[False, same, False].astype(int)))
+    same = np.zeros(len(values) + 2, dtype=bool)
+    for rows in pieces(len(values) - 1):
+        behind = slice(rows.start + 1, rows.stop + 1)
+        same[rows.start + 2 : rows.stop + 2] = (values[behind] == values[rows]).all(axis=1)
     stuck = np.zeros(len(values), dtype=bool)
-    runs = edges.reshape(-1, 2)
+    runs = np.flatnonzero(same[1:] != same[:-1]).reshape(-1, 2)
     least = max(STUCK_ROWS, int(np.ceil(STUCK_S / period)))
     needed = _needed_repeats(runs[:, 1] - runs[:, 0], len(values), least)
     for start, stop in runs:
@@ -66,15 +69,17 @@ def rail_rows(values: FloatArray) -> BoolArray:
     """Return the rows (n,) that stand at a rail, or so near that their mean is touched by it."""
     touched = np.zeros(len(values), dtype=bool)
     for column in values.T:
-        finite = column[np.isfinite(column)]
-        if len(finite) < 100 or np.ptp(finite) == 0.0:
-            continue
-        noise = 1.4826 * float(np.median(np.abs(np.diff(finite)))) / np.sqrt(2.0)
-        for sign in (1.0, -1.0):
-            extreme = float((sign * finite).max())
-            if _piles_up(sign * finite, extreme):
+        for sign, pick in ((1.0, np.fmax), (-1.0, np.fmin)):
+            extreme = float(pick.reduce(column, initial=-sign * np.inf))
+            if not np.isfinite(extreme) or np.count_nonzero(column == extreme) < PILE:
+                continue
+            finite = column[np.isfinite(column)]
+            if len(finite) < 100 or np.ptp(finite) == 0.0:
+                break
+            noise = 1.4826 * float(np.median(np.abs(np.diff(finite)))) / np.sqrt(2.0)
+            if _piles_up(sign * finite, sign * extreme):
                 with np.errstate(invalid='ignore'):
-                    touched |= sign * column >= extreme - 4.0 * noise
+                    touched |= sign * column >= sign * extreme - 4.0 * noise
     return touched
 
 
@@ -84,15 +89,36 @@ def spike_rows(values: FloatArray, period: float = 0.0) -> BoolArray:
     if len(values) < 5:
         return spikes
     limit = SPIKE_SIGMA if period < SLOW_S else SLOW_SPIKE_SIGMA
-    before, here, after = values[:-2], values[1:-1], values[2:]
-    jump = here - 0.5 * (before + after)
-    sigma = 1.4826 * np.nanmedian(np.abs(jump - np.nanmedian(jump, axis=0)), axis=0)
-    size = np.abs(jump) / np.where(sigma > 0.0, sigma, np.inf)
-    with np.errstate(invalid='ignore'):
-        alone = (size > limit) & (np.abs(before - after) < 0.5 * np.abs(jump))
-        single = (size > OTHERS_SIGMA).sum(axis=1) == 1
-    spikes[1:-1] = alone.any(axis=1) & single
+    centre = some_rows(len(values) - 2) + 1
+    jump = values[centre] - 0.5 * (values[centre - 1] + values[centre + 1])
+    known = np.where(np.isfinite(jump).any(axis=0), jump, 0.0)
+    sigma = 1.4826 * np.nanmedian(np.abs(known - np.nanmedian(known, axis=0)), axis=0)
+    sigma = np.where(sigma > 0.0, sigma, np.inf)
+    for rows in pieces(len(values) - 2):
+        at = rows.start + 1 + _far_rows(values[rows.start : rows.stop + 2], limit * sigma)
+        before, here, after = values[at - 1], values[at], values[at + 1]
+        jump = np.abs(here - 0.5 * (before + after))
+        alone = (jump > limit * sigma) & (np.abs(before - after) < 0.5 * jump)
+        single = (jump > OTHERS_SIGMA * sigma).sum(axis=1) == 1
+        spikes[at] = alone.any(axis=1) & single
     return spikes
+
+
+def _far_rows(values: FloatArray, limit: FloatArray) -> NDArray[np.intp]:
+    """Return the inner rows of (n, 3) that differ from the mean of both neighbours by more."""
+    jump = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
+    return np.flatnonzero((jump > limit).any(axis=1))
+
+
+def pieces(rows: int, length: int = 1 << 15) -> Iterator[slice]:
+    """Yield slices over rows that stay in the processor's cache."""
+    for start in range(0, rows, length):
+        yield slice(start, min(start + length, rows))
+
+
+def some_rows(rows: int, wanted: int = 200_000) -> NDArray[np.intp]:
+    """Return about so many of the rows, evenly spread: enough for a median."""
+    return np.arange(0, rows, max(rows // wanted, 1))
 
 
 def _piles_up(values: FloatArray, extreme: float) -> bool:

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
+
+from thermal_comp.data_quality_rows import some_rows
 
 PLAUSIBLE = {'accelerometer': (8.0, 11.5), 'magnetometer': (1e-6, 2e-3)}
 """Norm of the mean at rest [m/s², T]."""
@@ -22,18 +24,30 @@ FOREIGN_NOISE = 20.0
 """Ratio of a run's noise to that of the other runs that only a wrong unit explains."""
 
 
+Scale = tuple[float, float]
+"""Norm of the median and median step of one sensor [its unit]."""
+
+
+def scales_of(recording: ImuRecording) -> dict[str, Scale]:
+    """Return how large and how noisy each sensor's numbers are; zero where there are none."""
+    return {
+        sensor: (_norm(getattr(recording, name)), _noise(getattr(recording, name)))
+        for sensor, name in SENSOR_FIELDS.items()
+    }
+
+
 def foreign_units(
-    recordings: Sequence[ImuRecording], clipped: Collection[str] = ()
+    scales: Sequence[Mapping[str, Scale]], names: Sequence[str], clipped: Collection[str] = ()
 ) -> list[tuple[int, str, str]]:
     """Return run number, sensor and a sentence for every sensor of a run in a foreign unit.
 
     The norm of a sensor that is `clipped` tells nothing, unless a known unit explains it.
     """
     found = []
-    for sensor, name in SENSOR_FIELDS.items():
-        noise = [_noise(getattr(r, name)) for r in recordings]
-        for k, recording in enumerate(recordings):
-            norm = _norm(getattr(recording, name))
+    for sensor in SENSOR_FIELDS:
+        noise = [scale[sensor][1] for scale in scales]
+        for k, name in enumerate(names):
+            norm = scales[k][sensor][0]
             others = [n for j, n in enumerate(noise) if j != k and n > 0.0]
             ratio = noise[k] / float(np.median(others)) if others and noise[k] > 0.0 else 1.0
             foreign = len(others) > 1 and not 1.0 / FOREIGN_NOISE < ratio < FOREIGN_NOISE
@@ -41,13 +55,14 @@ def foreign_units(
                 _unit_of_ratio(sensor, ratio) if foreign else ''
             )
             if foreign or unit or (sensor not in clipped and _is_far(sensor, norm)):
-                text = f'run {recording.run or k + 1}: mean norm {norm:.4g}, noise × {ratio:.3g}'
+                text = f'run {name}: mean norm {norm:.4g}, noise × {ratio:.3g}'
                 found.append((k, sensor, text + (f', as if in {unit}' if unit else '')))
     return found
 
 
 def _norm(values: FloatArray) -> float:
-    finite = values[np.isfinite(values).all(axis=1)]
+    some = values[some_rows(len(values))]
+    finite = some[np.isfinite(some).all(axis=1)]
     return float(np.linalg.norm(np.median(finite, axis=0))) if len(finite) else 0.0
 
 
@@ -72,6 +87,7 @@ def _is_far(sensor: str, norm: float) -> bool:
 
 
 def _noise(values: FloatArray) -> float:
-    steps = np.diff(values, axis=0)
+    first = some_rows(len(values) - 1)
+    steps = values[first + 1] - values[first]
     steps = steps[np.isfinite(steps).all(axis=1)]
     return float(np.median(np.abs(steps))) if len(steps) else 0.0

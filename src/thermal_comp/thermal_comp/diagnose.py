@@ -3,15 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from imu_recording.recording import ImuRecording
 
-from thermal_comp.clock_temperature import clock_slope
 from thermal_comp.compare import compare_prepared
 from thermal_comp.conditions import CHANNELS, SENSORS, Sensor
-from thermal_comp.data_quality import check_quality
 from thermal_comp.diagnose_bank import ColumnBank, ColumnSource
 from thermal_comp.diagnose_calibration import calibrated_thresholds
 from thermal_comp.diagnose_candidates import families, missing_channels
@@ -26,16 +24,16 @@ from thermal_comp.diagnose_findings import (
     with_verdict,
 )
 from thermal_comp.diagnose_judges import judges
-from thermal_comp.diagnose_noise import bandwidth_known
 from thermal_comp.diagnose_result import Diagnosis, Finding, SensorState
 from thermal_comp.diagnose_search import Search
 from thermal_comp.diagnose_thresholds import EVERYWHERE
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fit import fit_prepared, usable_sensors
+from thermal_comp.intake import take_in
 from thermal_comp.model import NoiseModel, ThermalModel
 from thermal_comp.noise import fit_noise
-from thermal_comp.preparation import PERIOD, prepare
+from thermal_comp.preparation import PERIOD
 from thermal_comp.prepared_run import PreparedRun
 
 Listed = dict[Sensor, tuple[Effect, ...]]
@@ -54,7 +52,7 @@ class Settings:
 
 
 def diagnose(
-    recordings: Sequence[ImuRecording],
+    recordings: Iterable[ImuRecording],
     model: ThermalModel | None = None,
     *,
     catalogue: Mapping[str, type[Effect]] | None = None,
@@ -64,19 +62,19 @@ def diagnose(
 ) -> Diagnosis:
     """Return what is missing in the model, in the light of recordings of one device.
 
+    Recordings that are read only when they are needed are read one at a time, and none is kept.
     Without a model the line per axis is fitted first. `calibrate` simulates that many campaigns
     without any effect under the fitted noise and raises the thresholds to what they reach.
     """
-    clean, defects = check_quality(recordings)
-    runs = prepare(clean, period=period)
-    settings = Settings(catalogue or EFFECTS, None, reference, bandwidth_known(recordings))
+    intake = take_in(recordings, period=period)
+    runs, clock = intake.runs, intake.clock
+    settings = Settings(catalogue or EFFECTS, None, reference, intake.bandwidth_known)
     if calibrate:
         base = {sensor: base_effects(model, sensor) for sensor in SENSORS}
         thresholds = calibrated_thresholds(runs, base, settings.catalogue, calibrate)
         settings = replace(settings, thresholds=thresholds)
     diagnosis = diagnose_prepared(runs, model, settings)
-    findings = [quality_finding(defect) for defect in defects]
-    clock = clock_slope(recordings)
+    findings = [quality_finding(defect) for defect in intake.defects]
     if clock is not None and clock.evidence > EVERYWHERE:
         slope = {'value': clock.slope, 'std': clock.slope_std, 'unit': '1/K'}
         findings.append(

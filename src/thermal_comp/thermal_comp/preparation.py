@@ -50,13 +50,22 @@ def prepare(
     None means a device at rest: gravity along `up_axis`, no rotation, the run's mean field.
     """
     names: dict[str, int] = {}
-    runs = []
-    for number, recording in enumerate(recordings, 1):
-        name = recording.run or recording.source.rstrip('/').rpartition('/')[2] or str(number)
-        names[name] = names.get(name, 0) + 1
-        unique = name if names[name] == 1 else f'{name} ({names[name]})'
-        runs.append(prepare_run(recording, unique, period=period, truth=truth or resting))
-    return runs
+    return [
+        prepare_run(
+            recording,
+            run_name(recording, number, names),
+            period=period,
+            truth=truth or resting,
+        )
+        for number, recording in enumerate(recordings, 1)
+    ]
+
+
+def run_name(recording: ImuRecording, number: int, taken: dict[str, int]) -> str:
+    """Return a name for the run that is not taken; counts it as taken."""
+    name = recording.run or recording.source.rstrip('/').rpartition('/')[2] or str(number)
+    taken[name] = taken.get(name, 0) + 1
+    return name if taken[name] == 1 else f'{name} ({taken[name]})'
 
 
 def resting(recording: ImuRecording) -> Conditions:

@@ -11,9 +11,8 @@ from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model_file import load_model
 
 from imu_workbench.answer import Answer
-from imu_workbench.commands.options import add_bag_arguments, read_recordings
+from imu_workbench.commands.options import add_bag_arguments, stream_recordings
 from imu_workbench.diagnosis_text import diagnosis_text
-from imu_workbench.progress import show_progress
 
 HELP = 'Name the missing physical effect, or say that nothing is missing or nothing explains it.'
 EPILOG = 'example:\n  python -m imu_workbench diagnose bags/hidden_effect_? --json diagnosis.json'
@@ -66,10 +65,8 @@ def run(options: argparse.Namespace) -> Answer:
     if options.noise_reference:
         known = load_model(options.noise_reference, catalogue)
         reference = {s: m.noise for s, m in known.sensors.items() if m.noise is not None}
-    recordings = read_recordings(options)
-    show_progress('diagnosing …')
     found = diagnose(
-        recordings,
+        stream_recordings(options, then='diagnosing …'),
         model,
         catalogue=catalogue,
         reference=reference,

@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+
+from imu_recording.user_error import UserError
 
 from imu_recording import ImuRecording, bag_namespaces, read_bag
 from imu_workbench.progress import show_progress
@@ -44,7 +46,7 @@ def topic_remap(rules: list[str]) -> dict[str, str]:
     for rule in rules:
         name, separator, other = rule.partition(':=')
         if not (separator and name):
-            raise ValueError(f'--topic {rule!r}: write it as name:=other, e.g. imu/mag:=/compass')
+            raise UserError(f'--topic {rule!r}: write it as name:=other, e.g. imu/mag:=/compass')
         remap[name] = other
     return remap
 
@@ -57,13 +59,21 @@ def read_recordings(
     Where a bag holds several devices and no --namespace was given, `every_device` takes all of
     them; otherwise the user has to choose.
     """
+    return list(stream_recordings(options, every_device=every_device))
+
+
+def stream_recordings(
+    options: argparse.Namespace, *, every_device: bool = False, then: str = ''
+) -> Iterator[ImuRecording]:
+    """Read the bags as `read_recordings` does, each only when it is asked for.
+
+    `then` is the progress line when the last one has been read.
+    """
     remap = topic_remap(options.topic)
-    recordings = []
     for path in options.bags:
         show_progress(f'reading {path} …')
-        recordings += read_devices(path, options.namespace, remap, every_device=every_device)
-    show_progress('')
-    return recordings
+        yield from read_devices(path, options.namespace, remap, every_device=every_device)
+    show_progress(then)
 
 
 def read_devices(
@@ -80,11 +90,11 @@ def read_devices(
         return [read_bag(path, namespace=namespace, remap=remap)]
     if not every_device:
         names = ', '.join(namespaces)
-        raise ValueError(f'{path} holds several devices: {names}; choose one with --namespace')
+        raise UserError(f'{path} holds several devices: {names}; choose one with --namespace')
     return [read_bag(path, namespace=name, remap=remap) for name in namespaces]
 
 
 def refuse_existing(target: Path) -> None:
     """Raise where an output exists already: nothing is overwritten."""
     if target.exists():
-        raise ValueError(f'{target} exists already: remove it or choose another -o')
+        raise UserError(f'{target} exists already: remove it or choose another -o')

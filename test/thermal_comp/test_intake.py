@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings are taken in one at a time, with the answer they have together."""
+
+import gc
+import weakref
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from thermal_comp.data_quality import check_quality
+from thermal_comp.intake import take_in
+from thermal_comp.preparation import prepare
+
+from imu_recording import ImuRecording
+
+from .campaign import run
+
+PERIOD = 20.0
+
+
+@pytest.fixture(scope='module')
+def recordings() -> list[ImuRecording]:
+    made = [run(up, seed=k, cycles=2) for k, up in enumerate(('+x', '+y', '+z'))]
+    stuck = made[1].angular_velocity.copy()
+    stuck[400:440] = stuck[400]
+    foreign = made[2].magnetic_field * 1e6
+    return [
+        made[0],
+        replace(made[1], angular_velocity=stuck),
+        replace(made[2], magnetic_field=foreign),
+    ]
+
+
+def test_the_runs_are_those_of_the_whole_list(recordings: list[ImuRecording]) -> None:
+    clean, defects = check_quality(recordings)
+    wanted = prepare(clean, period=PERIOD)
+    intake = take_in(iter(recordings), period=PERIOD)
+    assert [d.name for d in intake.defects] == [d.name for d in defects]
+    assert {d.name for d in defects} == {'stuck_value', 'unit_mismatch'}
+    for found, whole in zip(intake.runs, wanted, strict=True):
+        assert found.name == whole.name
+        for sensor, values in whole.measured.items():
+            np.testing.assert_array_equal(found.measured[sensor], values)
+        np.testing.assert_array_equal(
+            found.conditions.magnetic_field, whole.conditions.magnetic_field
+        )
+    assert np.isnan(intake.runs[2].measured['magnetometer']).all()
+
+
+def test_recordings_that_are_read_when_needed_are_not_kept(
+    recordings: list[ImuRecording],
+) -> None:
+    alive: list[weakref.ref[ImuRecording]] = []
+    most = 0
+
+    def reading() -> Iterator[ImuRecording]:
+        nonlocal most
+        for recording in (*recordings, *recordings):
+            copy = replace(recording, run=f'{recording.run} {len(alive)}')
+            gc.collect()
+            most = max(most, sum(ref() is not None for ref in alive))
+            alive.append(weakref.ref(copy))
+            yield copy
+            del copy
+
+    assert len(take_in(reading(), period=PERIOD).runs) == 6
+    assert most <= 2
+
+
+def test_what_goes_wrong_while_reading_ahead_reaches_the_caller(
+    recordings: list[ImuRecording],
+) -> None:
+    def reading() -> Iterator[ImuRecording]:
+        yield recordings[0]
+        raise ValueError('bag: cut short')
+
+    with pytest.raises(ValueError, match='cut short'):
+        take_in(reading())
