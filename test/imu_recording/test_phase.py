@@ -74,6 +74,15 @@ def test_the_papers_plan(start: float, period: int, logged: int, resolution: flo
     assert_phases(time, setpoint, wanted, slack=2.0 * logged + 1)
 
 
+@pytest.mark.parametrize('start', [20.0, 23.0, 18.5])
+@pytest.mark.parametrize('cycles', [1, 2, 3])
+def test_few_cycles_after_a_long_precondition(start: float, cycles: int) -> None:
+    """The dwell after the approach to the reference is no reference dwell of a cycle."""
+    times, levels, wanted = plan(start=start, cycles=cycles)
+    time = np.arange(0, times[-1], 2.0)
+    assert_phases(time, np.interp(time, times, levels), wanted, slack=3.0)
+
+
 def test_cut_anywhere_the_beginning_is_the_same() -> None:
     times, levels, _ = plan()
     time = np.arange(0, times[-1], 5.0)

@@ -82,7 +82,14 @@ def _phases(time: FloatArray, setpoint: FloatArray) -> tuple[IntArray, IntArray]
         phase[start:stop] = PHASES.index(ramp)
         phase[stop : stops[k + 1]] = PHASES.index(after)
         cycle[start : stops[k + 1]] = number
-    _split_final(phase, cycle, time, starts[-1], kinds, lengths)
+    counted = [n for a, n in zip(starts, lengths, strict=True) if cycle[a]]
+    references = [
+        n
+        for a, n, kind in zip(starts, lengths, kinds, strict=True)
+        if cycle[a] and kind == 'dwell_reference'
+    ]
+    if kinds[-1] == 'dwell_reference' and cycle[-1]:
+        _split_final(phase, cycle, time, starts[-1], references[:-1] or counted[:-1])
     return phase, cycle
 
 
@@ -134,18 +141,12 @@ def _dwell_kind(level: float, reference: float) -> str:
 
 
 def _split_final(
-    phase: IntArray,
-    cycle: IntArray,
-    time: FloatArray,
-    start: int,
-    kinds: list[str],
-    lengths: list[float],
+    phase: IntArray, cycle: IntArray, time: FloatArray, start: int, earlier: list[float]
 ) -> None:
-    """What the last reference dwell lasts longer than the earlier dwells is the final phase."""
-    if kinds[-1] != 'dwell_reference' or not cycle[-1]:
+    """What the last reference dwell lasts longer than the `earlier` dwells is the final phase."""
+    if not earlier:
         return
-    earlier = [n for k, n in zip(kinds[1:-1], lengths[1:-1], strict=True) if k == kinds[-1]]
-    usual = float(np.median(earlier or lengths[1:-1])) if lengths[1:-1] else lengths[-1]
+    usual = float(np.median(earlier))
     final = (time >= time[start] + 1.05 * usual) & (np.arange(len(time)) >= start)
     if not final.any():
         return
