@@ -3,12 +3,18 @@
 
 import argparse
 import json
+import subprocess
+import sys
 import types
 from pathlib import Path
 
 import imu_workbench.__main__ as front_end
 import numpy as np
 import pytest
+from imu_recording.bag_error import BagError
+from imu_recording.csv_mapping import MappingError
+from imu_recording.parameter import ParameterError
+from imu_recording.user_error import UserError
 from imu_workbench.answer import Answer, plain, write_json
 
 
@@ -38,7 +44,7 @@ def test_answer_goes_to_terminal_and_json(monkeypatch, tmp_path: Path, capsys) -
 @pytest.mark.parametrize(
     ('error', 'line'),
     [
-        (ValueError('rate is −1,\nexpected more than 0'), 'rate is −1, expected more than 0'),
+        (UserError('rate is −1,\nexpected more than 0'), 'rate is −1, expected more than 0'),
         (FileNotFoundError(2, 'No such file or directory', 'a.yaml'), 'a.yaml: No such file'),
     ],
 )
@@ -54,13 +60,41 @@ def test_a_mistake_is_one_line_and_exit_2(monkeypatch, capsys, error, line) -> N
     assert not shown.out
 
 
-def test_a_bug_is_a_traceback(monkeypatch) -> None:
+@pytest.mark.parametrize('error', [BagError, MappingError, ParameterError])
+def test_the_projects_errors_have_one_root(error: type[Exception]) -> None:
+    assert issubclass(error, UserError)
+    assert issubclass(error, ValueError)
+
+
+@pytest.mark.parametrize(
+    'bug',
+    [
+        KeyError('gyroscope'),
+        ValueError('operands could not be broadcast together'),
+        FileNotFoundError(2, 'No such file', str(Path(front_end.__file__).parent / 'page.html')),
+    ],
+)
+def test_a_bug_is_no_mistake_of_the_user(monkeypatch, bug: Exception) -> None:
     def run(options: argparse.Namespace) -> Answer:
-        raise KeyError('gyroscope')
+        raise bug
 
     install(monkeypatch, run)
-    with pytest.raises(KeyError):
+    with pytest.raises(type(bug)):
         front_end.main(['probe', 'x'])
+
+
+def test_a_bug_ends_the_process_with_1_and_a_traceback() -> None:
+    script = (
+        'import sys, imu_workbench.__main__ as f; from imu_workbench.commands import explain; '
+        "explain.run = lambda options: int('bug'); "
+        "sys.exit(f.main(['explain', 'thermal_lag']))"
+    )
+    found = subprocess.run(
+        [sys.executable, '-c', script], capture_output=True, text=True, check=False
+    )
+    assert found.returncode == 1
+    assert found.stderr.startswith('Traceback')
+    assert not found.stdout
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,12 @@ from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
+from imu_recording.user_error import UserError
+
 COLUMNS = ('time_s', 'temperature_c')
 
 
-class AmbientError(ValueError):
+class AmbientError(UserError):
     """A temperature law that cannot be read; the message names the file and the row."""
 
 

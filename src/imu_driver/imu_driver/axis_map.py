@@ -18,6 +18,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 from imu_recording.recording import UP_AXES, FloatArray
+from imu_recording.user_error import UserError
 
 from imu_driver.lsm9ds1 import STANDARD_GRAVITY
 
@@ -27,7 +28,7 @@ AxisMap: TypeAlias = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
 IDENTITY: Final[AxisMap] = ((0, 1), (1, 1), (2, 1))
 
 
-class AxisMapError(ValueError):
+class AxisMapError(UserError):
     """An axis map that is no rotation; the message names it."""
 
 

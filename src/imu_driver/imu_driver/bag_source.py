@@ -15,6 +15,7 @@ from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
 from imu_recording.recording import ImuRecording
+from imu_recording.user_error import UserError
 
 from imu_driver.sample import Sample
 from imu_recording import read_bag
@@ -62,11 +63,11 @@ class BagReader:
         options = dict(parse_qsl(parts.query))
         unknown = sorted(set(options) - {'rate', 'namespace'})
         if unknown:
-            raise ValueError(f'{url}: unknown option {unknown[0]}; known: rate, namespace')
+            raise UserError(f'{url}: unknown option {unknown[0]}; known: rate, namespace')
         try:
             self._pace = float(options.get('rate', '1'))
         except ValueError:
-            raise ValueError(f'{url}: rate must be a number') from None
+            raise UserError(f'{url}: rate must be a number') from None
         self.recording = read_bag(parts.netloc + parts.path, namespace=options.get('namespace'))
         self._deliver = deliver
         self._report = report

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from imu_recording.recording import UP_AXES
+from imu_recording.user_error import UserError
 
 from imu_driver.emulated_board import BoardOptions
 from imu_driver.emulator import Emulator
@@ -72,11 +73,11 @@ def build(options: argparse.Namespace) -> Emulator:
     """Return the emulator the options describe; raise ValueError naming what is wrong."""
     schedule = FaultSchedule([parse_fault(text) for text in options.faults])
     if not (options.rate > 0 and options.time_scale > 0):
-        raise ValueError('--rate and --time-scale must be above 0')
+        raise UserError('--rate and --time-scale must be above 0')
     if options.tcp is not None and not 0 < options.tcp < 65536:
-        raise ValueError(f'--tcp {options.tcp}: expected a port, 1 … 65535')
+        raise UserError(f'--tcp {options.tcp}: expected a port, 1 … 65535')
     if options.minimal and options.protocol != 'ascii':
-        raise ValueError('--minimal speaks ASCII: add --protocol ascii')
+        raise UserError('--minimal speaks ASCII: add --protocol ascii')
     board = emulated_board(
         options.dut,
         BoardOptions(

@@ -12,6 +12,8 @@ import re
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
+from imu_recording.user_error import UserError
+
 DEFAULT_DURATION: Final = 2.0
 """[s]."""
 
@@ -38,7 +40,7 @@ BURST_RATE: Final = 0.02
 LONGEST_BURST: Final = 200
 
 
-class FaultError(ValueError):
+class FaultError(UserError):
     """A fault that cannot be scheduled; the message names it."""
 
 

@@ -17,6 +17,7 @@ from typing import Final
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from imu_recording.user_error import UserError
 
 STANDARD_GRAVITY: Final = 9.80665
 """[m/s²] that one g of the datasheet means (CGPM 1901)."""
@@ -196,7 +197,7 @@ def scale(sensor: str, full_scale: float) -> FloatArray:
         sensitivity = SENSITIVITY[sensor][full_scale]
     except KeyError:
         choices = ', '.join(f'{value:g}' for value in SENSITIVITY[sensor])
-        raise ValueError(
+        raise UserError(
             f'{sensor} full scale {full_scale:g} {FULL_SCALE_UNITS[sensor]} does not exist; '
             f'selectable: {choices}'
         ) from None

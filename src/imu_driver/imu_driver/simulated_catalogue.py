@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from imu_recording.user_error import UserError
 
 from imu_driver.device_parameters import (
     BIAS_INSTABILITY,
@@ -186,6 +187,6 @@ def find_device(device: str | DeviceParameters) -> DeviceParameters:
     try:
         return DEVICES[device]
     except KeyError:
-        raise ValueError(
+        raise UserError(
             f'there is no simulated device {device!r}; there are {", ".join(DEVICES)}'
         ) from None

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from imu_recording.jit import njit
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
+from imu_recording.user_error import UserError
 
 from imu_driver.device_parameters import (
     REFERENCE_TEMPERATURE,
@@ -79,9 +80,9 @@ def simulate_device(
 def read_out(run: DeviceRun, how: ReadOut) -> ImuRecording:
     """Return the recording of a run."""
     if not how.rate_hz > 0.0:
-        raise ValueError(f'rate {how.rate_hz:g} Hz: it must be above 0')
+        raise UserError(f'rate {how.rate_hz:g} Hz: it must be above 0')
     if how.mean and run.motion:
-        raise ValueError('means over intervals of a moving device tell nothing; use samples')
+        raise UserError('means over intervals of a moving device tell nothing; use samples')
     time = sample_times(run, how)
     generator = np.random.default_rng((*run.seed, 3))
     columns: dict[str, Any]

@@ -13,6 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from imu_recording.user_error import UserError
 
 from imu_driver.device_parameters import MEAN_STD
 from imu_driver.simulated_run import DeviceRun
@@ -84,13 +85,13 @@ def hide(
 ) -> tuple[list[DeviceRun], Truth]:
     """Return the runs with the effect added at exactly the magnitude wanted, and the truth."""
     if sensor not in law.sensors:
-        raise ValueError(
+        raise UserError(
             f'{law.name} is not hidden in {sensor!r}; choose from {", ".join(law.sensors)}'
         )
     shape = law.function(runs, sensor, np.random.default_rng((seed, 17)))
     size = magnitude(runs, shape.waves)
     if not size > 0.0:
-        raise ValueError(f'{law.name} does nothing in these runs: the profile does not excite it')
+        raise UserError(f'{law.name} does nothing in these runs: the profile does not excite it')
     factor = magnitude_wanted / size
     changed = []
     for run, wave in zip(runs, shape.waves, strict=True):

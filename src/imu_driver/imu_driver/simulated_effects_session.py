@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from imu_recording.jit import njit
 from imu_recording.recording import FloatArray
+from imu_recording.user_error import UserError
 
 from imu_driver.simulated_effect import Law, Shape, along_axes, axis_gains, in_sensor, log_uniform
 from imu_driver.simulated_environment import low_pass
@@ -80,7 +81,7 @@ def humidity(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Genera
     waves = []
     for run in runs:
         if run.environment.humidity is None:
-            raise ValueError('humidity cannot act: the environment has none')
+            raise UserError('humidity cannot act: the environment has none')
         period = run.environment.period
         outer = low_pass(run.environment.humidity, time, period)
         inner = low_pass(outer, 0.04 * time, period)
@@ -127,7 +128,7 @@ def turn_on(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generat
     waves = []
     for run in runs:
         if run.environment.cycle is None or run.environment.cycle.max() < 2:
-            raise ValueError('turn_on_bias needs a profile with at least two cycles')
+            raise UserError('turn_on_bias needs a profile with at least two cycles')
         number = np.maximum.accumulate(run.environment.cycle)
         levels = generator.normal(0.0, 1.0, (int(number.max()) + 1, 3))
         levels[0] = levels[1]

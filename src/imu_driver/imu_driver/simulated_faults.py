@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, ImuRecording
+from imu_recording.user_error import UserError
 
 from imu_driver.lsm9ds1 import COUNT_MAX
 from imu_driver.simulated_run import DeviceRun
@@ -66,7 +67,7 @@ def flip(
     which = int(generator.integers(len(recordings)))
     recording = recordings[which]
     if recording.cycle is None or recording.cycle.max() < 2:
-        raise ValueError('orientation_flip needs a profile with at least two cycles')
+        raise UserError('orientation_flip needs a profile with at least two cycles')
     last = int(np.flatnonzero(recording.cycle == recording.cycle.max())[0])
     up = 'xyz'.index(recording.up_axis[1])
     turn = -np.ones(3)

@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, ImuRecording
+from imu_recording.user_error import UserError
 
 from imu_driver.simulated_effect import Truth, hide
 from imu_driver.simulated_faults import FAULTS, saturate
@@ -67,7 +68,7 @@ def hide_anything(
         return _hide_unlogged(runs, name, magnitude, seed, sensor)
     if name in QUALITY:
         return _hide_fault(runs, name, magnitude, seed, sensor)
-    raise ValueError(f'{name!r} cannot be hidden; choose from {", ".join(HIDEABLE)}, random')
+    raise UserError(f'{name!r} cannot be hidden; choose from {", ".join(HIDEABLE)}, random')
 
 
 def random_name(seed: int) -> str:
@@ -84,7 +85,7 @@ def _chosen(sensors: Sequence[str], sensor: str | None, seed: int) -> str:
     if sensor is None:
         return str(np.random.default_rng((seed, 31)).choice(list(sensors)))
     if sensor not in sensors:
-        raise ValueError(f'--sensor {sensor}: this one hides in {", ".join(sensors)}')
+        raise UserError(f'--sensor {sensor}: this one hides in {", ".join(sensors)}')
     return sensor
 
 

@@ -13,12 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 from imu_recording.recording import UP_AXES, FloatArray
+from imu_recording.user_error import UserError
 
 
 def pose_matrix(up_axis: str) -> FloatArray:
     """Return (3, 3): world (ENU) → sensor frame of a device whose `up_axis` points up."""
     if up_axis not in UP_AXES:
-        raise ValueError(f'orientation {up_axis!r} is none of {", ".join(UP_AXES)}')
+        raise UserError(f'orientation {up_axis!r} is none of {", ".join(UP_AXES)}')
     up = 'xyz'.index(up_axis[1])
     matrix = np.roll(np.eye(3), up + 1, axis=0)
     if up_axis[0] == '-':

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from imu_recording.jit import njit
 from imu_recording.recording import SENSOR_FIELDS, FloatArray
+from imu_recording.user_error import UserError
 
 from imu_driver.device_parameters import (
     REFERENCE_TEMPERATURE,
@@ -177,7 +178,7 @@ def _slow_error(
 def _field_jumps(parameters: DeviceParameters, environment: Environment) -> FloatArray:
     """Return (n, 3) the level changes R1 … R4 of the paper's tables, at the cycles' starts [T]."""
     if environment.cycle is None:
-        raise ValueError('field jumps need a profile with cycles')
+        raise UserError('field jumps need a profile with cycles')
     row = np.clip(environment.cycle - 1, 0, len(parameters.field_levels) - 1)
     # Before the first cycle the level is R1's, after the last it stays.
     final = np.maximum.accumulate(np.where(environment.cycle > 0, row, 0))

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from imu_recording.user_error import UserError
 
 from imu_driver.axis_map import up_axis
 from imu_driver.lsm9ds1 import STANDARD_GRAVITY
@@ -26,7 +27,7 @@ BIAS_LIMIT: Final = 0.6
 """[rad/s] A mean above this is rotation (datasheet: zero-rate level ±30 dps typical)."""
 
 
-class RestError(ValueError):
+class RestError(UserError):
     """The device is not at rest, or too little was received; the message says which."""
 
 

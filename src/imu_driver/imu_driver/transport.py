@@ -16,6 +16,7 @@ from typing import Final, Protocol
 from urllib.parse import urlsplit
 
 import serial
+from imu_recording.user_error import UserError
 
 from imu_driver.transport_simulated import SimulatedTransport
 
@@ -26,7 +27,7 @@ CONNECT_WITHIN: Final = 1.0
 SCHEMES: Final = ('serial', 'tcp', 'simulated', 'bag')
 
 
-class TransportError(ValueError):
+class TransportError(UserError):
     """A transport that cannot exist; the message names it and the forms there are."""
 
 

@@ -15,6 +15,7 @@ from typing import Final
 from urllib.parse import parse_qsl, urlsplit
 
 from imu_recording.recording import UP_AXES
+from imu_recording.user_error import UserError
 
 from imu_driver.ambient import ambient_law
 from imu_driver.emulated_board import BoardOptions, EmulatedBoard
@@ -52,18 +53,18 @@ class SimulatedTransport:
         options = {**OPTIONS, **dict(parse_qsl(parts.query.replace('+', '%2B')))}
         unknown = sorted(set(options) - set(OPTIONS))
         if unknown:
-            raise ValueError(f'{url}: unknown option {unknown[0]}; known: {", ".join(OPTIONS)}')
+            raise UserError(f'{url}: unknown option {unknown[0]}; known: {", ".join(OPTIONS)}')
         orientation = options['orientation']
         if orientation.lstrip('+-') == orientation:
             orientation = f'+{orientation}'
         if orientation not in UP_AXES:
-            raise ValueError(f'{url}: orientation must be one of {", ".join(UP_AXES)}')
+            raise UserError(f'{url}: orientation must be one of {", ".join(UP_AXES)}')
         if options['protocol'] not in {'ascii', 'binary'}:
-            raise ValueError(f'{url}: protocol must be ascii or binary')
+            raise UserError(f'{url}: protocol must be ascii or binary')
         try:
             seed, scale = int(options['seed']), float(options['time_scale'])
         except ValueError:
-            raise ValueError(f'{url}: seed and time_scale must be numbers') from None
+            raise UserError(f'{url}: seed and time_scale must be numbers') from None
         board = emulated_board(
             parts.netloc,
             BoardOptions(

@@ -21,10 +21,12 @@ from collections.abc import Mapping
 from dataclasses import MISSING, Field, field, fields
 from typing import Any, TypeVar
 
+from imu_recording.user_error import UserError
+
 C = TypeVar('C')
 
 
-class ParameterError(ValueError):
+class ParameterError(UserError):
     """A parameter's value cannot be used; the message names it and what is expected."""
 
 

@@ -9,6 +9,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_recording.user_error import UserError
+
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
 
@@ -37,7 +39,7 @@ SENSOR_UNITS = {'accelerometer': 'm/s²', 'gyroscope': 'rad/s', 'magnetometer': 
 """SI unit of each sensor's field."""
 
 
-class RecordingError(ValueError):
+class RecordingError(UserError):
     """Measurements that cannot be used as they are; the message names the value and a way out."""
 
 

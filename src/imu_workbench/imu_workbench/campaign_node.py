@@ -27,6 +27,7 @@ from imu_recording.logging_contract import STRING
 from imu_recording.message_cdr import serialise, type_of
 from imu_recording.recorder_node import RecorderNode
 from imu_recording.run_notice import RUN_TOPIC
+from imu_recording.user_error import UserError
 from rclpy.context import Context
 from rclpy.logging import LoggingSeverity
 
@@ -42,7 +43,7 @@ TYPES = {
 """What the driver publishes already serialised."""
 
 
-class CampaignError(ValueError):
+class CampaignError(UserError):
     """A campaign that cannot be run; the message says why."""
 
 

@@ -13,12 +13,13 @@ from typing import Any, Protocol
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
+from imu_recording.user_error import UserError
 
 SCHEMA = 1
 LEFT_OUT = '/diagnostics'
 
 
-class GoldenError(ValueError):
+class GoldenError(UserError):
     """A golden file that cannot be used; the message names it and the way out."""
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import rclpy
 from imu_recording.bag_messages import BagMessage, bag_topics, read_messages
 from imu_recording.message_cdr import message_class, numbers_of, serialise, type_of
+from imu_recording.user_error import UserError
 from rclpy.context import Context
 from rclpy.serialization import deserialize_message
 
@@ -27,7 +28,7 @@ RANK = ('imu/temperature', 'imu/mag', 'imu/data_raw')
 SECOND = 1_000_000_000
 
 
-class ReplayError(ValueError):
+class ReplayError(UserError):
     """A bag and a node that do not go together."""
 
 

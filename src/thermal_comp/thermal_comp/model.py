@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from imu_recording.user_error import UserError
 
 from thermal_comp.conditions import REFERENCE_TEMPERATURE, Conditions
 from thermal_comp.effects.effect import Effect, State
@@ -16,7 +17,7 @@ States = tuple[State | None, ...]
 """History of each effect of a sensor model, in order."""
 
 
-class ModelError(ValueError):
+class ModelError(UserError):
     """A model that cannot be used; the message names the field and what is expected."""
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from imu_recording.user_error import UserError
 from thermal_comp.compensator import compensate
 from thermal_comp.model_file import check_device, load_model
 
@@ -56,7 +57,7 @@ def output_paths(bags: list[Path], output: Path) -> list[Path]:
     names = [bag.resolve().name for bag in bags]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f'two bags are called {twice}: apply them one at a time')
+        raise UserError(f'two bags are called {twice}: apply them one at a time')
     targets = [output] if len(bags) == 1 else [output / name for name in names]
     for target in targets:
         refuse_existing(target)

@@ -12,6 +12,7 @@ from typing import Any
 import yaml
 from chamber_profile.profile import Profile, load_profile, profile_text
 from chamber_profile.unroll import signed_axis
+from imu_recording.user_error import UserError
 
 from imu_workbench.answer import Answer
 from imu_workbench.display import duration
@@ -93,16 +94,16 @@ def oriented_text(profile: Profile, orientation: str) -> str:
 
 def _check(options: argparse.Namespace) -> None:
     if not 1 <= options.devices <= len(DEVICES):
-        raise ValueError(f'--devices {options.devices}: there are 1 … {len(DEVICES)}')
+        raise UserError(f'--devices {options.devices}: there are 1 … {len(DEVICES)}')
     rate = options.imu_rate
     whole = rate > 0.0 and min(abs(rate - round(rate)), abs(1.0 / rate - round(1.0 / rate))) < 1e-9
     if not whole or rate > 952.0:
-        raise ValueError(
+        raise UserError(
             f'--imu-rate {rate:g}: expected whole samples per second, or seconds per sample'
         )
     _time_scale(options.time_scale)
     if options.output.exists() and any(options.output.iterdir()):
-        raise ValueError(f'{options.output} is not empty: a campaign needs a folder of its own')
+        raise UserError(f'{options.output} is not empty: a campaign needs a folder of its own')
 
 
 def _time_scale(text: str) -> float:
@@ -113,5 +114,5 @@ def _time_scale(text: str) -> float:
     except ValueError:
         scale = 0.0
     if scale <= 0.0:
-        raise ValueError(f"--time-scale {text}: expected a positive number or 'max'")
+        raise UserError(f"--time-scale {text}: expected a positive number or 'max'")
     return scale

@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from imu_recording.user_error import UserError
 from thermal_comp.effects.explanation import explain_all, explanation, explanation_text
 from thermal_comp.effects.user_effects import effect_catalogue
 
@@ -34,7 +35,7 @@ def run(options: argparse.Namespace) -> Answer:
         effect = catalogue[options.effect]
         content, text = explanation(effect), explanation_text(effect)
     else:
-        raise ValueError(f'effect {options.effect!r} is not known; known: {", ".join(catalogue)}')
+        raise UserError(f'effect {options.effect!r} is not known; known: {", ".join(catalogue)}')
     if options.output:
         options.output.write_text(text.rstrip() + '\n', 'utf-8')
         text = f'wrote {options.output}'

@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 from chamber_profile.profile import load_profile
+from imu_recording.user_error import UserError
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.experiment_design import Limits, Proposal, design_experiment
 from thermal_comp.experiment_plan import FINAL_S, PRECONDITION_S, REFERENCE_C
@@ -55,9 +56,9 @@ def run(options: argparse.Namespace) -> Answer:
     """Design, write, read back."""
     low, high = options.range
     if not low < REFERENCE_C < high:
-        raise ValueError(f'--range {low:g} {high:g}: expected LOW < {REFERENCE_C:g} < HIGH')
+        raise UserError(f'--range {low:g} {high:g}: expected LOW < {REFERENCE_C:g} < HIGH')
     if options.max_rate <= 0.0 or options.hours <= 0.0:
-        raise ValueError('--max-rate and --hours: expected more than 0')
+        raise UserError('--max-rate and --hours: expected more than 0')
     catalogue = dict(effect_catalogue(options.effects))
     model = load_model(options.model, catalogue)
     limits = Limits(low, high, options.max_rate, options.hours)

@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 from imu_recording.message_writer import write_messages
+from imu_recording.user_error import UserError
 
 from imu_recording import bag_namespaces
 from imu_workbench.answer import Answer
@@ -101,13 +102,13 @@ def _golden(
 
 def _check_options(options: argparse.Namespace) -> None:
     if not (options.output or options.check or options.write_golden):
-        raise ValueError('nothing to do: give -o DIR, --check GOLDEN or --write-golden GOLDEN')
+        raise UserError('nothing to do: give -o DIR, --check GOLDEN or --write-golden GOLDEN')
     if options.output and options.output.exists():
-        raise ValueError(f'{options.output} exists already: remove it or choose another -o')
+        raise UserError(f'{options.output} exists already: remove it or choose another -o')
     if options.check and not options.check.is_file():
-        raise ValueError(f'{options.check}: no such file; make it with --write-golden')
+        raise UserError(f'{options.check}: no such file; make it with --write-golden')
     if not options.tolerance >= 0:
-        raise ValueError(f'--tolerance {options.tolerance:g}: it has to be 0 or more')
+        raise UserError(f'--tolerance {options.tolerance:g}: it has to be 0 or more')
 
 
 def _namespace(options: argparse.Namespace) -> str:
@@ -119,7 +120,7 @@ def _namespace(options: argparse.Namespace) -> str:
     namespaces = bag_namespaces(options.bag)
     if len(namespaces) > 1:
         names = ', '.join(namespaces)
-        raise ValueError(f'{options.bag} holds several devices: {names}; choose with --namespace')
+        raise UserError(f'{options.bag} holds several devices: {names}; choose with --namespace')
     return namespaces[0] if namespaces else ''
 
 
@@ -133,7 +134,7 @@ def parameters_of(rules: list[str]) -> dict[str, Any]:
     for rule in rules:
         name, separator, text = rule.partition(':=')
         if not (separator and name):
-            raise ValueError(f'-p {rule!r}: write it as name:=value, e.g. cutoff_hz:=5')
+            raise UserError(f'-p {rule!r}: write it as name:=value, e.g. cutoff_hz:=5')
         value = yaml.safe_load(text)
         if isinstance(value, str):
             with suppress(ValueError):  # YAML 1.1 takes 2e-4 for a word; ROS does not

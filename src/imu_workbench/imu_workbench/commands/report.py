@@ -8,6 +8,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from imu_recording.user_error import UserError
 from thermal_comp.model import ModelError, ThermalModel
 from thermal_comp.model_file import load_model
 
@@ -49,7 +50,7 @@ def run(options: argparse.Namespace) -> Answer:
     from imu_workbench.study import named, study_recordings
 
     if not options.output.parent.is_dir():
-        raise ValueError(f'{options.output}: there is no folder {options.output.parent}')
+        raise UserError(f'{options.output}: there is no folder {options.output.parent}')
     models = load_models(options.model)
     recordings = named(read_recordings(options, every_device=True))
     check_models(models, sorted({recording.device for recording in recordings}))

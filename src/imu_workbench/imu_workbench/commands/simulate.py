@@ -11,6 +11,7 @@ from typing import Any
 from imu_driver.simulated_catalogue import DEVICES
 from imu_driver.simulated_hidden import HIDEABLE
 from imu_recording.columns_hash import columns_hash
+from imu_recording.user_error import UserError
 
 from imu_recording import ImuRecording, write_bag
 from imu_workbench.answer import Answer
@@ -129,26 +130,26 @@ def _written(paths: list[Path], recordings: list[ImuRecording]) -> Answer:
 
 def _check(options: argparse.Namespace) -> None:
     if not 0.0 < options.rate <= 952.0:
-        raise ValueError(f'--rate {options.rate:g}: choose from above 0 to 952 Hz')
+        raise UserError(f'--rate {options.rate:g}: choose from above 0 to 952 Hz')
     if options.chamber_period <= 0.0:
-        raise ValueError(f'--chamber-period {options.chamber_period:g}: it must be above 0')
+        raise UserError(f'--chamber-period {options.chamber_period:g}: it must be above 0')
     if options.seed < 0:
-        raise ValueError(f'--seed {options.seed}: it must not be negative')
+        raise UserError(f'--seed {options.seed}: it must not be negative')
     if options.hide:
         _check_hidden(options)
     elif options.sensor:
-        raise ValueError('--sensor says where to hide something: it needs --hide')
+        raise UserError('--sensor says where to hide something: it needs --hide')
 
 
 def _check_hidden(options: argparse.Namespace) -> None:
     if options.orientation or options.field_jumps:
-        raise ValueError(
+        raise UserError(
             '--hide makes all three orientations and nothing beside the effect: leave '
             '--orientation and --field-jumps away'
         )
     if not options.magnitude > 0.0:
-        raise ValueError(f'--magnitude {options.magnitude:g}: it must be above 0')
+        raise UserError(f'--magnitude {options.magnitude:g}: it must be above 0')
     if options.rate > 10.0:
-        raise ValueError(f'--rate {options.rate:g}: with --hide rows are means, at most 10 Hz')
+        raise UserError(f'--rate {options.rate:g}: with --hide rows are means, at most 10 Hz')
     if (options.output / TRUTH_FILE).exists():
-        raise ValueError(f'{options.output}: holds a secret already; name another folder')
+        raise UserError(f'{options.output}: holds a secret already; name another folder')

@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
 
+from imu_recording.user_error import UserError
+
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.contract import check_effect
 from thermal_comp.effects.effect import Effect
@@ -17,7 +19,7 @@ GROUP = 'thermal_comp.effects'
 """Entry point group; each entry is an Effect class."""
 
 
-class EffectError(ValueError):
+class EffectError(UserError):
     """An effect that cannot be used; the message names the file and what is wrong."""
 
 
