@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from imu_recording.recording import PHASES, UP_AXES, FloatArray, IntArray
+from numpy.typing import NDArray
 
 from thermal_comp.prepared_run import PreparedRun
 
@@ -52,64 +53,84 @@ def rank_where(
     """
     residual = np.concatenate(list(residuals))
     seen = np.isfinite(residual).all(axis=1)
-    weighed = np.where(floor > 0.0, residual / np.where(floor > 0.0, floor, 1.0), 0.0)
+    squares = residual[seen] ** 2
+    weighed = (squares / np.where(floor > 0.0, floor, np.inf) ** 2).mean(axis=1)
     found = []
-    for keys, labels in groupings(runs):
-        members: dict[Any, list[int]] = {}
-        for row in np.flatnonzero(seen).tolist():
-            members.setdefault(labels[row], []).append(row)
-        members.pop(None, None)
-        for label, rows in members.items():
-            if len(rows) >= SMALLEST_GROUP:
-                rms = np.sqrt((residual[rows] ** 2).mean(axis=0))
-                ratio = float(np.sqrt((weighed[rows] ** 2).mean()))
-                group = dict(zip(keys, label, strict=True))
-                found.append(Where(group, rms, ratio, len(rows)))
+    for keys, labels, member in groupings(runs):
+        inside = member[seen] >= 0
+        group = member[seen][inside]
+        blocks = np.bincount(group, minlength=len(labels))
+        sums = [np.bincount(group, w, len(labels)) for w in (*squares[inside].T, weighed[inside])]
+        for k in np.flatnonzero(blocks >= SMALLEST_GROUP):
+            *rms, ratio = (float(np.sqrt(total[k] / blocks[k])) for total in sums)
+            names = dict(zip(keys, labels[k], strict=True))
+            found.append(Where(names, np.array(rms), ratio, int(blocks[k])))
     found.sort(key=lambda where: -where.ratio)
     return tuple(found[:LISTED])
 
 
-def groupings(runs: Sequence[PreparedRun]) -> list[tuple[tuple[str, ...], list[Any]]]:
-    """Return the ways to group blocks: names of the keys, one label or None per block."""
-    phase = _stacked(runs, lambda run: run.phase)
-    cycle = _stacked(runs, lambda run: run.cycle)
-    names: list[Any] = [PHASES[k] if k >= 0 else None for k in phase]
-    numbers: list[Any] = [int(k) if k > 0 else None for k in cycle]
-    both = [
-        None if p is None or c is None else (p, c) for p, c in zip(names, numbers, strict=True)
-    ]
-    ways: list[tuple[tuple[str, ...], list[Any]]] = [
-        (('phase',), [n and (n,) for n in names]),
-        (('cycle',), [n and (n,) for n in numbers]),
-        (('phase', 'cycle'), both),
-        (('branch',), [b and (b,) for run in runs for b in branches(run)]),
-        (('temperature',), [(b,) for run in runs for b in temperature_bins(run.temperature)]),
+Grouping = tuple[tuple[str, ...], list[tuple[Any, ...]], IntArray]
+"""Names of the keys, label of each group, and the group of each block (m,), −1 for none."""
+
+
+def groupings(runs: Sequence[PreparedRun]) -> list[Grouping]:
+    """Return the ways to group the blocks of all runs, one below the other."""
+    phase = np.concatenate([run.phase for run in runs])
+    cycle = np.concatenate([run.cycle for run in runs])
+    both = np.where((phase >= 0) & (cycle > 0), cycle * len(PHASES) + phase, -1)
+    low = np.floor(np.concatenate([run.temperature for run in runs]) / BIN_C).astype(np.int64)
+    ways = [
+        _grouped(('phase',), phase, phase >= 0, lambda k: (PHASES[k],)),
+        _grouped(('cycle',), cycle, cycle > 0, lambda k: (k,)),
+        _grouped(
+            ('phase', 'cycle'),
+            both,
+            both >= 0,
+            lambda k: (PHASES[k % len(PHASES)], k // len(PHASES)),
+        ),
+        _grouped(
+            ('branch',),
+            branch := np.concatenate([branches(run) for run in runs]),
+            branch != 0,
+            lambda k: ('rising' if k > 0 else 'falling',),
+        ),
+        _grouped(('temperature',), low, np.full(len(low), True), lambda k: (_bin_name(k),)),
     ]
     if len(runs) > 1:
-        up = [label for run in runs for label in [(orientation(run),)] * len(run)]
-        ways.append((('orientation',), up))
+        up = [orientation(run) for run in runs]
+        number = np.repeat([UP_AXES.index(name) for name in up], [len(run) for run in runs])
+        ways.append(
+            _grouped(('orientation',), number, np.full(len(number), True), lambda k: (UP_AXES[k],))
+        )
     return ways
 
 
-def branches(run: PreparedRun) -> list[str | None]:
-    """Return 'rising', 'falling' or None for each block, by the die temperature's rate."""
+def _grouped(
+    keys: tuple[str, ...],
+    code: IntArray,
+    known: NDArray[np.bool_],
+    label: Callable[[int], tuple[Any, ...]],
+) -> Grouping:
+    codes, member = np.unique(code, return_inverse=True)
+    return keys, [label(k) for k in codes.tolist()], np.where(known, member, -1)
+
+
+def branches(run: PreparedRun) -> IntArray:
+    """Return 1 where the die temperature rises, −1 where it falls, else 0, for each block (m,)."""
     if len(run) < 2:
-        return [None] * len(run)
+        return np.zeros(len(run), dtype=np.int64)
     rate = np.gradient(run.temperature, run.time) * 60.0
-    return [
-        'rising' if r > STEADY_C_PER_MIN else 'falling' if r < -STEADY_C_PER_MIN else None
-        for r in rate
-    ]
+    return np.where(np.abs(rate) > STEADY_C_PER_MIN, np.sign(rate), 0.0).astype(np.int64)
 
 
-def temperature_bins(temperature: FloatArray) -> list[str]:
-    """Return the bin of each temperature.
+def _bin_name(number: int) -> str:
+    """Return the bin in words.
 
-    >>> temperature_bins(np.array([-3.0, 12.0]))
-    ['-10 … 0 °C', '10 … 20 °C']
+    >>> _bin_name(-1)
+    '-10 … 0 °C'
     """
-    low = (np.floor(temperature / BIN_C) * BIN_C).astype(int)
-    return [f'{t} … {t + int(BIN_C)} °C' for t in low.tolist()]
+    low = int(number * BIN_C)
+    return f'{low} … {low + int(BIN_C)} °C'
 
 
 def orientation(run: PreparedRun) -> str:
@@ -117,7 +138,3 @@ def orientation(run: PreparedRun) -> str:
     up = run.conditions.specific_force.mean(axis=0)
     axis = int(np.argmax(np.abs(up)))
     return UP_AXES[2 * axis + int(up[axis] < 0.0)]
-
-
-def _stacked(runs: Sequence[PreparedRun], take: Callable[[PreparedRun], IntArray]) -> IntArray:
-    return np.concatenate([take(run) for run in runs])
