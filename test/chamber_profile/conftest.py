@@ -18,6 +18,7 @@ from chamber_profile.profile import load_profile, profile_from_content
 from chamber_profile.sequence_types import (
     FINISHED,
     LINK_OK,
+    RUN,
     Note,
     ProgramLimits,
     Readings,
@@ -97,6 +98,17 @@ class Bench:
         while not condition():
             assert self.time < end, (self.sequencer.progress, self.sequencer.step.id)
             self.tick(tick_s)
+
+    def to_step(self, name: str, stage: str = '') -> None:
+        """Run until a step, or a stage of it, is reached."""
+        sequencer = self.sequencer
+        self.run_until(
+            lambda: (
+                sequencer.progress.mode == RUN
+                and sequencer.step.id == name
+                and (not stage or sequencer.progress.stage == stage)
+            )
+        )
 
     def start(self) -> None:
         assert self.sequencer.command('start') == ''

@@ -93,9 +93,12 @@ class Sequencer(StepCourse):
         """Return what is to be done now, in order."""
         before, self._now = self._now, max(readings.time, self._now)
         elapsed = min(self._now - before, LONGEST_TICK_S) if before > float('-inf') else 0.0
+        mode = self.progress.mode
         actions = self._obey(readings)
         if self.progress.mode in kinds.IN_CHARGE:
             actions += self._watch_over(readings)
+        if self.progress.mode != mode:
+            elapsed = 0.0  # what passed was no time of this mode
         if self.progress.mode == kinds.CHECK:
             actions += self._check(readings)
         elif self.progress.mode == kinds.RUN:
