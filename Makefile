@@ -19,7 +19,7 @@ test: ## Run every test
 	@. ./env.sh && export ROS_PYTHON_CHECK_FIELDS=1 && python -m pytest $(PYTEST_ARGS)
 
 test-web: ## Test the web page in headless Chromium (apt install chromium)
-	@tools/setup_workspace.sh requirements-dev.txt requirements-web.txt
+	@tools/setup_workspace.sh requirements-dev.txt
 	@. ./env.sh && python -m pytest test/web -o python_files='*_in_browser.py' $(PYTEST_ARGS)
 
 lint: ## ruff and mypy
