@@ -66,7 +66,14 @@ def test_the_magnetometers_share_is_the_difference(run) -> None:
     compensated = replace(raw, magnetic_field=truth)
     spread = {
         (a.filter, a.data): a.statistics[0]['std']['rotation']
-        for a in estimate_attitudes(raw, compensated, every=10)
+        for a in estimate_attitudes(
+            {
+                'raw': raw,
+                'magnetometer compensated': replace(raw, magnetic_field=truth),
+                'compensated': compensated,
+            },
+            every=10,
+        )
     }
     for name in ('complementary', 'ahrs'):
         assert spread[name, 'magnetometer compensated'] == spread[name, 'compensated']

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import Path
@@ -13,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-NUMBERS = re.compile(r'\[\s+(?:(?:-?\d[\d.eE+-]*|null|true|false),\s+)*[-\d.eE+a-z]+\s+\]')
-"""A list of numbers as `json.dumps` indents it."""
+SIMPLE = frozenset({float, int, bool, type(None)})
+"""Types of the items of a list that stands on one line."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +34,11 @@ def plain(value: Any) -> Any:
     >>> plain({'rms': np.array([1.0, np.nan]), 'n': np.int64(3), 'path': Path('a')})
     {'rms': [1.0, None], 'n': 3, 'path': 'a'}
     """
-    if isinstance(value, str | bool | int | None) and not isinstance(value, np.generic):
-        return value
+    kind = type(value)
+    if kind in SIMPLE or kind is str:
+        return None if kind is float and not math.isfinite(value) else value
+    if kind is list and SIMPLE.issuperset(map(type, value)):
+        return [None if type(x) is float and not math.isfinite(x) else x for x in value]
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
@@ -45,8 +47,8 @@ def plain(value: Any) -> Any:
         return plain(value.tolist())
     if isinstance(value, np.generic):
         return plain(value.item())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
+    if isinstance(value, str):
+        return str(value)
     if is_dataclass(value) and not isinstance(value, type):
         return plain(asdict(value))
     if isinstance(value, Path):
@@ -56,5 +58,37 @@ def plain(value: Any) -> Any:
 
 def write_json(content: Mapping[str, Any], path: Path) -> None:
     """Write the content as UTF-8 JSON, in the order it was made, a list of numbers on one line."""
-    text = json.dumps(plain(content), indent=1, ensure_ascii=False)
-    path.write_text(NUMBERS.sub(lambda found: ' '.join(found[0].split()), text) + '\n', 'utf-8')
+    path.write_text(_json_text(plain(content), 0) + '\n', 'utf-8')
+
+
+def _json_text(value: Any, depth: int) -> str:
+    """Return plain values as JSON, one space deeper at every level.
+
+    >>> print(_json_text({'rms': [1.0, None], 'where': [{'phase': 'ramp'}], 'none': {}}, 0))
+    {
+     "rms": [1.0, null],
+     "where": [
+      {
+       "phase": "ramp"
+      }
+     ],
+     "none": {}
+    }
+    """
+    if not value or not isinstance(value, dict | list) or _is_flat(value):
+        return json.dumps(value, ensure_ascii=False)
+    inner = '\n' + ' ' * (depth + 1)
+    if isinstance(value, dict):
+        names = (json.dumps(key, ensure_ascii=False) for key in value)
+        items = [
+            f'{k}: {_json_text(v, depth + 1)}' for k, v in zip(names, value.values(), strict=True)
+        ]
+        opened, closed = '{}'
+    else:
+        items = [_json_text(item, depth + 1) for item in value]
+        opened, closed = '[]'
+    return f'{opened}{inner}{("," + inner).join(items)}\n{" " * depth}{closed}'
+
+
+def _is_flat(value: Any) -> bool:
+    return isinstance(value, list) and SIMPLE.issuperset(map(type, value))

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,8 +31,12 @@ COLUMNS = (*EULER, 'rotation', 'heading', 'inclination')
 """Columns of `Attitude.angles`: ZYX Euler angles (the paper's α, β, γ), then what never wraps."""
 CHUNK = 50_000
 """Rows whose angles are computed at a time: they stay in the cache."""
-DATA = ('raw', 'magnetometer compensated', 'compensated')
-"""What the filters are fed with."""
+RAW, HALF, FULL = 'raw', 'magnetometer compensated', 'compensated'
+"""What the filters are fed with; earlier versions of a model are `version 1` …"""
+DRAWN = (RAW, FULL)
+"""Of these there are lines and statistics cycle by cycle; of the others what the run says."""
+BRIEF_STRIDE = 10
+"""The others are looked at in every so many rows: their spread needs no more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +45,7 @@ class Attitude:
 
     filter: str
     data: str
-    """One of DATA."""
+    """What the filter was fed with."""
     statistics: list[dict[str, Any]]
     """Mean, standard deviation and largest value of each of COLUMNS: the run, then each cycle."""
     hours: Mapping[str, FloatArray]
@@ -55,43 +59,36 @@ class Attitude:
 
 
 def estimate_attitudes(
-    raw: ImuRecording,
-    compensated: ImuRecording,
+    variants: Mapping[str, ImuRecording],
     *,
     filters: Sequence[str] = tuple(FILTERS),
-    data: Sequence[str] = DATA,
     every: int = 1,
     points: int = 1000,
 ) -> Iterator[Attitude]:
-    """Run each filter, as the paper has it, over `data`: raw, half and fully compensated.
+    """Run each filter, as the paper has it, over every variant of a recording.
 
     Angles are taken of every `every`-th row; lines have about `points` points.
     """
-    variants = dict(
-        zip(
-            DATA,
-            (raw, replace(raw, magnetic_field=compensated.magnetic_field), compensated),
-            strict=True,
-        )
-    )
-    if not np.isfinite(raw.magnetic_field).any():
-        data = [kind for kind in data if kind != 'magnetometer compensated']
+    first = next(iter(variants.values()))
+    seconds, cycle = first.time, first.cycle
     for name in filters:
-        run_filter(name, raw.rows(slice(0, 100)))  # compiles
-        for kind in data:
-            recording = variants[kind]
+        run_filter(name, first.rows(slice(0, 100)))  # compiles
+        for data, recording in variants.items():
             start = time.thread_time()
             result = run_filter(name, recording)
             spent = time.thread_time() - start
-            seconds = recording.time
-            angles = angles_from_start(seconds, result.orientation, every)
-            hours, lines = angle_lines(seconds[::every] / 3600.0, angles, points)
+            drawn = data in DRAWN
+            stride = every if drawn else max(every, BRIEF_STRIDE)
+            angles = angles_from_start(seconds, result.orientation, stride)
+            hours: Mapping[str, FloatArray] = {}
+            lines: Mapping[str, FloatArray] = {}
+            if drawn:
+                hours, lines = angle_lines(seconds[::stride] / 3600.0, angles, points)
+            cycles = cycle[::stride] if drawn and cycle is not None else None
             yield Attitude(
                 filter=name,
-                data=kind,
-                statistics=angle_statistics(
-                    angles, None if recording.cycle is None else recording.cycle[::every]
-                ),
+                data=data,
+                statistics=angle_statistics(angles, cycles),
                 hours=hours,
                 lines=lines,
                 nanoseconds_per_sample=1e9 * spent / max(1, len(recording)),

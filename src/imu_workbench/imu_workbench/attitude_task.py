@@ -15,7 +15,7 @@ from thermal_comp.model import ThermalModel
 from thermal_comp.startup import startup_rows
 
 from imu_recording import ImuRecording
-from imu_workbench.attitude import DATA, Attitude, estimate_attitudes
+from imu_workbench.attitude import FULL, HALF, RAW, Attitude, estimate_attitudes
 
 FILTER_RATE = 50.0
 """Slowest rate [Hz] the filters are run at; slower recordings are interpolated to it."""
@@ -45,9 +45,9 @@ class AttitudeTask:
 
     @property
     def size(self) -> float:
-        """Filtered samples, in all variants [10⁶]."""
+        """Rows to be filtered and looked at [10⁶]."""
         seconds = float(self.recording.time[-1]) if len(self.recording) else 0.0
-        rows = FILTER_RATE * seconds if is_slow(self.recording) else 1.5 * len(self.recording)
+        rows = FILTER_RATE * seconds if is_slow(self.recording) else 3.0 * len(self.recording)
         return rows * 1e-6
 
     def run(self) -> tuple[Attitude, ...]:
@@ -55,19 +55,31 @@ class AttitudeTask:
         kept = settled(self.recording)
         if self.model is None or kept.sum() < 2:
             return ()
+        slow = is_slow(self.recording)
         raw = self.recording if kept.all() else self.recording.rows(kept)
-        raw, compensated = without_tracks(raw), without_tracks(compensate(raw, self.model))
-        slow = is_slow(raw)
-        if slow:
-            raw, compensated = upsample(raw, FILTER_RATE), upsample(compensated, FILTER_RATE)
         found = estimate_attitudes(
-            raw,
-            compensated,
-            data=(DATA[0], DATA[-1]) if slow else DATA,
+            variants(raw, self.model),
             every=round(FILTER_RATE) if slow else 1,
             points=int(np.clip(ALL_POINTS / self.among, 250, 1000)),
         )
         return tuple(found)
+
+
+def variants(raw: ImuRecording, model: ThermalModel) -> dict[str, ImuRecording]:
+    """Return what the filters are fed with: raw, and compensated by every version of the model.
+
+    A recording fast enough for a verdict is also taken with only its magnetometer compensated.
+    """
+    found = {RAW: without_tracks(raw)}
+    for number, version in enumerate(model.history, 1):
+        found[f'version {number}'] = without_tracks(compensate(raw, version))
+    full = without_tracks(compensate(raw, model))
+    if is_slow(raw):
+        found[FULL] = full
+        return {name: upsample(recording, FILTER_RATE) for name, recording in found.items()}
+    if np.isfinite(raw.magnetic_field).any():
+        found[HALF] = replace(found[RAW], magnetic_field=full.magnetic_field)
+    return found | {FULL: full}
 
 
 def without_tracks(recording: ImuRecording) -> ImuRecording:

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from imu_recording.columns_hash import columns_hash
 from imu_recording.recording import SENSOR_FIELDS, FloatArray
+from imu_recording.user_error import UserError
 from numpy.typing import NDArray
 from thermal_comp.compare import Comparison, compare_prepared
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.fit import fit_prepared
 from thermal_comp.model import ModelError, ThermalModel
-from thermal_comp.pooling import PoolingTest, examine_pooling
+from thermal_comp.pooling import PoolingTest
 from thermal_comp.preparation import prepare
 from thermal_comp.prepared_run import PreparedRun
 
@@ -23,7 +24,8 @@ from imu_recording import ImuRecording
 from imu_workbench.attitude import Attitude
 from imu_workbench.attitude_task import AttitudeTask, is_slow, settled
 from imu_workbench.diagnosis_task import DiagnosisTask
-from imu_workbench.parallel import run_tasks
+from imu_workbench.parallel import Task, run_tasks
+from imu_workbench.pooling_task import PoolingTask
 from imu_workbench.progress import show_progress
 from imu_workbench.run_errors import RunErrors, errors_of_run
 from imu_workbench.slopes import block_slopes
@@ -71,6 +73,8 @@ class Study:
     """(cycles, 3) per device, sensor and orientation [SI unit/K]."""
     diagnoses: Mapping[str, Mapping[str, Any]]
     """Diagnosis of each device as plain values, with the steps that would follow."""
+    besides: tuple[Any, ...] = ()
+    """Results of further tasks that shared the cores."""
 
 
 def study_recordings(
@@ -80,45 +84,49 @@ def study_recordings(
     attitudes: bool = True,
     diagnosis: bool = True,
     workers: int = 1,
+    besides: Sequence[Task] = (),
 ) -> Study:
     """Return the study of the recordings; a device without a given model is fitted a line.
 
     `attitudes` False leaves the orientation filters out, `diagnosis` False the search for missing
-    effects; `workers` processes share both.
+    effects; `workers` processes share the work, and do the tasks `besides` with it.
     """
-    recordings = named(recordings)
+    recordings, given = named(recordings), models or {}
     prepared: list[PreparedRun] = []
     devices: dict[str, StudiedDevice] = {}
     for device in dict.fromkeys(r.device for r in recordings):
         show_progress(f'fitting {device} …')
         own = [r for r in recordings if r.device == device]
-        devices[device], runs = study_device(device, own, (models or {}).get(device))
+        devices[device], runs = study_device(device, own, given.get(device))
         prepared += runs
-    filtering = [AttitudeTask(r, devices[r.device].model, len(recordings)) for r in recordings]
-    judging = [
-        DiagnosisTask(
-            device.name, [r for r in recordings if r.device == device.name], device.model
-        )
-        for device in devices.values()
-        if device.model
-    ]
-    tasks = [*(filtering if attitudes else ()), *(judging if diagnosis else ())]
+    lines = {d.name: d.model for d in devices.values() if d.model and d.name not in given}
+    filtering: list[Task] = []
+    if attitudes:
+        filtering = [AttitudeTask(r, devices[r.device].model, len(recordings)) for r in recordings]
+    judging: list[Task] = []
+    if diagnosis:
+        judging = [
+            DiagnosisTask(d.name, [r for r in recordings if r.device == d.name], d.model)
+            for d in devices.values()
+            if d.model
+        ]
+    tasks = (*filtering, *judging, PoolingTask(prepared, lines), *besides)
     results = run_tasks(tasks, workers)
-    found = results[: len(recordings)] if attitudes else [()] * len(recordings)
-    diagnoses = results[-len(judging) :] if diagnosis and judging else []
+    found = results[: len(filtering)] or [()] * len(recordings)
+    rest = results[len(filtering) :]
     by_name = {run.name: run for run in prepared}
     studied = [
         study_run(recording, devices[recording.device].model, by_name.get(recording.run), angles)
         for recording, angles in zip(recordings, found, strict=True)
     ]
-    pooling = study_pooling(recordings) if len(devices) > 1 else {}
     show_progress('')
     return Study(
         tuple(studied),
         tuple(devices.values()),
-        pooling,
+        rest[len(judging)],
         slopes_of(studied),
-        {found['device']: found for found in diagnoses},
+        {judged['device']: judged for judged in rest[: len(judging)]},
+        tuple(rest[len(judging) + 1 :]),
     )
 
 
@@ -144,7 +152,7 @@ def study_device(
         model = model or fit_prepared([BiasTemperature()], runs)
         older = tuple(compare_prepared(version, runs) for version in model.history)
         return StudiedDevice(name, model, compare_prepared(model, runs), older), runs
-    except ValueError as error:
+    except UserError as error:
         if not isinstance(error, ModelError) and model is not None:
             raise
         return StudiedDevice(name, None, None, problem=str(error)), []
@@ -167,15 +175,6 @@ def study_run(
         attitudes=attitudes,
         interpolated=is_slow(recording),
     )
-
-
-def study_pooling(recordings: Sequence[ImuRecording]) -> Mapping[str, PoolingTest]:
-    """Return one model for all devices beside one for each; none where that cannot be fitted."""
-    show_progress('fitting all devices together …')
-    try:
-        return examine_pooling(recordings)[1]
-    except ModelError:
-        return {}
 
 
 def slopes_of(runs: Sequence[StudiedRun]) -> dict[str, dict[str, dict[str, FloatArray]]]:

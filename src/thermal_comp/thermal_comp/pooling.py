@@ -100,14 +100,21 @@ def examine_pooling(
     recordings: Sequence[ImuRecording], *, truth: Truth | None = None
 ) -> tuple[ThermalModel, Mapping[str, PoolingTest]]:
     """Return the pooled linear model of several devices and, per sensor, whether it is fair."""
-    runs = prepare(recordings, truth=truth)
+    return examine_prepared(prepare(recordings, truth=truth))
+
+
+def examine_prepared(
+    runs: Sequence[PreparedRun], known: Mapping[str, ThermalModel] | None = None
+) -> tuple[ThermalModel, Mapping[str, PoolingTest]]:
+    """Do the same with prepared runs; `known` linear models of devices are not fitted again."""
+    known = known or {}
     devices = tuple(sorted({run.device for run in runs}))
     if len(devices) < 2:
         raise ModelError(f'pooling compares devices; all recordings are of {devices[0]!r}')
     line = (BiasTemperature(),)
     pooled = fit_prepared(line, runs, pooled=True)
     own_runs = {device: [run for run in runs if run.device == device] for device in devices}
-    own = {device: fit_prepared(line, own_runs[device]) for device in devices}
+    own = {device: known.get(device) or fit_prepared(line, own_runs[device]) for device in devices}
     tests: dict[str, PoolingTest] = {}
     for sensor in SENSORS:
         if sensor not in pooled.sensors:

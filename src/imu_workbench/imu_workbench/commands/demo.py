@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The demonstration: a device simulated at 50 Hz, the bundled bags for the rest, the report."""
+"""The demonstration: a device simulated at 50 Hz, the bundled bags for the rest, the report.
+
+It ends with the story of a hidden effect: where the model fails, what is missing, what it brings.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +11,14 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+from imu_recording.user_error import UserError
+
 from imu_recording import read_bag
 from imu_workbench.answer import Answer, write_json
 from imu_workbench.progress import show_progress
 from imu_workbench.provenance import command_line, versions
 
-HELP = 'Simulate one device at 50 Hz, add the bundled bags, write DIR/report.html and .json.'
+HELP = 'Simulate a device, add the bundled bags, find a hidden effect; write DIR/report.html.'
 PROFILE = 'paper_betta2022'
 RUN = 'dut1_x_50hz'
 
@@ -30,30 +35,43 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> Answer:
     """Simulate, study, write."""
     from imu_workbench.experiment import Logging, simulate_run
+    from imu_workbench.memory import keep_memory
     from imu_workbench.report.content import report_content
     from imu_workbench.report.page import report_page, report_text
+    from imu_workbench.story import StoryTask
     from imu_workbench.study import study_recordings
 
-    paths = sorted(options.bags.glob('dut?_?'))
-    if not paths:
-        raise ValueError(
-            f'{options.bags}: no bags dut?_? here; run from the root of the workspace, '
-            'or say where they are with --bags'
+    paths, hidden = (sorted(options.bags.glob(name)) for name in ('dut?_?', 'hidden_effect_?'))
+    if not paths or not hidden:
+        raise UserError(
+            f'{options.bags}: no bags dut?_? and hidden_effect_? here; run from the root of the '
+            'workspace, or say where they are with --bags'
         )
+    keep_memory()
     options.output.mkdir(parents=True, exist_ok=True)
     show_progress(f'simulating {PROFILE} at 50 Hz …')
     simulated = simulate_run(PROFILE, 'dut1', Logging(50.0), seed=options.seed, orientation='+x')
     bags = [read_bag(path) for path in paths]
     study = study_recordings(
-        [replace(simulated, run=RUN), *bags], workers=os.cpu_count() or 1
+        [replace(simulated, run=RUN), *bags],
+        workers=os.cpu_count() or 1,
+        besides=[StoryTask(hidden)],
     )
     alone = (
         f'python -m imu_workbench simulate {PROFILE} --device dut1 --orientation x --rate 50 '
         f'--seed {options.seed} -o {RUN}  # the 50 Hz run by itself'
     )
+    story = study.besides[0]
+    found = f'python -m imu_workbench auto {" ".join(story["bags"])} -o better.yaml'
     show_progress('writing the page …')
-    content = report_content(study, commands=[command_line(), alone], versions=versions())
+    content = report_content(
+        study,
+        commands=[command_line(), alone, f'{found}  # the hidden effect by itself'],
+        versions=versions(),
+        story=story,
+    )
     page, numbers = options.output / 'report.html', options.output / 'report.json'
     page.write_text(report_page(content), 'utf-8')
     write_json(content, numbers)
-    return Answer(content, f'{report_text(content)}\n\nwrote {page} and {numbers}')
+    told = '\n'.join(story['lines'])
+    return Answer(content, f'{report_text(content)}\n\nwrote {page} and {numbers}\n\n{told}')

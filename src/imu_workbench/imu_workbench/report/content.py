@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from imu_recording.recording import FloatArray
 
 from imu_workbench import paper
 from imu_workbench.answer import plain
@@ -45,9 +46,16 @@ ALL_POINTS = 6_000
 
 
 def report_content(
-    study: Study, *, commands: Sequence[str], versions: dict[str, str]
+    study: Study,
+    *,
+    commands: Sequence[str],
+    versions: dict[str, str],
+    story: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Return the content of a report; `commands` and `versions` say how it was made."""
+    """Return the content of a report; `commands` and `versions` say how it was made.
+
+    `story` is told after everything else.
+    """
     points = int(np.clip(ALL_POINTS / max(1, len(study.runs)), 400, 2000))
     statistics = [
         {
@@ -92,7 +100,7 @@ def report_content(
         'pooled': pooled,
         'fits': {run.name: fit_content(run.errors) for run in study.runs if run.errors},
         'residuals': {
-            run.name: residual_content(run.errors, points=points)
+            run.name: residual_content(run.errors, floors_of(study, run.device), points=points)
             for run in study.runs
             if run.errors
         },
@@ -110,10 +118,18 @@ def report_content(
         'published_attitudes': list(paper.tables_6_7()),
         'claims': report_claims(study, ranges, overheating, pooled),
         'paper_notes': list(PAPER_NOTES),
+        'story': story,
         'reproduce': {'commands': list(commands), 'versions': versions},
     }
     result: dict[str, Any] = plain(content)
     return result
+
+
+def floors_of(study: Study, device: str) -> dict[str, FloatArray]:
+    """Return the noise floor (3,) of each sensor of a device, in SI units."""
+    compared = next(d.comparison for d in study.devices if d.name == device)
+    parts = compared.sensors.items() if compared else ()
+    return {sensor: part.noise_floor for sensor, part in parts}
 
 
 def report_claims(

@@ -50,7 +50,10 @@ def plan_figure(plan: Mapping[str, Any]) -> Figure:
     """Return set-point, air, thermocouple and die over the run (Fig. 1)."""
     data = [
         curve(
-            series, label, trace_axes(0), **TRACK_LOOK[label],
+            series,
+            label,
+            trace_axes(0),
+            **TRACK_LOOK[label],
             hovertemplate=f'{label} %{{y:.2f}} °C at %{{x:.2f}} h<extra></extra>',
         )
         for label, series in plan['tracks'].items()

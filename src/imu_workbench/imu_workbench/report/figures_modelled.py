@@ -6,13 +6,17 @@ Figures 5 and 6 of the paper, and what its linear model leaves.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
+from imu_workbench.display import shown
 from imu_workbench.report.figures import PHASE_NAMES, curve
 from imu_workbench.report.palette import AXES, device_colour
 from imu_workbench.report.panels import Figure, Panel, figure, trace_axes
 
+LOUDEST = 10.0
+"""Times the noise floor from which a heat map does not get darker."""
 PART_COLOURS = {'cold dwell': '@cold', 'hot dwell': '@hot', 'other': '@raw_soft'}
 
 
@@ -112,23 +116,48 @@ def residual_figure(axes: Mapping[str, Any], unit: str, floor: list[float] | Non
     return figure(data, panels, columns=1, height=118, shapes=shapes)
 
 
-def failure_figure(where: Mapping[str, Any], unit: str) -> Figure:
-    """Return the heat map of the residual's rms by phase and cycle."""
-    data = [{
+def failure_figure(where: Mapping[str, Any], title: str = '') -> Figure:
+    """Return the heat map of residual by noise floor, by phase and cycle, on a fixed scale."""
+    data = [failure_trace(where, 0)]
+    spec = figure(data, [failure_panel(title)], height=60 + 36 * len(where['phases']))
+    if not title:
+        spec['layout']['margin']['t'] = spec['narrow']['margin']['t'] = 12
+    return spec
+
+
+def failure_panel(title: str) -> Panel:
+    """Return the panel a heat map stands in."""
+    return Panel('', '', title, y={'autorange': 'reversed', 'automargin': True}, x={'ticks': ''})
+
+
+def failure_trace(where: Mapping[str, Any], index: int) -> dict[str, Any]:
+    """Return a heat map in the index-th panel: the noise floor looks calm, ten times it does not.
+
+    The colours are the same in every figure, so that maps can be compared by looking.
+    """
+    colours = [
+        [None if v is None else math.log10(min(max(v, 1.0), LOUDEST)) for v in row]
+        for row in where['ratio']
+    ]
+    return {
         'type': 'heatmap',
         'x': [f'cycle {number}' for number in where['cycles']],
         'y': [PHASE_NAMES[name] for name in where['phases']],
-        'z': where['rms'],
-        'colorscale': 'Cividis',
+        'z': colours,
+        'customdata': where['ratio'],
+        'text': [['' if v is None else f'{shown(v, 2)} ×' for v in row] for row in where['ratio']],
+        'zmin': 0.0,
+        'zmax': 1.0,
+        'colorscale': [[0.0, '@calm'], [0.11, '@calm'], [0.5, '@raised'], [1.0, '@loud']],
         'xgap': 2,
         'ygap': 2,
-        'colorbar': {'title': {'text': f'rms [{unit}]'}, 'thickness': 12, 'outlinewidth': 0},
-        'texttemplate': '%{z:.3~g}',
-        'hovertemplate': f'%{{y}}, %{{x}}: %{{z:.3~g}} {unit}<extra></extra>',
-        **trace_axes(0),
-    }]  # fmt: skip
-    height = 60 + 36 * len(where['phases'])
-    panel = Panel('', '', y={'autorange': 'reversed', 'automargin': True}, x={'ticks': ''})
-    spec = figure(data, [panel], height=height)
-    spec['layout']['margin']['t'] = spec['narrow']['margin']['t'] = 12
-    return spec
+        'showscale': index == 0,
+        'colorbar': {
+            'title': {'text': 'times the<br>noise floor'}, 'thickness': 12, 'outlinewidth': 0,
+            'tickvals': [0.0, math.log10(2.0), math.log10(5.0), 1.0],
+            'ticktext': ['1', '2', '5', '≥ 10'],
+        },
+        'texttemplate': '%{text}',
+        'hovertemplate': '%{y}, %{x}: %{customdata:.3~g} times the noise floor<extra></extra>',
+        **trace_axes(index),
+    }  # fmt: skip

@@ -8,22 +8,26 @@ from collections.abc import Mapping
 from typing import Any
 
 from imu_workbench.display import shown
+from imu_workbench.report.figures_attitude import FILTER_NAMES
 from imu_workbench.report.panels import Figure, Panel, figure, trace_axes
 
 
-def staircase_figure(sensors: Mapping[str, Any]) -> Figure:
-    """Return the error after each step per sensor, with the noise floor; proposals are hatched."""
+def staircase_figure(parts: Mapping[str, Any]) -> Figure:
+    """Return the error after each step per sensor or filter, with the noise floor.
+
+    Proposals are hatched.
+    """
     data: list[dict[str, Any]] = []
     panels, shapes = [], []
-    for i, (sensor, found) in enumerate(sensors.items()):
+    for i, (name, found) in enumerate(parts.items()):
         unit = found['unit']
-        for kind, name in (('steps', 'reached'), ('proposed', 'proposed')):
+        for kind, label in (('steps', 'reached'), ('proposed', 'proposed')):
             bars = found[kind]
             if not bars:
                 continue
             data.append({
-                'type': 'bar', 'name': name, 'legendgroup': name,
-                'showlegend': name not in {trace['name'] for trace in data},
+                'type': 'bar', 'name': label, 'legendgroup': label,
+                'showlegend': label not in {trace['name'] for trace in data},
                 'x': [_wrapped(bar['label']) for bar in bars],
                 'y': [bar['error'] for bar in bars],
                 'text': [shown(bar['error']) for bar in bars], 'textposition': 'outside',
@@ -33,20 +37,30 @@ def staircase_figure(sensors: Mapping[str, Any]) -> Figure:
                 'hovertemplate': f'%{{x}}: %{{y:.4~g}} {unit}<extra></extra>',
                 **trace_axes(i),
             })  # fmt: skip
-        place = trace_axes(i)
-        shapes.append({
-            'type': 'line', 'xref': f'{place["xaxis"]} domain', 'yref': place['yaxis'],
-            'x0': 0, 'x1': 1, 'y0': found['floor'], 'y1': found['floor'],
-            'line': {'color': '@z', 'dash': 'dash', 'width': 1.6},
-        })  # fmt: skip
+        if found['floor']:
+            shapes.append(_floor_line(trace_axes(i), found['floor']))
         panels.append(
-            Panel('', f'rms over the axes [{unit}]',
-                  title=f'{sensor.capitalize()}, floor {shown(found["floor"])} {unit}',
+            Panel('', f'{"σ" if unit == "°" else "rms over the axes"} [{unit}]',
+                  title=_title(name, found),
                   x={'tickangle': 0}, y={'type': 'log', 'dtick': 1, 'range': _decades(found)})
         )  # fmt: skip
     spec = figure(data, panels, columns=3, height=230, linked=False, shapes=shapes)
     spec['layout']['bargap'] = 0.35
     return spec
+
+
+def _title(name: str, found: Mapping[str, Any]) -> str:
+    if found['floor']:
+        return f'{name.capitalize()}, floor {shown(found["floor"])} {found["unit"]}'
+    return f'{FILTER_NAMES.get(name, name)}, σ of the rotation'
+
+
+def _floor_line(place: Mapping[str, str], floor: float) -> dict[str, Any]:
+    return {
+        'type': 'line', 'xref': f'{place["xaxis"]} domain', 'yref': place['yaxis'],
+        'x0': 0, 'x1': 1, 'y0': floor, 'y1': floor,
+        'line': {'color': '@z', 'dash': 'dash', 'width': 1.6},
+    }  # fmt: skip
 
 
 def _decades(found: Mapping[str, Any]) -> list[float]:

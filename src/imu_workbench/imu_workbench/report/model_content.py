@@ -53,14 +53,16 @@ def sensor_terms(sensor: str, part: SensorModel) -> list[dict[str, Any]]:
         for number, (value, sigma) in enumerate(zip(values, own, strict=True)):
             name = effect.name if len(values) == 1 else f'{effect.name} [{number}]'
             units = effect.coefficient_units
-            rows.append({
-                'sensor': sensor,
-                'effect': name,
-                'value': value,
-                'uncertainty': sigma,
-                'unit': (units[number] if number < len(units) else '').format(unit=unit),
-                'shape': effect.shape_parameters,
-            })
+            rows.append(
+                {
+                    'sensor': sensor,
+                    'effect': name,
+                    'value': value,
+                    'uncertainty': sigma,
+                    'unit': (units[number] if number < len(units) else '').format(unit=unit),
+                    'shape': effect.shape_parameters,
+                }
+            )
     return rows
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -130,8 +130,13 @@ def histogram(values: FloatArray, run: RunErrors) -> dict[str, Any]:
     }
 
 
-def residual_content(run: RunErrors, *, points: int) -> dict[str, Any]:
-    """Return measured, modelled and residual error over time, and where it fails."""
+def residual_content(
+    run: RunErrors, floors: Mapping[str, FloatArray], *, points: int
+) -> dict[str, Any]:
+    """Return measured, modelled and residual error over time, and where it fails.
+
+    `floors` are the noise floors (3,) per sensor, in SI units.
+    """
     hours = run.time / 3600.0
     gap = 3.0 * run.period / 3600.0
     found: dict[str, Any] = {}
@@ -151,24 +156,38 @@ def residual_content(run: RunErrors, *, points: int) -> dict[str, Any]:
                 }
                 for i, axis in enumerate(AXES)
             },
-            'where': failure_map(run, columns['residual']),
+            'where': failure_map(run, run.residual(sensor), floors[sensor]),
         }
     return found
 
 
-def failure_map(run: RunErrors, residual: FloatArray) -> dict[str, Any] | None:
-    """Return the rms of the residual per phase and cycle, over the three axes."""
-    numbers = [int(n) for n in np.unique(run.cycle) if n > 0]
-    phases = [p for i, p in enumerate(PHASES) if (run.phase[run.cycle > 0] == i).any()]
+def failure_map(run: RunErrors, residual: FloatArray, floor: FloatArray) -> dict[str, Any] | None:
+    """Return how many times the noise floor the residual is, per phase and cycle.
+
+    `residual` (m, 3) and `floor` (3,) in one unit; rms over the three axes.
+    """
+    return failure_map_of([(run, residual)], floor)
+
+
+def failure_map_of(
+    runs: Sequence[tuple[RunErrors, FloatArray]], floor: FloatArray
+) -> dict[str, Any] | None:
+    """Return the same over several runs together."""
+    phase = np.concatenate([run.phase for run, _ in runs])
+    cycle = np.concatenate([run.cycle for run, _ in runs])
+    numbers = [int(n) for n in np.unique(cycle) if n > 0]
+    phases = [p for i, p in enumerate(PHASES) if (phase[cycle > 0] == i).any()]
     if not numbers or not phases:
         return None
-    square = np.nanmean(residual**2, axis=1) if np.isfinite(residual).any() else residual[:, 0]
+    known = floor > 0.0
+    weighed = np.concatenate([r for _, r in runs])[:, known] / floor[known]
+    good = np.isfinite(weighed).all(axis=1)
+    square = np.mean(weighed**2, axis=1) if known.any() else np.full(len(phase), np.nan)
     cells = []
-    for phase in phases:
+    for name in phases:
         row = []
         for number in numbers:
-            inside = square[run.in_phase(phase) & (run.cycle == number)]
-            inside = inside[np.isfinite(inside)]
+            inside = square[good & (phase == PHASES.index(name)) & (cycle == number)]
             row.append(float(np.sqrt(inside.mean())) if len(inside) else None)
         cells.append(row)
-    return {'phases': phases, 'cycles': numbers, 'rms': cells}
+    return {'phases': phases, 'cycles': numbers, 'ratio': cells}

@@ -31,6 +31,7 @@ from imu_workbench.report.sections_modelled import (
     fit_section,
     model_section,
 )
+from imu_workbench.report.sections_story import story_section
 
 
 def report_page(content: Mapping[str, Any]) -> str:
@@ -47,6 +48,7 @@ def report_page(content: Mapping[str, Any]) -> str:
         diagnosis_section(content),
         model_section(content),
         attitude_section(content),
+        story_section(content),
         paper_section(content),
         recordings_section(content),
         reproduce_section(content),

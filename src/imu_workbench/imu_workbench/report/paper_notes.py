@@ -55,9 +55,7 @@ _FINDINGS = {
         'One slope over four runs with jumps between them; no uncertainty, no held-out data, no'
         ' term for history.'
     ),
-    'Figure 4': (
-        'The caption says DUT1 with X up, section V says DUT1 with Y up.'
-    ),
+    'Figure 4': ('The caption says DUT1 with X up, section V says DUT1 with Y up.'),
     'Equation (2), states': (
         'b and a are called acceleration error and magnetic disturbance; in the algorithm they '
         'are gyroscope bias and linear acceleration. As an indirect filter it has F = 0, and '
@@ -72,9 +70,7 @@ _FINDINGS = {
         ' VI and VII is not stated. Here angles are relative to the start, with rotation angle,'
         ' heading and inclination beside them.'
     ),
-    'Section VI, frame': (
-        '“NED” with +9.8 on the vertical axis is not NED for specific force.'
-    ),
+    'Section VI, frame': ('“NED” with +9.8 on the vertical axis is not NED for specific force.'),
     'Tables VI and VII, α and γ': (
         'Their means are identical for all devices and both filters: copied columns. They are '
         'shown, never taken as a target.'

@@ -9,8 +9,10 @@ from typing import Any
 
 from imu_workbench.diagnosis_text import VERDICTS
 from imu_workbench.display import DISPLAY_UNITS, shown
+from imu_workbench.report.figures_attitude import FILTER_NAMES
 from imu_workbench.report.figures_staircase import staircase_figure
 from imu_workbench.report.html import Choice, Section, group_html, table_html
+from imu_workbench.report.staircase import degree_steps
 
 GOOD = ('complete',)
 BAD = ('missing', 'ambiguous', 'unexplained', 'unlogged')
@@ -24,13 +26,16 @@ def diagnosis_section(content: Mapping[str, Any]) -> Section | None:
     body = ''.join(map(diagnosis_html, content['diagnosis'].values()))
     figures = {}
     if stairs:
-        figures = {f'stairs|{name}': staircase_figure(s['sensors']) for name, s in stairs.items()}
+        figures = {
+            f'stairs|{name}': staircase_figure(found['sensors'] | degree_steps(found))
+            for name, found in stairs.items()
+        }
         body += '<h3>How the error falls</h3>' + group_html(
             'stairs',
             [Choice('Device', list(stairs))],
             'Error staircase on a logarithmic scale: what was measured, what each version of the '
             'model leaves on data it has not seen, hatched what adding the named effects would '
-            'leave. Dashed: the noise floor.',
+            'leave. Dashed: the noise floor. In degrees: what both filters make of each version.',
             'Error after each step of the model',
             parts=''.join(degrees_html(name, found) for name, found in stairs.items()),
         )
@@ -88,18 +93,21 @@ def _value(value: Any) -> str:
 
 
 def degrees_html(device: str, found: Mapping[str, Any]) -> str:
-    """Return what the model brings in degrees, per run and filter."""
+    """Return what every version of the model brings in degrees, per run and filter."""
     rows = [
         [
-            f'{escape(row["run"])}{" ‡" if row["interpolated"] else ""}, {escape(row["filter"])}',
-            shown(row['raw']),
-            shown(row['compensated']),
+            f'{_run(row)}, {FILTER_NAMES.get(row["filter"], row["filter"])}',
+            *map(shown, row['sigma']),
         ]
         for row in found['degrees']
     ]
-    head = [['Run, filter', 'raw [°]', 'compensated [°]']]
+    head = [['Run, filter', *(f'{escape(name)} [°]' for name in found['versions'])]]
     mark = ' (‡ interpolated to 50 Hz: no verdict)' if any(
         row['interpolated'] for row in found['degrees']
     ) else ''  # fmt: skip
-    caption = f'In degrees: σ of the rotation angle{mark}'
+    caption = f'In degrees: σ of the rotation angle, raw and under every version{mark}'
     return table_html(head, rows, caption=caption, key=device) if rows else ''
+
+
+def _run(row: Mapping[str, Any]) -> str:
+    return escape(row['run']) + (' ‡' if row['interpolated'] else '')

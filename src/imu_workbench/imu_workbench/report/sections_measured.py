@@ -152,17 +152,19 @@ def recordings_section(content: Mapping[str, Any]) -> Section:
     rows = []
     for run in content['recordings']:
         span = run['temperature_range']
-        rows.append([
-            escape(run['name']),
-            escape(run['device'] or 'not told'),
-            escape(run['up_axis'] or '–').replace('-', '−'),
-            fixed(run['samples'], 0),
-            duration(run['duration_s']),
-            f'{shown(run["rate_hz"])} Hz',
-            f'{fixed(span[0], 1)} … {fixed(span[1], 1)} °C' if span else '–',
-            'yes' if run['magnetometer_samples'] else 'none',
-            f'<code title="{run["sha256"]}">{run["sha256"][:12]}</code>',
-        ])
+        rows.append(
+            [
+                escape(run['name']),
+                escape(run['device'] or 'not told'),
+                escape(run['up_axis'] or '–').replace('-', '−'),
+                fixed(run['samples'], 0),
+                duration(run['duration_s']),
+                f'{shown(run["rate_hz"])} Hz',
+                f'{fixed(span[0], 1)} … {fixed(span[1], 1)} °C' if span else '–',
+                'yes' if run['magnetometer_samples'] else 'none',
+                f'<code title="{run["sha256"]}">{run["sha256"][:12]}</code>',
+            ]
+        )
     head = [[
         'Run', 'device', 'up', 'samples', 'duration', 'rate', 'die temperature', 'magnetometer',
         'SHA-256 of the columns',

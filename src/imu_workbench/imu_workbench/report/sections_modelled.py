@@ -162,7 +162,7 @@ def comparison_section(content: Mapping[str, Any]) -> Section | None:
                 found['axes'], found['unit'], floor
             )
             if found['where']:
-                figures[f'where|{run}|{sensor}'] = failure_figure(found['where'], found['unit'])
+                figures[f'where|{run}|{sensor}'] = failure_figure(found['where'])
     runs = list(content['residuals'])
     sensors = [s for s in SENSORS if any(s in found for found in content['residuals'].values())]
     choices = [Choice('Run', runs), Choice('Sensor', sensors)]
@@ -175,7 +175,9 @@ def comparison_section(content: Mapping[str, Any]) -> Section | None:
     )
     if any(key.startswith('where|') for key in figures):
         body += '<h3>Where it fails</h3>' + group_html(
-            'where', choices, 'Rms of the residual over the three axes, by phase and cycle.',
+            'where', choices,
+            'Residual over noise floor (rms over the three axes) by phase and cycle. The colours '
+            'mean the same in every map: pale is noise alone.',
             'Residual by phase and cycle',
         )  # fmt: skip
     return Section('comparison', 'Model against measurement', body, figures)
@@ -187,13 +189,15 @@ def comparison_html(device: str, found: Mapping[str, Any]) -> str:
     for sensor, part in found['sensors'].items():
         factor, unit = DISPLAY_UNITS[sensor].factor, DISPLAY_UNITS[sensor].unit
         for i, axis in enumerate('xyz'):
-            rows.append([
-                f'{sensor.capitalize()} {axis}',
-                *(shown(_scaled(part[name][i], factor)) for name in ERRORS),
-                unit,
-                shown(part['r_squared'][i], 4),
-                escape((part['worst_phase'] or '–').replace('_', ' ')),
-            ])
+            rows.append(
+                [
+                    f'{sensor.capitalize()} {axis}',
+                    *(shown(_scaled(part[name][i], factor)) for name in ERRORS),
+                    unit,
+                    shown(part['r_squared'][i], 4),
+                    escape((part['worst_phase'] or '–').replace('_', ' ')),
+                ]
+            )
     head = [['Channel', *ERRORS.values(), 'unit', 'R²', 'worst phase']]
     caption = f'{escape(device)}, held out: {escape(found["held_out"])}'
     return table_html(head, rows, caption=caption) + worst_html(device, found)
@@ -210,13 +214,15 @@ def worst_html(device: str, found: Mapping[str, Any]) -> str:
                 for key, value in where.items()
                 if key not in ('ratio', 'rms', 'blocks')
             )
-            rows.append([
-                f'{sensor.capitalize()}: {escape(group.replace("_", " "))}',
-                shown(where['ratio']),
-                *(shown(value * unit.factor) for value in where['rms']),
-                unit.unit,
-                str(where['blocks']),
-            ])
+            rows.append(
+                [
+                    f'{sensor.capitalize()}: {escape(group.replace("_", " "))}',
+                    shown(where['ratio']),
+                    *(shown(value * unit.factor) for value in where['rms']),
+                    unit.unit,
+                    str(where['blocks']),
+                ]
+            )
     head = [['Group', 'times the noise floor', 'x', 'y', 'z', 'unit', 'blocks']]
     table = table_html(head, rows, caption=f'{escape(device)}: largest residuals')
     return f'<details><summary>Where it fails, in numbers</summary>{table}</details>'
@@ -260,4 +266,3 @@ def _floor(content: Mapping[str, Any], run: str, sensor: str) -> list[float] | N
 
 def _scaled(value: float | None, factor: float) -> float | None:
     return None if value is None else value * factor
-

@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from thermal_comp.model import ThermalModel
 
+from imu_workbench.attitude import FULL, RAW, Attitude
 from imu_workbench.display import DISPLAY_UNITS, SENSORS
 from imu_workbench.study import StudiedDevice, Study
+from imu_workbench.version_names import version_names
 
 
 def staircase_content(study: Study) -> dict[str, Any]:
@@ -22,7 +25,16 @@ def staircase_content(study: Study) -> dict[str, Any]:
                 for sensor in SENSORS
                 if sensor in device.comparison.sensors
             }
-            found[device.name] = {'sensors': sensors, 'degrees': degrees(study, device.name)}
+            runs = [r for r in study.runs if r.device == device.name and r.attitudes]
+            found[device.name] = {
+                'sensors': sensors,
+                'versions': [RAW, *version_names(device.model)],
+                'degrees': [
+                    row | {'run': run.name, 'interpolated': run.interpolated}
+                    for run in runs
+                    for row in degrees(run.attitudes, len(device.model.history))
+                ],
+            }
     return found
 
 
@@ -52,27 +64,35 @@ def sensor_steps(device: StudiedDevice, sensor: str, diagnosis: Any) -> dict[str
     }
 
 
-def degrees(study: Study, device: str) -> list[dict[str, Any]]:
-    """Return σ of the rotation angle per run and filter, raw and under the model [deg]."""
-    rows = []
-    for run in study.runs:
-        if run.device != device:
-            continue
-        spread = {
-            (a.filter, a.data): a.statistics[0].get('std', {}).get('rotation')
-            for a in run.attitudes
-        }
-        rows += [
-            {
-                'run': run.name,
-                'filter': name,
-                'interpolated': run.interpolated,
-                'raw': spread[name, 'raw'],
-                'compensated': spread[name, 'compensated'],
+def degrees(attitudes: Sequence[Attitude], earlier: int) -> list[dict[str, Any]]:
+    """Return σ of the rotation angle per filter: raw, under each version of the model [deg]."""
+    spread = {
+        (a.filter, a.data): a.statistics[0].get('std', {}).get('rotation') for a in attitudes
+    }
+    kinds = (RAW, *(f'version {number}' for number in range(1, earlier + 1)), FULL)
+    return [
+        {'filter': name, 'sigma': [spread.get((name, kind)) for kind in kinds]}
+        for name in dict.fromkeys(a.filter for a in attitudes)
+    ]
+
+
+def degree_steps(found: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return per filter the steps in degrees, as rms over the runs, shaped like a sensor's."""
+    steps = {}
+    for name in dict.fromkeys(row['filter'] for row in found['degrees']):
+        rows = [row['sigma'] for row in found['degrees'] if row['filter'] == name]
+        if all(value is not None for row in rows for value in row):
+            errors = np.sqrt(np.mean(np.square(rows), axis=0)).tolist()
+            steps[name] = {
+                'unit': '°',
+                'steps': [
+                    {'label': label, 'error': error}
+                    for label, error in zip(found['versions'], errors, strict=True)
+                ],
+                'proposed': [],
+                'floor': None,
             }
-            for name in dict.fromkeys(a.filter for a in run.attitudes)
-        ]
-    return rows
+    return steps
 
 
 def _effects(model: ThermalModel, sensor: str) -> str:

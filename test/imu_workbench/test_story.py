@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The story names what was hidden, in at most ten lines, with the fall in units and degrees."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from imu_workbench.report.sections_story import story_section
+from imu_workbench.story import StoryTask
+
+from imu_recording import write_bag
+
+
+@pytest.fixture(scope='module')
+def story(run, tmp_path_factory: pytest.TempPathFactory):
+    """A device whose accelerometer also feels how fast the temperature changes."""
+    folder = tmp_path_factory.mktemp('story')
+    recording = run(rate_hz=0.2)
+    rate = np.gradient(recording.temperature, recording.time)
+    error = 0.2 * np.outer(rate, [1.0, -0.7, 0.5])
+    moved = replace(recording, linear_acceleration=recording.linear_acceleration + error)
+    write_bag(moved, folder / 'z')
+    return StoryTask([folder / 'z']).run()
+
+
+def test_the_hidden_effect_is_named_and_removed(story) -> None:
+    assert story['steps'][0]['sensor'] == 'accelerometer'
+    # In this chamber die minus air is the die's rate: the two are one effect.
+    assert story['findings'][0]['name'] in {'temperature_rate', 'thermal_gradient'}
+    part = story['sensors']['accelerometer']
+    errors = [step['error'] for step in part['steps']]
+    assert errors[0] > errors[1] > 2.0 * errors[-1]
+    assert errors[-1] < 1.3 * part['floor']
+    worst = max(max(row) for row in part['maps']['before']['ratio'])
+    left = max(max(row) for row in part['maps']['after']['ratio'])
+    assert worst > 2.0
+    assert left < 1.5
+
+
+def test_it_is_told_in_ten_lines_with_degrees_of_both_filters(story) -> None:
+    lines = story['lines']
+    assert len(lines) <= 10
+    told = '\n'.join(lines)
+    for part in ('fails here', 'missing', 'added', 'm/s²', 'complementary', 'AHRS', 'noise floor'):
+        assert part in told
+    for row in story['degrees']:
+        assert len(row['sigma']) == len(story['versions'])
+        assert row['sigma'][0] > row['sigma'][-1]
+
+
+def test_the_page_shows_it(story) -> None:
+    section = story_section({'story': story})
+    assert section is not None
+    assert set(section.figures) == {'map|accelerometer', 'stairs|story'}
+    maps = section.figures['map|accelerometer']['data']
+    assert [m['zmax'] for m in maps] == [1.0, 1.0]  # one scale, before and after
+    assert story_section({'story': None}) is None
