@@ -44,6 +44,14 @@ RICHER = {
     'fixture_hard_iron': ('misalignment_temperature',),
 }
 """Effects that contain another one wholly, or nearly so on static runs."""
+SIMPLER = {
+    **{(rich, name): NESTED_SHARE for name, some in RICHER.items() for rich in some},
+    ('thermal_gradient', 'temperature_rate'): FORM_SHARE,
+}
+"""Pairs whose second stands for the first where it explains all but this share of the χ² gain.
+
+A rate suffers from the noise of the thermometer it is computed from; a gradient does not.
+"""
 
 
 @dataclass(frozen=True)
@@ -195,16 +203,15 @@ class Search:
         """Let a simpler effect stand for a richer one that gains no more than a flaw in form."""
         for form in tuple(chosen):
             others = [f for f in chosen if f is not form]
-            least = (1.0 - NESTED_SHARE) * self.rate(chosen, form).gain
+            gain = self.rate(chosen, form).gain
             taken = {f.effect.name for f in others}
             for family in self.families:
-                if form.effect.name not in RICHER.get(family.name, ()) or family.name in taken:
-                    continue
-                simpler = self.best_form(others, family)
-                if simpler is None:
+                share = SIMPLER.get((form.effect.name, family.name))
+                simpler = self.best_form(others, family) if share else None
+                if share is None or simpler is None or family.name in taken:
                     continue
                 refined = self._best_shape(others, simpler.form)
-                if self.rate([*others, refined], refined).gain > least:
+                if self.rate([*others, refined], refined).gain > (1.0 - share) * gain:
                     chosen = [*others, refined]
                     break
         return chosen

@@ -13,6 +13,8 @@ from thermal_comp.diagnose_decision import Outcome
 from thermal_comp.effects.effect import Effect
 
 TILT = 'fixture_tilt'
+REFUTED = 20.0
+"""χ² against a tilt from which no flaw in its form excuses it."""
 
 
 def may_tilt(outcome: Outcome) -> bool:
@@ -26,7 +28,7 @@ def tilts(outcome: Outcome) -> tuple[Effect, ...]:
 
 
 def tilt_support(tilt: Effect, banks: Sequence[ColumnBank], outcomes: Sequence[Outcome]) -> float:
-    """Return the χ² that the second sensor adds to the tilt of the first, less than 0 if against.
+    """Return the χ² that the second sensor adds to the tilt of the first; −∞: it refutes it.
 
     One rotation, fitted to both sensors beside what else was named, explains less than the first
     alone would like where the second does not turn: a scale factor that is equal on all axes is
@@ -42,7 +44,8 @@ def tilt_support(tilt: Effect, banks: Sequence[ColumnBank], outcomes: Sequence[O
         ]
         equations.append(bank.shared_equations(known, bank.term(tilt)))
     (normal, right), (further, moved) = equations
-    return _explained(normal + further, right + moved) - _explained(normal, right)
+    support = _explained(normal + further, right + moved) - _explained(normal, right)
+    return support if support > -REFUTED else -np.inf
 
 
 def _explained(normal: FloatArray, right: FloatArray) -> float:
