@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from imu_workbench.diagnosis_advice import advice
 from imu_workbench.display import DISPLAY_UNITS, shown
 
 VERDICTS = {
@@ -37,14 +38,38 @@ def diagnosis_text(content: Mapping[str, Any]) -> str:
         )
         if state['where'] and state['verdict'] not in {'complete', 'noise_above_reference'}:
             lines.append(f'    worst: {"; ".join(_place(where) for where in state["where"][:3])}')
-    if content['greyed_out']:
-        lines.append(
-            '  not tried: '
-            + '; '.join(f'{effect} {reason}' for effect, reason in content['greyed_out'].items())
-        )
+    lines += _undecided_lines(content.get('undecided', ()))
     lines += [f'  undetermined: {text}' for text in content['undetermined']]
+    lines += _greyed_lines(content['greyed_out'])
     lines += [f'  note: {text}' for text in content['notes']]
+    lines += [f'  next: {text}' for text in advice(content)]
     return '\n'.join(lines)
+
+
+def _undecided_lines(undecided: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Pairs that have their reason in common stand in one line."""
+    groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for pair in undecided:
+        groups.setdefault((pair['reason'], pair['action']), []).append(pair)
+    lines = []
+    for (reason, action), pairs in groups.items():
+        sensors = ', '.join(dict.fromkeys(s for pair in pairs for s in pair['sensors']))
+        names = ', '.join(
+            ' or '.join(pair['between'])
+            + (f' ({pair["similarity"]:.0%} alike)' if pair['similarity'] < 1.0 else '')
+            for pair in pairs
+        )
+        lines += [f'  cannot be decided ({sensors}): {names}', f'    {reason}; {action}']
+    return lines
+
+
+def _greyed_lines(greyed: Mapping[str, str]) -> list[str]:
+    """Effects that were not tried for the same reason stand together."""
+    reasons: dict[str, list[str]] = {}
+    for effect, reason in greyed.items():
+        reasons.setdefault(reason, []).append(effect)
+    told = '; '.join(f'{", ".join(effects)} ({reason})' for reason, effects in reasons.items())
+    return [f'  not tried: {told}'] if told else []
 
 
 def _finding_lines(finding: Mapping[str, Any]) -> list[str]:

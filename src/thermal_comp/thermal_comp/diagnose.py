@@ -13,7 +13,7 @@ from thermal_comp.conditions import CHANNELS, SENSORS, Sensor
 from thermal_comp.diagnose_bank import ColumnBank, ColumnSource
 from thermal_comp.diagnose_calibration import calibrated_thresholds
 from thermal_comp.diagnose_candidates import families, missing_channels
-from thermal_comp.diagnose_decision import Outcome, decide
+from thermal_comp.diagnose_decision import Outcome
 from thermal_comp.diagnose_findings import (
     Explained,
     effect_findings,
@@ -27,8 +27,11 @@ from thermal_comp.diagnose_judges import judges
 from thermal_comp.diagnose_result import Diagnosis, Finding, SensorState
 from thermal_comp.diagnose_search import Search
 from thermal_comp.diagnose_thresholds import EVERYWHERE
+from thermal_comp.diagnose_undecidable import undecidable
+from thermal_comp.diagnose_veto import decide_confirmed
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
+from thermal_comp.effects.joined import joined_effects
 from thermal_comp.fit import fit_prepared, usable_sensors
 from thermal_comp.intake import take_in
 from thermal_comp.model import NoiseModel, ThermalModel
@@ -91,15 +94,9 @@ def diagnose(
                 text=f'the sampling interval changes by {clock.slope * 1e6:.1f} ppm/K',
             )
         )
-    ordered = sorted([*findings, *diagnosis.findings], key=lambda f: -f.evidence)
-    return Diagnosis(
-        diagnosis.device,
-        tuple(ordered),
-        diagnosis.sensors,
-        diagnosis.greyed_out,
-        diagnosis.undetermined,
-        diagnosis.notes,
-    )
+    together = [*findings, *diagnosis.findings]
+    ordered = sorted(together, key=lambda f: (f.kind == 'noise', -f.evidence))
+    return replace(diagnosis, findings=tuple(ordered))
 
 
 def diagnose_prepared(
@@ -138,6 +135,7 @@ def diagnose_prepared(
         sensors=states,
         greyed_out=greyed_out(runs, settings.catalogue),
         undetermined=explained.undetermined,
+        undecided=undecidable(runs, base, outcomes, noise),
         notes=(*current.notes, *notes),
     )
 
@@ -174,7 +172,7 @@ def search_sensors(
             and not (name == 'fixture_tilt' and sensor == 'magnetometer' and len(base) > 1)
         }
         search = Search(bank, families(bank, offered), settings.thresholds)
-        outcomes[sensor] = decide(search, judges(bank), missing)
+        outcomes[sensor] = decide_confirmed(search, judges(bank), missing, known)
         if sensor == 'accelerometer':
             tilt = tuple(
                 n.rated.form.effect
@@ -182,23 +180,6 @@ def search_sensors(
                 if n.rated.name == 'fixture_tilt'
             )
     return outcomes
-
-
-def joined_effects(effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Return the effects with the values of repeated ones joined: several steps are one effect."""
-    joined: dict[str, Effect] = {}
-    for effect in effects:
-        before = joined.get(effect.name)
-        if before is not None:
-            values = {
-                name: tuple(sorted({*value, *before.shape_parameters[name]}))
-                for name, value in effect.shape_parameters.items()
-                if isinstance(value, tuple)
-            }
-            joined[effect.name] = replace(before, **values)
-        else:
-            joined[effect.name] = effect
-    return tuple(joined.values())
 
 
 def greyed_out(

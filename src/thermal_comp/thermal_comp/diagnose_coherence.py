@@ -3,40 +3,86 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.diagnose_bank import ColumnBank
+from thermal_comp.diagnose_bank import ColumnBank, Term
+from thermal_comp.prepared_run import PreparedRun
 
-SCALES = (4, 16, 64)
-"""Numbers of consecutive whitened rows that are summed."""
+WAVES = 48
+"""Half waves over a run that are looked at."""
+SPANS = (4, 8, 16, 32, 48)
+"""Numbers of the slowest of them that are taken together."""
 
 
-def coherence_evidence(bank: ColumnBank) -> float:
-    """Return the strongest evidence over the scales: n Σ ρ² − 3 ln n, ρ between axes.
+@dataclass(frozen=True)
+class Coherence:
+    """What speaks for a common course; 2 ln of the Bayes factor, about −5 for noise alone."""
 
-    The whitened residuals of independent noise are independent between the axes; a supply that
-    was not logged, or another common cause, moves them together.
+    axes: float
+    """The axes share it."""
+    runs: float
+    """The runs share it too, at the same time since their beginning."""
+
+    @property
+    def evidence(self) -> float:
+        """Both together."""
+        return self.axes + max(self.runs, 0.0)
+
+
+def coherence(bank: ColumnBank, found: Sequence[Term] = ()) -> Coherence:
+    """Return the evidence for a course common to the axes in what the found effects leave.
+
+    A course over time hides in a noise model that is rich enough to follow it, but noise is
+    independent between axes and between runs. The slow half waves of each run, whitened and made
+    orthogonal, are compared: −(n − 1 − (2 p + 5) / 6) ln det R − p (p − 1) / 2 · ln n, where R
+    (p, p) correlates n waves of p axes, or of p runs along the axes' common direction (Bartlett's
+    test of independence). The strongest over the SPANS counts.
     """
-    best = -np.inf
-    for scale in SCALES:
-        summed = np.concatenate(
-            [_sums(bank.target[:, bank.run_of_row == run], scale) for run in _runs(bank)], axis=1
-        )
-        count = summed.shape[1]
-        if count < 20:
-            continue
-        correlation = np.corrcoef(summed)
-        pairs = correlation[np.triu_indices(3, 1)]
-        best = max(best, float(count * (pairs**2).sum() - 3.0 * np.log(count)))
-    return best
+    waves = _waves(bank, found)
+    axes = runs = -np.inf
+    for span in SPANS:
+        part = waves[:, :, :span]
+        rows = part.reshape(len(part), -1)
+        axes = max(axes, _dependence(rows))
+        direction = np.linalg.eigh(rows @ rows.T)[1][:, -1]
+        runs = max(runs, _dependence(np.einsum('a,ark->rk', direction, part)))
+    return Coherence(float(axes), float(runs))
 
 
-def _runs(bank: ColumnBank) -> list[int]:
-    return [int(run) for run in np.unique(bank.run_of_row)]
+def _waves(bank: ColumnBank, found: Sequence[Term]) -> FloatArray:
+    """(3, runs, WAVES) amplitudes of the half waves, of unit variance for noise alone."""
+    runs = bank.source.runs
+    longest = max(float(run.time[-1]) for run in runs)
+
+    def cosines(run: PreparedRun) -> FloatArray:
+        return np.cos(np.pi * np.multiply.outer(run.time / longest, np.arange(1, WAVES + 1)))
+
+    term = bank.generic_terms([(cosines, True)])[0]
+    design, known = bank.design([term]), bank.design(list(found))
+    amplitudes = np.empty((3, len(runs), WAVES))
+    for axis in range(3):
+        target = bank.target[axis]
+        if found:
+            target = target - known[axis] @ np.linalg.lstsq(known[axis], target, rcond=1e-9)[0]
+        for run in range(len(runs)):
+            columns = design[axis][:, run * WAVES : (run + 1) * WAVES]
+            basis, triangle = np.linalg.qr(columns)
+            amplitudes[axis, run] = (basis * np.sign(np.diag(triangle))).T @ target
+    return amplitudes
 
 
-def _sums(values: FloatArray, scale: int) -> FloatArray:
-    """(3, n) → (3, n // scale) sums of consecutive values."""
-    count = values.shape[1] // scale
-    return np.asarray(values[:, : count * scale].reshape(3, count, scale).sum(axis=2))
+def _dependence(rows: FloatArray) -> float:
+    """Return the evidence that the (p, n) rows depend on each other."""
+    p, n = rows.shape
+    power = (rows**2).sum(axis=1)
+    if p < 2 or n < p + 1 or not (power > 0.0).all():
+        return -np.inf
+    correlation = rows @ rows.T / np.sqrt(np.outer(power, power))
+    determinant = max(float(np.linalg.det(correlation)), 1e-300)
+    weight = n - 1.0 - (2.0 * p + 5.0) / 6.0
+    price = 0.5 * p * (p - 1) * float(np.log(n))
+    return float(-weight * np.log(determinant) - price)

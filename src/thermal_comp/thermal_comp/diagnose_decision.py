@@ -7,19 +7,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from thermal_comp.conditions import Sensor
-from thermal_comp.diagnose_coherence import coherence_evidence
+from thermal_comp.diagnose_dependence import (
+    ADEQUATE,
+    CHANNELS_OF,
+    LOGGED,
+    Left,
+    common_course,
+    dependence,
+    explainable,
+    strongest_judge,
+)
 from thermal_comp.diagnose_judges import Judge
-from thermal_comp.diagnose_search import ENRICHMENT, RICHER, Rated, Search
+from thermal_comp.diagnose_search import ENRICHMENT, FORM_SHARE, RICHER, Rated, Search
 
-JUDGED = 20.0
-"""Evidence from which a judge's dependence counts."""
-FORM_SHARE = 0.02
-"""Share of the χ² gain that may be left to judges without doubting the names."""
 DOMINANT = 0.95
 """Effects that explain this share together keep their names; the rest is their form."""
 SECOND = 0.03
 """An effect below this share of the strongest one's gain may be part of that one's form."""
+MINOR = 0.005
+"""Below this share any other effect may be."""
 RIVAL_EVIDENCE = 10.0
 RIVAL_SHARE = 0.98
 """Rivals: within this evidence, or this share of the χ² gain."""
@@ -27,8 +33,6 @@ CHEAPLY_ENRICHED = ('thermal_lag',)
 """Effects whose richer form is a rival well below the full price of its parameters."""
 CHAIN = 3
 """This many families on one sensor are a sign of something else."""
-COHERENT = 30.0
-"""Evidence from which a common course of the axes counts."""
 GROUPS = (
     frozenset(
         {
@@ -54,14 +58,6 @@ GROUPS = (
     frozenset({'warm_up', 'bias_drift', 'bias_creep', 'turn_on_bias', 'bias_step'}),
 )
 """Effects that can stand for a flaw in each other's form."""
-ADEQUATE = 0.9
-"""Share of what can be explained from which one variable's judge counts as the law."""
-CHANNELS_OF: dict[Sensor, tuple[str, ...]] = {
-    'accelerometer': ('supply_voltage', 'vibration', 'humidity'),
-    'gyroscope': ('supply_voltage', 'vibration', 'humidity'),
-    'magnetometer': ('heater', 'compressor', 'supply_voltage'),
-}
-"""Channels that can act on each sensor."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +73,17 @@ class Named:
 
 
 @dataclass(frozen=True)
+class Rejected:
+    """An effect that explains what was seen but not what was held out."""
+
+    name: str
+    evidence: float
+    error_with: float
+    """Held-out rms with the effect [unit]."""
+    error_without: float
+
+
+@dataclass(frozen=True)
 class Outcome:
     """What is said about one sensor."""
 
@@ -86,20 +93,14 @@ class Outcome:
     evidence: float = 0.0
     tried: tuple[str, ...] = ()
     """Effects that together came closest where none is named."""
-
-
-@dataclass(frozen=True)
-class _Left:
-    judge: Judge
-    evidence: float
-    gain: float
-    """χ² gain beyond what noise gives as many columns."""
+    rejected: tuple[Rejected, ...] = ()
+    """Effects refused because what was held out contradicts them."""
 
 
 def decide(search: Search, judges: Sequence[Judge], missing: Sequence[str]) -> Outcome:
     """Return what is said about the sensor; `missing` are channels no run has logged."""
     found = search.run()
-    left = _strongest(search, judges, found)
+    left = strongest_judge(search, judges, found)
     if not found:
         return _nothing_found(search, judges, missing, left)
     total = search.total([r.form for r in found])[1] + (left.gain if left else 0.0)
@@ -108,8 +109,11 @@ def decide(search: Search, judges: Sequence[Judge], missing: Sequence[str]) -> O
     names = {r.name for r in major}
     relevant = [c for c in CHANNELS_OF[search.bank.sensor] if c in missing and c in LOGGED]
     fits = left is None or left.gain < FORM_SHARE * total or share >= DOMINANT
-    alone = len(names) == 1
-    doubtful = len(names) >= CHAIN or (relevant and not alone)
+    doubtful = (
+        len(names) >= CHAIN
+        or (relevant and (len(names) > 1 or not _suffices(search, judges, major)))
+        or (len(names) > 1 and _one_curve(search, judges, major))
+    )
     if fits and share >= DOMINANT and not doubtful:
         rated = sorted(
             (search.rate([m.form for m in major], m.form) for m in major),
@@ -121,17 +125,30 @@ def decide(search: Search, judges: Sequence[Judge], missing: Sequence[str]) -> O
 
 
 def _nothing_found(
-    search: Search, judges: Sequence[Judge], missing: Sequence[str], left: _Left | None
+    search: Search, judges: Sequence[Judge], missing: Sequence[str], left: Left | None
 ) -> Outcome:
     if left is not None:
         return _without_name(search, judges, missing, [])
-    common = coherence_evidence(search.bank)
-    if common > COHERENT:
-        relevant = [c for c in CHANNELS_OF[search.bank.sensor] if c in missing]
-        logged = [c for c in relevant if c in LOGGED]
-        name = logged[0].removesuffix('_voltage') if len(logged) == 1 else 'chamber'
-        return Outcome('unlogged' if relevant else 'unexplained', (), name, common)
-    return Outcome('complete')
+    course = common_course(search, missing)
+    if course is None:
+        return Outcome('complete')
+    return Outcome(course.kind, (), course.depends_on, course.evidence)
+
+
+def _suffices(search: Search, judges: Sequence[Judge], major: Sequence[Rated]) -> bool:
+    """Tell whether the effects explain most of what anything could."""
+    terms = [term for r in major for term in r.form.terms]
+    gain, rank = search.bank.solve(terms)
+    return gain - rank >= ADEQUATE * explainable(search, judges, terms)
+
+
+def _one_curve(search: Search, judges: Sequence[Judge], major: Sequence[Rated]) -> bool:
+    """Tell whether one curve over temperature does what several kindred effects do together."""
+    if not any(all(r.name in group for r in major) for group in GROUPS):
+        return False
+    gain, rank = search.bank.solve([term for r in major for term in r.form.terms])
+    curves = (search.bank.solve([j.term]) for j in judges if j.depends_on == 'temperature')
+    return any(g - r >= gain - rank for g, r in curves)
 
 
 def _majors(search: Search, found: Sequence[Rated]) -> list[Rated]:
@@ -142,26 +159,8 @@ def _majors(search: Search, found: Sequence[Rated]) -> list[Rated]:
     return [
         r
         for k, r in enumerate(found)
-        if k == first or r.name not in kin or r.gain > SECOND * alone[first].gain
+        if k == first or r.gain > (SECOND if r.name in kin else MINOR) * alone[first].gain
     ]
-
-
-LOGGED = ('heater', 'compressor', 'supply_voltage')
-"""Channels whose absence alone makes several effects at once suspicious."""
-
-
-def _strongest(search: Search, judges: Sequence[Judge], found: Sequence[Rated]) -> _Left | None:
-    """Return the judge that explains most of what the effects leave, if it counts."""
-    terms = [term for r in found for term in r.form.terms]
-    before = search.bank.solve(terms)
-    best: _Left | None = None
-    for judge in judges:
-        gain, rank = search.bank.solve([*terms, judge.term])
-        gain, rank = gain - before[0], rank - before[1]
-        evidence = gain - rank * search.price
-        if evidence > JUDGED and (best is None or evidence > best.evidence):
-            best = _Left(judge, evidence, gain - rank)
-    return best
 
 
 def _named(
@@ -188,30 +187,6 @@ def _named(
 def _without_name(
     search: Search, judges: Sequence[Judge], missing: Sequence[str], found: Sequence[Rated]
 ) -> Outcome:
-    """Say on which variable the residual depends, or which channel is suspected."""
-    bank = search.bank
-    rated = []
-    for judge in judges:
-        gain, rank = bank.solve([judge.term])
-        rated.append((gain - rank * search.price, gain - rank, judge))
-    evidence, gain, judge = max(rated, key=lambda item: item[0])
-    terms = [term for r in found for term in r.form.terms]
-    every, rank = bank.solve([*terms, *(j.term for j in judges)])
+    said = dependence(search, judges, missing, found)
     tried = tuple(dict.fromkeys(r.name for r in found))
-    relevant = [c for c in CHANNELS_OF[bank.sensor] if c in missing]
-    suspects = [c for c in relevant if c in LOGGED]
-    if bank.sensor != 'magnetometer' and judge.depends_on in {'compressor', 'heater'}:
-        if 'vibration' in missing:
-            return Outcome('unlogged', (), 'vibration', evidence, tried)
-        return Outcome('unexplained', (), judge.depends_on, evidence, tried)
-    adequate = gain >= ADEQUATE * (every - rank)
-    if suspects and not (adequate and judge.depends_on in _OWN):
-        name = suspects[0].removesuffix('_voltage') if len(suspects) == 1 else 'chamber'
-        return Outcome('unlogged', (), name, evidence, tried)
-    if relevant and not adequate and judge.depends_on in {'phase', 'time', 'cycle'}:
-        return Outcome('unlogged', (), 'chamber', evidence, tried)
-    return Outcome('unexplained', (), judge.depends_on, evidence, tried)
-
-
-_OWN = ('temperature', 'branch', 'time', 'orientation', 'heater', 'compressor', 'supply', 'cycle')
-"""Variables that no channel of the chamber stands for."""
+    return Outcome(said.kind, (), said.depends_on, said.evidence, tried)

@@ -72,7 +72,8 @@ def effect_findings(
 def _sentence(named: Named, label: str) -> str:
     text = f'{label}: {named.rated.name} is missing'
     if named.ambiguous_with:
-        text += f'; {" and ".join(named.ambiguous_with)} explain it as well'
+        verb = 'explain' if len(named.ambiguous_with) > 1 else 'explains'
+        text += f'; {" and ".join(named.ambiguous_with)} {verb} it as well'
     if named.approximate:
         text += '; form approximate: its equation leaves more than noise'
     return text

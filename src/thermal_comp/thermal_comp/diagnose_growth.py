@@ -16,7 +16,6 @@ from thermal_comp.diagnose import (
     Settings,
     base_effects,
     diagnose_prepared,
-    joined_effects,
 )
 from thermal_comp.diagnose_bank import ColumnBank, ColumnSource
 from thermal_comp.diagnose_candidates import families, missing_channels
@@ -24,6 +23,7 @@ from thermal_comp.diagnose_result import Diagnosis
 from thermal_comp.diagnose_search import Search
 from thermal_comp.diagnose_thresholds import threshold_of
 from thermal_comp.effects.effect import Effect
+from thermal_comp.effects.joined import joined_effects
 from thermal_comp.fit import fit_prepared, usable_sensors
 from thermal_comp.model import ModelError, NoiseModel, ThermalModel
 from thermal_comp.noise import fit_noise

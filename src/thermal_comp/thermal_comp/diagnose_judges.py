@@ -12,11 +12,16 @@ from imu_recording.recording import FloatArray
 from scipy.interpolate import BSpline
 
 from thermal_comp.diagnose_bank import ColumnBank, Term
+from thermal_comp.effects.play_operator import play
 from thermal_comp.prepared_run import PreparedRun
 from thermal_comp.saturated_model import lagged
 
 SMOOTHING_S = 120.0
 """Time constant of the temperature rate's sign [s]."""
+TURN_K = 0.5
+"""Half-width of the play that tells a turn of the temperature from its noise [K]."""
+LAGS_S = (300.0, 1200.0)
+"""A channel's effect may follow it this slowly [s]."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +39,16 @@ def judges(bank: ColumnBank) -> list[Judge]:
     spans = _spans(runs)
     made: list[tuple[str, str, Callable[[PreparedRun], FloatArray], bool]] = [
         ('temperature', 'curve over temperature', spans.temperature, False),
+        ('temperature', 'powers of temperature', spans.powers, False),
         ('branch', 'curve over temperature, one per branch', spans.branch, False),
         ('rate', 'curve over the temperature rate', spans.rate, False),
+        ('rate', 'temperature rate times temperature and time', spans.rate_products, False),
         ('time', 'curve over time', spans.time, False),
+        ('time', 'wave over time', spans.wave, False),
         ('time', 'curve over time, one per run', spans.time, True),
-        ('time', 'slope over temperature that changes with time', spans.slope_in_time, False),
-        ('orientation', 'curve over temperature, one per orientation', spans.parabola, True),
+        ('time', 'curve over temperature that changes with time', spans.slope_in_time, False),
+        ('orientation', 'powers of temperature, one set per orientation', spans.powers, True),
+        ('orientation', 'temperature rate, one slope per orientation', spans.rate_slope, True),
     ]
     if all(run.has_cycles for run in runs):
         made.append(('phase', 'curve over the phase of the cycle', spans.phase, False))
@@ -48,7 +57,7 @@ def judges(bank: ColumnBank) -> list[Judge]:
         if all(run.conditions.has(name) for run in runs):
             label = name.removesuffix('_voltage')
             made.append(
-                (label, f'{label}, also times temperature', partial(spans.channel, name), False)
+                (label, f'{label}, its lags and products', partial(spans.channel, name), False)
             )
     if all(run.conditions.has('vibration') for run in runs):
         made.append(('vibration', 'vibration and its square', spans.vibration, False))
@@ -71,26 +80,37 @@ class _Spans:
 
     def branch(self, run: PreparedRun) -> FloatArray:
         curve = _spline(run.temperature, self.low, self.high, 8)
-        rising = np.tanh(self._rate(run) / (0.1 * self.fastest))
-        return np.concatenate([curve, curve * rising[:, None]], axis=1)
+        rising = self._rate(run) / self.fastest
+        ways = [np.tanh(rising / 0.1), np.tanh(rising / 0.02), _last_way(run.temperature)]
+        return np.concatenate([curve, *(curve * way[:, None] for way in ways)], axis=1)
 
     def rate(self, run: PreparedRun) -> FloatArray:
-        rate = self._rate(run)
-        curve = _spline(rate, -self.fastest, self.fastest, 7)
-        x = (run.temperature - run.conditions.reference_temperature) / 30.0
-        slope = (rate / self.fastest * x)[:, None]
-        return np.concatenate([curve, slope], axis=1)
+        return _spline(self._rate(run), -self.fastest, self.fastest, 9)
+
+    def rate_products(self, run: PreparedRun) -> FloatArray:
+        rate, x, t = self._rate(run) / self.fastest, self._warmth(run), run.time / self.longest
+        products = [rate, rate * x, rate * x**2, rate**2 * x, rate * t, rate**2, rate**2 * t]
+        return np.stack(products, axis=1)
+
+    def rate_slope(self, run: PreparedRun) -> FloatArray:
+        rate = self._rate(run) / self.fastest
+        return np.stack([rate, rate**2], axis=1)
 
     def time(self, run: PreparedRun) -> FloatArray:
         return _spline(run.time, 0.0, self.longest, 9)
 
-    def slope_in_time(self, run: PreparedRun) -> FloatArray:
-        x = run.conditions.reference_temperature
-        return _spline(run.time, 0.0, self.longest, 4) * (run.temperature - x)[:, None]
+    def wave(self, run: PreparedRun) -> FloatArray:
+        return _spline(run.time, 0.0, self.longest, 40)
 
-    def parabola(self, run: PreparedRun) -> FloatArray:
-        x = (run.temperature - run.conditions.reference_temperature) / 30.0
-        return np.stack([x, x**2, x**3], axis=1)
+    def slope_in_time(self, run: PreparedRun) -> FloatArray:
+        x = self._warmth(run)[:, None]
+        share = run.time[:, None] / self.longest
+        curve = _spline(run.time, 0.0, self.longest, 4)
+        return np.concatenate([curve * x, share * x**2, share**2 * x**2, x**2], axis=1)
+
+    def powers(self, run: PreparedRun) -> FloatArray:
+        x = self._warmth(run)
+        return np.stack([x, x**2, x**3, x**4, np.abs(x)], axis=1)
 
     def phase(self, run: PreparedRun) -> FloatArray:
         since = _time_in_cycle(run)
@@ -101,18 +121,22 @@ class _Spans:
     def cycle(self, run: PreparedRun) -> FloatArray:
         numbers = [n for n in np.unique(run.cycle) if n > 0]
         member = (run.cycle[:, None] == numbers).astype(float)
-        x = (run.temperature - run.conditions.reference_temperature) / 30.0
-        return np.concatenate([member, member * x[:, None]], axis=1)
+        return np.concatenate([member, member * self._warmth(run)[:, None]], axis=1)
 
     def channel(self, name: str, run: PreparedRun) -> FloatArray:
         values = np.asarray(getattr(run.block_conditions, name))
-        centred = values - values.mean()
-        x = (run.temperature - run.conditions.reference_temperature) / 30.0
-        return np.stack([centred, centred * x, centred * x**2, centred**2], axis=1)
+        v, x, t = values - values.mean(), self._warmth(run), run.time / self.longest
+        rate = self._rate(run) / self.fastest
+        lags = [lagged(run.time, v, lag) for lag in LAGS_S]
+        return np.stack([v, v * x, v * x**2, v**2, v * t, v * rate, *lags], axis=1)
 
     def vibration(self, run: PreparedRun) -> FloatArray:
         values = np.asarray(run.block_conditions.vibration)
         return np.concatenate([values, values**2], axis=1)
+
+    @staticmethod
+    def _warmth(run: PreparedRun) -> FloatArray:
+        return (run.temperature - run.conditions.reference_temperature) / 30.0
 
     @staticmethod
     def _rate(run: PreparedRun) -> FloatArray:
@@ -130,6 +154,14 @@ def _spans(runs: Sequence[PreparedRun]) -> _Spans:
         longest=max(float(run.time[-1]) for run in runs),
         cycle_length=max(lengths, default=1.0),
     )
+
+
+def _last_way(temperature: FloatArray) -> FloatArray:
+    """(m,) +1 where the temperature rose last, −1 where it fell, through dwells as well."""
+    moved = np.sign(np.diff(play(temperature, TURN_K)[0], prepend=np.nan))
+    known = np.isfinite(moved) & (moved != 0.0)
+    newest = np.maximum.accumulate(np.where(known, np.arange(len(moved)), 0))
+    return np.where(known[newest], moved[newest], 0.0)
 
 
 def _time_in_cycle(run: PreparedRun) -> FloatArray:

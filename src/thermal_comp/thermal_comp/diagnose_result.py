@@ -93,6 +93,36 @@ class SensorState:
 
 
 @dataclass(frozen=True)
+class Undecided:
+    """What these runs cannot tell apart, why, and what would."""
+
+    between: tuple[str, ...]
+    sensors: tuple[str, ...]
+    similarity: float
+    """Share of one effect's χ² that another would take over."""
+    reason: str
+    action: str
+
+    @property
+    def text(self) -> str:
+        """Everything in a sentence."""
+        names = ' or '.join(self.between)
+        alike = f' ({self.similarity:.0%} alike)' if self.similarity < 1.0 else ''
+        return f'{", ".join(self.sensors)}: {names}{alike}: {self.reason}; {self.action}'
+
+    def content(self) -> dict[str, Any]:
+        """Return plain values."""
+        return {
+            'between': list(self.between),
+            'sensors': list(self.sensors),
+            'similarity': self.similarity,
+            'reason': self.reason,
+            'action': self.action,
+            'text': self.text,
+        }
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The answer of `diagnose`."""
 
@@ -104,6 +134,8 @@ class Diagnosis:
     undetermined: tuple[str, ...] = ()
     """Directions of the model that these runs cannot tell."""
     notes: tuple[str, ...] = ()
+    undecided: tuple[Undecided, ...] = ()
+    """Pairs of effects that these runs cannot tell apart."""
 
     @property
     def verdict(self) -> str:
@@ -124,5 +156,6 @@ class Diagnosis:
             'sensors': {name: state.content() for name, state in self.sensors.items()},
             'greyed_out': dict(self.greyed_out),
             'undetermined': list(self.undetermined),
+            'undecided': [pair.content() for pair in self.undecided],
             'notes': list(self.notes),
         }
