@@ -16,7 +16,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = ('chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable')
-PATIENCE_MS = 180_000
+PATIENCE_MS = 90_000
 """How long the page may take on a machine that is busy."""
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 
 def error_line(error: Exception) -> str:
-    """Return what went wrong, with the file's name where the system knows it.
+    r"""Return what went wrong, with the file's name where the system knows it.
 
-    >>> error_line(ValueError('two\\n  words'))
+    >>> error_line(ValueError('two\n  words'))
     'two words'
     """
     if isinstance(error, OSError) and error.strerror:

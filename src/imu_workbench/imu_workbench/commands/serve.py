@@ -9,6 +9,8 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+from imu_recording.user_error import UserError
+
 from imu_workbench.answer import Answer
 
 HELP = 'Serve the workbench, a local web page: see where a model fails, add what is missing.'
@@ -41,7 +43,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> Answer:
     """Serve until interrupted."""
     if find_spec('nicegui') is None:
-        raise ValueError(
+        raise UserError(
             'the workbench needs nicegui and tsdownsample: '
             'python -m pip install -r requirements-web.txt'
         )

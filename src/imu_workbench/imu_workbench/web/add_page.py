@@ -13,7 +13,7 @@ from nicegui import events, ui
 from imu_workbench.display import DISPLAY_UNITS, shown
 from imu_workbench.web.catalogue import Catalogue
 from imu_workbench.web.figure_growth import staircase_figure
-from imu_workbench.web.learn_page import parameter_text
+from imu_workbench.web.learn_html import parameter_text
 from imu_workbench.web.plot import Look, Plot
 from imu_workbench.web.session import Session
 
@@ -145,7 +145,7 @@ class AddPage:
                 ui.label(f'No longer needed: {text.replace("_", " ")}').classes('note')
             for text in state.version.notes:
                 ui.label(text).classes('note')
-        with self._versions, ui.element('div').classes('table'):
+        with self._versions, ui.element('div').classes('scroll'):
             sensors = self._session.sensors()
             heads = ''.join(
                 f'<th>{s.capitalize()}<br>[{DISPLAY_UNITS[s].unit}]</th>' for s in sensors

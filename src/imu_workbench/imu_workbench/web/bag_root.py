@@ -8,13 +8,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from imu_recording.user_error import UserError
+
 SUFFIXES = ('.mcap', '.db3', '.bag')
 """Storage files of a bag."""
 DEEPEST = 4
 """Folders below the root that are searched."""
 
 
-class RootError(ValueError):
+class RootError(UserError):
     """A path the server does not open; the message says what it would open."""
 
 

@@ -22,7 +22,8 @@ class ChannelTiles:
         self._choose = choose
         self._sensors: dict[str, tuple[ui.element, ui.label, ui.label]] = {}
         self._axes: list[tuple[ui.element, ui.label]] = []
-        with ui.element('div').classes('tiles').props('role=group aria-label="sensor and axis"'):
+        self._place = ui.element('div').classes('tiles')
+        with self._place.props('role=group aria-label="sensor and axis"'):
             for sensor in SENSORS:
                 button = ui.element('button').classes('tile').props('type=button')
                 button.on('click', lambda _, sensor=sensor: self._pick(sensor=sensor))
@@ -43,6 +44,10 @@ class ChannelTiles:
     async def _pick(self, sensor: str | None = None, axis: int | None = None) -> None:
         view = self._session.view
         await self._choose(sensor or view.sensor, view.axis if axis is None else axis)
+
+    def show(self, *, visible: bool) -> None:
+        """Show or hide the tiles."""
+        self._place.visible = visible
 
     def refresh(self) -> None:
         """Show the version looked at."""

@@ -60,7 +60,7 @@ def failure_map(version: Version, view: View) -> FailureMap:
             cells.append([None] * len(keys))
         cycles = [int(c) for c in np.unique(run.cycle)] if by_phase else [0]
         for cycle in cycles:
-            columns.append((run.run, f'R{cycle}' if cycle else '·'))
+            columns.append((run.run, f'R{cycle}' if cycle else '–'))
             cells.append([
                 (Place(run.run, str(k), cycle) if by_phase else
                  Place(run.run, None, None, float(k)), run)
@@ -94,8 +94,8 @@ def failure_figure(found: FailureMap, view: View) -> Figure:
         'zmax': highest,
         'xgap': 1.5,
         'ygap': 1.5,
-        'colorbar': {'title': {'text': '× floor', 'side': 'right'}, 'thickness': 10,
-                     'outlinewidth': 0, 'len': 1.0, 'nticks': 5},
+        'colorbar': {'title': {'text': '× floor', 'side': 'right', 'font': {'size': 12}},
+                     'thickness': 10, 'outlinewidth': 0, 'len': 1.0, 'nticks': 5},
         'hovertemplate': '%{customdata}: %{z:.2f} × the noise floor<extra>click to go there'
                          '</extra>',
         'hoverongaps': False,
@@ -113,12 +113,13 @@ def failure_figure(found: FailureMap, view: View) -> Figure:
            'autorange': 'reversed', 'automargin': True, 'ticks': '', 'showgrid': False,
            'showline': False, 'fixedrange': True},
     )  # fmt: skip
-    spec = figure(data, [panel], height=max(150, 34 * len(found.rows)), shapes=_frame(found, view))
+    spec = figure(data, [panel], height=max(150, 39 * len(found.rows)), shapes=_frame(found, view))
     marks = _run_marks(found)
     for part in (spec['layout'], spec['narrow']):
         part['annotations'] = marks
         part['margin'] = part['margin'] | {'t': 26, 'l': 10, 'r': 6}
     spec['layout']['height'] -= 26
+    spec['narrow']['xaxis'] |= {'ticktext': [''] * len(found.columns)}
     spec['layout']['dragmode'] = False
     return spec
 

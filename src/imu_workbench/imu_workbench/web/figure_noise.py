@@ -18,6 +18,8 @@ from imu_workbench.web.stored_bag import StoredBag
 from imu_workbench.web.version import Version
 from imu_workbench.web.view import View
 
+FEWEST = 4
+"""Octaves that make a line."""
 SHORT_ROWS = 2**20
 """Samples at most from the beginning of a bag for averaging times below a block."""
 
@@ -55,6 +57,8 @@ def allan_figure(version: Version, view: View, bags: Sequence[StoredBag]) -> Fig
     reach: list[float] = []
     for name, parts, colour in series:
         tau, variance = _pooled(parts)
+        if len(tau) < FEWEST:
+            continue
         reach += tau.tolist()
         data.append(
             curve({'x': rounded_log(tau), 'y': rounded_log(np.sqrt(variance) * factor)}, name,

@@ -25,9 +25,8 @@ STEADY = 0.2
 BRANCHES = {'heating': '@hot', 'cooling': '@cold', 'steady': '@raw'}
 SYMBOLS = ('circle', 'square', 'diamond', 'triangle-up', 'cross', 'star')
 PHASE_SHORT = {
-    'precondition': 'reference', 'ramp_down': 'ramp<br>down', 'dwell_cold': 'cold<br>dwell',
-    'ramp_up': 'ramp<br>up', 'dwell_hot': 'hot<br>dwell', 'dwell_reference': 'ambient',
-    'final': 'final',
+    'precondition': 'ref.', 'ramp_down': 'ramp<br>down', 'dwell_cold': 'cold',
+    'ramp_up': 'ramp<br>up', 'dwell_hot': 'hot', 'dwell_reference': 'amb.', 'final': 'final',
 }  # fmt: skip
 
 
@@ -133,7 +132,7 @@ def phase_figure(version: Version, view: View) -> Figure:
             **trace_axes(0),
         })  # fmt: skip
     panel = Panel(
-        'phase', f'residual [{rows.unit}]',
+        '', f'residual [{rows.unit}]',
         x={'tickvals': list(range(len(phases))), 'showgrid': False, 'tickangle': 0,
            'ticktext': [PHASE_SHORT[PHASES[i]] for i in phases],
            'range': [-0.6, len(phases) - 0.4]},

@@ -94,7 +94,7 @@ def time_figure(
         Panel('time [h]', f'error {view.axis_name} [{unit}]', right_title='die [°C]'),
         Panel(_time_title(timeline), f'residual [{unit}]'),
     ]
-    spec = figure(data, panels, columns=1, height=196, shapes=_shapes(version, view, timeline))
+    spec = figure(data, panels, columns=1, height=214, shapes=_shapes(version, view, timeline))
     layout = spec['layout']
     layout['annotations'] = spec['narrow']['annotations'] = _marks(timeline)
     layout['xaxis']['range'] = list(window or (-0.01 * timeline.end, 1.01 * timeline.end))

@@ -16,13 +16,15 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
+from imu_recording.user_error import UserError
+
 from imu_workbench.error_line import error_line
 
 PRELOADED = 'imu_workbench.web.preloaded'
 logger = logging.getLogger(__name__)
 
 
-class JobError(ValueError):
+class JobError(UserError):
     """What went wrong, in a sentence for the user."""
 
 
@@ -97,7 +99,7 @@ def _run(connection: Connection, function: Callable[..., Any], arguments: tuple[
     try:
         value = function(lambda text: connection.send(('progress', text)), *arguments)
         connection.send(('result', value))
-    except (ValueError, OSError) as error:
+    except (UserError, OSError) as error:
         connection.send(('error', error_line(error)))
     except Exception as error:  # noqa: BLE001 (a bug: said on the page, told in full in the log)
         logging.basicConfig()

@@ -11,9 +11,15 @@ from typing import Any
 from nicegui import ui
 
 from imu_workbench.diagnosis_text import VERDICTS
-from imu_workbench.display import DISPLAY_UNITS, shown, with_uncertainty
 from imu_workbench.web.catalogue import Catalogue
 from imu_workbench.web.fingerprint import Fingerprint, fingerprint_figure
+from imu_workbench.web.learn_html import (
+    explanation_html,
+    finding_html,
+    finding_text,
+    fingerprint_html,
+    proposal_html,
+)
 from imu_workbench.web.next_profile import profile_figure
 from imu_workbench.web.plot import Look, Plot
 from imu_workbench.web.session import Session
@@ -95,7 +101,7 @@ class LearnPage:
                 f'<span class="soft">in the {escape(finding["sensor"])}</span></h3>',
                 sanitize=False,
             )
-            ui.label(finding['text']).classes('soft')
+            ui.label(finding_text(finding)).classes('soft')
             ui.html(finding_html(finding), sanitize=False)
             with ui.row().classes('actions'):
                 if finding['kind'] == 'effect' and finding['name'] in self._catalogue.effects:
@@ -117,6 +123,8 @@ class LearnPage:
         self._list.clear()
         state = self._session.state
         greyed = state.greyed if state else {}
+        version = state.version if state else None
+        inside = {e for names in version.effects.values() for e in names} if version else set()
         with self._list:
             ui.html('<h2>All effects</h2>', sanitize=False)
             for kind, title in (
@@ -129,13 +137,15 @@ class LearnPage:
                         if effect['kind'] != kind:
                             continue
                         reason = greyed.get(name, '')
-                        button = ui.element('button').classes('chip grey' if reason else 'chip')
+                        look = ' grey' if reason else ' on' if name in inside else ''
+                        button = ui.element('button').classes(f'chip{look}')
                         button.props('type=button')
                         if reason:
                             button.props(f'title="{escape(reason)}"')
                         button.on('click', lambda _, name=name: self.explain(name))
                         with button:
-                            ui.label(name.replace('_', ' '))
+                            mark = '✓ ' if name in inside else ''
+                            ui.label(mark + name.replace('_', ' '))
                             if reason:
                                 ui.label(reason).classes('reason')
 
@@ -198,89 +208,3 @@ class LearnPage:
                 'Save the profile',
                 on_click=lambda: ui.download.content(proposal['profile'], file),
             ).props('no-caps unelevated')
-
-
-def finding_html(finding: Mapping[str, Any]) -> str:
-    """Return evidence, errors, parameters and rivals of a finding as a table."""
-    rows = [('evidence', f'{finding["evidence"]:.0f}')]
-    if finding['threshold'] > 0.0:
-        rows = [('evidence', f'{finding["evidence"]:.0f} (needed {finding["threshold"]:.0f})')]
-    sensor = finding['sensor'].split('+')[0]
-    if finding['error_after'] is not None and sensor in DISPLAY_UNITS:
-        unit = DISPLAY_UNITS[sensor]
-        before, after, floor = (
-            shown(None if finding[key] is None else finding[key] * unit.factor)
-            for key in ('error_before', 'error_after', 'noise_floor')
-        )
-        rows.append(('held-out error', f'{before} → {after} {unit.unit}'))
-        rows.append(('noise floor', f'{floor} {unit.unit}'))
-    for name, value in finding['parameters'].items():
-        text = parameter_text(value['value'], value.get('std'))
-        rows.append((name.replace('_', ' '), f'{text} {value["unit"]}'))
-    if finding['rivals']:
-        text = ', '.join(
-            f'{r["name"].replace("_", " ")} {r["similarity"]:.0%}' for r in finding['rivals'][:3]
-        )
-        rows.append(('rivals would explain', text))
-    return pairs_html(rows)
-
-
-def parameter_text(value: Any, std: Any) -> str:
-    """Return value ± standard deviation, or a list of them."""
-    if isinstance(value, list):
-        spread = std if isinstance(std, list) else [None] * len(value)
-        return ', '.join(with_uncertainty(v, s) for v, s in zip(value, spread, strict=True))
-    if isinstance(std, list):
-        std = std[0] if std else None
-    return with_uncertainty(value, std)
-
-
-def explanation_html(told: Mapping[str, Any]) -> str:
-    """Return an effect in words."""
-    rows = [
-        ('mechanism', told['mechanism']),
-        ('to tell it apart', told['separation']),
-        ('typical size', told['typical_size']),
-        ('acts on', ', '.join(told['sensors'])),
-        ('needs', ', '.join(told['channels']) or 'nothing beyond temperature and time'),
-        ('reference', told['reference']),
-    ]
-    return (
-        f'<p>{escape(told["summary"])}</p><p class="equation">{escape(told["equation"])}</p>'
-        + pairs_html(rows)
-    )
-
-
-def fingerprint_html(found: Fingerprint, axis: int) -> str:
-    """Return in a sentence what the effect would explain."""
-    shape = ', '.join(
-        f'{name.replace("_", " ")} {parameter_text(value["value"], None)} {value["unit"]}'
-        for name, value in found.parameters.items()
-    )
-    return (
-        f'<p>Evidence {found.evidence:.0f} (needed {found.threshold:.0f}); explains '
-        f'{found.share[axis]:.0%} of the variance of the residual of this axis'
-        f'{"; " + escape(shape) if shape else ""}.</p>'
-    )
-
-
-def proposal_html(proposal: Mapping[str, Any]) -> str:
-    """Return what the next experiment promises."""
-    one, other = (name.replace('_', ' ') for name in proposal['effects'])
-    before, after = proposal['evidence_before'], proposal['evidence_after']
-    evidence = f'{before:.1f} with the plan of the paper, {after:.1f} with this one'
-    verdict = 'separable' if proposal['separable'] else 'not separable by temperature alone'
-    rows = [
-        ('question', f'{one} or {other} in the {proposal["sensor"]}'),
-        ('answer', verdict),
-        ('evidence', evidence),
-        ('length', f'{proposal["repeats"]} cycles, {proposal["hours"]:.1f} h a run'),
-        *(('do', action) for action in proposal['actions']),
-    ]  # fmt: skip
-    return pairs_html(rows)
-
-
-def pairs_html(rows: list[tuple[str, str]]) -> str:
-    """Return names and values as a list."""
-    items = ''.join(f'<dt>{escape(name)}</dt><dd>{escape(text)}</dd>' for name, text in rows)
-    return f'<dl class="pairs">{items}</dl>'

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from nicegui import ui
+from thermal_comp.conditions import SENSORS
 
 from imu_workbench.web.add_page import AddActions, AddPage
 from imu_workbench.web.channel_tiles import ChannelTiles
@@ -18,6 +20,8 @@ from imu_workbench.web.library import Library
 from imu_workbench.web.messages import Messages, Work
 from imu_workbench.web.open_dialog import OpenDialog
 from imu_workbench.web.plot import Look
+from imu_workbench.web.stored_bag import StoredBag
+from imu_workbench.web.tasks import Change
 from imu_workbench.web.view import Place
 from imu_workbench.web.workbench_tab import Display, WorkbenchTab
 
@@ -74,7 +78,7 @@ class Page:
                 ui.tab(name)
         self._messages = Messages()
         self._work = Work()
-        with ui.element('main'):
+        with ui.element('div').classes('body'):
             self._tiles = ChannelTiles(session, self._choose_channel)
             with ui.tab_panels(self._tabs, value='Compare', animated=False).classes('panels'):
                 with ui.tab_panel('Compare'):
@@ -89,7 +93,7 @@ class Page:
                         session, self._look, self._tab.catalogue, self._add_actions()
                     )
                 with ui.tab_panel('Live') as self._live:
-                    self._live_built = False
+                    self._live_page: Any = None
         ui.context.client.on_delete(self._work.cancel_all)
         ui.timer(0.0, self._begin, once=True)
 
@@ -112,6 +116,7 @@ class Page:
             "[matchMedia('(prefers-color-scheme: dark)').matches, window.innerWidth]"
         )
         self._look.dark, self._look.narrow = bool(dark), int(width) < PHONE
+        self._colours()
         if self._start.bags:
             await self.open_bags([str(bag) for bag in self._start.bags])
         else:
@@ -151,11 +156,11 @@ class Page:
         """Draw what is on the screen."""
         state = self._tab.session.state
         self._tiles.refresh()
-        samples = sum(bag.samples for bag in state.bags) if state else 0
-        self._told.set_text(
-            f'{len(state.bags)} runs, {samples:,} samples'.replace(',', ' ') if state else ''
-        )
+        self._told.set_text(told_runs(state.bags) if state else '')
         shown = self._tabs.value
+        self._tiles.show(visible=shown != 'Live')
+        if self._live_page is not None:
+            self._live_page.active = shown == 'Live'
         if shown == 'Live':
             self._show_live()
         elif shown == 'Learn':
@@ -166,17 +171,20 @@ class Page:
             await self._compare.refresh()
 
     def _show_live(self) -> None:
-        if self._live_built:
+        if self._live_page is not None:
             return
-        self._live_built = True
         with self._live:
             from imu_workbench.web.live_page import build_live
 
-            build_live(self._live, dark=lambda: self._look.dark)
+            self._live_page = build_live(self._live, dark=lambda: self._look.dark)
+
+    def _colours(self) -> None:
+        ui.colors(primary='#2a7fb4' if self._look.dark else '#0072b2')
 
     async def _switch_theme(self) -> None:
         self._look.dark = not self._look.dark
         self._dark.set_value(self._look.dark)
+        self._colours()
         for page in (self._compare, self._learn, self._grow):
             page.repaint()
 
@@ -185,11 +193,11 @@ class Page:
             await self.refresh()
 
     async def _add(self, effect: str, sensors: list[str]) -> None:
-        await self._tab.add(effect, sensors)
+        await self._tab.change(change_of(effect, sensors))
         await self.refresh()
 
     async def _remove(self, effect: str, sensors: list[str]) -> None:
-        await self._tab.remove(effect, sensors)
+        await self._tab.change(change_of(effect, sensors, added=False))
         await self.refresh()
 
     async def _undo(self) -> None:
@@ -238,3 +246,14 @@ class Page:
         if state is not None and not state.versions:
             return await self._tab.first_version(self._start.model_text)
         return None
+
+
+def change_of(effect: str, sensors: Sequence[str], *, added: bool = True) -> Change:
+    """Return the change of an effect in some sensors, by their names."""
+    return Change(effect, tuple(s for s in SENSORS if s in sensors), added)
+
+
+def told_runs(bags: Sequence[StoredBag]) -> str:
+    """Return how much there is to look at."""
+    samples = f'{sum(bag.samples for bag in bags):,}'.replace(',', '\N{NARROW NO-BREAK SPACE}')
+    return f'{len(bags)} {"run" if len(bags) == 1 else "runs"} · {samples} samples'

@@ -35,19 +35,20 @@ class Look:
 
 def options_of(figure: Figure, look: Look) -> dict[str, Any]:
     """Return what plotly.js draws: data, layout, config."""
-    layout = dict(figure['layout'])
+    layout, data = dict(figure['layout']), figure['data']
     if look.narrow:
         for key, change in figure['narrow'].items():
             before = layout.get(key)
             nested = isinstance(change, dict) and isinstance(before, dict)
             layout[key] = dict(before or {}) | change if nested else change
         layout['dragmode'] = False
+        data = [{k: v for k, v in trace.items() if k != 'texttemplate'} for trace in data]
     for key, axis in layout.items():
         if key.startswith(('xaxis', 'yaxis')) and 'title' in axis:
             font = {'size': 12, **axis['title'].get('font', {})}
             layout[key] = {**axis, 'title': {**axis['title'], 'font': font}}
     layout['legend'] = {**layout.get('legend', {}), 'font': {'size': 11.5}, 'itemwidth': 30}
-    options = {'data': figure['data'], 'layout': layout, 'config': CONFIG}
+    options = {'data': data, 'layout': layout, 'config': CONFIG}
     result: dict[str, Any] = painted(options, look.theme)
     return result
 

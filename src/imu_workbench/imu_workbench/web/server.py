@@ -12,6 +12,7 @@ from threading import Thread
 
 import uvicorn
 from fastapi import FastAPI
+from imu_recording.user_error import UserError
 from nicegui import app as nicegui_app
 from nicegui import ui
 
@@ -25,7 +26,7 @@ RECONNECT_S = 30.0
 """A tab that lost the server keeps its state so long."""
 
 
-class PortError(ValueError):
+class PortError(UserError):
     """An address that cannot be bound."""
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from thermal_comp.diagnose_growth import add_effect
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.fit import fit_prepared
-from thermal_comp.model import ModelError
+from thermal_comp.model import ThermalModel
 from thermal_comp.model_file import check_device
 from thermal_comp.preparation import prepare
 from thermal_comp.prepared_run import PreparedRun
@@ -74,55 +75,56 @@ def first_version_task(
     return version, greyed_out(runs, catalogue)
 
 
-def add_task(
+@dataclass(frozen=True)
+class Change:
+    """What is to be changed in a model."""
+
+    effect: str
+    sensors: tuple[Sensor, ...] = ()
+    """Empty: where there is evidence when added, everywhere when removed."""
+    added: bool = True
+    """False: taken out."""
+
+
+def change_task(
     progress: Progress,
     prepared: Path,
     model_text: str,
-    effect: str,
-    sensors: Sequence[Sensor],
+    change: Change,
     effect_files: Sequence[Path],
 ) -> Version:
-    """Return the model with an effect more, everything refitted."""
-    progress(f'adding {effect.replace("_", " ")}')
+    """Return the model with an effect more or less, everything refitted."""
     catalogue = effect_catalogue(effect_files)
     runs = load_runs(prepared)
     model = model_from_text(model_text, catalogue)
-    growth = add_effect(model, runs, effect, Settings(catalogue), sensors)
+    told = change.effect.replace('_', ' ')
+    if not change.added:
+        progress(f'removing {told}')
+        return _without(model, runs, change, coupled=catalogue[change.effect].coupled)
+    progress(f'adding {told}')
+    growth = add_effect(model, runs, change.effect, Settings(catalogue), change.sensors)
     places = ', '.join(sensor for step in growth.steps for sensor in step.sensors)
-    label = f'+ {effect} ({places})'
+    label = f'+ {change.effect} ({places})'
     return make_version(label, growth.model, growth.after, runs, growth.unneeded)
 
 
-def remove_task(
-    progress: Progress,
-    prepared: Path,
-    model_text: str,
-    effect: str,
-    sensors: Sequence[Sensor],
-    effect_files: Sequence[Path],
+def _without(
+    model: ThermalModel, runs: Sequence[PreparedRun], change: Change, *, coupled: bool
 ) -> Version:
-    """Return the model without an effect, everything refitted."""
-    progress(f'removing {effect.replace("_", " ")}')
-    catalogue = effect_catalogue(effect_files)
-    runs = load_runs(prepared)
-    model = model_from_text(model_text, catalogue)
-    coupled = catalogue[effect].coupled
-    listed: dict[Sensor, tuple[Any, ...]] = {
+    places = change.sensors if change.sensors and not coupled else SENSORS
+    listed = {
         sensor: tuple(
             e
             for e in model.sensors[sensor].effects
-            if not (e.name == effect and (coupled or not sensors or sensor in sensors))
+            if not (e.name == change.effect and sensor in places)
         )
         for sensor in SENSORS
         if sensor in model.sensors
     }
-    if all(len(listed[s]) == len(model.sensors[s].effects) for s in listed):
-        raise ModelError(f'{effect} is not in the model of {", ".join(sensors) or "any sensor"}')
-    noise = {s: part.noise for s, part in model.sensors.items() if part.noise is not None}
-    fitted = fit_prepared(listed, runs, noise=noise)  # type: ignore[arg-type]
-    label = f'− {effect}' + (f' ({", ".join(sensors)})' if sensors else '')
-    grown = model.succeeded_by(fitted)
-    return make_version(label, grown, compare_prepared(fitted, runs), runs)
+    noise = {s: p.noise for s in SENSORS if (p := model.sensors.get(s)) and p.noise is not None}
+    fitted = fit_prepared(listed, runs, noise=noise)
+    label = f'− {change.effect} ({", ".join(places)})'
+    return make_version(label, model.succeeded_by(fitted), compare_prepared(fitted, runs), runs)
 
 
 def diagnose_task(

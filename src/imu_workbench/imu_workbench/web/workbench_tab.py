@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from imu_recording.user_error import UserError
 from thermal_comp.experiment_design import Limits
 
 from imu_workbench.web import tasks
@@ -63,7 +64,7 @@ class WorkbenchTab:
     async def _read(self, path: str | Path) -> list[StoredBag]:
         try:
             located = self.library.root.locate(path)
-        except ValueError as error:
+        except UserError as error:
             self._display.say(str(error))
             return []
         folder = self.library.fresh_path()
@@ -86,25 +87,15 @@ class WorkbenchTab:
         self.session.look_at_worst()
         return True
 
-    async def add(self, effect: str, sensors: Sequence[str]) -> bool:
-        """Add an effect and refit."""
-        return await self._grow(tasks.add_task, effect, sensors)
-
-    async def remove(self, effect: str, sensors: Sequence[str]) -> bool:
-        """Take an effect out and refit."""
-        return await self._grow(tasks.remove_task, effect, sensors)
-
-    async def _grow(
-        self, function: Callable[..., Any], effect: str, sensors: Sequence[str]
-    ) -> bool:
+    async def change(self, change: tasks.Change) -> bool:
+        """Add an effect, or take it out, and refit."""
         state = self.session.state
         if state is None or state.version is None:
             return False
-        before = state.version
-        files = list(self.session.effect_files)
-        key = (str(state.prepared), before.model_text, effect, tuple(sensors), tuple(files))
-        arguments = (state.prepared, before.model_text, effect, list(sensors), files)
-        version = await self._do(key, function, *arguments)
+        before, files = state.version, list(self.session.effect_files)
+        key = (str(state.prepared), before.model_text, change, tuple(files))
+        arguments = (state.prepared, before.model_text, change, files)
+        version = await self._do(key, tasks.change_task, *arguments)
         if version is None or state.version is not before:
             return False
         state.append(version)
