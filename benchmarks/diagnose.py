@@ -101,7 +101,7 @@ def busy() -> float:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--fast', action='store_true', help='also a hundred samples a second')
-    parser.add_argument('--folder', type=Path, default=Path('diagnose_bags'))
+    parser.add_argument('--folder', type=Path, default=Path('.benchmarks/diagnose'))
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     precompile()
