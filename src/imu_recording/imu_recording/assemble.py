@@ -81,8 +81,9 @@ def _topic_notes(column: TopicColumns) -> list[str]:
 
 def _samples(name: str, column: TopicColumns, notes: list[str]) -> Samples:
     stamp, values = column.hand_over()
-    for group in values:
-        _blank_infinities(name, group, notes)
+    fields = column.track.fields
+    for field, group in zip(fields, values, strict=False):  # a text has no values yet
+        _blank_infinities(f'{name} {field}' if len(fields) > 1 else name, group, notes)
     if name == PHASE_TOPIC:
         parsed = {text: parse_phase(text) for text in set(column.texts)}
         unknown = sorted(text for text, (phase, _) in parsed.items() if phase < 0)
