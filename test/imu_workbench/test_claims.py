@@ -48,6 +48,21 @@ def test_the_papers_picture_is_supported() -> None:
     assert set(verdicts(study()).values()) == {'supported'}
 
 
+def test_cycles_and_runs_have_factors_of_their_own() -> None:
+    found = study()
+    for one in found['run1']:
+        half = {a: 0.5 * value for a, value in one.statistics[0]['std'].items()}
+        if one.data == 'compensated':
+            half = dict.fromkeys(half, 0.1)
+        one.statistics.append({'part': 'R1', 'std': half, 'mean': half, 'largest': half})
+    claim = next(c for c in attitude_claims(found, BYTES) if c.key == 'spread')
+    assert [row['cycle'] for row in claim.numbers['cycles']] == ['R1', 'R1']
+    assert claim.numbers['cycles'][0]['factor']['yaw'] == pytest.approx(20.0)
+    assert claim.numbers['factors'][0]['factor']['yaw'] == pytest.approx(20.0)
+    assert claim.numbers['factors'][1]['factor']['yaw'] == pytest.approx(9.0)
+    assert 'within the cycles 6 of 6' in claim.ours
+
+
 def test_each_attitude_claim_can_fail() -> None:
     assert verdicts(study(ahrs=(9.0, 9.5)))['spread'] == 'not'
     assert verdicts(study(complementary=(4.0, 0.5)))['order_of_magnitude'] == 'not'

@@ -19,6 +19,7 @@ def test_examples_hold() -> None:
         (-1.0, 0.996, '−1.0 ± 1.0'),
         (123456.0, 321.0, '123 456 ± 321'),
         (1.0, float('nan'), '1.00'),
+        (0.0111234, 1.7e-6, '(1.11234 ± 0.00017)e−2'),
     ],
 )
 def test_uncertainty_sets_the_digits(value, uncertainty, text) -> None:

@@ -13,6 +13,10 @@ from imu_workbench.report.html import json_for_page, packed
 from imu_workbench.report.page import report_page, report_text
 from imu_workbench.report.palette import COLOURS, painted
 from imu_workbench.study import study_recordings
+from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.fit import fit_prepared
+from thermal_comp.preparation import prepare
 
 from imu_workbench import parallel
 
@@ -148,9 +152,7 @@ def test_absent_tracks_leave_parts_out(run, missing) -> None:
     page = report_page(content)
     assert 'Tables III–V' in page
     assert 'accelerometer' in content['statistics'][0]['sensors']
-    assert ('magnetometer' in content['statistics'][0]['sensors']) != (
-        'magnetic_field' in missing
-    )
+    assert ('magnetometer' in content['statistics'][0]['sensors']) != ('magnetic_field' in missing)
 
 
 def test_a_single_temperature_gives_a_report_that_says_so(run) -> None:
@@ -161,6 +163,45 @@ def test_a_single_temperature_gives_a_report_that_says_so(run) -> None:
     assert content['comparison'] == {}
     assert content['devices'][0]['problem'] in report_text(content)
     assert 'Tables III–V' in report_page(content)
+
+
+def test_bags_that_name_no_device_are_told(run) -> None:
+    unnamed = [replace(run(up=up, cycles=1), device='', run=up) for up in 'xz']
+    content = content_of(unnamed, attitudes=False, diagnosis=False)
+    assert '2 bags name no device' in report_text(content)
+    assert '2 bags name no device' in report_page(content)
+    alone = content_of(unnamed[:1], attitudes=False, diagnosis=False)
+    assert 'name no device' not in report_text(alone)
+
+
+def test_every_version_of_a_model_shows_its_error_and_degrees(run) -> None:
+    recordings = [run(cycles=2)]
+    prepared = prepare(recordings)
+    line = fit_prepared([BiasTemperature()], prepared)
+    curved = fit_prepared([BiasTemperature(), EFFECTS['bias_temperature_curvature']()], prepared)
+    model = line.succeeded_by(curved)
+    content = content_of(recordings, models={'dut1': model}, diagnosis=False)
+    names = [version['name'] for version in content['models']['dut1']['history']]
+    assert names == ['bias temperature', '+ bias temperature curvature']
+    stairs = content['staircase']['dut1']
+    assert stairs['versions'] == ['raw', *names]
+    assert all(len(part['steps']) == 3 for part in stairs['sensors'].values())
+    assert [len(row['sigma']) for row in stairs['degrees']] == [3, 3]
+    assert None not in stairs['degrees'][0]['sigma']
+    assert 'history of the model' in report_page(content)
+
+
+def test_noise_alone_looks_calm_and_a_missing_effect_does_not(run) -> None:
+    clean = run(cycles=3)
+    bent = 0.02 * ((clean.temperature - 20.0) / 30.0) ** 2
+    wrong = replace(clean, linear_acceleration=clean.linear_acceleration + bent[:, None])
+    loudest = []
+    for recording in (clean, wrong):
+        content = content_of([recording], attitudes=False, diagnosis=False)
+        ratios = content['residuals']['dut1_z']['accelerometer']['where']['ratio']
+        loudest.append(max(map(max, ratios)))
+    assert loudest[0] < 1.5
+    assert loudest[1] > 2.0
 
 
 def test_text_from_a_bag_cannot_break_the_page(run) -> None:

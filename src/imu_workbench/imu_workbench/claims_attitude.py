@@ -37,16 +37,17 @@ def spread_claim(attitudes: Attitudes) -> Claim:
     factors = spread_factors(attitudes)
     if not factors:
         return untestable('spread', said, SLOW)
+    cycles = cycle_factors(attitudes)
     values = [f for row in factors for f in row['factor'].values()]
     held = sum(value > 1.0 for value in values)
     return Claim(
         'spread',
         said,
-        f'{held} of {len(values)} standard deviations shrink, by factors of '
-        f'{shown(min(values))} … {shown(max(values))}',
+        f'{held} of {len(values)} standard deviations over the run shrink, by factors of '
+        f'{shown(min(values))} … {shown(max(values))}{_within_cycles(cycles)}',
         'supported' if held == len(values) else 'not',
-        'Factor σ raw / σ compensated over the run, per run, filter and angle.',
-        {'factors': factors},
+        'Factor σ raw / σ compensated, per run, filter and angle; the verdict is on whole runs.',
+        {'factors': factors, 'cycles': cycles},
     )
 
 
@@ -125,8 +126,8 @@ def worse_filter_claim(attitudes: Attitudes) -> Claim:
     worse = sum(row['ahrs']['raw_deg'] > row['complementary']['raw_deg'] for row in rows)
     first = rows[0]
     due = ', '.join(
-        f'{name} {shown(first[name]["magnetometer_deg"])}°'
-        for name in ('ahrs', 'complementary')
+        f'{label} {shown(first[name]["magnetometer_deg"])}°'
+        for name, label in (('ahrs', 'AHRS'), ('complementary', 'complementary'))
         if 'magnetometer_deg' in first[name]
     )
     due = f'; of that the magnetometer makes {due}' if due else ''
@@ -165,13 +166,43 @@ def cost_claim(attitudes: Attitudes, state_bytes: Mapping[str, int]) -> Claim:
     )
 
 
+def _within_cycles(cycles: Sequence[Mapping[str, Any]]) -> str:
+    values = [f for row in cycles for f in row['factor'].values()]
+    if not values:
+        return ''
+    held = sum(value > 1.0 for value in values)
+    return (
+        f'; within the cycles {held} of {len(values)}, by {shown(min(values))} … '
+        f'{shown(max(values))}'
+    )
+
+
+def cycle_factors(attitudes: Attitudes) -> list[dict[str, Any]]:
+    """Return σ raw / σ compensated of every cycle by itself, per run, filter and Euler angle."""
+    rows = []
+    for run, found in attitudes.items():
+        parts = {(a.filter, a.data): {p['part']: p for p in a.statistics[1:]} for a in found}
+        for name in dict.fromkeys(a.filter for a in found):
+            after = parts[name, 'compensated']
+            rows += [
+                {'run': run, 'filter': name, 'cycle': cycle, 'factor': _factors(raw, after[cycle])}
+                for cycle, raw in parts[name, 'raw'].items()
+                if 'std' in raw and 'std' in after[cycle]
+            ]
+    return rows
+
+
+def _factors(raw: Mapping[str, Any], compensated: Mapping[str, Any]) -> dict[str, float]:
+    return {a: raw['std'][a] / max(compensated['std'][a], 1e-12) for a in EULER}
+
+
 def spread_factors(attitudes: Attitudes) -> list[dict[str, Any]]:
     """Return σ raw / σ compensated per run, filter and Euler angle."""
     return [
         {
             'run': run,
             'filter': name,
-            'factor': {a: raw['std'][a] / max(compensated['std'][a], 1e-12) for a in EULER},
+            'factor': _factors(raw, compensated),
         }
         for run, name, raw, compensated in _pairs(attitudes)
     ]

@@ -71,9 +71,24 @@ def with_uncertainty(value: float | None, uncertainty: float | None) -> str:
         return shown(value)
     rounded = float(f'{uncertainty:.1e}')
     decimals = 1 - math.floor(math.log10(rounded))
-    if not 0 <= decimals <= 6:
-        return f'{shown(value)} ± {shown(uncertainty, 2)}'
+    if decimals > 6:
+        return _with_power(value, rounded)
+    if decimals < 0:
+        return f'{fixed(value, 0)} ± {fixed(uncertainty, 0)}'
     return f'{fixed(value, decimals)} ± {fixed(uncertainty, decimals)}'
+
+
+def _with_power(value: float, uncertainty: float) -> str:
+    """Return both with a common power of ten, as many digits as the uncertainty promises.
+
+    >>> _with_power(0.01112345, 1.7e-6), _with_power(-3.2e-7, 1.5e-9)
+    ('(1.11234 ± 0.00017)e−2', '(−3.200 ± 0.015)e−7')
+    """
+    power = math.floor(math.log10(max(abs(value), uncertainty)))
+    scale = 10.0**power
+    decimals = max(0, 1 - math.floor(math.log10(uncertainty / scale * (1.0 + 1e-9))))
+    pair = f'{fixed(value / scale, decimals)} ± {fixed(uncertainty / scale, decimals)}'
+    return f'({pair})e{power}'.replace('e-', 'e−')
 
 
 def duration(seconds: float) -> str:

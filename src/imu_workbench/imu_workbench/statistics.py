@@ -54,15 +54,22 @@ def segment_statistics(
 
     Samples that are not finite do not count; a segment without samples of a sensor is left out.
     """
+    places = {
+        segment: _place(rows if kept is None else rows & kept)
+        for segment, rows in segment_rows(recording).items()
+    }
     tables: dict[str, list[SegmentStatistics]] = {}
     for sensor, name in SENSOR_FIELDS.items():
         values = getattr(recording, name)
-        found = (
-            _statistics(segment, values[rows if kept is None else rows & kept])
-            for segment, rows in segment_rows(recording).items()
-        )
+        found = (_statistics(segment, values[place]) for segment, place in places.items())
         tables[sensor] = [statistics for statistics in found if statistics]
     return tables
+
+
+def _place(rows: NDArray[np.bool_]) -> NDArray[np.bool_] | slice:
+    """Return the rows as a slice where they are in one piece: nothing is copied then."""
+    first, count = int(rows.argmax()), int(np.count_nonzero(rows))
+    return slice(first, first + count) if rows[first : first + count].all() else rows
 
 
 def largest_range(tables: dict[str, list[SegmentStatistics]], sensor: str) -> float:
@@ -72,10 +79,14 @@ def largest_range(tables: dict[str, list[SegmentStatistics]], sensor: str) -> fl
 
 
 def _statistics(segment: str, values: FloatArray) -> SegmentStatistics | None:
-    values = values[np.isfinite(values).all(axis=1)]
-    if not len(values):
+    columns = np.ascontiguousarray(values.T)
+    finite = np.isfinite(columns).all(axis=0)
+    if not finite.all():
+        columns = columns[:, finite]
+    count = columns.shape[1]
+    if not count:
         return None
-    spread = values.std(axis=0, ddof=1) if len(values) > 1 else np.full(3, np.nan)
+    spread = columns.std(axis=1, ddof=1) if count > 1 else np.full(3, np.nan)
     return SegmentStatistics(
-        segment, len(values), values.min(axis=0), values.max(axis=0), values.mean(axis=0), spread
+        segment, count, columns.min(axis=1), columns.max(axis=1), columns.mean(axis=1), spread
     )

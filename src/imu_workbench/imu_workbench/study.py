@@ -30,6 +30,9 @@ from imu_workbench.progress import show_progress
 from imu_workbench.run_errors import RunErrors, errors_of_run
 from imu_workbench.slopes import block_slopes
 
+UNNAMED = 'device'
+"""What a device is called whose recordings name none."""
+
 
 @dataclass(frozen=True, eq=False)
 class StudiedRun:
@@ -59,6 +62,8 @@ class StudiedDevice:
     """Of the earlier versions in the model's history, oldest first."""
     problem: str = ''
     """Why there is no model."""
+    note: str = ''
+    """What a reader has to know of how its recordings were put together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +96,7 @@ def study_recordings(
     `attitudes` False leaves the orientation filters out, `diagnosis` False the search for missing
     effects; `workers` processes share the work, and do the tasks `besides` with it.
     """
+    doubt = doubt_of(UNNAMED, recordings)
     recordings, given = named(recordings), models or {}
     prepared: list[PreparedRun] = []
     devices: dict[str, StudiedDevice] = {}
@@ -99,6 +105,8 @@ def study_recordings(
         own = [r for r in recordings if r.device == device]
         devices[device], runs = study_device(device, own, given.get(device))
         prepared += runs
+        if device == UNNAMED:
+            devices[device] = replace(devices[device], note=doubt)
     lines = {d.name: d.model for d in devices.values() if d.model and d.name not in given}
     filtering: list[Task] = []
     if attitudes:
@@ -138,9 +146,20 @@ def named(recordings: Sequence[ImuRecording]) -> list[ImuRecording]:
         name = recording.run or recording.source.rstrip('/').rpartition('/')[2] or 'run'
         seen[name] = seen.get(name, 0) + 1
         unique = name if seen[name] == 1 else f'{name} ({seen[name]})'
-        device = recording.device or recording.namespace.strip('/') or 'device'
+        device = recording.device or recording.namespace.strip('/') or UNNAMED
         result.append(replace(recording, run=unique, device=device))
     return result
+
+
+def doubt_of(name: str, recordings: Sequence[ImuRecording]) -> str:
+    """Return what is said of several bags that name no device: they are taken as one."""
+    unnamed = [r.source or r.run for r in recordings if not r.device and not r.namespace]
+    if len(unnamed) < 2:
+        return ''
+    return (
+        f'{len(unnamed)} bags name no device and are taken as one, {name!r}: right for one '
+        'device in several runs, wrong for several; then report them one at a time'
+    )
 
 
 def study_device(

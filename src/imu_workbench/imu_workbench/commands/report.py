@@ -45,15 +45,20 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> Answer:
     """Study the recordings, write the page."""
+    from imu_workbench.memory import keep_memory
     from imu_workbench.report.content import report_content
     from imu_workbench.report.page import report_page, report_text
-    from imu_workbench.study import named, study_recordings
+    from imu_workbench.study import UNNAMED, named, study_recordings
 
     if not options.output.parent.is_dir():
         raise UserError(f'{options.output}: there is no folder {options.output.parent}')
     models = load_models(options.model)
-    recordings = named(read_recordings(options, every_device=True))
-    check_models(models, sorted({recording.device for recording in recordings}))
+    keep_memory()
+    recordings = read_recordings(options, every_device=True)
+    devices = sorted({recording.device for recording in named(recordings)})
+    if devices == [UNNAMED] and len(models) == 1:
+        models = {UNNAMED: next(iter(models.values()))}
+    check_models(models, devices)
     study = study_recordings(
         recordings,
         models,

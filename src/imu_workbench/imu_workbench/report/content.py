@@ -68,7 +68,7 @@ def report_content(
     ]
     ranges = overall_ranges(statistics)
     overheating = {run.name: overheating_content(run.recording) or {} for run in study.runs}
-    devices = [{'name': device.name, 'problem': device.problem} for device in study.devices]
+    devices = [{'name': d.name, 'problem': d.problem, 'note': d.note} for d in study.devices]
     pooled = {sensor: test.content() for sensor, test in study.pooling.items()}
     content = {
         'schema': 1,

@@ -42,7 +42,7 @@ def staircase_figure(parts: Mapping[str, Any]) -> Figure:
         panels.append(
             Panel('', f'{"σ" if unit == "°" else "rms over the axes"} [{unit}]',
                   title=_title(name, found),
-                  x={'tickangle': 0}, y={'type': 'log', 'dtick': 1, 'range': _decades(found)})
+                  x={'tickangle': 0}, y=_logarithmic(found))
         )  # fmt: skip
     spec = figure(data, panels, columns=3, height=230, linked=False, shapes=shapes)
     spec['layout']['bargap'] = 0.35
@@ -61,6 +61,13 @@ def _floor_line(place: Mapping[str, str], floor: float) -> dict[str, Any]:
         'x0': 0, 'x1': 1, 'y0': floor, 'y1': floor,
         'line': {'color': '@z', 'dash': 'dash', 'width': 1.6},
     }  # fmt: skip
+
+
+def _logarithmic(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the axis: a tick at every decade, and at 2 and 5 where there are few of them."""
+    low, high = _decades(found)
+    few = high - low < 2.5
+    return {'type': 'log', 'dtick': 'D2' if few else 1, 'range': [low, high]}
 
 
 def _decades(found: Mapping[str, Any]) -> list[float]:

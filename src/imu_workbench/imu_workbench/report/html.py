@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -141,10 +142,11 @@ def table_html(
     )
     look = ' class="dense"' if dense else ''
     mark = f' data-key="{escape(key)}"' if key else ''
-    title = f'<caption>{caption}</caption>' if caption else ''
+    title = f'<div class="caption">{caption}</div>' if caption else ''
     return (
-        f'<div class="table" tabindex="0" role="region"{mark}><table{look}>{title}'
-        f'<thead>{shown_head}</thead><tbody>{body}</tbody></table></div>'
+        f'<div class="table"{mark}>{title}<div class="scroll" tabindex="0" role="region" '
+        f'aria-label="{escape(re.sub("<.*?>", "", caption)) or "table"}"><table{look}>'
+        f'<thead>{shown_head}</thead><tbody>{body}</tbody></table></div></div>'
     )
 
 

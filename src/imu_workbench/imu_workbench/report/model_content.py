@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from thermal_comp.model import SensorModel, ThermalModel
 
+from imu_workbench.version_names import version_names
+
 
 def model_content(model: ThermalModel) -> dict[str, Any]:
     """Return the terms of a model in SI units, its range and how it came about."""
@@ -24,7 +26,15 @@ def model_content(model: ThermalModel) -> dict[str, Any]:
         'terms': [
             term for sensor, part in model.sensors.items() for term in sensor_terms(sensor, part)
         ],
-        'history': [effects_of(version) for version in versions],
+        'history': [
+            {
+                'name': name,
+                'effects': effects_of(version),
+                'bags': len(version.provenance.sources),
+                'package': version.provenance.version,
+            }
+            for name, version in zip(version_names(model), versions, strict=True)
+        ],
         'provenance': {
             'sources': dict(model.provenance.sources),
             'version': model.provenance.version,

@@ -65,7 +65,9 @@ def report_text(content: Mapping[str, Any]) -> str:
         lines += [comparison_text(found), '']
     for found in content['diagnosis'].values():
         lines += [diagnosis_text(found), '']
-    lines += [f'{d["name"]}: {d["problem"]}' for d in content['devices'] if d['problem']]
+    for device in content['devices']:
+        said = [device[kind] for kind in ('problem', 'note') if device[kind]]
+        lines += [f'{device["name"]}: {text}' for text in said]
     lines += attitude_lines(content)
     lines += ['', 'Claims of the paper:']
     for claim in content['claims']:

@@ -82,7 +82,15 @@ def factors_html(content: Mapping[str, Any]) -> str:
         for row in factors
     ]
     head = [['σ raw / σ compensated', 'α (yaw)', 'β (pitch)', 'γ (roll)']]
-    return table_html(head, rows)
+    table = table_html(head, rows, caption='Over the run')
+    cycles = [
+        [
+            f'{escape(row["run"])} {row["cycle"]}, {_filter(row["filter"])}',
+            *map(shown, row['factor'].values()),
+        ]
+        for row in (claim or {}).get('numbers', {}).get('cycles', [])
+    ]
+    return table + (table_html(head, cycles, caption='Cycle by cycle') if cycles else '')
 
 
 def cycles_html(content: Mapping[str, Any]) -> str:
@@ -120,6 +128,10 @@ def published_table(content: Mapping[str, Any], data: str, caption: str) -> str:
         ['Device, filter', *(['mean', 'σ'] * 3)],
     ]
     return table_html(head, rows, caption=caption)
+
+
+def _filter(name: str) -> str:
+    return escape(FILTER_NAMES.get(name, name))
 
 
 def _label(run: Mapping[str, Any], name: str) -> str:

@@ -40,9 +40,10 @@ def summary_section(content: Mapping[str, Any]) -> Section:
         )
     )
     problems = ''.join(
-        f'<p class="note">{escape(device["name"])}: {escape(device["problem"])}</p>'
+        f'<p class="note">{escape(device["name"])}: {escape(device[kind])}</p>'
         for device in content['devices']
-        if device['problem']
+        for kind in ('problem', 'note')
+        if device[kind]
     )
     said = f'<p class="lead">{escape(content["lead"])}</p>'
     body = f'{said}<div class="cards">{"".join(cards)}</div>{problems}'

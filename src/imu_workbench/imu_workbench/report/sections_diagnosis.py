@@ -39,7 +39,9 @@ def diagnosis_section(content: Mapping[str, Any]) -> Section | None:
             'Error after each step of the model',
             parts=''.join(degrees_html(name, found) for name, found in stairs.items()),
         )
-    return Section('diagnosis', 'What the model misses', body, figures, short='Diagnosis')
+    return Section(
+        'diagnosis', 'Diagnosis: what the model misses', body, figures, short='Diagnosis'
+    )
 
 
 def diagnosis_html(found: Mapping[str, Any]) -> str:

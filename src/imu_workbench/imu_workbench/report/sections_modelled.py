@@ -82,10 +82,13 @@ def pooled_html(pooled: Mapping[str, Any]) -> str:
         for i, axis in enumerate('xyz')
     ]
     head = [[
-        'Rms of 20 s means, worst device', 'a model per device', 'one model for all', 'unit',
-        'slopes of opposite sign', 'largest normalised difference',
+        'Channel', 'own models', 'one for all', 'unit', 'opposite signs', 'Eₙ',
     ]]  # fmt: skip
-    return table_html(head, rows, caption='Pooling over devices')
+    caption = (
+        'Pooling over devices: rms of 20 s means of the worst device, Eₙ the largest normalised '
+        'difference of two slopes (compatible: at most 1)'
+    )
+    return table_html(head, rows, caption=caption)
 
 
 def _worst(rms: Sequence[Sequence[float]], axis: int) -> float:
@@ -249,10 +252,26 @@ def model_section(content: Mapping[str, Any]) -> Section | None:
             f'referred to {shown(model["reference_temperature"])} °C'
         )
         body += table_html(head, rows, caption=caption)
-        if len(model['history']) > 1:
-            steps = ''.join(f'<li>{escape(step)}</li>' for step in model['history'])
-            body += f'<h3>Versions of {escape(device)}</h3><ol class="plain">{steps}</ol>'
+        body += history_html(device, model['history'])
     return Section('model', 'The models', body)
+
+
+def history_html(device: str, versions: Sequence[Mapping[str, Any]]) -> str:
+    """Return the versions of a model, oldest first; '' for a first version."""
+    if len(versions) < 2:
+        return ''
+    rows = [
+        [
+            f'{number}. {escape(version["name"])}',
+            escape(version['effects']),
+            str(version['bags']),
+            escape(version['package']),
+        ]
+        for number, version in enumerate(versions, 1)
+    ]
+    head = [['Version', 'effects', 'runs', 'package']]
+    caption = f'{escape(device)}: history of the model; its errors stand in the staircase above'
+    return table_html(head, rows, caption=caption, text_columns=(1,))
 
 
 def _floor(content: Mapping[str, Any], run: str, sensor: str) -> list[float] | None:

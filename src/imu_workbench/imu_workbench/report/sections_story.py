@@ -49,6 +49,7 @@ def maps_figure(maps: Mapping[str, Any]) -> Figure:
     titles = {'before': 'line per axis', 'after': 'with the named effect'}
     data = [failure_trace(maps[name], i) for i, name in enumerate(titles)]
     panels = [failure_panel(title) for title in titles.values()]
+    panels[1].y['showticklabels'] = False  # the rows are those of the map on the left
     return figure(
         data, panels, columns=2, height=40 + 34 * len(maps['before']['phases']), linked=False
     )
