@@ -94,7 +94,7 @@ def ramp_errors(run: dict) -> list[float]:
 def kills(count: int) -> tuple[int, int]:
     """Kill real processes at random moments; return kills and runs, all of which completed."""
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test' / 'chamber_profile'))
-    from test_end_to_end import Laboratory, assert_complete
+    from laboratory import Laboratory, assert_complete
 
     moments = np.random.default_rng(2022)
     done = completed = 0

@@ -172,3 +172,19 @@ def emulator(tmp_path: Path):
     for stop, thread in running:
         stop.set()
         thread.join()
+
+
+@pytest.fixture
+def laboratory(tmp_path):
+    """Make laboratories; whatever still runs at the end is killed."""
+    from laboratory import Laboratory
+
+    made = []
+
+    def make(**options):
+        made.append(Laboratory(tmp_path, **options))
+        return made[-1]
+
+    yield make
+    for laboratory in made:
+        laboratory.close()

@@ -248,3 +248,17 @@ def test_the_time_of_a_pause_is_no_time_of_the_dwell(bench) -> None:
     it.sequencer.command('resume')
     it.tick(9.0)
     assert it.sequencer.dwelt_s == dwelt
+
+
+@pytest.mark.parametrize('later', ['pause', 'resume', 'confirm', 'start', 'abort'])
+@pytest.mark.parametrize('ending', ['abort', 'standby'])
+def test_an_order_to_end_the_run_is_not_taken_back_by_a_later_one(
+    bench, ending: str, later: str
+) -> None:
+    it = bench()
+    it.start()
+    it.to_step('hot', DWELL)
+    assert it.sequencer.command(ending) == ''
+    assert (it.sequencer.command(later) == '') == (later == 'abort')
+    it.tick()
+    assert it.mode == (SAFE if ending == 'abort' else ABORTED)

@@ -24,6 +24,8 @@ CHECK_S = 30.0
 
 COMMANDS = ('start', 'pause', 'resume', 'abort', 'confirm')
 """What an operator can order; `standby` (at once, no ramp) is for the second interrupt."""
+ENDINGS = ('abort', 'standby')
+"""Orders that no other takes back."""
 
 
 class Sequencer(StepCourse):
@@ -70,7 +72,9 @@ class Sequencer(StepCourse):
     def command(self, name: str) -> str:
         """Take a command for the next tick; return why it is refused, '' where it is not."""
         refusal = self.refusal(name)
-        if not refusal:
+        if not refusal and self._command in ENDINGS and name not in ENDINGS:
+            refusal = f'{name}: the run is being ended ({self._command})'
+        if not refusal and self._command != 'standby':
             self._command = name
         return refusal
 

@@ -36,6 +36,7 @@ class RecorderNode(DiscoveringNode):
 
     def activated(self):
         """Look for topics at once."""
+        self.tell()
         self.discover()
 
     def is_wanted(self, topic):
@@ -54,9 +55,13 @@ class RecorderNode(DiscoveringNode):
         except RecordingError as error:
             self.get_logger().error(str(error))
             return
+        self.tell()
+        self.discover()
+
+    def tell(self):
+        """Log where the recording goes."""
         folder = self.recorder.plan.folder
         self.get_logger().info(f'recording to {folder}' if folder else 'waiting for the next run')
-        self.discover()
 
     def attempt(self, act, *arguments):
         """Write unless writing has failed; a failure ends the recording and is reported."""
