@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bags with a hidden effect, read and fitted once as the workers of the page do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from imu_workbench.web.stored_bag import StoredBag
+from imu_workbench.web.tasks import Change, change_task, first_version_task, read_task
+from imu_workbench.web.version import Version
+
+BAGS = Path(__file__).resolve().parents[3] / 'bags'
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Bags of one device with two versions of its model."""
+
+    bags: list[StoredBag]
+    prepared: Path
+    line: Version
+    lag: Version
+    progress: list[str]
+
+
+@pytest.fixture(scope='session')
+def fitted(tmp_path_factory) -> Fitted:
+    folder = tmp_path_factory.mktemp('stored')
+    told: list[str] = []
+    bags = [
+        bag
+        for axis in 'xyz'
+        for bag in read_task(told.append, BAGS / f'hidden_effect_{axis}', folder / axis)
+    ]
+    prepared = folder / 'prepared.runs'
+    line, _ = first_version_task(told.append, bags, prepared, None, [])
+    change = Change('thermal_lag', ('accelerometer',))
+    lag = change_task(told.append, prepared, line.model_text, change, [])
+    return Fitted(bags, prepared, line, lag, told)

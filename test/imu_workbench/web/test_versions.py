@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from imu_workbench.web.session import DeviceState, Session
+from imu_workbench.web.tasks import Change, change_task, first_version_task
+from imu_workbench.web.view import View
+from thermal_comp.model import ModelError
+
+from imu_recording import read_bag
+
+
+def test_a_stored_bag_gives_the_recording_back(fitted):
+    bag = fitted.bags[1]
+    stored, read = bag.recording(), read_bag(bag.source)
+    assert (stored.device, stored.up_axis, stored.notes) == (
+        read.device, read.up_axis, read.notes,
+    )  # fmt: skip
+    for name in ('stamp', 'linear_acceleration', 'magnetic_field', 'humidity', 'phase'):
+        assert np.array_equal(getattr(stored, name), getattr(read, name), equal_nan=True), name
+
+
+def test_adding_reaches_the_floor_and_taking_out_brings_the_error_back(fitted):
+    assert fitted.line.error('accelerometer') > 5.0 * fitted.line.floor('accelerometer')
+    assert fitted.lag.error('accelerometer') <= 1.05 * fitted.lag.floor('accelerometer')
+    assert 'thermal_lag' in fitted.lag.effects['accelerometer']
+    change = Change('thermal_lag', added=False)
+    back = change_task(lambda _: None, fitted.prepared, fitted.lag.model_text, change, [])
+    assert back.error('accelerometer') == pytest.approx(
+        fitted.line.error('accelerometer'), rel=1e-6
+    )
+
+
+def test_a_campaign_effect_takes_its_part_out_of_the_residual(fitted):
+    change = Change('bias_drift', ('gyroscope',))
+    version = change_task(lambda _: None, fitted.prepared, fitted.line.model_text, change, [])
+    part = version.comparison['sensors']['gyroscope']
+    residual = np.concatenate([run.residual('gyroscope') for run in version.blocks])
+    assert np.sqrt(np.nanmean(residual**2, axis=0)) == pytest.approx(
+        part['residual_rms'], rel=1e-9
+    )
+
+
+def test_the_model_of_another_device_is_refused(fitted):
+    text = fitted.line.model_text.replace('device: dut2', 'device: dut9', 1)
+    with pytest.raises(ModelError, match='dut9'):
+        first_version_task(lambda _: None, fitted.bags, fitted.prepared, text, [])
+
+
+def test_versions_are_a_line_that_undo_walks_back(fitted):
+    state = DeviceState('dut2', fitted.bags, fitted.prepared, [fitted.line])
+    state.append(fitted.lag)
+    assert (state.current, state.earlier_version) == (1, fitted.line)
+    state.current = 0
+    state.append(fitted.line)
+    assert len(state.versions) == 2
+    state.undo()
+    state.undo()
+    assert (state.versions, state.current, state.earlier) == ([fitted.line], 0, None)
+
+
+def test_a_tab_begins_where_the_model_fails_most(fitted):
+    state = DeviceState('dut2', fitted.bags, fitted.prepared, [fitted.line])
+    session = Session({'dut2': state}, 'dut2', View('gyroscope'))
+    session.look_at_worst()
+    assert session.view.sensor == 'accelerometer'
+    assert session.sensors() == ['gyroscope', 'accelerometer', 'magnetometer']
