@@ -106,27 +106,23 @@ class LivePage:
         with ui.element('div').classes('live-grid'):
             self._measured = _plot('Measured: raw (grey) and compensated', 'live-tall')
             self._residual = _plot('Residual', 'live-tall')
-            self._temperature = _plot('Temperature', 'live-low')
-            with ui.card().classes('live-card'):
-                ui.label('Attitude').classes('live-title')
+            with _card('Attitude'):
                 self._boards = ui.html('', sanitize=False).classes('live-boards')
-                self._attitude = ui.html('', sanitize=False)
-            with ui.card().classes('live-card'):
-                ui.label('Values').classes('live-title')
+                self._attitude = ui.html('', sanitize=False).classes('live-scroll')
+            self._temperature = _plot('Temperature', 'live-tall')
+            with _card('Values').classes('live-wide'):
                 self._values = ui.html('', sanitize=False).classes('live-scroll')
             self._euler = _plot('Euler angles', 'live-tall')
-            with ui.card().classes('live-card'):
-                ui.label('Diagnostics').classes('live-title')
+            with _card('Diagnostics'):
                 self._nodes = ui.column().classes('w-full gap-0')
-            with ui.card().classes('live-card'):
-                ui.label('Topics').classes('live-title')
+            with _card('Topics'):
                 self._topics = ui.html('', sanitize=False).classes('live-scroll')
                 with ui.expansion('Other topics').classes('w-full'):
                     self._picks = {
                         name: ui.select([''], value='', label=name.replace('_', ' '))
                         .props('dense')
                         .classes('w-full')
-                        .on_value_change(self._on_pick)
+                        .on_value_change(self._on_device)
                         for name in ROLES
                     }
 
@@ -137,9 +133,6 @@ class LivePage:
             chosen = {name: pick.value for name, pick in self._picks.items() if pick.value}
             self._watch = self._listener.watch(self._device.value, chosen)
             self._zero, self._drawn = 0, ()
-
-    def _on_pick(self) -> None:
-        self._on_device()
 
     def _take_zero(self) -> None:
         if self._watch is not None:
@@ -249,9 +242,15 @@ class LivePage:
                 values.content = details(status)
 
 
-def _plot(title: str, size: str) -> Any:
-    with ui.card().classes('live-card'):
+def _card(title: str) -> Any:
+    card = ui.card().classes('live-card')
+    with card:
         ui.label(title).classes('live-title')
+    return card
+
+
+def _plot(title: str, size: str) -> Any:
+    with _card(title):
         return ui.plotly({'data': [], 'layout': {}}).classes(f'w-full {size}')
 
 

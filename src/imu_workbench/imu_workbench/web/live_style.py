@@ -3,12 +3,13 @@
 
 STYLE = """
 .live-grid { display: grid; gap: 12px; width: 100%;
-  grid-template-columns: repeat(auto-fit, minmax(min(100%, 460px), 1fr)); }
+  grid-template-columns: repeat(auto-fit, minmax(min(100%, 380px), 1fr)); }
 .live-body { width: 100%; display: grid; gap: 12px; }
 .live-card { padding: 10px 12px; gap: 4px; min-width: 0; }
 .live-title { font-weight: 600; }
-.live-tall { height: 340px; }
-.live-low { height: 260px; }
+.live-tall { height: 310px; }
+.live-wide { grid-column: span 2; }
+@media (max-width: 840px) { .live-wide { grid-column: auto; } }
 .live-boards { display: grid; grid-template-columns: 1fr 1fr; width: 100%; }
 .live-boards svg { width: 100%; height: auto; max-height: 250px; }
 .live-scroll { overflow-x: auto; max-width: 100%; width: 100%; }
