@@ -65,11 +65,10 @@ def test_each_orientation_gets_its_bag_and_an_operator_turns_the_devices(laborat
     recorder = lab.start('imu_recording.recorder_node', output=lab.folder / 'rec')
     lab.until(recorder, 'recording to')
     node = lab.node()
-    lab.until(recorder, 'waiting for the next run')
-    lab.until(recorder, 'recording to')
+    lab.until(recorder, 'x\n')
     lab.until(node, 'confirm, Turn the devices so that -z points up')
     confirmed('/chamber_profile/confirm')
-    lab.until(recorder, 'recording to')
+    lab.until(recorder, '-z\n')
     assert lab.finish(node) == 0
     lab.until(recorder, 'waiting for the next run')
     recorder.terminate()
