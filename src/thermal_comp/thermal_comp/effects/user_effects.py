@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import importlib.util
 import inspect
+import traceback
 from collections.abc import Mapping, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -48,8 +49,10 @@ def effects_in_file(file: str | Path) -> list[type[Effect]]:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except (SyntaxError, ImportError, NameError, TypeError, ValueError, AttributeError) as error:
-        raise EffectError(f'{path}: cannot be loaded: {error}') from error
+    except (Exception, SystemExit) as error:  # noqa: BLE001 (whatever the user's file does)
+        raise EffectError(
+            f'{path}{_line_in(path, error)}: cannot be loaded: {_told(error)}'
+        ) from None
     found = [
         item
         for _, item in inspect.getmembers(module, inspect.isclass)
@@ -58,6 +61,24 @@ def effects_in_file(file: str | Path) -> list[type[Effect]]:
     if not found:
         raise EffectError(f'{path}: defines no subclass of thermal_comp.effects.Effect')
     return found
+
+
+def _line_in(path: Path, error: BaseException) -> str:
+    """Return ', line 3' where the error came from that line of the file; '' where unknown."""
+    if isinstance(error, SyntaxError):
+        return f', line {error.lineno}'
+    lines = [
+        frame.lineno
+        for frame in traceback.extract_tb(error.__traceback__)
+        if frame.filename == str(path)
+    ]
+    return f', line {lines[-1]}' if lines else ''
+
+
+def _told(error: BaseException) -> str:
+    if isinstance(error, SyntaxError):
+        return error.msg
+    return f'{type(error).__name__}: {error}'
 
 
 def _include(catalogue: dict[str, type[Effect]], effect: type[Effect], source: str) -> None:
