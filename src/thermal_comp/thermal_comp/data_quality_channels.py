@@ -11,7 +11,7 @@ BoolArray = NDArray[np.bool_]
 
 POSSIBLE = {
     'vibration': (0.0, 1e5, 'is no variance'),
-    'humidity': (-1.0, 110.0, 'is no relative humidity in %'),
+    'humidity': (-0.05, 1.1, 'is no relative humidity (0 … 1)'),
     'temperature': (-80.0, 200.0, 'is no temperature of a working die'),
     'chamber_temperature': (-100.0, 300.0, 'is no temperature of a chamber'),
     'supply_voltage': (0.0, 60.0, 'is no supply voltage'),

@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from thermal_comp.diagnose_coherence import coherence
 from thermal_comp.diagnose_dependence import (
     ADEQUATE,
     CHANNELS_OF,
+    COHERENT,
     LOGGED,
     Left,
     common_course,
@@ -19,12 +21,13 @@ from thermal_comp.diagnose_dependence import (
 )
 from thermal_comp.diagnose_judges import Judge
 from thermal_comp.diagnose_search import ENRICHMENT, FORM_SHARE, RICHER, Rated, Search
+from thermal_comp.diagnose_thresholds import threshold_of
 
 DOMINANT = 0.95
 """Effects that explain this share together keep their names; the rest is their form."""
 SECOND = 0.03
 """An effect below this share of the strongest one's gain may be part of that one's form."""
-MINOR = 0.005
+MINOR = 0.02
 """Below this share any other effect may be."""
 RIVAL_EVIDENCE = 10.0
 RIVAL_SHARE = 0.98
@@ -33,6 +36,8 @@ CHEAPLY_ENRICHED = ('thermal_lag',)
 """Effects whose richer form is a rival well below the full price of its parameters."""
 CHAIN = 3
 """This many families on one sensor are a sign of something else."""
+COURSE_SHARE = 0.012
+"""Evidence of a common course beside the effects, as a share of their gain, that doubts them."""
 GROUPS = (
     frozenset(
         {
@@ -111,8 +116,11 @@ def decide(search: Search, judges: Sequence[Judge], missing: Sequence[str]) -> O
     fits = left is None or left.gain < FORM_SHARE * total or share >= DOMINANT
     doubtful = (
         len(names) >= CHAIN
-        or (relevant and (len(names) > 1 or not _suffices(search, judges, major)))
+        or (relevant and len(names) > 1)
         or (len(names) > 1 and _one_curve(search, judges, major))
+        or sum(r.name == 'bias_step' for r in major) > len(search.bank.source.runs)
+        or not _suffices(search, judges, major)
+        or _leaves_a_course(search, found)
     )
     if fits and share >= DOMINANT and not doubtful:
         rated = sorted(
@@ -136,10 +144,18 @@ def _nothing_found(
 
 
 def _suffices(search: Search, judges: Sequence[Judge], major: Sequence[Rated]) -> bool:
-    """Tell whether the effects explain most of what anything could."""
+    """Tell whether the effects explain most of what anything could, noise allowed for."""
     terms = [term for r in major for term in r.form.terms]
     gain, rank = search.bank.solve(terms)
-    return gain - rank >= ADEQUATE * explainable(search, judges, terms)
+    everything, spread = explainable(search, judges, terms)
+    return gain - rank >= ADEQUATE * everything - 3.0 * spread
+
+
+def _leaves_a_course(search: Search, found: Sequence[Rated]) -> bool:
+    """Tell whether the axes still have much in common beside what was found."""
+    terms = [term for r in found for term in r.form.terms]
+    left = coherence(search.bank, terms).evidence
+    return left > max(COHERENT, COURSE_SHARE * search.bank.solve(terms)[0])
 
 
 def _one_curve(search: Search, judges: Sequence[Judge], major: Sequence[Rated]) -> bool:
@@ -152,15 +168,23 @@ def _one_curve(search: Search, judges: Sequence[Judge], major: Sequence[Rated]) 
 
 
 def _majors(search: Search, found: Sequence[Rated]) -> list[Rated]:
-    """Return the effects that are more than a flaw in the strongest one's form."""
+    """Return the effects that are more than a flaw in the strongest one's form, and hold alone."""
     alone = [search.rate([], r.form) for r in found]
     first = max(range(len(found)), key=lambda k: alone[k].gain)
     kin = next((g for g in GROUPS if found[first].name in g), frozenset())
-    return [
+    kept = [
         r
         for k, r in enumerate(found)
         if k == first or r.gain > (SECOND if r.name in kin else MINOR) * alone[first].gain
     ]
+    while len(kept) > 1:
+        forms = [r.form for r in kept]
+        spare = [search.rate(forms, f) for f in forms if f is not found[first].form]
+        weakest = min(spare, key=lambda r: r.evidence)
+        if weakest.evidence >= threshold_of(weakest.name, search.thresholds):
+            break
+        kept = [r for r in kept if r.form is not weakest.form]
+    return kept
 
 
 def _named(

@@ -23,6 +23,8 @@ IN_STEP = 8.0
 """Evidence from which the runs share the course, so that time is its variable."""
 ADEQUATE = 0.9
 """Share of what can be explained from which one variable's judge counts as the law."""
+VAGUE = 0.6
+"""Share below which no variable that was logged is behind the residual."""
 SIMPLER = 0.9
 """A judge of fewer columns is preferred where it explains this share of the best one's."""
 PLAINLY = 0.8
@@ -100,10 +102,13 @@ def dependence(
     """Say on which variable the residual depends, or which channel is suspected."""
     bank = search.bank
     terms = [term for r in found for term in r.form.terms]
-    everything = explainable(search, judges, terms)
+    everything, _ = explainable(search, judges, terms)
     judge, evidence, gain = _law(search, judges)
+    evidence = max(evidence, search.total([r.form for r in found])[0])
     relevant = [c for c in CHANNELS_OF[bank.sensor] if c in missing]
     suspects = [c for c in relevant if c in LOGGED]
+    if judge.depends_on == 'humidity' and 'humidity' in relevant:
+        return Dependence('unlogged', 'humidity', evidence)
     adequate = gain >= ADEQUATE * everything
     if bank.sensor != 'magnetometer' and judge.depends_on in {'compressor', 'heater'}:
         # A compressor reaches accelerometer and gyroscope by shaking them.
@@ -113,7 +118,8 @@ def dependence(
         return Dependence('unexplained', judge.depends_on, evidence)
     if suspects and not (adequate and judge.depends_on in CHAMBER_FREE):
         return Dependence('unlogged', _suspect(suspects), evidence)
-    if relevant and not adequate and judge.depends_on in {'phase', 'time', 'cycle'}:
+    vague = gain < VAGUE * everything
+    if relevant and (vague or (not adequate and judge.depends_on in {'phase', 'time', 'cycle'})):
         return Dependence('unlogged', 'chamber', evidence)
     return Dependence('unexplained', judge.depends_on, evidence)
 
@@ -136,10 +142,12 @@ def _law(search: Search, judges: Sequence[Judge]) -> tuple[Judge, float, float]:
     return judge, evidence, gain
 
 
-def explainable(search: Search, judges: Sequence[Judge], terms: Sequence[Term]) -> float:
-    """Return the χ² gain beyond noise of the terms and all judges together."""
+def explainable(
+    search: Search, judges: Sequence[Judge], terms: Sequence[Term]
+) -> tuple[float, float]:
+    """Return the χ² gain beyond noise of the terms and all judges, and what noise spreads it."""
     gain, rank = search.bank.solve([*terms, *(judge.term for judge in judges)])
-    return gain - rank
+    return gain - rank, float(np.sqrt(2.0 * rank))
 
 
 def _plainly(search: Search, judge: Judge) -> bool:

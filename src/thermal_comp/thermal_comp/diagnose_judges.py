@@ -10,14 +10,18 @@ from functools import partial
 import numpy as np
 from imu_recording.recording import FloatArray
 from scipy.interpolate import BSpline
+from scipy.ndimage import gaussian_filter1d
 
 from thermal_comp.diagnose_bank import ColumnBank, Term
 from thermal_comp.effects.play_operator import play
 from thermal_comp.prepared_run import PreparedRun
 from thermal_comp.saturated_model import lagged
 
-SMOOTHING_S = 120.0
-"""Time constant of the temperature rate's sign [s]."""
+SMOOTHING_S = 60.0
+"""Standard deviation of the filter before the temperature's rate is taken [s]."""
+DEW_POINTS_C = (-12.0, -2.0, 8.0)
+UPTAKES_S = (1200.0, 5000.0)
+"""Time constants of the package's moisture [s]."""
 TURN_K = 0.5
 """Half-width of the play that tells a turn of the temperature from its noise [K]."""
 LAGS_S = (300.0, 1200.0)
@@ -59,10 +63,34 @@ def judges(bank: ColumnBank) -> list[Judge]:
             made.append(
                 (label, f'{label}, its lags and products', partial(spans.channel, name), False)
             )
+    if _moist(bank):
+        made.append(('humidity', 'moisture guessed from the air temperature', moisture, False))
     if all(run.conditions.has('vibration') for run in runs):
         made.append(('vibration', 'vibration and its square', spans.vibration, False))
     terms = bank.generic_terms([(function, per_run) for _, _, function, per_run in made])
     return [Judge(row[0], row[1], term) for row, term in zip(made, terms, strict=True)]
+
+
+def _moist(bank: ColumnBank) -> bool:
+    """Tell whether humidity may act unseen: not logged anywhere, the air's temperature is."""
+    runs = bank.source.runs
+    logged = any(run.conditions.has('humidity') for run in runs)
+    air = all(run.conditions.has('chamber_temperature') for run in runs)
+    return bank.sensor != 'magnetometer' and air and not logged
+
+
+def moisture(run: PreparedRun) -> FloatArray:
+    """(m, 9) relative humidity of air of some dew points, as a package takes it up.
+
+    h = min(1, e_s(T_dew) / e_s(T_air)), e_s(T) ∝ exp(17.62 T / (243.12 + T)) (Magnus, WMO 8).
+    """
+    air = np.asarray(run.block_conditions.chamber_temperature)
+    made = []
+    for dew in DEW_POINTS_C:
+        share = 17.62 * (dew / (243.12 + dew) - air / (243.12 + air))
+        humidity = np.exp(np.minimum(share, 0.0))
+        made += [humidity, *(lagged(run.time, humidity, lag) for lag in UPTAKES_S)]
+    return np.stack(made, axis=1)
 
 
 @dataclass(frozen=True)
@@ -81,7 +109,7 @@ class _Spans:
     def branch(self, run: PreparedRun) -> FloatArray:
         curve = _spline(run.temperature, self.low, self.high, 8)
         rising = self._rate(run) / self.fastest
-        ways = [np.tanh(rising / 0.1), np.tanh(rising / 0.02), _last_way(run.temperature)]
+        ways = [np.tanh(rising / 0.2), np.tanh(rising / 0.05), _last_way(run.temperature)]
         return np.concatenate([curve, *(curve * way[:, None] for way in ways)], axis=1)
 
     def rate(self, run: PreparedRun) -> FloatArray:
@@ -109,8 +137,10 @@ class _Spans:
         return np.concatenate([curve * x, share * x**2, share**2 * x**2, x**2], axis=1)
 
     def powers(self, run: PreparedRun) -> FloatArray:
-        x = self._warmth(run)
-        return np.stack([x, x**2, x**3, x**4, np.abs(x)], axis=1)
+        fine = run.conditions
+        x = (fine.temperature - fine.reference_temperature) / 30.0
+        # As the catalogue's effects are: then what they explain costs nothing here.
+        return run.block_mean(np.stack([x, x**2, x**3, x**4, np.abs(x)], axis=1))
 
     def phase(self, run: PreparedRun) -> FloatArray:
         since = _time_in_cycle(run)
@@ -140,8 +170,8 @@ class _Spans:
 
     @staticmethod
     def _rate(run: PreparedRun) -> FloatArray:
-        slow = lagged(run.time, run.temperature, SMOOTHING_S)
-        return np.asarray((run.temperature - slow) / SMOOTHING_S)
+        smooth = gaussian_filter1d(run.temperature, SMOOTHING_S / run.period)
+        return np.asarray(np.gradient(smooth, run.time))
 
 
 def _spans(runs: Sequence[PreparedRun]) -> _Spans:
