@@ -27,6 +27,7 @@ from thermal_comp.diagnose_judges import judges
 from thermal_comp.diagnose_result import Diagnosis, Finding, SensorState
 from thermal_comp.diagnose_search import Search
 from thermal_comp.diagnose_thresholds import EVERYWHERE
+from thermal_comp.diagnose_tilt import TILT, may_tilt, tilt_support, tilts
 from thermal_comp.diagnose_undecidable import undecidable
 from thermal_comp.diagnose_veto import decide_confirmed
 from thermal_comp.effects import EFFECTS
@@ -155,30 +156,37 @@ def search_sensors(
 ) -> dict[Sensor, Outcome]:
     """Return what is said about each sensor.
 
-    A fixture that tilts turns the field as well: found in the accelerometer, it is taken as known
-    for the magnetometer.
+    A fixture that tilts turns the field as well: where the accelerometer may have found a tilt,
+    the magnetometer is asked, and a tilt that is found is taken as known for it.
     """
     source = ColumnSource(runs)
     missing = [c for c in CHANNELS if not any(run.conditions.has(c) for run in runs)]
+    searches: dict[Sensor, Search] = {}
     outcomes: dict[Sensor, Outcome] = {}
-    tilt: tuple[Effect, ...] = ()
-    for sensor, effects in base.items():
-        known = (*effects, *tilt) if sensor == 'magnetometer' else effects
+
+    def search(sensor: Sensor, known: tuple[Effect, ...], **support: float) -> None:
         bank = ColumnBank(source, sensor, noise[sensor], known)
         offered = {
             name: effect
             for name, effect in settings.catalogue.items()
             if name not in {e.name for e in known if e.name != 'bias_step'}
-            and not (name == 'fixture_tilt' and sensor == 'magnetometer' and len(base) > 1)
+            and not (name == TILT and sensor == 'magnetometer' and len(base) > 1)
         }
-        search = Search(bank, families(bank, offered), settings.thresholds)
-        outcomes[sensor] = decide_confirmed(search, judges(bank), missing, known)
-        if sensor == 'accelerometer':
-            tilt = tuple(
-                n.rated.form.effect
-                for n in outcomes[sensor].named
-                if n.rated.name == 'fixture_tilt'
-            )
+        found = Search(bank, families(bank, offered), settings.thresholds, support=support)
+        searches[sensor] = found
+        outcomes[sensor] = decide_confirmed(found, judges(bank), missing, known)
+
+    for sensor, effects in base.items():
+        search(sensor, effects)
+    first, second = outcomes.get('accelerometer'), outcomes.get('magnetometer')
+    if first is not None and second is not None and may_tilt(first):
+        banks = [searches[s].bank for s in ('accelerometer', 'magnetometer')]
+        tilt = settings.catalogue[TILT]()
+        support = tilt_support(tilt, banks, (first, second))
+        search('accelerometer', base['accelerometer'], **{TILT: support})
+        found = tilts(outcomes['accelerometer'])
+        if found:
+            search('magnetometer', (*base['magnetometer'], *found))
     return outcomes
 
 

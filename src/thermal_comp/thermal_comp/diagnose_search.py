@@ -10,8 +10,9 @@ from itertools import combinations
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.diagnose_bank import ColumnBank, Term
+from thermal_comp.diagnose_bank import ColumnBank
 from thermal_comp.diagnose_candidates import Family, Form
+from thermal_comp.diagnose_held_out import held_out_chi_square
 from thermal_comp.diagnose_shapes import moved_forms
 from thermal_comp.diagnose_thresholds import threshold_of
 from thermal_comp.prepared_run import PreparedRun
@@ -44,13 +45,17 @@ RICHER = {
     'fixture_hard_iron': ('misalignment_temperature',),
 }
 """Effects that contain another one wholly, or nearly so on static runs."""
+CONFIRMED = 10.0
+"""χ² another sensor adds to an effect from which no other stands for it."""
 SIMPLER = {
     **{(rich, name): NESTED_SHARE for name, some in RICHER.items() for rich in some},
+    ('fixture_tilt', 'scale_factor_temperature'): NESTED_SHARE,
     ('thermal_gradient', 'temperature_rate'): FORM_SHARE,
 }
 """Pairs whose second stands for the first where it explains all but this share of the χ² gain.
 
-A rate suffers from the noise of the thermometer it is computed from; a gradient does not.
+A bracket would have to bend just so to look like a scale factor; a rate suffers from the noise
+of the thermometer it is computed from, a gradient does not.
 """
 
 
@@ -202,6 +207,8 @@ class Search:
     def _simplified(self, chosen: list[Form]) -> list[Form]:
         """Let a simpler effect stand for a richer one that gains no more than a flaw in form."""
         for form in tuple(chosen):
+            if self.support.get(form.effect.name, 0.0) > CONFIRMED:
+                continue
             others = [f for f in chosen if f is not form]
             gain = self.rate(chosen, form).gain
             taken = {f.effect.name for f in others}
@@ -270,27 +277,3 @@ def _cycle_edges(run: PreparedRun) -> FloatArray:
     """Return the times [s] at which the cycles as a whole begin and end."""
     outside = (run.cycle == 0).astype(int)
     return np.asarray(run.time[np.flatnonzero(np.diff(outside)) + 1])
-
-
-def held_out_chi_square(bank: ColumnBank, terms: Sequence[Term], part: int) -> float:
-    """Return χ² of one part, predicted from the others, in whitened rows."""
-    kept = bank.fold != part
-    own, common = bank.split_sizes(terms)
-    designs = bank.design(terms)
-    blocks, targets, tests, wanted = [], [], [], []
-    for axis in range(3):
-        base = bank.base[axis]
-        columns = np.zeros((len(base), 3 * (base.shape[1] + own) + common))
-        start = axis * (base.shape[1] + own)
-        columns[:, start : start + base.shape[1]] = base
-        columns[:, start + base.shape[1] : start + base.shape[1] + own] = designs[axis][:, :own]
-        columns[:, columns.shape[1] - common :] = designs[axis][:, own:]
-        blocks.append(columns[kept])
-        targets.append(bank.target[axis][kept])
-        tests.append(columns[~kept])
-        wanted.append(bank.target[axis][~kept])
-    train = np.concatenate(blocks)
-    normal = train.T @ train
-    right = train.T @ np.concatenate(targets)
-    answer = np.linalg.lstsq(normal, right, rcond=1e-10)[0]
-    return float(((np.concatenate(wanted) - np.concatenate(tests) @ answer) ** 2).sum())
