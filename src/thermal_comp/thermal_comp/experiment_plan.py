@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -75,7 +76,8 @@ def set_points(plan: Plan) -> tuple[FloatArray, FloatArray]:
     for number in range(1, plan.repeats + 1):
         level = REFERENCE_C
         for segment in plan.cycle:
-            steps = round(abs(segment.target - level) / segment.rate * 60.0 / PERIOD_S)
+            ramp_s = abs(segment.target - level) / segment.rate * 60.0
+            steps = ceil(ramp_s / PERIOD_S - 1e-9)  # never faster than asked for
             levels.append(np.linspace(level, segment.target, steps + 1)[1:])
             levels.append(np.full(int(segment.dwell / PERIOD_S), segment.target))
             cycles += [np.full(len(part), float(number)) for part in levels[-2:]]
