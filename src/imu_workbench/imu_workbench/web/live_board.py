@@ -19,9 +19,10 @@ HALF = np.array([1.0, 0.65, 0.1])
 """Half of the board's length, width and thickness."""
 ARM = 1.55
 """Length of the sensor's axes as drawn."""
-GROUND = -1.1
-SIZE = 300.0
-"""Width of the drawing [px]; it is four fifths as high."""
+GROUND, RING = -0.9, 1.25
+"""Height and radius of the compass rose."""
+SIZE, HIGH = 300.0, 246.0
+"""Width and height of the drawing [px]."""
 
 
 def board_svg(name: str, attitude: Attitude | None, colour: str, theme: str) -> str:
@@ -37,7 +38,7 @@ def board_svg(name: str, attitude: Attitude | None, colour: str, theme: str) -> 
         parts += _board(to_matrix(attitude.orientation), str(painted(colour, theme)), paint)
     parts.append(_text(np.array([8.0, 18.0]), name, paint['text'], 'start'))
     return (
-        f'<svg viewBox="0 0 {SIZE:.0f} {0.8 * SIZE:.0f}" role="img" aria-label="{label}">'
+        f'<svg viewBox="0 0 {SIZE:.0f} {HIGH:.0f}" role="img" aria-label="{label}">'
         + ''.join(parts)
         + '</svg>'
     )
@@ -52,7 +53,7 @@ def projected(points: FloatArray) -> FloatArray:
     seen = np.asarray(points) - EYE
     depth = seen @ forward
     scale = 1.5 * SIZE / depth
-    return np.column_stack([SIZE / 2 + scale * (seen @ right), 0.42 * SIZE - scale * (seen @ up)])
+    return np.column_stack([SIZE / 2 + scale * (seen @ right), 0.5 * HIGH - scale * (seen @ up)])
 
 
 def _board(matrix: FloatArray, colour: str, paint: dict[str, str]) -> list[str]:
@@ -95,13 +96,13 @@ def _arm(matrix: FloatArray, axis: int, paint: dict[str, str]) -> str:
 def _ground(paint: dict[str, str]) -> list[str]:
     """Draw a compass rose below the board."""
     angle = np.linspace(0.0, 2.0 * np.pi, 49)
-    ring = np.column_stack([1.5 * np.cos(angle), 1.5 * np.sin(angle), 0 * angle + GROUND])
+    ring = np.column_stack([RING * np.cos(angle), RING * np.sin(angle), 0 * angle + GROUND])
     points = ' '.join(f'{x:.1f},{y:.1f}' for x, y in projected(ring))
     drawn = [
         f'<polyline points="{points}" fill="none" stroke="{paint["grid"]}" stroke-width="2"/>'
     ]
     for name, east, north in (('E', 1, 0), ('N', 0, 1), ('W', -1, 0), ('S', 0, -1)):
-        way = np.array([[0.0, 0.0], [1.5 * east, 1.5 * north], [1.8 * east, 1.8 * north]])
+        way = RING * np.array([[0.0, 0.0], [east, north], [1.18 * east, 1.18 * north]])
         ends = projected(np.column_stack([way, [GROUND] * 3]))
         drawn.append(_line(ends[0], ends[1], paint['grid'], 1.2))
         drawn.append(_text(ends[2], name, paint['soft']))

@@ -33,11 +33,16 @@ class Recent:
 
     def since(self, stamp: int) -> Rows:
         """Return the rows from `stamp` [ns] on, in the order they arrived."""
-        capacity = len(self._stamp)
-        count = min(self._written, capacity)
-        order = (self._written - count + np.arange(count)) % capacity
-        chosen = order[self._stamp[order] >= stamp]
-        return Rows(self._stamp[chosen], self._values[chosen])
+        oldest = self._written % len(self._stamp) if self._written >= len(self._stamp) else 0
+        stamps, values = [], []
+        for part in (slice(oldest, self._written if not oldest else None), slice(0, oldest)):
+            # Rows are late by less than a second: before that, none is wanted.
+            first = int(np.searchsorted(self._stamp[part], stamp - SECOND))
+            late = self._stamp[part][first:]
+            wanted = late >= stamp
+            stamps.append(late[wanted])
+            values.append(self._values[part][first:][wanted])
+        return Rows(np.concatenate(stamps), np.concatenate(values))
 
 
 class PerSecond:
@@ -64,24 +69,30 @@ class PerSecond:
             sums = np.stack([known[of_it].sum(0), above[of_it].sum(0), (above[of_it] ** 2).sum(0)])
             self._add_second(int(value), sums)
 
-    def seconds(self) -> IntArray:
-        """Return the seconds (n,), increasing."""
-        return self._second[: self._count].copy()
+    def means(self, first: int = 0, end: int | None = None) -> tuple[IntArray, FloatArray]:
+        """Return the seconds (n,) from `first` to before `end`, and their means (n, k)."""
+        chosen = self._between(first, end)
+        count, total, _ = self._counted(chosen)
+        return self._second[chosen].copy(), total / count + self._offset
 
-    def means(self) -> FloatArray:
-        """Return the mean of every second (n, k)."""
-        count, total, _ = self._counted()
-        mean: FloatArray = total / count + self._offset
-        return mean
-
-    def deviations(self) -> FloatArray:
+    def deviations(self, first: int = 0, end: int | None = None) -> FloatArray:
         """Return the standard deviation within every second (n, k)."""
-        count, total, squares = self._counted()
+        count, total, squares = self._counted(self._between(first, end))
         variance = squares / count - (total / count) ** 2
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
-    def _counted(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        count, total, squares = np.moveaxis(self._sums[: self._count], 1, 0)
+    @property
+    def oldest(self) -> int:
+        """The oldest second that is kept; −1 where there is none."""
+        return int(self._second[0]) if self._count else -1
+
+    def _between(self, first: int, end: int | None) -> slice:
+        seconds = self._second[: self._count]
+        last = self._count if end is None else int(np.searchsorted(seconds, end))
+        return slice(int(np.searchsorted(seconds, first)), last)
+
+    def _counted(self, chosen: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
+        count, total, squares = np.moveaxis(self._sums[chosen], 1, 0)
         return np.where(count > 0, count, np.nan), total, squares
 
     def _add_second(self, second: int, sums: FloatArray) -> None:

@@ -19,6 +19,8 @@ TURNED_DEG = 3.0
 """From this tilt on the device was turned since the zero: what changed is not an error."""
 FULL_RATE_S = 30.0
 """Up to this window every sample is looked at, beyond it means of seconds."""
+EULER_ROWS = 1000
+"""So many attitudes of a window are turned into angles."""
 TEMPERATURES = ('temperature', 'device', 'air', 'setpoint')
 
 
@@ -88,10 +90,9 @@ def line(state: LiveState, name: str, window_s: float, columns: slice = slice(No
     if window_s <= FULL_RATE_S:
         rows = track.recent.since(begin)
         return Line((rows.stamp - end) / SECOND, rows.values[:, columns])
-    second = track.history.seconds()
-    whole = (second * SECOND >= begin) & (second < end // SECOND)
-    middle = second[whole] * SECOND + SECOND // 2 - end
-    return Line(middle / SECOND, track.history.means()[whole][:, columns])
+    second, means = track.history.means(-(-begin // SECOND), end // SECOND)
+    middle = second * SECOND + SECOND // 2 - end
+    return Line(middle / SECOND, means[:, columns])
 
 
 def zero_second(state: LiveState) -> int:
@@ -149,6 +150,8 @@ def apart_deg(first: Attitude, second: Attitude) -> float:
 def euler_line(state: LiveState, name: str, window_s: float) -> Line:
     """Return roll, pitch, yaw of a filter over time [rad]."""
     lines = line(state, name, window_s)
+    every = max(1, len(lines.time) // EULER_ROWS)  # an attitude is smooth: no extreme is lost
+    lines = Line(lines.time[::every], lines.values[::every])
     norm = np.linalg.norm(lines.values, axis=1, keepdims=True)
     with np.errstate(invalid='ignore', divide='ignore'):
         return Line(lines.time, euler_zyx(lines.values / norm))
@@ -211,11 +214,7 @@ def _last_second(state: LiveState, name: str) -> FloatArray:
 
 def _zero_of(state: LiveState, name: str, zero: int) -> FloatArray:
     """Return the mean of the zero's seconds (k,)."""
-    track = state.tracks[name]
-    second = track.history.seconds()
-    if not len(second):
-        return np.full(track.recent.since(0).values.shape[1], np.nan)
-    begin = max(zero, int(second[0]))
-    chosen = (second >= begin) & (second < begin + ZERO_SECONDS)
-    means = track.history.means()
-    return np.asarray(means[chosen].mean(0)) if chosen.any() else np.full(means.shape[1], np.nan)
+    history = state.tracks[name].history
+    begin = max(zero, history.oldest)
+    _, means = history.means(begin, begin + ZERO_SECONDS)
+    return np.asarray(means.mean(0)) if len(means) else np.full(means.shape[1], np.nan)

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures, tables and the drawn board of the live view say what the state holds."""
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+from imu_recording.cdr_layout import encode_messages
+from imu_recording.logging_contract import IMU, TEMPERATURE
+from imu_workbench.report.palette import COLOURS, painted
+from imu_workbench.web import live_figures as figures
+from imu_workbench.web import live_text as text
+from imu_workbench.web.live_board import HIGH, SIZE, board_svg, projected
+from imu_workbench.web.live_state import LiveState, Status
+from imu_workbench.web.live_track import SECOND
+from imu_workbench.web.live_view import Attitude
+from orientation_filters.rotation import euler_zyx, from_rotation_vector
+
+START = 1_800_000_000 * SECOND
+RATE = np.array([0.02, -0.01, 0.005])
+SPIKE = 1.5
+
+
+@pytest.fixture(scope='module')
+def state() -> LiveState:
+    """Half a minute at 200 Hz with one spike; 25 °C."""
+    state = LiveState(lambda: 0.0)
+    stamp = START + (np.arange(6000) * SECOND // 200)
+    noise = np.random.default_rng(3).normal(0.0, 1e-3, (6000, 3))
+    noise[4321, 0] = SPIKE
+    force = np.broadcast_to([0.0, 0.0, 9.8], (6000, 3))
+    for role, bias in (('raw', 0.004), ('compensated', 0.0)):
+        for row in encode_messages(IMU, stamp, 'imu', (RATE + bias + noise, force)):
+            state.put(role, row.tobytes())
+    warm = np.full((30, 1), 25.0)
+    for row in encode_messages(TEMPERATURE, stamp[::200], 'imu', (warm,)):
+        state.put('temperature', row.tobytes())
+    state.absorb()
+    return state
+
+
+def all_figures(state: LiveState, window_s: float) -> list[dict]:
+    return [
+        figures.measured_figure(state, 'gyroscope', window_s),
+        figures.residual_figure(state, 'gyroscope', window_s, 0),
+        figures.temperature_figure(state, window_s),
+        figures.euler_figure(state, window_s),
+    ]
+
+
+@pytest.mark.parametrize('window_s', [20.0, 120.0, 3600.0, 43_200.0])
+def test_every_axis_has_a_unit_and_few_points(state: LiveState, window_s: float) -> None:
+    for figure in all_figures(state, window_s):
+        axes = {k: v for k, v in figure['layout'].items() if re.match(r'[xy]axis', k)}
+        for axis in axes.values():
+            assert re.search(r'\[.+\]$', axis['title']['text'])
+        for trace in figure['data']:
+            assert len(trace['x']) == len(trace['y']) <= figures.POINTS
+            assert all(map(math.isfinite, trace['y']))
+            assert f'{trace["yaxis"][:1]}axis{trace["yaxis"][1:]}' in axes
+        assert json.loads(json.dumps(figure)) == figure
+
+
+def test_a_spike_survives_the_screen(state: LiveState) -> None:
+    figure = figures.measured_figure(state, 'gyroscope', 20.0)
+    spiked = next(t for t in figure['data'] if t['name'] == 'x compensated')
+    assert max(spiked['y']) == pytest.approx(math.degrees(SPIKE + RATE[0]), rel=1e-3)
+
+
+def test_what_compensation_takes_away_is_drawn_in_degrees(state: LiveState) -> None:
+    figure = figures.residual_figure(state, 'gyroscope', 20.0, 0)
+    taken = [trace for trace in figure['data'] if trace['yaxis'] == 'y']
+    for trace in taken:
+        np.testing.assert_allclose(trace['y'], math.degrees(0.004), rtol=1e-4)
+
+
+def test_the_time_axis_is_as_long_as_what_was_heard(state: LiveState) -> None:
+    layout = figures.measured_figure(state, 'gyroscope', 3600.0)['layout']
+    assert layout['xaxis']['title']['text'] == 'time before now [min]'
+    assert -0.5 < layout['xaxis']['range'][0] < -0.4
+
+
+@pytest.mark.parametrize('theme', sorted(COLOURS))
+def test_every_colour_is_of_the_palette(state: LiveState, theme: str) -> None:
+    for figure in all_figures(state, 20.0):
+        assert '"@' not in json.dumps(painted(figure, theme))
+
+
+def test_the_table_says_what_the_second_was(state: LiveState) -> None:
+    table = text.values_table(state, 0)
+    row = re.search(r'gyroscope x \[°/s\](.+?)</tr>', table)
+    assert row
+    cells = [float(c.replace('−', '-')) for c in re.findall(r'<td>([^<]+)</td>', row[1])]
+    assert cells[2] == pytest.approx(math.degrees(0.004), abs=1e-4)
+    assert cells[0] - cells[1] == pytest.approx(cells[2], abs=2e-4)
+    assert cells[4] == pytest.approx(math.degrees(1e-3), rel=0.2)
+    missing = re.search(r'magnetometer z \[µT\](.+?)</tr>', table)
+    assert missing
+    assert set(re.findall(r'<td>([^<]+)</td>', missing[1])) == {'–'}
+
+
+def test_what_nodes_say_is_text_not_markup() -> None:
+    status = Status('<b>x</b>', 1, '<script>', {'<i>': '<u>'}, 0.0)
+    assert '<i>' not in text.details(status)
+    assert text.headline(status, 1.0) == ('warning', '<b>x</b>: <script>')
+    assert text.headline(status, 60.0)[0] == 'stale'
+
+
+def test_a_topic_that_fell_silent_is_told(state: LiveState) -> None:
+    topics = {'raw': '/imu/data_raw', 'ahrs': '/imu/data_ahrs'}
+    assert text.silent_roles(state, topics) == []
+    late = LiveState(lambda: 10.0)
+    late.tracks['raw'].received = 0.0
+    assert text.silent_roles(late, topics) == ['/imu/data_raw']
+    assert 'silent for 10 s' in text.topics_table(late, topics)
+
+
+def test_the_drawing_shows_which_way_is_up_east_and_away() -> None:
+    x, y = projected(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])).T
+    assert x[1] > x[0] + 20  # east to the right
+    assert y[2] < y[0]  # north away: higher on the page
+    assert y[3] < y[0] - 20  # up
+    assert x[3] == pytest.approx(x[0], abs=1e-9)
+
+
+@pytest.mark.parametrize('seed', range(8))
+def test_the_board_stays_within_the_drawing_in_any_attitude(seed: int) -> None:
+    turn = from_rotation_vector(np.random.default_rng(seed).normal(0.0, 2.0, 3))
+    drawing = board_svg('AHRS', Attitude(turn, euler_zyx(turn)), '@d1', 'dark')
+    corners = ' '.join(re.findall(r'points="([^"]+)"', drawing)).replace(',', ' ').split()
+    across = [float(x) for x in corners[::2] + re.findall(r' x\d?="([^"]+)"', drawing)]
+    down = [float(y) for y in corners[1::2] + re.findall(r' y\d?="([^"]+)"', drawing)]
+    assert 0 <= min(across) < max(across) <= SIZE
+    assert 0 <= min(down) < max(down) <= HIGH
+    faces = drawing.count('<polygon') // 2
+    assert 1 <= faces <= 4
+    assert 'aria-label="AHRS: roll' in drawing
+    assert '@' not in drawing
