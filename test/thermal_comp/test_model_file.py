@@ -106,6 +106,13 @@ SENSOR = ('sensors', 'accelerometer')
         ((*SENSOR, 'effects', 2, 'coefficients'), [[1, 2, 3]], r'effects\[2\].coefficients'),
         (('provenance',), KeyError, 'provenance: missing'),
         (('history',), [{'schema': 9}], 'schema: is 9'),
+        (('effects',), [], 'effects: no such field; there are schema, device'),
+        ((*SENSOR, 'noise', 'effects'), [], 'accelerometer.noise.effects: no such field'),
+        ((*SENSOR, 'coefficients'), [], 'accelerometer.coefficients: no such field; there are un'),
+        ((*SENSOR, 'effects', 0, 'effects'), [], r'effects\[0\].effects: no such field'),
+        ((*SENSOR, 'effects', 1, 'name'), 'bias_temperature', 'has no such parameter|there twice'),
+        (('provenance', 'effects'), [], 'provenance.effects: no such field'),
+        (('reference_temperature', 'effects'), [], 'reference_temperature.effects: no such'),
     ],
 )
 def test_every_refusal_names_file_and_field(
@@ -154,3 +161,38 @@ def test_the_wrong_device_is_refused_and_a_pooled_model_serves_its_devices() -> 
         check_device(line_model(), 'dut2')
     check_device(line_model(), '')
     check_device(replace(line_model(), device='dut1+dut2', pooled=True), 'dut2')
+
+
+@pytest.mark.parametrize(
+    ('line', 'message'),
+    [
+        ('device: dut1', 'device: is there twice, again in line'),
+        ('sensors: {}', 'sensors: is there twice'),
+    ],
+)
+def test_a_key_that_stands_twice_is_refused(tmp_path: Path, line: str, message: str) -> None:
+    file = tmp_path / 'model.yaml'
+    save_model(rich_model(), file)
+    file.write_text(f'{file.read_text()}{line}\n')
+    with pytest.raises(ModelError, match=message):
+        load_model(file)
+
+
+def test_a_nested_key_that_stands_twice_is_refused_by_its_whole_name(tmp_path: Path) -> None:
+    file = tmp_path / 'model.yaml'
+    save_model(line_model(), file)
+    text = file.read_text()
+    assert text.count('    effects:\n') == 3
+    doubled = text.replace('    covariance:', '    effects: []\n    covariance:', 1)
+    file.write_text(doubled)
+    with pytest.raises(ModelError, match=r'sensors\.accelerometer\.effects: is there twice'):
+        load_model(file)
+
+
+def test_an_effect_that_stands_twice_in_a_sensor_is_refused(tmp_path: Path) -> None:
+    document = model_document(line_model())
+    document['sensors']['gyroscope']['effects'] *= 2
+    file = tmp_path / 'model.yaml'
+    file.write_text(yaml.safe_dump(document, allow_unicode=True))
+    with pytest.raises(ModelError, match=r"gyroscope.effects\[1\].name: 'bias_temperature' is th"):
+        load_model(file)

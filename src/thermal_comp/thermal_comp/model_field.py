@@ -47,6 +47,13 @@ class Field:
             raise self.refuse(f'is {_shown(self.value)}, expected a mapping')
         return self.value
 
+    def only(self, *names: str) -> None:
+        """Refuse an entry of another name: what nobody reads was meant to be read."""
+        unknown = [key for key in self.mapping() if key not in names]
+        if unknown:
+            entry = Field(None, f'{self.name}.{unknown[0]}' if self.name else str(unknown[0]))
+            raise entry.refuse(f'no such field; there are {", ".join(names)}')
+
     def entries(self) -> dict[str, Field]:
         """Return the entries of a mapping by key."""
         return {str(key): self[key] for key in self.mapping()}
