@@ -91,7 +91,7 @@ class LivePage:
 
     def _controls(self) -> None:
         with ui.row().classes('items-center gap-3 live-controls'):
-            self._device = ui.select({}, label='device', on_change=self._on_device)
+            self._device = ui.select({}, label='live device', on_change=self._on_device)
             self._device.props('dense outlined').classes('live-device')
             self._sensor = ui.select(list(SENSORS), value=SENSORS[0], label='sensor')
             self._sensor.props('dense outlined')
