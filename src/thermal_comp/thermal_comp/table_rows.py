@@ -10,6 +10,7 @@ from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
+from imu_recording.user_error import UserError
 
 REQUIRED = ('dut', 'quantity', 'axis', 'segment', 'min', 'max', 'mean', 'std')
 LARGE = 5.0
@@ -22,7 +23,7 @@ TO_SI = {
 """Factors from the units tables are printed in to m/s² and T."""
 
 
-class TableError(ValueError):
+class TableError(UserError):
     """A table that cannot be read; the message names the file and what is expected."""
 
 

@@ -63,6 +63,9 @@ def test_a_truncated_bag_is_read_as_far_as_it_goes(good: Path, tmp_path: Path, c
     assert any('broken.mcap' in note for note in recording.notes), recording.notes
     assert fit(broken, tmp_path) == 0
     assert 'note:' in capsys.readouterr().out
+    argv = ['apply', str(broken), '--model', str(tmp_path / 'm.yaml'), '-o', str(tmp_path / 'o')]
+    assert main(argv) == 0
+    assert 'was not closed' in capsys.readouterr().out
     broken.write_bytes(b'')
     assert 'empty' in refused(broken, tmp_path, capsys)
 
@@ -113,6 +116,20 @@ def test_a_missing_or_constant_magnetometer_is_left_out(
     assert 'magnetometer left out' in capsys.readouterr().out
     page = tmp_path / 'r.html'
     assert main(['report', str(tmp_path / 'bag'), '--no-attitude', '-o', str(page)]) == 0
+
+
+def test_a_bag_without_one_finite_sample(run, tmp_path: Path, capsys) -> None:
+    recording = run(cycles=1)
+    for field in ('linear_acceleration', 'angular_velocity', 'magnetic_field'):
+        recording = damaged(recording, field, slice(None), np.nan)
+    write_bag(recording, tmp_path / 'bag')
+    assert fit(tmp_path / 'bag', tmp_path) == 2
+    assert 'left out' in capsys.readouterr().err
+    argv = ['report', str(tmp_path / 'bag'), '--no-attitude', '-o', str(tmp_path / 'r.html')]
+    assert main(argv) == 0
+    told = capsys.readouterr().out
+    assert 'left out' in told
+    assert 'linear_acceleration: 1380 of 1380 samples are NaN' in told
 
 
 def test_mixed_devices_and_one_run_twice(run, good: Path, tmp_path: Path, capsys) -> None:

@@ -46,9 +46,9 @@ def run(options: argparse.Namespace) -> Answer:
         show_progress(f'writing {target} …')
         compensated = compensate(recording, model)
         write_bag(compensated, target)
-        added = compensated.notes[len(recording.notes) :]
-        rows.append({'bag': recording.source, 'output': target, 'notes': added})
-        lines += [f'wrote {target}: {len(recording)} samples', *(f'  note: {n}' for n in added)]
+        notes = compensated.notes  # also of what was left out on reading
+        rows.append({'bag': recording.source, 'output': target, 'notes': notes})
+        lines += [f'wrote {target}: {len(recording)} samples', *(f'  note: {n}' for n in notes)]
     return Answer({'schema': 1, 'model': options.model, 'bags': rows}, '\n'.join(lines))
 
 

@@ -159,6 +159,8 @@ def cycle_content(recording: ImuRecording, *, points: int) -> dict[str, Any] | N
                     for axis, (time, mean) in zip(AXES, smooth, strict=True)
                 },
             }
+    if not sensors:
+        return None
     temperature = line(minutes, part.temperature, points=points, max_gap=gap)
     return {'cycle': number, 'sensors': sensors, 'temperature': temperature}
 

@@ -68,6 +68,7 @@ def report_text(content: Mapping[str, Any]) -> str:
     for device in content['devices']:
         said = [device[kind] for kind in ('problem', 'note') if device[kind]]
         lines += [f'{device["name"]}: {text}' for text in said]
+    lines += note_lines(content)
     lines += attitude_lines(content)
     lines += ['', 'Claims of the paper:']
     for claim in content['claims']:
@@ -75,6 +76,16 @@ def report_text(content: Mapping[str, Any]) -> str:
         if claim['verdict'] != 'untestable':
             lines.append(f'      {claim["ours"]}')
     return '\n'.join(lines)
+
+
+def note_lines(content: Mapping[str, Any]) -> list[str]:
+    """Return what was left out or inferred on reading, each once."""
+    runs: dict[str, list[str]] = {}
+    for recording in content['recordings']:
+        for note in recording['notes']:
+            runs.setdefault(note, []).append(recording['name'])
+    said = [f'  {note} ({", ".join(names)})' for note, names in runs.items()]
+    return ['', 'Notes on the recordings:', *said] if said else []
 
 
 def attitude_lines(content: Mapping[str, Any]) -> list[str]:
