@@ -57,8 +57,9 @@ def compensate(recording: ImuRecording, model: ThermalModel) -> ImuRecording:
             values[known] -= found.error
             changed[name] = values
             outside |= found.outside
+            needed = {e.name: ', '.join(e.channels) for e in model.sensors[sensor].effects}
             notes += [
-                f'{sensor}: {effect} not applied in {rows} rows, its channel is not known'
+                f'{sensor}: {effect} not applied in {rows} rows, {needed[effect]} is not known'
                 for effect, rows in found.skipped.items()
             ]
     if outside.any():

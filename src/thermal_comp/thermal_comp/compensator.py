@@ -22,6 +22,7 @@ from thermal_comp.model import ThermalModel
 from thermal_comp.sensor_error import (
     SensorError,
     SensorPlan,
+    depends_on_time,
     has_history,
     plan_of,
     sensor_error,
@@ -253,6 +254,7 @@ class Compensator:
 
 
 def _needs_history(model: ThermalModel) -> bool:
+    """Tell whether an effect carries a state, or counts the time since power-on."""
     still = np.zeros((1, 3))
     conditions = Conditions(
         time=np.zeros(1),
@@ -263,6 +265,9 @@ def _needs_history(model: ThermalModel) -> bool:
     )
     channels: dict[str, Any] = {n: np.zeros(1) for n in CHANNELS if n != 'vibration'}
     complete = replace(conditions, vibration=still, **channels)
+    known = [s for s in SENSORS if s in model.sensors]
     return any(
-        has_history(model.sensors[s], complete.of(s)) for s in SENSORS if s in model.sensors
+        has_history(model.sensors[s], complete.of(s))
+        or depends_on_time(model.sensors[s], complete.of(s))
+        for s in known
     )

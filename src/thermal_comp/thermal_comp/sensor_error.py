@@ -124,6 +124,16 @@ def has_history(model: SensorModel, conditions: Conditions) -> bool:
     )
 
 
+def depends_on_time(model: SensorModel, conditions: Conditions) -> bool:
+    """Tell whether a device effect's first sample depends on when it is, by a day's difference."""
+    later = replace(conditions, time=conditions.time + 86_400.0)
+    return any(
+        not np.array_equal(effect.columns(conditions)[0], effect.columns(later)[0])
+        for _, effect, _ in model.device_terms()
+        if all(conditions.has(channel) for channel in effect.channels)
+    )
+
+
 def _unknown_rows(effect: Effect, conditions: Conditions) -> NDArray[np.bool_]:
     unknown = np.zeros(len(conditions), dtype=bool)
     for channel in effect.channels:
