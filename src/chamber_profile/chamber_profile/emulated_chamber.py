@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import signal
 import sys
 import time
@@ -39,8 +40,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='emulated_chamber',
         description='Emulate a climatic chamber: its protocol, its physics, its faults.',
-        epilog='Faults, in seconds of the host since the start, until the end unless +DURATION '
-        'is given: ' + '; '.join(f'{name}: {what}' for name, what in FAULTS.items()),
+        epilog='Faults, in seconds of the host since the first contact, until the end unless '
+        '+DURATION is given: ' + '; '.join(f'{name}: {what}' for name, what in FAULTS.items()),
     )
     parser.add_argument('--protocol', choices=sorted(SERVERS), default='espec')
     where = parser.add_mutually_exclusive_group(required=True)
@@ -95,11 +96,14 @@ def main(argv: list[str] | None = None) -> int:
     sys.stdout.write(f'{options.protocol} at {endpoint.name}\n')
     sys.stdout.flush()
     plan, began = FaultPlan(faults, body), time.monotonic()
+    met: list[float] = []
 
     def prepare() -> set[str]:
         now = time.monotonic() - began
         body.look(now)
-        return plan.look(now)
+        if endpoint.contacted and not met:
+            met.append(now)
+        return plan.look(now - met[0] if met else -math.inf)
 
     try:
         while not stopped:

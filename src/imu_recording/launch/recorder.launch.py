@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Record topics to one bag."""
+"""Record topics, a bag for each run."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument

@@ -27,6 +27,8 @@ class TcpEndpoint:
     """Listens on a port of this machine; every client has a server of its own."""
 
     def __init__(self, port: int, make_server: Callable[[], Server]) -> None:
+        self.contacted = False
+        """Whether anyone has connected yet."""
         self._make_server = make_server
         self._selector = selectors.DefaultSelector()
         self._listener = socket.create_server(('127.0.0.1', port))
@@ -38,6 +40,7 @@ class TcpEndpoint:
     def serve(self, timeout_s: float, prepare: Callable[[], set[str]]) -> None:
         """Wait for requests at most so long; `prepare` says which faults act."""
         ready = self._selector.select(timeout_s)
+        self.contacted |= bool(ready)
         active = prepare()
         if 'disconnect' in active:
             for client in list(self._clients):
@@ -93,6 +96,8 @@ class PtyEndpoint:
 
     def __init__(self, link: Path, make_server: Callable[[], Server]) -> None:
         self.link = link
+        self.contacted = False
+        """Whether anything was received yet."""
         self.name = f'serial://{link.absolute()}'
         self._make_server = make_server
         self._master = self._slave = -1
@@ -107,6 +112,7 @@ class PtyEndpoint:
         with selectors.DefaultSelector() as selector:
             selector.register(self._master, selectors.EVENT_READ)
             ready = selector.select(timeout_s)
+        self.contacted |= bool(ready)
         active = prepare()
         if 'disconnect' in active:
             self.close()

@@ -31,7 +31,7 @@ _ALARM = '4'
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault from `start_s` for `duration_s`, in seconds of the host since the emulator began."""
+    """A fault from `start_s` for `duration_s`, in seconds of the host since the first contact."""
 
     name: str
     start_s: float
