@@ -17,7 +17,7 @@ from imu_workbench.web.live_topics import namespaces
 pytestmark = pytest.mark.end_to_end
 
 NAMESPACE = '/robot1'
-PATIENCE_S = 120.0
+PATIENCE_S = 240.0
 NODES = ('imu_driver', 'thermal_comp', 'complementary_filter', 'ahrs_filter')
 
 
