@@ -12,7 +12,11 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from imu_recording.recording import PHASES, SENSOR_FIELDS
+from imu_workbench.report.figures_modelled import LOUDEST
+from imu_workbench.report.palette import COLOURS
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, LogNorm
+from matplotlib.image import AxesImage
 from thermal_comp.compensate_recording import compensate
 from thermal_comp.diagnose import Settings
 from thermal_comp.diagnose_growth import Growth, grow
@@ -96,23 +100,27 @@ def draw_staircase(axes: Axes, growth: Growth, sensor: str, measured: float) -> 
     axes.set(ylabel=f'held-out rms [{unit}]', title='3  Added: the error falls')
 
 
-def draw_map(axes: Axes, before: dict[str, np.ndarray], axis: int, title: str, top: float) -> None:
-    """Rms per phase and cycle."""
+def draw_map(axes: Axes, found: dict[str, np.ndarray], axis: int, floor: float) -> AxesImage:
+    """Residual over noise floor per phase and cycle, on the scale of the report's maps."""
     table = np.full((len(PHASES), 5), np.nan)
     for phase in range(len(PHASES)):
         for cycle in range(5):
-            rows = (before['phase'] == phase) & (before['cycle'] == cycle)
+            rows = (found['phase'] == phase) & (found['cycle'] == cycle)
             if rows.any():
-                table[phase, cycle] = np.sqrt(np.nanmean(before['value'][rows, axis] ** 2))
-    image = axes.imshow(table, cmap='viridis', vmin=0, vmax=top, aspect='auto')
+                table[phase, cycle] = np.sqrt(np.nanmean(found['value'][rows, axis] ** 2)) / floor
+    light = COLOURS['light']
+    places = ((0.0, 'calm'), (0.11, 'calm'), (0.5, 'raised'), (1.0, 'loud'))
+    colours = LinearSegmentedColormap.from_list('floor', [(x, light[c]) for x, c in places])
+    image = axes.imshow(
+        table.clip(1.0, LOUDEST), cmap=colours, norm=LogNorm(1.0, LOUDEST), aspect='auto'
+    )
     for (phase, cycle), value in np.ndenumerate(table):
         if np.isfinite(value):
-            colour = 'white' if value < 0.6 * top else 'black'
-            axes.text(cycle, phase, f'{value:.2g}', ha='center', va='center', color=colour)
+            colour = 'white' if value > 0.6 * LOUDEST else 'black'
+            axes.text(cycle, phase, f'{value:.2g} ×', ha='center', va='center', color=colour)
     axes.set_yticks(range(len(PHASES)), [name.replace('_', ' ') for name in PHASES])
     axes.set_xticks(range(5), ['outside', 'R1', 'R2', 'R3', 'R4'])
-    axes.set_title(title)
-    axes.figure.colorbar(image, ax=axes, label='rms of the residual')
+    return image
 
 
 def draw_after(
@@ -122,7 +130,7 @@ def draw_after(
     axes.plot(before['time'], before['value'][:, axis], color=ORANGE, lw=0.8, label='line')
     axes.plot(after['time'], after['value'][:, axis], color=BLUE, lw=0.8, label='line and effect')
     axes.set(xlabel='time [h]', ylabel=f'residual [{unit}]')
-    axes.legend(frameon=False, loc='upper right')
+    axes.legend(frameon=False, loc='lower right', bbox_to_anchor=(1.0, 1.0), ncols=2)
 
 
 def save(figure: plt.Figure, name: str) -> None:
@@ -149,10 +157,15 @@ def main(bags: Sequence[Path] = BAGS) -> None:
     draw_staircase(axes[2], growth, sensor, measured)
     figure.suptitle(f'{growth.model.device} {sensor} {"xyz"[axis]}, {SENSOR_FIELDS[sensor]}')
     save(figure, 'overview.png')
-    top = float(np.nanmax(np.abs(before['value'][:, axis]))) * 0.7
+    floor = float(growth.after.sensors[sensor].noise_floor[axis]) * shown(sensor)[1]
     figure, axes = plt.subplots(1, 2, figsize=(12, 4), layout='constrained')
-    draw_map(axes[0], before, axis, f'line per axis [{unit}]', top)
-    draw_map(axes[1], after, axis, f'with {growth.steps[0].added} [{unit}]', top)
+    titles = ('line per axis', f'with {growth.steps[0].added}')
+    for place, title, found in zip(axes, titles, (before, after), strict=True):
+        image = draw_map(place, found, axis, floor)
+        place.set_title(title)
+    bar = figure.colorbar(image, ax=axes, label='residual, times the noise floor')
+    bar.set_ticks([1.0, 2.0, 5.0, LOUDEST], labels=['1', '2', '5', '≥ 10'])
+    bar.minorticks_off()
     save(figure, 'where.png')
     figure, axes_after = plt.subplots(figsize=(9, 3), layout='constrained')
     draw_after(axes_after, before, after, axis, unit)
