@@ -22,7 +22,7 @@ from orientation_filters.magnetic_reference import (
     no_reference,
     norm_of,
 )
-from orientation_filters.quaternion import Matrix, Vector, add, dot, scale, transform
+from orientation_filters.quaternion import Matrix, Vector, absent, add, dot, scale, transform
 from orientation_filters.rest import RestParams, RestState, start_rest, watch_rest
 
 GRAVITY = 9.81
@@ -94,15 +94,15 @@ class AdaptiveState(NamedTuple):
 
 @inline
 def start_adaptive(
-    params: AdaptiveParams, w: Vector, f: Vector, has_field: bool, field: FieldState
+    params: AdaptiveParams, w: Vector, f: Vector, m: Vector, field: FieldState
 ) -> AdaptiveState:
     """Return the state at the first sample; a known field is remembered over gaps."""
     tilt, bias = params.initial_inclination**2, params.initial_bias**2
-    turn = params.initial_heading**2 if has_field else 10.0
+    turn = params.initial_heading**2 if not absent(m) else 10.0
     covariance = JointCovariance(
         (tilt, 0.0, 0.0, tilt, 0.0, turn), (ZERO, ZERO, ZERO), (bias, 0.0, 0.0, bias, 0.0, bias)
     )
-    rest = start_rest(w, f)
+    rest = start_rest(w, f, m)
     return AdaptiveState(
         covariance, 0.0, (ZERO, ZERO, ZERO), ZERO, ZERO, 0, 0.0, 0.0, ZERO, 0.0, rest, field, 0.0
     )
@@ -112,7 +112,7 @@ def no_adaptive_state() -> AdaptiveState:
     """Return the state before any sample."""
     none = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     covariance = JointCovariance(none, (ZERO, ZERO, ZERO), none)
-    rest = start_rest(ZERO, ZERO)
+    rest = start_rest(ZERO, ZERO, ZERO)
     return AdaptiveState(
         covariance,
         0.0,
@@ -141,6 +141,8 @@ def gather(  # noqa: PLR0913, PLR0917 (one sample's quantities)
     m: Vector,
     has_field: bool,
     dt: float,
+    since_field: float,
+    bias: Vector,
 ) -> AdaptiveState:
     """Return the state with one sample added; rows: attitude, sensor → world."""
     turned = state.turned
@@ -152,7 +154,7 @@ def gather(  # noqa: PLR0913, PLR0917 (one sample's quantities)
             force[1] + dt * dot(rows[1], f),
             force[2] + dt * dot(rows[2], f),
         )
-        rest = watch_rest(rest, params.rest, w, f, dt)
+        rest = watch_rest(rest, params.rest, w, f, m, has_field, dt, since_field, bias)
     field = state.field
     if has_field:
         field = (

@@ -40,7 +40,20 @@ def gather_sample(  # noqa: PLR0913, PLR0917 (what update has prepared)
     dt = (stamp - state.stamp) * 1e-9
     has_force = not flags & INVALID_ACCELEROMETER
     q = normalised(q)
-    a = gather(state.adaptive, params.adaptive, matrix(q), w, f, has_force, m, has_field, dt)
+    since = (stamp - state.field_stamp) * 1e-9
+    a = gather(
+        state.adaptive,
+        params.adaptive,
+        matrix(q),
+        w,
+        f,
+        has_force,
+        m,
+        has_field,
+        dt,
+        since,
+        state.bias,
+    )
     state = State(
         stamp,
         q,

@@ -18,7 +18,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orientation_filters.kernel import inline
-from orientation_filters.quaternion import Vector, add, dot
+from orientation_filters.quaternion import Vector, add, cross, dot
 
 Symmetric = tuple[float, float, float, float, float, float]
 """xx, xy, xz, yy, yz, zz."""
@@ -76,16 +76,6 @@ class Correction(NamedTuple):
     disturbance: Vector
     jammed: bool
     variances: Variances
-
-
-@inline
-def cross(a: Vector, b: Vector) -> Vector:
-    """Return the vector product."""
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
 
 
 @inline

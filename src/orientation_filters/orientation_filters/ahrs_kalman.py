@@ -116,7 +116,7 @@ def _start(
     adaptive = state.adaptive
     if params.adaptive.enabled:
         reference = no_reference() if flags & JUMPED_BACK else adaptive.reference
-        adaptive = start_adaptive(params.adaptive, w, f, not absent(m), reference)
+        adaptive = start_adaptive(params.adaptive, w, f, m, reference)
     variances, dip = INITIAL_VARIANCES, (1.0, 0.0)
     return State(stamp, q, bias, ZERO, ZERO, dip, variances, 0, field_stamp, adaptive), flags
 

@@ -17,7 +17,7 @@ from orientation_filters.flags import AT_REST
 from orientation_filters.joint_covariance import (
     Errors,
     JointCovariance,
-    doubt_heading,
+    doubt,
     observe,
     predict,
     uncoupled,
@@ -25,7 +25,10 @@ from orientation_filters.joint_covariance import (
 from orientation_filters.kernel import inline
 from orientation_filters.magnetic_reference import FieldState, judge_field, norm_of
 from orientation_filters.quaternion import Vector, approach, dot, scale
+from orientation_filters.rest import TURN, is_bias
 
+START = (1.0, 5.0)
+"""Time in which the first attitude may turn out wrong: pushes have averaged out [s]."""
 NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -86,9 +89,12 @@ def weigh(
         density = params.acceleration_floor * params.acceleration_floor
         force_variance = (density + params.acceleration_weight * max(power, now)) / t
     acceleration = (smoothed[0], smoothed[1], smoothed[2] - up * GRAVITY)
+    if START[0] < age < START[1] and force_variance > 0.0:
+        averaged = t / min(age, params.acceleration_smoothing + t)
+        prior = _doubt_start(prior, acceleration, force_variance * averaged)
     east, east_variance, disturbance, reference = _weigh_field(state, params, up, north)
     if reference.adopted and not state.reference.adopted:
-        prior = doubt_heading(prior, params.initial_heading)
+        prior = doubt(prior, 0.0, params.initial_heading * params.initial_heading)
     rest_error, rest_variance = _weigh_rest(state, params, bias)
     return Observation(
         prior,
@@ -104,6 +110,15 @@ def weigh(
         age,
         reference,
     )
+
+
+@inline
+def _doubt_start(prior: JointCovariance, acceleration: Vector, variance: float) -> JointCovariance:
+    """Return the covariance of an attitude that mean specific force less gravity contradicts."""
+    gap, gravity = dot(acceleration, acceleration), GRAVITY * GRAVITY
+    if gap < 25.0 * (gravity * prior.orientation[0] + variance):
+        return prior
+    return doubt(prior, gap / gravity, gap / gravity)
 
 
 @inline
@@ -140,11 +155,13 @@ def _weigh_rest(
 ) -> tuple[Vector, float]:
     """Return bias less mean rate and its variance."""
     flags = rest_flags(state.rest, params)
-    if flags != AT_REST or not params.learn_bias:
+    surely = is_bias(state.rest, params.rest)
+    if flags != AT_REST or not (params.learn_bias and surely):
         return ZERO, -1.0
     mean = state.rest.angular_velocity
     error = (bias[0] - mean[0], bias[1] - mean[1], bias[2] - mean[2])
-    return error, params.rest_noise * params.rest_noise / state.elapsed
+    unseen = 0.25 * TURN / state.rest.duration
+    return error, params.rest_noise * params.rest_noise / state.elapsed + unseen * unseen
 
 
 @inline

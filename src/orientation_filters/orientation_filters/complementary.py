@@ -92,7 +92,8 @@ def _step(
     q = turn(q, (x, y, z), tilt_gain, turn_gain, square)
     rest, bias = state.rest, state.bias
     if watchful:
-        rest = watch_rest(rest, params.rest, w, f, dt)
+        since = (stamp - state.field_stamp) * 1e-9
+        rest = watch_rest(rest, params.rest, w, f, m, has_field, dt, since, bias)
         turned = (tilt_gain * x, tilt_gain * y, turn_gain * z)
         bias, rest_flags = learn(bias, params, rest, rows, turned, state.age, dt)
         flags |= rest_flags
@@ -122,7 +123,7 @@ def _start(
         flags |= NOT_STARTED
     else:
         q = attitude_from_vectors(f, m, params.up, params.north)
-    rest = start_rest(w, f)
+    rest = start_rest(w, f, m)
     return State(stamp, q, bias, variance, (0.0, 0.0), 0.0, field_stamp, rest, field), flags
 
 

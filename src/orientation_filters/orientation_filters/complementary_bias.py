@@ -7,7 +7,7 @@ from orientation_filters.complementary_state import Params
 from orientation_filters.flags import AT_REST, BIAS_LIMITED
 from orientation_filters.kernel import inline
 from orientation_filters.quaternion import Matrix, Vector, approach, dot, subtract, to_sensor
-from orientation_filters.rest import RestState
+from orientation_filters.rest import RestState, is_bias
 
 
 @inline
@@ -32,7 +32,7 @@ def learn(
 def _learn_at_rest(bias: Vector, rest: RestState, params: Params, dt: float) -> tuple[Vector, int]:
     """Let the bias approach the mean rate at rest, unless that is more than a bias can be."""
     mean = rest.angular_velocity
-    if not params.learn_bias:
+    if not (params.learn_bias and is_bias(rest, params.rest)):
         return bias, AT_REST
     if dot(mean, mean) > params.rest.bias_limit * params.rest.bias_limit:
         return bias, AT_REST | BIAS_LIMITED

@@ -75,5 +75,5 @@ def initial_state() -> State:
     """Return the state before the first sample."""
     zero = (0.0, 0.0, 0.0)
     start = (0.0, 0.0, 0.0, 1.0)
-    rest = start_rest(zero, zero)
+    rest = start_rest(zero, zero, zero)
     return State(-1, start, zero, (0.0, 0.0), (0.0, 0.0), 0.0, -1, rest, no_reference())

@@ -58,11 +58,11 @@ def predict(p: JointCovariance, f: Matrix, angle: float, bias: float) -> JointCo
 
 
 @inline
-def doubt_heading(p: JointCovariance, sigma: float) -> JointCovariance:
-    """Return the covariance with a heading that may be wrong by `sigma` [rad] more."""
+def doubt(p: JointCovariance, inclination: float, heading: float) -> JointCovariance:
+    """Return the covariance of an attitude that may be wrong by these variances [rad²] more."""
     t = p.orientation
-    turn = t[5] + sigma * sigma
-    return JointCovariance((t[0], t[1], t[2], t[3], t[4], turn), p.cross, p.bias)
+    wider = (t[0] + inclination, t[1], t[2], t[3] + inclination, t[4], t[5] + heading)
+    return JointCovariance(wider, p.cross, p.bias)
 
 
 @inline

@@ -14,6 +14,11 @@ from typing import NamedTuple
 
 from orientation_filters.kernel import inline
 
+SETTLING = 2.0
+"""How long the first reference follows whatever there is: the attitude settles, too [s]."""
+SETTLED = 0.5
+"""Time over which it is a mean then [s]."""
+
 
 class FieldParams(NamedTuple):
     """What is accepted, and how fast the reference follows."""
@@ -42,8 +47,8 @@ class FieldState(NamedTuple):
     """How long samples have agreed with the reference [s]; 0 while they do not."""
     candidate_for: float
     """How long samples have agreed with the candidate while turning [s]."""
-    rejected_for: float
-    """How long samples have been rejected [s]."""
+    known_for: float
+    """Since the first sample [s]."""
     adopted: bool
     """Whether the last sample made the candidate the reference."""
 
@@ -83,6 +88,10 @@ def judge_field(
     """
     if state.reference[0] == 0.0 and state.reference[1] == 0.0:
         return FieldState(parts, parts, parts, params.hold, 0.0, 0.0, False)
+    known_for = state.known_for + dt
+    if known_for < SETTLING:
+        mean = _follow(state.reference, parts, dt / min(known_for + dt, SETTLED))
+        return FieldState(mean, mean, mean, params.hold, 0.0, known_for, False)
     smoothed = _follow(state.smoothed, parts, dt / (params.smoothing + dt))
     reference = state.reference
     if _distance(smoothed, reference) < params.tolerance:
@@ -92,7 +101,6 @@ def judge_field(
     else:
         accepted_for = 0.0
     accepted = accepted_for >= params.hold
-    rejected_for = 0.0 if accepted else state.rejected_for + dt
     candidate = state.candidate
     candidate_for = 0.0
     if not accepted and _distance(smoothed, candidate) < params.tolerance:
@@ -101,7 +109,7 @@ def judge_field(
     else:
         candidate = smoothed
     if candidate_for > params.adoption:
-        return FieldState(candidate, candidate, smoothed, params.hold, 0.0, 0.0, True)
+        return FieldState(candidate, candidate, smoothed, params.hold, 0.0, known_for, True)
     return FieldState(
-        reference, candidate, smoothed, accepted_for, candidate_for, rejected_for, False
+        reference, candidate, smoothed, accepted_for, candidate_for, known_for, False
     )

@@ -26,6 +26,16 @@ def dot(a: Vector, b: Vector) -> float:
 
 
 @inline
+def cross(a: Vector, b: Vector) -> Vector:
+    """Return the vector product."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@inline
 def add(a: Vector, b: Vector) -> Vector:
     """Return a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
