@@ -98,7 +98,8 @@ class Search:
             if best is None:
                 break
             chosen = self._refined(self._renamed([*chosen, best.form]))
-        chosen = self._without_edges(self._simplified(self._pruned(chosen)))
+        chosen = self._pruned(self._simplified(self._pruned(chosen)))
+        chosen = self._without_edges(chosen)
         return sorted((self.rate(chosen, f) for f in chosen), key=lambda r: -r.evidence)
 
     def total(self, forms: Sequence[Form]) -> tuple[float, float, int]:
@@ -210,7 +211,7 @@ class Search:
             if self.support.get(form.effect.name, 0.0) > CONFIRMED:
                 continue
             others = [f for f in chosen if f is not form]
-            gain = self.rate(chosen, form).gain
+            here, alone = self.total(chosen)[1], self.rate([], form).gain
             taken = {f.effect.name for f in others}
             for family in self.families:
                 share = SIMPLER.get((form.effect.name, family.name))
@@ -218,7 +219,7 @@ class Search:
                 if share is None or simpler is None or family.name in taken:
                     continue
                 refined = self._best_shape(others, simpler.form)
-                if self.rate([*others, refined], refined).gain > (1.0 - share) * gain:
+                if here - self.total([*others, refined])[1] < share * alone:
                     chosen = [*others, refined]
                     break
         return chosen
