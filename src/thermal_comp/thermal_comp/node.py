@@ -43,6 +43,7 @@ class ThermalCompNode(ConfiguredNode):
     """Subtracts the modelled thermal error from imu/data_raw and imu/mag."""
 
     config_class = ThermalCompConfig
+    event_driven = True
 
     def __init__(self, **options: Any) -> None:
         super().__init__('thermal_comp', **options)
