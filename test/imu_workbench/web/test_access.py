@@ -49,3 +49,10 @@ def test_the_token_opens_once_and_the_cookie_afterwards():
 def test_without_the_token_nothing_is_answered(query):
     assert answer('secret', query=query, host='localhost')[0]['status'] == 403
     assert answer('secret', 'websocket', query)[0]['type'] == 'websocket.close'
+
+
+def test_a_page_of_another_server_opens_no_web_socket():
+    foreign = answer('', 'websocket', host='localhost:8080', origin='http://evil.example')
+    assert foreign[0]['type'] == 'websocket.close'
+    own = answer('', host='localhost:8080', origin='http://localhost:8080')
+    assert own[0]['status'] == 200

@@ -28,6 +28,18 @@ def test_nothing_outside_is_opened(tree, path):
         BagRoot.of([], tree / 'root').locate(path)
 
 
+def test_a_bag_whose_file_lies_outside_is_not_opened(tree):
+    (tree / 'root' / 'a' / 'x.mcap').symlink_to(tree / 'outside' / 'c' / 'metadata.yaml')
+    with pytest.raises(RootError, match='outside'):
+        BagRoot.of([], tree / 'root').locate('a')
+
+
+@pytest.mark.parametrize('text', ['a\0b', 'x' * 5000, '~nobody_at_all/x'])
+def test_what_is_no_path_at_all_is_said(tree, text):
+    with pytest.raises(RootError):
+        BagRoot.of([], tree / 'root').locate(text)
+
+
 def test_what_is_missing_is_said(tree):
     with pytest.raises(RootError, match=r'nowhere: no such file'):
         BagRoot.of([], tree / 'root').locate('nowhere')

@@ -3,13 +3,15 @@ from __future__ import annotations
 
 import asyncio
 import operator
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
 import pytest
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.catalogue import effects_task
-from imu_workbench.web.job import Job, JobCancelled, JobError
+from imu_workbench.web.job import Job, JobCancelled, JobError, Waiting
 from imu_workbench.web.library import Library
 from thermal_comp.effects import EFFECTS
 
@@ -38,13 +40,31 @@ def test_a_job_can_be_stopped():
 
 
 def test_tabs_that_ask_for_the_same_share_one_computation(tmp_path):
-    started: list[Job] = []
+    shown: list[str] = []
+
+    @contextmanager
+    def show(work) -> Iterator[None]:
+        shown.append(type(work).__name__)
+        yield
 
     async def ask_twice() -> list[object]:
         library = Library(BagRoot(tmp_path), tmp_path)
-        asked = [library.compute(started.append, 'key', effects_task, []) for _ in range(2)]
+        asked = [library.compute(show, 'key', effects_task, []) for _ in range(2)]
         return await asyncio.gather(*asked)
 
     one, other = asyncio.run(ask_twice())
     assert one is other
-    assert len(started) == 1
+    assert sorted(shown) == ['Job', 'Waiting']
+
+
+def test_who_waits_for_another_tab_can_give_up():
+    async def give_up() -> bool:
+        lock, waiting = asyncio.Lock(), Waiting()
+        await lock.acquire()
+        waiting.cancel()
+        with pytest.raises(JobCancelled):
+            await waiting.acquire(lock)
+        lock.release()
+        return lock.locked()
+
+    assert asyncio.run(give_up()) is False

@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> Answer:
 
     root = BagRoot.of(options.bags, options.root)
     bags = tuple(bag.absolute() for bag in options.bags)
-    model = options.model.read_text('utf-8') if options.model else None
+    model = read_model(options.model) if options.model else None
     token = options.token or ('' if is_local(options.host) else secrets.token_urlsafe(16))
     listening = bind(options.host, options.port)
     port = listening.getsockname()[1]
@@ -67,3 +67,11 @@ def run(options: argparse.Namespace) -> Answer:
 
     run_server(listening, root, Start(bags, model), token=token, ready=ready)
     return Answer({'address': address, 'root': str(root.folder)}, '')
+
+
+def read_model(path: Path) -> str:
+    """Return the text of a model file."""
+    try:
+        return path.read_text('utf-8')
+    except UnicodeDecodeError:
+        raise UserError(f'--model {path}: not a text file; a model file is YAML') from None

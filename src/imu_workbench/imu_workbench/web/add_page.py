@@ -105,7 +105,7 @@ class AddPage:
         version = state.version if state else None
         with self._ticks:
             if state is None or version is None:
-                ui.label('Open bags first.').classes('soft')
+                ui.label(self._session.nothing_yet).classes('soft')
                 return
             sensor = self._session.view.sensor
             ui.html(

@@ -38,13 +38,20 @@ class BagRoot:
 
     def locate(self, text: str | Path) -> Path:
         """Return a path below the root, links resolved; relative ones start at the root."""
-        path = (self.folder / Path(text).expanduser()).resolve()
-        if not path.is_relative_to(self.folder):
+        try:
+            path = (self.folder / Path(text).expanduser()).resolve()
+            outside = not path.is_relative_to(self.folder)
+            missing = not outside and not path.exists()
+            files = list(path.iterdir()) if not outside and path.is_dir() else []
+            outside |= not all(file.resolve().is_relative_to(self.folder) for file in files)
+        except (OSError, ValueError, RuntimeError) as error:
+            raise RootError(f'{str(text)[:80]!r} cannot be opened: {error}') from None
+        if outside:
             raise RootError(
                 f'{text}: outside {self.folder}; copy it there, or start the server with a --root '
                 'that holds it'
             )
-        if not path.exists():
+        if missing:
             raise RootError(f'{text}: no such file or folder below {self.folder}')
         return path
 

@@ -82,7 +82,7 @@ def failure_map(version: Version, view: View) -> FailureMap:
 def failure_figure(found: FailureMap, view: View) -> Figure:
     """Return the map as a heat map; the chosen place has a frame."""
     values = [ratio for row in found.ratio for ratio in row if ratio is not None]
-    highest = max([2.0, *values])
+    highest = max([3.0, *values])
     data = [{
         'type': 'heatmap',
         'x': list(range(len(found.columns))),

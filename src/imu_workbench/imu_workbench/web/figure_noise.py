@@ -73,7 +73,11 @@ def allan_figure(version: Version, view: View, bags: Sequence[StoredBag]) -> Fig
             curve({'x': rounded_log(tau), 'y': rounded_log(expected)}, 'noise model',
                   trace_axes(0), color='@model', width=1.8, dash='dash')
         )  # fmt: skip
-    panel = Panel('averaging time [s]', f'Allan deviation [{unit}]', x=LOGARITHMIC, y=LOGARITHMIC)
+    drawn = [y for trace in data for y in trace['y'] if y]
+    panel = Panel(
+        'averaging time [s]', f'Allan deviation [{unit}]', x=LOGARITHMIC,
+        y=LOGARITHMIC | {'range': decades(drawn)},
+    )  # fmt: skip
     return _finished(data, panel)
 
 
@@ -181,6 +185,16 @@ def _pooled(
         taus.append(rows[:, 0].mean())
         variances.append(np.average(rows[:, 1], weights=rows[:, 2]))
     return np.array(taus), np.array(variances)
+
+
+def decades(values: Sequence[float]) -> list[float]:
+    """Return the range of a logarithmic axis around the values, a decade at the least.
+
+    >>> [round(end, 2) for end in decades([0.01, 0.02])]
+    [-2.18, -1.18]
+    """
+    low = np.log10(min(values, default=1.0) / 1.5)
+    return [float(low), float(max(low + 1.0, np.log10(max(values, default=1.0) * 1.5)))]
 
 
 def rounded_log(values: FloatArray) -> list[float | None]:

@@ -14,7 +14,7 @@ import multiprocessing
 import traceback
 from collections.abc import Callable
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, Protocol
 
 from imu_recording.user_error import UserError
 
@@ -30,6 +30,39 @@ class JobError(UserError):
 
 class JobCancelled(Exception):  # noqa: N818 (not an error: the user wanted it)
     """The user has stopped it."""
+
+
+class Stoppable(Protocol):
+    """Something that goes on and that the user may stop."""
+
+    progress: str
+
+    def cancel(self) -> None:
+        """Stop it."""
+
+
+class Waiting:
+    """Waits for a lock that another tab holds."""
+
+    def __init__(self) -> None:
+        self.progress = 'waiting for another tab that is at it'
+        self._stopped = asyncio.Event()
+
+    def cancel(self) -> None:
+        """Give up."""
+        self._stopped.set()
+
+    async def acquire(self, lock: asyncio.Lock) -> None:
+        """Take the lock; raise JobCancelled where the user gave up before."""
+        taking = asyncio.ensure_future(lock.acquire())
+        stopping = asyncio.ensure_future(self._stopped.wait())
+        await asyncio.wait({taking, stopping}, return_when=asyncio.FIRST_COMPLETED)
+        stopping.cancel()
+        if self._stopped.is_set():
+            if taking.done():
+                lock.release()
+            taking.cancel()
+            raise JobCancelled
 
 
 class Job:

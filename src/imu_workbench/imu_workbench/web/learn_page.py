@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any
@@ -75,7 +75,7 @@ class LearnPage:
         with self._findings:
             ui.html('<h2>Diagnosis</h2>', sanitize=False)
             if state is None or state.version is None:
-                ui.label('Open bags first.').classes('soft')
+                ui.label(self._session.nothing_yet).classes('soft')
                 return
             found = state.diagnosis
             if found is None:
@@ -163,13 +163,7 @@ class LearnPage:
             told = self._catalogue.effects[name]
             ui.html(f'<h2>{escape(name.replace("_", " "))}</h2>', sanitize=False)
             ui.html(explanation_html(told), sanitize=False)
-            with ui.element('div').classes('chips'):
-                for rival in told['look_alikes']:
-                    if rival in self._catalogue.effects:
-                        button = ui.element('button').classes('chip').props('type=button')
-                        button.on('click', lambda _, rival=rival: self.explain(rival))
-                        with button:
-                            ui.label(f'looks like: {rival.replace("_", " ")}')
+            self._show_look_alikes(name, told['look_alikes'])
             place = ui.element('div').classes('fingerprint')
         if state is None or state.version is None:
             return
@@ -191,6 +185,22 @@ class LearnPage:
             at = view if view.sensor == sensor else type(view)(sensor, view.axis)
             plot.show(fingerprint_figure(found, version, at, timeline_of(state.bags)))
             self._plots = [plot]
+
+    def _show_look_alikes(self, name: str, rivals: Sequence[str]) -> None:
+        for rival in rivals:
+            if rival not in self._catalogue.effects:
+                continue
+            with ui.element('div').classes('rival'):
+                ui.label(f'Looks like {rival.replace("_", " ")}')
+                for label, act in (
+                    ('Explain', lambda _, rival=rival: self.explain(rival)),
+                    ('Which experiment tells them apart?',
+                     lambda _, rival=rival: self._plan(name, rival)),
+                ):  # fmt: skip
+                    button = ui.element('button').classes('chip').props('type=button')
+                    button.on('click', act)
+                    with button:
+                        ui.label(label)
 
     async def _plan(self, name: str, rival: str) -> None:
         proposal = await self._actions.next_profile(name, rival)

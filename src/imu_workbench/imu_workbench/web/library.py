@@ -7,12 +7,13 @@ import asyncio
 import hashlib
 import itertools
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import AbstractContextManager, asynccontextmanager
 from pathlib import Path
 from typing import Any
 
 from imu_workbench.web.bag_root import BagRoot
-from imu_workbench.web.job import Job
+from imu_workbench.web.job import Job, Stoppable, Waiting
 from imu_workbench.web.stored_bag import StoredBag
 
 KEPT = 200
@@ -28,6 +29,8 @@ class Library:
         self._numbers = itertools.count()
         self._results: OrderedDict[Any, Any] = OrderedDict()
         self._locks: dict[Any, asyncio.Lock] = {}
+        self.reading = asyncio.Lock()
+        """Bags are read one at a time: a long one takes a good part of the memory."""
 
     def fresh_path(self, suffix: str = '') -> Path:
         """Return a path in the scratch space that nobody uses."""
@@ -40,7 +43,7 @@ class Library:
 
     async def compute(
         self,
-        started: Callable[[Job], None],
+        show: Callable[[Stoppable], AbstractContextManager[None]],
         key: Any,
         function: Callable[..., Any],
         *arguments: Any,
@@ -50,17 +53,33 @@ class Library:
         Tabs that ask for the same at the same time wait for one of them.
         """
         full = (function.__name__, key)
-        async with self._locks.setdefault(full, asyncio.Lock()):
+        async with self.alone(self._locks.setdefault(full, asyncio.Lock()), show):
             if full in self._results:
                 self._results.move_to_end(full)
                 return self._results[full]
             job = Job(function, *arguments)
-            started(job)
-            value = await job.result()
+            with show(job):
+                value = await job.result()
             self._results[full] = value
             while len(self._results) > KEPT:
                 self._results.popitem(last=False)
             return value
+
+    @asynccontextmanager
+    async def alone(
+        self, lock: asyncio.Lock, show: Callable[[Stoppable], AbstractContextManager[None]]
+    ) -> AsyncIterator[None]:
+        """Hold a lock; while another tab has it, show that."""
+        if lock.locked():
+            waiting = Waiting()
+            with show(waiting):
+                await waiting.acquire(lock)
+        else:
+            await lock.acquire()
+        try:
+            yield
+        finally:
+            lock.release()
 
 
 def file_key(path: Path) -> tuple[str, int, int]:

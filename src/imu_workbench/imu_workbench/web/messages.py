@@ -5,7 +5,10 @@ from __future__ import annotations
 
 from nicegui import ui
 
-from imu_workbench.web.job import Job
+from imu_workbench.web.job import Stoppable
+
+MOST = 4
+"""Messages that stay."""
 
 
 class Messages:
@@ -32,6 +35,9 @@ class Messages:
                 close.on('click', row.delete)
                 with close:
                     ui.label('×')
+        row.move(target_index=0)
+        for child in list(self._place)[MOST:]:
+            child.delete()
 
     def clear(self) -> None:
         """Close all messages."""
@@ -42,12 +48,12 @@ class Work:
     """The jobs of a tab: what they do, and a button to stop each."""
 
     def __init__(self) -> None:
-        self.jobs: list[Job] = []
+        self.jobs: list[Stoppable] = []
         self._place = ui.element('div').classes('work').props('role=status aria-live=polite')
-        self._labels: dict[Job, ui.label] = {}
+        self._labels: dict[Stoppable, ui.label] = {}
         self._timer = ui.timer(0.25, self._tell, active=False)
 
-    def start(self, job: Job) -> None:
+    def start(self, job: Stoppable) -> None:
         """Show a job."""
         self.jobs.append(job)
         with self._place:
@@ -58,7 +64,7 @@ class Work:
                 ui.button('Cancel', on_click=job.cancel).props('no-caps flat dense')
         self._timer.activate()
 
-    def end(self, job: Job) -> None:
+    def end(self, job: Stoppable) -> None:
         """Take a job off the page."""
         if job in self.jobs:
             self.jobs.remove(job)

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from thermal_comp.conditions import SENSORS
 from imu_workbench.web.add_page import AddActions, AddPage
 from imu_workbench.web.channel_tiles import ChannelTiles
 from imu_workbench.web.compare_page import ComparePage
-from imu_workbench.web.job import Job
+from imu_workbench.web.job import Stoppable
 from imu_workbench.web.learn_page import LearnActions, LearnPage
 from imu_workbench.web.library import Library
 from imu_workbench.web.messages import Messages, Work
@@ -44,14 +45,16 @@ class Page:
         self._start = start
         self._look = Look()
         self._dark = ui.dark_mode(None)
-        self._tab = WorkbenchTab(library, Display(self._started, self._ended, self._say))
+        self._tab = WorkbenchTab(library, Display(self._show_work, self._say))
         self._build()
 
-    def _started(self, job: Job) -> None:
+    @contextmanager
+    def _show_work(self, job: Stoppable) -> Iterator[None]:
         self._work.start(job)
-
-    def _ended(self, job: Job) -> None:
-        self._work.end(job)
+        try:
+            yield
+        finally:
+            self._work.end(job)
 
     def _say(self, text: str) -> None:
         self._messages.say(text)

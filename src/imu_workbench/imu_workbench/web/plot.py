@@ -47,8 +47,11 @@ def options_of(figure: Figure, look: Look) -> dict[str, Any]:
         if key.startswith(('xaxis', 'yaxis')) and 'title' in axis:
             font = {'size': 12, **axis['title'].get('font', {})}
             layout[key] = {**axis, 'title': {**axis['title'], 'font': font}}
+        if key.startswith('yaxis') and 'overlaying' not in axis:
+            layout[key]['automargin'] = True
     layout['legend'] = {**layout.get('legend', {}), 'font': {'size': 11.5}, 'itemwidth': 30}
-    options = {'data': data, 'layout': layout, 'config': CONFIG}
+    config = CONFIG | {'displayModeBar': False} if look.narrow else CONFIG
+    options = {'data': data, 'layout': layout, 'config': config}
     result: dict[str, Any] = painted(options, look.theme)
     return result
 

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
 import socket
 from collections.abc import Callable
 from importlib.resources import files
@@ -84,4 +86,7 @@ def run_server(
         )
         Thread(target=warm_up, daemon=True).start()
         settings = uvicorn.Config(outer, log_level='warning', lifespan='on')
-        uvicorn.Server(settings).run(sockets=[listening])
+        # Being ended is the normal way to end: it must pass through here, where files are removed.
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        with contextlib.suppress(KeyboardInterrupt):
+            uvicorn.Server(settings).run(sockets=[listening])

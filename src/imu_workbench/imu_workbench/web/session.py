@@ -78,6 +78,11 @@ class Session:
         """The model looked at."""
         return self.state.version if self.state else None
 
+    @property
+    def nothing_yet(self) -> str:
+        """Why there is no model to look at."""
+        return 'The first model is being fitted …' if self.state else 'Open bags first.'
+
     def sensors(self) -> list[str]:
         """Return the sensors of the model looked at, in the order of the tables."""
         known = self.version.comparison['sensors'] if self.version else {}

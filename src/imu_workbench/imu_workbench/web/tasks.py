@@ -44,8 +44,10 @@ def read_task(progress: Progress, path: Path, folder: Path) -> list[StoredBag]:
 
 def prepare_task(progress: Progress, bags: Sequence[StoredBag], target: Path) -> None:
     """Prepare the runs of one device and keep them in a file."""
-    progress('taking 20 s means')
-    runs = prepare([bag.recording() for bag in bags])
+    runs: list[PreparedRun] = []
+    for bag in bags:
+        progress(f'taking 20 s means of {bag.run}')
+        runs += prepare([bag.recording()])
     with target.open('wb') as file:
         pickle.dump(runs, file, protocol=5)
 
@@ -134,7 +136,7 @@ def diagnose_task(
     progress('diagnosing')
     catalogue = effect_catalogue(effect_files)
     model = model_from_text(model_text, catalogue)
-    found = diagnose([bag.recording() for bag in bags], model, catalogue=catalogue)
+    found = diagnose((bag.recording() for bag in bags), model, catalogue=catalogue)
     content: dict[str, Any] = plain(found.content())
     return content
 

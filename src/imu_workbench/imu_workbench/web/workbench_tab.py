@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from thermal_comp.experiment_design import Limits
 from imu_workbench.web import tasks
 from imu_workbench.web.catalogue import Catalogue, effects_task
 from imu_workbench.web.fingerprint import Fingerprint, fingerprint_task
-from imu_workbench.web.job import Job, JobCancelled, JobError
+from imu_workbench.web.job import JobCancelled, JobError, Stoppable
 from imu_workbench.web.library import Library, file_key
 from imu_workbench.web.next_profile import next_profile_task
 from imu_workbench.web.report_task import report_task
@@ -27,8 +27,7 @@ from imu_workbench.web.stored_bag import StoredBag, with_unique_runs
 class Display:
     """How a tab shows work and messages."""
 
-    started: Callable[[Job], None]
-    ended: Callable[[Job], None]
+    work: Callable[[Stoppable], AbstractContextManager[None]]
     say: Callable[[str], None]
 
 
@@ -44,8 +43,8 @@ class WorkbenchTab:
     async def open_bags(self, paths: Sequence[str | Path]) -> bool:
         """Read bags and make their devices known; True where there are new ones."""
         stored: list[StoredBag] = []
-        for found in await asyncio.gather(*(self._read(path) for path in paths)):
-            stored += found
+        for path in paths:
+            stored += await self._read(path)
         known = {bag.folder for state in self.session.devices.values() for bag in state.bags}
         stored = [bag for bag in stored if bag.folder not in known]
         if not stored:
@@ -68,7 +67,11 @@ class WorkbenchTab:
             self._display.say(str(error))
             return []
         folder = self.library.fresh_path()
-        found = await self._do(file_key(located), tasks.read_task, located, folder)
+        try:
+            async with self.library.alone(self.library.reading, self._display.work):
+                found = await self._do(file_key(located), tasks.read_task, located, folder)
+        except JobCancelled:
+            return []
         return found or []
 
     async def first_version(self, model_text: str | None = None) -> bool:
@@ -163,19 +166,10 @@ class WorkbenchTab:
 
     async def _do(self, key: Any, function: Callable[..., Any], *arguments: Any) -> Any:
         """Return the value of a task, None where it failed or was stopped; say why."""
-        begun: list[Job] = []
-
-        def started(job: Job) -> None:
-            begun.append(job)
-            self._display.started(job)
-
         try:
-            return await self.library.compute(started, key, function, *arguments)
+            return await self.library.compute(self._display.work, key, function, *arguments)
         except JobError as error:
             self._display.say(str(error).replace(f'{self.library.folder}/', ''))
         except JobCancelled:
             pass
-        finally:
-            for job in begun:
-                self._display.ended(job)
         return None
