@@ -17,7 +17,7 @@ from .test_compensator import columns, model_of, stream
 
 DEVICE = sorted(name for name, effect in EFFECTS.items() if effect.kind == 'device')
 NEEDING = sorted(name for name in DEVICE if EFFECTS[name].channels)
-ROWS = 160
+ROWS = 120
 
 
 @pytest.fixture(scope='module')
@@ -62,8 +62,8 @@ def test_stream_equals_recording_wherever_it_is_cut(
     assert size > 0.0
     expected = columns(compensate(recording, model_of(name)))
     generator = np.random.default_rng(DEVICE.index(name))
-    cuts = tuple(sorted(generator.choice(np.arange(1, ROWS), 12, replace=False).tolist()))
-    for places in ((), (1, 2), (40, 41), cuts):
+    anywhere = generator.choice(np.arange(3, ROWS), 12, replace=False)
+    for places in ((), tuple(sorted({1, 2, 40, 41, *anywhere.tolist()}))):
         found = stream(recording, model_of(name), cuts=places, path=tmp_path / 'state.json')
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * size)
 

@@ -15,6 +15,7 @@ from imu_driver.simulated_catalogue import draw_device
 from imu_driver.simulated_effect import Truth
 from imu_driver.simulated_hidden import hide_anything, random_name
 from imu_driver.simulated_run import DeviceRun
+from imu_recording.user_error import UserError
 
 from imu_recording import ImuRecording
 from imu_workbench.experiment import ORIENTATIONS, Logging, prepare_campaign, record_campaign
@@ -128,10 +129,15 @@ def find_truth(folder: Path) -> tuple[dict[str, Any], list[Path]]:
     """Return the truth in a folder and the bags it is about."""
     for name in (TRUTH_FILE, BUNDLED_TRUTH_FILE):
         if (folder / name).is_file():
-            truth = json.loads((folder / name).read_text('utf-8'))
-            return truth, [folder / bag for bag in truth['bags']]
+            return _read_truth(folder / name)
     raise FileNotFoundError(
         2, 'no truth here; `simulate … --hide` writes one beside its bags', str(folder)
     )
 
 
+def _read_truth(path: Path) -> tuple[dict[str, Any], list[Path]]:
+    try:
+        truth = json.loads(path.read_text('utf-8'))
+        return truth, [path.parent / bag for bag in truth['bags']]
+    except (ValueError, KeyError, TypeError) as error:
+        raise UserError(f'{path}: not what `simulate … --hide` writes ({error})') from None

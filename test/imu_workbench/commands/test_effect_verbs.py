@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verbs about effects, through the front end: answers, files, one line for every mistake."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from chamber_profile.profile import load_profile
+from imu_workbench.__main__ import main
+from thermal_comp.effects import EFFECTS
+from thermal_comp.model_file import load_model
+
+from imu_recording import write_bag
+
+OWN = '''
+from dataclasses import dataclass
+import numpy as np
+from thermal_comp.effects.effect import Effect, shape_parameter
+
+@dataclass(frozen=True)
+class DailyRhythm(Effect):
+    """The room's rhythm."""
+    period: float = shape_parameter(3000.0, unit='s', bounds=(600.0, 9000.0))
+    name = 'daily_rhythm'
+    equation = 'error = a · sin(2πt/P)'
+    coefficient_units = ('{unit}',)
+    mechanism = 'Air conditioning.'
+    separation = 'Leave the profile out.'
+    typical_size = 'small'
+    reference = 'none'
+
+    def columns(self, conditions, state=None):
+        return np.sin(2 * np.pi * conditions.time / self.period)[:, None], None
+'''
+Answer = Callable[..., tuple[int, dict[str, Any], str]]
+
+
+@pytest.fixture(scope='module')
+def bag(run, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One run whose gyroscope lags behind the thermometer by 100 s."""
+    recording = run(cycles=4)
+    lagged = np.empty_like(recording.temperature)
+    level = lagged[0] = recording.temperature[0]
+    for i, value in enumerate(recording.temperature.tolist()):
+        level += (value - level) / 100.0
+        lagged[i] = level
+    error = np.outer(lagged - recording.temperature, [3e-4, -2e-4, 1e-4])
+    path = tmp_path_factory.mktemp('lag') / 'z'
+    write_bag(replace(recording, angular_velocity=recording.angular_velocity + error), path)
+    return path
+
+
+@pytest.fixture
+def answer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Answer:
+    def ask(*arguments: object) -> tuple[int, dict[str, Any], str]:
+        target = tmp_path / 'answer.json'
+        target.unlink(missing_ok=True)
+        code = main([*map(str, arguments), '--json', str(target)])
+        shown = capsys.readouterr()
+        content = json.loads(target.read_text()) if target.exists() else {}
+        return code, content, shown.err if code == 2 else shown.out
+
+    return ask
+
+
+@pytest.fixture(scope='module')
+def model(bag: Path) -> Path:
+    target = bag.parent / 'line.yaml'
+    assert main(['fit', str(bag), '-o', str(target)]) == 0
+    return target
+
+
+def refuses(answer: Answer, *arguments: object) -> str:
+    """Return the one line that says what is wrong."""
+    code, content, line = answer(*arguments)
+    assert code == 2
+    assert not content
+    assert line.count('\n') == 1
+    return line
+
+
+def test_add_places_the_effect_where_it_is_and_the_error_falls(
+    bag: Path, model: Path, tmp_path: Path, answer: Answer
+) -> None:
+    grown = tmp_path / 'grown.yaml'
+    code, content, text = answer('add', 'thermal_lag', bag, '--model', model, '-o', grown)
+    assert code == 0
+    (step,) = content['steps']
+    assert (step['added'], step['sensor']) == ('thermal_lag', 'gyroscope')
+    assert step['error_after'] < 1.2 * step['noise_floor'] < 0.5 * step['error_before']
+    assert 'thermal_lag' in text
+    after, before = load_model(grown), load_model(model)
+    fitted = after.sensors['gyroscope'].effects[-1]
+    assert abs(fitted.shape_parameters['time_constant'] - 100.0) < 10.0
+    assert 'thermal_lag' not in {e.name for e in after.sensors['accelerometer'].effects}
+    (kept,) = after.history
+    assert kept.sensors['gyroscope'].effects == before.sensors['gyroscope'].effects
+
+
+def test_auto_adds_until_nothing_is_missing(bag: Path, tmp_path: Path, answer: Answer) -> None:
+    target = tmp_path / 'auto.yaml'
+    code, content, _ = answer('auto', bag, '-o', target)
+    assert code == 0
+    assert content['steps']
+    first = content['steps'][0]
+    assert set(first) >= {'added', 'error_before', 'error_after', 'noise_floor'}
+    assert first['error_after'] < first['error_before']
+    named = {first['added'], *first['ambiguous_with']}
+    assert named & {'thermal_lag', 'thermal_lag_two_stage'}
+    assert content['verdict'] in ('complete', 'ambiguous')
+    held = {effect.name for effect in load_model(target).sensors['gyroscope'].effects}
+    assert first['added'] in held
+
+
+def test_mistakes_of_add_and_auto_are_one_line(
+    bag: Path, model: Path, tmp_path: Path, answer: Answer
+) -> None:
+    out = tmp_path / 'm.yaml'
+    line = refuses(answer, 'add', 'magic', bag, '-o', out)
+    assert "'magic' is not known; known: bias_temperature" in line
+    line = refuses(answer, 'add', 'supply_sensitivity', bag, '-o', out)
+    assert 'supply_voltage, which was not logged' in line
+    line = refuses(answer, 'add', 'heater_hard_iron', bag, '--sensor', 'gyroscope', '-o', out)
+    assert 'heater' in line
+    line = refuses(answer, 'auto', bag, '--model', tmp_path / 'none.yaml', '-o', out)
+    assert 'none.yaml' in line
+    assert 'no such file' in refuses(answer, 'auto', tmp_path / 'nothing', '-o', out)
+    assert not out.exists()
+
+
+def test_an_effect_of_ones_own_is_checked_explained_and_added(
+    bag: Path, tmp_path: Path, answer: Answer
+) -> None:
+    file = tmp_path / 'rhythm.py'
+    file.write_text(OWN)
+    code, content, text = answer('check-effect', file)
+    assert (code, content) == (0, {'effects': {'daily_rhythm': []}, 'ok': True})
+    assert 'keeps the contract' in text
+    _, content, text = answer('explain', 'daily_rhythm', '--effects', file)
+    assert 'a · sin(2πt/P)' in text
+    assert content['parameters']['period']['bounds'] == [600.0, 9000.0]
+    grown = tmp_path / 'grown.yaml'
+    code, _, _ = answer('add', 'daily_rhythm', bag, '--effects', file, '-o', grown)
+    assert code == 0
+    assert "'daily_rhythm' is not in the catalogue" in refuses(
+        answer, 'compare', bag, '--model', grown
+    )
+
+
+def test_an_effect_that_breaks_the_contract_is_told_where(tmp_path: Path, answer: Answer) -> None:
+    file = tmp_path / 'broken.py'
+    file.write_text(OWN.replace('conditions.time /', 'conditions.time[::-1] /'))
+    code, content, text = answer('check-effect', file)
+    assert code == 1
+    assert content['ok'] is False
+    assert content['effects']['daily_rhythm']
+    assert 'breaks the contract' in text
+    file.write_text(OWN.replace("'daily_rhythm'", "'thermal_lag'"))
+    code, content, _ = answer('check-effect', file)
+    assert code == 1
+    assert any('already' in p for p in content['effects']['thermal_lag'])
+
+
+@pytest.mark.parametrize(
+    ('text', 'reason'),
+    [
+        (None, 'no such file'),
+        ('x = 1\n', 'no'),
+        ('def columns(:\n', 'broken.py'),
+        ('import nothing_like_this\n', 'nothing_like_this'),
+    ],
+)
+def test_files_that_hold_no_effect_are_refused(
+    tmp_path: Path, answer: Answer, text: str | None, reason: str
+) -> None:
+    file = tmp_path / 'broken.py'
+    if text is not None:
+        file.write_text(text)
+    assert reason in refuses(answer, 'check-effect', file)
+
+
+@pytest.mark.parametrize('name', sorted(EFFECTS))
+def test_every_effect_is_explained_with_all_it_has(name: str, answer: Answer) -> None:
+    code, content, text = answer('explain', name)
+    assert code == 0
+    effect = EFFECTS[name]
+    for part in (effect.equation, effect.separation, effect.typical_size, effect.reference):
+        assert part
+        assert part.split()[0] in text
+    for parameter in effect().shape_parameters:
+        assert parameter in text
+        low, high = content['parameters'][parameter]['bounds']
+        assert low < high
+    for channel in effect.channels:
+        assert channel in text
+
+
+def test_the_catalogue_goes_to_a_file(tmp_path: Path, answer: Answer) -> None:
+    target = tmp_path / 'physics.md'
+    code, content, _ = answer('explain', '--all', '-o', target)
+    assert code == 0
+    assert set(content) == set(EFFECTS)
+    written = target.read_text()
+    assert all(name in written for name in EFFECTS)
+    assert "'magic' is not known" in refuses(answer, 'explain', 'magic')
+
+
+def test_the_next_experiment_runs_in_the_chamber(
+    model: Path, tmp_path: Path, answer: Answer
+) -> None:
+    target = tmp_path / 'next.yaml'
+    code, content, _ = answer(
+        'next-experiment',
+        'thermal_lag',
+        'temperature_rate',
+        '--model',
+        model,
+        '--range',
+        '0',
+        '45',
+        '--max-rate',
+        '1.5',
+        '--hours',
+        '10',
+        '-o',
+        target,
+    )
+    assert code == 0
+    assert content['evidence_after'] >= content['evidence_before'] > 0.0
+    assert content['separable'] is (content['evidence_after'] >= 20.0)
+    assert content['separable'] or content['actions']
+    profile = load_profile(target)
+    assert profile.name == 'thermal_lag_or_temperature_rate'
+    code, planned, text = answer('plan', target)
+    assert code == 0
+    assert 'no violation of the limits' in text
+    assert content['repeats'] >= 3
+    assert content['hours'] <= 10.0
+    assert planned
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'reason'),
+    [
+        (('thermal_lag', 'magic'), "'magic' is not known"),
+        (('thermal_lag', 'thermal_lag'), 'the same effect'),
+        (('thermal_lag', 'temperature_rate', '--hours', '1'), 'too short'),
+        (('thermal_lag', 'temperature_rate', '--hours', '-1'), 'more than 0'),
+        (('thermal_lag', 'temperature_rate', '--max-rate', '0'), 'more than 0'),
+        (('thermal_lag', 'temperature_rate', '--range', '30', '50'), 'LOW < 20'),
+        (('g_sensitivity_temperature', 'heater_hard_iron'), 'no common sensor'),
+    ],
+)
+def test_experiments_that_cannot_be_are_refused(
+    model: Path, tmp_path: Path, answer: Answer, arguments: tuple[str, ...], reason: str
+) -> None:
+    target = tmp_path / 'next.yaml'
+    line = refuses(answer, 'next-experiment', *arguments, '--model', model, '-o', target)
+    assert reason in line
+    assert not target.exists()
+
+
+def test_reveal_needs_a_secret(tmp_path: Path, answer: Answer) -> None:
+    assert 'no truth here' in refuses(answer, 'reveal', tmp_path)
+    assert 'no' in refuses(answer, 'reveal', tmp_path / 'nowhere')
+    truth = tmp_path / '.truth.json'
+    for text in ('{"schema": 1', '[]', '{}'):
+        truth.write_text(text)
+        assert str(truth) in refuses(answer, 'reveal', tmp_path)
