@@ -36,6 +36,8 @@ DOMAIN = '87'
 """ROS domain of the live picture, away from the user's."""
 SPEED = 10.0
 """How much faster than in a laboratory the chamber of the live picture is."""
+SECTION = 'diagnosis'
+"""Part of the report that is shown."""
 WATCHED_MS = 70_000
 """How long the live view is left to fill."""
 
@@ -167,13 +169,17 @@ def photograph_live(browser: Browser) -> None:
 
 
 def photograph_report(browser: Browser) -> None:
-    """Show the top of a report."""
+    """Show what a report says is missing."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / 'report.html'
-        command = [*WORKBENCH, 'report', *BAGS, '-o', path]
+        command = [*WORKBENCH, 'report', *BAGS, '--no-attitude', '-o', path]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-        page = open_page(browser, path.as_uri())
-        page.locator('.js-plotly-plot .main-svg').first.wait_for(state='attached')
+        page = open_page(browser, f'{path.as_uri()}#{SECTION}')
+        figure = page.locator(f'#{SECTION} .js-plotly-plot .main-svg').first
+        for _ in range(3):  # figures above are drawn on the way and may move it
+            figure.wait_for()
+            page.locator(f'#{SECTION}').evaluate('part => part.scrollIntoView()')
+            page.wait_for_timeout(2000)
         save(page, 'report')
 
 
