@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A course over time that the noise model follows is betrayed by the axes it is common to."""
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from thermal_comp.diagnose_bank import ColumnBank, ColumnSource
+from thermal_comp.diagnose_coherence import coherence
+from thermal_comp.diagnose_dependence import COHERENT, IN_STEP
+from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.noise import fit_noise
+from thermal_comp.preparation import prepare
+
+from .campaign import WHITE, chamber, run
+
+HOUR = 3600.0
+GAINS = np.array([1.2, -0.7, 0.9])
+
+
+@lru_cache
+def bank_with(course: Callable[[np.ndarray, int], np.ndarray] | None, seed: int) -> ColumnBank:
+    """Return the gyroscope's bank of three runs with a course of twice the noise of 1 s means."""
+    size = 2.0 * WHITE['angular_velocity']
+    runs = []
+    for number, up in enumerate(('+x', '+y', '+z')):
+        wave = course(chamber(period=20.0)[0], number) if course else np.zeros(1)
+        error = {'angular_velocity': size * np.multiply.outer(wave, GAINS)} if course else None
+        runs.append(run(up, seed=10 * seed + number, period=20.0, error=error))
+    prepared = prepare(runs)
+    noise = fit_noise(prepared, 'gyroscope')
+    return ColumnBank(ColumnSource(prepared), 'gyroscope', noise, [BiasTemperature()])
+
+
+def rhythm(time: np.ndarray, number: int) -> np.ndarray:
+    """A wave of 3.5 h that every run repeats."""
+    del number
+    return np.sin(2.0 * np.pi * time / (3.5 * HOUR) + 1.0)
+
+
+def wander(time: np.ndarray, number: int) -> np.ndarray:
+    """A supply that wanders anew in every run."""
+    steps = np.random.default_rng(70 + number).standard_normal(len(time))
+    keep = np.exp(-20.0 / HOUR)
+    level = np.empty(len(time))
+    state = 0.0
+    for i, step in enumerate(steps):
+        state = keep * state + np.sqrt(1.0 - keep**2) * step
+        level[i] = state
+    return level
+
+
+@pytest.mark.parametrize('seed', range(2))
+def test_noise_has_nothing_in_common(seed: int) -> None:
+    assert coherence(bank_with(None, seed)).evidence < 0.5 * COHERENT
+
+
+def test_a_rhythm_is_common_to_axes_and_runs() -> None:
+    found = coherence(bank_with(rhythm, 5))
+    assert found.axes > COHERENT
+    assert found.runs > IN_STEP
+
+
+def test_a_supply_is_common_to_axes_only() -> None:
+    found = coherence(bank_with(wander, 6))
+    assert found.axes > COHERENT
+    assert found.runs < IN_STEP
+
+
+def test_nothing_is_common_once_the_course_is_known() -> None:
+    bank = bank_with(rhythm, 5)
+    waves = bank.generic_terms(
+        [(lambda r: np.column_stack([rhythm(r.time, 0), rhythm(r.time + 0.9 * HOUR, 0)]), False)]
+    )
+    assert coherence(bank, waves).evidence < 0.5 * COHERENT
