@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Effects that look alike are told apart by what only one of them does."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from thermal_comp.diagnose import diagnose
+from thermal_comp.diagnose_result import Finding
+from thermal_comp.effects import EFFECTS
+
+from imu_recording import ImuRecording
+
+from .campaign import FIELD, GRAVITY, PERIOD, chamber, lagging, run
+
+UP = ('+x', '+y', '+z')
+HEAT = ('thermal_lag', 'thermal_lag_two_stage', 'temperature_rate', 'thermal_hysteresis')
+TURNS = ('scale_factor_temperature', 'misalignment_temperature', 'fixture_tilt')
+
+
+def findings(recordings: Sequence[ImuRecording], names: Sequence[str]) -> list[Finding]:
+    """Return what is found of a part of the catalogue."""
+    catalogue = {name: EFFECTS[name] for name in names}
+    return [f for f in diagnose(recordings, catalogue=catalogue).findings if f.kind == 'effect']
+
+
+def in_gyroscope(process: np.ndarray) -> list[ImuRecording]:
+    """Return three runs whose gyroscope feels a process (n,), differently on its axes."""
+    error = np.multiply.outer(process, np.array([1.0, -0.6, 0.8]))
+    return [run(up, seed=k, error={'angular_velocity': error}) for k, up in enumerate(UP)]
+
+
+def test_a_lag_is_no_rate_and_no_pair_of_lags() -> None:
+    die = chamber()[1]
+    (found,) = findings(in_gyroscope(2e-4 * (lagging(die, 90.0, PERIOD) - die)), HEAT)
+    assert found.name == 'thermal_lag'
+    assert 'temperature_rate' not in found.ambiguous_with
+    fitted = found.parameters['time_constant']
+    assert fitted['value'] == pytest.approx(90.0, abs=4.0 * fitted['std'])
+
+
+def test_a_rate_is_no_short_lag() -> None:
+    time, die, *_ = chamber()
+    (found,) = findings(in_gyroscope(2e-2 * np.gradient(die, time)), HEAT)
+    assert found.name == 'temperature_rate'
+    assert found.ambiguous_with == ()
+
+
+def test_two_lags_far_apart_are_two() -> None:
+    die = chamber()[1]
+    fast, slow = lagging(die, 60.0, PERIOD) - die, lagging(die, 1500.0, PERIOD) - die
+    (found,) = findings(in_gyroscope(4e-4 * fast + 1e-4 * slow), HEAT)
+    assert found.name == 'thermal_lag_two_stage'
+
+
+def test_a_step_between_the_times_tried_is_found_where_it_is() -> None:
+    time = chamber()[0]
+    recordings = [run(up, seed=k) for k, up in enumerate(UP)]
+    slip = 6e-4 * (time >= 19_730.0)[:, None] * np.array([1.0, -1.0, 0.7])
+    recordings[1] = run('+y', seed=1, error={'angular_velocity': slip})
+    (found,) = findings(recordings, ('bias_step', 'bias_drift', 'bias_creep', 'warm_up'))
+    assert (found.name, found.sensor) == ('bias_step', 'gyroscope')
+    assert found.parameters['step_time']['value'] == pytest.approx([19_730.0], abs=60.0)
+
+
+def turned(rate: float, *, field_too: bool) -> list[ImuRecording]:
+    """Return runs on a bracket that turns about two chamber axes by rate [rad/K] of heat each."""
+    warmth = chamber()[1] - 20.0
+    recordings = []
+    for k, up in enumerate(UP):
+        pose = np.roll(np.eye(3), k + 1, axis=0)
+        turn = pose @ np.array([1.0, -1.0, 0.0])
+        gravity, field = pose @ np.array([0.0, 0.0, GRAVITY]), pose @ FIELD
+        error = {'linear_acceleration': rate * np.multiply.outer(warmth, np.cross(turn, gravity))}
+        if field_too:
+            error['magnetic_field'] = rate * np.multiply.outer(warmth, np.cross(turn, field))
+        recordings.append(run(up, seed=k, error=error))
+    return recordings
+
+
+def test_the_magnetometer_tells_a_tilt_from_a_scale_factor() -> None:
+    (tilt,) = findings(turned(1e-4, field_too=True), TURNS)
+    assert (tilt.name, tilt.sensor) == ('fixture_tilt', 'accelerometer+magnetometer')
+    (scale,) = findings(turned(1e-4, field_too=False), TURNS)
+    assert (scale.name, scale.sensor) == ('scale_factor_temperature', 'accelerometer')
+    assert scale.ambiguous_with == ()
