@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A finding's line names the threshold where there is one, and none where there is not."""
+"""What a diagnosis says in words: thresholds where there are some, verdict first, advice last."""
 
 import pytest
 from imu_workbench.diagnosis_text import diagnosis_text
@@ -14,3 +14,33 @@ def test_only_a_real_threshold_is_named(threshold: float, weight: str) -> None:
     finding = Finding('data_quality', 'stuck_value', 'gyroscope', 260.0, threshold, text=text)
     lines = diagnosis_text(Diagnosis('dut1', (finding,), {}, {}, (), ()).content()).splitlines()
     assert lines[1] == f'  {text} {weight}'
+
+
+@pytest.mark.parametrize(
+    ('finding', 'summary', 'next_step'),
+    [
+        (
+            Finding(
+                'effect', 'thermal_lag', 'gyroscope', 99.0, ambiguous_with=('temperature_rate',)
+            ),
+            'thermal_lag or temperature_rate (gyroscope)',
+            'next-experiment thermal_lag temperature_rate',
+        ),
+        (
+            Finding('unlogged', None, 'magnetometer', 99.0, depends_on='supply'),
+            'depends on supply (magnetometer)',
+            'log imu/supply_voltage',
+        ),
+        (
+            Finding('unexplained', None, 'gyroscope', 99.0, depends_on='time'),
+            'depends on time (gyroscope)',
+            'residual over time',
+        ),
+    ],
+)
+def test_first_line_and_last_say_what_is_wrong_and_what_to_do(
+    finding: Finding, summary: str, next_step: str
+) -> None:
+    lines = diagnosis_text(Diagnosis('dut1', (finding,), {}, {}, (), ()).content()).splitlines()
+    assert lines[0].endswith(summary)
+    assert next_step in lines[-1]

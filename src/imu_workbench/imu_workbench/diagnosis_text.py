@@ -23,7 +23,7 @@ VERDICTS = {
 def diagnosis_text(content: Mapping[str, Any]) -> str:
     """Return the diagnosis (the dictionary that --json writes) as lines."""
     name = content.get('device') or 'device'
-    lines = [f'{name}: {VERDICTS[content["verdict"]]}']
+    lines = [f'{name}: {VERDICTS[content["verdict"]]}{_summary(content)}']
     for finding in content['findings']:
         lines += _finding_lines(finding)
     for sensor, state in content['sensors'].items():
@@ -44,6 +44,20 @@ def diagnosis_text(content: Mapping[str, Any]) -> str:
     lines += [f'  note: {text}' for text in content['notes']]
     lines += [f'  next: {text}' for text in advice(content)]
     return '\n'.join(lines)
+
+
+def _summary(content: Mapping[str, Any]) -> str:
+    """Return what the verdict is about, in a few words."""
+    kinds = {'missing': 'effect', 'ambiguous': 'effect'}
+    wanted = kinds.get(content['verdict'], content['verdict'])
+    parts = []
+    for finding in content['findings']:
+        if finding['kind'] != wanted:
+            continue
+        names = [finding['name'], *finding['ambiguous_with']]
+        what = ' or '.join(n for n in names if n) or f'depends on {finding["depends_on"]}'
+        parts.append(f'{what} ({finding["sensor"]})')
+    return f': {", ".join(parts)}' if parts else ''
 
 
 def _undecided_lines(undecided: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -104,5 +118,8 @@ def _number(value: Any) -> str:
 
 
 def _place(where: Mapping[str, Any]) -> str:
+    ratio = f'{where["ratio"]:.1f} × floor'
+    if set(where) - {'ratio', 'rms'} == {'phase', 'cycle'}:
+        return f'{where["phase"]} {where["cycle"]} {ratio}'
     parts = [f'{key} {value}' for key, value in where.items() if key not in {'ratio', 'rms'}]
-    return f'{", ".join(parts)} {where["ratio"]:.1f} × floor'
+    return f'{", ".join(parts)} {ratio}'

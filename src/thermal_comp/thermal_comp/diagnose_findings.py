@@ -145,8 +145,7 @@ def noise_finding(
     state = current.sensors[sensor]
     white = f'white × {above.white_ratio:.2f}, ' if bandwidth_known else ''
     text = (
-        f'{sensor}: noise above the reference, {white}'
-        f'bias instability × {above.flicker_ratio:.2f}'
+        f'{sensor}: noise above the reference, {white}bias instability × {above.flicker_ratio:.2f}'
     )
     return Finding(
         'noise',
