@@ -26,7 +26,7 @@ _REQUIRED = {
 
 
 class ProfileError(UserError):
-    """A profile that cannot be run; the message has one line per error, with its place."""
+    """A profile that cannot be run; one error per line, each with its place."""
 
 
 @cache
@@ -44,7 +44,7 @@ def checked_content(text: str, source: str) -> dict[str, Any]:
         raise ProfileError(f'{source}: {error}') from error
     problems = content_problems(located)
     if problems:
-        raise ProfileError('\n'.join(f'{source}:{line}: {what}' for line, what in problems))
+        raise ProfileError(';\n'.join(f'{source}:{line}: {what}' for line, what in problems))
     content: dict[str, Any] = located.content
     return content
 
