@@ -76,24 +76,27 @@ def judge(case: Case) -> dict[str, Any]:
 
 def cases(magnitudes: Sequence[float], seeds: int, same_chamber: bool) -> list[Case]:
     """Return what is to be done, every kind of table early."""
-    step = SAME_CHAMBER if same_chamber else 1
     hidden = [n for n in HIDEABLE if n not in (*QUALITY, CLOCK, NOTHING)]
     # Those with shape parameters first: they fill every table.
     known = [n for n in hidden if n in EFFECTS]
     known.sort(key=lambda name: not EFFECTS[name]().shape_parameters)
     beyond = [n for n in hidden if n not in EFFECTS]
-    rounds: list[Case] = []
-    for k in range(seeds):
-        seed = 104 + step * k
-        groups: list[list[Case]] = [[(n, m, seed, 1.0) for n in known] for m in magnitudes]
-        groups.append([(n, 3.0, seed, 1.0) for n in beyond])
-        groups.append([(NOTHING, 0.0, 904 + step * (3 * k + j), b) for j, b in NULLS])
-        groups.append([('+'.join(pair), 3.0, seed, 1.0) for pair in PAIRS])
-        rounds += [c for c in chain.from_iterable(zip_longest(*groups)) if c is not None]
-    return rounds
+    names = [(n, m, 1.0) for m in magnitudes for n in known]
+    groups = [names[i : i + len(known)] for i in range(0, len(names), len(known))]
+    groups.append([(n, 3.0, 1.0) for n in beyond])
+    groups.append([(NOTHING, 0.0, factor) for factor in NULLS])
+    groups.append([('+'.join(pair), 3.0, 1.0) for pair in PAIRS])
+    kinds = [kind for kind in chain.from_iterable(zip_longest(*groups)) if kind is not None]
+    # Every campaign has a device and a draw of noise of its own.
+    step = SAME_CHAMBER if same_chamber else 1
+    return [
+        (name, magnitude, 104 + step * number, factor)
+        for number, (name, magnitude, factor) in enumerate(kinds * seeds)
+    ]
 
 
-NULLS = tuple(enumerate((0.5, 1.0, 2.0)))
+NULLS = (0.5, 1.0, 2.0)
+"""Factors on the bias instability where nothing is hidden."""
 
 
 def results(todo: Sequence[Case], workers: int, until: float) -> Iterator[dict[str, Any]]:

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Make thresholds.yaml: the evidence effects reach in campaigns in which nothing is hidden.
+
+Most campaigns are draws of the noise fitted to simulated devices, on the regressors of their own
+simulated campaigns; some go through the whole simulator, whose flicker noise is not of the
+model's family. Bias instability varies from half to twice that of the device. Every line of the
+file is one batch, so that an interrupted run goes on where it stopped.
+
+    python benchmarks/thresholds.py                    the table as text
+    python benchmarks/thresholds.py --write            into src/thermal_comp/…/thresholds.yaml
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from imu_workbench.experiment_hidden import practice_campaign
+from thermal_comp.conditions import Sensor
+from thermal_comp.diagnose_bank import ColumnBank, ColumnSource
+from thermal_comp.diagnose_calibration import QUANTILE, reached_without_effect, tail_quantile
+from thermal_comp.diagnose_candidates import families
+from thermal_comp.diagnose_search import Search
+from thermal_comp.diagnose_thresholds import EVERYWHERE
+from thermal_comp.effects import EFFECTS
+from thermal_comp.fit import usable_sensors
+from thermal_comp.model import NoiseModel
+from thermal_comp.noise import fit_noise
+from thermal_comp.preparation import prepare
+from thermal_comp.prepared_run import PreparedRun
+
+import thermal_comp
+
+FACTORS = (0.5, 1.0, 2.0)
+"""On the bias instability."""
+MARGIN = 5.0
+MEAN_S = 20.0
+FOLDER = Path('.benchmarks')
+TABLE = Path(thermal_comp.__file__).with_name('thresholds.yaml')
+LINE = (EFFECTS['bias_temperature'](),)
+
+Reached = dict[str, list[float]]
+
+
+def campaign(seed: int, factor: float = 1.0) -> list[PreparedRun]:
+    """Return a simulated campaign of a device drawn from the class, nothing hidden."""
+    recordings, _ = practice_campaign([], seed=seed, mean_s=MEAN_S, bias_instability=factor)
+    return prepare(recordings)
+
+
+def louder(noise: NoiseModel, factor: float) -> NoiseModel:
+    """Return the noise with its coloured part multiplied."""
+    return replace(noise, amplitudes=noise.amplitudes * factor)
+
+
+def drawn(seed: int, factor: float, draws: int) -> Reached:
+    """Return what effects reach in draws of the noise fitted to a simulated campaign."""
+    runs = campaign(seed)
+    sensors, _ = usable_sensors(runs)
+    noise: dict[Sensor, NoiseModel] = {s: louder(fit_noise(runs, s), factor) for s in sensors}
+    lines = dict.fromkeys(sensors, LINE)
+    found = reached_without_effect(runs, noise, lines, EFFECTS, draws, seed)
+    return {name: values.round(2).tolist() for name, values in found.items()}
+
+
+def simulated(seed: int, factor: float) -> Reached:
+    """Return what effects reach in one campaign that goes through the whole simulator."""
+    runs = campaign(seed, factor)
+    source = ColumnSource(runs)
+    reached: Reached = defaultdict(list)
+    for sensor in usable_sensors(runs)[0]:
+        bank = ColumnBank(source, sensor, fit_noise(runs, sensor), LINE)
+        for rated in Search(bank, families(bank, EFFECTS)).ranking([]):
+            reached[rated.name].append(round(rated.evidence, 2))
+    return dict(reached)
+
+
+def batches(campaigns: int, draws: int, simulations: int) -> Iterator[dict[str, Any]]:
+    """Yield what is to be done, in an order that makes every part grow."""
+    for number in range(max(campaigns, simulations)):
+        for factor in FACTORS:
+            if number < campaigns:
+                yield {'kind': 'drawn', 'seed': 700 + number, 'factor': factor, 'draws': draws}
+            if number < simulations:
+                yield {'kind': 'simulated', 'seed': 800 + number, 'factor': factor, 'draws': 1}
+
+
+def thresholds(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
+    """Return the evidence each effect needs: tail quantile over all sensors, plus a margin.
+
+    Campaigns through the whole simulator are too few for a quantile: their largest counts.
+    """
+    drawn_: Reached = defaultdict(list)
+    largest: dict[str, float] = defaultdict(lambda: -np.inf)
+    for row in rows:
+        for name, values in row['reached'].items():
+            if row['batch']['kind'] == 'drawn':
+                drawn_[name] += values
+            largest[name] = max(largest[name], *values)
+    table = {}
+    for name, values in drawn_.items():
+        tail = tail_quantile(np.array(values), QUANTILE)
+        table[name] = max(EVERYWHERE, MARGIN + max(tail, largest[name]))
+    return table
+
+
+def described(rows: Sequence[dict[str, Any]]) -> str:
+    """Return how many campaigns the table rests on."""
+    count = {
+        kind: sum(r['batch']['draws'] for r in rows if r['batch']['kind'] == kind)
+        for kind in ('drawn', 'simulated')
+    }
+    return (
+        f'{count["drawn"]} campaigns of drawn noise, {count["simulated"]} through the simulator, '
+        f'bias instability × {", ".join(f"{f:g}" for f in FACTORS)}'
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--campaigns', type=int, default=4, help='of which noise is drawn')
+    parser.add_argument('--draws', type=int, default=40, help='of each at each bias instability')
+    parser.add_argument('--simulations', type=int, default=8, help='at each bias instability')
+    parser.add_argument('-o', '--output', type=Path, default=FOLDER / 'thresholds.jsonl')
+    parser.add_argument('--write', action='store_true', help=f'write {TABLE.name} of thermal_comp')
+    options = parser.parse_args()
+    options.output.parent.mkdir(parents=True, exist_ok=True)
+    rows = []
+    if options.output.exists():
+        rows = [json.loads(line) for line in options.output.read_text('utf-8').splitlines()]
+    done = [row['batch'] for row in rows]
+    with options.output.open('a', encoding='utf-8') as file:
+        for batch in batches(options.campaigns, options.draws, options.simulations):
+            if batch in done:
+                continue
+            start = time.process_time()
+            if batch['kind'] == 'drawn':
+                reached = drawn(batch['seed'], batch['factor'], batch['draws'])
+            else:
+                reached = simulated(batch['seed'], batch['factor'])
+            rows.append({'batch': batch, 'reached': reached})
+            file.write(json.dumps(rows[-1]) + '\n')
+            file.flush()
+            print(f'{batch} {time.process_time() - start:.0f} s', flush=True)
+    table = thresholds(rows)
+    for name in sorted(table, key=lambda n: -table[n]):
+        values = [v for row in rows for v in row['reached'].get(name, [])]
+        print(f'{name:<28} n {len(values):5} largest {max(values):7.1f} → {table[name]:5.1f}')
+    print(described(rows))
+    if options.write:
+        TABLE.write_text(document(table, rows), 'utf-8')
+        print(f'wrote {TABLE}')
+
+
+def document(table: dict[str, float], rows: Sequence[dict[str, Any]]) -> str:
+    """Return the table as YAML."""
+    listed = [
+        f'  {name}: {np.ceil(value):.1f}'
+        for name, value in sorted(table.items())
+        if value > EVERYWHERE
+    ]
+    head = (
+        '# Evidence (2 ln of the Bayes factor) an effect needs before it is named.\n'
+        f'# Effects that are not listed need {EVERYWHERE:g}. From benchmarks/thresholds.py:\n'
+        f'# {described(rows)}.\n'
+    )
+    return head + '\n'.join(['thresholds:' if listed else 'thresholds: {}', *listed]) + '\n'
+
+
+if __name__ == '__main__':
+    main()
