@@ -4,8 +4,11 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 from nicegui import app, run, ui
@@ -82,15 +85,15 @@ class LivePage:
         try:
             self._listener = await run.io_bound(_listener)
         except ImportError:
-            self._message.text = NO_ROS
+            self._message.text, self._bar.visible = NO_ROS, False
             return
         except RuntimeError as error:
-            self._message.text = f'ROS 2 does not start: {error}'
+            self._message.text, self._bar.visible = f'ROS 2 does not start: {error}', False
             return
         self._timer.active = True
 
     def _controls(self) -> None:
-        with ui.row().classes('items-center gap-3 live-controls'):
+        with ui.row().classes('items-center gap-3 live-controls') as self._bar:
             self._device = ui.select({}, label='live device', on_change=self._on_device)
             self._device.props('dense outlined').classes('live-device')
             self._sensor = ui.select(list(SENSORS), value=SENSORS[0], label='sensor')
@@ -260,8 +263,21 @@ def _tiles(pairs: list[tuple[str, str]]) -> str:
 
 
 def _listener() -> Any:
+    """Return the process's listener, started; ImportError or RuntimeError where ROS does not."""
+    if os.environ.get('RMW_IMPLEMENTATION'):  # a wrong one ends the process that imports rclpy
+        trial = subprocess.run(
+            [sys.executable, '-c', 'import rclpy'], capture_output=True, text=True, check=False
+        )
+        if trial.returncode:
+            lines = trial.stderr.strip().splitlines() or ['it ends without a word']
+            raise RuntimeError(lines[-1])
     from imu_workbench.web.live import close_listener, shared_listener
 
-    if close_listener not in app._shutdown_handlers:
-        app.on_shutdown(close_listener)
+    _at_shutdown(close_listener)
     return shared_listener()
+
+
+@cache
+def _at_shutdown(function: Callable[[], None]) -> None:
+    """Call a function once when the server ends."""
+    app.on_shutdown(function)
