@@ -110,3 +110,16 @@ def test_what_is_published_is_shown_until_it_falls_silent(serve, watch, silence)
     silent.wait_for(state='hidden')
     assert server.alive
     watched.check()
+
+
+def test_a_middleware_that_is_not_installed_is_said_on_the_page(serve, watch, monkeypatch):
+    monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_absent_cpp')
+    server = serve(*BAGS)
+    page = watch(server.address).page
+    page.get_by_role('tab', name='Live').click()
+    message = page.get_by_text('ROS 2 does not start')
+    message.wait_for()
+    assert 'rmw_absent_cpp' in message.inner_text()
+    page.get_by_role('tab', name='Compare').click()
+    page.locator('.place').first.wait_for()
+    assert server.alive
