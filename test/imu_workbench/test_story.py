@@ -52,6 +52,7 @@ def test_the_page_shows_it(story) -> None:
     section = story_section({'story': story})
     assert section is not None
     assert set(section.figures) == {'map|accelerometer', 'stairs|story'}
-    maps = section.figures['map|accelerometer']['data']
-    assert [m['zmax'] for m in maps] == [1.0, 1.0]  # one scale, before and after
+    maps = section.figures['map|accelerometer']
+    assert maps['layout']['coloraxis']['cmax'] == 1.0  # one fixed scale, before and after
+    assert [m['coloraxis'] for m in maps['data']] == ['coloraxis', 'coloraxis']
     assert story_section({'story': None}) is None

@@ -17,6 +17,17 @@ from imu_workbench.report.panels import Figure, Panel, figure, trace_axes
 
 LOUDEST = 10.0
 """Times the noise floor from which a heat map does not get darker."""
+FAILURE_SCALE = {
+    'cmin': 0.0,
+    'cmax': math.log10(LOUDEST),
+    'colorscale': [[0.0, '@calm'], [0.11, '@calm'], [0.5, '@raised'], [1.0, '@loud']],
+    'colorbar': {
+        'title': {'text': 'times the<br>noise floor'}, 'thickness': 12, 'outlinewidth': 0,
+        'tickvals': [0.0, math.log10(2.0), math.log10(5.0), 1.0],
+        'ticktext': ['1', '2', '5', '≥ 10'],
+    },
+}  # fmt: skip
+"""The logarithm of residual over noise floor as a colour."""
 PART_COLOURS = {'cold dwell': '@cold', 'hot dwell': '@hot', 'other': '@raw_soft'}
 
 
@@ -116,11 +127,27 @@ def residual_figure(axes: Mapping[str, Any], unit: str, floor: list[float] | Non
     return figure(data, panels, columns=1, height=118, shapes=shapes)
 
 
-def failure_figure(where: Mapping[str, Any], title: str = '') -> Figure:
-    """Return the heat map of residual by noise floor, by phase and cycle, on a fixed scale."""
-    data = [failure_trace(where, 0)]
-    spec = figure(data, [failure_panel(title)], height=60 + 36 * len(where['phases']))
-    if not title:
+def failure_figure(maps: Mapping[str, Mapping[str, Any]]) -> Figure:
+    """Return heat maps of residual by noise floor, by phase and cycle, each below its title.
+
+    The noise floor looks calm, ten times it does not; the colours are the same in every figure,
+    so that maps can be compared by looking. A phone has no room for the scale beside them.
+    """
+    traces = [failure_trace(where, i) for i, where in enumerate(maps.values())]
+    panels = [failure_panel(title) for title in maps]
+    for panel in panels[1:]:
+        panel.y['showticklabels'] = False  # the rows are those of the first map
+    rows = len(next(iter(maps.values()))['phases'])
+    spec = figure(
+        traces, panels, columns=len(maps), height=60 + 36 * rows, linked=False,
+        coloraxis=FAILURE_SCALE,
+    )  # fmt: skip
+    spec['narrow']['coloraxis'] = {'showscale': False}
+    for i in range(len(maps)):
+        place = trace_axes(i)
+        spec['narrow'][place['xaxis'].replace('x', 'xaxis')] |= {'tickangle': 0}
+        spec['narrow'][place['yaxis'].replace('y', 'yaxis')] |= {'showticklabels': True}
+    if not any(maps):
         spec['layout']['margin']['t'] = spec['narrow']['margin']['t'] = 12
     return spec
 
@@ -131,10 +158,7 @@ def failure_panel(title: str) -> Panel:
 
 
 def failure_trace(where: Mapping[str, Any], index: int) -> dict[str, Any]:
-    """Return a heat map in the index-th panel: the noise floor looks calm, ten times it does not.
-
-    The colours are the same in every figure, so that maps can be compared by looking.
-    """
+    """Return a heat map in the index-th panel, coloured by FAILURE_SCALE."""
     colours = [
         [None if v is None else math.log10(min(max(v, 1.0), LOUDEST)) for v in row]
         for row in where['ratio']
@@ -146,18 +170,10 @@ def failure_trace(where: Mapping[str, Any], index: int) -> dict[str, Any]:
         'z': colours,
         'customdata': where['ratio'],
         'text': [['' if v is None else f'{shown(v, 2)} ×' for v in row] for row in where['ratio']],
-        'zmin': 0.0,
-        'zmax': 1.0,
-        'colorscale': [[0.0, '@calm'], [0.11, '@calm'], [0.5, '@raised'], [1.0, '@loud']],
+        'coloraxis': 'coloraxis',
         'xgap': 2,
         'ygap': 2,
-        'showscale': index == 0,
-        'colorbar': {
-            'title': {'text': 'times the<br>noise floor'}, 'thickness': 12, 'outlinewidth': 0,
-            'tickvals': [0.0, math.log10(2.0), math.log10(5.0), 1.0],
-            'ticktext': ['1', '2', '5', '≥ 10'],
-        },
         'texttemplate': '%{text}',
         'hovertemplate': '%{y}, %{x}: %{customdata:.3~g} times the noise floor<extra></extra>',
         **trace_axes(index),
-    }  # fmt: skip
+    }

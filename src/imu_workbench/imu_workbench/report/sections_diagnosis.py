@@ -8,7 +8,7 @@ from html import escape
 from typing import Any
 
 from imu_workbench.diagnosis_text import VERDICTS
-from imu_workbench.display import DISPLAY_UNITS, shown
+from imu_workbench.display import DISPLAY_UNITS, shown, with_uncertainty
 from imu_workbench.report.figures_attitude import FILTER_NAMES
 from imu_workbench.report.figures_staircase import staircase_figure
 from imu_workbench.report.html import Choice, Section, group_html, table_html
@@ -30,12 +30,14 @@ def diagnosis_section(content: Mapping[str, Any]) -> Section | None:
             f'stairs|{name}': staircase_figure(found['sensors'] | degree_steps(found))
             for name, found in stairs.items()
         }
+        filtered = any(found['degrees'] for found in stairs.values())
+        in_degrees = ' In degrees: what both filters make of each version.' if filtered else ''
         body += '<h3>How the error falls</h3>' + group_html(
             'stairs',
             [Choice('Device', list(stairs))],
             'Error staircase on a logarithmic scale: what was measured, what each version of the '
             'model leaves on data it has not seen, hatched what adding the named effects would '
-            'leave. Dashed: the noise floor. In degrees: what both filters make of each version.',
+            f'leave. Dashed: the noise floor.{in_degrees}',
             'Error after each step of the model',
             parts=''.join(degrees_html(name, found) for name, found in stairs.items()),
         )
@@ -72,8 +74,7 @@ def _finding_html(finding: Mapping[str, Any]) -> str:
         )
         lines.append(f'held-out error {before} → {after} {unit.unit}, noise floor {floor}')
     lines += [
-        f'{name.replace("_", " ")} = {_value(value["value"])} ± {_value(value["std"])} '
-        f'{value["unit"]}'
+        f'{name.replace("_", " ")} = {_value(value["value"], value["std"])} {value["unit"]}'
         for name, value in finding['parameters'].items()
     ]
     if finding['rivals']:
@@ -88,10 +89,11 @@ def _finding_html(finding: Mapping[str, Any]) -> str:
     return f'<li><b>{said}</b><p class="soft small">{detail}</p></li>'
 
 
-def _value(value: Any) -> str:
-    if isinstance(value, list | tuple):
-        return f'({", ".join(_value(item) for item in value)})'
-    return shown(value, 4)
+def _value(value: Any, uncertainty: Any) -> str:
+    if not isinstance(value, list | tuple):
+        return with_uncertainty(value, uncertainty)
+    each = uncertainty if isinstance(uncertainty, list | tuple) else [uncertainty] * len(value)
+    return f'({", ".join(map(with_uncertainty, value, each))})'
 
 
 def degrees_html(device: str, found: Mapping[str, Any]) -> str:

@@ -165,7 +165,7 @@ def comparison_section(content: Mapping[str, Any]) -> Section | None:
                 found['axes'], found['unit'], floor
             )
             if found['where']:
-                figures[f'where|{run}|{sensor}'] = failure_figure(found['where'])
+                figures[f'where|{run}|{sensor}'] = failure_figure({'': found['where']})
     runs = list(content['residuals'])
     sensors = [s for s in SENSORS if any(s in found for found in content['residuals'].values())]
     choices = [Choice('Run', runs), Choice('Sensor', sensors)]
@@ -180,7 +180,7 @@ def comparison_section(content: Mapping[str, Any]) -> Section | None:
         body += '<h3>Where it fails</h3>' + group_html(
             'where', choices,
             'Residual over noise floor (rms over the three axes) by phase and cycle. The colours '
-            'mean the same in every map: pale is noise alone.',
+            'mean the same in every map: the calm end of the scale is noise alone.',
             'Residual by phase and cycle',
         )  # fmt: skip
     return Section('comparison', 'Model against measurement', body, figures)

@@ -7,10 +7,9 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
-from imu_workbench.report.figures_modelled import failure_panel, failure_trace
+from imu_workbench.report.figures_modelled import failure_figure
 from imu_workbench.report.figures_staircase import staircase_figure
 from imu_workbench.report.html import Section, figure_html
-from imu_workbench.report.panels import Figure, figure
 from imu_workbench.report.sections_diagnosis import degrees_html
 from imu_workbench.report.staircase import degree_steps
 
@@ -21,15 +20,20 @@ def story_section(content: Mapping[str, Any]) -> Section | None:
     if not story:
         return None
     figures = {}
-    body = f'<pre>{escape(chr(10).join(story["lines"]))}</pre>'
+    body = f'<pre class="told">{escape(chr(10).join(story["lines"]))}</pre>'
     for sensor, part in story['sensors'].items():
         if part['maps']['before'] and part['maps']['after']:
-            figures[f'map|{sensor}'] = maps_figure(part['maps'])
+            figures[f'map|{sensor}'] = failure_figure(
+                {
+                    'line per axis': part['maps']['before'],
+                    'with the named effect': part['maps']['after'],
+                }
+            )
             body += figure_html(
                 f'map|{sensor}',
                 f'{escape(sensor.capitalize())}: residual over noise floor by phase and cycle, '
                 'with the line per axis and with the named effect. The colours are those of every '
-                'such map here: pale is noise alone.',
+                'such map here: the calm end of the scale is noise alone.',
                 f'Where the model of the {escape(sensor)} fails, before and after',
             )
     if story['sensors']:
@@ -42,14 +46,3 @@ def story_section(content: Mapping[str, Any]) -> Section | None:
         )
         body += degrees_html('', story)
     return Section('story', 'A hidden effect, found and removed', body, figures, 'Hidden effect')
-
-
-def maps_figure(maps: Mapping[str, Any]) -> Figure:
-    """Return the maps before and after beside each other, on the same scale."""
-    titles = {'before': 'line per axis', 'after': 'with the named effect'}
-    data = [failure_trace(maps[name], i) for i, name in enumerate(titles)]
-    panels = [failure_panel(title) for title in titles.values()]
-    panels[1].y['showticklabels'] = False  # the rows are those of the map on the left
-    return figure(
-        data, panels, columns=2, height=40 + 34 * len(maps['before']['phases']), linked=False
-    )
