@@ -1,22 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feeds an ahrs_filter process over DDS and counts what comes back; run by filters.py.
+"""Filters as processes over DDS: losses, latency and CPU per message; run by filters.py.
 
-python benchmarks/filters_live.py SECONDS RATE_HZ RAW(0|1) prints one JSON line.
+python benchmarks/filters_live.py node SECONDS RATE_HZ RAW(0|1) feeds an ahrs_filter;
+python benchmarks/filters_live.py chain SECONDS MODEL runs driver, compensation and filter.
+Each prints one JSON line.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rclpy
+from ament_index_python.packages import get_package_prefix
 from imu_recording.messages import (
     ImuSample,
     MagneticSample,
@@ -24,12 +27,16 @@ from imu_recording.messages import (
     magnetic_field_from_sample,
     stamp_of,
 )
+from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu, MagneticField
 
 BATCH_S = 0.005
 """Messages are due on their own clock and sent in bursts of this length."""
+SETTLED = 500
+"""Messages after which the chain is measured."""
+QOS = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
 TICKS = os.sysconf('SC_CLK_TCK')
 
 
@@ -53,25 +60,15 @@ def feed(out: Publisher, out_field: Publisher, count: int, rate_hz: float) -> No
         time.sleep(BATCH_S)
 
 
-def main() -> int:
-    seconds, rate_hz, raw = float(sys.argv[1]), float(sys.argv[2]), sys.argv[3] == '1'
-    executable = shutil.which('ahrs_filter_node') or _installed('ahrs_filter_node')
-    command = [executable, '--ros-args', '-p', f'raw_subscription:={str(raw).lower()}']
-    child = subprocess.Popen([*command, '-p', 'publish_euler:=false'])
+def one_node(seconds: float, rate_hz: float, *, raw: bool) -> dict[str, Any]:
+    """Feed an ahrs_filter; return losses, CPU per message and latency from stamp to receipt."""
+    options = ['raw_subscription:=' + str(raw).lower(), 'publish_euler:=false']
+    child = start('orientation_filters', 'ahrs_filter_node', options)
     rclpy.init()
     node = rclpy.create_node('filters_live')
-    qos = QoSProfile(depth=500, reliability=ReliabilityPolicy.RELIABLE)
-    out = node.create_publisher(Imu, 'imu/data_raw', qos)
-    out_field = node.create_publisher(MagneticField, 'imu/mag', qos)
-    latency: list[float] = []
-    seen: set[int] = set()
-
-    def on_data(message: Imu) -> None:
-        stamp = stamp_of(message)
-        seen.add(stamp)
-        latency.append(time.time_ns() - stamp)
-
-    node.create_subscription(Imu, 'imu/data', on_data, qos)
+    out = node.create_publisher(Imu, 'imu/data_raw', QOS)
+    out_field = node.create_publisher(MagneticField, 'imu/mag', QOS)
+    seen = Arrivals(node, 'imu/data')
     spinner = threading.Thread(target=rclpy.spin, args=(node,), daemon=True)
     spinner.start()
     while not (node.count_subscribers('imu/data_raw') and node.count_publishers('imu/data')):
@@ -81,30 +78,107 @@ def main() -> int:
     before = cpu_seconds(child.pid)
     feed(out, out_field, count, rate_hz)
     deadline = time.monotonic() + 5.0
-    while len(seen) < count and time.monotonic() < deadline:
+    while len(seen.at) < count and time.monotonic() < deadline:
         time.sleep(0.05)
     spent = cpu_seconds(child.pid) - before
-    milliseconds = np.array(latency) * 1e-6
-    result = {
+    stop([child], spinner)
+    milliseconds = [(at - stamp) * 1e-6 for stamp, at in seen.at.items()]
+    return {
         'sent': count,
-        'lost': count - len(seen),
+        'lost': count - len(seen.at),
         'cpu_us_per_message': round(spent / count * 1e6, 1),
-        'p50_ms': round(float(np.percentile(milliseconds, 50)), 2),
-        'p99_ms': round(float(np.percentile(milliseconds, 99)), 2),
+        **percentiles(milliseconds),
     }
-    child.terminate()
-    child.wait()
+
+
+def chain(seconds: float, model: str) -> dict[str, Any]:
+    """Run driver (238 Hz), compensation and filter; return losses and latencies behind the driver.
+
+    p50_ms, p99_ms: from the receipt of imu/data_raw to that of imu/data, both by the same
+    subscriber; from_stamp_p99_ms: from the sample's stamp, the driver's share included.
+    """
+    moved = ['imu/data_raw:=imu_compensated/data_raw', 'imu/mag:=imu_compensated/mag']
+    children = [
+        start('thermal_comp', 'thermal_comp_node', [f'model:={model}']),
+        start('orientation_filters', 'ahrs_filter_node', ['publish_euler:=false'], moved),
+    ]
+    rclpy.init()
+    node = rclpy.create_node('filters_live')
+    raw, done = Arrivals(node, 'imu/data_raw'), Arrivals(node, 'imu/data')
+    spinner = threading.Thread(target=rclpy.spin, args=(node,), daemon=True)
+    spinner.start()
+    while not (
+        node.count_subscribers('imu_compensated/data_raw') and node.count_publishers('imu/data')
+    ):
+        time.sleep(0.1)
+    options = ['transport:=simulated://dut1', 'output_data_rate:=238']
+    children.append(start('imu_driver', 'imu_driver_node', options))
+    while len(done.at) < SETTLED:
+        time.sleep(0.1)
+    first = max(done.at)
+    before = [cpu_seconds(child.pid) for child in children]
+    time.sleep(seconds)
+    spent = [cpu_seconds(child.pid) - b for child, b in zip(children, before, strict=True)]
+    sent = {stamp: at for stamp, at in raw.at.items() if stamp > first}
+    last = max(sent) - 100_000_000
+    sent = {stamp: at for stamp, at in sent.items() if stamp < last}
+    time.sleep(1.0)
+    arrived = {stamp: done.at[stamp] for stamp in sent if stamp in done.at}
+    stop(children, spinner)
+    whole = [(at - stamp) * 1e-6 for stamp, at in arrived.items()]
+    names = ('compensation', 'filter', 'driver')
+    return {
+        'sent': len(sent),
+        'lost': len(sent) - len(arrived),
+        **percentiles([(at - sent[stamp]) * 1e-6 for stamp, at in arrived.items()]),
+        'from_stamp_p50_ms': percentiles(whole)['p50_ms'],
+        'from_stamp_p99_ms': percentiles(whole)['p99_ms'],
+        **{f'cpu_{n}': round(s / seconds, 3) for n, s in zip(names, spent, strict=True)},
+    }
+
+
+class Arrivals:
+    """Stamp → time of receipt [ns] of an Imu topic."""
+
+    def __init__(self, node: Node, topic: str) -> None:
+        self.at: dict[int, int] = {}
+        node.create_subscription(Imu, topic, self._note, QOS)
+
+    def _note(self, message: Imu) -> None:
+        self.at[stamp_of(message)] = time.time_ns()
+
+
+def percentiles(milliseconds: list[float]) -> dict[str, float]:
+    p50, p99 = np.percentile(milliseconds or [np.nan], [50, 99])
+    return {'p50_ms': round(float(p50), 2), 'p99_ms': round(float(p99), 2)}
+
+
+def start(
+    package: str, name: str, parameters: list[str], remaps: list[str] | None = None
+) -> subprocess.Popen[bytes]:
+    executable = Path(get_package_prefix(package)) / 'lib' / package / name
+    arguments = [word for value in parameters for word in ('-p', value)]
+    arguments += [word for value in remaps or [] for word in ('-r', value)]
+    return subprocess.Popen([str(executable), '--ros-args', *arguments])
+
+
+def stop(children: list[subprocess.Popen[bytes]], spinner: threading.Thread) -> None:
+    for child in children:
+        child.terminate()
+    for child in children:
+        child.wait()
     rclpy.try_shutdown()
     spinner.join(timeout=5.0)
+
+
+def main() -> int:
+    kind, seconds, *rest = sys.argv[1:]
+    if kind == 'chain':
+        result = chain(float(seconds), rest[0])
+    else:
+        result = one_node(float(seconds), float(rest[0]), raw=rest[1] == '1')
     print(json.dumps(result))
     return 0
-
-
-def _installed(name: str) -> str:
-    from ament_index_python.packages import get_package_prefix
-
-    prefix = Path(get_package_prefix('orientation_filters'))
-    return str(prefix / 'lib' / 'orientation_filters' / name)
 
 
 if __name__ == '__main__':
