@@ -112,7 +112,7 @@ def kills(count: int) -> tuple[int, int]:
                     if laboratory.journal()[-1].get('mode') == 'DONE':
                         break
                 laboratory.finish(laboratory.node())
-                assert_complete(laboratory.journal(), laboratory.time_scale)
+                assert_complete(laboratory.journal())
                 completed += 1
             finally:
                 laboratory.close()

@@ -89,6 +89,7 @@ class Conductor:
         self._journal_fault = ''
         self._simulated_at: float | None = None
         self._shown_at = float('-inf')
+        self._now = 0.0
 
     @property
     def over(self) -> bool:
@@ -97,10 +98,10 @@ class Conductor:
 
     def step(self) -> Moment:
         """Read, decide, note, order; return how things stand."""
-        now = self._clocks.chamber()
-        self._let_pass(now)
+        self._let_pass(self._clocks.chamber())
         reading = self.link.read()
-        stamp = self._clocks.stamp()
+        now, stamp = self._clocks.chamber(), self._clocks.stamp()  # when this was read
+        self._now = round(now, 3)
         if reading is not None:
             chamber = self.link.chamber
             self.sequencer.suit(
@@ -147,7 +148,7 @@ class Conductor:
         """Write to the journal; one that cannot be written ends the run, but safely."""
         stamp = self._clocks.stamp()
         step = self.sequencer.steps[note.progress.step]
-        facts = {'id': step.id, 'phase': step.phase, 'cycle': step.cycle}
+        facts = {'id': step.id, 'phase': step.phase, 'cycle': step.cycle, 'clock_s': self._now}
         try:
             if self._journal is None:
                 self._journal = Journal(self.directory)
@@ -164,8 +165,8 @@ class Conductor:
     def stop_at_once(self) -> None:
         """Put the chamber on stand-by now, without a ramp, and note it."""
         if self.sequencer.command('standby') == '':
-            now = self._clocks.chamber()
-            lost = Readings(time=now, link=LINK_FAILING)
+            self._now = self._clocks.chamber()
+            lost = Readings(time=self._now, link=LINK_FAILING)
             self.link.carry_out(self.sequencer.tick(lost), self._note)
 
     def _is_due(self, now: float) -> bool:

@@ -48,10 +48,10 @@ def _spin(node: Any, executor: Any, interrupts: Interrupts) -> int:
             return 1
         if interrupts.count == obeyed:
             continue
-        obeyed = interrupts.count
+        first, obeyed = obeyed == 0, interrupts.count  # copies of the first may be late
         if not node.in_charge:
             return 0
-        if obeyed > 1:
+        if not first:
             node.get_logger().error('second interrupt: stand-by at once')
             node.stop_at_once()
             return 1
