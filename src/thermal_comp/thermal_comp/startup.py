@@ -54,7 +54,9 @@ def startup_rows(recording: ImuRecording) -> tuple[int, float]:
         if not first:
             return 0, 1.0
         off = np.abs(common - 1.0)
-        threshold = max(3.0 * noise, 1e-3)
+        # Temperature moves the settled channels too; a start-up is over within what it does.
+        drift = float(np.quantile(off[len(off) // 2 :], 0.95))
+        threshold = max(3.0 * noise, 1e-3, min(drift, TRIGGER))
         settled = off[first:] <= threshold
         rows = first + (int(np.argmax(settled)) if settled.any() else len(settled))
         if rows < len(window) / 3:
@@ -63,7 +65,9 @@ def startup_rows(recording: ImuRecording) -> tuple[int, float]:
         return 0, 1.0
     if rows > 10 and threshold > REMAINDER:
         # What decays exponentially is below the noise long before it is gone.
-        rows = int(np.ceil(rows * np.log(off[0] / REMAINDER) / np.log(off[0] / threshold)))
+        over = int(np.ceil(rows * np.log(off[0] / REMAINDER) / np.log(off[0] / threshold)))
+        # More than half of a short recording is not given up for the last of a tail.
+        rows = max(rows, min(over, len(recording) // 2 - 1))
     return (rows, float(common[0])) if rows < len(recording) / 2 else (0, 1.0)
 
 
