@@ -128,8 +128,9 @@ def _check_orientation(
     count = len(values) // window
     if count < 3:
         return recording, []
-    with np.errstate(invalid='ignore'):
-        means = np.nanmean(values[: count * window].reshape(count, window, 3), axis=1)
+    parts = values[: count * window].reshape(count, window, 3)
+    sizes = np.isfinite(parts).sum(axis=1)
+    means = np.where(sizes > 0, np.nansum(parts, axis=1) / np.maximum(sizes, 1), np.nan)
     known = np.isfinite(means).all(axis=1)
     if known.sum() < 3:
         return recording, []

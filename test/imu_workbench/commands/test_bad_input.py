@@ -118,13 +118,17 @@ def test_a_missing_or_constant_magnetometer_is_left_out(
     assert main(['report', str(tmp_path / 'bag'), '--no-attitude', '-o', str(page)]) == 0
 
 
-def test_a_bag_without_one_finite_sample(run, tmp_path: Path, capsys) -> None:
+def test_a_bag_without_one_finite_sample(run, good: Path, tmp_path: Path, capsys) -> None:
+    assert fit(good, tmp_path) == 0
+    capsys.readouterr()
     recording = run(cycles=1)
     for field in ('linear_acceleration', 'angular_velocity', 'magnetic_field'):
         recording = damaged(recording, field, slice(None), np.nan)
     write_bag(recording, tmp_path / 'bag')
     assert fit(tmp_path / 'bag', tmp_path) == 2
     assert 'left out' in capsys.readouterr().err
+    assert main(['orient', str(tmp_path / 'bag'), '--model', str(tmp_path / 'm.yaml')]) == 2
+    assert 'no attitude' in capsys.readouterr().err
     argv = ['report', str(tmp_path / 'bag'), '--no-attitude', '-o', str(tmp_path / 'r.html')]
     assert main(argv) == 0
     told = capsys.readouterr().out

@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from imu_recording.user_error import UserError
 from thermal_comp.diagnose import diagnose
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model_file import load_model
@@ -58,7 +59,7 @@ def add_effects_argument(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> Answer:
     """Diagnose."""
     if options.calibrate < 0:
-        raise ValueError(f'--calibrate {options.calibrate}: expected 0 or more campaigns')
+        raise UserError(f'--calibrate {options.calibrate}: expected 0 or more campaigns')
     catalogue = effect_catalogue(options.effects)
     model = load_model(options.model, catalogue) if options.model else None
     reference = None

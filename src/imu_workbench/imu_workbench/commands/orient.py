@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 
 from imu_recording.recording import ImuRecording
+from imu_recording.user_error import UserError
 from orientation_filters.filters import FILTERS
 from orientation_filters.parameters import PRESET_NAMES, WORLD_FRAMES
 from thermal_comp.compensator import compensate
@@ -67,6 +69,11 @@ def run(options: argparse.Namespace) -> Answer:
             world_frame=options.world_frame,
             use_magnetometer=not options.six_axis,
         )
+        if not any(math.isfinite(cost.rms['total']) for cost in result.costs):
+            raise UserError(
+                f'{recording.source}: no attitude: no row has finite angular_velocity and '
+                'linear_acceleration'
+            )
         bags.append(content_of(result, recording))
         texts.append(text_of(result, recording))
     show_progress('')
