@@ -8,19 +8,28 @@ from dataclasses import dataclass
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
-from numpy.typing import NDArray
 
+from thermal_comp.column_algebra import (
+    RANK_TOLERANCE,
+    block_diagonal,
+    orthonormal,
+    per_axis,
+    pseudo_solve,
+)
 from thermal_comp.column_source import ColumnSource
 from thermal_comp.conditions import Sensor
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model import NoiseModel
 from thermal_comp.preparation import PreparedRun
-from thermal_comp.whitening import Gains, apply_gains, apply_transposed, innovation_gains
+from thermal_comp.whitening import (
+    Gains,
+    apply_gains,
+    apply_gains_in_place,
+    apply_transposed,
+    innovation_gains,
+)
 
-__all__ = ['ColumnBank', 'ColumnSource', 'Term']
-
-RANK_TOLERANCE = 1e-7
-"""Directions of a normal matrix below this share of the largest count as undetermined."""
+__all__ = ['RANK_TOLERANCE', 'ColumnBank', 'ColumnSource', 'Term']
 
 
 @dataclass(frozen=True)
@@ -69,11 +78,11 @@ class ColumnBank:
         self.right = np.zeros((3, 128))
         self._size = np.zeros(0)
         self.width = 0
-        levels = np.repeat(_block_diagonal([np.ones((m, 1)) for m in sizes])[:, None], 3, axis=1)
+        levels = np.repeat(block_diagonal([np.ones((m, 1)) for m in sizes])[:, None], 3, axis=1)
         known = [levels, self._thermometer_noise()]
-        known += [_per_axis(self._evaluated(effect))[0] for effect in base]
+        known += [per_axis(self._evaluated(effect))[0] for effect in base]
         whitened = self._whitened(np.concatenate(known, axis=2))
-        self.base = [_orthonormal(whitened[axis]) for axis in range(3)]
+        self.base = [orthonormal(whitened[axis]) for axis in range(3)]
         self.base_rank = sum(q.shape[1] for q in self.base)
         target = np.concatenate([rows[ok] for rows, ok in zip(measured, self.valid, strict=True)])
         self.target = self._projected(self._whitened(target[:, :, None]))[:, :, 0]
@@ -98,8 +107,8 @@ class ColumnBank:
         """Return the columns of several effects, computed together where they are new."""
         new = [effect for effect in dict.fromkeys(effects) if effect not in self._terms]
         if new:
-            evaluated = [_per_axis(self._evaluated(effect)) for effect in new]
-            place = self._append(np.concatenate([columns for columns, _ in evaluated], axis=2))
+            evaluated = [per_axis(self._evaluated(effect)) for effect in new]
+            place = self._append([columns for columns, _ in evaluated])
             for effect, (columns, shared) in zip(new, evaluated, strict=True):
                 stop = place + columns.shape[2]
                 self._terms[effect] = Term(tuple(range(place, stop)), shared)
@@ -114,8 +123,8 @@ class ColumnBank:
         made = []
         for function, per_run in functions:
             parts = [function(run)[ok] for run, ok in zip(runs, self.valid, strict=True)]
-            made.append(_block_diagonal(parts) if per_run else np.concatenate(parts))
-        place = self._append(np.repeat(np.concatenate(made, axis=1)[:, None, :], 3, axis=1))
+            made.append(block_diagonal(parts) if per_run else np.concatenate(parts))
+        place = self._append([per_axis(columns)[0] for columns in made])
         stops = place + np.cumsum([columns.shape[1] for columns in made])
         starts = [place, *stops[:-1].tolist()]
         pairs = zip(starts, stops.tolist(), strict=True)
@@ -127,7 +136,7 @@ class ColumnBank:
         gain, rank, shared_normal, shared_right = self._eliminated(own, common)
         if common:
             full = np.diag(self.normal.sum(axis=0))[common]
-            answer, used = _solve(shared_normal, shared_right[:, None], full)
+            answer, used = pseudo_solve(shared_normal, shared_right[:, None], full)
             gain += float(shared_right @ answer[:, 0])
             rank += used
         return gain, rank
@@ -141,7 +150,7 @@ class ColumnBank:
         own, common = self._split(known)
         *_, normal, right = self._eliminated(own, [*common, *term.columns])
         first = len(common)
-        answer, _ = _solve(
+        answer, _ = pseudo_solve(
             normal[:first, :first], np.column_stack([right[:first], normal[:first, first:]])
         )
         cross = normal[:first, first:]
@@ -160,7 +169,7 @@ class ColumnBank:
         for axis in range(3):
             block, rows = normal[axis][np.ix_(own, own)], right[axis][own]
             cross = normal[axis][np.ix_(own, common)]
-            answer, used = _solve(block, np.column_stack([rows, cross]))
+            answer, used = pseudo_solve(block, np.column_stack([rows, cross]))
             gain += float(rows @ answer[:, 0])
             rank += used
             shared_normal += normal[axis][np.ix_(common, common)] - cross.T @ answer[:, 1:]
@@ -177,7 +186,7 @@ class ColumnBank:
             block = self.normal[axis][np.ix_(known, known)]
             cross = self.normal[axis][np.ix_(known, columns)]
             rows = self.right[axis][list(known)]
-            answer, _ = _solve(block, np.column_stack([rows, cross]))
+            answer, _ = pseudo_solve(block, np.column_stack([rows, cross]))
             normal[axis] = self.normal[axis][np.ix_(columns, columns)] - cross.T @ answer[:, 1:]
             right[axis] = self.right[axis][list(columns)] - cross.T @ answer[:, 0]
         return normal, right
@@ -211,7 +220,7 @@ class ColumnBank:
         """Return the effect's (rows, p) or (rows, 3, p) columns; per run, p of each run."""
         columns = self.source.columns(effect, self.sensor)
         parts = [part[ok] for part, ok in zip(columns, self.valid, strict=True)]
-        return _block_diagonal(parts) if effect.per_run else np.concatenate(parts)
+        return block_diagonal(parts) if effect.per_run else np.concatenate(parts)
 
     def _thermometer_noise(self) -> FloatArray:
         """(rows, 3, 1) smoothed minus measured temperature: times the slope it is error."""
@@ -232,77 +241,38 @@ class ColumnBank:
         pairs = zip(whitened, self.base, strict=True)
         return np.stack([columns - q @ (q.T @ columns) for columns, q in pairs])
 
-    def _append(self, columns: FloatArray) -> int:
-        """Whiten, project and keep columns (rows, 3, p); return where they start."""
-        whitened = self._whitened(columns)
-        before = np.sqrt((whitened**2).sum(axis=(0, 1)))
-        projected = self._projected(whitened)
-        size = np.sqrt((projected**2).sum(axis=(0, 1)))
-        projected *= np.where(size > 1e-6 * before, 1.0 / np.maximum(size, 1e-300), 0.0)
-        self._size = np.concatenate([self._size, size])
-        start, stop = self.width, self.width + projected.shape[2]
+    def _append(self, parts: Sequence[FloatArray]) -> int:
+        """Whiten, project and keep columns (rows, 3, p) of several parts; return their start."""
+        start = self.width
+        stop = self.width = start + sum(part.shape[2] for part in parts)
         self._grow(stop)
-        self._columns[:, :, start:stop] = projected
-        self.width = stop
+        before, size = np.zeros((2, stop - start))
         for axis in range(3):
-            cross = projected[axis].T @ self._columns[axis, :, :stop]
-            self.normal[axis, start:stop, :stop] = cross
-            self.normal[axis, :stop, start:stop] = cross.T
-            self.right[axis, start:stop] = projected[axis].T @ self.target[axis]
+            columns = np.concatenate([part[:, axis] for part in parts], axis=1)
+            for k, gains in enumerate(self._gains):
+                apply_gains_in_place(columns[self._edges[k] : self._edges[k + 1]], gains[axis])
+            before += np.einsum('np,np->p', columns, columns)
+            base = self.base[axis]
+            columns -= base @ (base.T @ columns)
+            size += np.einsum('np,np->p', columns, columns)
+            self._columns[axis, :, start:stop] = columns
+        before, size = np.sqrt(before), np.sqrt(size)
+        scale = np.where(size > 1e-6 * before, 1.0 / np.maximum(size, 1e-300), 0.0)
+        self._size = np.concatenate([self._size, size])
+        for axis in range(3):
+            new = self._columns[axis, :, start:stop]
+            new *= scale
+            cross = new.T @ self._columns[axis, :, :start]
+            self.normal[axis, start:stop, :start] = cross
+            self.normal[axis, :start, start:stop] = cross.T
+            self.normal[axis, start:stop, start:stop] = new.T @ new
+            self.right[axis, start:stop] = new.T @ self.target[axis]
         return start
 
     def _grow(self, width: int) -> None:
         room = self._columns.shape[2]
         if width > room:
-            more = max(room, width - room)
+            more = max(room // 2, width - room)
             self._columns = np.pad(self._columns, ((0, 0), (0, 0), (0, more)))
             self.normal = np.pad(self.normal, ((0, 0), (0, more), (0, more)))
             self.right = np.pad(self.right, ((0, 0), (0, more)))
-
-
-def _per_axis(columns: FloatArray) -> tuple[FloatArray, bool]:
-    """Return (rows, 3, p) and whether the axes share coefficients.
-
-    Columns that act on one axis each, as many on every axis, are p / 3 columns per axis.
-    """
-    if columns.ndim == 2:
-        return np.repeat(columns[:, None, :], 3, axis=1), False
-    acts = np.abs(columns).max(axis=0) > 0.0
-    counts = acts.sum(axis=1)
-    if (acts.sum(axis=0) != 1).any() or counts.max() != counts.min():
-        return columns, True
-    return np.stack([columns[:, axis][:, acts[axis]] for axis in range(3)], axis=1), False
-
-
-def _block_diagonal(parts: Sequence[FloatArray]) -> FloatArray:
-    """Put each run's columns beside each other, zero in the other runs' rows."""
-    width = sum(part.shape[-1] for part in parts)
-    whole = np.zeros((sum(len(part) for part in parts), *parts[0].shape[1:-1], width))
-    row = column = 0
-    for part in parts:
-        whole[row : row + len(part), ..., column : column + part.shape[-1]] = part
-        row, column = row + len(part), column + part.shape[-1]
-    return whole
-
-
-def _orthonormal(columns: FloatArray) -> FloatArray:
-    size = np.linalg.norm(columns, axis=0)
-    left, weights, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
-    return np.asarray(left[:, weights > 1e-9 * weights[0]])
-
-
-def _solve(
-    normal: FloatArray, right: FloatArray, full: FloatArray | None = None
-) -> tuple[FloatArray, int]:
-    """Return the minimum-norm solution and the rank; undetermined directions stay zero."""
-    if not len(normal):
-        return np.zeros((0, right.shape[1])), 0
-    size = np.sqrt(np.maximum(np.diag(normal) if full is None else full, 0.0))
-    inverse = np.where(size > 1e-9, 1.0 / np.maximum(size, 1e-9), 0.0)
-    scaled = normal * inverse[:, None] * inverse[None, :]
-    values, vectors = np.linalg.eigh(scaled)
-    kept: NDArray[np.bool_] = values > RANK_TOLERANCE
-    vectors = vectors[:, kept]
-    turned = vectors.T @ (right * inverse[:, None])
-    answer = inverse[:, None] * (vectors @ (turned / values[kept][:, None]))
-    return answer, int(kept.sum())

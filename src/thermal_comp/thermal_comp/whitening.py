@@ -67,11 +67,14 @@ def innovation_gains(slot: IntArray, noise: NoiseModel, axis: int, period: float
 def apply_gains(values: FloatArray, gains: Gains) -> FloatArray:
     """Return the whitened rows (m, q)."""
     whitened = np.array(values, dtype=np.float64, order='C')
-    state = np.zeros((len(gains.decay), whitened.shape[1]))
-    _innovate(
-        whitened, state, gains.decay, gains.weight, gains.missed, gains.gain, gains.deviation
-    )
+    apply_gains_in_place(whitened, gains)
     return whitened
+
+
+def apply_gains_in_place(rows: FloatArray, gains: Gains) -> None:
+    """Whiten rows (m, q) that lie contiguously."""
+    state = np.zeros((len(gains.decay), rows.shape[1]))
+    _innovate(rows, state, gains.decay, gains.weight, gains.missed, gains.gain, gains.deviation)
 
 
 def apply_transposed(values: FloatArray, gains: Gains) -> FloatArray:
