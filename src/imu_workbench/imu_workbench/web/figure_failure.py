@@ -9,11 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from imu_recording.recording import PHASES, FloatArray
 
-from imu_workbench.report.figures import PHASE_NAMES
 from imu_workbench.report.panels import Figure, Panel, figure, trace_axes
 from imu_workbench.web.run_blocks import RunBlocks
 from imu_workbench.web.version import Version
-from imu_workbench.web.view import Place, View
+from imu_workbench.web.view import PHASE_LABELS, Place, View
 
 FEWEST = 3
 """Blocks that make a cell."""
@@ -50,7 +49,7 @@ def failure_map(version: Version, view: View) -> FailureMap:
     blocks = version.blocks
     by_phase = any(bool((run.phase >= 0).any()) for run in blocks)
     keys = _phases(blocks) if by_phase else _bins(blocks)
-    labels = [_phase_label(str(k)) if by_phase else f'{k} … {int(k) + 10} °C' for k in keys]
+    labels = [PHASE_LABELS[str(k)] if by_phase else f'{k} … {int(k) + 10} °C' for k in keys]
     floor = version.comparison['sensors'][view.sensor]['noise_floor'][view.axis] or np.nan
     columns: list[tuple[str, str]] = []
     cells: list[list[tuple[Place, RunBlocks] | None]] = []
@@ -163,7 +162,3 @@ def _phases(blocks: Sequence[RunBlocks]) -> list[str]:
 def _bins(blocks: Sequence[RunBlocks]) -> list[int]:
     lows = {int(low) for run in blocks for low in np.floor(run.temperature / 10.0) * 10.0}
     return sorted(lows)
-
-
-def _phase_label(phase: str) -> str:
-    return {'precondition': 'reference', 'final': 'final'}.get(phase, PHASE_NAMES[phase])

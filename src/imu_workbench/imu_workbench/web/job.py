@@ -11,6 +11,8 @@ import asyncio
 import contextlib
 import logging
 import multiprocessing
+import os
+import signal
 import traceback
 from collections.abc import Callable
 from multiprocessing.connection import Connection
@@ -74,10 +76,11 @@ class Job:
         context = start_context()
         self._connection, theirs = context.Pipe(duplex=False)
         self._process = context.Process(
-            target=_run, args=(theirs, function, arguments), daemon=True
+            target=_run, args=(theirs, function, arguments), daemon=False
         )
         self._process.start()
         theirs.close()
+        RUNNING.add(self)
 
     async def result(self) -> Any:
         """Wait for what the function returns; raise JobError or JobCancelled."""
@@ -104,12 +107,25 @@ class Job:
         finally:
             self._connection.close()
             self._process.join()
+            RUNNING.discard(self)
 
     def cancel(self) -> None:
-        """End the process."""
+        """End the process and those it has started."""
         self.cancelled = True
         with contextlib.suppress(ValueError):
             self._process.terminate()
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._process.pid, signal.SIGTERM)
+
+
+RUNNING: set[Job] = set()
+"""Jobs under way in this server."""
+
+
+def end_all() -> None:
+    """End every job."""
+    for job in list(RUNNING):
+        job.cancel()
 
 
 def start_context() -> Any:
@@ -129,6 +145,7 @@ def _nothing(_: Callable[[str], None]) -> None:
 
 
 def _run(connection: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    os.setpgid(0, 0)
     try:
         value = function(lambda text: connection.send(('progress', text)), *arguments)
         connection.send(('result', value))

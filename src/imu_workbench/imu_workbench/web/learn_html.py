@@ -115,7 +115,7 @@ def proposal_html(proposal: Mapping[str, Any]) -> str:
     """Return what the next experiment promises."""
     one, other = (name.replace('_', ' ') for name in proposal['effects'])
     before, after = proposal['evidence_before'], proposal['evidence_after']
-    evidence = f'{before:.1f} with the plan of the paper, {after:.1f} with this one'
+    evidence = f'{shown(before)} with the plan of the paper, {shown(after)} with this one'
     verdict = 'separable' if proposal['separable'] else 'not separable by temperature alone'
     rows = [
         ('question', f'{one} or {other} in the {proposal["sensor"]}'),

@@ -128,10 +128,13 @@ class Page:
 
     async def open_bags(self, paths: list[str]) -> None:
         """Open bags and compare the first device's with its model."""
-        if await self._tab.open_bags(paths):
-            self._device.set_options(list(self._tab.session.devices))
-            self._device.set_value(self._tab.session.device)
+        if await self._tab.open_bags(paths, self._show_read):
             await self._show_device()
+
+    async def _show_read(self) -> None:
+        session = self._tab.session
+        self._device.set_options(list(session.devices), value=session.device)
+        await self.refresh()
 
     async def _choose_device(self, name: str) -> None:
         if name and name != self._tab.session.device:

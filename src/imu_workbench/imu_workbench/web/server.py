@@ -20,7 +20,7 @@ from nicegui import ui
 
 from imu_workbench.web.access import AccessCheck
 from imu_workbench.web.bag_root import BagRoot
-from imu_workbench.web.job import warm_up
+from imu_workbench.web.job import end_all, warm_up
 from imu_workbench.web.library import Library
 from imu_workbench.web.page import Page, Start
 
@@ -88,5 +88,8 @@ def run_server(
         settings = uvicorn.Config(outer, log_level='warning', lifespan='on')
         # Being ended is the normal way to end: it must pass through here, where files are removed.
         signal.signal(signal.SIGTERM, signal.default_int_handler)
-        with contextlib.suppress(KeyboardInterrupt):
-            uvicorn.Server(settings).run(sockets=[listening])
+        try:
+            with contextlib.suppress(KeyboardInterrupt):
+                uvicorn.Server(settings).run(sockets=[listening])
+        finally:
+            end_all()

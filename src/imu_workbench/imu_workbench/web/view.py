@@ -10,9 +10,12 @@ import numpy as np
 from imu_recording.recording import PHASES
 from numpy.typing import NDArray
 
+from imu_workbench.report.figures import PHASE_NAMES
 from imu_workbench.web.run_blocks import RunBlocks
 from imu_workbench.web.stored_bag import StoredBag
 
+PHASE_LABELS = PHASE_NAMES | {'precondition': 'reference', 'final': 'final'}
+"""What a phase is called on the page."""
 GAP = 0.03
 """Between two runs on the common axis, as a share of all runs together."""
 
@@ -42,7 +45,7 @@ class Place:
     def __str__(self) -> str:
         parts = [self.run]
         if self.phase is not None:
-            parts.append(self.phase.replace('_', ' '))
+            parts.append(PHASE_LABELS[self.phase])
         if self.cycle:
             parts.append(f'cycle {self.cycle}')
         if self.low is not None:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,25 +40,31 @@ class WorkbenchTab:
         self.catalogue = Catalogue()
         self._display = display
 
-    async def open_bags(self, paths: Sequence[str | Path]) -> bool:
-        """Read bags and make their devices known; True where there are new ones."""
-        stored: list[StoredBag] = []
+    async def open_bags(
+        self, paths: Sequence[str | Path], read: Callable[[], Awaitable[None]]
+    ) -> bool:
+        """Read bags and make their devices known; True where there are new ones.
+
+        `read` is called after every bag, for there is something to see already.
+        """
+        first = ''
         for path in paths:
-            stored += await self._read(path)
-        known = {bag.folder for state in self.session.devices.values() for bag in state.bags}
-        stored = [bag for bag in stored if bag.folder not in known]
-        if not stored:
-            return False
-        for device in dict.fromkeys(bag.device for bag in stored):
-            before = self.session.devices.get(device)
-            bags = [*(before.bags if before else ()), *(b for b in stored if b.device == device)]
-            bags = with_unique_runs(bags)
-            prepared = self.library.prepared_path(bags)
-            self.session.devices[device] = DeviceState(device, bags, prepared)
-        self.session.device = self.session.device or stored[0].device
-        if self.session.device not in {bag.device for bag in stored}:
-            self.session.device = stored[0].device
-        return True
+            found = await self._read(path)
+            known = {bag.folder for state in self.session.devices.values() for bag in state.bags}
+            new = [bag for bag in found if bag.folder not in known]
+            for device in dict.fromkeys(bag.device for bag in new):
+                before = self.session.devices.get(device)
+                own = [b for b in new if b.device == device]
+                bags = with_unique_runs([*(before.bags if before else ()), *own])
+                prepared = self.library.prepared_path(bags)
+                self.session.devices[device] = DeviceState(device, bags, prepared)
+                if not first:
+                    first = self.session.device = device
+            if new:
+                await read()
+            elif found:
+                self._display.say(f'{path}: open already')
+        return bool(first)
 
     async def _read(self, path: str | Path) -> list[StoredBag]:
         try:
