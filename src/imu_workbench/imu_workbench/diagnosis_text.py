@@ -23,7 +23,7 @@ VERDICTS = {
 def diagnosis_text(content: Mapping[str, Any]) -> str:
     """Return the diagnosis (the dictionary that --json writes) as lines."""
     name = content.get('device') or 'device'
-    lines = [f'{name}: {VERDICTS[content["verdict"]]}{_summary(content)}']
+    lines = [f'{name}: {verdict_line(content)}']
     for finding in content['findings']:
         lines += _finding_lines(finding)
     for sensor, state in content['sensors'].items():
@@ -38,12 +38,17 @@ def diagnosis_text(content: Mapping[str, Any]) -> str:
         )
         if state['where'] and state['verdict'] not in {'complete', 'noise_above_reference'}:
             lines.append(f'    worst: {"; ".join(_place(where) for where in state["where"][:3])}')
-    lines += _undecided_lines(content.get('undecided', ()))
+    lines += undecided_lines(content.get('undecided', ()))
     lines += [f'  undetermined: {text}' for text in content['undetermined']]
     lines += _greyed_lines(content['greyed_out'])
     lines += [f'  note: {text}' for text in content['notes']]
     lines += [f'  next: {text}' for text in advice(content)]
     return '\n'.join(lines)
+
+
+def verdict_line(content: Mapping[str, Any]) -> str:
+    """Return the verdict in words, and what it is about."""
+    return VERDICTS[content['verdict']] + _summary(content)
 
 
 def _summary(content: Mapping[str, Any]) -> str:
@@ -60,8 +65,8 @@ def _summary(content: Mapping[str, Any]) -> str:
     return f': {", ".join(parts)}' if parts else ''
 
 
-def _undecided_lines(undecided: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Pairs that have their reason in common stand in one line."""
+def undecided_lines(undecided: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return what cannot be decided; pairs that have their reason in common stand together."""
     groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for pair in undecided:
         groups.setdefault((pair['reason'], pair['action']), []).append(pair)

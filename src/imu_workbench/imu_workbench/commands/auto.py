@@ -16,6 +16,7 @@ from thermal_comp.preparation import prepare
 from imu_workbench.answer import Answer
 from imu_workbench.commands.diagnose import add_effects_argument
 from imu_workbench.commands.options import add_bag_arguments, read_recordings
+from imu_workbench.diagnosis_text import undecided_lines, verdict_line
 from imu_workbench.growth_text import growth_text
 from imu_workbench.progress import show_progress
 
@@ -42,15 +43,19 @@ def run(options: argparse.Namespace) -> Answer:
     clean, defects = check_quality(read_recordings(options))
     growth = grow(model, prepare(clean), Settings(catalogue), show_progress)
     save_model(growth.model, options.output)
-    left = growth.diagnosis.content() if growth.diagnosis else {'verdict': 'complete'}
+    left = (
+        growth.diagnosis.content() if growth.diagnosis else {'verdict': 'complete', 'findings': []}
+    )
     content = growth.after.content() | {
         'steps': [step.content() for step in growth.steps],
         'verdict': left['verdict'],
         'findings_left': left.get('findings', []),
+        'undecided': left.get('undecided', []),
         'data_quality': [f'{d.name}: {d.text}' for d in defects],
         'unneeded': list(growth.unneeded),
         'undetermined': list(growth.model.provenance.notes),
         'model': str(options.output),
     }
-    text = f'{growth_text(content)}\nafter that: {left["verdict"]}'
-    return Answer(content, f'{text}\nsaved {options.output}')
+    lines = [growth_text(content), f'after that: {verdict_line(left)}']
+    lines += undecided_lines(content['undecided'])
+    return Answer(content, '\n'.join([*lines, f'saved {options.output}']))
