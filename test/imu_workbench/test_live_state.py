@@ -164,6 +164,19 @@ def test_the_last_second_is_read(state: LiveState) -> None:
     assert view.rate_hz(state, 'raw') == pytest.approx(100.0)
 
 
+def test_raw_and_compensated_are_shown_of_the_same_second(clock: Clock) -> None:
+    """The compensated stream lags: a rising rate must not look like an error."""
+    state = LiveState(clock)
+    stamp = stamps(10, 50)
+    rising = TRUE_RATE + np.arange(500)[:, None] * 1e-3
+    put(state, 'raw', imu(stamp, rising + 0.002, GRAVITY))
+    put(state, 'compensated', imu(stamp[:450], rising[:450], GRAVITY))
+    state.absorb()
+    now = view.reading(state, 'gyroscope', 0)
+    np.testing.assert_allclose(now.raw - now.compensated, now.difference)
+    np.testing.assert_allclose(now.difference, 0.002)
+
+
 def test_the_static_residual_is_the_drift_since_the_zero(clock: Clock) -> None:
     state = LiveState(clock)
     stamp = stamps(100, 20)

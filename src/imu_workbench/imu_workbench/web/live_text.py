@@ -119,8 +119,8 @@ def topics_table(state: LiveState, topics: dict[str, str]) -> str:
         heard = f'{fixed(rate, 1)} Hz' if rate else '–'
         if topics.get(name) and silence > SILENT_S:
             heard = f'silent for {duration(silence)}' if math.isfinite(silence) else 'nothing yet'
-        rows.append([name.replace('_', ' '), topic, heard])
-    return table(('role', 'topic', 'heard'), rows, '')
+        rows.append([name.replace('_', ' '), heard, topic])
+    return table(('role', 'heard', 'topic'), rows, '')
 
 
 def silent_roles(state: LiveState, topics: dict[str, str]) -> list[str]:

@@ -19,6 +19,8 @@ TURNED_DEG = 3.0
 """From this tilt on the device was turned since the zero: what changed is not an error."""
 FULL_RATE_S = 30.0
 """Up to this window every sample is looked at, beyond it means of seconds."""
+FRESH_NS = 5 * SECOND
+"""Raw and compensated samples further apart than this are each shown as they are [ns]."""
 EULER_ROWS = 1000
 """So many attitudes of a window are turned into angles."""
 TEMPERATURES = ('temperature', 'device', 'air', 'setpoint')
@@ -111,9 +113,10 @@ def static_line(state: LiveState, sensor: str, window_s: float, zero: int) -> Li
 def reading(state: LiveState, sensor: str, zero: int) -> Reading:
     """Return the sensor's last second; `zero` [s of the stamp], 0: the first seconds heard."""
     tracks = SENSOR_TRACKS[sensor]
+    names = (tracks.raw, tracks.compensated, tracks.difference)
+    end = state.tracks[tracks.difference].newest  # both are heard up to here
     raw, compensated, difference = (
-        _last_second(state, name)[:, tracks.columns]
-        for name in (tracks.raw, tracks.compensated, tracks.difference)
+        _last_second(state, name, end)[:, tracks.columns] for name in names
     )
     name = _left_over(state, sensor)
     left = raw if name == tracks.raw else compensated
@@ -204,10 +207,15 @@ def _left_over(state: LiveState, sensor: str) -> str:
     return tracks.compensated if state.tracks[tracks.compensated].newest >= 0 else tracks.raw
 
 
-def _last_second(state: LiveState, name: str) -> FloatArray:
-    """Return mean and standard deviation of the newest second of samples (2, k)."""
+def _last_second(state: LiveState, name: str, end: int = -1) -> FloatArray:
+    """Return mean and standard deviation of the second up to `end` [ns] (2, k).
+
+    −1, or an end that is no longer within the newest samples: the newest second.
+    """
     track = state.tracks[name]
-    values = track.recent.since(track.newest - SECOND + 1).values
+    end = end if track.newest - FRESH_NS < end <= track.newest else track.newest
+    rows = track.recent.since(end - SECOND + 1)
+    values = rows.values[rows.stamp <= end]
     columns = [column[np.isfinite(column)] for column in values.T]
     return np.array([[f(c) if len(c) else np.nan for c in columns] for f in (np.mean, np.std)])
 
