@@ -71,10 +71,6 @@ else
 fi
 requirements+=("$@")
 
-python=$(find_python)
-[ -n "$python" ] ||
-  fail 'Python 3.12 was not found on PATH, in pyenv or in uv. Get it with "apt install python3.12-venv", "pyenv install 3.12" or "uv python install 3.12".'
-
 stamp=.venv/.workspace_requirements
 mkdir -p .venv
 touch .venv/COLCON_IGNORE
@@ -88,6 +84,9 @@ current=$(
   cat "${wanted[@]}"
 )
 if [ "$(sed -n '1,2p' "$stamp")" != "$place" ] || ! .venv/bin/python -c '' 2>/dev/null; then
+  python=$(find_python)
+  [ -n "$python" ] ||
+    fail 'Python 3.12 was not found on PATH, in pyenv or in uv. Get it with "apt install python3.12-venv", "pyenv install 3.12" or "uv python install 3.12".'
   echo 'Setting up .venv (once; about two minutes) …'
   "$python" -m venv --clear "${venv_options[@]}" .venv
   touch .venv/COLCON_IGNORE
