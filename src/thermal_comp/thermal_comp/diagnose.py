@@ -24,6 +24,7 @@ from thermal_comp.diagnose_findings import (
     with_verdict,
 )
 from thermal_comp.diagnose_judges import judges
+from thermal_comp.diagnose_known import least_gains
 from thermal_comp.diagnose_result import Diagnosis, Finding, SensorState
 from thermal_comp.diagnose_search import Search
 from thermal_comp.diagnose_thresholds import EVERYWHERE
@@ -172,7 +173,10 @@ def search_sensors(
             if name not in {e.name for e in known if e.name != 'bias_step'}
             and not (name == TILT and sensor == 'magnetometer' and len(base) > 1)
         }
-        found = Search(bank, families(bank, offered), settings.thresholds, support=support)
+        least = least_gains(source, sensor, noise[sensor], known)
+        found = Search(
+            bank, families(bank, offered), settings.thresholds, support=support, least_gains=least
+        )
         searches[sensor] = found
         outcomes[sensor] = decide_confirmed(found, judges(bank), missing, known)
 

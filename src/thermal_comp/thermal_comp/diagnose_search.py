@@ -84,6 +84,8 @@ class Search:
     vetoed: list[str] = field(default_factory=list)
     support: Mapping[str, float] = field(default_factory=dict)
     """χ² that another sensor adds to an effect both of them feel."""
+    least_gains: Mapping[str, float] = field(default_factory=dict)
+    """χ² gain below which an effect is but the form of one that is in the model already."""
 
     @property
     def price(self) -> float:
@@ -161,6 +163,8 @@ class Search:
             if rated.evidence <= 0.0:
                 break
             if rated.evidence < threshold_of(rated.name, self.thresholds):
+                continue
+            if rated.gain < self.least_gains.get(rated.name, 0.0):
                 continue
             if self._confirmed_by_cycles(chosen, rated.form):
                 return rated
