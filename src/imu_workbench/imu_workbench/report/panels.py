@@ -60,7 +60,7 @@ def figure(
     right = any(panel.right_title for panel in panels)
     wide = _Grid(len(panels), columns, height, 26 if stacked else 76)
     narrow = _Grid(len(panels), 1, height, 26 if stacked else 76)
-    extra = 19 * (_legend_rows(data, 300) - 1)
+    extra = _legend_height(data, 300)
     spec = _look() | {
         'height': wide.total,
         'margin': {'l': 70, 'r': 64 if right else 16, 't': TOP, 'b': BOTTOM},
@@ -104,11 +104,21 @@ def figure(
     return {'data': list(data), 'layout': spec, 'narrow': small}
 
 
-def _legend_rows(data: Sequence[dict[str, Any]], width: int) -> int:
-    """Return how many rows the legend takes on `width` pixels; entries stand in columns."""
-    names = [t['name'] for t in data if t.get('name') and t.get('showlegend', True)]
-    columns = max(1, width // (48 + 6 * max(map(len, names), default=0)))
-    return max(1, -(-len(names) // columns))
+def _legend_height(data: Sequence[dict[str, Any]], width: int) -> int:
+    """Return what the legend's rows after the first take on a page of `width` [px].
+
+    Entries stand in columns; groups follow each other as they fit, with a gap between rows.
+    """
+    entries = [t for t in data if t.get('name') and t.get('showlegend', True)]
+    if not any(t.get('legendgroup') for t in entries):
+        columns = max(1, width // (48 + 6 * max((len(t['name']) for t in entries), default=0)))
+        return 19 * max(0, -(-len(entries) // columns) - 1)
+    rows, left = 1, float(width)
+    for size in (56 + 6.5 * len(t['name']) for t in entries):
+        if size > left and left < width:
+            rows, left = rows + 1, width
+        left -= size
+    return 29 * (rows - 1)
 
 
 class _Grid:
