@@ -32,6 +32,10 @@ from thermal_comp.whitening import (
 __all__ = ['RANK_TOLERANCE', 'ColumnBank', 'ColumnSource', 'Term']
 
 
+ROOM = 640
+"""Columns there is room for at first; memory that is not written to costs nothing."""
+
+
 @dataclass(frozen=True)
 class Term:
     """Columns of the bank that belong together: one effect in one form."""
@@ -73,9 +77,9 @@ class ColumnBank:
             for run, ok in zip(runs, self.valid, strict=True)
         ]
         self._terms: dict[Effect, Term] = {}
-        self._columns = np.zeros((3, self.rows, 128))
-        self.normal = np.zeros((3, 128, 128))
-        self.right = np.zeros((3, 128))
+        self._columns = np.zeros((3, self.rows, ROOM))
+        self.normal = np.zeros((3, ROOM, ROOM))
+        self.right = np.zeros((3, ROOM))
         self._size = np.zeros(0)
         self.width = 0
         levels = np.repeat(block_diagonal([np.ones((m, 1)) for m in sizes])[:, None], 3, axis=1)
@@ -92,7 +96,8 @@ class ColumnBank:
         target = np.concatenate([rows[ok] for rows, ok in zip(values, self.valid, strict=True)])
         self.target = self._projected(self._whitened(target[:, :, None]))[:, :, 0]
         for axis in range(3):
-            self.right[axis] = self._columns[axis].T @ self.target[axis]
+            filled = self._columns[axis, :, : self.width]
+            self.right[axis, : self.width] = filled.T @ self.target[axis]
 
     @property
     def chi_square(self) -> float:
