@@ -17,6 +17,8 @@ TRACK_LOOK = {
 }
 TRACE_KEYS = ('showlegend', 'legendgroup', 'opacity', 'hoverinfo', 'hovertemplate')
 """What `curve` takes for the trace; everything else is the line's."""
+NARROWEST_MARK = 0.04
+"""Part of the width that a label above the plan needs."""
 PHASE_NAMES = {
     'precondition': 'preconditioning (reference)',
     'ramp_down': 'ramp down',
@@ -78,11 +80,17 @@ def plan_figure(plan: Mapping[str, Any]) -> Figure:
 
 
 def _leg_marks(phases: list[dict[str, Any]]) -> list[tuple[str, float]]:
-    marks: dict[str, float] = {}
+    """Return a label and its hour for every new part of the run that has room for one."""
+    marks: list[tuple[str, float]] = []
+    room = NARROWEST_MARK * max((leg['to_h'] for leg in phases), default=0.0)
+    latest = ''
     for leg in phases:
-        text = {'precondition': 'Ref.', 'final': 'Final'}.get(leg['phase'])
-        marks.setdefault(text or f'R{leg["cycle"]}', leg['from_h'])
-    return list(marks.items())
+        names = {'precondition': 'Ref.', 'final': 'Final'}
+        text = names.get(leg['phase'], f'R{leg["cycle"]}')
+        if text != latest and (not marks or leg['from_h'] - marks[-1][1] >= room):
+            marks.append((text, leg['from_h']))
+        latest = text
+    return marks
 
 
 def cycle_figure(cycle: Mapping[str, Any]) -> Figure:

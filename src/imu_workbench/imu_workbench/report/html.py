@@ -130,7 +130,10 @@ def table_html(
 
     A head cell 'text|n' spans n columns.
     """
-    shown_head = ''.join('<tr>' + ''.join(map(_head_cell, row)) + '</tr>' for row in head)
+    shown_head = ''.join(
+        f'<tr>{"".join(_head_cell(cell, i in text_columns) for i, cell in enumerate(row))}</tr>'
+        for row in head
+    )
     body = ''.join(
         f'<tr><th scope="row">{row[0]}</th>'
         + ''.join(
@@ -150,11 +153,12 @@ def table_html(
     )
 
 
-def _head_cell(text: str) -> str:
+def _head_cell(text: str, over_text: bool) -> str:
     label, separator, span = text.rpartition('|')
     if separator and span.isdigit():
         return f'<th scope="colgroup" colspan="{span}" class="edge">{label}</th>'
-    return f'<th scope="col">{text}</th>'
+    look = ' class="text"' if over_text else ''
+    return f'<th scope="col"{look}>{text}</th>'
 
 
 def pairs_html(pairs: Mapping[str, str]) -> str:
