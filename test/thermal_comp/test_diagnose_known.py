@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the form of a known effect leaves is no further effect."""
+
+import numpy as np
+import pytest
+from thermal_comp.diagnose_bank import ColumnBank, ColumnSource
+from thermal_comp.diagnose_known import least_gains
+from thermal_comp.diagnose_search import FORM_SHARE, NESTED_SHARE
+from thermal_comp.effects import EFFECTS
+from thermal_comp.noise import fit_noise
+from thermal_comp.preparation import prepare
+
+from .campaign import chamber, run
+
+
+def test_a_richer_effect_has_to_gain_a_share_of_the_known_one() -> None:
+    time, die, *_ = chamber(3)
+    error = 2e-2 * np.gradient(die, time)[:, None] * np.ones(3)
+    recordings = [run('+z', seed=k, cycles=3, error={'angular_velocity': error}) for k in (0, 1)]
+    runs = prepare(recordings)
+    noise = fit_noise(runs, 'gyroscope')
+    source = ColumnSource(runs)
+    line, rate = EFFECTS['bias_temperature'](), EFFECTS['temperature_rate']()
+    assert least_gains(source, 'gyroscope', noise, [line]) == {}
+    least = least_gains(source, 'gyroscope', noise, [line, rate])
+    lost = ColumnBank(source, 'gyroscope', noise, [line]).chi_square
+    left = ColumnBank(source, 'gyroscope', noise, [line, rate]).chi_square
+    assert lost > 3.0 * left
+    assert least['thermal_gradient'] == pytest.approx(FORM_SHARE * (lost - left), rel=1e-3)
+    assert least['thermal_lag'] == pytest.approx(NESTED_SHARE * (lost - left), rel=1e-3)
