@@ -46,6 +46,7 @@ def judges(bank: ColumnBank) -> list[Judge]:
         ('temperature', 'powers of temperature', spans.powers, False),
         ('branch', 'curve over temperature, one per branch', spans.branch, False),
         ('rate', 'curve over the temperature rate', spans.rate, False),
+        ('rate', 'temperature rate and its square', spans.rate_slope, False),
         ('rate', 'temperature rate times temperature and time', spans.rate_products, False),
         ('time', 'curve over time', spans.time, False),
         ('time', 'wave over time', spans.wave, False),
