@@ -127,6 +127,7 @@ def test_a_chamber_out_of_reach_in_the_safe_state_is_given_up_in_time(bench) -> 
     [
         ({'alarms': ('7',)}, 'alarm 7'),
         ({'air': 40.0}, '40.0 °C, outside'),
+        ({'device': 90.0}, 'device is at 90.0 °C'),
         ({'imu_alive': False}, 'IMU'),
         ({'disk_free': 1000}, 'GiB'),
         ({'link': 'failing'}, 'does not answer'),

@@ -9,6 +9,7 @@ from chamber_profile.profile import load_profile, parse_profile
 from chamber_profile.sequence_types import (
     ABORTED,
     DONE,
+    DWELL,
     FINISHED,
     IDLE,
     SAFE,
@@ -175,6 +176,17 @@ class Runs(RuleBasedStateMachine):
         if killed and self.journal and self.sequencer.progress.mode not in FINISHED:
             self.a_kill_and_a_restart(at_once=True)
         self.world = {} if heals else world
+
+    @precondition(lambda self: self.sequencer.progress.stage == DWELL and under_way(self))
+    @rule(apart=st.sampled_from([-6.0, 6.0]), ticks=st.integers(1, 20))
+    def the_air_leaves_the_band(self, apart, ticks) -> None:
+        limits = self.profile.limits
+        here = self.sequencer.step.target_c + apart
+        here = min(max(here, limits.air_min_c), limits.air_max_c)
+        for world in ({'air': here, 'device': here}, {}):
+            self.link, self.world = 'ok', world
+            for _ in range(ticks):
+                self.tick(5.0)
 
     @precondition(lambda self: self.sequencer.progress.mode == SAFE)
     @rule()

@@ -26,6 +26,11 @@ def check_problems(profile: Profile, steps: Sequence[Step], readings: Readings) 
             f'the air is at {readings.air:.1f} °C, outside the limits '
             f'{limits.air_min_c:g} … {limits.air_max_c:g} °C'
         )
+    low, high = limits.device_min_c, limits.device_max_c
+    if readings.device is not None and not low <= readings.device <= high:
+        problems.append(
+            f'the device is at {readings.device:.1f} °C, outside the limits {low:g} … {high:g} °C'
+        )
     watched = {step.stabilise.source for step in steps if step.stabilise}
     if watched - {'air'} and readings.device is None:
         problems.append('the profile waits for the device temperature, which nobody reports')
