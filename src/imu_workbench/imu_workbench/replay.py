@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -26,6 +28,7 @@ NODES: dict[str, tuple[str, str]] = {
 RANK = ('imu/temperature', 'imu/mag', 'imu/data_raw')
 """Among messages received at one time these come last, in this order."""
 SECOND = 1_000_000_000
+DISCOVERY = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
 
 class ReplayError(UserError):
@@ -64,7 +67,8 @@ def replay(
     clock = [0]
     node_class = _node_class(node_name)
     context = Context()
-    rclpy.init(args=[], context=context)
+    with _undiscovered():
+        rclpy.init(args=[], context=context)
     try:
         node = node_class(
             capture=lambda topic, message: sent.append(Sent(clock[0], topic, message)),
@@ -84,6 +88,20 @@ def replay(
     finally:
         rclpy.try_shutdown(context=context)
     return [_resolved(item, node_name, namespace.rstrip('/')) for item in sent]
+
+
+@contextmanager
+def _undiscovered() -> Iterator[None]:
+    """Let a context made inside look for nobody and be found by nobody: it sends nothing."""
+    before = os.environ.get(DISCOVERY)
+    os.environ[DISCOVERY] = 'OFF'
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[DISCOVERY]
+        else:
+            os.environ[DISCOVERY] = before
 
 
 def _node_class(name: str) -> Any:
