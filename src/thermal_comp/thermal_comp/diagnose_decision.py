@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from thermal_comp.diagnose_candidates import SEARCHED
 from thermal_comp.diagnose_coherence import coherence
 from thermal_comp.diagnose_dependence import (
     ADEQUATE,
@@ -187,6 +188,17 @@ def _majors(search: Search, found: Sequence[Rated]) -> list[Rated]:
     return kept
 
 
+def _contains(rival: Rated, rated: Rated) -> bool:
+    """Tell whether the rival is the same effect in a richer form; a slow lag is no rate's."""
+    slow = all(
+        rival.form.effect.shape_parameters.get(name, high) > 1.5 * low
+        for (effect, name), (low, high) in SEARCHED.items()
+        if effect == rival.name
+    )
+    apart = rated.name == 'temperature_rate' and slow
+    return rival.name in RICHER.get(rated.name, ()) and not apart
+
+
 def _named(
     search: Search, found: Sequence[Rated], rated: Rated, *, approximate: bool = False
 ) -> Named:
@@ -197,7 +209,7 @@ def _named(
     for rival in ranking:
         near = rival.evidence > rated.evidence - RIVAL_EVIDENCE
         alike = rival.gain > RIVAL_SHARE * rated.gain and rival.evidence > 0.0
-        if rival.name in RICHER.get(rated.name, ()):
+        if _contains(rival, rated):
             more = rival.rank + rival.form.free - rated.rank - rated.form.free
             cheap = rated.name in CHEAPLY_ENRICHED
             near = cheap and rival.gain - rated.gain > ENRICHMENT * max(more, 1)
