@@ -60,6 +60,16 @@ def test_versions_are_a_line_that_undo_walks_back(fitted):
     assert (state.versions, state.current, state.earlier) == ([fitted.line], 0, None)
 
 
+def test_a_tab_says_why_there_is_no_model(fitted):
+    session = Session()
+    assert session.nothing_yet == 'Open bags first.'
+    session.devices['dut2'] = DeviceState('dut2', fitted.bags, fitted.prepared)
+    session.device = 'dut2'
+    assert 'being fitted' in session.nothing_yet
+    session.devices['dut2'].problem = 'There is none.'
+    assert session.nothing_yet == 'There is none.'
+
+
 def test_a_tab_begins_where_the_model_fails_most(fitted):
     state = DeviceState('dut2', fitted.bags, fitted.prepared, [fitted.line])
     session = Session({'dut2': state}, 'dut2', View('gyroscope'))

@@ -28,6 +28,7 @@ class ComparePage:
     def __init__(self, session: Session, look: Look, go_to: Callable[[Place | None], Any]) -> None:
         self._session, self._look, self._go_to = session, look, go_to
         self._map: FailureMap | None = None
+        self._listed: tuple[list[tuple[Place, float]], Place | None] = ([], None)
         self._drawn = 0
         with ui.element('div').classes('grid-compare'):
             with ui.element('div').classes('stack wide'):
@@ -79,6 +80,7 @@ class ComparePage:
             for plot in self.plots:
                 plot.show(None)
             self._places.clear()
+            self._listed = ([], None)
             return
         figures, found = await asyncio.to_thread(self._figures)
         if mine != self._drawn:
@@ -113,12 +115,14 @@ class ComparePage:
         ], found
 
     def _show_places(self) -> None:
-        self._places.clear()
-        if self._map is None:
-            return
         chosen = self._session.view.place
+        worst = self._map.worst(WORST) if self._map else []
+        if (worst, chosen) == self._listed:
+            return  # a new list would take the keyboard's focus away
+        self._listed = (worst, chosen)
+        self._places.clear()
         with self._places:
-            for place, ratio in self._map.worst(WORST):
+            for place, ratio in worst:
                 on = place == chosen
                 button = ui.element('button').classes('place on' if on else 'place')
                 button.props(f'type=button aria-pressed={"true" if on else "false"}')

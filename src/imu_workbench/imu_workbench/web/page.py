@@ -147,11 +147,15 @@ class Page:
         if state is not None and not state.versions:
             await self.refresh()
             await self._tab.first_version(self._start.model_text)
+        elif session.view.sensor not in session.sensors():
+            session.look_at_worst()
         await self.refresh()
 
     async def _choose_channel(self, sensor: str, axis: int) -> None:
-        self._tab.session.look_at(sensor=sensor, axis=axis)
-        await self.refresh()
+        session = self._tab.session
+        if session.version is None or sensor in session.sensors():
+            session.look_at(sensor=sensor, axis=axis)
+            await self.refresh()
 
     async def go_to(self, place: Place | None) -> None:
         """Let every plot show a place."""
@@ -184,6 +188,10 @@ class Page:
 
             self._live_page = build_live(self._live, dark=lambda: self._look.dark)
 
+    def _repaint(self) -> None:
+        for page in (self._compare, self._learn, self._grow):
+            page.repaint()
+
     def _colours(self) -> None:
         ui.colors(primary='#2a7fb4' if self._look.dark else '#0072b2')
 
@@ -191,8 +199,7 @@ class Page:
         self._look.dark = not self._look.dark
         self._dark.set_value(self._look.dark)
         self._colours()
-        for page in (self._compare, self._learn, self._grow):
-            page.repaint()
+        self._repaint()
 
     async def _diagnose(self) -> None:
         if await self._tab.diagnose():

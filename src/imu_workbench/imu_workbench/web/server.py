@@ -65,7 +65,7 @@ def run_server(
         outer.add_middleware(AccessCheck, token=token)
         here = files('imu_workbench') / 'web'
         look = (here / 'theme.css').read_text('utf-8')
-        script = (here / 'hidden_plots.js').read_text('utf-8')
+        script = (here / 'resizing.js').read_text('utf-8')
 
         @ui.page('/', response_timeout=30.0)
         def _page() -> None:

@@ -25,6 +25,8 @@ class DeviceState:
     """Version the plots show."""
     earlier: int | None = None
     """Version whose residual is drawn for comparison."""
+    problem: str = ''
+    """Why there is no model."""
     greyed: dict[str, str] = field(default_factory=dict)
     diagnoses: dict[str, dict[str, Any]] = field(default_factory=dict)
     """By model file."""
@@ -47,7 +49,8 @@ class DeviceState:
     def append(self, version: Version) -> None:
         """Make a version that follows the one shown; those after it are dropped."""
         before = self.current
-        self.versions = [*self.versions[: self.current + 1], version]
+        kept = self.versions[: self.current + 1]
+        self.versions = [*kept, version]
         self.current = len(self.versions) - 1
         self.earlier = before if self.current else None
 
@@ -81,7 +84,9 @@ class Session:
     @property
     def nothing_yet(self) -> str:
         """Why there is no model to look at."""
-        return 'The first model is being fitted …' if self.state else 'Open bags first.'
+        if self.state is None:
+            return 'Open bags first.'
+        return self.state.problem or 'The first model is being fitted …'
 
     def sensors(self) -> list[str]:
         """Return the sensors of the model looked at, in the order of the tables."""

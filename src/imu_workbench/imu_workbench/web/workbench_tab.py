@@ -81,7 +81,7 @@ class WorkbenchTab:
         return found or []
 
     async def first_version(self, model_text: str | None = None) -> bool:
-        """Fit the line, or take the given model; True where there is a version now."""
+        """Fit the line, or take the given model, as the next version; True where it worked."""
         state = self.session.state
         if state is None:
             return False
@@ -90,9 +90,10 @@ class WorkbenchTab:
         arguments = (state.bags, state.prepared, model_text, files)
         found = await self._do(key, tasks.first_version_task, *arguments)
         if found is None:
+            state.problem = 'There is no model of these bags: see the message above.'
             return False
         version, state.greyed = found
-        state.versions, state.current, state.earlier = [version], 0, None
+        state.append(version)
         self.session.look_at_worst()
         return True
 
