@@ -88,10 +88,14 @@ def golden(request: pytest.FixtureRequest) -> Callable[..., None]:
 
 
 @pytest.fixture
-def ros() -> Any:
-    """Initialise rclpy around a test that constructs nodes in-process."""
+def ros(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Initialise rclpy around a test that constructs nodes in-process.
+
+    Participants of earlier tests may still live; Fast DDS can lock up where they meet.
+    """
     import rclpy
 
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF')
     rclpy.init()
     yield rclpy
     rclpy.try_shutdown()

@@ -13,6 +13,7 @@ BELOW = {
     **dict.fromkeys(PEERS, ('imu_recording',)),
     'imu_workbench': ('imu_recording', *PEERS),
 }
+RCLPY_IN_WORKBENCH = ('replay.py', 'quiet_context.py', 'web/live.py')
 EDGES = ('rclpy', 'serial', 'rosbags', 'plotly', 'nicegui', 'matplotlib', 'tsdownsample')
 FILES = sorted(
     path
@@ -39,7 +40,7 @@ def may_import(library: str, path: Path) -> bool:
         return (
             inner == 'node.py'
             or inner.endswith('_node.py')
-            or (package == 'imu_workbench' and inner in ('replay.py', 'web/live.py'))
+            or (package == 'imu_workbench' and inner in RCLPY_IN_WORKBENCH)
         )
     if library == 'serial':
         return 'transport' in inner or inner.startswith('chambers/') or 'reference_logger' in inner

@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import rclpy
 from chamber_profile.node import ChamberProfileNode
 from imu_driver.node import ImuDriverNode
 from imu_recording.message_cdr import message_class
+from imu_workbench.quiet_context import quiet_context
 from orientation_filters.node import AhrsFilterNode, ComplementaryFilterNode
-from rclpy.context import Context
 from sensor_msgs.msg import Imu
 from thermal_comp.node import ThermalCompNode
 
@@ -38,39 +37,37 @@ def foxglove() -> dict[str, Any]:
 def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[dict[str, str], dict]]:
     """Topic → type of all nodes with their usual names, and what they say in diagnostics."""
     folder: Path = tmp_path_factory.mktemp('run')
-    context = Context()
-    rclpy.init(args=[], context=context)
-    options: dict[str, Any] = {'context': context, 'use_global_arguments': False}
-    nodes = [
-        ImuDriverNode(parameters={'transport': 'simulated://dut1'}, **options),
-        ThermalCompNode(**options),
-        ChamberProfileNode(
-            parameters={
-                'profile': 'short_20min', 'chamber': 'simulated', 'start': True,
-                'require_imu': False, 'run_directory': str(folder / 'run'),
-            },
-            **options,
-        ),
-    ]  # fmt: skip
-    for name, kind in (('complementary', ComplementaryFilterNode), ('ahrs', AhrsFilterNode)):
-        remap = ['--ros-args', '-r', f'imu/data:=imu/data_{name}']
-        nodes.append(kind(cli_args=remap, **options))
-    topics: dict[str, str] = {}
-    for node in nodes:
-        assert node.trigger_configure()
-        place = (node.get_name(), node.get_namespace())
-        for topic, types in node.get_publisher_names_and_types_by_node(*place):
-            topics[topic] = types[0]
-    chamber = nodes[2]
-    chamber.order('start')
-    chamber.advance()
-    values = {node.get_name(): node.diagnostics()[2] for node in nodes}
-    yield topics, values
-    chamber.run.conductor.stop_at_once()
-    chamber.run.conductor.close()
-    for node in nodes:
-        node.destroy_node()
-    rclpy.try_shutdown(context=context)
+    with quiet_context() as context:
+        options: dict[str, Any] = {'context': context, 'use_global_arguments': False}
+        nodes = [
+            ImuDriverNode(parameters={'transport': 'simulated://dut1'}, **options),
+            ThermalCompNode(**options),
+            ChamberProfileNode(
+                parameters={
+                    'profile': 'short_20min', 'chamber': 'simulated', 'start': True,
+                    'require_imu': False, 'run_directory': str(folder / 'run'),
+                },
+                **options,
+            ),
+        ]  # fmt: skip
+        for name, kind in (('complementary', ComplementaryFilterNode), ('ahrs', AhrsFilterNode)):
+            remap = ['--ros-args', '-r', f'imu/data:=imu/data_{name}']
+            nodes.append(kind(cli_args=remap, **options))
+        topics: dict[str, str] = {}
+        for node in nodes:
+            assert node.trigger_configure()
+            place = (node.get_name(), node.get_namespace())
+            for topic, types in node.get_publisher_names_and_types_by_node(*place):
+                topics[topic] = types[0]
+        chamber = nodes[2]
+        chamber.order('start')
+        chamber.advance()
+        values = {node.get_name(): node.diagnostics()[2] for node in nodes}
+        yield topics, values
+        chamber.run.conductor.stop_at_once()
+        chamber.run.conductor.close()
+        for node in nodes:
+            node.destroy_node()
 
 
 def field_type(message_type: str, names: list[str]) -> str:
@@ -211,26 +208,24 @@ def test_the_attitude_panel_shows_the_frames_the_filters_send(
         monkeypatch.setattr(f'orientation_filters.{module}.transform_class', lambda: Transforms)
     panel = foxglove['configById']['3D!attitude']
     sent: list[Any] = []
-    context = Context()
-    rclpy.init(args=[], context=context)
-    for name, kind in (('complementary', ComplementaryFilterNode), ('ahrs', AhrsFilterNode)):
-        node = kind(
-            capture=lambda topic, message: sent.append((topic, message)),
-            now=lambda: 0,
-            parameters={
-                'publish_tf': True, 'body_frame_id': f'imu_{name}', 'use_magnetometer': False,
-            },
-            context=context,
-        )  # fmt: skip
-        node.autostart()
-        for step in range(5):
-            message = Imu()
-            message.header.stamp.sec = 1 + step // 100
-            message.header.stamp.nanosec = step * 10_000_000
-            message.linear_acceleration.z = 9.81
-            node.on_imu(message)
-        node.destroy_node()
-    rclpy.try_shutdown(context=context)
+    with quiet_context() as context:
+        for name, kind in (('complementary', ComplementaryFilterNode), ('ahrs', AhrsFilterNode)):
+            node = kind(
+                capture=lambda topic, message: sent.append((topic, message)),
+                now=lambda: 0,
+                parameters={
+                    'publish_tf': True, 'body_frame_id': f'imu_{name}', 'use_magnetometer': False,
+                },
+                context=context,
+            )  # fmt: skip
+            node.autostart()
+            for step in range(5):
+                message = Imu()
+                message.header.stamp.sec = 1 + step // 100
+                message.header.stamp.nanosec = step * 10_000_000
+                message.linear_acceleration.z = 9.81
+                node.on_imu(message)
+            node.destroy_node()
     transforms = [m.transforms[0] for topic, m in sent if topic == '/tf']
     frames = {t.child_frame_id for t in transforms} | {t.header.frame_id for t in transforms}
     assert {f'frame:{frame}' for frame in frames} == set(panel['transforms'])

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from chamber_profile.chambers import climate
 from chamber_profile.node import ChamberProfileNode
 from chamber_profile.profile import OPERATOR_PHASE
@@ -30,6 +29,8 @@ from imu_recording.run_notice import RUN_TOPIC
 from imu_recording.user_error import UserError
 from rclpy.context import Context
 from rclpy.logging import LoggingSeverity
+
+from imu_workbench.quiet_context import quiet_context
 
 SECOND = 1_000_000_000
 FIRST_DAY = 1_767_225_600 * SECOND
@@ -67,16 +68,12 @@ class RunPlan:
 
 def run_in_lock_step(plan: RunPlan, progress: Callable[[str], None] = lambda _: None) -> int:
     """Run one orientation; return the number of messages recorded."""
-    context = Context()
-    rclpy.init(args=[], context=context)
-    try:
+    with quiet_context() as context:
         bench = _Bench(plan, context)
         try:
             return bench.run(progress)
         finally:
             bench.close()
-    finally:
-        rclpy.try_shutdown(context=context)
 
 
 class _Device:

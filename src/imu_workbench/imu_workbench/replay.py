@@ -3,20 +3,18 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from imu_recording.bag_messages import BagMessage, bag_topics, read_messages
 from imu_recording.message_cdr import message_class, numbers_of, serialise, type_of
 from imu_recording.user_error import UserError
-from rclpy.context import Context
 from rclpy.serialization import deserialize_message
+
+from imu_workbench.quiet_context import quiet_context
 
 NODES: dict[str, tuple[str, str]] = {
     'thermal_comp': ('thermal_comp.node', 'ThermalCompNode'),
@@ -28,7 +26,6 @@ NODES: dict[str, tuple[str, str]] = {
 RANK = ('imu/temperature', 'imu/mag', 'imu/data_raw')
 """Among messages received at one time these come last, in this order."""
 SECOND = 1_000_000_000
-DISCOVERY = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
 
 class ReplayError(UserError):
@@ -66,10 +63,7 @@ def replay(
     sent: list[Sent] = []
     clock = [0]
     node_class = _node_class(node_name)
-    context = Context()
-    with _undiscovered():
-        rclpy.init(args=[], context=context)
-    try:
+    with quiet_context() as context:
         node = node_class(
             capture=lambda topic, message: sent.append(Sent(clock[0], topic, message)),
             now=lambda: clock[0],
@@ -85,23 +79,7 @@ def replay(
             _feed(bag, node, clock, namespace.rstrip('/'), remap or {}, progress)
         finally:
             node.destroy_node()
-    finally:
-        rclpy.try_shutdown(context=context)
     return [_resolved(item, node_name, namespace.rstrip('/')) for item in sent]
-
-
-@contextmanager
-def _undiscovered() -> Iterator[None]:
-    """Let a context made inside look for nobody and be found by nobody: it sends nothing."""
-    before = os.environ.get(DISCOVERY)
-    os.environ[DISCOVERY] = 'OFF'
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[DISCOVERY]
-        else:
-            os.environ[DISCOVERY] = before
 
 
 def _node_class(name: str) -> Any:
