@@ -35,6 +35,8 @@ RIVAL_SHARE = 0.98
 """Rivals: within this evidence, or this share of the χ² gain."""
 CHEAPLY_ENRICHED = ('thermal_lag',)
 """Effects whose richer form is a rival well below the full price of its parameters."""
+SLOW_STAGE_S = 600.0
+"""A lag slower than a package's is a board's [s]: the package's own may hide in the noise."""
 CHAIN = 3
 """This many families on one sensor are a sign of something else."""
 COURSE_SHARE = 0.012
@@ -212,7 +214,9 @@ def _named(
         if _contains(rival, rated):
             more = rival.rank + rival.form.free - rated.rank - rated.form.free
             cheap = rated.name in CHEAPLY_ENRICHED
-            near = cheap and rival.gain - rated.gain > ENRICHMENT * max(more, 1)
+            lag = rated.form.effect.shape_parameters.get('time_constant', 0.0)
+            least = 0.0 if lag > SLOW_STAGE_S else ENRICHMENT * max(more, 1)
+            near = cheap and rival.gain - rated.gain > least
             alike = False
         contained = any(rival.name in RICHER.get(name, ()) for name in close)
         if (near or alike) and not contained:

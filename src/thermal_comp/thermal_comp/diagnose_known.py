@@ -7,9 +7,12 @@ from collections.abc import Sequence
 
 from thermal_comp.conditions import Sensor
 from thermal_comp.diagnose_bank import ColumnBank, ColumnSource
-from thermal_comp.diagnose_search import SIMPLER
+from thermal_comp.diagnose_search import FORM_SHARE, SIMPLER
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model import NoiseModel
+
+ONCE_NAMED = {('thermal_gradient', 'temperature_rate'): FORM_SHARE}
+"""Pairs that need more than SIMPLER says once the second is known: its flaws look like the first."""
 
 
 def least_gains(
@@ -17,7 +20,7 @@ def least_gains(
 ) -> dict[str, float]:
     """Return by effect the χ² gain that a flaw in the form of a known effect may leave to it."""
     names = {effect.name for effect in known}
-    pairs = {pair: share for pair, share in SIMPLER.items() if pair[1] in names}
+    pairs = {pair: share for pair, share in {**SIMPLER, **ONCE_NAMED}.items() if pair[1] in names}
     if not pairs:
         return {}
     simpler = {name for _, name in pairs}

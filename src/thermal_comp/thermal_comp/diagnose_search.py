@@ -50,12 +50,12 @@ CONFIRMED = 10.0
 SIMPLER = {
     **{(rich, name): NESTED_SHARE for name, some in RICHER.items() for rich in some},
     ('fixture_tilt', 'scale_factor_temperature'): NESTED_SHARE,
-    ('thermal_gradient', 'temperature_rate'): FORM_SHARE,
+    ('thermal_gradient', 'temperature_rate'): NESTED_SHARE,
 }
 """Pairs whose second stands for the first where it explains all but this share of the χ² gain.
 
-A bracket would have to bend just so to look like a scale factor; a rate suffers from the noise
-of the thermometer it is computed from, a gradient does not.
+A bracket would have to bend just so to look like a scale factor; a body that takes its heat from
+one side shows a difference that is its own rate.
 """
 
 

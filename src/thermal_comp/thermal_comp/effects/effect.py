@@ -65,6 +65,13 @@ class Effect:
         """
         raise NotImplementedError
 
+    def columns_in_hindsight(self, conditions: Conditions) -> FloatArray:
+        """Return the columns for a run that is known to its end, of a smoothed temperature.
+
+        What a diagnosis compares: an effect that must smooth or delay to be causal overrides it.
+        """
+        return self.columns(conditions)[0]
+
     @property
     def shape_parameters(self) -> dict[str, Any]:
         """Shape parameters by name."""

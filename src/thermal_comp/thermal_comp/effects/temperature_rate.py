@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.conditions import Conditions
@@ -44,3 +45,7 @@ class TemperatureRate(Effect):
         rate = (temperature - lagged) / SMOOTHING
         delayed, second_state = follow(time, rate, SMOOTHING, second_state)
         return (2.0 * rate - delayed)[:, None], (first_state, second_state)
+
+    def columns_in_hindsight(self, conditions: Conditions) -> FloatArray:
+        """Return (n, 1): the derivative itself [K/s]; the temperature is smooth already."""
+        return np.asarray(np.gradient(conditions.temperature, conditions.time))[:, None]
