@@ -12,7 +12,7 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.model import NoiseModel
 
 ONCE_NAMED = {('thermal_gradient', 'temperature_rate'): FORM_SHARE}
-"""Pairs that need more than SIMPLER says once the second is known: its flaws look like the first."""
+"""Pairs that need more than SIMPLER says once the second is known: its flaw looks alike."""
 
 
 def least_gains(
