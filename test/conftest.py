@@ -99,3 +99,13 @@ def ros(monkeypatch: pytest.MonkeyPatch) -> Any:
     rclpy.init()
     yield rclpy
     rclpy.try_shutdown()
+
+
+@pytest.fixture
+def ros_network() -> Any:
+    """Initialise rclpy around a test whose nodes are to meet other processes."""
+    import rclpy
+
+    rclpy.init()
+    yield rclpy
+    rclpy.try_shutdown()

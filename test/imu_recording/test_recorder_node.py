@@ -104,7 +104,9 @@ def test_settings(tmp_path: Path) -> None:
 
 
 @pytest.mark.end_to_end
-def test_killed_process_keeps_all_but_the_last_second(ros: Any, tmp_path: Path) -> None:
+def test_killed_process_keeps_all_but_the_last_second(
+    ros_network: Any, tmp_path: Path
+) -> None:
     """A real recorder over DDS, discovered topics, kill -9 in the middle."""
     from geometry_msgs.msg import Vector3Stamped
     from rclpy.node import Node
@@ -120,7 +122,7 @@ def test_killed_process_keeps_all_but_the_last_second(ros: Any, tmp_path: Path) 
          '-p', f'output:={tmp_path / "bag"}', '-p', 'topics:=[imu/*]'],
     )  # fmt: skip
     try:
-        until(lambda: publisher.get_subscription_count() and other.get_subscription_count(), 30)
+        until(lambda: publisher.get_subscription_count() and other.get_subscription_count(), 120)
         sent: list[float] = []
         file = tmp_path / 'bag' / 'bag_0.mcap'
 
