@@ -8,8 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 CONSTANT = 'OFFSET = {offset}\n'
 PART = """
 from imu_recording.jit import inline
@@ -47,7 +45,6 @@ def run(folder: Path, **environment: str) -> str:
 
 
 def test_a_change_anywhere_in_what_was_compiled_in_is_seen(tmp_path: Path) -> None:
-    pytest.importorskip('numba')
     write(tmp_path)
     assert run(tmp_path) == '7.0 1'
     assert run(tmp_path) == '7.0 0'
@@ -58,7 +55,6 @@ def test_a_change_anywhere_in_what_was_compiled_in_is_seen(tmp_path: Path) -> No
 
 
 def test_kernels_run_where_nothing_can_be_written(tmp_path: Path) -> None:
-    pytest.importorskip('numba')
     write(tmp_path)
     (tmp_path / '__pycache__').write_text('a file, so no folder can be made here')
     home = tmp_path / 'home'
