@@ -24,7 +24,7 @@ test-web: ## Test the web page in headless Chromium (apt install chromium)
 
 lint: ## ruff and mypy
 	@tools/setup_workspace.sh requirements-dev.txt
-	@. ./env.sh && ruff check . && mypy src
+	@. ./env.sh && ruff check . && ruff format --check . && mypy src
 
 clean: ## Remove everything the set-up made
 	rm -rf .venv build install log env.sh demo

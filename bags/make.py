@@ -68,8 +68,11 @@ def seed(name: str) -> int:
 def secret_campaign() -> Campaign:
     """Return the campaign with the hidden effect."""
     return hidden_campaign(
-        PROFILE, SECRET_DEVICE, Logging(SECRET_RATE, True, CHAMBER_PERIOD),
-        Secret('random', SECRET_MAGNITUDE), seed=SECRET_SEED,
+        PROFILE,
+        SECRET_DEVICE,
+        Logging(SECRET_RATE, True, CHAMBER_PERIOD),
+        Secret('random', SECRET_MAGNITUDE),
+        seed=SECRET_SEED,
     )
 
 
@@ -83,9 +86,7 @@ def made(name: str) -> ImuRecording:
         return secret_campaign().recordings[SECRET[name]]
     device, axis = RUNS[name]
     logging = Logging(0.5, chamber_period=CHAMBER_PERIOD)
-    return simulate_run(
-        PROFILE, device, logging, seed=SEEDS[device], orientation=f'+{axis}'
-    )
+    return simulate_run(PROFILE, device, logging, seed=SEEDS[device], orientation=f'+{axis}')
 
 
 def row(name: str, recording: ImuRecording) -> str:
@@ -121,8 +122,12 @@ def make(names: list[str], output: Path) -> None:
         write_bag(recording, output / name)
         if name in SECRET:
             write_truth(
-                output / BUNDLED_TRUTH_FILE, secret_campaign().truth, device=SECRET_DEVICE,
-                seed=SECRET_SEED, profile=PROFILE, bags=list(SECRET),
+                output / BUNDLED_TRUTH_FILE,
+                secret_campaign().truth,
+                device=SECRET_DEVICE,
+                seed=SECRET_SEED,
+                profile=PROFILE,
+                bags=list(SECRET),
             )
         line = row(name, read_bag(output / name))
         sys.stdout.write(line + '\n')

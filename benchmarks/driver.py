@@ -55,10 +55,12 @@ def full_rate(seconds: float) -> dict[str, Any]:
         link, log = Path(folder) / 'imu0', Path(folder) / 'sent.json'
         third = seconds / 3.0
         faults = [f'--fault=bit_flips@{third:g}+5', f'--fault=drop_bytes@{2 * third:g}+5']
-        emulator = subprocess.Popen([
-            _executable('emulated_device'),
-            *('--link', str(link), '--log', str(log), '--rate', '952', *faults),
-        ])
+        emulator = subprocess.Popen(
+            [
+                _executable('emulated_device'),
+                *('--link', str(link), '--log', str(log), '--rate', '952', *faults),
+            ]
+        )
         while not link.is_symlink():
             time.sleep(0.05)
         node = subprocess.Popen(
@@ -195,10 +197,12 @@ def stamps(hours: float = 1.0, rate: float = 238.0, seed: int = 1) -> dict[str, 
     ticks = (device * 1e6).astype(np.int64) % (1 << 32)
     nanoseconds = (arrival * 1e9).astype(np.int64) + EPOCH
     began = time.perf_counter()
-    out = np.array([
-        clock.stamp(tick, at)
-        for tick, at in zip(ticks.tolist(), nanoseconds.tolist(), strict=True)
-    ])
+    out = np.array(
+        [
+            clock.stamp(tick, at)
+            for tick, at in zip(ticks.tolist(), nanoseconds.tolist(), strict=True)
+        ]
+    )
     took = time.perf_counter() - began
     error = (out - EPOCH) * 1e-9 - true
     return {

@@ -16,7 +16,9 @@ setup(
     name=NAME,
     version='0.1.0',
     packages=find_packages(),
-    package_data={NAME: ['py.typed', 'report/*.html', 'data/*.csv', 'layouts/*', 'web/*.css', 'web/*.js']},
+    package_data={
+        NAME: ['py.typed', 'report/*.html', 'data/*.csv', 'layouts/*', 'web/*.css', 'web/*.js']
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

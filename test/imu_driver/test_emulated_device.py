@@ -38,11 +38,13 @@ def frames_from(handle: int, decoder: FrameDecoder) -> Iterator[Frame]:
 def test_its_log_tells_what_became_of_every_sample(tmp_path: Path) -> None:
     link, log, law = tmp_path / 'imu0', tmp_path / 'sent.json', tmp_path / 'law.csv'
     law.write_text('time_s,temperature_c\n0,-10\n100,-10\n')
-    process = subprocess.Popen([
-        *COMMAND,
-        *('--link', str(link), '--log', str(log), '--temperature', str(law), '--dut', 'dut2'),
-        *('--rate', '476', '--fault', 'bit_flips@0+60'),
-    ])
+    process = subprocess.Popen(
+        [
+            *COMMAND,
+            *('--link', str(link), '--log', str(log), '--temperature', str(law), '--dut', 'dut2'),
+            *('--rate', '476', '--fault', 'bit_flips@0+60'),
+        ]
+    )
     end = time.monotonic() + DEADLINE
     while not link.is_symlink():
         assert time.monotonic() < end

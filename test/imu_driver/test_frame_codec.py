@@ -17,9 +17,7 @@ from imu_driver.frames import (
 
 U8, U16, U32 = (st.integers(0, (1 << bits) - 1) for bits in (8, 16, 32))
 I16 = st.integers(-32768, 32767)
-DATA = st.builds(
-    DataFrame, U16, U32, st.integers(0, 15), I16, st.tuples(*[I16] * 9)
-)
+DATA = st.builds(DataFrame, U16, U32, st.integers(0, 15), I16, st.tuples(*[I16] * 9))
 SERIAL = st.text(
     st.characters(min_codepoint=0x21, max_codepoint=0x7E, exclude_characters=',*$'),
     min_size=1,

@@ -140,7 +140,9 @@ def test_a_port_is_held_alone(tmp_path: Path) -> None:
         open_it()
 
 
-@pytest.mark.parametrize('url', ['', '/dev/ttyACM0', 'serial://', 'tcp://host', 'usb://x', 'tcp://a:b'])
+@pytest.mark.parametrize(
+    'url', ['', '/dev/ttyACM0', 'serial://', 'tcp://host', 'usb://x', 'tcp://a:b']
+)
 def test_a_transport_that_cannot_be_is_named(url: str) -> None:
     with pytest.raises(TransportError, match='expected serial:///dev'):
         transport_opener(url, 921600)

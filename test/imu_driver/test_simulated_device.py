@@ -36,8 +36,12 @@ def plan_cycle(start: float = 600.0) -> Environment:
     setpoint = np.interp(time, corners, [20, 20, -10, -10, 50, 50, 20, 20])
     cycle = (time >= start).astype(np.int64)
     return Environment(
-        time, setpoint, setpoint=setpoint, cycle=cycle,
-        compressor=(time // 600 % 2), heater=np.full(len(time), 0.2),
+        time,
+        setpoint,
+        setpoint=setpoint,
+        cycle=cycle,
+        compressor=(time // 600 % 2),
+        heater=np.full(len(time), 0.2),
     )
 
 
@@ -53,9 +57,7 @@ def allan_deviation(values: np.ndarray, length: int) -> np.ndarray:
 
 @pytest.mark.parametrize('device', DEVICES)
 def test_spread_over_a_cycle_is_the_tables(device: str, plan: Environment) -> None:
-    recording = simulate_device(
-        device, plan, rate_hz=0.5, seed=4, orientation=TABLE_RUN[device]
-    )
+    recording = simulate_device(device, plan, rate_hz=0.5, seed=4, orientation=TABLE_RUN[device])
     assert recording.cycle is not None
     rows = recording.cycle == 1
     for sensor, printed in zip(UNIT, SPREAD_R1[device], strict=True):
@@ -135,9 +137,7 @@ def test_counts_saturate() -> None:
     device = DEVICES['dut1']
     strong = replace(device.magnetometer, bias=np.array([520e-6, -520e-6, 0.0]))
     still = constant_environment(20.0, 60.0)
-    recording = simulate_device(
-        replace(device, magnetometer=strong), still, rate_hz=1.0, seed=1
-    )
+    recording = simulate_device(replace(device, magnetometer=strong), still, rate_hz=1.0, seed=1)
     lsb = device.magnetometer.sensitivity
     assert np.all(recording.magnetic_field[:, 0] == COUNT_MAX * lsb)
     assert np.all(recording.magnetic_field[:, 1] == (-COUNT_MAX - 1) * lsb)

@@ -32,9 +32,15 @@ def plan(cycles: int = 2, stretch: float = 1.0) -> Environment:
     begin = corners[1]
     cycle = np.where(time < begin, 0, (time - begin) // (stretch * sum(CYCLE)) + 1)
     return Environment(
-        time, air, setpoint=air, cycle=cycle.astype(np.int64), phase=np.zeros(len(time), int),
-        heater=(time // 40 % 3 == 0).astype(float), compressor=(time // 700 % 2).astype(float),
-        fan=np.ones(len(time)), humidity=0.5 + 0.3 * np.sin(time / 2500.0),
+        time,
+        air,
+        setpoint=air,
+        cycle=cycle.astype(np.int64),
+        phase=np.zeros(len(time), int),
+        heater=(time // 40 % 3 == 0).astype(float),
+        compressor=(time // 700 % 2).astype(float),
+        fan=np.ones(len(time)),
+        humidity=0.5 + 0.3 * np.sin(time / 2500.0),
     )
 
 
@@ -78,9 +84,9 @@ def test_magnitude_ignores_levels_and_a_line_in_temperature(runs: list[DeviceRun
 
 def test_a_device_without_a_hidden_effect_is_linear(runs: list[DeviceRun]) -> None:
     device = runs[0].device
-    silent = replace(device, **{
-        name: replace(device.sensor(name), bias_instability=0.0) for name in MEAN_STD
-    })
+    silent = replace(
+        device, **{name: replace(device.sensor(name), bias_instability=0.0) for name in MEAN_STD}
+    )
     still = [
         prepare_run(silent, run.environment, seed=run.seed, orientation=run.orientation)
         for run in runs
@@ -169,7 +175,10 @@ def test_the_compressors_field_is_there_while_it_runs(runs: list[DeviceRun]) -> 
 
 def test_a_tilt_turns_gravity_and_field_by_one_rotation(runs: list[DeviceRun]) -> None:
     changed, _ = hide(
-        runs, LAWS['fixture_tilt'], sensor='accelerometer+magnetometer', magnitude_wanted=3.0,
+        runs,
+        LAWS['fixture_tilt'],
+        sensor='accelerometer+magnetometer',
+        magnitude_wanted=3.0,
         seed=5,
     )
     # δ = θ × u for both: (force, field) before and after keep lengths and the angle between.

@@ -20,10 +20,12 @@ def stream(device: str, air: float, count: int, rate: float, seed: int = 1) -> n
     rows = []
     for k in range(count):
         gyroscope, accelerometer, magnetometer, thermometer = source.sample(k / rate, air)
-        rows.append([
-            *(np.array([*gyroscope, *accelerometer, *magnetometer]) * SCALE),
-            temperature_from_counts(thermometer),
-        ])
+        rows.append(
+            [
+                *(np.array([*gyroscope, *accelerometer, *magnetometer]) * SCALE),
+                temperature_from_counts(thermometer),
+            ]
+        )
     return np.array(rows)
 
 

@@ -32,16 +32,26 @@ def derivative(time: float, nodes: np.ndarray, air: float) -> np.ndarray:
     """The network written down once more, as Σ G·ΔT + P over C."""
     n = NETWORK
     board, package, die, mag = nodes
-    return np.array([
-        (convection(n, air - board) * (air - board) + n.board_to_package * (package - board)
-         + n.board_power) / n.board_capacity,
-        (n.air_to_package * (air - package) + n.board_to_package * (board - package)
-         + n.package_to_die * (die - package) + n.package_to_magnetometer * (mag - package))
-        / n.package_capacity,
-        (n.package_to_die * (package - die) + n.die_power) / n.die_capacity,
-        (n.package_to_magnetometer * (package - mag) + n.magnetometer_power)
-        / n.magnetometer_capacity,
-    ])
+    return np.array(
+        [
+            (
+                convection(n, air - board) * (air - board)
+                + n.board_to_package * (package - board)
+                + n.board_power
+            )
+            / n.board_capacity,
+            (
+                n.air_to_package * (air - package)
+                + n.board_to_package * (board - package)
+                + n.package_to_die * (die - package)
+                + n.package_to_magnetometer * (mag - package)
+            )
+            / n.package_capacity,
+            (n.package_to_die * (package - die) + n.die_power) / n.die_capacity,
+            (n.package_to_magnetometer * (package - mag) + n.magnetometer_power)
+            / n.magnetometer_capacity,
+        ]
+    )
 
 
 @pytest.mark.parametrize('air', [-10.0, 20.0, 50.0])
@@ -62,8 +72,14 @@ def test_a_ramp_follows_the_differential_equation() -> None:
     air = 20.0 + np.clip(time - 60.0, 0.0, 900.0) / 30.0
     nodes = node_temperatures(NETWORK, air, 1.0)
     solution = solve_ivp(
-        lambda t, y: derivative(t, y, float(np.interp(t, time, air))), (0.0, 1800.0), nodes[0],
-        method='Radau', t_eval=time[::60], rtol=1e-8, atol=1e-9, max_step=20.0,
+        lambda t, y: derivative(t, y, float(np.interp(t, time, air))),
+        (0.0, 1800.0),
+        nodes[0],
+        method='Radau',
+        t_eval=time[::60],
+        rtol=1e-8,
+        atol=1e-9,
+        max_step=20.0,
     )
     # Backward Euler lags by half a step: 0.125 s × 2 K/min = 4 mK.
     np.testing.assert_allclose(nodes[::60], solution.y.T, atol=8e-3)
@@ -72,10 +88,14 @@ def test_a_ramp_follows_the_differential_equation() -> None:
 def test_heat_is_conserved() -> None:
     air = np.concatenate([np.full(60, 20.0), np.full(3000, 45.0)])
     nodes = node_temperatures(NETWORK, air, 1.0)
-    capacity = np.array([
-        NETWORK.board_capacity, NETWORK.package_capacity, NETWORK.die_capacity,
-        NETWORK.magnetometer_capacity,
-    ])
+    capacity = np.array(
+        [
+            NETWORK.board_capacity,
+            NETWORK.package_capacity,
+            NETWORK.die_capacity,
+            NETWORK.magnetometer_capacity,
+        ]
+    )
     stored = float(capacity @ (nodes[-1] - nodes[60]))
     flow = flow_from_air(nodes[60:], air[60:]) + POWER
     taken = float(np.sum(0.5 * (flow[1:] + flow[:-1])))

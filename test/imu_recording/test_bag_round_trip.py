@@ -125,8 +125,7 @@ def test_same_input_same_files(tmp_path: Path, storage: str) -> None:
 def test_stretches_do_not_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Writing in small stretches gives the same file as writing at once."""
     parts = [
-        replace(make_recording(300, seed=k), namespace=f'/dut{k}', device=f'd{k}')
-        for k in (1, 2)
+        replace(make_recording(300, seed=k), namespace=f'/dut{k}', device=f'd{k}') for k in (1, 2)
     ]
     parts[1] = replace(parts[1], stamp=parts[1].stamp + 777_777_777)
     contents = []

@@ -47,9 +47,7 @@ def test_orientation_is_unreported_unless_given() -> None:
     sample = ImuSample(STAMP, (0, 0, 0), (0, 0, 9.8))
     assert imu_from_sample(sample).orientation_covariance[0] == -1.0
     up = np.float32([0, 0, 1, 0])
-    told = over_the_wire(
-        imu_from_sample(sample, orientation=up, orientation_covariance=[1] * 9)
-    )
+    told = over_the_wire(imu_from_sample(sample, orientation=up, orientation_covariance=[1] * 9))
     assert told.orientation.z == 1.0
     assert list(told.orientation_covariance) == [1.0] * 9
 

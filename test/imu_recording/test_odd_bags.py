@@ -61,9 +61,7 @@ def test_every_frame_id_length(tmp_path: Path, length: int) -> None:
 
 def test_frame_ids_that_differ_within_a_topic(tmp_path: Path) -> None:
     frames = ['imu_link', 'imu_lonk', 'imu', 'ïmu']
-    messages = [
-        ('/imu/data_raw', START + i, imu(START + i, i, frames[i % 4])) for i in range(40)
-    ]
+    messages = [('/imu/data_raw', START + i, imu(START + i, i, frames[i % 4])) for i in range(40)]
     messages += [('/imu/mag', START + i, magnetic(START + i, i)) for i in range(40)]
     recording = assert_equals_anyreader(make_bag(tmp_path / 'b', messages))
     assert any('several frame_ids: imu_link (10)' in note for note in recording.notes)

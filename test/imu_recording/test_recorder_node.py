@@ -104,9 +104,7 @@ def test_settings(tmp_path: Path) -> None:
 
 
 @pytest.mark.end_to_end
-def test_killed_process_keeps_all_but_the_last_second(
-    ros_network: Any, tmp_path: Path
-) -> None:
+def test_killed_process_keeps_all_but_the_last_second(ros_network: Any, tmp_path: Path) -> None:
     """A real recorder over DDS, discovered topics, kill -9 in the middle."""
     from geometry_msgs.msg import Vector3Stamped
     from rclpy.node import Node

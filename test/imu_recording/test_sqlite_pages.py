@@ -86,11 +86,7 @@ def test_every_row_in_order(tmp_path: Path, page_size: int, through_sqlite: list
     connection = make_file(path, rows, page_size)
     connection.execute('DELETE FROM messages WHERE id % 7 = 3 OR id BETWEEN 500 AND 900')
     connection.close()
-    kept = [
-        row
-        for i, row in enumerate(rows, start=1)
-        if not (i % 7 == 3 or 500 <= i <= 900)
-    ]
+    kept = [row for i, row in enumerate(rows, start=1) if not (i % 7 == 3 or 500 <= i <= 900)]
     slots = {1: 0, 300: 1}
     wanted = [(slots[t], time, data) for t, time, data in kept if t in slots]
     assert scanned(path, slots) == wanted

@@ -167,9 +167,7 @@ def test_several_devices_and_one_chamber(tmp_path: Path) -> None:
         assert recording.device_temperature[0] == k
         assert recording.chamber_temperature is not None
         assert recording.fan is not None
-    other = read_bag(
-        path, namespace='/dut1', remap={'imu/data_raw': 'imu_compensated/data_raw'}
-    )
+    other = read_bag(path, namespace='/dut1', remap={'imu/data_raw': 'imu_compensated/data_raw'})
     assert other.angular_velocity[0, 0] == 7
     assert read_bag(path, namespace='/dut1', remap={'chamber/fan': ''}).fan is None
 

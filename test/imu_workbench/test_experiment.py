@@ -46,7 +46,10 @@ def test_every_track_of_the_logging_contract_is_there() -> None:
     assert recording.phase is not None
     assert [PHASES[k] for k in dict.fromkeys(recording.phase.tolist())] == list(PHASES)
     assert (recording.device, recording.up_axis, recording.run, recording.profile) == (
-        'dut1', '-y', 'dut1_-y', SHORT
+        'dut1',
+        '-y',
+        'dut1_-y',
+        SHORT,
     )
     assert recording.linear_acceleration[:, 1].mean() < -9.0
 
@@ -104,9 +107,7 @@ def test_means_are_quieter_than_samples_and_carry_the_vibration() -> None:
     assert means.vibration is not None
     assert np.all(means.vibration > 0.0)
     for name in SENSOR_FIELDS.values():
-        noise = [
-            np.diff(getattr(r, name), 2, axis=0).std(axis=0).max() for r in (samples, means)
-        ]
+        noise = [np.diff(getattr(r, name), 2, axis=0).std(axis=0).max() for r in (samples, means)]
         assert noise[1] < 0.4 * noise[0], name
 
 

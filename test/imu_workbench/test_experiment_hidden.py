@@ -89,14 +89,30 @@ def test_simulate_hides_and_keeps_the_truth_apart(
 ) -> None:
     folder = tmp_path / 'secret'
     command = [
-        'simulate', SHORT, '--device', 'dut3', '--hide', 'temperature_rate', '--magnitude', '4',
-        '--sensor', 'gyroscope', '--rate', '0.2', '--seed', '5', '-o', str(folder),
+        'simulate',
+        SHORT,
+        '--device',
+        'dut3',
+        '--hide',
+        'temperature_rate',
+        '--magnitude',
+        '4',
+        '--sensor',
+        'gyroscope',
+        '--rate',
+        '0.2',
+        '--seed',
+        '5',
+        '-o',
+        str(folder),
     ]
     assert main(command) == 0
     assert 'temperature_rate' not in capsys.readouterr().out
     truth, found = find_truth(folder)
     assert (truth['name'], truth['sensor'], truth['magnitude']) == (
-        'temperature_rate', 'gyroscope', 4.0
+        'temperature_rate',
+        'gyroscope',
+        4.0,
     )
     assert [path.name for path in found] == ['x', 'y', 'z']
     assert read_bag(found[2]).up_axis == '+z'
@@ -107,25 +123,43 @@ def test_simulate_hides_and_keeps_the_truth_apart(
 @pytest.mark.parametrize('axis', ['x', '-x'])
 def test_simulate_makes_one_bag_of_one_orientation(tmp_path: Path, axis: str) -> None:
     answer = tmp_path / 'answer.json'
-    assert main([
-        'simulate', SHORT, '--orientation', axis, '--rate', '0.5', '--seed', '3',
-        '-o', str(tmp_path / 'bag'), '--json', str(answer),
-    ]) == 0
+    assert (
+        main(
+            [
+                'simulate',
+                SHORT,
+                '--orientation',
+                axis,
+                '--rate',
+                '0.5',
+                '--seed',
+                '3',
+                '-o',
+                str(tmp_path / 'bag'),
+                '--json',
+                str(answer),
+            ]
+        )
+        == 0
+    )
     recording = read_bag(tmp_path / 'bag')
     assert recording.up_axis == f'{"" if axis[0] == "-" else "+"}{axis}'
     content = json.loads(answer.read_text())
     assert content['bags'][0]['samples'] == len(recording)
 
 
-@pytest.mark.parametrize(('more', 'said'), [
-    (['--rate', '0'], '--rate 0'),
-    (['--sensor', 'gyroscope'], 'needs --hide'),
-    (['--hide', 'thermal_lag', '--orientation', 'x'], 'all three orientations'),
-    (['--hide', 'thermal_lag', '--magnitude', '-1'], '--magnitude'),
-    (['--hide', 'thermal_lag', '--rate', '50'], 'at most 10 Hz'),
-    (['--hide', 'turn_on_bias'], 'at least two cycles'),
-    (['--hide', 'tea'], 'invalid choice'),
-])
+@pytest.mark.parametrize(
+    ('more', 'said'),
+    [
+        (['--rate', '0'], '--rate 0'),
+        (['--sensor', 'gyroscope'], 'needs --hide'),
+        (['--hide', 'thermal_lag', '--orientation', 'x'], 'all three orientations'),
+        (['--hide', 'thermal_lag', '--magnitude', '-1'], '--magnitude'),
+        (['--hide', 'thermal_lag', '--rate', '50'], 'at most 10 Hz'),
+        (['--hide', 'turn_on_bias'], 'at least two cycles'),
+        (['--hide', 'tea'], 'invalid choice'),
+    ],
+)
 def test_mistakes_are_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], more: list[str], said: str
 ) -> None:
@@ -149,34 +183,75 @@ def finding(**values: Any) -> dict[str, Any]:
 LAG = {'kind': 'effect', 'name': 'thermal_lag', 'sensor': 'gyroscope', 'depends_on': []}
 
 
-@pytest.mark.parametrize(('truth', 'findings', 'outcome', 'right'), [
-    (LAG, [finding(name='thermal_lag', sensor='gyroscope')], 'named', True),
-    (LAG, [finding(name='thermal_lag', sensor='magnetometer')], 'named', False),
-    (LAG, [finding(name='temperature_rate', sensor='gyroscope',
-                   ambiguous_with=['thermal_lag'])], 'in_set', True),
-    (LAG, [finding(name='temperature_rate', sensor='gyroscope')], 'wrong', False),
-    (LAG, [finding(kind='unexplained', name=None, sensor='gyroscope')], 'wrong', False),
-    (LAG, [finding(kind='noise', name=None, sensor='gyroscope')], 'missed', False),
-    (LAG, [], 'missed', False),
-    ({'kind': 'nothing', 'name': None, 'sensor': None}, [], 'named', True),
-    ({'kind': 'nothing', 'name': None, 'sensor': None},
-     [finding(kind='noise', name=None, sensor='all')], 'named', True),
-    ({'kind': 'nothing', 'name': None, 'sensor': None},
-     [finding(name='icing', sensor='gyroscope')], 'wrong', True),
-    ({'kind': 'unexplained', 'name': None, 'sensor': 'gyroscope',
-      'depends_on': ['temperature', 'time']},
-     [finding(kind='unexplained', name=None, sensor='gyroscope', depends_on='time')],
-     'named', True),
-    ({'kind': 'unlogged', 'name': None, 'sensor': 'magnetometer',
-      'depends_on': ['heater', 'chamber']},
-     [finding(kind='unlogged', name=None, sensor='magnetometer', depends_on='chamber')],
-     'named', True),
-    ({'kind': 'unlogged', 'name': None, 'sensor': 'magnetometer',
-      'depends_on': ['heater', 'chamber']},
-     [finding(name='thermal_gradient', sensor='magnetometer')], 'wrong', False),
-    ({'kind': 'data_quality', 'name': 'spikes', 'sensor': 'gyroscope'},
-     [finding(kind='data_quality', name='spikes', sensor='gyroscope')], 'named', True),
-])
+@pytest.mark.parametrize(
+    ('truth', 'findings', 'outcome', 'right'),
+    [
+        (LAG, [finding(name='thermal_lag', sensor='gyroscope')], 'named', True),
+        (LAG, [finding(name='thermal_lag', sensor='magnetometer')], 'named', False),
+        (
+            LAG,
+            [finding(name='temperature_rate', sensor='gyroscope', ambiguous_with=['thermal_lag'])],
+            'in_set',
+            True,
+        ),
+        (LAG, [finding(name='temperature_rate', sensor='gyroscope')], 'wrong', False),
+        (LAG, [finding(kind='unexplained', name=None, sensor='gyroscope')], 'wrong', False),
+        (LAG, [finding(kind='noise', name=None, sensor='gyroscope')], 'missed', False),
+        (LAG, [], 'missed', False),
+        ({'kind': 'nothing', 'name': None, 'sensor': None}, [], 'named', True),
+        (
+            {'kind': 'nothing', 'name': None, 'sensor': None},
+            [finding(kind='noise', name=None, sensor='all')],
+            'named',
+            True,
+        ),
+        (
+            {'kind': 'nothing', 'name': None, 'sensor': None},
+            [finding(name='icing', sensor='gyroscope')],
+            'wrong',
+            True,
+        ),
+        (
+            {
+                'kind': 'unexplained',
+                'name': None,
+                'sensor': 'gyroscope',
+                'depends_on': ['temperature', 'time'],
+            },
+            [finding(kind='unexplained', name=None, sensor='gyroscope', depends_on='time')],
+            'named',
+            True,
+        ),
+        (
+            {
+                'kind': 'unlogged',
+                'name': None,
+                'sensor': 'magnetometer',
+                'depends_on': ['heater', 'chamber'],
+            },
+            [finding(kind='unlogged', name=None, sensor='magnetometer', depends_on='chamber')],
+            'named',
+            True,
+        ),
+        (
+            {
+                'kind': 'unlogged',
+                'name': None,
+                'sensor': 'magnetometer',
+                'depends_on': ['heater', 'chamber'],
+            },
+            [finding(name='thermal_gradient', sensor='magnetometer')],
+            'wrong',
+            False,
+        ),
+        (
+            {'kind': 'data_quality', 'name': 'spikes', 'sensor': 'gyroscope'},
+            [finding(kind='data_quality', name='spikes', sensor='gyroscope')],
+            'named',
+            True,
+        ),
+    ],
+)
 def test_a_diagnosis_is_judged_by_the_truth(
     truth: dict[str, Any], findings: list[dict[str, Any]], outcome: str, right: bool
 ) -> None:

@@ -15,8 +15,7 @@ from imu_recording import read_bag, write_bag
 def two_devices(tmp_path: Path, bags: Path) -> Path:
     parts = [read_bag(bags / f'{name}_x').rows(slice(0, 50)) for name in ('dut1', 'dut2')]
     named = [
-        replace(part, namespace=space)
-        for part, space in zip(parts, ('/one', '/two'), strict=True)
+        replace(part, namespace=space) for part, space in zip(parts, ('/one', '/two'), strict=True)
     ]
     write_bag(named, tmp_path / 'both')
     return tmp_path / 'both'

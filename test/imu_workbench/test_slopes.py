@@ -46,10 +46,12 @@ def test_orientation_is_found_where_it_matters_only(run) -> None:
 
 def test_devices_of_opposite_slope_are_not_compatible(run) -> None:
     slopes = {
-        name: np.concatenate([
-            block_slopes(r, r.magnetic_field)
-            for r in (run(name, seed=seed), run(name, seed=seed + 1))
-        ])
+        name: np.concatenate(
+            [
+                block_slopes(r, r.magnetic_field)
+                for r in (run(name, seed=seed), run(name, seed=seed + 1))
+            ]
+        )
         for name, seed in (('dut1', 1), ('dut2', 3), ('dut3', 5))
     }
     pairs = {pair.devices: pair for pair in compare_devices(slopes)}

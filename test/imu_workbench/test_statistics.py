@@ -42,9 +42,7 @@ def test_samples_that_are_not_finite_do_not_count(run) -> None:
 
 
 def test_a_recording_without_tracks_is_one_segment(run) -> None:
-    recording = replace(
-        run(), phase=None, cycle=None, magnetic_field=np.full((4080, 3), np.nan)
-    )
+    recording = replace(run(), phase=None, cycle=None, magnetic_field=np.full((4080, 3), np.nan))
     tables = segment_statistics(recording)
     assert list(segment_rows(recording)) == ['whole run']
     assert tables['magnetometer'] == []

@@ -16,9 +16,7 @@ from chamber_profile.sequence_types import (
 )
 
 
-def carry_out(
-    actions: Iterable[Action], chamber: Chamber, note: Callable[[Note], None]
-) -> None:
+def carry_out(actions: Iterable[Action], chamber: Chamber, note: Callable[[Note], None]) -> None:
     """Carry out the actions in order; ChamberError from the chamber leaves the rest undone."""
     for action in actions:
         match action:

@@ -122,7 +122,8 @@ def _sense(content: Mapping[str, Any]) -> Iterator[tuple[Place, str]]:
     low, high = max(low, device_low), min(high, device_high)
     steps = content.get('steps')
     named: list[tuple[int, Mapping[str, Any]]] = [
-        (i, step) for i, step in enumerate(steps if isinstance(steps, list) else [])
+        (i, step)
+        for i, step in enumerate(steps if isinstance(steps, list) else [])
         if isinstance(step, dict)
     ]
     for place, entry in [
@@ -133,8 +134,9 @@ def _sense(content: Mapping[str, Any]) -> Iterator[tuple[Place, str]]:
             yield from _limit_problems(place, entry, low, high, fastest)
     ambient = _number(content, 'ambient_c', 20.0)
     if named and not low <= ambient <= high:
-        yield ('ambient_c',), (
-            f'ambient_c {ambient:g} is outside the limits {low:g} … {high:g} °C'
+        yield (
+            ('ambient_c',),
+            (f'ambient_c {ambient:g} is outside the limits {low:g} … {high:g} °C'),
         )
     yield from _step_problems(named)
     yield from _loop_problems(content.get('cycles'), [step.get('id') for _, step in named])

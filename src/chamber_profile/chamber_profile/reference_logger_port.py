@@ -17,9 +17,7 @@ class ReferenceLoggerPort:
     def __init__(self, address: str, baudrate: int) -> None:
         scheme, _, rest = address.partition('://')
         if scheme not in ('serial', 'tcp') or not rest:
-            raise UserError(
-                f'port is {address!r}, expected serial:///dev/… or tcp://HOST:PORT'
-            )
+            raise UserError(f'port is {address!r}, expected serial:///dev/… or tcp://HOST:PORT')
         self.complaint = 'not opened yet'
         """What is wrong with the port; '' nothing."""
         self.reconnects = -1

@@ -18,8 +18,10 @@ SENSOR_RATE = 14.9
 
 MEAN_STD = {'accelerometer': 1.04e-3, 'gyroscope': 7.1e-3 * DEGREE, 'magnetometer': 0.10e-6}
 """Standard deviation of a one-second mean of an LSM9DS1-class sensor, white part [SI unit]."""
-BIAS_INSTABILITY = {name: value * part for (name, value), part in zip(
-    MEAN_STD.items(), (0.42, 0.69, 0.37), strict=True)}
+BIAS_INSTABILITY = {
+    name: value * part
+    for (name, value), part in zip(MEAN_STD.items(), (0.42, 0.69, 0.37), strict=True)
+}
 """B of the flicker noise of the class [SI unit], S(f) = B²/(2πf) (IEEE 952)."""
 
 LATITUDE = np.deg2rad(41.5)
@@ -27,11 +29,13 @@ GRAVITY = 9.8033
 """Local gravity of the simulated laboratory [m/s²] at LATITUDE, sea level (WGS 84)."""
 EARTH_RATE = 7.292115e-5 * np.array([0.0, np.cos(LATITUDE), np.sin(LATITUDE)])
 """(3,) ENU [rad/s]."""
-MAGNETIC_FIELD = 46.5e-6 * np.array([
-    np.cos(np.deg2rad(58.0)) * np.sin(np.deg2rad(3.5)),
-    np.cos(np.deg2rad(58.0)) * np.cos(np.deg2rad(3.5)),
-    -np.sin(np.deg2rad(58.0)),
-])
+MAGNETIC_FIELD = 46.5e-6 * np.array(
+    [
+        np.cos(np.deg2rad(58.0)) * np.sin(np.deg2rad(3.5)),
+        np.cos(np.deg2rad(58.0)) * np.cos(np.deg2rad(3.5)),
+        -np.sin(np.deg2rad(58.0)),
+    ]
+)
 """(3,) ENU [T]: 46.5 µT, inclination 58°, declination 3.5° east."""
 
 

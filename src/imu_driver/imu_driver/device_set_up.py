@@ -42,9 +42,7 @@ FULL_SCALE_COMMANDS: Final = dict(
 class DeviceSetUp:
     """What has to be sent to one connected device."""
 
-    def __init__(
-        self, full_scale: Mapping[str, float], output_data_rate: float, now: int
-    ) -> None:
+    def __init__(self, full_scale: Mapping[str, float], output_data_rate: float, now: int) -> None:
         self._full_scale = full_scale
         self._output_data_rate = output_data_rate
         self._queue: deque[tuple[CommandCode, int]] = deque()

@@ -87,7 +87,6 @@ def session_config(parameters: DriverParameters) -> SessionConfig:
         latency=parameters.latency
         + (on_the_line if parameters.transport.startswith('serial:') else 0.0),
         axis_maps={
-            sensor: parse_axis_map(getattr(parameters, f'{sensor}_axis_map'))
-            for sensor in SENSORS
+            sensor: parse_axis_map(getattr(parameters, f'{sensor}_axis_map')) for sensor in SENSORS
         },
     )

@@ -60,9 +60,7 @@ def encode(frame: Frame, protocol: str) -> bytes:
 class _Splitter:
     """Cuts a stream of bytes into pieces at a delimiter and decodes each."""
 
-    def __init__(
-        self, delimiter: bytes, longest: int, decode: Callable[[bytes], Frame]
-    ) -> None:
+    def __init__(self, delimiter: bytes, longest: int, decode: Callable[[bytes], Frame]) -> None:
         self.counts = DecoderCounts()
         self._delimiter = delimiter
         self._longest = longest

@@ -55,9 +55,7 @@ class MessageBytes:
         covariance = _diagonal(magnetic_field_stddev**2)
         struct.pack_into('<9d', self._magnetic, self._magnetic_start + 24, *covariance)
         self._temperature, self._temperature_start = _template(frame_id, 2)
-        _SCALAR.pack_into(
-            self._temperature, self._temperature_start + 8, TEMPERATURE_VARIANCE
-        )
+        _SCALAR.pack_into(self._temperature, self._temperature_start + 8, TEMPERATURE_VARIANCE)
 
     def imu(self, sample: Sample) -> bytes:
         """Return the sample's sensor_msgs/Imu."""

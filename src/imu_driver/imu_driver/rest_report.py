@@ -22,9 +22,12 @@ def rest_report(statistics: StreamStatistics) -> str:
         'angular_velocity_stddev': 'angular_velocity_stddev',
         'linear_acceleration_stddev': 'linear_acceleration_stddev',
     }
-    return json.dumps({
-        name: [float(f'{value:.{DIGITS}g}') for value in rest[key]] for key, name in names.items()
-    })
+    return json.dumps(
+        {
+            name: [float(f'{value:.{DIGITS}g}') for value in rest[key]]
+            for key, name in names.items()
+        }
+    )
 
 
 class PositionCheck:

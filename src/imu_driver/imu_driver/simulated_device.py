@@ -116,9 +116,9 @@ def sample_times(run: DeviceRun, how: ReadOut) -> FloatArray:
         time: FloatArray = np.arange(first, grid[-1] * how.rate_hz + 1e-9) / how.rate_hz
         return time
     pace = how.rate_hz * (1.0 + run.device.rate_error) * (1.0 + slope * run.warmth)
-    count = np.concatenate([
-        [0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * run.environment.period)
-    ])
+    count = np.concatenate(
+        [[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * run.environment.period)]
+    )
     first = 1 if how.mean else 0
     times: FloatArray = np.interp(np.arange(first, count[-1]), count, grid)
     return times

@@ -58,9 +58,7 @@ def compressor(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Gene
     return in_sensor(sensor, waves)
 
 
-def fixture_iron(
-    runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator
-) -> Shape:
+def fixture_iron(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
     """Magnetised steel of the fixture loses remanence as it warms: Bloch's T^(3/2) law."""
     direction = _direction(generator)
     waves = []
@@ -81,9 +79,9 @@ def tilt(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator)
         wave = {}
         for name in sensor.split('+'):
             world = world_vector(run.environment, name)
-            turned = np.array([
-                run.matrix @ (rotation_vector_matrix(-bend * level) @ world) for level in levels
-            ]) - run.true_input(name)
+            turned = np.array(
+                [run.matrix @ (rotation_vector_matrix(-bend * level) @ world) for level in levels]
+            ) - run.true_input(name)
             wave[name] = np.column_stack([np.interp(warmth, levels, t) for t in turned.T])
         waves.append(wave)
     return Shape(waves)

@@ -22,13 +22,22 @@ EXCITED = ('accelerometer', 'magnetometer')
 def curvature(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
     """The die's expansion and modulus change with temperature: the bias bends."""
     bend = generator.choice([-1.0, 1.0], 3) * generator.uniform(3e-3, 8e-3, 3)
-    return in_sensor(sensor, [
-        np.column_stack([
-            thermal_load(run.nodes, sensor, float(b)) - thermal_load(run.nodes, sensor, 0.0)
-            for b in bend
-        ])
-        for run in runs
-    ], bend_x=float(bend[0]), bend_y=float(bend[1]), bend_z=float(bend[2]))
+    return in_sensor(
+        sensor,
+        [
+            np.column_stack(
+                [
+                    thermal_load(run.nodes, sensor, float(b))
+                    - thermal_load(run.nodes, sensor, 0.0)
+                    for b in bend
+                ]
+            )
+            for run in runs
+        ],
+        bend_x=float(bend[0]),
+        bend_y=float(bend[1]),
+        bend_z=float(bend[2]),
+    )
 
 
 def softening(temperature: FloatArray) -> FloatArray:
@@ -47,10 +56,13 @@ def softening(temperature: FloatArray) -> FloatArray:
 def scale_factor(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
     """The springs soften, the bridge loses gain: the true input is read too large or small."""
     gains = generator.uniform(0.7, 1.3, 3) * generator.choice([-1.0, 1.0])
-    return in_sensor(sensor, [
-        along_axes(1e-6 * softening(run.nodes[:, DIE]), gains * run.true_input(sensor))
-        for run in runs
-    ])
+    return in_sensor(
+        sensor,
+        [
+            along_axes(1e-6 * softening(run.nodes[:, DIE]), gains * run.true_input(sensor))
+            for run in runs
+        ],
+    )
 
 
 def misalignment(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
@@ -86,9 +98,7 @@ def _turned(load: FloatArray, turn: FloatArray, seen: FloatArray) -> FloatArray:
     return change
 
 
-def g_sensitivity(
-    runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator
-) -> Shape:
+def g_sensitivity(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
     """The tuning forks' mass imbalance shifts as the frame around them is strained by heat."""
     pattern = generator.normal(0.0, 1.0, (3, 3))
     # Equal columns per row could not be told from a bias with three orientations.
@@ -146,9 +156,7 @@ def two_lags(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Genera
         glue = follow(die, run.nodes[:, BOARD].copy(), fast, LEAK, period)
         heavy = follow(glue, run.environment.air_temperature, slow, LEAK, period)
         waves.append(along_axes(glue - die, fast_gains) + along_axes(heavy - die, slow_gains))
-    return in_sensor(
-        sensor, waves, time_constant_fast=fast, time_constant_slow=slow
-    )
+    return in_sensor(sensor, waves, time_constant_fast=fast, time_constant_slow=slow)
 
 
 def rate(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:

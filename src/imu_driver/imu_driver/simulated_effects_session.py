@@ -50,15 +50,11 @@ def warm_up(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generat
 def supply(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
     """The output divides by the supply, not by the reference: ratiometric, 1/V."""
     gains = axis_gains(generator)
-    waves = [
-        along_axes(run.device.supply_voltage / run.supply - 1.0, gains) for run in runs
-    ]
+    waves = [along_axes(run.device.supply_voltage / run.supply - 1.0, gains) for run in runs]
     return in_sensor(sensor, waves)
 
 
-def rectification(
-    runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator
-) -> Shape:
+def rectification(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
     """The mean of a slightly bent characteristic over a sinusoidal vibration.
 
     K₂·⟨a²⟩ + K₄·⟨a⁴⟩ with ⟨a⁴⟩ = 1.5·⟨a²⟩² of a sine; a gyroscope feels the whole vibration.
@@ -90,9 +86,7 @@ def humidity(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Genera
 
 
 @njit(cache=True)
-def ice_mass(
-    surface: FloatArray, growth: float, melt: float, period: float
-) -> FloatArray:
+def ice_mass(surface: FloatArray, growth: float, melt: float, period: float) -> FloatArray:
     """Return (n,) ice on the board, 0 … 1: freezes below 0 °C, melts above, both ramping in.
 
     Growth saturates as the air dries; both need some 0.2 K beyond 0 °C to run at full pace.
@@ -153,9 +147,7 @@ def step(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator)
 def drift(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
     """The package relaxes with a time constant of 200 h: within a run nearly a line."""
     gains = axis_gains(generator)
-    waves = [
-        along_axes(-np.expm1(-run.environment.time / 7.2e5), gains) for run in runs
-    ]
+    waves = [along_axes(-np.expm1(-run.environment.time / 7.2e5), gains) for run in runs]
     return in_sensor(sensor, waves)
 
 
@@ -174,9 +166,7 @@ def creep(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator
     return in_sensor(sensor, waves, time_constant=0.5 * start)
 
 
-def random_walk(
-    runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator
-) -> Shape:
+def random_walk(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
     """Bias that walks at random, differently in every run and axis."""
     waves = [
         np.cumsum(generator.standard_normal((len(run.environment.time), 3)), axis=0)

@@ -92,9 +92,7 @@ def _chosen(sensors: Sequence[str], sensor: str | None, seed: int) -> str:
 def _hide_law(
     runs: Sequence[DeviceRun], name: str, magnitude: float, seed: int, sensor: str
 ) -> Hidden:
-    changed, truth = hide(
-        runs, LAWS[name], sensor=sensor, magnitude_wanted=magnitude, seed=seed
-    )
+    changed, truth = hide(runs, LAWS[name], sensor=sensor, magnitude_wanted=magnitude, seed=seed)
     if name == 'random_walk':
         truth = replace(truth, kind='noise')
     return Hidden(changed, truth)
@@ -112,11 +110,14 @@ def _hide_unlogged(
     hidden = _hide_law(runs, law, magnitude, seed, _chosen(LAWS[law].sensors, sensor, seed))
     blank: dict[str, Any] = dict.fromkeys(channels)
     truth = replace(
-        hidden.truth, name=None, kind='unlogged',
+        hidden.truth,
+        name=None,
+        kind='unlogged',
         depends_on=(name.removeprefix('unlogged_').removesuffix('_voltage'), 'chamber'),
     )
     return Hidden(
-        hidden.runs, truth,
+        hidden.runs,
+        truth,
         lambda recordings: [replace(recording, **blank) for recording in recordings],
     )
 

@@ -98,7 +98,8 @@ def into_sensor_frame(quaternion: FloatArray, world: FloatArray) -> FloatArray:
 def _multiply(left: FloatArray, right: FloatArray) -> FloatArray:
     """Return the Hamilton product of quaternions (n, 4) xyzw."""
     vector = (
-        left[:, 3:] * right[:, :3] + right[:, 3:] * left[:, :3]
+        left[:, 3:] * right[:, :3]
+        + right[:, 3:] * left[:, :3]
         + np.cross(left[:, :3], right[:, :3])
     )
     scalar = left[:, 3] * right[:, 3] - np.sum(left[:, :3] * right[:, :3], axis=1)
@@ -133,7 +134,9 @@ def turns_with_rests(
     rest: float,
 ) -> Motion:
     """Return equally long turns (axis, angle [rad]) with rests between them [s]."""
-    return Motion(tuple(
-        Turn(start + k * (duration + rest), duration, axis, angle)
-        for k, (axis, angle) in enumerate(rotations)
-    ))
+    return Motion(
+        tuple(
+            Turn(start + k * (duration + rest), duration, axis, angle)
+            for k, (axis, angle) in enumerate(rotations)
+        )
+    )

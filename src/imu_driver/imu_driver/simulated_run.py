@@ -134,9 +134,7 @@ def prepare_run(
     """Return the run of a device: heat, supply, vibration and every slow error."""
     parameters = find_device(device)
     key = (seed,) if isinstance(seed, int) else tuple(seed)
-    nodes = node_temperatures(
-        parameters.network, environment.air_temperature, environment.period
-    )
+    nodes = node_temperatures(parameters.network, environment.air_temperature, environment.period)
     placed = np.random.default_rng((*key, 1))
     placement = rotation_vector_matrix(placed.normal(0.0, PLACEMENT_STD, 3))
     supply = supply_voltage(environment, parameters.supply_voltage, placed)
@@ -153,8 +151,16 @@ def prepare_run(
     if field_jumps:
         errors['magnetometer'] += _field_jumps(parameters, environment)
     return DeviceRun(
-        parameters, environment, orientation, placement, nodes, supply, vibration, errors,
-        motion, key,
+        parameters,
+        environment,
+        orientation,
+        placement,
+        nodes,
+        supply,
+        vibration,
+        errors,
+        motion,
+        key,
     )
 
 

@@ -74,9 +74,9 @@ class SimulatedDevice:
     @full_scale.setter
     def full_scale(self, full_scale: Mapping[str, float]) -> None:
         self._full_scale = dict(full_scale)
-        self._sensitivity = np.concatenate([
-            np.abs(scale(sensor, full_scale[sensor])) for sensor in SENSORS
-        ])
+        self._sensitivity = np.concatenate(
+            [np.abs(scale(sensor, full_scale[sensor])) for sensor in SENSORS]
+        )
 
     @property
     def die_temperature(self) -> float:
@@ -104,8 +104,14 @@ class SimulatedDevice:
             self._normals = self._generator.standard_normal((_BLOCK, self._normals.shape[1]))
             self._used = 0
         counts = _advance(
-            self._nodes, self._processes, self.device.network, self._constants,
-            self._sensitivity, ambient_c, step, self._normals[self._used],
+            self._nodes,
+            self._processes,
+            self.device.network,
+            self._constants,
+            self._sensitivity,
+            ambient_c,
+            step,
+            self._normals[self._used],
         ).tolist()
         self._used += 1
         return tuple(counts[:3]), tuple(counts[3:6]), tuple(counts[6:9]), counts[9]
@@ -129,13 +135,25 @@ class SimulatedDevice:
             level = part.bias + self._generator.normal(0.0, 1.0, 3) * part.turn_on_std
             if sensor == 'gyroscope':
                 level = level + device.g_sensitivity * force @ G_PATTERN
-            rows.append(np.column_stack([
-                level + seen, part.slope + part.scale_slope * seen, part.mean_std,
-                np.full(3, part.bias_instability), np.full(3, part.stiffening),
-                np.array(AXIS_SIGNS[sensor], dtype=float),
-            ]))
+            rows.append(
+                np.column_stack(
+                    [
+                        level + seen,
+                        part.slope + part.scale_slope * seen,
+                        part.mean_std,
+                        np.full(3, part.bias_instability),
+                        np.full(3, part.stiffening),
+                        np.array(AXIS_SIGNS[sensor], dtype=float),
+                    ]
+                )
+            )
         thermometer = [
-            device.thermometer_offset, device.thermometer_gain, device.thermometer_noise, 0, 0, 0,
+            device.thermometer_offset,
+            device.thermometer_gain,
+            device.thermometer_noise,
+            0,
+            0,
+            0,
         ]
         self._constants = np.vstack([*rows, thermometer])
 

@@ -47,12 +47,15 @@ def step_nodes(state: FloatArray, network: ThermalNetwork, air: float, step: flo
     board_source = board_rate * state[0] + to_air * air + network.board_power
     package_rate = network.package_capacity / step
     package_weight = (
-        package_rate + link + network.air_to_package
+        package_rate
+        + link
+        + network.air_to_package
         + network.package_to_die * die_rate / die_weight
         + network.package_to_magnetometer * mag_rate / mag_weight
     )
     package_source = (
-        package_rate * state[1] + network.air_to_package * air
+        package_rate * state[1]
+        + network.air_to_package * air
         + network.package_to_die * die_source / die_weight
         + network.package_to_magnetometer * mag_source / mag_weight
     )

@@ -16,7 +16,12 @@ if TYPE_CHECKING:
     from imu_driver.simulated_device import ReadOut
 
 AVERAGED = (
-    'chamber_temperature', 'chamber_temperature_2', 'heater', 'compressor', 'fan', 'humidity',
+    'chamber_temperature',
+    'chamber_temperature_2',
+    'heater',
+    'compressor',
+    'fan',
+    'humidity',
 )
 DECIMALS = {False: 2, True: 3}
 """What a data logger shows: PT100 0.01 K, duty and humidity 1 %; means a digit more."""

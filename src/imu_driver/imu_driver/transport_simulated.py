@@ -37,9 +37,7 @@ OPTIONS: Final = {
 class SimulatedTransport:
     """A line to an emulated board that keeps running between connections."""
 
-    def __init__(
-        self, board: EmulatedBoard, now: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, board: EmulatedBoard, now: Callable[[], float] = time.monotonic) -> None:
         self._board = board
         self._now = now
         self._start = now()

@@ -8,27 +8,31 @@ from launch_ros.substitutions import FindPackageShare
 
 def generate_launch_description():
     share = FindPackageShare('imu_driver')
-    return LaunchDescription([
-        DeclareLaunchArgument('namespace', default_value='', description='Namespace of the board'),
-        DeclareLaunchArgument(
-            'transport',
-            default_value='serial:///dev/imu',
-            description='serial:///dev/…, tcp://host:port, simulated://dut1 or bag://path',
-        ),
-        DeclareLaunchArgument(
-            'config',
-            default_value=PathJoinSubstitution([share, 'config', 'imu_driver.yaml']),
-            description='Parameter file',
-        ),
-        LifecycleNode(
-            package='imu_driver',
-            executable='imu_driver_node',
-            name='imu_driver',
-            namespace=LaunchConfiguration('namespace'),
-            parameters=[
-                LaunchConfiguration('config'),
-                {'transport': LaunchConfiguration('transport')},
-            ],
-            output='screen',
-        ),
-    ])
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                'namespace', default_value='', description='Namespace of the board'
+            ),
+            DeclareLaunchArgument(
+                'transport',
+                default_value='serial:///dev/imu',
+                description='serial:///dev/…, tcp://host:port, simulated://dut1 or bag://path',
+            ),
+            DeclareLaunchArgument(
+                'config',
+                default_value=PathJoinSubstitution([share, 'config', 'imu_driver.yaml']),
+                description='Parameter file',
+            ),
+            LifecycleNode(
+                package='imu_driver',
+                executable='imu_driver_node',
+                name='imu_driver',
+                namespace=LaunchConfiguration('namespace'),
+                parameters=[
+                    LaunchConfiguration('config'),
+                    {'transport': LaunchConfiguration('transport')},
+                ],
+                output='screen',
+            ),
+        ]
+    )

@@ -109,4 +109,3 @@ def _refuse_empty(name: str, columns: Mapping[str, TopicColumns]) -> None:
         )
     if not columns[imu].count:
         raise BagError(f'{name}: no samples on {imu}; the recording ended before the first')
-

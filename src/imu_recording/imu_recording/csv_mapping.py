@@ -141,9 +141,7 @@ def _field(field: str, told: Any, place: str) -> list[CsvColumn]:
         raise MappingError(f'{place}: {key} is {told[key]!r}, expected {count} columns')
     unit = str(told.get('unit', next(iter(UNITS[field]))))
     if unit not in UNITS[field]:
-        raise MappingError(
-            f'{place}: unit is {unit!r}, expected one of {", ".join(UNITS[field])}'
-        )
+        raise MappingError(f'{place}: unit is {unit!r}, expected one of {", ".join(UNITS[field])}')
     factor, shift = UNITS[field][unit]
     scales = _numbers(told.get('scale', 1), count, f'{place}: scale')
     offsets = _numbers(told.get('offset', 0), count, f'{place}: offset')

@@ -77,9 +77,7 @@ class McapStream:
         """Return the start of the file."""
         return self._out(MAGIC + _record(HEADER, _text('ros2') + _text(LIBRARY)))
 
-    def add_channel(
-        self, topic: str, message_type: str, definition: str, qos: str = ''
-    ) -> int:
+    def add_channel(self, topic: str, message_type: str, definition: str, qos: str = '') -> int:
         """Return the number of a new channel; its declaration goes into the open chunk."""
         key = (message_type, definition)
         if key not in self._schemas:

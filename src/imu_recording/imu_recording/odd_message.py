@@ -147,4 +147,3 @@ def _decode_version_2(raw: bytes, message_type: str) -> tuple[int | None, Values
         silent = group.unreported >= 0 and numbers[group.unreported] == -1.0
         values.append(tuple(float('nan') for _ in taken) if silent else taken)
     return stamp, tuple(values), frame
-

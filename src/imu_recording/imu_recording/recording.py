@@ -113,8 +113,7 @@ class ImuRecording:
             value = getattr(self, name)
             if value is not None and value.shape != (n, *shape):
                 raise RecordingError(
-                    f'{name} has shape {value.shape}, expected {(n, *shape)} '
-                    f'to match {n} stamps'
+                    f'{name} has shape {value.shape}, expected {(n, *shape)} to match {n} stamps'
                 )
         if self.up_axis and self.up_axis not in UP_AXES:
             raise RecordingError(f'up_axis {self.up_axis!r} is none of {", ".join(UP_AXES)}')

@@ -106,9 +106,7 @@ def _leaves(descriptor: int, root: int, page_size: int) -> Iterator[int]:
     yield from _below(descriptor, page, at, page_size, depth=0)
 
 
-def _below(
-    descriptor: int, page: bytes, at: int, page_size: int, *, depth: int
-) -> Iterator[int]:
+def _below(descriptor: int, page: bytes, at: int, page_size: int, *, depth: int) -> Iterator[int]:
     """Give the leaf pages below an interior page; all leaves of a tree are equally deep."""
     count = int.from_bytes(page[at + 3 : at + 5], 'big')
     pointers = np.frombuffer(page, '>u2', count, at + 12).astype(int)

@@ -105,9 +105,7 @@ def scan_sqlite(
     return problems
 
 
-def _messages_table(
-    connection: apsw.Connection, problems: list[str]
-) -> MessagesTable | None:
+def _messages_table(connection: apsw.Connection, problems: list[str]) -> MessagesTable | None:
     """Return where the messages are, or None where the table is not rosbag2's own."""
     try:
         found: Any = connection.execute(

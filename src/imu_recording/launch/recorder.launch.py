@@ -10,21 +10,25 @@ from launch_ros.substitutions import FindPackageShare
 
 def generate_launch_description():
     config = PathJoinSubstitution([FindPackageShare('imu_recording'), 'config', 'recorder.yaml'])
-    return LaunchDescription([
-        DeclareLaunchArgument('namespace', default_value='', description='ROS namespace'),
-        DeclareLaunchArgument(
-            'output', default_value='', description='Folder of the bag; empty: recordings/<UTC>'
-        ),
-        DeclareLaunchArgument('config', default_value=config, description='Parameter file'),
-        LifecycleNode(
-            package='imu_recording',
-            executable='recorder_node',
-            name='recorder',
-            namespace=LaunchConfiguration('namespace'),
-            parameters=[
-                LaunchConfiguration('config'),
-                {'output': LaunchConfiguration('output')},
-            ],
-            output='screen',
-        ),
-    ])
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument('namespace', default_value='', description='ROS namespace'),
+            DeclareLaunchArgument(
+                'output',
+                default_value='',
+                description='Folder of the bag; empty: recordings/<UTC>',
+            ),
+            DeclareLaunchArgument('config', default_value=config, description='Parameter file'),
+            LifecycleNode(
+                package='imu_recording',
+                executable='recorder_node',
+                name='recorder',
+                namespace=LaunchConfiguration('namespace'),
+                parameters=[
+                    LaunchConfiguration('config'),
+                    {'output': LaunchConfiguration('output')},
+                ],
+                output='screen',
+            ),
+        ]
+    )

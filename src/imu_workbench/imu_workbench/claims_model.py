@@ -129,4 +129,3 @@ def _linearity(runs: Sequence[RunErrors], sensor: str) -> dict[str, Any] | None:
         'deviation': np.abs(means).max(axis=0) / np.maximum(span, 1e-300),
         'clear': span > 3.0 * np.nanstd(residual, axis=0),
     }
-

@@ -56,15 +56,17 @@ def orientation_claim(slopes: Slopes) -> Claim:
         for sensor, by_orientation in sensors.items():
             found = compare_orientations(by_orientation)
             if found is not None:
-                rows.append({
-                    'device': device,
-                    'sensor': sensor,
-                    'p_value': found.p_value,
-                    'difference_over_60_k': (
-                        found.difference * EXCURSION_K * DISPLAY_UNITS[sensor].factor
-                    ),
-                    'unit': DISPLAY_UNITS[sensor].unit,
-                })
+                rows.append(
+                    {
+                        'device': device,
+                        'sensor': sensor,
+                        'p_value': found.p_value,
+                        'difference_over_60_k': (
+                            found.difference * EXCURSION_K * DISPLAY_UNITS[sensor].factor
+                        ),
+                        'unit': DISPLAY_UNITS[sensor].unit,
+                    }
+                )
     if not rows:
         return untestable(
             'orientation',
@@ -162,14 +164,16 @@ def slope_table(slopes: Slopes) -> list[dict[str, Any]]:
                 continue
             mean, uncertainty = mean_and_uncertainty(np.concatenate(list(by_orientation.values())))
             factor = DISPLAY_UNITS[sensor].factor
-            rows.append({
-                'device': device,
-                'sensor': sensor,
-                'unit': f'{DISPLAY_UNITS[sensor].unit}/K',
-                'slope': mean * factor,
-                'uncertainty': uncertainty * factor,
-                'cycles': sum(len(values) for values in by_orientation.values()),
-            })
+            rows.append(
+                {
+                    'device': device,
+                    'sensor': sensor,
+                    'unit': f'{DISPLAY_UNITS[sensor].unit}/K',
+                    'slope': mean * factor,
+                    'uncertainty': uncertainty * factor,
+                    'cycles': sum(len(values) for values in by_orientation.values()),
+                }
+            )
     return rows
 
 

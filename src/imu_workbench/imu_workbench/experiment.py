@@ -22,8 +22,16 @@ from imu_recording import ImuRecording
 ORIENTATIONS = ('+x', '+y', '+z')
 """The three runs of a campaign (Betta et al. 2022, Fig. 3)."""
 SLOW_TRACKS = (
-    'chamber_temperature', 'chamber_temperature_2', 'device_temperature', 'humidity', 'heater',
-    'compressor', 'fan', 'supply_voltage', 'vibration', 'setpoint',
+    'chamber_temperature',
+    'chamber_temperature_2',
+    'device_temperature',
+    'humidity',
+    'heater',
+    'compressor',
+    'fan',
+    'supply_voltage',
+    'vibration',
+    'setpoint',
 )
 """Tracks a data logger takes at its own, slower pace."""
 

@@ -64,9 +64,7 @@ def record_hidden(
 ) -> Campaign:
     """Hide the secret in prepared runs and read them out."""
     name = random_name(seed) if secret.name == 'random' else secret.name
-    hidden = hide_anything(
-        runs, name, magnitude=secret.magnitude, seed=seed, sensor=secret.sensor
-    )
+    hidden = hide_anything(runs, name, magnitude=secret.magnitude, seed=seed, sensor=secret.sensor)
     recordings = record_campaign(hidden.runs, logging, startup_time=hidden.startup_time)
     return Campaign(hidden.finish(recordings), hidden.truth)
 
@@ -94,7 +92,10 @@ def practice_campaign(
     for number, secret in enumerate(secrets):
         name = random_name(seed + number) if secret.name == 'random' else secret.name
         hidden = hide_anything(
-            runs, name, magnitude=secret.magnitude, seed=seed + 1000 * number,
+            runs,
+            name,
+            magnitude=secret.magnitude,
+            seed=seed + 1000 * number,
             sensor=secret.sensor,
         )
         runs = hidden.runs

@@ -23,10 +23,28 @@ BEFORE_RAMP = 60.0
 """Rest before the ramp starts [s]."""
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 ROTATIONS = (
-    (X, 90.0), (X, -90.0), (Y, 90.0), (Y, -90.0), (Z, 90.0), (Z, -90.0),
-    (X, 45.0), (Y, 30.0), (Z, 120.0), (Z, -120.0), (Y, -30.0), (X, -45.0),
-    (Z, 360.0), (X, 180.0), (Z, 90.0), (Z, -90.0), (X, -180.0), (Y, 360.0),
-    ((0.6, 0.8, 0.0), 75.0), ((0.6, 0.8, 0.0), -75.0), (Z, -180.0), (Z, 180.0),
+    (X, 90.0),
+    (X, -90.0),
+    (Y, 90.0),
+    (Y, -90.0),
+    (Z, 90.0),
+    (Z, -90.0),
+    (X, 45.0),
+    (Y, 30.0),
+    (Z, 120.0),
+    (Z, -120.0),
+    (Y, -30.0),
+    (X, -45.0),
+    (Z, 360.0),
+    (X, 180.0),
+    (Z, 90.0),
+    (Z, -90.0),
+    (X, -180.0),
+    (Y, 360.0),
+    ((0.6, 0.8, 0.0), 75.0),
+    ((0.6, 0.8, 0.0), -75.0),
+    (Z, -180.0),
+    (Z, 180.0),
 )
 """Axis in the sensor frame and angle [°]; together they end where they start."""
 RAMP_PROFILE = {
@@ -35,12 +53,21 @@ RAMP_PROFILE = {
     'description': 'One ramp from 20 °C to 36 °C',
     'limits': {'air_min_c': 10, 'air_max_c': 45, 'rate_max_c_per_min': 2},
     'stabilise': {
-        'source': 'air', 'band_c': 0.5, 'hold_s': 0, 'timeout_s': 3600, 'on_timeout': 'abort',
+        'source': 'air',
+        'band_c': 0.5,
+        'hold_s': 0,
+        'timeout_s': 3600,
+        'on_timeout': 'abort',
     },
     'dwell_mode': 'free',
     'steps': [
-        {'id': 'precondition', 'kind': 'precondition', 'target_c': 20, 'rate_c_per_min': 2,
-         'dwell_s': 900},
+        {
+            'id': 'precondition',
+            'kind': 'precondition',
+            'target_c': 20,
+            'rate_c_per_min': 2,
+            'dwell_s': 900,
+        },
         {'id': 'heat', 'kind': 'ramp', 'target_c': 36, 'rate_c_per_min': 2},
         {'id': 'hot', 'kind': 'dwell', 'dwell_s': 300},
         {'id': 'final', 'kind': 'final', 'target_c': 36, 'rate_c_per_min': 2, 'dwell_s': 60},
@@ -54,7 +81,9 @@ def known_rotations() -> Motion:
     rest = (DURATION - 40.0) / len(ROTATIONS) - 4.0
     return turns_with_rests(
         [(axis, float(np.deg2rad(angle))) for axis, angle in ROTATIONS],
-        start=30.0, duration=4.0, rest=rest,
+        start=30.0,
+        duration=4.0,
+        rest=rest,
     )
 
 

@@ -154,9 +154,7 @@ def shuffled(source: Path, target: Path, first: int, last: int) -> None:
         order = np.random.default_rng(1).permutation(place)
         payload = {a: messages[b][2] for a, b in zip(place, order.tolist(), strict=True)}
         connections = {
-            c.id: writer.add_connection(
-                c.topic, c.msgtype, msgdef=c.msgdef.data, rihs01=c.digest
-            )
+            c.id: writer.add_connection(c.topic, c.msgtype, msgdef=c.msgdef.data, rihs01=c.digest)
             for c in reader.connections
         }
         for i, (connection, stamp, data) in enumerate(messages):

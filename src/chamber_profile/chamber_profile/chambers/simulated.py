@@ -65,9 +65,7 @@ def simulate_chamber(profile: Profile, *, seed: int, period_s: float = 1.0) -> C
     sequencer.command('start')
     time, confirm_at = 0, math.inf
     while sequencer.progress.mode not in FINISHED:
-        carry_out(
-            sequencer.tick(readings_of(float(time), chamber.read())), chamber, notes.append
-        )
+        carry_out(sequencer.tick(readings_of(float(time), chamber.read())), chamber, notes.append)
         if sequencer.progress.stage != CONFIRM:
             confirm_at = math.inf
         elif math.isinf(confirm_at):

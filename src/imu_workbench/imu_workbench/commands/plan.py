@@ -160,17 +160,19 @@ def plan_page(content: dict[str, Any]) -> str:
     ]
     figure = plan_figure({'tracks': {'set-point': series}, 'phases': phases})
     limits = content['limits']
-    facts = pairs_html({
-        'Duration': clock(content['duration_s']),
-        'Set-point': f'{content["lowest_c"]:g} … {content["highest_c"]:g} °C',
-        'Limits of the air': f'{limits["air_c"][0]:g} … {limits["air_c"][1]:g} °C',
-        'Fastest ramp allowed': f'{limits["rate_max_c_per_min"]:g} °C/min',
-        'Violations of the limits': 'none',
-        'A dwell starts with the': escape(content['dwell_starts']),
-        'On abort': f'to {content["on_abort"]["target_c"]:g} °C at '
-        f'{content["on_abort"]["rate_c_per_min"]:g} °C/min, then stop',
-        'Hash of the profile': f'<code>{content["sha256"]}</code>',
-    })
+    facts = pairs_html(
+        {
+            'Duration': clock(content['duration_s']),
+            'Set-point': f'{content["lowest_c"]:g} … {content["highest_c"]:g} °C',
+            'Limits of the air': f'{limits["air_c"][0]:g} … {limits["air_c"][1]:g} °C',
+            'Fastest ramp allowed': f'{limits["rate_max_c_per_min"]:g} °C/min',
+            'Violations of the limits': 'none',
+            'A dwell starts with the': escape(content['dwell_starts']),
+            'On abort': f'to {content["on_abort"]["target_c"]:g} °C at '
+            f'{content["on_abort"]["rate_c_per_min"]:g} °C/min, then stop',
+            'Hash of the profile': f'<code>{content["sha256"]}</code>',
+        }
+    )
     rows = [
         [
             escape(step['id']), str(step['cycle'] or ''), clock(step['start_s']),
@@ -178,9 +180,7 @@ def plan_page(content: dict[str, Any]) -> str:
         ]
         for step in content['steps']
     ]  # fmt: skip
-    table = table_html(
-        [['step', 'cycle', 'start', 'lasts', 'set-point']], rows, text_columns=(4,)
-    )
+    table = table_html([['step', 'cycle', 'start', 'lasts', 'set-point']], rows, text_columns=(4,))
     caption = 'Set-point over the profile; shaded where it stands.'
     sections = [
         Section('setpoint', 'Set-point', figure_html('plan', caption, caption) + facts,

@@ -36,7 +36,10 @@ def run(options: argparse.Namespace) -> Answer:
     if truth['kind'] == 'nothing':
         verdict = 'right: no alarm' if judgement.right else 'wrong: nothing was hidden'
     content: dict[str, Any] = {
-        'schema': 1, 'truth': truth, **asdict(judgement), 'right': judgement.right,
+        'schema': 1,
+        'truth': truth,
+        **asdict(judgement),
+        'right': judgement.right,
         'diagnosis': diagnosis,
     }
     text = f'hidden:   {describe_truth(truth)}\nreported: {reported}\n{verdict}'

@@ -32,7 +32,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('profile', metavar='PROFILE', help='name or YAML file of a profile')
     parser.add_argument('--device', choices=tuple(DEVICES), default='dut1', help='which device')
     parser.add_argument(
-        '--orientation', choices=AXES,
+        '--orientation',
+        choices=AXES,
         help='the axis that points up: one bag at DIR; without it the bags DIR/x, DIR/y, DIR/z',
     )
     parser.add_argument(
@@ -43,24 +44,34 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         '-o', '--output', type=Path, required=True, metavar='DIR', help='folder to write'
     )
     parser.add_argument(
-        '--mean', action='store_true',
+        '--mean',
+        action='store_true',
         help='rows are means over their interval instead of single samples',
     )
     parser.add_argument(
-        '--chamber-period', type=float, default=1.0, metavar='S',
+        '--chamber-period',
+        type=float,
+        default=1.0,
+        metavar='S',
         help='pace of the chamber topics (default 1 s)',
     )
     parser.add_argument(
-        '--field-jumps', action='store_true',
+        '--field-jumps',
+        action='store_true',
         help="add the level changes between the paper's R1 … R4 to the magnetometer",
     )
     parser.add_argument(
-        '--hide', choices=(*HIDEABLE, 'random'), metavar='EFFECT',
+        '--hide',
+        choices=(*HIDEABLE, 'random'),
+        metavar='EFFECT',
         help='hide one effect or fault, or a random one; rows are means then, and the truth goes '
         f'to DIR/{TRUTH_FILE}, which only `reveal DIR` opens',
     )
     parser.add_argument(
-        '--magnitude', type=float, default=2.0, metavar='M',
+        '--magnitude',
+        type=float,
+        default=2.0,
+        metavar='M',
         help='rms of the hidden effect beyond a line in temperature, in standard deviations of a '
         'one-second mean (default 2)',
     )
@@ -77,13 +88,20 @@ def run(options: argparse.Namespace) -> Answer:
         axis = options.orientation if options.orientation[0] == '-' else f'+{options.orientation}'
         show_progress(f'simulating {options.profile} …')
         recording = simulate_run(
-            options.profile, options.device, logging, seed=options.seed, orientation=axis,
+            options.profile,
+            options.device,
+            logging,
+            seed=options.seed,
+            orientation=axis,
             field_jumps=options.field_jumps,
         )
         return _written([options.output], [recording])
     show_progress(f'simulating {len(ORIENTATIONS)} runs of {options.profile} …')
     recordings = simulate_campaign(
-        options.profile, options.device, logging, seed=options.seed,
+        options.profile,
+        options.device,
+        logging,
+        seed=options.seed,
         field_jumps=options.field_jumps,
     )
     return _written(_paths(options), recordings)
@@ -92,13 +110,20 @@ def run(options: argparse.Namespace) -> Answer:
 def _hidden(options: argparse.Namespace, logging: Logging) -> Answer:
     show_progress(f'simulating {len(ORIENTATIONS)} runs of {options.profile} …')
     campaign = hidden_campaign(
-        options.profile, options.device, logging,
-        Secret(options.hide, options.magnitude, options.sensor), seed=options.seed,
+        options.profile,
+        options.device,
+        logging,
+        Secret(options.hide, options.magnitude, options.sensor),
+        seed=options.seed,
     )
     answer = _written(_paths(options), campaign.recordings)
     write_truth(
-        options.output / TRUTH_FILE, campaign.truth, device=options.device, seed=options.seed,
-        profile=options.profile, bags=[path.name for path in _paths(options)],
+        options.output / TRUTH_FILE,
+        campaign.truth,
+        device=options.device,
+        seed=options.seed,
+        profile=options.profile,
+        bags=[path.name for path in _paths(options)],
     )
     hint = f'hidden: see whether `diagnose` finds it, then `reveal {options.output}`'
     return Answer(answer.content, f'{answer.text}\n{hint}')
@@ -116,11 +141,16 @@ def _written(paths: list[Path], recordings: list[ImuRecording]) -> Answer:
         show_progress(f'writing {path} …')
         path.parent.mkdir(parents=True, exist_ok=True)
         write_bag(recording, path)
-        bags.append({
-            'path': str(path), 'device': recording.device, 'up_axis': recording.up_axis,
-            'samples': len(recording), 'duration_s': float(recording.time[-1]),
-            'columns_sha256': columns_hash(recording),
-        })
+        bags.append(
+            {
+                'path': str(path),
+                'device': recording.device,
+                'up_axis': recording.up_axis,
+                'samples': len(recording),
+                'duration_s': float(recording.time[-1]),
+                'columns_sha256': columns_hash(recording),
+            }
+        )
         lines.append(
             f'{path}: {recording.device}, {recording.up_axis} up, {len(recording)} samples in '
             f'{recording.time[-1] / 3600:.2f} h'
