@@ -210,6 +210,13 @@ class ColumnBank:
         ]
         return np.concatenate(columns, axis=1)
 
+    def whitened_in_run(
+        self, columns: FloatArray, run: int, axis: int
+    ) -> tuple[FloatArray, slice]:
+        """Return the columns (m, q) of one run's blocks, whitened where valid, and their rows."""
+        rows = slice(self._edges[run], self._edges[run + 1])
+        return apply_gains(columns[self.valid[run]], self._gains[run][axis]), rows
+
     def split_sizes(self, terms: Sequence[Term]) -> tuple[int, int]:
         """Return how many columns each axis has of its own and how many are shared."""
         own, common = self._split(terms)

@@ -10,12 +10,13 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.diagnose_bank import ColumnBank, Term
-from thermal_comp.prepared_run import PreparedRun
 
 WAVES = 48
 """Half waves over a run that are looked at."""
 SPANS = (4, 8, 16, 32, 48)
 """Numbers of the slowest of them that are taken together."""
+ABSORBED = 1e-9
+"""A half wave of which less than this share of its power is left beside the base says nothing."""
 
 
 @dataclass(frozen=True)
@@ -54,24 +55,27 @@ def coherence(bank: ColumnBank, found: Sequence[Term] = ()) -> Coherence:
 
 
 def _waves(bank: ColumnBank, found: Sequence[Term]) -> FloatArray:
-    """(3, runs, WAVES) amplitudes of the half waves, of unit variance for noise alone."""
+    """(3, runs, WAVES) amplitudes of the half waves, of unit variance for noise alone.
+
+    With V the whitened half waves of a run, Q the base and r the residual, they are R⁻ᵀ Vᵀ r,
+    Rᵀ R = Vᵀ V − (Qᵀ V)ᵀ Qᵀ V (Cholesky): as if V were made orthogonal to Q, then in itself.
+    """
     runs = bank.source.runs
     longest = max(float(run.time[-1]) for run in runs)
-
-    def cosines(run: PreparedRun) -> FloatArray:
-        return np.cos(np.pi * np.multiply.outer(run.time / longest, np.arange(1, WAVES + 1)))
-
-    term = bank.generic_terms([(cosines, True)])[0]
-    design, known = bank.design([term]), bank.design(list(found))
+    known = bank.design(list(found))
     amplitudes = np.empty((3, len(runs), WAVES))
     for axis in range(3):
         target = bank.target[axis]
         if found:
             target = target - known[axis] @ np.linalg.lstsq(known[axis], target, rcond=1e-9)[0]
-        for run in range(len(runs)):
-            columns = design[axis][:, run * WAVES : (run + 1) * WAVES]
-            basis, triangle = np.linalg.qr(columns)
-            amplitudes[axis, run] = (basis * np.sign(np.diag(triangle))).T @ target
+        for number, run in enumerate(runs):
+            half_turns = np.multiply.outer(run.time / longest, np.arange(1, WAVES + 1))
+            white, rows = bank.whitened_in_run(np.cos(np.pi * half_turns), number, axis)
+            cross = bank.base[axis][rows].T @ white
+            normal = white.T @ white
+            normal -= cross.T @ cross - ABSORBED * np.diag(np.diag(normal))
+            triangle = np.linalg.cholesky(normal)
+            amplitudes[axis, number] = np.linalg.solve(triangle, white.T @ target[rows])
     return amplitudes
 
 
