@@ -10,6 +10,10 @@ BAGS = [ROOT / 'bags' / f'hidden_effect_{axis}' for axis in 'xyz']
 LINE_LENGTH = "document.querySelector('.stack .js-plotly-plot').data[0].x.length"
 DRAWN = "document.querySelector('.stack .js-plotly-plot')?._fullLayout?.xaxis?.range[1] > 30"
 
+FITS = """[...document.querySelectorAll('.js-plotly-plot')].every(plot =>
+  plot._fullLayout && Math.abs(plot._fullLayout.width - plot.clientWidth) < 2
+  && plot.clientWidth > 0.9 * (plot.closest('.card').clientWidth - 28))"""
+
 
 def test_two_tabs_do_not_disturb_each_other_and_work_can_be_stopped(serve, watch):
     server = serve(*BAGS)
@@ -85,4 +89,54 @@ def test_a_phone_scrolls_down_only_and_a_keyboard_reaches_everything(serve, watc
     assert {'tile', 'axis', 'place'} <= seen
     page.keyboard.press('Enter')
     page.locator('.place.on').wait_for()
+    watched.check()
+
+
+def test_the_map_is_walked_with_arrow_keys_and_enter_goes_there(serve, watch):
+    server = serve(*BAGS)
+    watched = watch(server.address)
+    page = watched.page
+    page.locator('.cells button').first.wait_for()
+    page.locator('.place').first.wait_for()
+    for _ in range(30):
+        page.keyboard.press('Tab')
+        if page.evaluate("document.activeElement.matches('.cells button')"):
+            break
+    focused = page.locator('.cells button:focus')
+    assert 'ramp up' in focused.get_attribute('aria-label')
+    for key in ('Home', 'ArrowRight', 'ArrowDown', 'ArrowDown', 'ArrowDown'):
+        page.keyboard.press(key)
+    assert focused.get_attribute('aria-label').startswith('dut2_x, final: ')
+    page.keyboard.press('End')
+    assert focused.get_attribute('aria-label').startswith('dut2_z, final: ')
+    for key in ('ArrowDown', 'ArrowUp'):  # nothing below: the focus stays where it is
+        page.keyboard.press(key)
+    assert focused.get_attribute('aria-label').startswith('dut2_z, dwell at ambient, cycle 1: ')
+    cell, plot = focused.bounding_box(), page.locator('.map .js-plotly-plot').bounding_box()
+    assert plot['x'] < cell['x'] < plot['x'] + plot['width']
+    label = focused.get_attribute('aria-label').partition(':')[0]
+    page.keyboard.press('Enter')
+    page.locator('.legendtext', has_text=label).first.wait_for()
+    page.locator('.cells button:focus[aria-selected=true]').wait_for()
+    watched.check()
+
+
+def test_figures_follow_a_window_that_changes_its_width(serve, watch):
+    server = serve(*BAGS)
+    watched = watch(server.address, 390, 844)
+    page = watched.page
+    page.locator('.place').first.wait_for()
+    numbers = page.locator('.map .js-plotly-plot .heatmap-label')
+    page.locator('.map .js-plotly-plot .heatmaplayer image').wait_for()
+    assert numbers.count() == 0
+    page.set_viewport_size({'width': 844, 'height': 390})
+    numbers.first.wait_for(state='attached')
+    page.wait_for_function(FITS)
+    page.get_by_role('tab', name='Add').click()
+    page.locator('tr.on', has_text='v1').wait_for()
+    page.set_viewport_size({'width': 390, 'height': 844})
+    page.get_by_role('tab', name='Compare').click()
+    page.locator('.map .js-plotly-plot .heatmaplayer image').wait_for()
+    page.wait_for_function(FITS)
+    numbers.first.wait_for(state='detached')
     watched.check()

@@ -10,11 +10,12 @@ from typing import Any
 from nicegui import ui
 
 from imu_workbench.report.panels import Figure
+from imu_workbench.web.cells import CellGrid
 from imu_workbench.web.figure_failure import FailureMap, failure_figure, failure_map
 from imu_workbench.web.figure_noise import allan_figure, spectrum_figure
 from imu_workbench.web.figure_scatter import phase_figure, rate_figure, temperature_figure
 from imu_workbench.web.figure_time import time_figure, time_lines
-from imu_workbench.web.plot import Look, figure_card
+from imu_workbench.web.plot import Look, Plot, figure_card
 from imu_workbench.web.session import Session
 from imu_workbench.web.view import Place
 
@@ -36,10 +37,12 @@ class ComparePage:
                     look, 'Measured, modelled and what is left',
                     'Error and temperature over time, residual below',
                 )  # fmt: skip
-                self._where = figure_card(
-                    look, 'Where it fails: residual in units of the noise floor',
-                    'Residual by phase, cycle and run in units of the noise floor',
-                )  # fmt: skip
+                with ui.element('section').classes('card'):
+                    title = 'Where it fails: residual in units of the noise floor'
+                    ui.html(f'<h2>{title}</h2>', sanitize=False)
+                    with ui.element('div').classes('map'):
+                        self._where = Plot(look, 'Residual by phase, cycle and run, as a map')
+                        self._cells = CellGrid(go_to)
             with ui.element('div').classes('stack'):
                 with ui.element('section').classes('card'):
                     ui.html('<h2>Worst places</h2>', sanitize=False)
@@ -61,6 +64,7 @@ class ComparePage:
                 look, 'Allan deviation', 'Allan deviation of samples and residual'
             )
         self._where.on('plotly_click', self._on_cell)
+        self._where.on('plotly_afterplot', js_handler='() => layCells()')
         self._time.on('plotly_relayout', self._on_zoom)
 
     @property
@@ -80,6 +84,7 @@ class ComparePage:
             for plot in self.plots:
                 plot.show(None)
             self._places.clear()
+            self._cells.show(None, None)
             self._listed = ([], None)
             return
         figures, found = await asyncio.to_thread(self._figures)
@@ -88,6 +93,7 @@ class ComparePage:
         self._map = found
         for plot, figure in zip(self.plots, figures, strict=True):
             plot.show(figure)
+        self._cells.show(found, self._session.view.place)
         self._show_places()
 
     def repaint(self) -> None:

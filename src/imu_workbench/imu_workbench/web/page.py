@@ -97,6 +97,8 @@ class Page:
                     )
                 with ui.tab_panel('Live') as self._live:
                     self._live_page: Any = None
+        ui.on('narrow', lambda event: self._turn(narrow=bool(event.args)))
+        ui.on('dark', lambda event: self._follow_system(dark=bool(event.args)))
         ui.context.client.on_delete(self._work.cancel_all)
         ui.timer(0.0, self._begin, once=True)
 
@@ -115,10 +117,8 @@ class Page:
 
     async def _begin(self) -> None:
         await ui.context.client.connected()
-        dark, width = await ui.run_javascript(
-            "[matchMedia('(prefers-color-scheme: dark)').matches, window.innerWidth]"
-        )
-        self._look.dark, self._look.narrow = bool(dark), int(width) < PHONE
+        dark, narrow = await ui.run_javascript(f'watchLook({PHONE})')
+        self._look.dark, self._look.narrow = bool(dark), bool(narrow)
         self._colours()
         if self._start.bags:
             await self.open_bags([str(bag) for bag in self._start.bags])
@@ -194,6 +194,17 @@ class Page:
 
     def _colours(self) -> None:
         ui.colors(primary='#2a7fb4' if self._look.dark else '#0072b2')
+
+    def _turn(self, *, narrow: bool) -> None:
+        """Lay figures out for a phone that was turned, a window that was made narrow or wide."""
+        self._look.narrow = narrow
+        self._repaint()
+
+    def _follow_system(self, *, dark: bool) -> None:
+        if self._dark.value is None:  # nobody has chosen here
+            self._look.dark = dark
+            self._colours()
+            self._repaint()
 
     async def _switch_theme(self) -> None:
         self._look.dark = not self._look.dark

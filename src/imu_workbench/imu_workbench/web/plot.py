@@ -64,7 +64,7 @@ class Plot:
         self._figure: Figure | None = None
         self._place = ui.element('div')
         self._element: ui.plotly | None = None
-        self._handlers: list[tuple[str, Callable[..., Any]]] = []
+        self._handlers: list[tuple[str, dict[str, Any]]] = []
 
     def show(self, figure: Figure | None) -> None:
         """Draw a figure; None leaves the place empty."""
@@ -81,16 +81,20 @@ class Plot:
             self._element = ui.plotly(options).classes('plot')
         self._element.props(f'role=img aria-label="{self._label}"')
         for event, handler in self._handlers:
-            self._element.on(event, handler)
+            self._element.on(event, **handler)
 
     def repaint(self) -> None:
         """Draw the same figure in the present look."""
         if self._figure is not None:
             self.show(self._figure)
 
-    def on(self, event: str, handler: Callable[..., Any]) -> None:
-        """Call the handler on a plotly event."""
-        self._handlers.append((event, handler))
+    def on(
+        self, event: str, handler: Callable[..., Any] | None = None, *, js_handler: str = ''
+    ) -> None:
+        """Call the handler on a plotly event, or a function in the browser."""
+        self._handlers.append(
+            (event, {'js_handler': js_handler} if js_handler else {'handler': handler})
+        )
 
     def replace_lines(self, lines: dict[str, dict[str, Any]]) -> None:
         """Put other points into the traces, in order, where the figure stands."""

@@ -24,6 +24,7 @@ from imu_workbench.web.job import end_all, warm_up
 from imu_workbench.web.library import Library
 from imu_workbench.web.page import Page, Start
 
+SCRIPTS = ('resizing.js', 'watching.js', 'cells.js')
 RECONNECT_S = 30.0
 """A tab that lost the server keeps its state so long."""
 
@@ -65,12 +66,12 @@ def run_server(
         outer.add_middleware(AccessCheck, token=token)
         here = files('imu_workbench') / 'web'
         look = (here / 'theme.css').read_text('utf-8')
-        script = (here / 'resizing.js').read_text('utf-8')
+        scripts = [(here / name).read_text('utf-8') for name in SCRIPTS]
 
         @ui.page('/', response_timeout=30.0)
         def _page() -> None:
             ui.add_css(look)
-            ui.add_head_html(f'<script>{script}</script>')
+            ui.add_head_html(''.join(f'<script>{script}</script>' for script in scripts))
             ui.query('.nicegui-content').classes('content')
             Page(library, start)
 
