@@ -27,7 +27,7 @@ def rounded(values: FloatArray, digits: int = 5) -> list[float | None]:
     >>> rounded(np.array([9.80712345, 9.80798765, np.nan]))
     [9.80712345, 9.80798765, None]
     >>> rounded(np.array([0.0, 12.3456789]))
-    [0.0, 12.3457]
+    [0.0, 12.346]
     """
     values = np.asarray(values, dtype=np.float64)
     finite = values[np.isfinite(values)]
