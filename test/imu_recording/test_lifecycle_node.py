@@ -6,8 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from imu_recording.lifecycle_node import ConfiguredNode, NodeConfig
+from imu_recording.lifecycle_node import ConfiguredNode
 from imu_recording.messages import float_message
+from imu_recording.node_config import NodeConfig
 from imu_recording.parameter import parameter
 from rclpy.parameter import Parameter
 from std_msgs.msg import Float64
@@ -19,6 +20,7 @@ STAMP = 1_700_000_000_500_000_000
 class DoublerConfig(NodeConfig):
     factor: float = parameter(2.0, 'Factor', bounds=(0.0, 10.0), dynamic=True)
     topic: str = parameter('out', 'Where to')
+    weights: list[float] = parameter([1.0], 'Weights', bounds=(0.0, 2.0))  # noqa: RUF009
 
 
 class Doubler(ConfiguredNode):
@@ -77,6 +79,29 @@ def test_a_refused_configuration_is_no_traceback(ros: Any) -> None:
     assert not node.autostart()
     assert node.state == 'unconfigured'
     assert node.inputs == {}
+    node.destroy_node()
+
+
+class Broken(ConfiguredNode):
+    def setup(self, config: Any) -> None:
+        raise IndexError('nobody has thought of this')
+
+
+def test_an_error_nobody_has_thought_of_is_logged(ros: Any, capfd: Any) -> None:
+    node = Broken('broken')
+    assert not node.autostart()
+    assert 'IndexError: nobody has thought of this' in capfd.readouterr().err
+    node.destroy_node()
+
+
+def test_a_list_of_numbers_may_be_of_integers(ros: Any) -> None:
+    node, _ = make(weights=[1, 0])
+    assert node.autostart()
+    assert node.config.weights == [1.0, 0.0]
+    node.destroy_node()
+    node, _ = make(weights='heavy')
+    assert not node.autostart()
+    assert node.refused == "weights is 'heavy', expected a list such as [a, b]"
     node.destroy_node()
 
 

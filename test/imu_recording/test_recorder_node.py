@@ -17,6 +17,7 @@ import pytest
 from imu_recording.messages import ImuSample, imu_from_sample
 from imu_recording.recorder_node import RecorderNode
 from imu_recording.recorder_settings import output_folder, parse_split, recording_metadata
+from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 
 from imu_recording import BagError, RecordingError, read_bag
@@ -55,6 +56,21 @@ def test_records_raw_bytes(ros: Any, tmp_path: Path) -> None:
     assert np.array_equal(recording.angular_velocity[:, 0], np.arange(50))
     assert (recording.device, recording.profile) == ('dut1', 'short')
     assert not any('not closed' in note for note in recording.notes)
+    node.destroy_node()
+
+
+def test_it_tells_its_health_before_its_folder_exists(
+    ros: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    node, sent = make_node(Path())  # recordings/<UTC>, which the first message makes
+    node.set_parameters([Parameter('output', value='')])
+    assert node.autostart()
+    node.publish_diagnostics()
+    values = {item.key: item.value for item in sent[-1].status[0].values}
+    assert values['folder'].startswith('recordings/')
+    assert int(values['free_bytes']) > 0
+    assert not (tmp_path / 'recordings').exists()
     node.destroy_node()
 
 

@@ -36,11 +36,12 @@ class Interrupted(ConfiguredNode):
 
 sys.exit(run_node(Interrupted))
 """
+OPTIONS = {'number': 'SIGINT', 'event_driven': False, 'refuse': False}
 
 
-def run(folder: Path, **options: object) -> subprocess.CompletedProcess[str]:
+def run(folder: Path, *arguments: str, **options: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, '-c', SCRIPT.format(**options)],
+        [sys.executable, '-c', SCRIPT.format(**{**OPTIONS, **options}), *arguments],
         env={**os.environ, 'ROS_LOG_DIR': str(folder)},
         capture_output=True,
         text=True,
@@ -54,13 +55,41 @@ def run(folder: Path, **options: object) -> subprocess.CompletedProcess[str]:
 def test_a_callback_ends_before_the_node_does(
     tmp_path: Path, number: str, *, event_driven: bool
 ) -> None:
-    done = run(tmp_path, number=number, event_driven=event_driven, refuse=False)
-    assert (done.returncode, done.stderr) == (0, '')
+    done = run(tmp_path, number=number, event_driven=event_driven)
+    assert done.returncode == 0
+    assert [line.partition(': ')[2] for line in done.stderr.splitlines()] == ['active']
     assert done.stdout.splitlines()[0] == 'finished'
     assert done.stdout.splitlines()[-1] == 'released'
 
 
 def test_a_refused_configuration_ends_with_code_2(tmp_path: Path) -> None:
-    done = run(tmp_path, number='SIGINT', event_driven=False, refuse=True)
+    done = run(tmp_path, '--ros-args', '-p', 'qos_dept:=3', refuse=True)
     assert done.returncode == 2
     assert 'no such board' in done.stdout + done.stderr
+    assert "'qos_dept' is unknown and ignored; is 'qos_depth' meant?" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'said'),
+    [
+        (['-p', 'x:=1'], ': expected --ros-args before parameters'),
+        (['--ros-args', '-p', 'x'], "rule: '-p x'; expected -p NAME:=VALUE"),
+        (['--ros-args', '--params-file', 'none.yaml'], 'none.yaml'),
+    ],
+)
+def test_wrong_arguments_are_told_in_a_line(
+    tmp_path: Path, arguments: list[str], said: str
+) -> None:
+    done = run(tmp_path, *arguments)
+    assert done.returncode == 2
+    assert said in done.stderr.splitlines()[-1]
+    assert 'Traceback' not in done.stderr
+    assert 'lexeme' not in done.stderr.splitlines()[-1]
+
+
+def test_help_tells_the_parameters_and_starts_nothing(tmp_path: Path) -> None:
+    done = run(tmp_path, '--help')
+    assert done.returncode == 0
+    assert 'qos_depth:=500' in done.stdout
+    assert 'Queue depth of publishers and subscriptions, 1 … 100000' in done.stdout
+    assert done.stderr == ''

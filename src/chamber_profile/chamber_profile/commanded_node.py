@@ -62,6 +62,12 @@ class CommandedNode(ConfiguredNode):
             return TransitionCallbackReturn.FAILURE
         return super().on_deactivate(state)
 
+    def end(self) -> None:
+        """Leave nothing running that depends on this process."""
+        if self.in_charge:
+            self.stop_at_once()
+        self.deactivated()
+
     def stop_at_once(self) -> None:
         """Put the chamber on stand-by without a ramp, whatever else is going on."""
         self.deactivated()

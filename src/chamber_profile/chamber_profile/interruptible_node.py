@@ -3,45 +3,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
-import rclpy
 from imu_recording.interrupts import Interrupts
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.signals import SignalHandlerOptions
 
-LOOK_S = 0.05
+from chamber_profile.commanded_node import CommandedNode
 
 
-def spin_until_over(node_class: Any, args: list[str] | None = None) -> int:
-    """Run the node until its run ends or it is interrupted; return the process's exit code.
-
-    The node has `exit_code` (None: go on), `in_charge`, `order(name)` and `stop_at_once()`.
-    """
-    interrupts = Interrupts()
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    node = None
-    try:
-        node = node_class()
-        if node.get_parameter('autostart').value and not node.autostart():
-            return 2
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        return _spin(node, executor, interrupts)
-    finally:
-        interrupts.ignore()
-        if node is not None:
-            if node.in_charge:
-                node.stop_at_once()
-            node.deactivated()
-            node.destroy_node()
-        rclpy.try_shutdown()
-
-
-def _spin(node: Any, executor: Any, interrupts: Interrupts) -> int:
+def spin_until_over(node: CommandedNode, look: Callable[[], None], interrupts: Interrupts) -> int:
+    """Run the node until its run ends or it is interrupted; return the process's exit code."""
     obeyed = 0
     while True:
-        executor.spin_once(timeout_sec=LOOK_S)
+        look()
         if node.exit_code is not None:
             return int(node.exit_code)
         if obeyed and not node.in_charge:

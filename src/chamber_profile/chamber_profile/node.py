@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from imu_recording.run_node import run_node
 from std_msgs.msg import String
 
 from chamber_profile.chamber_link import ClockError
@@ -18,12 +19,17 @@ from chamber_profile.run_messages import (
     latched_texts,
     outputs,
     run_status,
+    what_to_expect,
 )
 from chamber_profile.witnesses import Witnesses
 
 
 class ChamberProfileNode(CommandedNode):
-    """Publishes chamber/…, takes orders as services; a thread of its own talks to the chamber."""
+    """Runs a thermal profile on a chamber and publishes chamber/…; only `start` moves anything.
+
+    Orders are services: ~/start ~/pause ~/resume ~/abort ~/confirm. Ctrl-C takes the chamber to
+    a safe temperature first; a second one stops it at once.
+    """
 
     config_class = ChamberConfig
 
@@ -52,6 +58,8 @@ class ChamberProfileNode(CommandedNode):
         self.say()
         if self.config.start:
             self.order('start')
+        elif self._capture is None:
+            self.get_logger().info(what_to_expect(self.run, self.get_fully_qualified_name()))
         super().activated()
 
     def order(self, name: str) -> str:
@@ -89,4 +97,4 @@ class ChamberProfileNode(CommandedNode):
 
 def main() -> int:
     """Run until the run ends or the node is interrupted; return the process's exit code."""
-    return spin_until_over(ChamberProfileNode)
+    return run_node(ChamberProfileNode, spin=spin_until_over)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from imu_recording.lifecycle_node import NodeConfig
+from imu_recording.node_config import NodeConfig
 from imu_recording.parameter import ParameterError, parameter
 
 from chamber_profile.chamber_link import ChamberLink

@@ -6,8 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from imu_recording.lifecycle_node import ConfiguredNode, NodeConfig
+from imu_recording.lifecycle_node import ConfiguredNode
 from imu_recording.messages import TemperatureSample, temperature_from_sample
+from imu_recording.node_config import NodeConfig
 from imu_recording.parameter import parameter
 from imu_recording.run_node import run_node
 from sensor_msgs.msg import Temperature
@@ -39,9 +40,10 @@ class ReferenceLoggerConfig(NodeConfig):
 
 
 class ReferenceLoggerNode(ConfiguredNode):
-    """Publishes each line of the logger, stamped when it was received."""
+    """Publishes each line of a data logger as temperatures, stamped when it was received."""
 
     config_class = ReferenceLoggerConfig
+    logs_status = True
 
     def __init__(self, **options: Any) -> None:
         super().__init__('reference_logger', **options)
@@ -93,6 +95,8 @@ class ReferenceLoggerNode(ConfiguredNode):
         }
         if silent > SILENCE_S:
             return 2, self._port.complaint or f'no line for {silent:.0f} s', values
+        if not self.lines.lines:
+            return 1, self._port.complaint or 'waiting for the first line', values
         if rejected:
             return 1, f'no temperature in {", ".join(sorted(rejected))}', values
         return 0, 'reading', values

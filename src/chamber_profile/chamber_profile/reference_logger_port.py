@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 
 import serial
+from imu_recording.port_error import why_not_open
 from imu_recording.user_error import UserError
 
 RETRY_S = 1.0
@@ -35,7 +36,7 @@ class ReferenceLoggerPort:
                 return b''
             return bytes(self._port.read(1) + self._port.read(self._port.in_waiting))
         except (OSError, ValueError) as error:
-            self.complaint = str(error)
+            self.complaint = why_not_open(self._url, error)
             self.close()
             self._retry_at = time.monotonic() + RETRY_S
             return b''

@@ -105,6 +105,16 @@ def _notice(run: Run, step: Step, *, under_way: bool) -> RunNotice:
     )
 
 
+def what_to_expect(run: Run, node: str) -> str:
+    """Return what is ready to run, and how it is started."""
+    sequencer = run.conductor.sequencer
+    done = f', from step {sequencer.progress.step + 1} on' if run.resumed else ''
+    return (
+        f'{sequencer.profile.name} is ready, {len(sequencer.steps)} steps{done}; nothing moves '
+        f'until: ros2 service call {node}/start std_srvs/srv/Trigger'
+    )
+
+
 def run_status(moment: Moment, run: Run) -> tuple[int, str, dict[str, Any]]:
     """Return level, line and values of a run for diagnostics."""
     progress, link = moment.progress, run.conductor.link

@@ -70,7 +70,7 @@ class DeviceReader:
             try:
                 transport = self._open()
             except OSError as error:
-                self._tell(str(error))
+                self._tell(f'{error} (trying again)')
                 self._stop.wait(retry)
                 retry = min(2.0 * retry, LAST_RETRY)
                 continue

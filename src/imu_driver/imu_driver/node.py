@@ -7,7 +7,8 @@ import sys
 from dataclasses import dataclass
 from typing import Any
 
-from imu_recording.lifecycle_node import ConfiguredNode, NodeConfig
+from imu_recording.lifecycle_node import ConfiguredNode
+from imu_recording.node_config import NodeConfig
 from imu_recording.run_node import run_node
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 from std_msgs.msg import Float64
@@ -27,7 +28,11 @@ class DriverConfig(DriverParameters, NodeConfig):
 
 
 class ImuDriverNode(ConfiguredNode):
-    """Publishes what a device measures, stamped when it was measured."""
+    """Publishes what a device measures, stamped when it was measured.
+
+    Topics imu/data_raw, imu/mag, imu/temperature and imu/supply_voltage; services
+    ~/restart_stream, ~/measure_rest and ~/check_position.
+    """
 
     config_class = DriverConfig
 

@@ -16,6 +16,7 @@ from typing import Final, Protocol
 from urllib.parse import urlsplit
 
 import serial
+from imu_recording.port_error import why_not_open
 from imu_recording.user_error import UserError
 
 from imu_driver.transport_simulated import SimulatedTransport
@@ -24,7 +25,6 @@ TIMEOUT: Final = 0.05
 """[s] A read returns at the latest after this, with nothing if nothing came."""
 CONNECT_WITHIN: Final = 1.0
 """[s]."""
-SCHEMES: Final = ('serial', 'tcp', 'simulated', 'bag')
 
 
 class TransportError(UserError):
@@ -52,8 +52,8 @@ class SerialTransport:
             self._port = serial.Serial(
                 path, baudrate, timeout=TIMEOUT, write_timeout=TIMEOUT, exclusive=True
             )
-        except (ValueError, termios.error) as error:  # no such baud rate; gone while opening
-            raise OSError(f'{path}: {error}') from None
+        except (OSError, ValueError, termios.error) as error:  # or no such baud rate, or gone
+            raise OSError(why_not_open(path, error)) from None
 
     def read(self) -> bytes:
         """Return what has come."""
@@ -77,7 +77,10 @@ class TcpTransport:
     """A serial line behind a TCP socket (serial server, Wi-Fi board, emulator)."""
 
     def __init__(self, host: str, port: int) -> None:
-        self._socket = socket.create_connection((host, port), timeout=CONNECT_WITHIN)
+        try:
+            self._socket = socket.create_connection((host, port), timeout=CONNECT_WITHIN)
+        except OSError as error:
+            raise OSError(why_not_open(f'{host}:{port}', error)) from None
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.settimeout(TIMEOUT)
 

@@ -8,46 +8,33 @@ construct the same class with `capture` and `now` and call its callbacks directl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+import time
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import fields, replace
 from typing import Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from imu_recording.captured_publisher import CapturedPublisher
+from imu_recording.node_config import NodeConfig
 from imu_recording.parameter import (
     ParameterError,
     checked,
     config_from_values,
     default_of,
-    parameter,
+    unknown_parameters,
 )
+from imu_recording.parameter_descriptor import parameter_descriptor
+from imu_recording.status_log import StatusLog
 
 ACTIVE = 'active'
 INACTIVE = 'inactive'
-
-
-@dataclass(frozen=True)
-class NodeConfig:
-    """Parameters all nodes have."""
-
-    autostart: bool = parameter(True, 'Configure and activate by itself at start')
-    qos_depth: int = parameter(500, 'Queue depth of publishers and subscriptions', bounds=(1, 1e5))
-
-
-class CapturedPublisher:
-    """Stands in for a publisher: hands every message to a function instead of DDS."""
-
-    def __init__(self, topic: str, capture: Callable[[str, Any], None]) -> None:
-        self.topic_name = topic
-        self._capture = capture
-
-    def publish(self, message: Any) -> None:
-        """Hand the message over."""
-        self._capture(self.topic_name, message)
 
 
 class ConfiguredNode(LifecycleNode):
@@ -62,6 +49,8 @@ class ConfiguredNode(LifecycleNode):
     config_class: ClassVar[type[NodeConfig]] = NodeConfig
     event_driven: ClassVar[bool] = False
     """Whether `run_node` uses the events executor: half the cost per message at high rates."""
+    logs_status: ClassVar[bool] = False
+    """Whether what `diagnostics` says is logged too where it changes."""
 
     def __init__(
         self,
@@ -78,18 +67,22 @@ class ConfiguredNode(LifecycleNode):
         self._now = now
         self._entities: list[Callable[[], None]] = []
         self.inputs: dict[str, Callable[[Any], None]] = {}
+        self.outputs: list[str] = []
         self.refused = ''
+        self._status_log = StatusLog()
         self._fields = {item.name: item for item in fields(self.config_class)}
         for item in self._fields.values():
             default = default_of(item)
             # An empty list has no type of its own in rclpy; it can only be a list of names here.
             value = Parameter.Type.STRING_ARRAY if default == [] else default
-            descriptor = _descriptor(item.metadata, dynamic=not isinstance(default, list))
+            descriptor = parameter_descriptor(item.metadata)
             if default == []:
                 self.declare_parameter(item.name, [''], descriptor)
             else:
                 self.declare_parameter(item.name, value, descriptor)
         self.add_on_set_parameters_callback(self._on_set_parameters)
+        for note in unknown_parameters(self._parameter_overrides, self._fields):
+            self.get_logger().warning(note)
         self._diagnostics_publisher = self._publisher(
             DiagnosticArray, '/diagnostics', QoSProfile(depth=10), managed=False
         )
@@ -106,6 +99,11 @@ class ConfiguredNode(LifecycleNode):
 
     def deactivated(self) -> None:
         """Undo `activated`."""
+
+    def end(self) -> None:
+        """Undo what is under way before the process ends."""
+        if self.state == ACTIVE:
+            self.deactivated()
 
     def reconfigured(self, config: Any) -> None:
         """Take over dynamic parameters that changed while configured."""
@@ -132,6 +130,7 @@ class ConfiguredNode(LifecycleNode):
         if latched:
             qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
         publisher = self._publisher(message_type, topic, qos, managed=True)
+        self.outputs.append(topic)
         if not self._capture:
             self._entities.append(lambda: self.destroy_lifecycle_publisher(publisher))
         return publisher
@@ -157,6 +156,8 @@ class ConfiguredNode(LifecycleNode):
     def publish_diagnostics(self) -> None:
         """Publish one DiagnosticArray with this node's status."""
         level, line, values = self.diagnostics()
+        if self.logs_status and self.state == ACTIVE and not self._capture:
+            self._log_status(level, line)
         status = DiagnosticStatus(
             level=bytes([level]),
             name=self.get_fully_qualified_name().lstrip('/'),
@@ -169,6 +170,11 @@ class ConfiguredNode(LifecycleNode):
         message.header.stamp.sec = int(seconds)
         message.header.stamp.nanosec = int(nanoseconds)
         self._diagnostics_publisher.publish(message)
+
+    def _log_status(self, level: int, line: str) -> None:
+        if self._status_log.is_news(time.monotonic(), level, line):
+            logger = self.get_logger()
+            (logger.info, logger.warning, logger.error)[min(level, 2)](line)
 
     def refuse(self, reason: str) -> None:
         """Note why this node does not work, once; log it where nobody captures the output."""
@@ -187,8 +193,9 @@ class ConfiguredNode(LifecycleNode):
         """Read the parameters and set up."""
         self.refused = ''
         try:
-            self.config = config_from_values(self.config_class, self._values())
-            self.setup(self.config)
+            with self._errors_logged():
+                self.config = config_from_values(self.config_class, self._values())
+                self.setup(self.config)
         except (ValueError, OSError) as error:
             self.refuse(str(error))
             self._release()
@@ -198,7 +205,10 @@ class ConfiguredNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Start."""
         result = super().on_activate(state)
-        self.activated()
+        if not self._capture:
+            self.get_logger().info(self._in_and_out())
+        with self._errors_logged():
+            self.activated()
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -223,6 +233,27 @@ class ConfiguredNode(LifecycleNode):
             release()
         self._entities.clear()
         self.inputs.clear()
+        self.outputs.clear()
+
+    @contextmanager
+    def _errors_logged(self) -> Iterator[None]:
+        """Log an error nobody has thought of: rclpy makes any error of a transition a state."""
+        try:
+            yield
+        except (ValueError, OSError):
+            raise
+        except Exception:
+            self.get_logger().fatal(traceback.format_exc())
+            raise
+
+    def _in_and_out(self) -> str:
+        """Return the topics of this node under their full names."""
+        parts = [
+            f'{word} {", ".join(map(self.resolve_topic_name, topics))}'
+            for word, topics in (('listens to', self.inputs), ('publishes', self.outputs))
+            if topics
+        ]
+        return f'active: {"; ".join(parts)}' if parts else 'active'
 
     def _publisher(self, message_type: type, topic: str, qos: QoSProfile, *, managed: bool) -> Any:
         if self._capture:
@@ -256,21 +287,6 @@ class ConfiguredNode(LifecycleNode):
         except (ValueError, OSError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
-
-
-def _descriptor(metadata: Mapping[str, Any], *, dynamic: bool) -> ParameterDescriptor:
-    unit = f' [{metadata["unit"]}]' if metadata['unit'] else ''
-    choices = f'; one of {", ".join(metadata["choices"])}' if metadata['choices'] else ''
-    descriptor = ParameterDescriptor(
-        description=f'{metadata["description"]}{unit}{choices}', dynamic_typing=dynamic
-    )
-    if metadata['bounds']:
-        low, high = metadata['bounds']
-        descriptor.floating_point_range = [
-            FloatingPointRange(from_value=float(low), to_value=float(high))
-        ]
-        descriptor.additional_constraints = f'{low:g} … {high:g}'
-    return descriptor
 
 
 def _shown(value: Any) -> str:

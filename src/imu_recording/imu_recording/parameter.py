@@ -17,13 +17,26 @@ cutoff_hz is 400, expected 0.01 … 100 Hz
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import MISSING, Field, field, fields
+from difflib import get_close_matches
 from typing import Any, TypeVar
 
 from imu_recording.user_error import UserError
 
 C = TypeVar('C')
+
+KINDS = {
+    bool: 'true or false',
+    int: 'a whole number',
+    float: 'a number',
+    str: 'a text; digits alone are one in double quotes: "\'123\'"',
+    list: 'a list such as [a, b]',
+}
+"""How a type is called before a user."""
+
+ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
+"""Parameters every node has of ROS's own, or beginnings of their names."""
 
 
 class ParameterError(UserError):
@@ -76,6 +89,27 @@ def config_from_values(config_class: type[C], values: Mapping[str, Any]) -> C:
     return config_class(**{name: checked(items[name], value) for name, value in values.items()})
 
 
+def unknown_parameters(given: Iterable[str], known: Collection[str]) -> list[str]:
+    """Return a note for each given name that a node does not have, with what may be meant.
+
+    >>> unknown_parameters(['cutof_hz', 'use_sim_time'], ['cutoff_hz', 'preset'])
+    ["parameter 'cutof_hz' is unknown and ignored; is 'cutoff_hz' meant?"]
+    """
+    notes = []
+    for name in sorted(given):
+        if name in known or name.startswith(ROS_PARAMETERS):
+            continue
+        near = get_close_matches(name, known, 1)
+        way = f"; is '{near[0]}' meant?" if near else '; --help lists those there are'
+        notes.append(f'parameter {name!r} is unknown and ignored{way}')
+    return notes
+
+
+def listed(choices: Iterable[str]) -> str:
+    """Return choices in a row, an empty one visible."""
+    return ', '.join(choice or "''" for choice in choices)
+
+
 def checked(item: Field[Any], value: Any) -> Any:
     """Return the value as the type of the field's default; raise ParameterError if it is not."""
     default = default_of(item)
@@ -91,7 +125,7 @@ def checked(item: Field[Any], value: Any) -> Any:
                 )
     choices = item.metadata['choices']
     if choices and value not in choices:
-        raise ParameterError(f'{item.name} is {value!r}, expected one of {", ".join(choices)}')
+        raise ParameterError(f'{item.name} is {value!r}, expected one of {listed(choices)}')
     return value
 
 
@@ -104,4 +138,4 @@ def _converted(name: str, default: Any, value: Any) -> Any:
             return value
     elif is_number and (isinstance(default, float) or float(value).is_integer()):
         return type(default)(value)
-    raise ParameterError(f'{name} is {value!r}, expected a value of type {type(default).__name__}')
+    raise ParameterError(f'{name} is {value!r}, expected {KINDS[type(default)]}')

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from imu_recording.lifecycle_node import NodeConfig
+from imu_recording.node_config import NodeConfig
 from imu_recording.parameter import parameter
 
 

@@ -11,7 +11,7 @@ from std_msgs.msg import String
 from imu_recording.bag_error import BagError
 from imu_recording.discovering_node import DiscoveringNode
 from imu_recording.recorder_config import RecorderConfig
-from imu_recording.recorder_settings import output_folder, recorder_health
+from imu_recording.recorder_settings import output_folder, recorder_health, standing_folder
 from imu_recording.recording import RecordingError
 from imu_recording.run_node import run_node
 from imu_recording.run_notice import RUN_TOPIC, parse_notice
@@ -19,7 +19,7 @@ from imu_recording.run_recorder import RunRecorder
 
 
 class RecorderNode(DiscoveringNode):
-    """Subscribes to whatever matches, as it appears, and hands the bytes to a RunRecorder."""
+    """Records topics as they appear, raw, to a bag; to one for each run a chamber announces."""
 
     config_class = RecorderConfig
 
@@ -88,7 +88,7 @@ class RecorderNode(DiscoveringNode):
         if not hasattr(self, 'recorder'):
             return 0, self.state, {}
         folder = self.recorder.plan.folder
-        free = shutil.disk_usage(self.recorder.output.parent).free
+        free = shutil.disk_usage(standing_folder(self.recorder.output)).free
         values = {'folder': folder or 'none', 'messages': self.recorder.messages}
         values |= {'topics': len(self.inputs), 'free_bytes': free}
         waiting = '' if folder else 'waiting for the next run'

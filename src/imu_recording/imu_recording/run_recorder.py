@@ -12,7 +12,7 @@ from imu_recording.bag_recorder import BagRecorder
 from imu_recording.logging_contract import PHASE_TOPIC
 from imu_recording.recorder_config import RecorderConfig
 from imu_recording.recorder_metadata import Qos
-from imu_recording.recorder_settings import is_wanted
+from imu_recording.recorder_settings import is_wanted, standing_folder
 from imu_recording.run_notice import RunNotice, further_output, recording_plan
 
 PATIENCE = 5
@@ -133,8 +133,6 @@ class RunRecorder:
 
 def _check_writable(output: Path) -> None:
     """Refuse a folder that cannot be written before anything is lost."""
-    place = output.absolute()
-    while not place.exists():
-        place = place.parent
+    place = standing_folder(output)
     if not (place.is_dir() and os.access(place, os.W_OK)):
         raise BagError(f'{output}: cannot be written ({place} is no folder to write to)')

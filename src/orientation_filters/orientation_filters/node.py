@@ -29,6 +29,7 @@ class FilterNode(ConfiguredNode):
 
     filter_name: ClassVar[str]
     event_driven = True
+    logs_status = True
     _preset: ClassVar[dict[str, Any]] = {}
 
     def __init__(self, **options: Any) -> None:
@@ -36,7 +37,8 @@ class FilterNode(ConfiguredNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Give parameters that nobody set the values of the preset."""
-        preset = PRESETS[self.filter_name][self.get_parameter('preset').value]
+        named = self.get_parameter('preset').value  # one that does not exist is refused below
+        preset = PRESETS[self.filter_name].get(named, {})
         changes = preset_changes(self.config_class, self._preset, preset, self._values())
         for name in changes.keys() - self._parameter_overrides.keys():
             self.set_parameters([Parameter(name, value=changes[name])])
@@ -95,14 +97,14 @@ class FilterNode(ConfiguredNode):
 
 
 class ComplementaryFilterNode(FilterNode):
-    """The complementary filter as a node."""
+    """Orientation from imu/data_raw and imu/mag on imu/data, by the complementary filter."""
 
     config_class = ComplementaryConfig
     filter_name = 'complementary'
 
 
 class AhrsFilterNode(FilterNode):
-    """The AHRS as a node."""
+    """Orientation from imu/data_raw and imu/mag on imu/data, by the indirect Kalman AHRS."""
 
     config_class = AhrsConfig
     filter_name = 'ahrs'

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from imu_recording.jit import NUMBA
-from imu_recording.lifecycle_node import ConfiguredNode, NodeConfig
+from imu_recording.lifecycle_node import ConfiguredNode
 from imu_recording.messages import (
     imu_from_sample,
     magnetic_field_from_sample,
@@ -16,6 +16,7 @@ from imu_recording.messages import (
     sample_from_magnetic_field,
     stamp_of,
 )
+from imu_recording.node_config import NodeConfig
 from imu_recording.parameter import parameter
 from imu_recording.run_node import run_node
 from sensor_msgs.msg import Imu, MagneticField, Temperature
@@ -40,10 +41,14 @@ class ThermalCompConfig(NodeConfig):
 
 
 class ThermalCompNode(ConfiguredNode):
-    """Subtracts the modelled thermal error from imu/data_raw and imu/mag."""
+    """Subtracts the thermal error a model predicts from imu/data_raw and imu/mag.
+
+    What is left goes out on imu_compensated/data_raw and imu_compensated/mag.
+    """
 
     config_class = ThermalCompConfig
     event_driven = True
+    logs_status = True
 
     def __init__(self, **options: Any) -> None:
         super().__init__('thermal_comp', **options)

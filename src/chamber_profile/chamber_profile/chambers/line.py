@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import serial
+from imu_recording.port_error import why_not_open
 
 from chamber_profile.chambers.chamber import ChamberError
 
@@ -40,7 +41,7 @@ class Line:
             self._drain()
         except (OSError, ValueError) as error:
             self.close()
-            raise ChamberError(f'{self.port}: cannot be opened: {error}') from error
+            raise ChamberError(why_not_open(self.port, error)) from error
 
     def close(self) -> None:
         """Close the port."""
