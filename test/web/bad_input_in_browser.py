@@ -45,6 +45,7 @@ def folder(tmp_path_factory) -> Path:
     for bag in BAGS:
         shutil.copytree(bag, place / bag.name)
     shutil.copytree(BAGS[0], place / 'damaged')
+    shutil.copytree(ROOT / 'bags' / 'dut1_motion', place / 'dut1_motion')
     for file in (place / 'damaged').glob('*.mcap'):
         file.write_bytes(b'not a bag at all' * 100)
     return place
@@ -76,6 +77,9 @@ def test_bags_that_cannot_be_opened_are_explained(serve, watch, folder):
     page.locator('.message', has_text='link: outside').wait_for()
     open_path(page, 'damaged')
     page.locator('.message', has_text='damaged').wait_for()
+    open_path(page, 'dut1_motion')
+    page.locator('.message', has_text='dut1_motion is left out: the device moves').wait_for()
+    page.get_by_text('Nothing to look at yet').first.wait_for()
 
     page.get_by_role('button', name='Open bags').click()
     for bag in BAGS:

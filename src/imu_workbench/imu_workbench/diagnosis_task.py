@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from thermal_comp.data_quality import check_quality
 from thermal_comp.diagnose import Settings, diagnose
 from thermal_comp.diagnose_growth import grow
 from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.effect import Effect
 from thermal_comp.model import ThermalModel
 from thermal_comp.preparation import prepare
 
@@ -24,6 +25,7 @@ class DiagnosisTask:
     device: str
     recordings: Sequence[ImuRecording]
     model: ThermalModel
+    catalogue: Mapping[str, type[Effect]] = field(default_factory=lambda: EFFECTS)
 
     @property
     def label(self) -> str:
@@ -37,9 +39,11 @@ class DiagnosisTask:
 
     def run(self) -> dict[str, Any]:
         """Return the diagnosis as plain values, with `steps` where effects can be added."""
-        content = diagnose(self.recordings, self.model).content()
+        content = diagnose(self.recordings, self.model, catalogue=self.catalogue).content()
         steps: list[dict[str, Any]] = []
         if any(finding['kind'] == 'effect' for finding in content['findings']):
             runs = prepare(check_quality(self.recordings)[0])
-            steps = [step.content() for step in grow(self.model, runs, Settings(EFFECTS)).steps]
+            steps = [
+                step.content() for step in grow(self.model, runs, Settings(self.catalogue)).steps
+            ]
         return content | {'steps': steps}

@@ -13,7 +13,9 @@ from imu_recording.recording import SENSOR_FIELDS, FloatArray
 from imu_recording.user_error import UserError
 from numpy.typing import NDArray
 from thermal_comp.compare import Comparison, compare_prepared
+from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.effects.effect import Effect
 from thermal_comp.fit import fit_prepared
 from thermal_comp.model import ModelError, ThermalModel
 from thermal_comp.pooling import PoolingTest
@@ -24,6 +26,7 @@ from imu_recording import ImuRecording
 from imu_workbench.attitude import Attitude
 from imu_workbench.attitude_task import AttitudeTask, is_slow, settled
 from imu_workbench.diagnosis_task import DiagnosisTask
+from imu_workbench.moving import resting
 from imu_workbench.parallel import Task, run_tasks
 from imu_workbench.pooling_task import PoolingTask
 from imu_workbench.progress import show_progress
@@ -78,6 +81,8 @@ class Study:
     """(cycles, 3) per device, sensor and orientation [SI unit/K]."""
     diagnoses: Mapping[str, Mapping[str, Any]]
     """Diagnosis of each device as plain values, with the steps that would follow."""
+    left_out: tuple[str, ...] = ()
+    """What is said of recordings in which the device moves: nothing here is about them."""
     besides: tuple[Any, ...] = ()
     """Results of further tasks that shared the cores."""
 
@@ -88,16 +93,20 @@ def study_recordings(
     *,
     attitudes: bool = True,
     diagnosis: bool = True,
+    catalogue: Mapping[str, type[Effect]] = EFFECTS,
     workers: int = 1,
     besides: Sequence[Task] = (),
 ) -> Study:
     """Return the study of the recordings; a device without a given model is fitted a line.
 
+    Recordings of a moving device are left out; MovingError where nothing else is there.
     `attitudes` False leaves the orientation filters out, `diagnosis` False the search for missing
-    effects; `workers` processes share the work, and do the tasks `besides` with it.
+    effects of the catalogue; `workers` processes share the work, and do the tasks `besides` with
+    it.
     """
     doubt = doubt_of(UNNAMED, recordings)
-    recordings, given = named(recordings), models or {}
+    recordings, left_out = resting(named(recordings))
+    given = models or {}
     prepared: list[PreparedRun] = []
     devices: dict[str, StudiedDevice] = {}
     for device in dict.fromkeys(r.device for r in recordings):
@@ -114,7 +123,9 @@ def study_recordings(
     judging: list[Task] = []
     if diagnosis:
         judging = [
-            DiagnosisTask(d.name, [r for r in recordings if r.device == d.name], d.model)
+            DiagnosisTask(
+                d.name, [r for r in recordings if r.device == d.name], d.model, catalogue
+            )
             for d in devices.values()
             if d.model
         ]
@@ -134,6 +145,7 @@ def study_recordings(
         rest[len(judging)],
         slopes_of(studied),
         {judged['device']: judged for judged in rest[: len(judging)]},
+        tuple(left_out),
         tuple(rest[len(judging) + 1 :]),
     )
 

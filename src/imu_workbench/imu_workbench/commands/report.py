@@ -9,10 +9,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from imu_recording.user_error import UserError
+from thermal_comp.effects.effect import Effect
+from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model import ModelError, ThermalModel
 from thermal_comp.model_file import load_model
 
 from imu_workbench.answer import Answer
+from imu_workbench.commands.diagnose import add_effects_argument
 from imu_workbench.commands.options import add_bag_arguments, read_recordings
 from imu_workbench.progress import show_progress
 from imu_workbench.provenance import command_line, versions
@@ -41,6 +44,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '-o', '--output', metavar='HTML', type=Path, required=True, help='page to write'
     )
+    add_effects_argument(parser)
 
 
 def run(options: argparse.Namespace) -> Answer:
@@ -52,7 +56,8 @@ def run(options: argparse.Namespace) -> Answer:
 
     if not options.output.parent.is_dir():
         raise UserError(f'{options.output}: there is no folder {options.output.parent}')
-    models = load_models(options.model)
+    catalogue = effect_catalogue(options.effects)
+    models = load_models(options.model, catalogue)
     keep_memory()
     recordings = read_recordings(options, every_device=True)
     devices = sorted({recording.device for recording in named(recordings)})
@@ -64,6 +69,7 @@ def run(options: argparse.Namespace) -> Answer:
         models,
         attitudes=not options.no_attitude,
         diagnosis=not options.no_diagnosis,
+        catalogue=catalogue,
         workers=os.cpu_count() or 1,
     )
     show_progress('writing the page …')
@@ -72,11 +78,13 @@ def run(options: argparse.Namespace) -> Answer:
     return Answer(content, f'{report_text(content)}\n\nwrote {options.output}')
 
 
-def load_models(paths: Sequence[Path]) -> dict[str, ThermalModel]:
+def load_models(
+    paths: Sequence[Path], catalogue: Mapping[str, type[Effect]]
+) -> dict[str, ThermalModel]:
     """Return the models by device; two of one device are refused."""
     models: dict[str, ThermalModel] = {}
     for path in paths:
-        model = load_model(path)
+        model = load_model(path, catalogue)
         if model.device in models:
             raise ModelError(f'{path}: a second model of {model.device}; give one per device')
         models[model.device] = model

@@ -75,6 +75,7 @@ def report_content(
         'title': TITLE,
         'lead': lead(study),
         'devices': devices,
+        'left_out': list(study.left_out),
         'recordings': [
             recording_content(run.recording, run.hash)
             | {

@@ -68,6 +68,7 @@ def report_text(content: Mapping[str, Any]) -> str:
     for device in content['devices']:
         said = [device[kind] for kind in ('problem', 'note') if device[kind]]
         lines += [f'{device["name"]}: {text}' for text in said]
+    lines += content['left_out']
     lines += note_lines(content)
     lines += attitude_lines(content)
     lines += ['', 'Claims of the paper:']

@@ -45,6 +45,7 @@ def summary_section(content: Mapping[str, Any]) -> Section:
         for kind in ('problem', 'note')
         if device[kind]
     )
+    problems += ''.join(f'<p class="note">{escape(text)}</p>' for text in content['left_out'])
     said = f'<p class="lead">{escape(content["lead"])}</p>'
     body = f'{said}<div class="cards">{"".join(cards)}</div>{problems}'
     return Section('summary', content['title'], body, short='Summary')

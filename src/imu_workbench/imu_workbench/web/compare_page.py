@@ -31,7 +31,8 @@ class ComparePage:
         self._map: FailureMap | None = None
         self._listed: tuple[list[tuple[Place, float]], Place | None] = ([], None)
         self._drawn = 0
-        with ui.element('div').classes('grid-compare'):
+        self._empty = ui.label('').classes('card soft')
+        with ui.element('div').classes('grid-compare') as self._grid:
             with ui.element('div').classes('stack wide'):
                 self._time = figure_card(
                     look, 'Measured, modelled and what is left',
@@ -80,7 +81,9 @@ class ComparePage:
         self._drawn += 1
         mine = self._drawn
         state = self._session.state
+        self._grid.visible, self._empty.visible = state is not None, state is None
         if state is None:
+            self._empty.set_text(self._session.nothing_yet)
             for plot in self.plots:
                 plot.show(None)
             self._places.clear()

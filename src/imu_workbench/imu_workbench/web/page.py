@@ -168,7 +168,7 @@ class Page:
         self._tiles.refresh()
         self._told.set_text(told_runs(state.bags) if state else '')
         shown = self._tabs.value
-        self._tiles.show(visible=shown != 'Live')
+        self._tiles.show(visible=shown != 'Live' and state is not None)
         if self._live_page is not None:
             self._live_page.active = shown == 'Live'
         if shown == 'Live':

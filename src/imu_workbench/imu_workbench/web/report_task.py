@@ -29,10 +29,11 @@ def report_task(
     catalogue = effect_catalogue(effect_files)
     models = {device: model_from_text(text, catalogue) for device, text in model_texts.items()}
     recordings = [bag.recording() for bag in bags]
-    study = study_recordings(recordings, models, workers=os.cpu_count() or 1)
+    study = study_recordings(recordings, models, catalogue=catalogue, workers=os.cpu_count() or 1)
     names = ' '.join(bag.source for bag in bags)
-    given = ' '.join(f'--model {device}.yaml' for device in models)
-    command = f'python -m imu_workbench report {names} {given} -o report.html'
+    given = [f'--model {device}.yaml' for device in models]
+    given += [f'--effects {file.name}' for file in effect_files]
+    command = f'python -m imu_workbench report {names} {" ".join(given)} -o report.html'
     content = report_content(study, commands=[command], versions=versions())
     target.write_text(report_page(content), 'utf-8')
     return target

@@ -85,7 +85,7 @@ class Session:
     def nothing_yet(self) -> str:
         """Why there is no model to look at."""
         if self.state is None:
-            return 'Open bags first.'
+            return 'Nothing to look at yet: choose recordings with “Open bags” above.'
         return self.state.problem or 'The first model is being fitted …'
 
     def sensors(self) -> list[str]:

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
 
+from imu_workbench.moving import motion_of
+
 TEXTS = ('frame_id', 'device', 'run', 'up_axis', 'profile', 'namespace', 'source')
 
 
@@ -28,6 +30,8 @@ class StoredBag:
     duration: float
     """[s]."""
     notes: tuple[str, ...]
+    motion: str = ''
+    """How the device moves; '' where it rests."""
 
     def recording(self) -> ImuRecording:
         """Return the recording; its columns are mapped, not loaded."""
@@ -74,6 +78,7 @@ def store_recording(recording: ImuRecording, folder: Path) -> StoredBag:
         len(recording),
         span,
         recording.notes,
+        motion_of(recording),
     )
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from imu_recording.user_error import UserError
 from thermal_comp.experiment_design import Limits
 
+from imu_workbench.moving import refusal
 from imu_workbench.web import tasks
 from imu_workbench.web.catalogue import Catalogue, effects_task
 from imu_workbench.web.fingerprint import Fingerprint, fingerprint_task
@@ -51,6 +52,10 @@ class WorkbenchTab:
         for path in paths:
             found = await self._read(path)
             known = {bag.folder for state in self.session.devices.values() for bag in state.bags}
+            moving = [bag for bag in found if bag.motion]
+            for bag in moving:
+                self._display.say(refusal(bag.run, bag.motion))
+            found = [bag for bag in found if bag not in moving]
             new = [bag for bag in found if bag.folder not in known]
             for device in dict.fromkeys(bag.device for bag in new):
                 before = self.session.devices.get(device)
