@@ -14,6 +14,7 @@ from imu_driver.simulated_environment import Environment, constant_environment
 from imu_driver.simulated_hidden import FAULTS, HIDEABLE, UNLOGGED, hide_anything, random_name
 from imu_driver.simulated_laws import LAWS
 from imu_driver.simulated_run import DeviceRun, prepare_run
+from imu_driver.simulated_shelter import shelter
 from imu_driver.simulated_thermal import DIE
 
 PERIOD = 4.0
@@ -65,7 +66,9 @@ CASES = [(name, sensor) for name, law in LAWS.items() for sensor in law.sensors]
 def test_magnitude_is_as_asked_for(runs: list[DeviceRun], name: str, sensor: str) -> None:
     changed, truth = hide(runs, LAWS[name], sensor=sensor, magnitude_wanted=0.7, seed=5)
     assert magnitude(changed, [run.hidden for run in changed]) == pytest.approx(0.7, rel=1e-9)
-    for before, after in zip(runs, changed, strict=True):
+    place = LAWS[name].place
+    placed = [place(run) for run in runs] if place else runs
+    for before, after in zip(placed, changed, strict=True):
         for part, values in before.errors.items():
             grown = after.errors[part] - values
             expected = after.hidden.get(part, np.zeros_like(values))
@@ -117,13 +120,36 @@ def test_rate_vanishes_in_dwells_and_changes_sign_with_the_ramp(runs: list[Devic
     assert abs(dwell) < 0.02 * abs(up)
 
 
-def test_gradient_peaks_where_the_ramp_starts(runs: list[DeviceRun]) -> None:
-    run = runs[0]
+def test_gradient_lasts_in_dwells_where_the_rate_has_faded(runs: list[DeviceRun]) -> None:
+    run = shelter(runs[0])
     wave = np.abs(hidden(runs, 'thermal_gradient', 'gyroscope')[0][:, 0])
     rate = np.abs(np.gradient(run.nodes[:, DIE]))
-    time = run.environment.time
-    early = slice(np.searchsorted(time, 1230), np.searchsorted(time, 1320))
-    assert np.mean(wave[early] / wave.max()) > np.mean(rate[early] / rate.max())
+    dwell = np.searchsorted(run.environment.time, 1200 + 900 + 600)
+    assert wave[dwell] / wave.max() > 1.5 * rate[dwell] / rate.max()
+
+
+def test_gradient_is_not_the_rate(runs: list[DeviceRun]) -> None:
+    changed, _ = hide(
+        runs, LAWS['thermal_gradient'], sensor='gyroscope', magnitude_wanted=2.0, seed=5
+    )
+    run = changed[0]
+    wave = run.hidden['gyroscope'][:, 0]
+    rate = np.gradient(run.nodes[:, DIE], PERIOD)
+    assert abs(np.corrcoef(wave, rate)[0, 1]) < 0.97
+    outside = run.environment.free_stream - run.nodes[:, DIE]
+    assert abs(np.corrcoef(wave, outside)[0, 1]) > 0.99
+
+
+def test_a_sheltered_device_keeps_all_errors_but_those_of_its_temperature(
+    runs: list[DeviceRun],
+) -> None:
+    sheltered = shelter(runs[0])
+    assert shelter(sheltered) is sheltered
+    assert np.abs(sheltered.nodes[:, DIE] - runs[0].nodes[:, DIE]).max() > 2.0
+    slope = runs[0].device.gyroscope.slope
+    moved = sheltered.errors['gyroscope'] - runs[0].errors['gyroscope']
+    warmer = sheltered.nodes[:, DIE] - runs[0].nodes[:, DIE]
+    np.testing.assert_allclose(moved, np.multiply.outer(warmer, slope), rtol=0.02, atol=1e-9)
 
 
 def test_hysteresis_does_not_depend_on_speed() -> None:

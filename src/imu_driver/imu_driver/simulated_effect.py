@@ -43,6 +43,8 @@ class Law:
     function: LawFunction
     depends_on: tuple[str, ...] = ()
     """Variables of a law beyond the catalogue; any of them is a right answer."""
+    place: Callable[[DeviceRun], DeviceRun] | None = None
+    """Where the device stands for the law to act; None: as it does anyway."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,7 @@ def hide(
         raise UserError(
             f'{law.name} is not hidden in {sensor!r}; choose from {", ".join(law.sensors)}'
         )
+    runs = [law.place(run) for run in runs] if law.place else runs
     shape = law.function(runs, sensor, np.random.default_rng((seed, 17)))
     size = magnitude(runs, shape.waves)
     if not size > 0.0:

@@ -12,6 +12,7 @@ from imu_recording.recording import FloatArray
 from imu_driver.device_parameters import REFERENCE_TEMPERATURE
 from imu_driver.simulated_effect import Law, Shape, along_axes, axis_gains, in_sensor, log_uniform
 from imu_driver.simulated_run import DeviceRun, thermal_load
+from imu_driver.simulated_shelter import shelter
 from imu_driver.simulated_thermal import BOARD, DIE, convection
 
 ALL = ('accelerometer', 'gyroscope', 'magnetometer')
@@ -110,6 +111,10 @@ def g_sensitivity(runs: Sequence[DeviceRun], sensor: str, generator: np.random.G
     return in_sensor(sensor, waves)
 
 
+FACE_TIME = 6.0
+"""Time constant of the package's face in the free stream [s]."""
+FACE_LEAK = 0.05
+"""Heat the face takes from the board, as a share of what it takes from the stream."""
 LEAK = 0.01
 """Share of a node's heat that takes another way than from the node before it."""
 
@@ -174,11 +179,18 @@ def rate(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator)
 
 
 def gradient(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
-    """The heat that flows from air into the board bends the board: flux between two nodes."""
+    """A face of the package in the free stream, the rest in the lee: heat flows across it.
+
+    The face follows the stream within seconds and takes a little heat from the board.
+    """
     gains = axis_gains(generator)
     waves = []
     for run in runs:
-        difference = run.environment.air_temperature - run.nodes[:, BOARD]
+        board = run.nodes[:, BOARD].copy()
+        free = run.environment.free_stream
+        stream = run.environment.air_temperature if free is None else free
+        face = follow(stream.copy(), board, FACE_TIME, FACE_LEAK, run.environment.period)
+        difference = face - run.nodes[:, DIE]
         flux = np.array([convection(run.device.network, d) * d for d in difference])
         waves.append(along_axes(flux / run.device.network.air_to_board, gains))
     return in_sensor(sensor, waves)
@@ -222,7 +234,7 @@ LAWS = (
     Law('thermal_lag', ALL, lag),
     Law('thermal_lag_two_stage', ALL, two_lags),
     Law('temperature_rate', ALL, rate),
-    Law('thermal_gradient', ALL, gradient),
+    Law('thermal_gradient', ALL, gradient, place=shelter),
     Law('thermal_hysteresis', ALL, hysteresis),
 )
 

@@ -33,6 +33,8 @@ class Environment:
     phase: IntArray | None = None
     cycle: IntArray | None = None
     profile: str = ''
+    free_stream: FloatArray | None = None
+    """Air beside a device that is sheltered from it [°C]; None: the same as at the device."""
     gravity: float = GRAVITY
     """[m/s²]"""
     magnetic_field: FloatArray = field(default_factory=lambda: MAGNETIC_FIELD)

@@ -14,6 +14,7 @@ from imu_driver.device_parameters import DeviceParameters
 from imu_driver.simulated_catalogue import draw_device
 from imu_driver.simulated_effect import Truth
 from imu_driver.simulated_hidden import hide_anything, random_name
+from imu_driver.simulated_laws import LAWS
 from imu_driver.simulated_run import DeviceRun
 from imu_recording.user_error import UserError
 
@@ -89,8 +90,14 @@ def practice_campaign(
     truths = []
     finishes = []
     startup_time = 0.0
-    for number, secret in enumerate(secrets):
-        name = random_name(seed + number) if secret.name == 'random' else secret.name
+    names = [
+        random_name(seed + number) if secret.name == 'random' else secret.name
+        for number, secret in enumerate(secrets)
+    ]
+    # Where the device stands is settled before anything acts on it.
+    for settle in (LAWS[name].place for name in names if name in LAWS):
+        runs = [settle(run) for run in runs] if settle else runs
+    for number, (name, secret) in enumerate(zip(names, secrets, strict=True)):
         hidden = hide_anything(
             runs,
             name,
