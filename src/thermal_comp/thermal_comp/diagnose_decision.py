@@ -21,6 +21,7 @@ from thermal_comp.diagnose_dependence import (
     strongest_judge,
 )
 from thermal_comp.diagnose_judges import Judge
+from thermal_comp.diagnose_line import steadiness
 from thermal_comp.diagnose_search import ENRICHMENT, FORM_SHARE, RICHER, Rated, Search
 from thermal_comp.diagnose_thresholds import threshold_of
 
@@ -39,6 +40,8 @@ SLOW_STAGE_S = 600.0
 """A lag slower than a package's is a board's [s]: the package's own may hide in the noise."""
 CHAIN = 3
 """This many families on one sensor are a sign of something else."""
+STEADY = 0.43
+"""Share of a line's power that is steady at least: a line that a current gates keeps half."""
 COURSE_SHARE = 0.012
 """Evidence of a common course beside the effects, as a share of their gain, that doubts them."""
 GROUPS = (
@@ -115,6 +118,10 @@ def decide(search: Search, judges: Sequence[Judge], missing: Sequence[str]) -> O
     major = _majors(search, found)
     share = search.total([r.form for r in major])[1] / total
     names = {r.name for r in major}
+    wandering = [r for r in major if _wanders(search, r)]
+    if wandering:
+        tried = tuple(dict.fromkeys(r.name for r in found))
+        return Outcome('unexplained', (), 'frequency', wandering[0].evidence, tried)
     relevant = [c for c in CHANNELS_OF[search.bank.sensor] if c in missing and c in LOGGED]
     fits = left is None or left.gain < FORM_SHARE * total or share >= DOMINANT
     doubtful = (
@@ -152,6 +159,15 @@ def _suffices(search: Search, judges: Sequence[Judge], major: Sequence[Rated]) -
     gain, rank = search.bank.solve(terms)
     everything, spread = explainable(search, judges, terms)
     return gain - rank >= ADEQUATE * everything - 3.0 * spread
+
+
+def _wanders(search: Search, rated: Rated) -> bool:
+    """Tell whether an effect is a line in the spectrum that one frequency does not describe."""
+    frequency = rated.form.effect.shape_parameters.get('frequency')
+    if frequency is None:
+        return False
+    bank = search.bank
+    return steadiness(bank.source.runs, bank.sensor, float(frequency)) < STEADY
 
 
 def _leaves_a_course(search: Search, found: Sequence[Rated]) -> bool:

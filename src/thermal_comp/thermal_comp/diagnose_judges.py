@@ -26,6 +26,8 @@ TURN_K = 0.5
 """Half-width of the play that tells a turn of the temperature from its noise [K]."""
 LAGS_S = (300.0, 1200.0)
 """A channel's effect may follow it this slowly [s]."""
+SETTLING_S = (60.0, 200.0)
+"""What a channel's switching leaves behind may settle this slowly [s]."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,10 @@ class _Spans:
         v, x, t = values - values.mean(), self._warmth(run), run.time / self.longest
         rate = self._rate(run) / self.fastest
         lags = [lagged(run.time, v, lag) for lag in LAGS_S]
-        return np.stack([v, v * x, v * x**2, v**2, v * t, v * rate, *lags], axis=1)
+        turns = np.diff(v, prepend=v[0])
+        starts, stops = np.maximum(turns, 0.0), np.minimum(turns, 0.0)
+        after = [lagged(run.time, way, lag) for way in (starts, stops) for lag in SETTLING_S]
+        return np.stack([v, v * x, v * x**2, v**2, v * t, v * rate, *lags, *after], axis=1)
 
     def vibration(self, run: PreparedRun) -> FloatArray:
         values = np.asarray(run.block_conditions.vibration)
