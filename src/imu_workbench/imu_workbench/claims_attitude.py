@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,18 +18,34 @@ SLOW = (
     'The filters need samples at 50 Hz or more; these recordings are slower and were interpolated.'
 )
 Attitudes = Mapping[str, Sequence[Attitude]]
-"""Attitudes per run; only runs measured at 50 Hz and more."""
+"""Attitudes per run."""
 
 
-def attitude_claims(attitudes: Attitudes, state_bytes: Mapping[str, int]) -> list[Claim]:
-    """Return the claims about the two filters."""
-    return [
+def attitude_claims(
+    attitudes: Attitudes, state_bytes: Mapping[str, int], *, interpolated: bool = False
+) -> list[Claim]:
+    """Return the claims about the two filters.
+
+    Attitudes of `interpolated` samples are shown without a verdict; what a filter costs does not
+    depend on where its samples come from.
+    """
+    claims = [
         spread_claim(attitudes),
         order_of_magnitude_claim(attitudes),
         mean_claim(attitudes),
         worse_filter_claim(attitudes),
-        cost_claim(attitudes, state_bytes),
     ]
+    if interpolated:
+        claims = [without_verdict(claim) for claim in claims]
+    return [*claims, cost_claim(attitudes, state_bytes)]
+
+
+def without_verdict(claim: Claim) -> Claim:
+    """Return a claim whose numbers are of interpolated samples."""
+    if claim.verdict == 'untestable':
+        return claim
+    ours = f'interpolated, so without a verdict: {claim.ours}'
+    return replace(claim, ours=ours, verdict='untestable', why=SLOW)
 
 
 def spread_claim(attitudes: Attitudes) -> Claim:

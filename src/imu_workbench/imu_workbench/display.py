@@ -37,6 +37,8 @@ DISPLAY_UNITS = {
     'magnetometer': DisplayUnit('µT', 1e6),
 }
 """Units of Tables III–V."""
+FILTER_LABELS = {'complementary': 'complementary', 'ahrs': 'AHRS'}
+"""What a filter is called in text; a filter that is not here goes by its own name."""
 
 
 def shown(value: float | None, digits: int = 3) -> str:

@@ -18,6 +18,7 @@ from imu_workbench.answer import Answer
 from imu_workbench.attribution import Attribution, Cost, attribute
 from imu_workbench.attribution_content import content_of, remarks
 from imu_workbench.commands.options import add_bag_arguments, read_recordings
+from imu_workbench.display import FILTER_LABELS
 from imu_workbench.progress import show_progress
 
 HELP = 'Orientation raw, compensated, and with one sensor compensated at a time.'
@@ -87,19 +88,24 @@ def text_of(result: Attribution, recording: ImuRecording) -> str:
     lines = [f'{name}: rms error [°] against the {result.against}']
     lines += [f'  note: {note}' for note in result.recording.notes]
     lines += ['', f'{"":46}{"total":>9}{"heading":>9}{"inclin.":>9}{"gained":>9}{"moved":>9}']
-    lines += [_row(f'{c.filter} {c.preset}, {c.data}', c) for c in result.costs]
+    lines += [_row(f'{_label(c.filter)} {c.preset}, {c.data}', c) for c in result.costs]
     lines += ['', 'complementary over its cut-off:']
     lines += [_row(f'{c.cutoff_hz:g} Hz, {c.data}', c) for c in result.sweep]
     lines += ['', f'{"":46}{"ns/sample":>11}{"state [B]":>11}']
     lines += [
-        f'{e.filter + " " + e.preset:46}{e.nanoseconds_per_sample:11.0f}{e.state_bytes:11d}'
+        f'{_label(e.filter) + " " + e.preset:46}'
+        f'{e.nanoseconds_per_sample:11.0f}{e.state_bytes:11d}'
         for e in result.efforts
     ]
     lines += ['', "the paper's remarks:"]
     for row in remarks(result):
-        ours = ', '.join(f'{k} {v:.3g} {row["unit"]}' for k, v in row['ours'].items())
+        ours = ', '.join(f'{_label(k)} {v:.3g} {row["unit"]}' for k, v in row['ours'].items())
         lines.append(f'  {row["remark"]}: {"yes" if row["holds"] else "no"} ({ours})')
     return '\n'.join(lines)
+
+
+def _label(name: str) -> str:
+    return FILTER_LABELS.get(name, name)
 
 
 def _row(label: str, cost: Cost) -> str:

@@ -137,9 +137,9 @@ def report_claims(
     study: Study, ranges: dict[str, Any], overheating: dict[str, Any], pooled: dict[str, Any]
 ) -> list[Claim]:
     """Return every claim of the paper beside these recordings."""
-    measured = {
-        run.name: run.attitudes for run in study.runs if run.attitudes and not run.interpolated
-    }
+    filtered = [run for run in study.runs if run.attitudes]
+    fast = [run for run in filtered if not run.interpolated]
+    attitudes = {run.name: run.attitudes for run in fast or filtered}
     memory = {name: state_bytes(name) for name in ('complementary', 'ahrs')}
     return [
         range_claim(ranges),
@@ -148,7 +148,7 @@ def report_claims(
         pooled_claim(pooled),
         linearity_claim(study),
         gaussianity_claim(study),
-        *attitude_claims(measured, memory),
+        *attitude_claims(attitudes, memory, interpolated=not fast),
         overheating_claim({name: found for name, found in overheating.items() if found}),
     ]
 

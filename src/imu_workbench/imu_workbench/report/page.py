@@ -10,6 +10,7 @@ from imu_workbench.claim import VERDICT_NAMES
 from imu_workbench.comparison_text import comparison_text
 from imu_workbench.diagnosis_text import diagnosis_text
 from imu_workbench.display import shown
+from imu_workbench.report.figures_attitude import FILTER_NAMES
 from imu_workbench.report.html import render_page
 from imu_workbench.report.sections_attitude import attitude_section
 from imu_workbench.report.sections_claims import (
@@ -74,7 +75,7 @@ def report_text(content: Mapping[str, Any]) -> str:
     lines += ['', 'Claims of the paper:']
     for claim in content['claims']:
         lines.append(f'  [{VERDICT_NAMES[claim["verdict"]]}] {claim["claim"]}')
-        if claim['verdict'] != 'untestable':
+        if claim['ours'] != '–':
             lines.append(f'      {claim["ours"]}')
     return '\n'.join(lines)
 
@@ -100,6 +101,7 @@ def attitude_lines(content: Mapping[str, Any]) -> list[str]:
         for name in dict.fromkeys(f['filter'] for f in run['filters']):
             mark = '  (interpolated to 50 Hz: no verdict)' if run['interpolated'] else ''
             before, after = shown(spread[name, 'raw']), shown(spread[name, 'compensated'])
-            lines.append(f'  {run["name"]:<14}{name:<14}{before:>7}° → {after:>7}°{mark}')
+            label = FILTER_NAMES.get(name, name)
+            lines.append(f'  {run["name"]:<14}{label:<22}{before:>7}° → {after:>7}°{mark}')
     title = 'Attitude of the resting device, σ of the rotation angle, raw → compensated:'
     return ['', title, *lines] if lines else []

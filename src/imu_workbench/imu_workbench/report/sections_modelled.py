@@ -8,6 +8,7 @@ from html import escape
 from typing import Any
 
 from imu_workbench.display import DISPLAY_UNITS, SENSORS, shown, with_uncertainty
+from imu_workbench.report.figures import PHASE_NAMES
 from imu_workbench.report.figures_modelled import (
     dependence_figure,
     failure_figure,
@@ -198,7 +199,7 @@ def comparison_html(device: str, found: Mapping[str, Any]) -> str:
                     *(shown(_scaled(part[name][i], factor)) for name in ERRORS),
                     unit,
                     shown(part['r_squared'][i], 4),
-                    escape((part['worst_phase'] or '–').replace('_', ' ')),
+                    escape(PHASE_NAMES.get(part['worst_phase'], '–')),
                 ]
             )
     head = [['Channel', *ERRORS.values(), 'unit', 'R²', 'worst phase']]
@@ -213,7 +214,9 @@ def worst_html(device: str, found: Mapping[str, Any]) -> str:
         unit = DISPLAY_UNITS[sensor]
         for where in part['where'][:6]:
             group = ', '.join(
-                f'{key} {value}' if key in ('cycle', 'orientation') else str(value)
+                f'{key} {value}'
+                if key in ('cycle', 'orientation')
+                else PHASE_NAMES.get(value, str(value))
                 for key, value in where.items()
                 if key not in ('ratio', 'rms', 'blocks')
             )

@@ -10,7 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from imu_workbench.decimate import decimated
-from imu_workbench.display import DISPLAY_UNITS
+from imu_workbench.display import DISPLAY_UNITS, FILTER_LABELS
 from imu_workbench.report.palette import AXES
 from imu_workbench.web.live_state import LiveState
 from imu_workbench.web.live_view import (
@@ -92,14 +92,11 @@ def euler_figure(state: LiveState, window_s: float) -> dict[str, Any]:
             values = lines.values[:, panel] * DEGREES
             data.append(
                 _trace(
-                    lines.time, values, FILTER_NAMES[name], FILTER_LOOK[name], panel, window_s,
+                    lines.time, values, FILTER_LABELS[name], FILTER_LOOK[name], panel, window_s,
                     show=not panel,
                 )
             )  # fmt: skip
     return _figure(data, ['roll [°]', 'pitch [°]', 'yaw [°]'], window_s)
-
-
-FILTER_NAMES = {'complementary': 'complementary', 'ahrs': 'AHRS'}
 
 
 def _span(window_s: float) -> tuple[str, float]:

@@ -13,12 +13,11 @@ from typing import Any
 
 from nicegui import app, run, ui
 
-from imu_workbench.display import SENSORS
+from imu_workbench.display import FILTER_LABELS, SENSORS
 from imu_workbench.report.palette import painted
 from imu_workbench.web.live_board import board_svg
 from imu_workbench.web.live_figures import (
     FILTER_LOOK,
-    FILTER_NAMES,
     euler_figure,
     measured_figure,
     residual_figure,
@@ -220,7 +219,7 @@ class LivePage:
             boards = [(name, attitude(state, name)) for name in FILTERS]
         theme = 'dark' if self._dark() else 'light'
         self._boards.content = ''.join(
-            board_svg(FILTER_NAMES[name], now, FILTER_LOOK[name], theme) for name, now in boards
+            board_svg(FILTER_LABELS[name], now, FILTER_LOOK[name], theme) for name, now in boards
         )
         for plot, figure in figures:
             plot.update_figure(painted(figure, theme))
