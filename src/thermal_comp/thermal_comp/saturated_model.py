@@ -32,6 +32,15 @@ def saturated_basis(run: PreparedRun) -> FloatArray:
 
     Fitted per run and axis it takes up every effect of the catalogue to first order.
     """
+    return orthonormal(np.concatenate([*_repeatable(run), *_slow(run)], axis=1))
+
+
+def repeatable_basis(run: PreparedRun) -> FloatArray:
+    """Return an orthonormal basis (m, p) of what temperature and channels lead to, not time."""
+    return orthonormal(np.concatenate(_repeatable(run), axis=1))
+
+
+def _repeatable(run: PreparedRun) -> list[FloatArray]:
     temperature = run.temperature
     time = run.time
     rising = lagged(time, temperature, 120.0)
@@ -49,15 +58,20 @@ def saturated_basis(run: PreparedRun) -> FloatArray:
     vibration = run.block_conditions.vibration
     if vibration is not None:
         blocks.append(np.nan_to_num(vibration))
-    since = time - time[0]
-    blocks.append(np.exp(-since[:, None] / np.array([300.0, 1800.0])))
+    return blocks
+
+
+def _slow(run: PreparedRun) -> list[FloatArray]:
+    """Return columns of time since power-on and of cycles."""
+    since = run.time - run.time[0]
     share = (since / max(since[-1], 1.0))[:, None]
-    centred = (temperature - temperature.mean())[:, None]
+    centred = (run.temperature - run.temperature.mean())[:, None]
+    blocks = [np.exp(-since[:, None] / np.array([300.0, 1800.0]))]
     blocks += [share, centred * share, centred * share**2]
     if run.cycle is not None:
         levels = [run.cycle == number for number in np.unique(run.cycle)]
         blocks.append(np.stack(levels, axis=1).astype(float))
-    return orthonormal(np.concatenate(blocks, axis=1))
+    return blocks
 
 
 def lagged(time: FloatArray, values: FloatArray, time_constant: float) -> FloatArray:
