@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 from imu_recording.recording import ImuRecording
@@ -38,10 +39,15 @@ from thermal_comp.fit import fit_prepared, usable_sensors
 from thermal_comp.intake import take_in
 from thermal_comp.model import NoiseModel, ThermalModel
 from thermal_comp.noise import fit_noise
+from thermal_comp.noise_of_runs import noise_beside
 from thermal_comp.preparation import PERIOD
 from thermal_comp.prepared_run import PreparedRun
 
+CHANGED = 0.8
+"""Share of its variance below which noise is another one."""
+
 Listed = dict[Sensor, tuple[Effect, ...]]
+Found = tuple[ColumnBank, Outcome]
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,9 +112,10 @@ def diagnose_prepared(
 ) -> Diagnosis:
     """Return the diagnosis of prepared runs; the data are taken as sound."""
     sensors, notes = usable_sensors(runs)
-    noise = {sensor: fit_noise(runs, sensor) for sensor in sensors}
     base: Listed = {sensor: base_effects(model, sensor) for sensor in sensors}
+    noise = {sensor: fit_noise(runs, sensor, base[sensor]) for sensor in sensors}
     outcomes = search_sensors(runs, base, noise, settings)
+    noise = noise_beside(runs, named_beside(base, outcomes), noise)
     current = compare_prepared(
         fit_prepared(base, runs, noise=noise, refine=False), runs, noise=noise
     )
@@ -158,40 +165,71 @@ def search_sensors(
     """Return what is said about each sensor.
 
     A fixture that tilts turns the field as well: where the accelerometer may have found a tilt,
-    the magnetometer is asked, and a tilt that is found is taken as known for it.
+    the magnetometer is asked, and a tilt that is found is taken as known for it. What is named
+    and had been taken for noise (a step, a line) has the search begin anew, with the noise beside
+    it.
     """
     source = ColumnSource(runs)
     missing = [c for c in CHANNELS if not any(run.conditions.has(c) for run in runs)]
-    searches: dict[Sensor, Search] = {}
-    outcomes: dict[Sensor, Outcome] = {}
 
-    def search(sensor: Sensor, known: tuple[Effect, ...], **support: float) -> None:
-        bank = ColumnBank(source, sensor, noise[sensor], known)
+    def search(sensor: Sensor, known: tuple[Effect, ...], **support: float) -> Found:
+        found = search_under(noise[sensor], sensor, known, **support)
+        named = named_beside({sensor: known}, {sensor: found[1]})
+        beside = noise_beside(runs, named, noise)[sensor]
+        if _quieter(beside, noise[sensor]):
+            found = search_under(beside, sensor, known, **support)
+        return found
+
+    def search_under(
+        weights: NoiseModel, sensor: Sensor, known: tuple[Effect, ...], **support: float
+    ) -> Found:
+        bank = ColumnBank(source, sensor, weights, known)
         offered = {
             name: effect
             for name, effect in settings.catalogue.items()
             if name not in {e.name for e in known if e.name != 'bias_step'}
             and not (name == TILT and sensor == 'magnetometer' and len(base) > 1)
         }
-        least = least_gains(source, sensor, noise[sensor], known)
+        least = least_gains(source, sensor, weights, known)
         found = Search(
             bank, families(bank, offered), settings.thresholds, support=support, least_gains=least
         )
-        searches[sensor] = found
-        outcomes[sensor] = decide_confirmed(found, judges(bank), missing, known)
+        return bank, decide_confirmed(found, judges(bank), missing, known)
 
-    for sensor, effects in base.items():
-        search(sensor, effects)
+    # Most of the work is done in numpy and compiled loops, where sensors do not wait for another.
+    with ThreadPoolExecutor() as pool:
+        together = dict(zip(base, pool.map(search, base, base.values()), strict=True))
+    outcomes = {sensor: outcome for sensor, (_, outcome) in together.items()}
     first, second = outcomes.get('accelerometer'), outcomes.get('magnetometer')
     if first is not None and second is not None and may_tilt(first):
-        banks = [searches[s].bank for s in ('accelerometer', 'magnetometer')]
+        banks = [together[s][0] for s in ('accelerometer', 'magnetometer')]
         tilt = settings.catalogue[TILT]()
         support = tilt_support(tilt, banks, (first, second))
-        search('accelerometer', base['accelerometer'], **{TILT: support})
+        _, outcomes['accelerometer'] = search(
+            'accelerometer', base['accelerometer'], **{TILT: support}
+        )
         found = tilts(outcomes['accelerometer'])
         if found:
-            search('magnetometer', (*base['magnetometer'], *found))
+            _, outcomes['magnetometer'] = search('magnetometer', (*base['magnetometer'], *found))
     return outcomes
+
+
+def named_beside(base: Listed, outcomes: Mapping[Sensor, Outcome]) -> Listed:
+    """Return the effects of the sensors in `base` together with what was named."""
+    return {
+        s: joined_effects([*effects, *(n.rated.form.effect for n in outcomes[s].named)])
+        for s, effects in base.items()
+    }
+
+
+def _quieter(noise: NoiseModel, before: NoiseModel) -> bool:
+    """Tell whether a part of the noise, fast or slow, is gone that was there before."""
+    parts = [(n.variance_of_means(PERIOD), n.amplitudes**2) for n in (noise, before)]
+    (means, slow), (means_before, slow_before) = parts
+    total = slow_before.sum(axis=0)
+    return bool(
+        (means < CHANGED * means_before).any() or (slow.sum(axis=0) < CHANGED * total).any()
+    )
 
 
 def greyed_out(
@@ -212,10 +250,7 @@ def _explained(
     outcomes: Mapping[Sensor, Outcome],
     noise: Mapping[Sensor, NoiseModel],
 ) -> Explained:
-    listed: Listed = {
-        sensor: joined_effects([*base[sensor], *(n.rated.form.effect for n in outcome.named)])
-        for sensor, outcome in outcomes.items()
-    }
+    listed = named_beside(base, outcomes)
     coupled = {e for effects in listed.values() for e in effects if e.coupled}
     for effect in coupled:
         for sensor in listed:
@@ -224,7 +259,7 @@ def _explained(
     if all(listed[s] == base[s] for s in listed):
         return Explained(None, None, ())
     model = fit_prepared(listed, runs, noise=noise)
-    comparison = compare_prepared(model, runs, noise=noise)
+    comparison = compare_prepared(model, runs)
     before = fit_prepared(base, runs, noise=noise, refine=False).provenance.notes
     new = tuple(note for note in model.provenance.notes if note not in before)
     return Explained(model, comparison, new)

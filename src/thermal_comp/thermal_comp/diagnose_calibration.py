@@ -44,7 +44,7 @@ def calibrated_thresholds(
     The draws have the noise fitted to the recordings; thresholds never fall below the shipped.
     """
     sensors, _ = usable_sensors(runs)
-    noise = {sensor: fit_noise(runs, sensor) for sensor in sensors}
+    noise = {sensor: fit_noise(runs, sensor, base[sensor]) for sensor in sensors}
     reached = reached_without_effect(runs, noise, base, catalogue, draws, seed)
     raised = {
         name: max(threshold_of(name), EVERYWHERE, tail_quantile(found, QUANTILE) + MARGIN)

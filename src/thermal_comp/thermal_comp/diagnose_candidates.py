@@ -169,8 +169,9 @@ def _cycle_levels(bank: ColumnBank, effect: Any) -> list[Plan]:
     cycles = max(int(run.cycle.max()) for run in bank.source.runs)
     if cycles < 2:
         return []
-    levels = effect(float(cycles))
-    return [Plan(levels, (levels,), 0)]
+    return [
+        Plan(levels, (levels,), 0) for levels in (effect(float(cycles), f) for f in (2.0, 1.0))
+    ]
 
 
 def _steps(bank: ColumnBank, effect: Any) -> list[Plan]:

@@ -23,6 +23,8 @@ IN_STEP = 8.0
 """Evidence from which the runs share the course, so that time is its variable."""
 ADEQUATE = 0.9
 """Share of what can be explained from which one variable's judge counts as the law."""
+WHOLLY = 0.95
+"""The same where a channel is missing that could act: what hides it is never quite its course."""
 VAGUE = 0.6
 """Share below which no variable that was logged is behind the residual."""
 SIMPLER = 0.9
@@ -37,10 +39,10 @@ CHANNELS_OF: dict[Sensor, tuple[str, ...]] = {
 """Channels that can act on each sensor."""
 LOGGED = ('heater', 'compressor', 'supply_voltage')
 """Channels whose absence alone makes several effects at once suspicious."""
-CHAMBER_FREE = (
-    'temperature', 'branch', 'time', 'orientation', 'heater', 'compressor', 'supply', 'cycle',
-)  # fmt: skip
+CHAMBER_FREE = ('temperature', 'branch', 'time', 'orientation', 'supply', 'cycle')
 """Variables that no channel of the chamber stands for."""
+SWITCHED = ('heater', 'compressor')
+"""Channels that drag others along: a supply droops, a plate shakes."""
 
 
 @dataclass(frozen=True)
@@ -109,14 +111,17 @@ def dependence(
     suspects = [c for c in relevant if c in LOGGED]
     if judge.depends_on == 'humidity' and 'humidity' in relevant:
         return Dependence('unlogged', 'humidity', evidence)
-    adequate = gain >= ADEQUATE * everything
-    if bank.sensor != 'magnetometer' and judge.depends_on in {'compressor', 'heater'}:
-        # A compressor reaches accelerometer and gyroscope by shaking them.
-        shaken = judge.depends_on == 'compressor' and _plainly(search, judge)
+    adequate = gain >= (WHOLLY if suspects else ADEQUATE) * everything
+    plainly = judge.depends_on in SWITCHED and _plainly(search, judge)
+    if bank.sensor != 'magnetometer' and judge.depends_on in SWITCHED:
+        # A compressor reaches accelerometer and gyroscope by shaking them or through the supply.
+        shaken = judge.depends_on == 'compressor' and plainly
         if 'vibration' in missing and (shaken or not adequate):
             return Dependence('unlogged', 'vibration', evidence)
+        if suspects:
+            return Dependence('unlogged', _suspect(suspects), evidence)
         return Dependence('unexplained', judge.depends_on, evidence)
-    if suspects and not (adequate and judge.depends_on in CHAMBER_FREE):
+    if suspects and not (adequate and (plainly or judge.depends_on in CHAMBER_FREE)):
         return Dependence('unlogged', _suspect(suspects), evidence)
     vague = gain < VAGUE * everything
     if relevant and (vague or (not adequate and judge.depends_on in {'phase', 'time', 'cycle'})):
@@ -137,7 +142,7 @@ def _law(search: Search, judges: Sequence[Judge]) -> tuple[Judge, float, float]:
         net = gain - rank - 3.0 * float(np.sqrt(2.0 * rank))
         rated.append((net, rank, gain - rank * search.price, gain - rank, judge))
     best = max(net for net, *_ in rated)
-    near = [item for item in rated if item[0] >= SIMPLER * best]
+    near = [item for item in rated if item[0] >= min(SIMPLER * best, best)]
     _, _, evidence, gain, judge = min(near, key=lambda item: item[1])
     return judge, evidence, gain
 

@@ -87,7 +87,7 @@ def add_effect(
     absent = missing_channels(settings.catalogue[name], runs)
     if absent:
         raise ModelError(f'{name} needs {", ".join(absent)}, which was not logged in every run')
-    noise = _noise(runs)
+    noise = _noise(runs, model)
     listed: Listed = {sensor: base_effects(model, sensor) for sensor in noise}
     chosen = _placed(runs, listed, noise, name, settings, sensors)
     return _grown(model, runs, noise, listed, chosen)
@@ -100,7 +100,7 @@ def grow(
     report: Callable[[str], None] = lambda _: None,
 ) -> Growth:
     """Diagnose and add the strongest effect, again and again, until nothing can be named."""
-    noise = _noise(runs)
+    noise = _noise(runs, model)
     steps: list[Step] = []
     first: Comparison | None = None
     current, growth = model, None
@@ -119,6 +119,7 @@ def grow(
         first = first or growth.before
         steps += growth.steps
         current = growth.model
+        noise = _noise(runs, current)
     if growth is None or first is None:
         plain: Listed = {sensor: base_effects(model, sensor) for sensor in noise}
         fitted = fit_prepared(plain, runs, noise=noise)
@@ -129,8 +130,8 @@ def grow(
     return Growth(growth.model, first, growth.after, tuple(steps), growth.unneeded, diagnosis)
 
 
-def _noise(runs: Sequence[PreparedRun]) -> dict[Sensor, NoiseModel]:
-    return {sensor: fit_noise(runs, sensor) for sensor in usable_sensors(runs)[0]}
+def _noise(runs: Sequence[PreparedRun], model: ThermalModel | None) -> dict[Sensor, NoiseModel]:
+    return {s: fit_noise(runs, s, base_effects(model, s)) for s in usable_sensors(runs)[0]}
 
 
 def _placed(
@@ -180,9 +181,9 @@ def _grown(
         for s, effects in listed.items()
     }
     plain = fit_prepared(listed, runs, noise=noise, refine=False)
-    before = compare_prepared(plain, runs, noise=noise)
     grown = fit_prepared(new, runs, noise=noise)
-    after = compare_prepared(grown, runs, noise=noise)
+    after = compare_prepared(grown, runs)
+    before = compare_prepared(plain, runs, noise=noise)
     effect = next(iter(chosen.values()))
     named = tuple(chosen)
     step = Step(

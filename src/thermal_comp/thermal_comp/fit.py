@@ -28,7 +28,7 @@ from thermal_comp.fit_shapes import (
 )
 from thermal_comp.fit_solution import Solution, solve
 from thermal_comp.model import NoiseModel, Provenance, SensorModel, ThermalModel
-from thermal_comp.noise_of_runs import noise_of_runs
+from thermal_comp.noise_of_runs import noise_beside, noise_of_runs
 from thermal_comp.preparation import PERIOD, Truth, prepare
 from thermal_comp.prepared_run import PreparedRun
 
@@ -73,7 +73,9 @@ def fit_prepared(
     sensors, notes = usable_sensors(runs)
     listed = effects_by_sensor(effects, sensors, runs)
     known = noise or {}
-    found = {s: (known[s], '') if s in known else noise_of_runs(runs, s) for s in sensors}
+    found = {
+        s: (known[s], '') if s in known else noise_of_runs(runs, s, listed[s]) for s in sensors
+    }
     noise = {s: model for s, (model, _) in found.items()}
     notes += [note for _, note in found.values() if note]
     models: dict[Sensor, SensorModel] = {}
@@ -82,6 +84,9 @@ def fit_prepared(
         if refine:
             design = refine_shapes(design)
             notes += bound_notes(design)
+        beside = noise_beside(runs, design.effects, design.noise)
+        if any(beside[s] is not design.noise[s] for s in beside):
+            design = Design(runs, design.effects, beside)
         fitted = fitted_group(design)
         notes += fitted.notes
         for sensor in group:

@@ -15,11 +15,13 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.conditions import Sensor
+from thermal_comp.effects.effect import Effect
 from thermal_comp.model import NoiseModel
+from thermal_comp.noise_jumps import jump_columns
 from thermal_comp.noise_process import LADDER, mean_autocovariance, toeplitz_product
 from thermal_comp.noise_spectrum import Projection, ResidualSpectrum, project_spectra
 from thermal_comp.prepared_run import PreparedRun
-from thermal_comp.saturated_model import saturated_basis
+from thermal_comp.saturated_model import orthonormal, saturated_basis
 
 SMOOTHNESS = 1.2
 """Standard deviation of the log-variance step between neighbours of the ladder."""
@@ -28,13 +30,32 @@ FLOOR = 1e-9
 """Least variance of a process, as a share of the residual's."""
 
 
-def fit_noise(runs: Sequence[PreparedRun], sensor: Sensor) -> NoiseModel:
+BEYOND = 0.01
+"""Share of an effect outside the saturated model from which on it counts as not followed."""
+
+
+def fit_noise(
+    runs: Sequence[PreparedRun], sensor: Sensor, effects: Sequence[Effect] = ()
+) -> NoiseModel:
     """Return the noise of one sensor: white and coloured part per axis.
 
     It is a property of the measurement, not of a model: every effect a saturated model can
-    follow is taken out first.
+    follow is taken out first, and of `effects`, which are known to act, those it cannot follow
+    to the last (a step, a spectral line; a hysteresis nearly).
     """
-    return fit_noise_to_values(runs, [run.measured[sensor] for run in runs])
+    beyond = effects_beyond(runs, sensor, effects)
+    spectra = [
+        _spectrum_of(run, run.measured[sensor], [run.columns(e, sensor) for e in beyond], beyond)
+        for run in runs
+    ]
+    return fit_noise_to_spectra([s for s in spectra if s is not None])
+
+
+def effects_beyond(
+    runs: Sequence[PreparedRun], sensor: Sensor, effects: Sequence[Effect]
+) -> tuple[Effect, ...]:
+    """Return the effects the saturated model cannot follow in some run."""
+    return tuple(e for e in effects if any(_share_beyond(run, sensor, e) > BEYOND for run in runs))
 
 
 def fit_noise_to_values(runs: Sequence[PreparedRun], values: Sequence[FloatArray]) -> NoiseModel:
@@ -71,22 +92,56 @@ def expected_square(noise: NoiseModel, run: PreparedRun, axis: int, operator: Fl
     return float(np.einsum('mq,mq->', operator, product))
 
 
-_PROJECTIONS: WeakKeyDictionary[PreparedRun, dict[bytes, Projection]] = WeakKeyDictionary()
-"""Projections of runs by the rows that are valid: mostly the same for all sensors."""
+Key = tuple[bytes, tuple[Effect, ...]]
+_PROJECTIONS: WeakKeyDictionary[PreparedRun, dict[Key, Projection]] = WeakKeyDictionary()
+"""Projections of runs by valid rows and further effects: mostly the same for all sensors."""
+_BASES: WeakKeyDictionary[PreparedRun, FloatArray] = WeakKeyDictionary()
 
 
-def _spectrum_of(run: PreparedRun, values: FloatArray) -> ResidualSpectrum | None:
+def _basis_of(run: PreparedRun) -> FloatArray:
+    if run not in _BASES:
+        _BASES[run] = saturated_basis(run)
+    return _BASES[run]
+
+
+def _share_beyond(run: PreparedRun, sensor: Sensor, effect: Effect) -> float:
+    """Return the largest share of a column's rms that stands outside the saturated model."""
+    columns = run.columns(effect, sensor).reshape(len(run), -1)
+    columns = columns - columns.mean(axis=0)
+    size = np.linalg.norm(columns, axis=0)
+    moving = size > 1e-9 * size.max(initial=1e-300)
+    basis = _basis_of(run)
+    outside = columns - basis @ (basis.T @ columns)
+    share = np.linalg.norm(outside[:, moving], axis=0) / size[moving]
+    return float(share.max(initial=0.0))
+
+
+def _spectrum_of(
+    run: PreparedRun,
+    values: FloatArray,
+    further: Sequence[FloatArray] = (),
+    effects: tuple[Effect, ...] = (),
+) -> ResidualSpectrum | None:
+    """Return the spectrum of what basis and `further` columns (m, …), of `effects`, leave."""
     valid = np.isfinite(values).all(axis=1)
     if valid.sum() < 30:
         return None
+    slot = run.slot[valid] - run.slot[valid][0]
     kept = _PROJECTIONS.setdefault(run, {})
-    if valid.tobytes() not in kept:
-        basis = saturated_basis(run)
+    key = (valid.tobytes(), effects)
+    if key not in kept:
+        basis = _basis_of(run)
+        if further:
+            columns = [basis, *(c.reshape(len(run), -1) for c in further)]
+            basis = orthonormal(np.concatenate(columns, axis=1))
         if not valid.all():
             basis, _ = np.linalg.qr(basis[valid])
-        slot = run.slot[valid] - run.slot[valid][0]
-        kept[valid.tobytes()] = project_spectra(slot, basis, LADDER, run.period)
-    return kept[valid.tobytes()].spectrum_of(values[valid])
+        kept[key] = project_spectra(slot, basis, LADDER, run.period)
+    jumps = jump_columns(values[valid], slot, kept[key].basis)
+    if jumps.shape[1]:
+        basis = orthonormal(np.concatenate([kept[key].basis, jumps], axis=1))
+        return project_spectra(slot, basis, LADDER, run.period).spectrum_of(values[valid])
+    return kept[key].spectrum_of(values[valid])
 
 
 def _whittle(

@@ -3,23 +3,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.conditions import Sensor
+from thermal_comp.effects.effect import Effect
 from thermal_comp.model import NoiseModel
-from thermal_comp.noise import fit_noise
+from thermal_comp.noise import effects_beyond, fit_noise
 from thermal_comp.prepared_run import PreparedRun
 
 SMALLEST = 1e-12
 """Least noise of a mean, as a share of the largest value: no measurement is better resolved."""
 
 
-def noise_of_runs(runs: Sequence[PreparedRun], sensor: Sensor) -> tuple[NoiseModel, str]:
-    """Return the noise model and, where it is only a guess, one sentence that says so."""
-    fitted = fit_noise(runs, sensor)
+def noise_of_runs(
+    runs: Sequence[PreparedRun], sensor: Sensor, effects: Sequence[Effect] = ()
+) -> tuple[NoiseModel, str]:
+    """Return the noise beside `effects` and, where it is only a guess, a sentence saying so."""
+    fitted = fit_noise(runs, sensor, effects)
     variance = fitted.variance_of_means(runs[0].period)
     if np.isfinite(variance).all() and (variance > 0.0).all():
         return fitted, ''
@@ -29,6 +32,20 @@ def noise_of_runs(runs: Sequence[PreparedRun], sensor: Sensor) -> tuple[NoiseMod
         f'{sensor}: the runs are too short to tell the colour of its noise; it is taken as white, '
         'from what a line in temperature leaves'
     )
+
+
+def noise_beside(
+    runs: Sequence[PreparedRun],
+    effects: Mapping[Sensor, Sequence[Effect]],
+    noise: Mapping[Sensor, NoiseModel],
+) -> dict[Sensor, NoiseModel]:
+    """Return the noise anew where an effect would else be taken for noise; the rest as given."""
+    return {
+        sensor: noise_of_runs(runs, sensor, effects[sensor])[0]
+        if effects_beyond(runs, sensor, effects[sensor])
+        else noise[sensor]
+        for sensor in effects
+    }
 
 
 def _scatter(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray:

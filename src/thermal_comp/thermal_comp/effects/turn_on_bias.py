@@ -18,12 +18,16 @@ class TurnOnBias(Effect):
     """Every cycle of every run has a bias of its own."""
 
     cycles: float = shape_parameter(4.0, unit='1', bounds=(2.0, 100.0))
+    first: float = shape_parameter(2.0, unit='1', bounds=(1.0, 2.0))
+    """First cycle that is new; 2: what stands before the first cycle belongs to it."""
 
     name: ClassVar[str] = 'turn_on_bias'
     kind: ClassVar[Literal['device', 'campaign']] = 'campaign'
     per_run: ClassVar[bool] = True
     channels: ClassVar[tuple[str, ...]] = ('cycle',)
-    equation: ClassVar[str] = 'error = c_k,r in cycle k of run r, relative to the first cycle'
+    equation: ClassVar[str] = (
+        'error = c_k,r in cycle k of run r, relative to what is before `first`'
+    )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',) * 3
     mechanism: ClassVar[str] = 'Power cycling, remagnetisation and handling between cycles.'
     look_alikes: ClassVar[tuple[str, ...]] = ('bias_drift', 'bias_creep', 'bias_step')
@@ -38,9 +42,9 @@ class TurnOnBias(Effect):
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
-        """Return (n, k − 1): 1 in cycles 2, 3, …; what follows a cycle belongs to it."""
+        """Return (n, k): 1 in cycles `first`, …; what follows a cycle belongs to it."""
         assert conditions.cycle is not None  # noqa: S101 (declared in channels)
         before = 0 if state is None else state
         seen = np.maximum.accumulate(np.r_[before, conditions.cycle])
-        numbers = np.arange(2, int(self.cycles) + 1)
+        numbers = np.arange(int(self.first), int(self.cycles) + 1)
         return (seen[1:, None] == numbers).astype(float), int(seen[-1])

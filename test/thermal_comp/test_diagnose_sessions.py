@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What jumps is neither taken for noise nor for something that was not logged."""
+
+import numpy as np
+import pytest
+from thermal_comp.diagnose import diagnose
+from thermal_comp.effects import EFFECTS
+
+from .campaign import chamber, run
+
+UP = ('+x', '+y', '+z')
+AXES = np.array([1.0, -1.0, 0.7])
+TIMED = {
+    name: EFFECTS[name]
+    for name in ('turn_on_bias', 'bias_step', 'bias_drift', 'bias_creep', 'warm_up')
+}
+
+
+def test_a_large_step_is_not_taken_for_noise() -> None:
+    time = chamber()[0]
+    slip = 3e-3 * (time >= 19_730.0)[:, None] * AXES
+    recordings = [run(up, seed=k) for k, up in enumerate(UP)]
+    quiet = diagnose(recordings, catalogue=TIMED)
+    recordings[1] = run('+y', seed=1, error={'angular_velocity': slip})
+    jumped = diagnose(recordings, catalogue=TIMED)
+    alarms = {(f.kind, f.name) for f in quiet.findings if f.sensor == 'gyroscope'}
+    found = {(f.kind, f.name) for f in jumped.findings if f.sensor == 'gyroscope'}
+    assert found == alarms | {('effect', 'bias_step')}
+    step = next(f for f in jumped.findings if f.name == 'bias_step')
+    assert step.noise_floor == pytest.approx(
+        np.sqrt(np.mean(np.square(quiet.sensors['gyroscope'].noise_floor))), rel=0.1
+    )
+    assert step.error_after == pytest.approx(step.noise_floor, rel=0.2)
+
+
+def test_a_session_may_begin_with_the_first_cycle() -> None:
+    cycle = chamber()[3]
+    rng = np.random.default_rng(5)
+    recordings = [
+        run(up, seed=k, error={'angular_velocity': 3e-4 * rng.normal(size=(5, 3))[cycle]})
+        for k, up in enumerate(UP)
+    ]
+    (found,) = (f for f in diagnose(recordings, catalogue=TIMED).findings if f.kind != 'noise')
+    assert (found.kind, found.name, found.sensor) == ('effect', 'turn_on_bias', 'gyroscope')
+    assert found.parameters['first']['value'] == 1.0
