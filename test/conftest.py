@@ -10,8 +10,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pytest
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # before numpy: as the command line does
+
+import numpy as np  # noqa: E402
+import pytest  # noqa: E402
 
 os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
 os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))

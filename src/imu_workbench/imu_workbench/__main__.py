@@ -6,8 +6,14 @@ Exit code 0: answered; 2: the user's mistake, one line on standard error; 1: a b
 
 from __future__ import annotations
 
-import argparse
 import os
+
+# One thread a process for BLAS, set before numpy is loaded: sensors and workers run side by side,
+# and small matrices shared among threads cost twice the time.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
+# ruff: noqa: E402
+import argparse
 import sys
 from importlib import import_module
 from pathlib import Path
