@@ -12,8 +12,8 @@ from typing import Any
 
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # before numpy: as the command line does
 
-import numpy as np  # noqa: E402
-import pytest  # noqa: E402
+import numpy as np
+import pytest
 
 os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
 os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))

@@ -12,7 +12,6 @@ import os
 # and small matrices shared among threads cost twice the time.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
-# ruff: noqa: E402
 import argparse
 import sys
 from importlib import import_module
