@@ -39,11 +39,12 @@ def test_a_lag_is_no_rate_and_no_pair_of_lags() -> None:
     assert fitted['value'] == pytest.approx(90.0, abs=4.0 * fitted['std'])
 
 
-def test_a_rate_is_no_short_lag() -> None:
+def test_a_rate_is_no_short_lag_but_may_be_a_gradient_nobody_logged() -> None:
     time, die, *_ = chamber()
-    (found,) = findings(in_gyroscope(2e-2 * np.gradient(die, time)), HEAT)
+    names = (*HEAT, 'thermal_gradient')
+    (found,) = findings(in_gyroscope(2e-2 * np.gradient(die, time)), names)
     assert found.name == 'temperature_rate'
-    assert found.ambiguous_with == ()
+    assert found.ambiguous_with == ('thermal_gradient',)
 
 
 def test_two_lags_far_apart_are_two() -> None:

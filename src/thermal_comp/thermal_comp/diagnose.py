@@ -171,6 +171,7 @@ def search_sensors(
     """
     source = ColumnSource(runs)
     missing = [c for c in CHANNELS if not any(run.conditions.has(c) for run in runs)]
+    untried = greyed_out(runs, settings.catalogue)
 
     def search(sensor: Sensor, known: tuple[Effect, ...], **support: float) -> Found:
         found = search_under(noise[sensor], sensor, known, **support)
@@ -192,7 +193,12 @@ def search_sensors(
         }
         least = least_gains(source, sensor, weights, known)
         found = Search(
-            bank, families(bank, offered), settings.thresholds, support=support, least_gains=least
+            bank,
+            families(bank, offered),
+            settings.thresholds,
+            support=support,
+            untried=frozenset(name for name in offered if name in untried),
+            least_gains=least,
         )
         return bank, decide_confirmed(found, judges(bank), missing, known)
 

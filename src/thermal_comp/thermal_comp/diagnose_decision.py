@@ -42,6 +42,8 @@ CHAIN = 3
 """This many families on one sensor are a sign of something else."""
 STEADY = 0.43
 """Share of a line's power that is steady at least: a line that a current gates keeps half."""
+UNSEEN_TWIN = (('temperature_rate', 'thermal_gradient'),)
+"""Pairs whose first stands for the second wherever the channel that would tell was not logged."""
 COURSE_SHARE = 0.012
 """Evidence of a common course beside the effects, as a share of their gain, that doubts them."""
 GROUPS = (
@@ -237,6 +239,9 @@ def _named(
         contained = any(rival.name in RICHER.get(name, ()) for name in close)
         if (near or alike) and not contained:
             close.append(rival.name)
+    for name, twin in UNSEEN_TWIN:
+        if name in (rated.name, *close) and twin in search.untried:
+            close = [*close[:1], twin]
     return Named(rated, tuple(rivals), tuple(close[:2]), approximate)
 
 

@@ -84,6 +84,8 @@ class Search:
     vetoed: list[str] = field(default_factory=list)
     support: Mapping[str, float] = field(default_factory=dict)
     """χ² that another sensor adds to an effect both of them feel."""
+    untried: frozenset[str] = frozenset()
+    """Effects that act on the sensor but need a channel that was not logged."""
     least_gains: Mapping[str, float] = field(default_factory=dict)
     """χ² gain below which an effect is but the form of one that is in the model already."""
 
