@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from imu_recording.columns_hash import columns_hash
 from imu_recording.synchronise import Samples, hold_newest, in_order, join_next
 from recording_samples import (
     START,
@@ -20,7 +21,7 @@ from recording_samples import (
     temperature,
 )
 
-from imu_recording import BagError, bag_namespaces, read_bag, synchronise
+from imu_recording import BagError, bag_namespaces, read_bag, synchronise, write_bag
 
 PERIOD = 10_000_000
 
@@ -43,9 +44,10 @@ def test_sorting_keeps_the_first_of_equal_stamps() -> None:
 
 def test_join_goes_to_the_same_or_the_next_row_within_a_period() -> None:
     rows = np.array([0, 10, 20, 30, 100])
-    joined, notes = join_next('x', rows, samples([0, 3, 10, 21, 24, 31, 95, 101]))
-    assert np.array_equal(joined[:, 0], [0, 10, np.nan, 24, 95], equal_nan=True)
-    assert notes == ('x: 4 of 8 samples found no row',)
+    joined = join_next('x', rows, samples([0, 3, 10, 21, 24, 31, 95, 101]))
+    assert np.array_equal(joined.values[0][:, 0], [0, 10, np.nan, 24, 95], equal_nan=True)
+    assert joined.unplaced == 4
+    assert joined.notes == ('x: 4 of 8 samples found no row',)
 
 
 @pytest.mark.parametrize('block', [1, 3, 64])
@@ -56,18 +58,22 @@ def test_blocks_do_not_show(block: int, monkeypatch: pytest.MonkeyPatch) -> None
     whole = join_next('x', rows, taken), hold_newest('x', rows, taken)
     monkeypatch.setattr(synchronise, 'BLOCK', block)
     parts = join_next('x', rows, taken), hold_newest('x', rows, taken)
-    assert np.array_equal(whole[0][0], parts[0][0], equal_nan=True)
-    assert np.array_equal(whole[1][0][0], parts[1][0][0], equal_nan=True)
-    assert [whole[0][1], whole[1][1]] == [parts[0][1], parts[1][1]]
+    for one, other in zip(whole, parts, strict=True):
+        assert np.array_equal(one.values[0], other.values[0], equal_nan=True)
+        assert (one.unplaced, one.notes) == (other.unplaced, other.notes)
 
 
 def test_hold_takes_the_newest_not_later() -> None:
     rows = np.array([0, 10, 20, 30])
-    (held,), notes = hold_newest('x', rows, samples([5, 10, 18, 19, 31]))
-    assert np.array_equal(held[:, 0], [np.nan, 10, 19, 19], equal_nan=True)
-    assert notes == ('x: 1 of 5 samples found no row', 'x: 1 rows lie before its first sample')
-    (none,), _ = hold_newest('x', rows, samples([50]))
-    assert np.isnan(none).all()
+    held = hold_newest('x', rows, samples([5, 10, 18, 19, 31]))
+    assert np.array_equal(held.values[0][:, 0], [np.nan, 10, 19, 19], equal_nan=True)
+    assert (held.unplaced, held.notes) == (1, ())  # where the recording ended, no more
+    none = hold_newest('x', rows, samples([50, 51, 52]))
+    assert np.isnan(none.values[0]).all()
+    assert none.notes == (
+        'x: 3 of 3 samples found no row',
+        'x: 4 rows lie before its first sample',
+    )
 
 
 def test_a_track_that_ended_early_is_named(tmp_path: Path) -> None:
@@ -112,6 +118,13 @@ def test_slow_magnetometer_and_temperature(tmp_path: Path) -> None:
     assert np.isnan(recording.temperature[0])
     assert recording.temperature[1:51].tolist() == [0.0] * 50
     assert recording.temperature[51:].tolist() == [50.0] * 49
+    first, second = START + 5, START + 50 * PERIOD + 5
+    assert recording.temperature_stamp.tolist() == [-1, *[first] * 50, *[second] * 49]
+    write_bag(recording, tmp_path / 'again')
+    again = read_bag(tmp_path / 'again')
+    assert np.array_equal(again.temperature, recording.temperature, equal_nan=True)
+    assert np.array_equal(again.temperature_stamp, recording.temperature_stamp)
+    assert columns_hash(again) == columns_hash(recording)
 
 
 def test_stamps_that_were_never_set(tmp_path: Path) -> None:

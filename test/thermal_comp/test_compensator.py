@@ -12,7 +12,7 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.contract import example_conditions
 from thermal_comp.model import ModelError, SensorModel, ThermalModel
 
-from imu_recording import ImuRecording, RecordingError
+from imu_recording import ImuRecording, RecordingError, read_bag, write_bag
 
 from .campaign import run
 from .models import line_model
@@ -217,6 +217,37 @@ def test_a_row_takes_the_newest_finite_temperature() -> None:
     found = compensate(replace(recording, temperature=broken), model)
     wanted = compensate(replace(recording, temperature=held), model)
     np.testing.assert_array_equal(found.angular_velocity, wanted.angular_velocity)
+
+
+def test_a_silent_temperature_is_not_used_in_batch_either(tmp_path: Path) -> None:
+    recording = run(device='board')
+    recording = recording.rows(np.flatnonzero(np.abs(recording.temperature - 20.0) > 3.0)[:400])
+    seconds = (recording.stamp[1] - recording.stamp[0]) * 1e-9
+    measured = recording.stamp.copy()
+    measured[150:230] = measured[149]
+    temperature = recording.temperature.copy()
+    temperature[150:230] = temperature[149]
+    silent = replace(recording, temperature=temperature, temperature_stamp=measured)
+    model = model_of('bias_temperature', 'thermal_lag')
+    timeout = 20.5 * seconds
+    found = compensate(silent, model, temperature_timeout=timeout)
+    changed = (found.angular_velocity != silent.angular_velocity).any(axis=1)
+    assert np.flatnonzero(~changed).tolist() == list(range(170, 230))
+    assert any(note.startswith('60 rows whose die temperature is older') for note in found.notes)
+    compensator = Compensator(model, temperature_timeout=timeout)
+    for i, stamp in enumerate(silent.stamp.tolist()):
+        if measured[i] == stamp:
+            compensator.on_temperature(stamp, float(temperature[i]))
+        rate, force = compensator.on_imu(
+            stamp, tuple(silent.angular_velocity[i]), tuple(silent.linear_acceleration[i])
+        )
+        np.testing.assert_allclose(rate.value, found.angular_velocity[i], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(force.value, found.linear_acceleration[i], rtol=0, atol=1e-12)
+    write_bag(found, tmp_path / 'bag')
+    assert np.array_equal(read_bag(tmp_path / 'bag').temperature_stamp, measured)
+    late = replace(silent, temperature_stamp=silent.stamp - 11 * 10**9)
+    with pytest.raises(RecordingError, match='older than 10 s; allow more'):
+        compensate(late, model)
 
 
 def test_without_any_temperature_nothing_is_called_compensated() -> None:

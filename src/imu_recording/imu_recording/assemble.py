@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from imu_recording.logging_contract import (
 )
 from imu_recording.phase import parse_phase, phases_from_setpoint
 from imu_recording.recording import UP_AXES, FloatArray, ImuRecording, IntArray
-from imu_recording.synchronise import Samples, hold_newest, in_order, join_next
+from imu_recording.synchronise import Joined, Samples, hold_newest, in_order, join_next
 from imu_recording.topic_columns import TopicColumns
 from imu_recording.up_axis import infer_up_axis
 
@@ -38,8 +39,16 @@ def assemble_recording(
     rows = samples.pop(IMU_TOPIC)
     stamp = rows.stamp
     tracks: dict[str, Any] = dict(zip(TRACK_OF_TOPIC[IMU_TOPIC].fields, rows.values, strict=True))
+    unplaced: dict[str, int] = {}
     for name in list(samples):
-        tracks |= _joined(name, stamp, samples.pop(name), notes)
+        joined, found = _joined(name, stamp, samples.pop(name))
+        tracks |= found
+        notes += joined.notes
+        if joined.unplaced:
+            unplaced[name] = joined.unplaced
+    measured = tracks.get('temperature_stamp')
+    if measured is not None and ((measured == stamp) | (measured < 0)).all():
+        del tracks['temperature_stamp']  # every temperature is of its row
     for name, field, shape in (
         (MAGNETIC_TOPIC, 'magnetic_field', (len(stamp), 3)),
         (TEMPERATURE_TOPIC, 'temperature', (len(stamp),)),
@@ -62,6 +71,7 @@ def assemble_recording(
         namespace=namespace,
         source=source,
         notes=tuple(notes),
+        unplaced=unplaced,
     )
 
 
@@ -110,24 +120,27 @@ def _blank_infinities(name: str, values: FloatArray, notes: list[str]) -> None:
 
 
 def _joined(
-    name: str, stamp: IntArray, samples: Samples, notes: list[str]
-) -> dict[str, FloatArray | IntArray]:
+    name: str, stamp: IntArray, samples: Samples
+) -> tuple[Joined, dict[str, FloatArray | IntArray]]:
+    """Return a topic on the rows, and the fields of the recording it fills."""
     track = TRACK_OF_TOPIC[name]
+    fields = track.fields
     if not track.held:
-        values, said = join_next(name, stamp, samples)
-        groups: tuple[FloatArray, ...] = (values,)
+        joined = join_next(name, stamp, samples)
     else:
-        groups, said = hold_newest(name, stamp, samples, event=track.event)
-    notes += said
+        if name == TEMPERATURE_TOPIC and not np.array_equal(stamp, samples.stamp):
+            fields = (*fields, 'temperature_stamp')
+            samples = replace(samples, values=(*samples.values, samples.stamp[:, np.newaxis]))
+        joined = hold_newest(name, stamp, samples, event=track.event)
     found: dict[str, FloatArray | IntArray] = {}
-    for field, values in zip(track.fields, groups, strict=True):
+    for field, values in zip(fields, joined.values, strict=True):
         if name == PHASE_TOPIC:
             blank = -1 if field == 'phase' else 0
             column = values[:, 0]
             found[field] = np.where(np.isnan(column), blank, column).astype(np.int64)
         else:
             found[field] = values[:, 0] if values.shape[1] == 1 else values
-    return found
+    return joined, found
 
 
 def _frame_id(by_name: Mapping[str, TopicColumns], notes: list[str]) -> str:

@@ -18,12 +18,12 @@ def columns_hash(recording: ImuRecording) -> str:
 
     Hashed are, in order of the fields of ImuRecording, the name of every track that is present
     and its values, row by row, as little-endian 64-bit numbers; every NaN counts as the same.
-    Names, namespaces and paths do not enter.
+    Names, namespaces, paths and the stamps of held temperatures do not enter.
     """
     digest = hashlib.sha256()
     for item in fields(recording):
         column = getattr(recording, item.name)
-        if isinstance(column, np.ndarray):
+        if isinstance(column, np.ndarray) and item.name != 'temperature_stamp':
             digest.update(item.name.encode())
             digest.update(np.ascontiguousarray(_canonical(column)).data)
     return digest.hexdigest()

@@ -66,14 +66,18 @@ def _encoded(track: Track, recording: ImuRecording, first: int, last: int) -> En
         messages: Sequence[Any] = _phase_messages(recording, rows)
     else:
         groups = [getattr(recording, field) for field in track.fields]
-        rows = _rows_to_send(track, recording.stamp, groups, first, last)
+        measured = recording.stamp
+        if track.topic == TEMPERATURE_TOPIC and recording.temperature_stamp is not None:
+            measured = recording.temperature_stamp
+            rows = first + np.flatnonzero(_changed(measured, first, last))
+            rows = rows[measured[rows] >= 0]
+        else:
+            rows = _rows_to_send(track, recording.stamp, groups, first, last)
         count = LAYOUTS[track.message_type].columns[0].count
         taken = tuple(group[rows].reshape(len(rows), count) for group in groups)
         constants = NO_ORIENTATION if track.message_type == IMU else None
         frame = '' if track.shared else recording.frame_id
-        records = encode_messages(
-            track.message_type, recording.stamp[rows], frame, taken, constants
-        )
+        records = encode_messages(track.message_type, measured[rows], frame, taken, constants)
         size = records.shape[1]
         view = memoryview(records.tobytes())
         messages = [view[at : at + size] for at in range(0, len(view), size)]

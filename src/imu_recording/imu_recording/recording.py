@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import TypeAlias
 
@@ -64,6 +65,9 @@ class ImuRecording:
     temperature: FloatArray
     """(n,) die temperature [°C]."""
 
+    temperature_stamp: IntArray | None = None
+    """(n,) when the temperature a row holds was measured [ns], −1 before the first; None where
+    that is the row's own stamp."""
     chamber_temperature: FloatArray | None = None
     """(n,) chamber air [°C]."""
     chamber_temperature_2: FloatArray | None = None
@@ -106,6 +110,8 @@ class ImuRecording:
     """Path the recording was read from; '' for one made in memory."""
     notes: tuple[str, ...] = field(default=())
     """What was dropped, repaired or inferred on the way here, one sentence each."""
+    unplaced: Mapping[str, int] = field(default_factory=dict)
+    """Topic → samples that belong to no row; more than one or two stand in the notes, too."""
 
     def __post_init__(self) -> None:
         n = len(self.stamp)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from imu_recording.recording import FloatArray, IntArray
 
 BLOCK = 1 << 18
 """Rows joined at a time."""
+EDGE = 2
+"""So few samples lost at an end are a matter of where recording stopped, worth no note."""
 STALE_S = 60.0
 """A track that ended longer before the last row is worth a note [s]."""
 
@@ -22,8 +25,19 @@ class Samples:
 
     stamp: IntArray
     """(n,) strictly increasing [ns]."""
-    values: tuple[FloatArray, ...]
+    values: tuple[FloatArray | IntArray, ...]
     """(n, k) each."""
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Joined:
+    """One topic's values on the rows."""
+
+    values: tuple[FloatArray | IntArray, ...]
+    """(rows, k) each."""
+    unplaced: int = 0
+    """Samples that found no row."""
     notes: tuple[str, ...] = ()
 
 
@@ -60,7 +74,7 @@ def _taken(stamp: IntArray, groups: list[FloatArray], order: IntArray) -> IntArr
     return stamp[order]
 
 
-def join_next(name: str, rows: IntArray, samples: Samples) -> tuple[FloatArray, tuple[str, ...]]:
+def join_next(name: str, rows: IntArray, samples: Samples) -> Joined:
     """Give each sample to the row of its stamp, else to the next row at most one period later.
 
     Where several reach one row the newest stays. Rows without a sample hold NaN; `rows` (n,) are
@@ -68,7 +82,7 @@ def join_next(name: str, rows: IntArray, samples: Samples) -> tuple[FloatArray, 
     """
     values = samples.values[0]
     if np.array_equal(rows, samples.stamp):
-        return values, ()
+        return Joined((values,))
     period = int(np.median(np.diff(rows))) if len(rows) > 1 else 0
     joined = np.full((len(rows), values.shape[1]), np.nan)
     used = 0
@@ -84,39 +98,40 @@ def join_next(name: str, rows: IntArray, samples: Samples) -> tuple[FloatArray, 
         joined[row[reached]] = values[part][reached]
         used += int(np.count_nonzero(reached))
     lost = len(samples.stamp) - used
-    notes = (f'{name}: {lost} of {len(samples.stamp)} samples found no row',) if lost else ()
-    return joined, notes
+    return Joined((joined,), lost, _lost(name, lost, len(samples.stamp)))
 
 
-def hold_newest(
-    name: str, rows: IntArray, samples: Samples, *, event: bool = False
-) -> tuple[tuple[FloatArray, ...], tuple[str, ...]]:
-    """Give each row the newest sample not later than itself, NaN before the first.
+def hold_newest(name: str, rows: IntArray, samples: Samples, *, event: bool = False) -> Joined:
+    """Give each row the newest sample not later than itself, NaN (integers: −1) before the first.
 
     `event` marks tracks that are sent on change, whose silence at the end means nothing.
     """
     if np.array_equal(rows, samples.stamp):
-        return samples.values, ()
-    held = tuple(np.empty((len(rows), values.shape[1])) for values in samples.values)
+        return Joined(samples.values)
+    held: tuple[Any, ...] = tuple(
+        np.empty((len(rows), v.shape[1]), v.dtype) for v in samples.values
+    )
     for part in _blocks(len(rows)):
         newest = np.searchsorted(samples.stamp, rows[part], side='right') - 1
         for out, values in zip(held, samples.values, strict=True):
             out[part] = values[np.maximum(newest, 0)]
-            out[part][newest < 0] = np.nan
+            out[part][newest < 0] = np.nan if out.dtype.kind == 'f' else -1
     if event:
-        return held, ()
-    notes: list[str] = []
+        return Joined(held)
     total = len(samples.stamp)
     late = total - int(np.searchsorted(samples.stamp, rows[-1], side='right'))
     early = int(np.searchsorted(rows, samples.stamp[0], side='left'))
-    if late:
-        notes.append(f'{name}: {late} of {total} samples found no row')
-    if early:
+    notes = [*_lost(name, late, total)]
+    if early > EDGE:
         notes.append(f'{name}: {early} rows lie before its first sample')
     silence = (rows[-1] - samples.stamp[-1]) * 1e-9
     if silence > _allowed(samples.stamp):
         notes.append(f'{name} ends {silence:.0f} s before the last row, its last value is held')
-    return held, tuple(notes)
+    return Joined(held, late, tuple(notes))
+
+
+def _lost(name: str, lost: int, total: int) -> tuple[str, ...]:
+    return (f'{name}: {lost} of {total} samples found no row',) if lost > EDGE else ()
 
 
 def _blocks(length: int) -> Iterator[slice]:

@@ -21,6 +21,7 @@ def content_of(result: Attribution, recording: ImuRecording) -> dict[str, Any]:
         'samples': len(result.recording),
         'against': result.against,
         'notes': list(result.recording.notes),
+        'unplaced': dict(result.recording.unplaced),
         'costs': [asdict(cost) for cost in result.costs],
         'cutoff_sweep': [asdict(cost) for cost in result.sweep],
         'effort': [asdict(effort) for effort in result.efforts],

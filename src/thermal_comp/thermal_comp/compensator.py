@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Subtract the modelled error, sample by sample as they come; `compensate` does whole recordings.
 
-Both use the newest temperature whose stamp is not later than the sample's and the same
-`sensor_error`, so that they agree wherever a stream is cut.
+Both use the newest temperature whose stamp is not later than the sample's and not older than
+`temperature_timeout`, and the same `sensor_error`, so that they agree wherever a stream is cut.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.compensate_recording import compensate
+from thermal_comp.compensate_recording import TIMEOUT_S, compensate
 from thermal_comp.conditions import CHANNELS, SENSORS, Conditions, Sensor
 from thermal_comp.effects.effect import State
 from thermal_comp.model import ThermalModel
@@ -78,7 +78,7 @@ class Condition:
 class Compensator:
     """Compensates a stream of one device; feed temperatures before samples of the same stamp."""
 
-    def __init__(self, model: ThermalModel, *, temperature_timeout: float = 10.0) -> None:
+    def __init__(self, model: ThermalModel, *, temperature_timeout: float = TIMEOUT_S) -> None:
         self.model = model
         self._plans = {s: plan_of(model.sensors[s]) for s in SENSORS if s in model.sensors}
         self._noise_of: dict[tuple[Sensor, int], FloatArray] = {}

@@ -22,6 +22,7 @@ from imu_recording.run_node import run_node
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 
 from thermal_comp.channel_topics import CHANNEL_TOPICS
+from thermal_comp.compensate_recording import TIMEOUT_S
 from thermal_comp.compensated_sample import compensated_field, compensated_imu
 from thermal_comp.compensator import Compensator
 from thermal_comp.compensator_state import restore_state, save_state
@@ -35,7 +36,7 @@ class ThermalCompConfig(NodeConfig):
 
     model: str = parameter('', 'Path of the model file; empty: pass data through')
     temperature_timeout: float = parameter(
-        10.0, 'Age from which a temperature is not used', unit='s', bounds=(0.01, 3600.0)
+        TIMEOUT_S, 'Age from which a temperature is not used', unit='s', bounds=(0.01, 3600.0)
     )
     state_file: str = parameter('', 'File that keeps the history over a restart; empty: none')
 

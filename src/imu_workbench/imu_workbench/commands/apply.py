@@ -7,7 +7,7 @@ import argparse
 from pathlib import Path
 
 from imu_recording.user_error import UserError
-from thermal_comp.compensator import compensate
+from thermal_comp.compensate_recording import TIMEOUT_S, compensate
 from thermal_comp.model_file import check_device, load_model
 
 from imu_recording import write_bag
@@ -31,10 +31,21 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '-o', '--output', metavar='DIR', type=Path, required=True, help='bag to write'
     )
+    parser.add_argument(
+        '--temperature-timeout',
+        metavar='SECONDS',
+        type=float,
+        default=TIMEOUT_S,
+        help='age from which a die temperature is not used, as of the node (%(default)g)',
+    )
 
 
 def run(options: argparse.Namespace) -> Answer:
     """Compensate and write."""
+    if not options.temperature_timeout > 0.0:
+        raise UserError(
+            f'--temperature-timeout {options.temperature_timeout:g}: expected a positive number'
+        )
     model = load_model(options.model)
     recordings = read_recordings(options)
     targets = output_paths(options.bags, options.output)
@@ -44,10 +55,15 @@ def run(options: argparse.Namespace) -> Answer:
     rows, lines = [], []
     for recording, target in zip(recordings, targets, strict=True):
         show_progress(f'writing {target} …')
-        compensated = compensate(recording, model)
+        compensated = compensate(recording, model, temperature_timeout=options.temperature_timeout)
         write_bag(compensated, target)
         notes = compensated.notes  # also of what was left out on reading
-        rows.append({'bag': recording.source, 'output': target, 'notes': notes})
+        rows.append({
+            'bag': recording.source,
+            'output': target,
+            'notes': notes,
+            'unplaced': dict(recording.unplaced),
+        })  # fmt: skip
         lines += [f'wrote {target}: {len(recording)} samples', *(f'  note: {n}' for n in notes)]
     return Answer({'schema': 1, 'model': options.model, 'bags': rows}, '\n'.join(lines))
 

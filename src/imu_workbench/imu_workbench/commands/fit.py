@@ -13,6 +13,7 @@ from thermal_comp.fit import fit_prepared
 from thermal_comp.model_file import save_model
 from thermal_comp.pooling import examine_pooling
 from thermal_comp.preparation import prepare
+from thermal_comp.unnamed_devices import unnamed_warning
 
 from imu_workbench.answer import Answer
 from imu_workbench.commands.options import add_bag_arguments, read_recordings
@@ -41,11 +42,17 @@ def run(options: argparse.Namespace) -> Answer:
     recordings = read_recordings(options)
     show_progress('fitting …')
     runs = prepare(recordings)
+    warning = unnamed_warning(runs)
     model = fit_prepared([BiasTemperature()], runs, pooled=options.pooled)
     save_model(model, options.output)
     comparison = compare_prepared(model, runs)
-    content: dict[str, Any] = comparison.content() | {'model': str(options.output)}
-    text = [comparison_text(content), *(f'note: {note}' for note in model.provenance.notes)]
+    content: dict[str, Any] = comparison.content() | {
+        'model': str(options.output),
+        'warnings': [warning] if warning else [],
+        'unplaced': {r.source: dict(r.unplaced) for r in recordings if r.unplaced},
+    }
+    text = [f'warning: {warning}', ''] if warning else []
+    text += [comparison_text(content), *(f'note: {note}' for note in model.provenance.notes)]
     if options.pooled and len({run.device for run in runs}) > 1:
         show_progress('testing whether the devices may share a model …')
         tests = examine_pooling(recordings)[1]
