@@ -24,7 +24,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from imu_workbench.web.live_state import LiveState, Status
 from imu_workbench.web.live_topics import DIAGNOSTICS, ROLES, Topic, assign
 
-SORT_S = 0.1
+SORT_S = 0.05
 """How often what arrived is sorted in [s]."""
 LOOK_S = 1.0
 """How often the graph is looked at [s]."""

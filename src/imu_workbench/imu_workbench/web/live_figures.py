@@ -22,7 +22,7 @@ from imu_workbench.web.live_view import (
     static_line,
 )
 
-POINTS = 360
+POINTS = 240
 """Points of a line on the screen, every extreme among them."""
 TEMPERATURE_LOOK = {
     'temperature': ('die', '@die'),

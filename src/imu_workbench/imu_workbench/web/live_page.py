@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import subprocess
 import sys
@@ -35,11 +36,14 @@ from imu_workbench.web.live_text import (
     values_table,
 )
 from imu_workbench.web.live_topics import ROLES, choices, concerns, namespaces
-from imu_workbench.web.live_view import attitude, newest, zero_second
+from imu_workbench.web.live_track import SECOND
+from imu_workbench.web.live_view import FULL_RATE_S, attitude, newest, zero_second
 
-PERIOD_S = 0.2
+PERIOD_S = 0.05
 """How often the page is brought up to date where the browser keeps up [s]."""
-DRAWN = 'return new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))'
+REST = 0.15
+"""How long the browser is left alone after it has drawn, in the time that took."""
+DRAWN = 'return new Promise(done => requestAnimationFrame(() => setTimeout(done)))'
 PATIENCE_S = 5.0
 """How long the browser may take to draw [s]."""
 WINDOWS = {20.0: '20 s', 120.0: '2 min', 900.0: '15 min', 3600.0: '1 h', 43_200.0: '12 h'}
@@ -67,7 +71,7 @@ class LivePage:
         self._watch: Any = None
         self._zero = 0
         self._drawn: tuple[Any, ...] = ()
-        self._rest = 0.0
+        self._plotted: dict[str, Any] = {}
         self._seen: dict[str, Any] = {}
         with ui.column().classes('w-full gap-3 live'):
             self._message = ui.label('Starting to listen …').classes('live-message')
@@ -134,7 +138,7 @@ class LivePage:
         if self._listener is not None and self._device.value is not None:
             chosen = {name: pick.value for name, pick in self._picks.items() if pick.value}
             self._watch = self._listener.watch(self._device.value, chosen)
-            self._zero, self._drawn = 0, ()
+            self._zero, self._drawn, self._plotted = 0, (), {}
 
     def _take_zero(self) -> None:
         if self._watch is not None:
@@ -149,7 +153,7 @@ class LivePage:
 
         A slow or hidden browser is sent less, never more than it can show.
         """
-        if not self.active or time.monotonic() < self._rest:
+        if not self.active:
             return
         began = time.monotonic()
         if not self._update():
@@ -157,9 +161,8 @@ class LivePage:
         try:
             await ui.run_javascript(DRAWN, timeout=PATIENCE_S)
         except TimeoutError:  # the tab is in the background or gone
-            self._drawn = ()
-        now = time.monotonic()
-        self._rest = now + (now - began)
+            self._drawn, self._plotted = (), {}
+        await asyncio.sleep(REST * (time.monotonic() - began))
 
     def _update(self) -> bool:
         """Return whether there was anything new to draw."""
@@ -205,17 +208,20 @@ class LivePage:
 
     def _draw(self) -> None:
         state, sensor, window = self._watch.state, self._sensor.value, self._window.value
+        figures = []
         with state.lock:
             self._tiles.content = _tiles(surroundings(state))
             self._values.content = values_table(state, self._zero)
             self._attitude.content = attitude_table(state)
             self._topics.content = topics_table(state, self._watch.topics)
-            figures = [
-                (self._measured, measured_figure(state, sensor, window)),
-                (self._residual, residual_figure(state, sensor, window, self._zero)),
-                (self._temperature, temperature_figure(state, window)),
-                (self._euler, euler_figure(state, window)),
-            ]
+            if self._is_new('samples', 1 if window <= FULL_RATE_S else SECOND):
+                figures = [
+                    (self._measured, measured_figure(state, sensor, window)),
+                    (self._residual, residual_figure(state, sensor, window, self._zero)),
+                    (self._euler, euler_figure(state, window)),
+                ]
+            if self._is_new('seconds', SECOND):
+                figures.append((self._temperature, temperature_figure(state, window)))
             boards = [(name, attitude(state, name)) for name in FILTERS]
         theme = 'dark' if self._dark() else 'light'
         self._boards.content = ''.join(
@@ -223,6 +229,13 @@ class LivePage:
         )
         for plot, figure in figures:
             plot.update_figure(painted(figure, theme))
+
+    def _is_new(self, figures: str, step: int) -> bool:
+        """Tell whether what was drawn of so many figures is older than `step` [ns], or another."""
+        newest_sample, *choices = self._drawn
+        shown = (newest_sample // step, *choices)
+        before, self._plotted[figures] = self._plotted.get(figures), shown
+        return shown != before
 
     def _show_nodes(self, found: list[str]) -> None:
         """Show the statuses that concern the device; one that is open stays open."""
