@@ -20,6 +20,7 @@ from thermal_comp.fit_solution import solve
 from thermal_comp.gaussianity import DwellModes, Gaussianity, dwell_modes, gaussianity
 from thermal_comp.model import ModelError, NoiseModel, SensorModel, ThermalModel
 from thermal_comp.model_file import check_device
+from thermal_comp.noise_of_model import noise_of_model
 from thermal_comp.noise_of_runs import noise_of_runs
 from thermal_comp.preparation import PERIOD, Truth, prepare
 from thermal_comp.prepared_run import PreparedRun
@@ -39,7 +40,7 @@ class SensorComparison:
     held_out_rms: FloatArray
     """On parts the fit of the same effects has not seen, about the level of the rest."""
     noise_floor: FloatArray
-    """What the noise model leads to expect of `held_out_rms`."""
+    """What the noise that was fitted beside the model leads to expect of `held_out_rms`."""
     r_squared: FloatArray
     """Share of the measured variance the model explains."""
     where: tuple[Where, ...]
@@ -139,6 +140,7 @@ def compare_prepared(
     known = {
         s: noise[s] if noise and s in noise else _noise(model, s, runs, seen) for s in sensors
     }
+    known = {s: noise_of_model(runs, s, listed[s], known[s]) for s in sensors}
     compared: dict[Sensor, SensorComparison] = {}
     for group in sensor_groups(listed):
         held = hold_out(runs, {s: listed[s] for s in group}, known)
@@ -177,8 +179,10 @@ def _present(
 def _noise(
     model: ThermalModel, sensor: Sensor, runs: Sequence[PreparedRun], seen: bool
 ) -> NoiseModel:
-    stored = model.sensors[sensor].noise
-    return stored if seen and stored is not None else noise_of_runs(runs, sensor)[0]
+    part = model.sensors[sensor]
+    if seen and part.noise is not None:
+        return part.noise
+    return noise_of_runs(runs, sensor, part.effects)[0]
 
 
 def _residuals(

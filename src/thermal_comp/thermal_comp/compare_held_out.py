@@ -20,6 +20,10 @@ from thermal_comp.noise_process import mean_autocovariance, toeplitz_product
 from thermal_comp.prepared_run import PreparedRun
 from thermal_comp.whitening import apply_transposed
 
+SEEN = 0.02
+"""Share of a column's power below which the rest does not tell its coefficient: a block that
+straddles two cycles shows a little of both."""
+
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
@@ -39,8 +43,10 @@ class HeldOut:
     def floor(self, sensor: Sensor) -> FloatArray:
         """(3,) held-out rms per axis that the noise alone leads to expect.
 
-        It counts the noise of a block and what it does to the level and a line in temperature,
-        whatever the model: further coefficients have to pay for themselves.
+        It counts the noise of a block and what it does to the levels and a line in temperature,
+        whatever the model: further coefficients have to pay for themselves. Levels are those of
+        the runs and, where the model has them, of parts of runs. With the noise of
+        `noise_of_model` it is that of these very runs, slow noise included.
         """
         return np.sqrt(_mean([v for (_, s), v in self.variances.items() if s == sensor]))
 
@@ -63,11 +69,10 @@ def hold_out(
             design, rows=[run.fold != part for run in runs], white={}, gains={}, taken={}
         )
         solution = solve(training.equations())
-        line = replace(training, effects=dict.fromkeys(design.sensors, (BiasTemperature(),)))
+        line = replace(training, effects={s: _levels_and_line(effects[s]) for s in effects})
         line_solution = solve(line.equations())
-        unseen = [
-            j for j, others in solution.held.items() if not others and j not in everywhere.held
-        ]
+        seen = _power(training) / np.maximum(_power(design), 1e-300)
+        unseen = [j for j in np.flatnonzero(seen < SEEN).tolist() if j not in everywhere.held]
         relearned |= {training.describe(j).partition(' ')[0].partition('[')[0] for j in unseen}
         for run in range(len(runs)):
             for sensor in design.sensors:
@@ -83,6 +88,21 @@ def hold_out(
                     )
                 errors[run, sensor][rows] = error
     return HeldOut(errors, variances, tuple(sorted(relearned)))
+
+
+def _levels_and_line(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    return (BiasTemperature(), *(e for e in effects if e.per_run))
+
+
+def _power(design: Design) -> FloatArray:
+    """Return the sum of squares of every unknown's column over the blocks that take part."""
+    power = np.zeros(design.size)
+    for run in range(len(design.runs)):
+        for sensor in design.sensors:
+            for axis in range(3):
+                index, columns = design.raw_columns(run, sensor, axis)
+                power[index] += (columns[design.valid(run, sensor)] ** 2).sum(axis=0)
+    return power
 
 
 def _empty(design: Design) -> dict[tuple[int, Sensor], FloatArray]:
