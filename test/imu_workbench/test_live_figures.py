@@ -65,7 +65,7 @@ def test_every_axis_has_a_unit_and_few_points(state: LiveState, window_s: float)
 
 def test_a_spike_survives_the_screen(state: LiveState) -> None:
     figure = figures.measured_figure(state, 'gyroscope', 20.0)
-    spiked = next(t for t in figure['data'] if t['name'] == 'x compensated')
+    spiked = next(t for t in figure['data'] if t['name'] == 'x')
     assert max(spiked['y']) == pytest.approx(math.degrees(SPIKE + RATE[0]), rel=1e-3)
 
 

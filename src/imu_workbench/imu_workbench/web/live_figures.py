@@ -26,8 +26,8 @@ POINTS = 240
 """Points of a line on the screen, every extreme among them."""
 TEMPERATURE_LOOK = {
     'temperature': ('die', '@die'),
-    'device': ('on the device', '@device'),
-    'air': ('chamber air', '@air'),
+    'device': ('device', '@device'),
+    'air': ('air', '@air'),
     'setpoint': ('set-point', '@setpoint'),
 }
 FILTER_LOOK = {'complementary': '@d0', 'ahrs': '@d1'}
@@ -45,7 +45,7 @@ def measured_figure(state: LiveState, sensor: str, window_s: float) -> dict[str,
         lines = line(state, track, window_s, tracks.columns)
         for place, axis in enumerate(AXES):
             colour = '@raw' if name == 'raw' else f'@{axis}'
-            label = name if name == 'raw' else f'{axis} compensated'
+            label = name if name == 'raw' else axis
             show = name != 'raw' or not place
             values = unit.of(lines.values[:, place])
             data.append(_trace(lines.time, values, label, colour, place, window_s, show=show))
@@ -65,7 +65,7 @@ def residual_figure(state: LiveState, sensor: str, window_s: float, zero: int) -
         for panel, lines in enumerate((taken, left))
         for i, axis in enumerate(AXES)
     ]  # fmt: skip
-    titles = [f'raw − compensated [{unit.unit}]', f'static residual [{unit.unit}]']
+    titles = [f'raw − comp. [{unit.unit}]', f'static residual [{unit.unit}]']
     return _figure(data, titles, window_s)
 
 
@@ -143,9 +143,10 @@ def _figure(
     soft = {'color': '@soft', 'size': 11}
     layout: dict[str, Any] = {
         'paper_bgcolor': '@panel', 'plot_bgcolor': '@panel',
-        'font': {'color': '@text', 'size': 12},
-        'margin': {'l': 66, 'r': 10, 't': 26, 'b': 36}, 'uirevision': f'{titles}{window_s}',
-        'legend': {'orientation': 'h', 'x': 0, 'y': 1, 'yanchor': 'bottom', 'font': {'size': 11}},
+        'font': {'color': '@text', 'size': 12, 'family': 'system-ui, sans-serif'},
+        'margin': {'l': 66, 'r': 10, 't': 30, 'b': 40}, 'uirevision': f'{titles}{window_s}',
+        'legend': {'orientation': 'h', 'x': 0, 'y': 1, 'yanchor': 'bottom',
+                   'font': {'size': 11.5}, 'itemwidth': 30},
         'xaxis': {
             'title': {'text': f'time before now [{unit}]', 'font': soft, 'standoff': 4},
             'range': [-_shown_s(data, window_s, seconds), 0], 'gridcolor': '@grid',

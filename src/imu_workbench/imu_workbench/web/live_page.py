@@ -105,7 +105,8 @@ class LivePage:
             self._window.props('dense outlined')
             self._hold = ui.switch('hold')
             self._hold.tooltip('Stop the display; listening goes on')
-            ui.button('Take zero', on_click=self._take_zero).props('outline no-caps')
+            zero = ui.button('Take zero', on_click=self._take_zero).props('outline no-caps')
+            zero.tooltip('Count the static residual from now on')
 
     def _build(self) -> None:
         self._tiles = ui.html('', sanitize=False).classes('live-tiles')
@@ -258,15 +259,16 @@ class LivePage:
 
 
 def _card(title: str) -> Any:
-    card = ui.card().classes('live-card')
+    card = ui.element('section').classes('card live-card')
     with card:
-        ui.label(title).classes('live-title')
+        ui.html(f'<h2>{title}</h2>', sanitize=False)
     return card
 
 
 def _plot(title: str, size: str) -> Any:
     with _card(title):
-        return ui.plotly({'data': [], 'layout': {}}).classes(f'w-full {size}')
+        plot = ui.plotly({'data': [], 'layout': {}}).classes(f'w-full {size}')
+        return plot.props(f'role=img aria-label="{title} over time"')
 
 
 def _tiles(pairs: list[tuple[str, str]]) -> str:

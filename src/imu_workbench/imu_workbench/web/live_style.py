@@ -5,9 +5,10 @@ STYLE = """
 .live-grid { display: grid; gap: 12px; width: 100%;
   grid-template-columns: repeat(auto-fit, minmax(min(100%, 380px), 1fr)); }
 .live-body { width: 100%; display: grid; gap: 12px; }
-.live-card { padding: 10px 12px; gap: 4px; min-width: 0; }
-.live-title { font-weight: 600; }
-.live-tall { height: 310px; }
+.live-tall { height: 330px; }
+.live-table caption { display: none; }
+.live-topics td:last-child { text-align: left; white-space: normal; overflow-wrap: anywhere; }
+.live-topics th:last-child { text-align: left; }
 .live-wide { grid-column: span 2; }
 @media (max-width: 840px) { .live-wide { grid-column: auto; } }
 .live-boards { display: grid; grid-template-columns: 1fr 1fr; width: 100%; }

@@ -35,6 +35,7 @@ PHASES = {
     'ramp_up': 'ramp up', 'dwell_hot': 'hot dwell', 'dwell_reference': 'dwell at ambient',
     'final': 'final measurement', 'operator': 'waits for the operator',
 }  # fmt: skip
+ROLE_NAMES = {'ahrs': 'AHRS', 'setpoint': 'set-point', 'device': 'on the device'}
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str) -> str:
@@ -119,8 +120,9 @@ def topics_table(state: LiveState, topics: dict[str, str]) -> str:
         heard = f'{fixed(rate, 1)} Hz' if rate else '–'
         if topics.get(name) and silence > SILENT_S:
             heard = f'silent for {duration(silence)}' if math.isfinite(silence) else 'nothing yet'
-        rows.append([name.replace('_', ' '), heard, topic])
-    return table(('role', 'heard', 'topic'), rows, '')
+        rows.append([ROLE_NAMES.get(name, name.replace('_', ' ')), heard, topic])
+    found = table(('role', 'heard', 'topic'), rows, '')
+    return f'<div class="live-topics">{found}</div>'
 
 
 def silent_roles(state: LiveState, topics: dict[str, str]) -> list[str]:
