@@ -152,18 +152,20 @@ def drift(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator
 
 
 def creep(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
-    """Adhesive creeps: relaxation times spread evenly in logarithm from t₀ to months."""
-    start = log_uniform(generator, 300.0, 1500.0)
-    times = start * np.logspace(0.0, 4.0, 33)
+    """Adhesive creeps: relaxation times spread evenly in logarithm, to months, few below t₀.
+
+    ln(1 + t/t₀) = ∫ (1 − e^(−t/τ)) e^(−t₀/τ) d ln τ; 33 processes are within 0.4 % of it.
+    """
+    start = 0.5 * log_uniform(generator, 300.0, 1500.0)
+    times = start * np.geomspace(0.1, 2e4, 33)
     gains = axis_gains(generator)
     waves = []
     for run in runs:
         crept = np.zeros(len(run.environment.time))
         for time in times:
-            crept -= np.expm1(-run.environment.time / time)
+            crept -= np.exp(-start / time) * np.expm1(-run.environment.time / time)
         waves.append(along_axes(crept, gains))
-    # Ein(t/start), the limit of many processes, is within 2 % of ln(1 + t/(0.5·start)).
-    return in_sensor(sensor, waves, time_constant=0.5 * start)
+    return in_sensor(sensor, waves, time_constant=start)
 
 
 def random_walk(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
