@@ -12,7 +12,7 @@ pytestmark = pytest.mark.end_to_end
 
 
 def test_a_run_over_tcp_ends_done_and_a_finished_one_is_refused(laboratory) -> None:
-    lab = laboratory()
+    lab = laboratory(time_scale=150)
     node = lab.node()
     assert lab.finish(node) == 0
     assert_complete(lab.journal())
@@ -66,13 +66,13 @@ def test_a_second_interrupt_stops_at_once(laboratory) -> None:
 @pytest.mark.parametrize(
     ('fault', 'code', 'words'),
     [
-        ('alarms@4', 1, 'alarm 4'),
-        ('operator_stop@4', 1, 'panel'),
-        ('disconnect@4', 0, ''),
+        ('alarms@2', 1, 'alarm 4'),
+        ('operator_stop@2', 1, 'panel'),
+        ('disconnect@2', 0, ''),
     ],
 )
 def test_faults_end_in_safety_or_recovery(laboratory, fault: str, code: int, words: str) -> None:
-    lab = laboratory(time_scale=40, faults=(fault,))
+    lab = laboratory(time_scale=80, faults=(fault,))
     node = lab.node()
     assert lab.finish(node) == code
     last = lab.journal()[-1]

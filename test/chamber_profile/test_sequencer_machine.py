@@ -113,8 +113,8 @@ class Runs(RuleBasedStateMachine):
             if not self.sequencer.refusal(name):
                 self.order(name)
         goal = self.sequencer.progress.step + steps
-        for _ in range(3000):
-            self.tick(5.0)
+        for _ in range(1250):
+            self.tick(12.0)
             over = self.sequencer.progress.mode in FINISHED
             if over or self.sequencer.progress.step >= goal or self.sequencer.prompt:
                 return
@@ -245,7 +245,8 @@ class Runs(RuleBasedStateMachine):
         )  # fmt: skip
         if self.link != 'ok':
             readings = Readings(time=self.time, link=self.link)
-        readings = replace(readings, **self.world)
+        if self.world:
+            readings = replace(readings, **self.world)
         before, command = self.sequencer.progress, self.ordered
         actions = self.sequencer.tick(readings)
         self.ordered = ''
@@ -280,8 +281,8 @@ class Runs(RuleBasedStateMachine):
         self.link, self.obeys, self.world = 'ok', True, {}
         if self.sequencer.in_charge:
             self.order('abort')
-            for _ in range(20_000):
-                self.tick(1.0)
+            for count in range(20_000):
+                self.tick(1.0 if count < 60 else 5.0)
                 if not self.sequencer.in_charge:
                     break
         progress = self.sequencer.progress

@@ -2,6 +2,8 @@
 """The layer rules: imports go downwards, peers stay apart, libraries stay at their edge."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -58,6 +60,13 @@ def test_imports_go_only_downwards(path: Path) -> None:
     for library in EDGES:
         assert library not in names or may_import(library, path), library
     assert not names & {'launch', 'launch_ros'}
+
+
+def test_nodes_that_compute_nothing_start_without_compiler_and_bag_library() -> None:
+    nodes = 'chamber_profile.node, chamber_profile.reference_logger_node, imu_driver.node'
+    code = f'import sys, {nodes}; print(*{{"numba", "rosbags", "scipy"}} & sys.modules.keys())'
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
 
 
 def test_there_is_something_to_check() -> None:

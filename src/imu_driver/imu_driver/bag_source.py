@@ -16,6 +16,7 @@ from urllib.parse import parse_qsl, urlsplit
 import numpy as np
 from imu_recording.recording import ImuRecording
 from imu_recording.user_error import UserError
+from numpy.typing import NDArray
 
 from imu_driver.sample import Sample
 from imu_recording import read_bag
@@ -31,22 +32,33 @@ def recorded_samples(recording: ImuRecording) -> Iterator[Sample]:
     angular_velocity = recording.angular_velocity.tolist()
     linear_acceleration = recording.linear_acceleration.tolist()
     magnetic_field = recording.magnetic_field.tolist()
-    held, published_at = float('nan'), 0
+    is_new = _new_temperatures(recording)
     for row, (stamp, temperature) in enumerate(
         zip(stamps, recording.temperature.tolist(), strict=True)
     ):
-        is_new = temperature != held or stamp - published_at >= TEMPERATURE_EVERY
-        if is_new and np.isfinite(temperature):
-            held, published_at = temperature, stamp
-        else:
-            is_new = False
         yield Sample(
             stamp,
             tuple(angular_velocity[row]),
             tuple(linear_acceleration[row]),
             tuple(magnetic_field[row]) if has_field[row] else None,
-            temperature if is_new else None,
+            temperature if is_new[row] else None,
         )
+
+
+def _new_temperatures(recording: ImuRecording) -> NDArray[np.bool_]:
+    """Return the rows (n,) whose temperature is a sample of its own; a silence stays one."""
+    temperature, measured = recording.temperature, recording.temperature_stamp
+    is_new = np.zeros(len(recording), bool)
+    if measured is not None:
+        is_new[:] = np.diff(measured, prepend=-1) != 0
+        return is_new & np.isfinite(temperature)
+    held, published_at = float('nan'), 0
+    for row in np.flatnonzero(np.isfinite(temperature)).tolist():
+        stamp = int(recording.stamp[row])
+        if temperature[row] != held or stamp - published_at >= TEMPERATURE_EVERY:
+            held, published_at = float(temperature[row]), stamp
+            is_new[row] = True
+    return is_new
 
 
 class BagReader:

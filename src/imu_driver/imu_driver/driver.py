@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from imu_driver.bag_source import BagReader
 from imu_driver.device_reader import DeviceReader
 from imu_driver.diagnosis import Diagnosis
 from imu_driver.driver_config import DriverParameters, session_config
@@ -44,6 +43,8 @@ class ImuDriver:
         self.queue = SampleQueue(self._publish_batch)
         self._reader: Reader
         if parameters.transport.startswith('bag:'):
+            from imu_driver.bag_source import BagReader  # only now: it brings the bag reader
+
             self._reader = BagReader(
                 parameters.transport, deliver=self.queue.put_when_room, report=report
             )

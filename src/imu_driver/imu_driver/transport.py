@@ -19,8 +19,6 @@ import serial
 from imu_recording.port_error import why_not_open
 from imu_recording.user_error import UserError
 
-from imu_driver.transport_simulated import SimulatedTransport
-
 TIMEOUT: Final = 0.05
 """[s] A read returns at the latest after this, with nothing if nothing came."""
 CONNECT_WITHIN: Final = 1.0
@@ -119,6 +117,8 @@ def transport_opener(url: str, baudrate: int, rate: float = 0.0) -> Callable[[],
         if host and port:
             return lambda: TcpTransport(host, port)
     if parts.scheme == 'simulated' and parts.netloc:
+        from imu_driver.transport_simulated import SimulatedTransport  # only now: slow to import
+
         transport = SimulatedTransport.from_url(url, rate)
         return lambda: transport
     raise TransportError(

@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The columnar IMU recording, bag input and output, message conversion and the recorder node."""
+"""The columnar IMU recording, bag input and output, message conversion and the recorder node.
 
-from imu_recording.bag_error import BagError
-from imu_recording.bag_reader import bag_namespaces, read_bag
-from imu_recording.bag_writer import write_bag
-from imu_recording.recording import ImuRecording, RecordingError
+What reads and writes bags is imported at its first use: a node that does neither starts sooner.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from imu_recording.bag_error import BagError
+    from imu_recording.bag_reader import bag_namespaces, read_bag
+    from imu_recording.bag_writer import write_bag
+    from imu_recording.recording import ImuRecording, RecordingError
 
 __all__ = [
     'BagError',
@@ -14,3 +21,17 @@ __all__ = [
     'read_bag',
     'write_bag',
 ]
+_HOMES = {
+    'BagError': 'bag_error',
+    'ImuRecording': 'recording',
+    'RecordingError': 'recording',
+    'bag_namespaces': 'bag_reader',
+    'read_bag': 'bag_reader',
+    'write_bag': 'bag_writer',
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)

@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from imu_recording import mcap_scan, sqlite_scan
+from imu_recording import mcap_records, sqlite_scan
 from imu_recording.bag_error import BagError
 from imu_recording.decompress import ZSTD_MAGIC
 
@@ -130,7 +130,7 @@ def _identified(file: Path, *, per_message: bool) -> BagFile:
         storage = 'sqlite3' if '.db3' in file.name else 'mcap'
         return BagFile(file, storage, file_compressed=True)
     for magic, storage in (
-        (mcap_scan.MAGIC, 'mcap'),
+        (mcap_records.MAGIC, 'mcap'),
         (sqlite_scan.MAGIC, 'sqlite3'),
         (ROS1_MAGIC, 'ros1'),
     ):

@@ -18,10 +18,9 @@ import numpy as np
 from imu_recording.bag_error import BagError
 from imu_recording.cdr_decode import RECORD_END, RECORD_FULL, RECORD_OTHER, find_messages
 from imu_recording.decompress import decompress_chunk
+from imu_recording.mcap_records import CHANNEL, CHUNK, DATA_END, MAGIC, MESSAGE, METADATA, SCHEMA
 from imu_recording.topic_columns import MessageBlock, empty_block
 
-MAGIC = b'\x89MCAP0\r\n'
-SCHEMA, CHANNEL, MESSAGE, CHUNK, METADATA, DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0C, 0x0F
 BLOCK = 1 << 22
 """Messages that stand outside chunks are read in blocks of this many bytes."""
 LARGEST = 1 << 32

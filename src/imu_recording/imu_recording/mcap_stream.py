@@ -13,18 +13,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from imu_recording.decompress import compress_chunk
-from imu_recording.mcap_scan import (
+from imu_recording.mcap_records import (
     CHANNEL,
     CHUNK,
+    CHUNK_INDEX,
     DATA_END,
+    FOOTER,
+    HEADER,
     MAGIC,
     MESSAGE,
+    MESSAGE_INDEX,
     METADATA,
+    METADATA_INDEX,
     SCHEMA,
+    STATISTICS,
+    SUMMARY_OFFSET,
 )
 
-HEADER, FOOTER, MESSAGE_INDEX, CHUNK_INDEX = 0x01, 0x02, 0x07, 0x08
-STATISTICS, METADATA_INDEX, SUMMARY_OFFSET = 0x0B, 0x0D, 0x0E
 LIBRARY = 'imu_recording'
 FOREVER = 2**63 - 1
 _MESSAGE = struct.Struct('<BQHIQQ')

@@ -6,9 +6,9 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-from imu_recording.mcap_scan import CHANNEL, MAGIC, SCHEMA, Channel, McapScan
+from imu_recording.mcap_records import CHANNEL, MAGIC, SCHEMA, STATISTICS
+from imu_recording.mcap_scan import Channel, McapScan
 
-STATISTICS = 0x0B
 LARGEST_SUMMARY = 256 << 20
 """A summary that claims to be larger is damage [bytes]."""
 _FOOTER = struct.Struct('<BQQQI8s')

@@ -5,12 +5,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from imu_recording.bag_error import BagError
-from imu_recording.mcap_scan import Channel, McapScan
-from imu_recording.topic_columns import MessageBlock
+
+if TYPE_CHECKING:
+    from imu_recording.mcap_scan import Channel
+    from imu_recording.topic_columns import MessageBlock
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,8 @@ class RecordedFile:
 
 def inspect_file(path: Path) -> tuple[RecordedFile, dict[str, str]]:
     """Return what an mcap file holds, closed or not, and its message types by topic."""
+    from imu_recording.mcap_scan import McapScan  # only here: it brings compiled kernels
+
     topics: dict[str, str] = {}
     counts: list[int] = []
     span: list[int] = []

@@ -14,7 +14,6 @@ from chamber_profile.chambers.chamber import Chamber
 from chamber_profile.chambers.espec import EspecChamber
 from chamber_profile.chambers.line import TIMEOUT_S, Line
 from chamber_profile.chambers.modbus_line import ModbusLine, PymodbusLine
-from chamber_profile.chambers.simulated_chamber import SimulatedChamber
 from chamber_profile.chambers.votsch import Ascii2Chamber, Layout, SimservChamber
 from chamber_profile.chambers.watlow_f4 import RTU_PAUSE_S, WatlowF4Chamber
 
@@ -76,6 +75,8 @@ def open_chamber(address: str) -> Chamber:
     head, _, rest = address.partition('://')
     query = dict(parse_qsl(address.partition('?')[2], keep_blank_values=True))
     if head.partition('?')[0] == 'simulated':
+        from chamber_profile.chambers.simulated_chamber import SimulatedChamber  # and numba
+
         return SimulatedChamber(seed=_whole(address, query, 'seed', 0))
     protocol, _, transport = head.partition('+')
     known = known_chambers()
