@@ -69,7 +69,9 @@ def test_what_is_stuck_has_no_spikes_at_its_edges() -> None:
     assert [(f.name, f.sensor) for f in found] == [('stuck_value', 'gyroscope')]
 
 
-@pytest.mark.parametrize(('period', 'time_constant'), [(5.0, 8.0), (5.0, 60.0), (20.0, 60.0)])
+@pytest.mark.parametrize(
+    ('period', 'time_constant'), [(5.0, 8.0), (5.0, 60.0), (20.0, 60.0), (20.0, 250.0)]
+)
 def test_a_start_up_is_found_in_slow_rows_too(period: float, time_constant: float) -> None:
     recording = run(seed=3, period=period, cycles=2)
     fill = 1.0 - 0.5 * np.exp(-recording.time / time_constant)[:, None]

@@ -7,8 +7,12 @@ import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording
 from numpy.typing import NDArray
 
+from thermal_comp.startup_decay import decay_of
+
 WINDOWS_S = (600.0, 2400.0, 9600.0)
 """The settled level is that of the second half of the first of these [s] that is long enough."""
+SOON_S = 600.0
+"""What is not over within a window this long [s] may be an exponential, told by its form."""
 TRIGGER = 0.02
 """Common deviation from the settled level above which the first samples are a start-up."""
 FIRST = 0.1
@@ -53,6 +57,8 @@ def startup_rows(recording: ImuRecording) -> tuple[int, float]:
         common, noise, first = _common_factor(window)
         if not first:
             return 0, 1.0
+        if seconds > SOON_S and (slow := _slow_rows(recording)) is not None:
+            return slow
         off = np.abs(common - 1.0)
         # Temperature moves the settled channels too; a start-up is over within what it does.
         drift = float(np.quantile(off[len(off) // 2 :], 0.95))
@@ -71,15 +77,32 @@ def startup_rows(recording: ImuRecording) -> tuple[int, float]:
     return (rows, float(common[0])) if rows < len(recording) / 2 else (0, 1.0)
 
 
+def _slow_rows(recording: ImuRecording) -> tuple[int, float] | None:
+    """Return how many first rows a common exponential takes that is over before the middle."""
+    soon, late = np.searchsorted(recording.time, WINDOWS_S[-2:])
+    values = _channels(recording.rows(slice(0, int(late))))
+    decay = decay_of(recording.time[:late], values[:, _large_ratios(values[:soon])[1]])
+    if decay is None:
+        return None
+    share, constant = decay
+    rows = int(np.searchsorted(recording.time, constant * float(np.log(share / REMAINDER))))
+    return (rows, 1.0 - share) if rows < len(recording) / 2 else None
+
+
+def _channels(window: ImuRecording) -> FloatArray:
+    """(n, 9) all channels, values that are not finite replaced by the newest that is."""
+    values = np.hstack(
+        [window.linear_acceleration, window.angular_velocity, window.magnetic_field]
+    )
+    return _held(values)
+
+
 def _common_factor(window: ImuRecording) -> tuple[FloatArray, float, int]:
     """Return the large channels' common factor (n,), its noise, and its first rows off one.
 
     The rows count while the channels agree, and not at all where the factor starts near one.
     """
-    values = np.hstack(
-        [window.linear_acceleration, window.angular_velocity, window.magnetic_field]
-    )
-    if len(values) < 10 or (ratio := _large_ratios(values)).shape[1] < 2:
+    if len(window) < 10 or (ratio := _large_ratios(_channels(window))[0]).shape[1] < 2:
         return np.ones(1), 0.0, 0
     common: FloatArray = np.median(ratio, axis=1)
     noise = 1.4826 * float(np.median(np.abs(np.diff(common)))) / np.sqrt(2.0)
@@ -90,14 +113,13 @@ def _common_factor(window: ImuRecording) -> tuple[FloatArray, float, int]:
     return common, noise, first if off[0] >= FIRST else 0
 
 
-def _large_ratios(values: FloatArray) -> FloatArray:
-    """Return the columns that stand far above their noise, divided by their settled level."""
-    values = _held(values[:, np.isfinite(values).any(axis=0)])
+def _large_ratios(values: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the columns that stand far above their noise, over their settled level; and which."""
     level = np.median(values[len(values) // 2 :], axis=0)
     spread = 1.4826 * np.median(np.abs(np.diff(values, axis=0)), axis=0) / np.sqrt(2.0)
     large = np.abs(level) > np.maximum(LARGE * spread, 1e-300)
     ratios: FloatArray = values[:, large] / level[large]
-    return ratios
+    return ratios, large
 
 
 def _held(values: FloatArray) -> FloatArray:
