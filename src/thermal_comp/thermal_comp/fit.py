@@ -12,6 +12,7 @@ from imu_recording.recording import FloatArray, ImuRecording
 
 from thermal_comp.conditions import Sensor
 from thermal_comp.fit_design import Design, Term
+from thermal_comp.fit_directions import ShapeDirection, grain, solve_with_shapes
 from thermal_comp.fit_inputs import (
     Effects,
     check_temperature,
@@ -20,12 +21,7 @@ from thermal_comp.fit_inputs import (
     sensor_groups,
     usable_sensors,
 )
-from thermal_comp.fit_shapes import (
-    ShapeDirection,
-    bound_notes,
-    refine_shapes,
-    with_shape_directions,
-)
+from thermal_comp.fit_shapes import bound_notes, refine_shapes
 from thermal_comp.fit_solution import Solution, solve
 from thermal_comp.model import NoiseModel, Provenance, SensorModel, ThermalModel
 from thermal_comp.noise_of_runs import noise_beside, noise_of_runs
@@ -166,7 +162,8 @@ class FittedGroup:
             if isinstance(term.effect, ShapeDirection):
                 variance = self.shape_solution.covariance[term.start, term.start]
                 name = f'{term.effect.of.partition("@")[0]}.{term.effect.parameter}'
-                std = float(np.sqrt(variance * self._misfit()))
+                row = grain(self.design, term.effect)
+                std = float(np.sqrt(variance * self._misfit() + row**2))
                 found[name] = (*found.get(name, ()), std)
         return found
 
@@ -174,10 +171,11 @@ class FittedGroup:
 def fitted_group(design: Design) -> FittedGroup:
     """Return the solution of a design whose shape parameters stand."""
     solution = solve(design.equations())
-    with_shapes = with_shape_directions(design, solution.estimate[:, 0])
-    shaped = len(with_shapes.terms) > len(design.terms)
-    shape_solution = solve(with_shapes.equations()) if shaped else solution
-    return FittedGroup(design, solution, with_shapes, shape_solution, held_notes(design, solution))
+    notes = held_notes(design, solution)
+    if not any(term.effect.shape_parameters for term in design.terms):
+        return FittedGroup(design, solution, design, solution, notes)
+    with_shapes, shape_solution = solve_with_shapes(design, solution.estimate[:, 0])
+    return FittedGroup(design, solution, with_shapes, shape_solution, notes)
 
 
 def held_notes(design: Design, solution: Solution) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -30,6 +30,7 @@ class ShapeScale:
     low: float
     high: float
     logarithmic: bool
+    unit: str
 
     def forward(self, value: float) -> float:
         """Return the value on the search scale."""
@@ -47,17 +48,6 @@ class ShapeScale:
         return np.linspace(self.forward(self.low), self.forward(self.high), count)
 
 
-@dataclass(frozen=True)
-class ShapeDirection(Effect):
-    """Change of the modelled error with one shape parameter: a column for its uncertainty."""
-
-    name: ClassVar[str] = 'shape'
-    coupled: ClassVar[bool] = True
-    of: str = ''
-    parameter: str = ''
-    place: int = 0
-
-
 def shape_scales(effect: Effect, duration: float) -> list[ShapeScale]:
     """Return the search scales of an effect; times [s] end with the run's `duration`."""
     scales = []
@@ -70,7 +60,8 @@ def shape_scales(effect: Effect, duration: float) -> list[ShapeScale]:
         value = getattr(effect, item.name)
         places = range(len(value)) if isinstance(value, tuple) else [None]
         log = low > 0.0 and high / low > 10.0
-        scales += [ShapeScale(item.name, place, low, high, log) for place in places]
+        unit = item.metadata['unit']
+        scales += [ShapeScale(item.name, place, low, high, log, unit) for place in places]
     return scales
 
 
@@ -142,6 +133,8 @@ def _refine(design: Design, term: Term, duration: float, *, globally: bool) -> D
                 values = _along(cost, values, k, scale.grid())
     if len(scales) == 1:
         step = 1.5 * (scales[0].grid()[1] - scales[0].grid()[0])
+        if scales[0].unit == 'Hz':  # a line is as wide as the run is short
+            step = 0.7 / (duration * scales[0].back(values[0]))
         bounds = (values[0] - step, values[0] + step)
         low, high = scales[0].grid()[[0, -1]]
         found = minimize_scalar(
@@ -155,9 +148,26 @@ def _refine(design: Design, term: Term, duration: float, *, globally: bool) -> D
         limits = [(s.grid()[0], s.grid()[-1]) for s in scales]
         options = {'maxfev': 60 * len(scales), 'xatol': 1e-3, 'fatol': 1e-2}
         best = minimize(cost, values, method='Nelder-Mead', bounds=limits, options=options).x
+    best = _by_rows(cost, best, scales)
     if cost(best) > cost(values):
         best = values
     return _exchanged(design, term, with_shape(term.effect, scales, best), keep=True)
+
+
+def _by_rows(
+    cost: Callable[[FloatArray], float], values: FloatArray, scales: list[ShapeScale]
+) -> FloatArray:
+    """Return the values with linear ones searched nearby: a step moves from row to row.
+
+    A search that takes the cost for smooth stops somewhere on its stairs.
+    """
+    for k, scale in enumerate(scales):
+        if not scale.logarithmic:
+            spacing = float(np.diff(scale.grid()[:2])[0])
+            for near in (0.2, 0.02):
+                nearby = values[k] + near * spacing * np.linspace(-1.0, 1.0, GRID)
+                values = _along(cost, values, k, np.clip(nearby, *scale.grid()[[0, -1]]))
+    return values
 
 
 def _along(
@@ -181,48 +191,3 @@ def _exchanged(design: Design, term: Term, effect: Effect, *, keep: bool = False
     if keep:
         return design.with_effects(effects)
     return replace(design, effects=effects, raw=dict(design.raw), white=dict(design.white))
-
-
-def with_shape_directions(design: Design, estimate: FloatArray) -> Design:
-    """Return the design with one column per fitted shape parameter, at the `estimate` (m,)."""
-    duration = max(float(run.time[-1]) for run in design.runs)
-    added: dict[Any, list[Effect]] = {sensor: [] for sensor in design.sensors}
-    for term in design.terms:
-        scales = shape_scales(term.effect, duration)
-        values = shape_values(term.effect, scales)
-        for k, scale in enumerate(scales):
-            direction = ShapeDirection(term.effect.name, scale.name, scale.place or 0)
-            if len(term.sensors) == 1:
-                direction = replace(direction, of=f'{term.effect.name}@{term.sensors[0]}')
-            step, change = _difference(design, term, scales, values, k)
-            for sensor in term.sensors:
-                added[sensor].append(direction)
-                for run in range(len(design.runs)):
-                    slope = change(run, sensor, estimate) / step
-                    design.raw[direction, run, sensor] = slope[:, :, None]
-    effects = {sensor: (*design.effects[sensor], *added[sensor]) for sensor in design.sensors}
-    return design.with_effects(effects)
-
-
-def _difference(
-    design: Design, term: Term, scales: list[ShapeScale], values: FloatArray, k: int
-) -> tuple[float, Callable[..., FloatArray]]:
-    """Return the width of a central difference in parameter k and the change it makes."""
-    width = 0.01 * (scales[k].grid()[-1] - scales[k].grid()[0])
-    ends = []
-    for sign in (-1.0, 1.0):
-        moved = values.copy()
-        moved[k] += sign * width
-        ends.append(with_shape(term.effect, scales, moved))
-    low, high = (shape_values(e, scales)[k] for e in ends)
-
-    def change(run: int, sensor: Any, estimate: FloatArray) -> FloatArray:
-        run_ = design.runs[run]
-        columns = run_.columns(ends[1], sensor) - run_.columns(ends[0], sensor)
-        total = np.zeros((len(run_), 3))
-        for axis in range(3):
-            part = columns[:, axis] if columns.ndim == 3 else columns
-            total[:, axis] = part @ estimate[term.indices(run, axis, part.shape[1])]
-        return total
-
-    return scales[k].back(high) - scales[k].back(low), change

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stated standard deviations of shape parameters are those by which they miss the truth."""
+
+import numpy as np
+from imu_recording.recording import FloatArray
+from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.effects.effect import Effect
+from thermal_comp.fit import fit_prepared
+from thermal_comp.model import NoiseModel, SensorModel
+from thermal_comp.preparation import prepare
+
+from .campaign import PERIOD, WHITE, chamber, lagging, run
+
+DENSITY = WHITE['angular_velocity']
+AXES = np.array([1.0, -0.6, 0.8])
+NOISE = NoiseModel(np.full(3, DENSITY), np.array([200.0, 4000.0]), np.full((2, 3), 0.4 * DENSITY))
+
+
+def fitted(effect: Effect, error: FloatArray, seeds: range) -> list[SensorModel]:
+    """The gyroscope's model of a line and an effect, from one run of two cycles per seed."""
+    models = []
+    for seed in seeds:
+        runs = prepare([run(seed=seed, cycles=2, error={'angular_velocity': error})])
+        for sensor in ('accelerometer', 'magnetometer'):
+            runs[0].measured[sensor][:] = np.nan
+        effects = {'gyroscope': (BiasTemperature(), effect)}
+        model = fit_prepared(effects, runs, noise={'gyroscope': NOISE})
+        models.append(model.sensors['gyroscope'])
+    return models
+
+
+def test_a_time_constant_misses_the_truth_by_its_standard_deviation() -> None:
+    temperature = chamber(2)[1]
+    wave = 5e-5 * (lagging(temperature, 150.0, PERIOD) - temperature)[:, None] * AXES
+    off = []
+    for model in fitted(EFFECTS['thermal_lag'](), wave, range(14)):
+        (std,) = model.shape_std['thermal_lag.time_constant']
+        off.append((model.effects[1].time_constant - 150.0) / std)
+    assert 0.65 < np.sqrt(np.mean(np.square(off))) < 1.4
+
+
+def test_a_step_is_known_to_about_a_row() -> None:
+    time = chamber(2)[0]
+    for at in (5003.0, 9001.0):
+        wave = 10.0 * DENSITY * (time >= at)[:, None] * AXES
+        for model in fitted(EFFECTS['bias_step'](), wave, range(2)):
+            (std,) = model.shape_std['bias_step.step_time']
+            assert 0.5 * PERIOD < std < 2.0 * PERIOD
+            assert abs(model.effects[1].step_time[0] - at) < 2.0 * std
+
+
+def test_the_frequency_of_a_line_is_known_to_a_part_of_a_period_over_the_run() -> None:
+    time = chamber(2)[0]
+    wave = DENSITY * np.cos(2.0 * np.pi * 0.0102 * time)[:, None] * AXES
+    (model,) = fitted(EFFECTS['mains_alias'](0.01022), wave, range(1))
+    (std,) = model.shape_std['mains_alias.frequency']
+    assert 0.01 / time[-1] < std < 0.5 / time[-1]
+    assert abs(model.effects[1].frequency - 0.0102) < 2.0 * std
