@@ -165,6 +165,6 @@ def fingerprint_figure(
         })  # fmt: skip
     panels = [
         Panel('die temperature [°C]', f'{view.axis_name} [{unit}]'),
-        Panel('time [h]', ''),
+        Panel('time [h]', '', title=f'{view.axis_name} [{unit}]'),
     ]
     return figure(data, panels, columns=2, height=220, linked=False)

@@ -8,7 +8,9 @@ from html import escape
 from math import log
 from typing import Any
 
-from imu_workbench.display import DISPLAY_UNITS, shown, with_uncertainty
+from thermal_comp.experiment_design import SEPARABLE
+
+from imu_workbench.display import DISPLAY_UNITS, fixed, shown, with_uncertainty
 from imu_workbench.web.fingerprint import Fingerprint
 
 FALLS = {
@@ -21,9 +23,7 @@ FALLS = {
 
 def finding_html(finding: Mapping[str, Any]) -> str:
     """Return evidence, errors, parameters and rivals of a finding as a table."""
-    rows = [('evidence', f'{finding["evidence"]:.0f}')]
-    if finding['threshold'] > 0.0:
-        rows = [('evidence', f'{finding["evidence"]:.0f} (needed {finding["threshold"]:.0f})')]
+    rows = [('evidence', evidence_text(finding['evidence'], finding['threshold']))]
     sensor, falls = finding['sensor'].split('+')[0], ''
     if finding['error_after'] is not None and sensor in DISPLAY_UNITS:
         unit = DISPLAY_UNITS[sensor]
@@ -39,10 +39,22 @@ def finding_html(finding: Mapping[str, Any]) -> str:
         rows.append((name.replace('_', ' '), f'{text} {value["unit"]}'))
     if finding['rivals']:
         text = ', '.join(
-            f'{r["name"].replace("_", " ")} {r["similarity"]:.0%}' for r in finding['rivals'][:3]
+            f'{r["name"].replace("_", " ")} {percent(r["similarity"])}'
+            for r in finding['rivals'][:3]
         )
         rows.append(('rivals would explain', text))
     return falls + pairs_html(rows)
+
+
+def evidence_text(evidence: float, threshold: float) -> str:
+    """Return the evidence, and what is needed where that is known."""
+    needed = f' (needed {fixed(threshold, 0)})' if threshold > 0.0 else ''
+    return f'{fixed(evidence, 0)}{needed}'
+
+
+def percent(share: float) -> str:
+    """Return a share in percent."""
+    return f'{fixed(100.0 * share, 0)}\N{NARROW NO-BREAK SPACE}%'
 
 
 def finding_text(finding: Mapping[str, Any]) -> str:
@@ -105,8 +117,8 @@ def fingerprint_html(found: Fingerprint, axis: int) -> str:
         for name, value in found.parameters.items()
     )
     return (
-        f'<p>Evidence {found.evidence:.0f} (needed {found.threshold:.0f}); explains '
-        f'{found.share[axis]:.0%} of the variance of the residual of this axis'
+        f'<p>Evidence {evidence_text(found.evidence, found.threshold)}; explains '
+        f'{percent(found.share[axis])} of the variance of the residual of this axis'
         f'{"; " + escape(shape) if shape else ""}.</p>'
     )
 
@@ -115,7 +127,10 @@ def proposal_html(proposal: Mapping[str, Any]) -> str:
     """Return what the next experiment promises."""
     one, other = (name.replace('_', ' ') for name in proposal['effects'])
     before, after = proposal['evidence_before'], proposal['evidence_after']
-    evidence = f'{shown(before)} with the plan of the paper, {shown(after)} with this one'
+    evidence = (
+        f'{shown(before)} with the plan of the paper, {shown(after)} with this one '
+        f'(needed {fixed(SEPARABLE, 0)})'
+    )
     verdict = 'separable' if proposal['separable'] else 'not separable by temperature alone'
     rows = [
         ('question', f'{one} or {other} in the {proposal["sensor"]}'),
