@@ -12,11 +12,9 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import gc
 import json
 import os
 import signal
-import statistics
 import subprocess
 import sys
 import tempfile
@@ -28,6 +26,7 @@ from typing import Any
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from driver_soak import EPOCH, soak
 from imu_driver.device_clock import DeviceClock
 from imu_driver.emulated_board import BoardOptions
 from imu_driver.node import ImuDriverNode
@@ -36,17 +35,12 @@ from imu_driver.transport_simulated import emulated_board
 
 PATIENCE = 60.0
 """[s] Processes may take so long to start on a busy machine."""
-EPOCH = 1_700_000_000_000_000_000
 TICKS_PER_SECOND = os.sysconf('SC_CLK_TCK')
 
 
 def cpu_seconds(process: int) -> float:
     fields = Path(f'/proc/{process}/stat').read_text().rsplit(')', 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / TICKS_PER_SECOND
-
-
-def resident_bytes() -> int:
-    return int(Path('/proc/self/statm').read_text().split()[1]) * os.sysconf('SC_PAGE_SIZE')
 
 
 def full_rate(seconds: float) -> dict[str, Any]:
@@ -211,69 +205,6 @@ def stamps(hours: float = 1.0, rate: float = 238.0, seed: int = 1) -> dict[str, 
         'arrival_std_us': float((arrival - true).std()) * 1e6,
         'backward_steps': int((np.diff(out) <= 0).sum()),
         'us_per_sample': took / len(true) * 1e6,
-    }
-
-
-class PacedByThePublisher:
-    """A transport that makes frames as fast as they are published; time is theirs."""
-
-    def __init__(self, frames: int, rate: float = 952.0) -> None:
-        self.board = emulated_board('dut1', BoardOptions(output_data_rate=rate))
-        self.frames = frames
-        self.step = 8.0 / rate
-        self.time = 0.0
-        self.node: ImuDriverNode | None = None
-
-    def now(self) -> int:
-        return EPOCH + round(self.time * 1e9)
-
-    def read(self) -> bytes:
-        while self.node.driver.queue.fill > 0.1:
-            time.sleep(1e-3)
-        if self.board.samples >= self.frames:
-            time.sleep(0.01)
-            return b''
-        self.time += self.step
-        return b''.join(sent.data for sent in self.board.advance(self.time))
-
-    def write(self, data: bytes) -> None:
-        self.board.receive(data, self.time)
-
-    def close(self) -> None:
-        pass
-
-
-def soak(frames: int = 1_300_000) -> dict[str, float]:
-    """Growth of memory from the first tenth to the end."""
-    rclpy.init()
-    transport = PacedByThePublisher(frames)
-    node = ImuDriverNode(now=transport.now, parameters={'transport': 'simulated://dut1'})
-    transport.node = node
-    node.trigger_configure()
-    node._prepared._reader._open = lambda: transport
-    began = time.monotonic()
-    node.trigger_activate()
-    sizes: list[int] = []
-    while (published := node.driver.statistics.published) < frames - 1000:
-        rclpy.spin_once(node, timeout_sec=0.2)
-        if published > frames / 10:
-            sizes.append(resident_bytes())
-    took = time.monotonic() - began
-    lost = node.driver.session.sequence.lost + node.driver.queue.overflowed
-    wraps = node.driver.session.clock.wraps
-    node.trigger_deactivate()
-    node.destroy_node()
-    rclpy.try_shutdown()
-    gc.collect()
-    tenth = max(len(sizes) // 10, 1)
-    grown = statistics.median(sizes[-tenth:]) - statistics.median(sizes[:tenth])
-    return {
-        'frames': published,
-        'lost': lost,
-        'frames_per_second': published / took,
-        'growth_mb': grown / 1e6,
-        'simulated_hours': transport.time / 3600,
-        'tick_wraps': wraps,
     }
 
 

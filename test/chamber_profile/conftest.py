@@ -120,14 +120,18 @@ class Bench:
 
 @pytest.fixture
 def bench():
-    """Make a bench for a profile (name, content or Profile)."""
+    """Make a bench for a profile (name, content or Profile), started and run to a place `at`."""
 
-    def make(profile='short_20min', **options) -> Bench:
+    def make(profile='short_20min', *, at: tuple[str, ...] = (), **options) -> Bench:
         if isinstance(profile, str):
             profile = load_profile(profile)
         elif isinstance(profile, dict):
             profile = profile_from_content(profile)
-        return Bench(profile, **options)
+        made = Bench(profile, **options)
+        if at:
+            made.start()
+            made.to_step(*at)
+        return made
 
     return make
 

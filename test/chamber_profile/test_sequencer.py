@@ -201,9 +201,7 @@ def test_below_ambient_the_chamber_warms_up_before_it_asks_to_be_opened(bench) -
 
 
 def test_a_pause_stops_the_ramp_and_the_dwell_clock(bench) -> None:
-    it = bench()
-    it.start()
-    it.to_step('heat')
+    it = bench(at=('heat',))
     for _ in range(100):
         it.tick()
     it.sequencer.command('pause')

@@ -33,9 +33,7 @@ FAULTS = {
 @pytest.mark.parametrize('fault', FAULTS)
 @pytest.mark.parametrize('where', ['heat', 'hot'])
 def test_every_fault_leads_to_the_safe_state(bench, fault: str, where: str) -> None:
-    it = bench()
-    it.start()
-    it.to_step(where)
+    it = bench(at=(where,))
     it.tick()
     it.world.update(FAULTS[fault])
     it.tick()
@@ -57,9 +55,7 @@ def test_every_fault_leads_to_the_safe_state(bench, fault: str, where: str) -> N
 
 
 def test_the_way_to_the_safe_temperature_keeps_the_safe_rate(bench) -> None:
-    it = bench()
-    it.start()
-    it.to_step('hot', DWELL)
+    it = bench(at=('hot', DWELL))
     it.sequencer.command('abort')
     it.run_to_the_end()
     writes = [(t, v) for t, v in it.writes if v < 30.0][-60:]
@@ -70,9 +66,7 @@ def test_the_way_to_the_safe_temperature_keeps_the_safe_rate(bench) -> None:
 
 
 def test_a_short_fault_of_the_link_holds_and_goes_on(bench) -> None:
-    it = bench()
-    it.start()
-    it.to_step('heat')
+    it = bench(at=('heat',))
     for _ in range(60):
         it.tick()
     before = it.sequencer.progress.setpoint
@@ -90,9 +84,7 @@ def test_a_short_fault_of_the_link_holds_and_goes_on(bench) -> None:
 
 
 def test_a_write_that_was_lost_is_repeated(bench) -> None:
-    it = bench()
-    it.start()
-    it.to_step('hot', DWELL)
+    it = bench(at=('hot', DWELL))
     it.setpoint = 12.0  # someone else's hand
     it.run_until(lambda: it.setpoint == 30.0, longest_s=30)
     it.obeys = False
@@ -111,9 +103,7 @@ def test_a_chamber_that_does_not_start_is_given_up(bench) -> None:
 
 
 def test_a_chamber_out_of_reach_in_the_safe_state_is_given_up_in_time(bench) -> None:
-    it = bench()
-    it.start()
-    it.to_step('hot')
+    it = bench(at=('hot',))
     it.world['link'] = 'lost'
     began = it.time
     it.run_to_the_end()
@@ -145,9 +135,7 @@ def test_a_start_is_refused_while_something_is_wrong(bench, world: dict, words: 
 
 
 def test_standby_at_once_stops_without_a_ramp(bench) -> None:
-    it = bench()
-    it.start()
-    it.to_step('hot')
+    it = bench(at=('hot',))
     it.sequencer.command('standby')
     it.tick()
     assert it.mode == ABORTED
@@ -166,9 +154,7 @@ def test_a_ramp_that_is_too_slow_is_reported_but_goes_on(bench) -> None:
 
 
 def test_a_restart_reenters_the_step_settles_again_and_dwells_in_full(bench) -> None:
-    it = bench()
-    it.start()
-    it.to_step('hot', DWELL)
+    it = bench(at=('hot', DWELL))
     for _ in range(100):
         it.tick()
     last = it.notes[-1].progress
@@ -193,9 +179,7 @@ def test_a_restart_reenters_the_step_settles_again_and_dwells_in_full(bench) -> 
 
 
 def test_a_run_that_was_going_to_safety_does_so_after_a_restart(bench) -> None:
-    it = bench()
-    it.start()
-    it.to_step('hot', DWELL)
+    it = bench(at=('hot', DWELL))
     it.sequencer.command('abort')
     it.tick()
     last = it.sequencer.progress
@@ -209,9 +193,7 @@ def test_a_run_that_was_going_to_safety_does_so_after_a_restart(bench) -> None:
 
 
 def test_a_clock_that_jumps_does_not_make_the_setpoint_jump(bench) -> None:
-    it = bench()
-    it.start()
-    it.to_step('heat')
+    it = bench(at=('heat',))
     for _ in range(30):
         it.tick()
     before = it.sequencer.progress.setpoint
@@ -238,9 +220,7 @@ def test_a_chamber_without_limits_of_its_own_is_not_said_to_have_them(bench) -> 
 
 
 def test_the_time_of_a_pause_is_no_time_of_the_dwell(bench) -> None:
-    it = bench()
-    it.start()
-    it.to_step('hot', DWELL)
+    it = bench(at=('hot', DWELL))
     it.sequencer.command('pause')
     it.tick()
     dwelt = it.sequencer.dwelt_s
@@ -256,9 +236,7 @@ def test_the_time_of_a_pause_is_no_time_of_the_dwell(bench) -> None:
 def test_an_order_to_end_the_run_is_not_taken_back_by_a_later_one(
     bench, ending: str, later: str
 ) -> None:
-    it = bench()
-    it.start()
-    it.to_step('hot', DWELL)
+    it = bench(at=('hot', DWELL))
     assert it.sequencer.command(ending) == ''
     assert (it.sequencer.command(later) == '') == (later == 'abort')
     it.tick()
