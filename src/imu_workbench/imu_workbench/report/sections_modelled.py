@@ -56,13 +56,16 @@ def slopes_html(slopes: Sequence[Mapping[str, Any]], sensor: str) -> str:
     rows = [
         [
             escape(row['device']),
-            *(with_uncertainty(row['slope'][i], row['uncertainty'][i]) for i in range(3)),
+            *(
+                with_uncertainty(1e3 * row['slope'][i], 1e3 * row['uncertainty'][i])
+                for i in range(3)
+            ),
             str(row['cycles']),
         ]
         for row in slopes
         if row['sensor'] == sensor
     ]
-    unit = f'{DISPLAY_UNITS[sensor].unit}/K'
+    unit = f'10⁻³ {DISPLAY_UNITS[sensor].unit}/K'
     head = [['Device', *(f'{axis} [{unit}]' for axis in 'xyz'), 'cycles']]
     caption = f'Slope of the {sensor}: mean of the cycles ± its standard uncertainty'
     return table_html(head, rows, caption=caption, key=sensor) if rows else ''
