@@ -83,12 +83,18 @@ def test_every_source_file_names_its_licence() -> None:
     assert not missing
 
 
+LAUNCHING = re.compile(r'^from (launch|launch_ros|ament_index_python)\b', re.MULTILINE)
+
+
 def test_package_dependencies_cover_the_imports() -> None:
     messages = re.compile(r'^\s*from (\w+_(?:msgs|srvs))(?:\.\w+)? import', re.MULTILINE)
     for package in PACKAGES:
         declared = (ROOT / 'src' / package / 'package.xml').read_text()
         for path in (ROOT / 'src' / package / package).rglob('*.py'):
             for name in set(messages.findall(path.read_text())) - {'tf2_msgs'}:
+                assert f'>{name}<' in declared, f'{path} imports {name}'
+        for path in (ROOT / 'src' / package / 'launch').glob('*.launch.py'):
+            for name in set(LAUNCHING.findall(path.read_text())):
                 assert f'>{name}<' in declared, f'{path} imports {name}'
 
 

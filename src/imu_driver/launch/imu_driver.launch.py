@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Start the driver of one board with its parameter file."""
+
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
-from launch_ros.substitutions import FindPackageShare
 
 
 def generate_launch_description():
-    share = FindPackageShare('imu_driver')
+    share = Path(get_package_share_directory('imu_driver'))
     return LaunchDescription(
         [
             DeclareLaunchArgument(
@@ -20,7 +24,7 @@ def generate_launch_description():
             ),
             DeclareLaunchArgument(
                 'config',
-                default_value=PathJoinSubstitution([share, 'config', 'imu_driver.yaml']),
+                default_value=str(share / 'config' / 'imu_driver.yaml'),
                 description='Parameter file',
             ),
             LifecycleNode(

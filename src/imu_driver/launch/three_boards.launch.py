@@ -1,19 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Start the drivers of three boards, each in a namespace of its own."""
+
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
-from launch_ros.substitutions import FindPackageShare
 
 BOARDS = ('dut1', 'dut2', 'dut3')
 
 
 def generate_launch_description():
-    share = FindPackageShare('imu_driver')
+    share = Path(get_package_share_directory('imu_driver'))
     actions = [
         DeclareLaunchArgument(
             'config',
-            default_value=PathJoinSubstitution([share, 'config', 'three_boards.yaml']),
+            default_value=str(share / 'config' / 'three_boards.yaml'),
             description='Parameter file of all boards',
         )
     ]

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Record topics, a bag for each run."""
 
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
-from launch_ros.substitutions import FindPackageShare
 
 
 def generate_launch_description():
-    config = PathJoinSubstitution([FindPackageShare('imu_recording'), 'config', 'recorder.yaml'])
+    share = Path(get_package_share_directory('imu_recording'))
+    config = str(share / 'config' / 'recorder.yaml')
     return LaunchDescription(
         [
             DeclareLaunchArgument('namespace', default_value='', description='ROS namespace'),

@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Start the complementary filter with its parameter file."""
+
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
-from launch_ros.substitutions import FindPackageShare
 
 
 def generate_launch_description():
-    share = FindPackageShare('orientation_filters')
+    share = Path(get_package_share_directory('orientation_filters'))
     return LaunchDescription(
         [
             DeclareLaunchArgument(
@@ -26,7 +30,7 @@ def generate_launch_description():
             DeclareLaunchArgument('preset', default_value='paper', description='paper or robust'),
             DeclareLaunchArgument(
                 'config',
-                default_value=PathJoinSubstitution([share, 'config', 'complementary_filter.yaml']),
+                default_value=str(share / 'config' / 'complementary_filter.yaml'),
                 description='Parameter file',
             ),
             LifecycleNode(

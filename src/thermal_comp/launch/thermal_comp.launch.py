@@ -7,7 +7,7 @@ from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
+from launch_ros.actions import LifecycleNode
 
 
 def generate_launch_description():
@@ -16,15 +16,17 @@ def generate_launch_description():
     return LaunchDescription(
         [
             DeclareLaunchArgument('namespace', default_value='', description='ROS namespace'),
-            DeclareLaunchArgument('params', default_value=defaults, description='Parameter file'),
-            DeclareLaunchArgument('model', default_value='', description='Model file'),
-            Node(
+            DeclareLaunchArgument('config', default_value=defaults, description='Parameter file'),
+            DeclareLaunchArgument(
+                'model', default_value='', description='Model file; empty: pass data through'
+            ),
+            LifecycleNode(
                 package='thermal_comp',
                 executable='thermal_comp_node',
                 name='thermal_comp',
                 namespace=LaunchConfiguration('namespace'),
                 parameters=[
-                    LaunchConfiguration('params'),
+                    LaunchConfiguration('config'),
                     {'model': LaunchConfiguration('model')},
                 ],
                 output='screen',
