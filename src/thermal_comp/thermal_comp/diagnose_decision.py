@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from thermal_comp.diagnose_candidates import SEARCHED
@@ -20,10 +20,11 @@ from thermal_comp.diagnose_dependence import (
     explainable,
     strongest_judge,
 )
+from thermal_comp.diagnose_hinge import best_hinge
 from thermal_comp.diagnose_judges import Judge
 from thermal_comp.diagnose_line import steadiness
 from thermal_comp.diagnose_search import ENRICHMENT, FORM_SHARE, RICHER, Rated, Search
-from thermal_comp.diagnose_thresholds import threshold_of
+from thermal_comp.diagnose_thresholds import EVERYWHERE, threshold_of
 
 DOMINANT = 0.95
 """Effects that explain this share together keep their names; the rest is their form."""
@@ -40,8 +41,13 @@ SLOW_STAGE_S = 600.0
 """A lag slower than a package's is a board's [s]: the package's own may hide in the noise."""
 CHAIN = 3
 """This many families on one sensor are a sign of something else."""
+CURVATURE = 'bias_temperature_curvature'
+PLAINER = 20.0
+"""Evidence by which a line with one bend has to beat a curvature."""
 STEADY = 0.43
 """Share of a line's power that is steady at least: a line that a current gates keeps half."""
+SLOW = ('bias_drift', 'bias_creep', 'warm_up')
+"""Effects of time that axes and runs share, as noise does not."""
 UNSEEN_TWIN = (('temperature_rate', 'thermal_gradient'),)
 """Pairs whose first stands for the second wherever the channel that would tell was not logged."""
 COURSE_SHARE = 0.012
@@ -83,6 +89,8 @@ class Named:
     ambiguous_with: tuple[str, ...]
     approximate: bool = False
     """True where its form leaves more than noise."""
+    shared: bool = False
+    """True where axes and runs share its course: then the least threshold of all will do."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +128,7 @@ def decide(search: Search, judges: Sequence[Judge], missing: Sequence[str]) -> O
     major = _majors(search, found)
     share = search.total([r.form for r in major])[1] / total
     names = {r.name for r in major}
-    wandering = [r for r in major if _wanders(search, r)]
+    wandering = [r for r in major if _wanders(search, judges, r)]
     if wandering:
         tried = tuple(dict.fromkeys(r.name for r in found))
         return Outcome('unexplained', (), 'frequency', wandering[0].evidence, tried)
@@ -133,6 +141,7 @@ def decide(search: Search, judges: Sequence[Judge], missing: Sequence[str]) -> O
         or sum(r.name == 'bias_step' for r in major) > len(search.bank.source.runs)
         or not _suffices(search, judges, major)
         or _leaves_a_course(search, found)
+        or _bends_plainly(search, major)
     )
     if fits and share >= DOMINANT and not doubtful:
         rated = sorted(
@@ -152,6 +161,12 @@ def _nothing_found(
     course = common_course(search, missing)
     if course is None:
         return Outcome('complete')
+    for rated in search.ranking([]):
+        # Its evidence is short of a threshold that is high because noise drifts as well: on each
+        # axis and in each run by itself, though.
+        slow = rated.name in SLOW and rated.evidence > EVERYWHERE
+        if slow and common_course(search, missing, [rated]) is None:
+            return Outcome('named', (replace(_named(search, [rated], rated), shared=True),))
     return Outcome(course.kind, (), course.depends_on, course.evidence)
 
 
@@ -163,13 +178,24 @@ def _suffices(search: Search, judges: Sequence[Judge], major: Sequence[Rated]) -
     return gain - rank >= ADEQUATE * everything - 3.0 * spread
 
 
-def _wanders(search: Search, rated: Rated) -> bool:
-    """Tell whether an effect is a line in the spectrum that one frequency does not describe."""
+def _wanders(search: Search, judges: Sequence[Judge], rated: Rated) -> bool:
+    """Tell whether an effect is a line in the spectrum that one frequency does not describe.
+
+    What repeats with the thermal cycle has lines as well: then a variable explains more.
+    """
     frequency = rated.form.effect.shape_parameters.get('frequency')
-    if frequency is None:
-        return False
     bank = search.bank
-    return steadiness(bank.source.runs, bank.sensor, float(frequency)) < STEADY
+    if frequency is None or steadiness(bank.source.runs, bank.sensor, frequency) >= STEADY:
+        return False
+    alone = search.rate([], rated.form).gain
+    return all(bank.solve([judge.term])[0] < alone for judge in judges)
+
+
+def _bends_plainly(search: Search, major: Sequence[Rated]) -> bool:
+    """Tell whether a curvature that stands alone is rather a line with one bend."""
+    if [r.name for r in major] != [CURVATURE]:
+        return False
+    return best_hinge(search).evidence > search.rate([], major[0].form).evidence + PLAINER
 
 
 def _leaves_a_course(search: Search, found: Sequence[Rated]) -> bool:

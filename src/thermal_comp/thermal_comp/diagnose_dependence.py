@@ -12,6 +12,7 @@ import numpy as np
 from thermal_comp.conditions import Sensor
 from thermal_comp.diagnose_bank import Term
 from thermal_comp.diagnose_coherence import coherence
+from thermal_comp.diagnose_hinge import best_hinge
 from thermal_comp.diagnose_judges import Judge
 from thermal_comp.diagnose_search import Rated, Search
 
@@ -110,6 +111,8 @@ def dependence(
     relevant = [c for c in CHANNELS_OF[bank.sensor] if c in missing]
     suspects = [c for c in relevant if c in LOGGED]
     if judge.depends_on == 'humidity' and 'humidity' in relevant:
+        if best_hinge(search).evidence > evidence:
+            return Dependence('unexplained', 'temperature', evidence)
         return Dependence('unlogged', 'humidity', evidence)
     adequate = gain >= (WHOLLY if suspects else ADEQUATE) * everything
     plainly = judge.depends_on in SWITCHED and _plainly(search, judge)

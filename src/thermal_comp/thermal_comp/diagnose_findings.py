@@ -55,7 +55,7 @@ def effect_findings(
                 named.rated.name,
                 label,
                 named.rated.evidence,
-                threshold_of(named.rated.name, thresholds),
+                EVERYWHERE if named.shared else threshold_of(named.rated.name, thresholds),
                 ambiguous_with=named.ambiguous_with,
                 error_before=_rms(current.sensors[sensor].held_out_rms),
                 error_after=_rms(after.sensors[sensor].held_out_rms) if after else None,

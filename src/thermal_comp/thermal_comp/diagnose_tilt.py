@@ -14,7 +14,9 @@ from thermal_comp.effects.effect import Effect
 
 TILT = 'fixture_tilt'
 REFUTED = 20.0
-"""χ² against a tilt from which no flaw in its form excuses it."""
+"""χ² against a tilt from which no flaw in its form excuses it …"""
+REFUTED_SHARE = 2e-4
+"""… or this share of what it explains: the larger the tilt, the more a flaw in its form costs."""
 
 
 def may_tilt(outcome: Outcome) -> bool:
@@ -44,8 +46,9 @@ def tilt_support(tilt: Effect, banks: Sequence[ColumnBank], outcomes: Sequence[O
         ]
         equations.append(bank.shared_equations(known, bank.term(tilt)))
     (normal, right), (further, moved) = equations
-    support = _explained(normal + further, right + moved) - _explained(normal, right)
-    return support if support > -REFUTED else -np.inf
+    alone = _explained(normal, right)
+    support = _explained(normal + further, right + moved) - alone
+    return support if support > -max(REFUTED, REFUTED_SHARE * alone) else -np.inf
 
 
 def _explained(normal: FloatArray, right: FloatArray) -> float:
