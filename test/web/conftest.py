@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
@@ -97,7 +98,7 @@ class Watched:
 def watch(browser: Browser) -> Iterator[Callable[..., Watched]]:
     contexts = []
 
-    def open_page(address: str, width: int = 1280, height: int = 800, **look: str) -> Watched:
+    def open_page(address: str, width: int = 1280, height: int = 800, **look: Any) -> Watched:
         context = browser.new_context(
             viewport={'width': width, 'height': height}, accept_downloads=True, **look
         )

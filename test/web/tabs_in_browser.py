@@ -140,3 +140,17 @@ def test_figures_follow_a_window_that_changes_its_width(serve, watch):
     page.wait_for_function(FITS)
     numbers.first.wait_for(state='detached')
     watched.check()
+
+
+def test_a_finger_scrolls_over_figures_and_taps_a_cell(serve, watch):
+    server = serve(*BAGS)
+    watched = watch(server.address, 820, 1180, has_touch=True, is_mobile=True)
+    page = watched.page
+    cell = page.locator('.cells button[aria-label^="dut2_z, cold dwell, cycle 3"]')
+    cell.tap()
+    page.locator('.legendtext', has_text='dut2_z, cold dwell, cycle 3').first.wait_for()
+    page.wait_for_function(
+        "[...document.querySelectorAll('.js-plotly-plot')].every(p => !p._fullLayout.dragmode)"
+    )
+    page.locator('.modebar-btn[data-title="Zoom in"]').first.wait_for()
+    watched.check()

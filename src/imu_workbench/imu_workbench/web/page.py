@@ -117,8 +117,8 @@ class Page:
 
     async def _begin(self) -> None:
         await ui.context.client.connected()
-        dark, narrow = await ui.run_javascript(f'watchLook({PHONE})')
-        self._look.dark, self._look.narrow = bool(dark), bool(narrow)
+        look = await ui.run_javascript(f'watchLook({PHONE})')
+        self._look.dark, self._look.narrow, self._look.touch = map(bool, look)
         self._colours()
         if self._start.bags:
             await self.open_bags([str(bag) for bag in self._start.bags])

@@ -26,6 +26,8 @@ class Look:
 
     dark: bool = False
     narrow: bool = False
+    touch: bool = False
+    """A finger scrolls the page over a figure; the buttons above it zoom."""
 
     @property
     def theme(self) -> str:
@@ -41,8 +43,9 @@ def options_of(figure: Figure, look: Look) -> dict[str, Any]:
             before = layout.get(key)
             nested = isinstance(change, dict) and isinstance(before, dict)
             layout[key] = dict(before or {}) | change if nested else change
-        layout['dragmode'] = False
         data = [{k: v for k, v in trace.items() if k != 'texttemplate'} for trace in data]
+    if look.narrow or look.touch:
+        layout['dragmode'] = False
     for key, axis in layout.items():
         if key.startswith(('xaxis', 'yaxis')) and 'title' in axis:
             font = {'size': 12, **axis['title'].get('font', {})}
@@ -50,7 +53,9 @@ def options_of(figure: Figure, look: Look) -> dict[str, Any]:
         if key.startswith('yaxis') and 'overlaying' not in axis:
             layout[key]['automargin'] = True
     layout['legend'] = {**layout.get('legend', {}), 'font': {'size': 11.5}, 'itemwidth': 30}
-    config = CONFIG | {'displayModeBar': False} if look.narrow else CONFIG
+    config = CONFIG
+    if look.narrow or look.touch:
+        config = CONFIG | {'displayModeBar': not look.narrow}
     options = {'data': data, 'layout': layout, 'config': config}
     result: dict[str, Any] = painted(options, look.theme)
     return result

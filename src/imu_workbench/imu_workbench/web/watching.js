@@ -5,5 +5,5 @@ window.watchLook = (phone) => {
   const dark = matchMedia('(prefers-color-scheme: dark)');
   narrow.addEventListener('change', () => emitEvent('narrow', narrow.matches));
   dark.addEventListener('change', () => emitEvent('dark', dark.matches));
-  return [dark.matches, narrow.matches];
+  return [dark.matches, narrow.matches, matchMedia('(pointer: coarse)').matches];
 };
