@@ -4,12 +4,14 @@
 Three runs of 12 h of one device, made from bags/dut1_? at the given rates, stored as the server
 stores what it has read; then what a user does, through real worker processes, up to the text that
 goes to the browser: first plot, model and map, zoom, adding an effect with every plot redrawn.
-Exit code 1 where a claim fails. The browser itself adds what `make test-web` lets one watch.
+Exit code 1 where a claim fails; the load of the machine is said, for it counts. What the browser
+adds shows `make test-web`, how often it draws live_view.py.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -101,6 +103,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
     parser.add_argument('--rate', type=float, nargs='+', default=[1.0, 100.0], help='[Hz]')
     rates = parser.parse_args().rate
+    print(f'load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores')
     warm_up()
     verdicts: list[Verdict] = []
     for rate in rates:
