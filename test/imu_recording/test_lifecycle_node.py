@@ -94,6 +94,27 @@ def test_an_error_nobody_has_thought_of_is_logged(ros: Any, capfd: Any) -> None:
     node.destroy_node()
 
 
+class Talker(Doubler):
+    logs_status = True
+    said: tuple[int, str] = (0, 'well')
+
+    def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
+        return *self.said, {}
+
+
+def test_changes_of_health_are_logged_once_at_their_level(ros: Any, capfd: Any) -> None:
+    node = Talker('talker')
+    assert node.autostart()
+    for said in ((0, 'well'), (1, '3 lost'), (1, '4 lost'), (2, 'broken'), (0, 'well')):
+        node.said = said
+        node.publish_diagnostics()
+    node.destroy_node()
+    lines = [line for line in capfd.readouterr().err.splitlines() if '[talker]' in line]
+    told = [(line.split()[0], line.partition('[talker]: ')[2]) for line in lines]
+    assert told[1:] == [('[INFO]', 'well'), ('[WARN]', '3 lost'), ('[ERROR]', 'broken')]
+    assert told[0] == ('[INFO]', 'active: listens to /in; publishes /out')
+
+
 def test_a_list_of_numbers_may_be_of_integers(ros: Any) -> None:
     node, _ = make(weights=[1, 0])
     assert node.autostart()

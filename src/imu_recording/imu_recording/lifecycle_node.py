@@ -15,13 +15,14 @@ from contextlib import contextmanager
 from dataclasses import fields, replace
 from typing import Any, ClassVar
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from imu_recording.captured_publisher import CapturedPublisher
+from imu_recording.diagnostic_message import diagnostic_array
 from imu_recording.node_config import NodeConfig
 from imu_recording.parameter import (
     ParameterError,
@@ -31,6 +32,7 @@ from imu_recording.parameter import (
     unknown_parameters,
 )
 from imu_recording.parameter_descriptor import parameter_descriptor
+from imu_recording.silence import Silence
 from imu_recording.status_log import StatusLog
 
 ACTIVE = 'active'
@@ -51,6 +53,8 @@ class ConfiguredNode(LifecycleNode):
     """Whether `run_node` uses the events executor: half the cost per message at high rates."""
     logs_status: ClassVar[bool] = False
     """Whether what `diagnostics` says is logged too where it changes."""
+    expects: ClassVar[str] = ''
+    """Input whose silence is a warning; where there is one, status is logged."""
 
     def __init__(
         self,
@@ -70,6 +74,7 @@ class ConfiguredNode(LifecycleNode):
         self.outputs: list[str] = []
         self.refused = ''
         self._status_log = StatusLog()
+        self._silence = Silence()
         self._fields = {item.name: item for item in fields(self.config_class)}
         for item in self._fields.values():
             default = default_of(item)
@@ -144,6 +149,9 @@ class ConfiguredNode(LifecycleNode):
             return
         qos = QoSProfile(depth=self.config.qos_depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
+        if topic == self.expects:
+            callback = self._silence.listening(callback)
+
         def when_active(message: Any) -> None:
             if self.state == ACTIVE:
                 callback(message)
@@ -155,26 +163,23 @@ class ConfiguredNode(LifecycleNode):
 
     def publish_diagnostics(self) -> None:
         """Publish one DiagnosticArray with this node's status."""
-        level, line, values = self.diagnostics()
-        if self.logs_status and self.state == ACTIVE and not self._capture:
+        topic = self.resolve_topic_name(self.expects) if self.expects else ''
+        level, line, values = self._silence.judged(topic, self.diagnostics())
+        if (self.logs_status or self.expects) and self.state == ACTIVE and not self._capture:
             self._log_status(level, line)
-        status = DiagnosticStatus(
-            level=bytes([level]),
-            name=self.get_fully_qualified_name().lstrip('/'),
-            message=line,
-            hardware_id=str(values.get('device', '')),
-            values=[KeyValue(key=str(k), value=_shown(v)) for k, v in values.items()],
-        )
-        message = DiagnosticArray(status=[status])
-        seconds, nanoseconds = divmod(self.now(), 1_000_000_000)
-        message.header.stamp.sec = int(seconds)
-        message.header.stamp.nanosec = int(nanoseconds)
+        name = self.get_fully_qualified_name().lstrip('/')
+        message = diagnostic_array(name, self.now(), (level, line, values))
         self._diagnostics_publisher.publish(message)
 
     def _log_status(self, level: int, line: str) -> None:
-        if self._status_log.is_news(time.monotonic(), level, line):
-            logger = self.get_logger()
-            (logger.info, logger.warning, logger.error)[min(level, 2)](line)
+        if not self._status_log.is_news(time.monotonic(), level, line):
+            return
+        if level == 0:  # rclpy wants a line of its own for each severity
+            self.get_logger().info(line)
+        elif level == 1:
+            self.get_logger().warning(line)
+        else:
+            self.get_logger().error(line)
 
     def refuse(self, reason: str) -> None:
         """Note why this node does not work, once; log it where nobody captures the output."""
@@ -287,7 +292,3 @@ class ConfiguredNode(LifecycleNode):
         except (ValueError, OSError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
-
-
-def _shown(value: Any) -> str:
-    return f'{value:.6g}' if isinstance(value, float) else str(value)

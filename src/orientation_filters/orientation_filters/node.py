@@ -29,7 +29,7 @@ class FilterNode(ConfiguredNode):
 
     filter_name: ClassVar[str]
     event_driven = True
-    logs_status = True
+    expects = 'imu/data_raw'
     _preset: ClassVar[dict[str, Any]] = {}
 
     def __init__(self, **options: Any) -> None:

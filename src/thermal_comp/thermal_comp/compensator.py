@@ -118,7 +118,11 @@ class Compensator:
         said = [text for text, true in troubles if true]
         values = {**vars(now), 'device': self.model.device}
         values['not_applied'] = '; '.join(f'{e} needs {c}' for e, c in now.not_applied.items())
-        return int(bool(said)), '; '.join(said) or 'compensating', values
+        return (
+            int(bool(said)),
+            '; '.join(said) or ('compensating' if now.samples else 'waiting for samples'),
+            values,
+        )
 
     def on_temperature(self, stamp: int, temperature: float) -> None:
         """Take in a die temperature [°C] measured at `stamp` [ns]."""

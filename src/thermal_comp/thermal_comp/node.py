@@ -49,7 +49,7 @@ class ThermalCompNode(ConfiguredNode):
 
     config_class = ThermalCompConfig
     event_driven = True
-    logs_status = True
+    expects = 'imu/data_raw'
 
     def __init__(self, **options: Any) -> None:
         super().__init__('thermal_comp', **options)
@@ -59,7 +59,7 @@ class ThermalCompNode(ConfiguredNode):
         model = load_model(config.model) if config.model else ThermalModel('', {})
         self.compensator = Compensator(model, temperature_timeout=config.temperature_timeout)
         if config.state_file and (reason := restore_state(self.compensator, config.state_file)):
-            self.get_logger().warning(f'history lost: {reason}')
+            self.get_logger().info(f'history begins anew: {reason}')
         self._imu = self.output(Imu, 'imu_compensated/data_raw')
         self._mag = self.output(MagneticField, 'imu_compensated/mag')
         self.input(Temperature, 'imu/temperature', self.on_temperature)
