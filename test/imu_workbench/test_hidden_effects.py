@@ -1,46 +1,59 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects hidden in the simulated device, in its own finer form, are named; nulls stay quiet."""
+"""Effects hidden in the simulated device, in its own finer form, are named; nulls stay quiet.
+
+A campaign hides one in each sensor: what is said of a sensor must not depend on the others.
+"""
 
 import pytest
 from imu_workbench.experiment_hidden import Secret, practice_campaign
 from thermal_comp.diagnose import diagnose
+from thermal_comp.diagnose_result import Finding
 
-EFFECTS = (
-    'thermal_hysteresis',
-    'scale_factor_temperature',
-    'g_sensitivity_temperature',
-    'heater_hard_iron',
-    'vibration_rectification',
-    'humidity',
-    'warm_up',
-    'bias_temperature_curvature',
+from imu_recording import ImuRecording
+
+A, G, M = 'accelerometer', 'gyroscope', 'magnetometer'
+HIDDEN = (
+    {A: 'humidity', G: 'g_sensitivity_temperature', M: 'heater_hard_iron'},
+    {A: 'vibration_rectification', G: 'warm_up', M: 'scale_factor_temperature'},
+    {A: 'thermal_hysteresis', G: 'bias_temperature_curvature', M: 'thermal_lag'},
+    {A: 'icing', G: 'thermal_gradient', M: 'compressor_hard_iron'},
 )
 
 
-@pytest.mark.parametrize('name', EFFECTS)
-def test_hidden_effect_is_named(name: str) -> None:
-    recordings, (truth,) = practice_campaign([Secret(name, 3.0)], seed=11, mean_s=20.0)
-    diagnosis = diagnose(recordings)
-    acted = [f for f in diagnosis.findings if f.kind != 'noise']
-    assert [f.name for f in acted] == [name]
-    assert acted[0].sensor == truth.sensor
-    assert acted[0].error_after < 1.1 * acted[0].noise_floor < acted[0].error_before
+def acted_on(recordings: list[ImuRecording]) -> list[Finding]:
+    return [f for f in diagnose(recordings).findings if f.kind != 'noise']
 
 
-def test_law_beyond_the_catalogue_is_not_given_a_name() -> None:
-    recordings, _ = practice_campaign([Secret('ageing_slope', 3.0)], seed=13, mean_s=20.0)
-    (finding,) = [f for f in diagnose(recordings).findings if f.kind != 'noise']
-    assert (finding.kind, finding.name) == ('unexplained', None)
-    assert finding.depends_on in {'time', 'temperature'}
+@pytest.mark.parametrize('hidden', HIDDEN, ids=lambda hidden: ' '.join(hidden.values()))
+def test_hidden_effects_are_named(hidden: dict[str, str]) -> None:
+    secrets = [Secret(name, 3.0, sensor) for sensor, name in hidden.items()]
+    recordings, _ = practice_campaign(secrets, seed=11, mean_s=20.0)
+    acted = acted_on(recordings)
+    assert {f.sensor: f.name for f in acted} == hidden
+    assert len(acted) == len(hidden)
+    for finding in acted:
+        assert finding.error_after < 1.1 * finding.noise_floor < finding.error_before
+
+
+def test_a_law_beyond_the_catalogue_is_not_given_a_name() -> None:
+    laws = {G: 'ageing_slope', M: 'mode_crossing'}
+    secrets = [Secret(law, 3.0, sensor) for sensor, law in laws.items()]
+    recordings, truths = practice_campaign(secrets, seed=13, mean_s=20.0)
+    acted = {f.sensor: f for f in acted_on(recordings)}
+    assert set(acted) == set(laws)
+    for truth in truths:
+        finding = acted[truth.sensor]
+        assert (finding.kind, finding.name) == ('unexplained', None)
+        assert finding.depends_on in truth.depends_on
 
 
 def test_heater_that_was_not_logged_is_suspected() -> None:
     recordings, _ = practice_campaign([Secret('unlogged_heater', 3.0)], seed=14, mean_s=20.0)
-    (finding,) = [f for f in diagnose(recordings).findings if f.kind != 'noise']
+    (finding,) = acted_on(recordings)
     assert (finding.kind, finding.depends_on) == ('unlogged', 'heater')
 
 
 @pytest.mark.parametrize('bias_instability', [0.5, 1.0, 2.0])
 def test_nothing_hidden_raises_no_alarm(bias_instability: float) -> None:
     recordings, _ = practice_campaign([], seed=21, mean_s=20.0, bias_instability=bias_instability)
-    assert [f for f in diagnose(recordings).findings if f.kind != 'noise'] == []
+    assert acted_on(recordings) == []

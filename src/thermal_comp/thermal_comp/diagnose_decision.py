@@ -41,6 +41,7 @@ SLOW_STAGE_S = 600.0
 """A lag slower than a package's is a board's [s]: the package's own may hide in the noise."""
 CHAIN = 3
 """This many families on one sensor are a sign of something else."""
+LINE = 'mains_alias'
 CURVATURE = 'bias_temperature_curvature'
 PLAINER = 20.0
 """Evidence by which a line with one bend has to beat a curvature."""
@@ -219,10 +220,12 @@ def _majors(search: Search, found: Sequence[Rated]) -> list[Rated]:
     alone = [search.rate([], r.form) for r in found]
     first = max(range(len(found)), key=lambda k: alone[k].gain)
     kin = next((g for g in GROUPS if found[first].name in g), frozenset())
+    # What a line's form may lack lies beside it in the spectrum: nothing slow stands for it.
+    minor = 0.0 if found[first].name == LINE else MINOR
     kept = [
         r
         for k, r in enumerate(found)
-        if k == first or r.gain > (SECOND if r.name in kin else MINOR) * alone[first].gain
+        if k == first or r.gain > (SECOND if r.name in kin else minor) * alone[first].gain
     ]
     while len(kept) > 1:
         forms = [r.form for r in kept]

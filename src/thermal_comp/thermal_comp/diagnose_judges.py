@@ -13,9 +13,9 @@ from scipy.interpolate import BSpline
 from scipy.ndimage import gaussian_filter1d
 
 from thermal_comp.diagnose_bank import ColumnBank, Term
+from thermal_comp.effects.first_order_lag import follow
 from thermal_comp.effects.play_operator import play
 from thermal_comp.prepared_run import PreparedRun
-from thermal_comp.saturated_model import lagged
 
 SMOOTHING_S = 60.0
 """Standard deviation of the filter before the temperature's rate is taken [s]."""
@@ -92,7 +92,7 @@ def moisture(run: PreparedRun) -> FloatArray:
     for dew in DEW_POINTS_C:
         share = 17.62 * (dew / (243.12 + dew) - air / (243.12 + air))
         humidity = np.exp(np.minimum(share, 0.0))
-        made += [humidity, *(lagged(run.time, humidity, lag) for lag in UPTAKES_S)]
+        made += [humidity, *(_lagged(run, humidity, lag) for lag in UPTAKES_S)]
     return np.stack(made, axis=1)
 
 
@@ -160,10 +160,10 @@ class _Spans:
         values = np.asarray(getattr(run.block_conditions, name))
         v, x, t = values - values.mean(), self._warmth(run), run.time / self.longest
         rate = self._rate(run) / self.fastest
-        lags = [lagged(run.time, v, lag) for lag in LAGS_S]
+        lags = [_lagged(run, v, lag) for lag in LAGS_S]
         turns = np.diff(v, prepend=v[0])
         starts, stops = np.maximum(turns, 0.0), np.minimum(turns, 0.0)
-        after = [lagged(run.time, way, lag) for way in (starts, stops) for lag in SETTLING_S]
+        after = [_lagged(run, way, lag) for way in (starts, stops) for lag in SETTLING_S]
         return np.stack([v, v * x, v * x**2, v**2, v * t, v * rate, *lags, *after], axis=1)
 
     def vibration(self, run: PreparedRun) -> FloatArray:
@@ -190,6 +190,10 @@ def _spans(runs: Sequence[PreparedRun]) -> _Spans:
         longest=max(float(run.time[-1]) for run in runs),
         cycle_length=max(lengths, default=1.0),
     )
+
+
+def _lagged(run: PreparedRun, values: FloatArray, time_constant: float) -> FloatArray:
+    return follow(run.time, values, time_constant)[0]
 
 
 def _last_way(temperature: FloatArray) -> FloatArray:
