@@ -23,6 +23,9 @@ from thermal_comp.whitening import apply_transposed
 SEEN = 0.02
 """Share of a column's power below which the rest does not tell its coefficient: a block that
 straddles two cycles shows a little of both."""
+LEVEL_SEEN = 0.2
+"""The same for what is a level in a part of a run: half an hour after the last cycle hardly tells
+the level of that cycle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +66,10 @@ def hold_out(
     design = Design(runs, effects, noise)
     everywhere = solve(design.equations())
     errors, variances = _empty(design), _empty(design)
+    least = np.full(design.size, SEEN)
+    for term in design.terms:
+        if term.effect.per_run:
+            least[term.unknowns] = LEVEL_SEEN
     relearned: set[str] = set()
     for part in sorted({int(k) for run in runs for k in np.unique(run.fold[run.fold > 0])}):
         training = replace(
@@ -72,7 +79,7 @@ def hold_out(
         line = replace(training, effects={s: _levels_and_line(effects[s]) for s in effects})
         line_solution = solve(line.equations())
         seen = _power(training) / np.maximum(_power(design), 1e-300)
-        unseen = [j for j in np.flatnonzero(seen < SEEN).tolist() if j not in everywhere.held]
+        unseen = [j for j in np.flatnonzero(seen < least).tolist() if j not in everywhere.held]
         relearned |= {training.describe(j).partition(' ')[0].partition('[')[0] for j in unseen}
         for run in range(len(runs)):
             for sensor in design.sensors:
