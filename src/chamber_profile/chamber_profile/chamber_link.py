@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable
 
+from imu_recording.user_error import UserError
+
 from chamber_profile.actions import carry_out
 from chamber_profile.chambers.chamber import Chamber, ChamberError, ChamberReading
 from chamber_profile.sequence_types import LINK_FAILING, LINK_LOST, LINK_OK, Action, Note
@@ -19,7 +21,7 @@ FIRST_RETRY_S = 1.0
 """… or sooner while it has never worked: the chamber may still be starting."""
 
 
-class ClockError(ValueError):
+class ClockError(UserError):
     """An accelerated clock on a chamber that is not emulated."""
 
 

@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+from imu_recording.free_space import free_bytes
 
 from chamber_profile.actions import readings_of
 from chamber_profile.chamber_link import ChamberLink
@@ -183,11 +184,3 @@ class Conductor:
             before, self._simulated_at = self._simulated_at, now
             if before is not None and now > before:
                 advance(now - before)
-
-
-def free_bytes(directory: Path) -> int:
-    """Return the free space where the directory is or will be [bytes]."""
-    place = directory.absolute()
-    while not place.exists():
-        place = place.parent
-    return shutil.disk_usage(place).free

@@ -36,7 +36,7 @@ class StreamStatistics:
 
     def __init__(self) -> None:
         self._recent: deque[Sample] = deque(maxlen=REST_SAMPLES)
-        self._stamps: list[int] = []
+        self._stamps: deque[int] = deque(maxlen=REST_SAMPLES)
         self.published = 0
         self.temperature = float('nan')
         """Newest [°C]."""
@@ -50,9 +50,13 @@ class StreamStatistics:
             self.temperature = sample.temperature
 
     def take_rate(self) -> tuple[float, float]:
-        """Return rate [Hz] and jitter (standard deviation of intervals) [s] since last asked."""
-        stamps = self._stamps
-        self._stamps = stamps[-1:]
+        """Return rate [Hz] and jitter (standard deviation of intervals) [s] since last asked.
+
+        Of more than REST_SAMPLES samples the newest count.
+        """
+        stamps = list(self._stamps)
+        self._stamps.clear()
+        self._stamps.extend(stamps[-1:])
         if len(stamps) < 3:
             return 0.0, 0.0
         intervals = np.diff(np.array(stamps, dtype=np.int64)) * 1e-9

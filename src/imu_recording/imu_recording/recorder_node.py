@@ -3,15 +3,15 @@
 
 from __future__ import annotations
 
-import shutil
 from functools import partial
 
 from std_msgs.msg import String
 
 from imu_recording.bag_error import BagError
 from imu_recording.discovering_node import DiscoveringNode
+from imu_recording.free_space import free_bytes
 from imu_recording.recorder_config import RecorderConfig
-from imu_recording.recorder_settings import output_folder, recorder_health, standing_folder
+from imu_recording.recorder_settings import output_folder, recorder_health
 from imu_recording.recording import RecordingError
 from imu_recording.run_node import run_node
 from imu_recording.run_notice import RUN_TOPIC, parse_notice
@@ -88,7 +88,7 @@ class RecorderNode(DiscoveringNode):
         if not hasattr(self, 'recorder'):
             return 0, self.state, {}
         folder = self.recorder.plan.folder
-        free = shutil.disk_usage(standing_folder(self.recorder.output)).free
+        free = free_bytes(self.recorder.output)
         values = {'folder': folder or 'none', 'messages': self.recorder.messages}
         values |= {'topics': len(self.inputs), 'free_bytes': free}
         waiting = '' if folder else 'waiting for the next run'

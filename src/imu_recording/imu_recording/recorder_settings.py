@@ -62,14 +62,6 @@ def output_folder(output: str, now: datetime | None = None) -> Path:
     return Path('recordings') / moment.strftime('%Y%m%dT%H%M%SZ')
 
 
-def standing_folder(folder: Path) -> Path:
-    """Return the folder, or the nearest one above it that exists."""
-    place = folder.absolute()
-    while not place.exists():
-        place = place.parent
-    return place
-
-
 def recorder_health(
     failure: str, unknown: Collection[str], free: int, waiting: str = ''
 ) -> tuple[int, str]:

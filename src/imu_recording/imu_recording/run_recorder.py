@@ -9,10 +9,11 @@ from pathlib import Path
 
 from imu_recording.bag_error import BagError
 from imu_recording.bag_recorder import BagRecorder
+from imu_recording.free_space import standing_folder
 from imu_recording.logging_contract import PHASE_TOPIC
 from imu_recording.recorder_config import RecorderConfig
 from imu_recording.recorder_metadata import Qos
-from imu_recording.recorder_settings import is_wanted, standing_folder
+from imu_recording.recorder_settings import is_wanted
 from imu_recording.run_notice import RunNotice, further_output, recording_plan
 
 PATIENCE = 5

@@ -210,7 +210,8 @@ class _Bench:
             parameters={'output': str(plan.directory), 'run': plan.directory.name},
             **self.options,
         )
-        if not recorder.trigger_configure():
+        recorder.trigger_configure()
+        if recorder.refused:
             raise CampaignError(f'the recorder refuses: {recorder.refused}')
         return recorder
 

@@ -18,7 +18,7 @@ from imu_workbench.answer import Answer
 from imu_workbench.display import duration
 from imu_workbench.progress import show_progress
 
-HELP = 'run a profile with simulated chamber and devices through the real nodes, and record it'
+HELP = 'Run a profile with simulated chamber and devices through the real nodes; record it.'
 EPILOG = """\
 Chamber node, one driver node per device and the recorder node run in lock-step on one simulated
 clock in this process. DIR then holds one bag per orientation (x, y, z, or those of the profile),
@@ -30,7 +30,9 @@ ORIENTATIONS = ('+x', '+y', '+z')
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument('profile', metavar='PROFILE', help='a profile file or name (see plan)')
-    parser.add_argument('-o', '--output', metavar='DIR', type=Path, required=True)
+    parser.add_argument(
+        '-o', '--output', metavar='DIR', type=Path, required=True, help='folder of the bags'
+    )
     parser.add_argument(
         '--devices', metavar='N', type=int, default=3, help='how many devices (1 … 3)'
     )
@@ -40,7 +42,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--time-scale', metavar='X', default='max', help="seconds per second, or 'max'"
     )
-    parser.add_argument('--seed', metavar='N', type=int, default=0)
+    parser.add_argument(
+        '--seed', metavar='N', type=int, default=0, help='of all noise (default 0)'
+    )
 
 
 def run(options: argparse.Namespace) -> Answer:

@@ -25,11 +25,15 @@ RUN = 'dut1_x_50hz'
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
-    parser.add_argument('-o', '--output', metavar='DIR', type=Path, default=Path('demo'))
+    parser.add_argument(
+        '-o', '--output', metavar='DIR', type=Path, default=Path('demo'), help='default: demo'
+    )
     parser.add_argument(
         '--bags', metavar='DIR', type=Path, default=Path('bags'), help='folder of the bundled bags'
     )
-    parser.add_argument('--seed', metavar='N', type=int, default=50)
+    parser.add_argument(
+        '--seed', metavar='N', type=int, default=50, help='of the simulated device (default 50)'
+    )
 
 
 def run(options: argparse.Namespace) -> Answer:

@@ -17,7 +17,7 @@ from thermal_comp.model_file import check_device, load_model
 from imu_workbench.answer import Answer
 from imu_workbench.attribution import Attribution, Cost, attribute
 from imu_workbench.attribution_content import content_of, remarks
-from imu_workbench.commands.options import add_bag_arguments, read_recordings
+from imu_workbench.commands.options import add_bag_arguments, stream_recordings
 from imu_workbench.display import FILTER_LABELS
 from imu_workbench.progress import show_progress
 
@@ -50,7 +50,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         choices=tuple(FILTERS),
         help='filter to run; repeatable (default: both)',
     )
-    parser.add_argument('--world-frame', choices=WORLD_FRAMES, default='enu')
+    parser.add_argument(
+        '--world-frame', choices=WORLD_FRAMES, default='enu', help='axes of the world (enu)'
+    )
     parser.add_argument('--six-axis', action='store_true', help='do not use the magnetometer')
 
 
@@ -58,7 +60,7 @@ def run(options: argparse.Namespace) -> Answer:
     """Attribute every bag."""
     model = load_model(options.model)
     bags, texts = [], []
-    for recording in read_recordings(options):
+    for recording in stream_recordings(options):
         if not model.pooled:
             check_device(model, recording.device)
         result = attribute(

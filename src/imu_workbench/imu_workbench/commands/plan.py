@@ -17,7 +17,7 @@ from imu_workbench.answer import Answer
 from imu_workbench.report.figures import plan_figure
 from imu_workbench.report.html import Section, figure_html, pairs_html, render_page, table_html
 
-HELP = 'show the timetable of a chamber profile and check it against its limits'
+HELP = 'Show the timetable of a chamber profile and check it against its limits.'
 EPILOG = f"""\
 PROFILE is a YAML file or one of: {', '.join(profile_names())}.
 Times are those of an ideal chamber: settling at each dwell and the way from room temperature to

@@ -31,7 +31,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help='the page opens bags below this folder only (default: the folder of the bags)',
     )
-    parser.add_argument('--port', type=int, default=8080)
+    parser.add_argument('--port', type=int, default=8080, help='default 8080; 0: any')
     parser.add_argument(
         '--host',
         default='127.0.0.1',
