@@ -18,7 +18,7 @@ FRAMES = {
     'event 1 on': (modbus.write_pdu(2000, 1), '01 06 07 D0 00 01 48 87'),
     'terminate': (modbus.write_pdu(1217, 1), '01 06 04 C1 00 01 18 C6'),
     'start profile 1': (
-        modbus.write_many_pdu(4000, [1, 1, 5]),
+        bytes.fromhex('10 0FA0 0003 06 0001 0001 0005'),
         '01 10 0F A0 00 03 06 00 01 00 01 00 05 7C 15',
     ),
     'status': (modbus.read_pdu(200), '01 03 00 C8 00 01 05 F4'),

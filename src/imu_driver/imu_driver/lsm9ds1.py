@@ -111,10 +111,6 @@ The magnetometer's x axis points against the other two sensors' x axis (datashee
 """
 
 WHO_AM_I: Final = {'accelerometer_gyroscope': 0x68, 'magnetometer': 0x3D}  # register 0x0F of both
-I2C_ADDRESS: Final = {  # tables 19, 20: pin SDO high, SDO low
-    'accelerometer_gyroscope': (0x6B, 0x6A),
-    'magnetometer': (0x1E, 0x1C),
-}
 
 ACCELEROMETER_GYROSCOPE_REGISTERS: Final = {  # table 21, what the dump holds, in its order
     'CTRL_REG1_G': 0x10,

@@ -132,13 +132,6 @@ def inclination_angle(q: FloatArray) -> FloatArray:
     return angle
 
 
-def relative_to_start(q: FloatArray) -> FloatArray:
-    """Return the rotations from the first attitude that is known, in the sensor's axes there."""
-    q = np.asarray(q)
-    known = np.flatnonzero(np.isfinite(q).all(axis=-1))
-    return multiply(conjugate(q[known[0]]), q) if len(known) else q.copy()
-
-
 def euler_zyx(q: FloatArray) -> FloatArray:
     """Return roll, pitch, yaw (…, 3) [rad] of R = Rz(yaw) Ry(pitch) Rx(roll).
 

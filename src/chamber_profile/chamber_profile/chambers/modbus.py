@@ -8,7 +8,6 @@ seven bytes before it.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
 
 READ, WRITE, WRITE_MANY = 3, 6, 16
 EXCEPTION = 0x80
@@ -45,12 +44,6 @@ def read_pdu(register: int, count: int = 1) -> bytes:
 def write_pdu(register: int, value: int) -> bytes:
     """Return the request to write one signed register."""
     return struct.pack('>BHh', WRITE, register, value)
-
-
-def write_many_pdu(register: int, values: Sequence[int]) -> bytes:
-    """Return the request to write registers in a row."""
-    head = struct.pack('>BHHB', WRITE_MANY, register, len(values), 2 * len(values))
-    return head + struct.pack(f'>{len(values)}h', *values)
 
 
 def rtu_frame(address: int, pdu: bytes) -> bytes:
