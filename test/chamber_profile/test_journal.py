@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The journal survives a power cut at any byte, and knows where the run was."""
 
+import errno
 import json
 import os
 
@@ -55,6 +56,28 @@ def test_each_entry_is_synced_before_write_returns(tmp_path, monkeypatch) -> Non
     for step in range(3):
         journal.write(Note('step', Progress(RUN, step)), step)
         assert synced[-1] == (tmp_path / 'journal.jsonl').stat().st_size
+
+
+def test_a_disk_that_fills_in_the_middle_of_a_line_leaves_whole_ones(
+    directory, monkeypatch
+) -> None:
+    journal = Journal(directory)
+    real = os.write
+
+    def half(descriptor: int, data: bytes) -> int:
+        monkeypatch.setattr(os, 'write', full)
+        return real(descriptor, data[: len(data) // 2])
+
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, 'No space left on device')
+
+    monkeypatch.setattr(os, 'write', half)
+    with pytest.raises(OSError, match='No space left'):
+        journal.write(Note('step', Progress(RUN, 7)), 60)
+    monkeypatch.setattr(os, 'write', real)
+    journal.write(Note('step', Progress(RUN, 8)), 61)
+    journal.close()
+    assert load_run(directory).progress.step == 8
 
 
 def test_a_finished_run_is_refused_with_the_way_out(directory) -> None:
