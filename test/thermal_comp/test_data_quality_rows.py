@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A triad that repeats by chance is no stuck sensor; one that stands still is, at once."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from thermal_comp.data_quality import check_recording
 from thermal_comp.data_quality_rows import STUCK_ROWS, stuck_rows
+
+from .campaign import run
 
 PERIOD = 2.0
 
@@ -39,3 +44,16 @@ def test_the_least_run_is_enough_where_nothing_repeats_by_chance() -> None:
     values = np.random.default_rng(3).normal(size=(20_000, 3))
     values[700 : 701 + STUCK_ROWS] = values[700]
     assert stuck_rows(values, PERIOD).sum() == STUCK_ROWS
+
+
+def test_a_pulse_of_the_heater_is_no_spike_of_the_magnetometer() -> None:
+    rng = np.random.default_rng(8)
+    still = run('+z')
+    pulses = np.zeros(len(still))
+    pulses[rng.choice(len(still) - 2, 40, replace=False) + 1] = 1.0
+    struck = pulses[:, None] * [6e-6, 0.0, 0.0]
+    recording = replace(still, magnetic_field=still.magnetic_field + struck)
+    _, blind = check_recording(recording, 'blind')
+    assert [f.name for f in blind] == ['spikes']
+    _, found = check_recording(replace(recording, heater=pulses), 'logged')
+    assert found == []

@@ -13,12 +13,14 @@ from imu_recording.recording import SENSOR_FIELDS, ImuRecording
 from numpy.typing import NDArray
 
 from thermal_comp.data_quality_channels import impossible_rows
-from thermal_comp.data_quality_rows import rail_rows, spike_rows, stuck_rows
+from thermal_comp.data_quality_rows import pulsed_rows, rail_rows, spike_rows, stuck_rows
 from thermal_comp.data_quality_units import Scale, foreign_units, scales_of
 from thermal_comp.startup import startup_rows
 
 BoolArray = NDArray[np.bool_]
 
+SWITCHES = ('heater', 'compressor', 'fan')
+"""Channels whose pulses a sensor may follow."""
 FLIP_WINDOW_S = 300.0
 """Gravity's direction is judged on means over this [s]."""
 
@@ -98,6 +100,8 @@ def check_recording(
             # The edges of what is stuck or clipped are no spikes.
             rows = judge(np.where(bad[:, None], np.nan, values) if bad.any() else values)
             rows[:cut] = False
+            if defect == 'spikes' and rows.any():
+                rows &= ~_switched(recording)
             if rows.any():
                 text = f'run {run}: {int(rows.sum())} of {len(rows)} rows'
                 findings.append(QualityFinding(defect, sensor, int(rows.sum()), text))
@@ -105,6 +109,16 @@ def check_recording(
         if bad.any():
             recording = _without(recording, sensor, bad)
     return recording, findings
+
+
+def _switched(recording: ImuRecording) -> BoolArray:
+    """Return the rows in which something in the chamber was on for one row, or off."""
+    switched = np.zeros(len(recording), dtype=bool)
+    for name in SWITCHES:
+        channel = getattr(recording, name)
+        if channel is not None and np.isfinite(channel).any():
+            switched |= pulsed_rows(np.asarray(channel, dtype=np.float64))
+    return switched
 
 
 def _without(recording: ImuRecording, sensor: str, rows: BoolArray) -> ImuRecording:

@@ -23,6 +23,8 @@ SLOW_SPIKE_SIGMA = 14.0
 SLOW_S = 2.0
 OTHERS_SIGMA = 6.0
 """Other axes stay within this where a bit went wrong on one."""
+PULSE = 0.02
+"""Share of a switching channel's range by which it stands out of its neighbours."""
 PILE = 10
 """At least this many values at the very extreme are a rail."""
 PILE_RATIO = 3.0
@@ -102,6 +104,20 @@ def spike_rows(values: FloatArray, period: float = 0.0) -> BoolArray:
         single = (jump > OTHERS_SIGMA * sigma).sum(axis=1) == 1
         spikes[at] = alone.any(axis=1) & single
     return spikes
+
+
+def pulsed_rows(channel: FloatArray) -> BoolArray:
+    """Return the rows (n,) in which a channel (n,) that switches stands off both neighbours.
+
+    What it does to a sensor for one row is no spike of the sensor.
+    """
+    pulsed = np.zeros(len(channel), dtype=bool)
+    span = np.nanmax(channel, initial=-np.inf) - np.nanmin(channel, initial=np.inf)
+    if len(channel) > 2 and span > 0.0:
+        with np.errstate(invalid='ignore'):
+            jump = np.abs(channel[1:-1] - 0.5 * (channel[:-2] + channel[2:]))
+            pulsed[1:-1] = jump > PULSE * span
+    return pulsed
 
 
 def _far_rows(values: FloatArray, limit: FloatArray) -> NDArray[np.intp]:
