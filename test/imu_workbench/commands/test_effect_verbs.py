@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from chamber_profile.profile import load_profile
 from imu_workbench.__main__ import main
+from thermal_comp.diagnose_explanations import FINDINGS
 from thermal_comp.effects import EFFECTS
 from thermal_comp.model_file import load_model
 
@@ -197,6 +198,16 @@ def test_every_effect_is_explained_with_all_it_has(name: str, answer: Answer) ->
         assert low < high
     for channel in effect.channels:
         assert channel in text
+
+
+@pytest.mark.parametrize('name', sorted(FINDINGS))
+def test_every_finding_without_columns_is_explained_too(name: str, answer: Answer) -> None:
+    code, content, text = answer('explain', name)
+    assert code == 0
+    assert content['kind'] in {'effect', 'noise', 'data_quality'}
+    assert name not in EFFECTS
+    for part in (content['seen'], content['separation'], content['remedy']):
+        assert part in text
 
 
 def test_the_catalogue_goes_to_a_file(tmp_path: Path, answer: Answer) -> None:

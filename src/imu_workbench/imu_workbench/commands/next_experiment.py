@@ -11,7 +11,7 @@ import yaml
 from chamber_profile.profile import load_profile
 from imu_recording.user_error import UserError
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.experiment_design import Limits, Proposal, design_experiment
+from thermal_comp.experiment_design import SEPARABLE, Limits, Proposal, design_experiment
 from thermal_comp.experiment_plan import FINAL_S, PRECONDITION_S, REFERENCE_C
 from thermal_comp.model_file import load_model
 
@@ -76,6 +76,7 @@ def run(options: argparse.Namespace) -> Answer:
         'sensor': proposal.sensor,
         'evidence_before': proposal.evidence_before,
         'evidence_after': proposal.evidence_after,
+        'evidence_needed': SEPARABLE,
         'separable': proposal.separable,
         'actions': list(proposal.actions),
         'hours': proposal.plan.hours,
@@ -149,9 +150,10 @@ def proposal_text(content: dict[str, Any]) -> str:
     one, other = content['effects']
     verdict = 'separable' if content['separable'] else 'not separable by temperature alone'
     before, after = content['evidence_before'], content['evidence_after']
+    needed = f'; {content["evidence_needed"]:.0f} needed'
     lines = [
         f'{one} or {other} in the {content["sensor"]}: {verdict}',
-        f'  evidence {before:.1f} with the plan of the paper, {after:.1f} with this one',
+        f'  evidence {before:.1f} with the plan of the paper, {after:.1f} with this one{needed}',
         f'  {content["repeats"]} cycles, {content["hours"]:.1f} h a run: {content["profile"]}',
     ]
     return '\n'.join([*lines, *(f'  do: {action}' for action in content['actions'])])
