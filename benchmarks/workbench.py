@@ -85,7 +85,7 @@ def measure(rate: float, folder: Path) -> dict[str, float]:
     ]
     prepared = folder / 'prepared.runs'
     first, _ = seconds(lambda: orjson.dumps(time_figure(bags, None, VIEW)))
-    fit, (line, _) = seconds(lambda: Job(first_version_task, bags, prepared, None, []).wait())
+    fit, (line, *_) = seconds(lambda: Job(first_version_task, bags, prepared, None, []).wait())
     draw, _ = seconds(lambda: redrawn(bags, line, None))
     zoom, _ = seconds(lambda: orjson.dumps(time_lines(bags, line, VIEW, (5.0, 6.0))))
     change = Change('thermal_lag', ('accelerometer',))

@@ -7,9 +7,13 @@ import shutil
 import socket
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from imu_recording import read_bag, write_bag
 
 ROOT = Path(__file__).resolve().parents[2]
 BAGS = [ROOT / 'bags' / f'hidden_effect_{axis}' for axis in 'xyz']
@@ -46,6 +50,8 @@ def folder(tmp_path_factory) -> Path:
         shutil.copytree(bag, place / bag.name)
     shutil.copytree(BAGS[0], place / 'damaged')
     shutil.copytree(ROOT / 'bags' / 'dut1_motion', place / 'dut1_motion')
+    cold = read_bag(BAGS[0])
+    write_bag(replace(cold, temperature=np.full(len(cold), np.nan)), place / 'without_temperature')
     for file in (place / 'damaged').glob('*.mcap'):
         file.write_bytes(b'not a bag at all' * 100)
     return place
@@ -80,12 +86,17 @@ def test_bags_that_cannot_be_opened_are_explained(serve, watch, folder):
     open_path(page, 'dut1_motion')
     page.locator('.message', has_text='dut1_motion is left out: the device moves').wait_for()
     page.get_by_text('Nothing to look at yet').first.wait_for()
+    open_path(page, 'without_temperature')
+    told = 'without_temperature: dut2_x: no sample has a die temperature'
+    page.locator('.message', has_text=told).wait_for()
 
     page.get_by_role('button', name='Open bags').click()
     for bag in BAGS:
         page.get_by_role('checkbox', name=bag.name).click()
     press_open(page)
     page.locator('.tile.bad').first.wait_for()
+    page.locator('.message', has_text='it is left out').wait_for()
+    page.get_by_text('3 runs').wait_for()
     assert server.alive
     watched.check()
 

@@ -35,7 +35,7 @@ def fitted(tmp_path_factory) -> Fitted:
         for bag in read_task(told.append, BAGS / f'hidden_effect_{axis}', folder / axis)
     ]
     prepared = folder / 'prepared.runs'
-    line, _ = first_version_task(told.append, bags, prepared, None, [])
+    line, *_ = first_version_task(told.append, bags, prepared, None, [])
     change = Change('thermal_lag', ('accelerometer',))
     lag = change_task(told.append, prepared, line.model_text, change, [])
     return Fitted(bags, prepared, line, lag, told)

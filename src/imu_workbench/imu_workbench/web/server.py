@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import signal
 import socket
 from collections.abc import Callable
@@ -44,10 +45,16 @@ def bind(host: str, port: int) -> socket.socket:
     except (OSError, OverflowError) as error:
         listening.close()
         reason = getattr(error, 'strerror', None) or str(error)
-        raise PortError(
-            f'--host {host} --port {port}: {reason}; choose another with --port, or stop the '
-            'program that has it'
-        ) from None
+        elsewhere = (
+            isinstance(error, socket.gaierror)
+            or getattr(error, 'errno', None) == errno.EADDRNOTAVAIL
+        )
+        way_out = (
+            'give an address of this machine with --host, 0.0.0.0 for all of them'
+            if elsewhere
+            else 'choose another with --port, or stop the program that has it'
+        )
+        raise PortError(f'--host {host} --port {port}: {reason}; {way_out}') from None
     return listening
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from imu_recording.recording import RecordingError
 from thermal_comp.compare import compare_prepared
 from thermal_comp.conditions import SENSORS, Sensor
 from thermal_comp.diagnose import Settings, diagnose, greyed_out
@@ -20,7 +21,8 @@ from thermal_comp.diagnose_growth import add_effect
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.fit import fit_prepared
-from thermal_comp.model import ThermalModel
+from thermal_comp.fit_inputs import usable_sensors
+from thermal_comp.model import ModelError, ThermalModel
 from thermal_comp.model_file import check_device
 from thermal_comp.preparation import prepare
 from thermal_comp.prepared_run import PreparedRun
@@ -43,13 +45,31 @@ def read_task(progress: Progress, path: Path, folder: Path) -> list[StoredBag]:
 
 
 def prepare_task(progress: Progress, bags: Sequence[StoredBag], target: Path) -> None:
-    """Prepare the runs of one device and keep them in a file."""
+    """Prepare the runs of one device and keep them in a file; what cannot be is left out."""
     runs: list[PreparedRun] = []
+    left_out: dict[str, str] = {}
     for bag in bags:
         progress(f'taking 20 s means of {bag.run}')
-        runs += prepare([bag.recording()])
+        try:
+            runs += usable(prepare([bag.recording()]))
+        except RecordingError as error:
+            left_out[bag.run] = f'{Path(bag.source).name}: {error}'
+    if not runs:
+        raise RecordingError('; '.join(left_out.values()))
     with target.open('wb') as file:
-        pickle.dump(runs, file, protocol=5)
+        pickle.dump((runs, left_out), file, protocol=5)
+
+
+def usable(runs: list[PreparedRun]) -> list[PreparedRun]:
+    """Return the runs; refuse one that is too short to tell anything."""
+    for run in runs:
+        try:
+            usable_sensors([run])
+        except ModelError:
+            raise RecordingError(
+                f'{run.name}: no sensor has enough samples in its {len(run)} blocks'
+            ) from None
+    return runs
 
 
 def first_version_task(
@@ -58,12 +78,15 @@ def first_version_task(
     prepared: Path,
     model_text: str | None,
     effect_files: Sequence[Path],
-) -> tuple[Version, dict[str, str]]:
-    """Return the given model, else a line per axis, against the runs, and what is greyed out."""
+) -> tuple[Version, dict[str, str], dict[str, str]]:
+    """Return the given model, else a line per axis, against the runs.
+
+    Beside it: effects that are greyed out, and runs that are left out, each with the reason.
+    """
     catalogue = effect_catalogue(effect_files)
     if not prepared.exists():
         prepare_task(progress, bags, prepared)
-    runs = load_runs(prepared)
+    runs, left_out = load_prepared(prepared)
     if model_text is None:
         progress('fitting a line per axis')
         model, label = fit_prepared([BiasTemperature()], runs), 'line per axis'
@@ -74,7 +97,7 @@ def first_version_task(
                 check_device(model, run.device)
     progress('comparing')
     version = make_version(label, model, compare_prepared(model, runs), runs)
-    return version, greyed_out(runs, catalogue)
+    return version, greyed_out(runs, catalogue), left_out
 
 
 @dataclass(frozen=True)
@@ -143,6 +166,11 @@ def diagnose_task(
 
 def load_runs(prepared: Path) -> list[PreparedRun]:
     """Return the runs that `prepare_task` kept."""
+    return load_prepared(prepared)[0]
+
+
+def load_prepared(prepared: Path) -> tuple[list[PreparedRun], dict[str, str]]:
+    """Return the runs that `prepare_task` kept, and why others are left out, by run."""
     with prepared.open('rb') as file:
-        runs: list[PreparedRun] = pickle.load(file)  # noqa: S301 (written by this server)
-    return runs
+        kept: tuple[list[PreparedRun], dict[str, str]] = pickle.load(file)  # noqa: S301 (our own)
+    return kept

@@ -97,7 +97,10 @@ class WorkbenchTab:
         if found is None:
             state.problem = 'There is no model of these bags: see the message above.'
             return False
-        version, state.greyed = found
+        version, state.greyed, left_out = found
+        for bag in [bag for bag in state.bags if bag.run in left_out]:
+            self._display.say(f'{left_out[bag.run]}; it is left out')
+            state.bags.remove(bag)
         state.append(version)
         self.session.look_at_worst()
         return True
