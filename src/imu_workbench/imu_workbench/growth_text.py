@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from typing import Any
 
 from imu_workbench.comparison_text import comparison_text
-from imu_workbench.display import DISPLAY_UNITS, shown
+from imu_workbench.display import DISPLAY_UNITS, shown, with_uncertainty
 
 
 def growth_text(content: Mapping[str, Any]) -> str:
@@ -23,11 +24,25 @@ def growth_text(content: Mapping[str, Any]) -> str:
         doubt = f' (or {" or ".join(rivals)}: cannot be told apart here)' if rivals else ''
         lines.append(
             f'added {step["added"]} to the {step["sensor"]}{doubt}: held-out error '
-            f'{before} → {after} {unit.unit}, noise floor {floor}'
+            f'{before} → {after} {unit.unit}, noise floor {floor} '
+            f'({step["error_after"] / step["noise_floor"]:.2f} floors are left)'
         )
     if not content['steps']:
         lines.append('nothing was added')
+    lines += shape_lines(content['parameters'])
     lines += [f'no longer needed: {name}' for name in content['unneeded']]
     lines.append(comparison_text(content))
-    lines += [f'note: {note}' for note in content['undetermined']]
+    lines += [f'note: {note}' for note in dict.fromkeys(content['undetermined'])]
     return '\n'.join(lines)
+
+
+def shape_lines(parameters: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return one line per fitted shape parameter: its value and standard deviation."""
+    lines = []
+    for row in parameters:
+        values, spread = (v if isinstance(v, list) else [v] for v in (row['value'], row['std']))
+        pairs = zip_longest(values, spread[: len(values)])
+        said = ', '.join(with_uncertainty(value, std) for value, std in pairs)
+        name = row['parameter'].replace('_', ' ')
+        lines.append(f'{row["sensor"]}, {row["effect"]}: {name} {said} {row["unit"]}')
+    return lines

@@ -11,6 +11,7 @@ from thermal_comp.diagnose import Settings
 from thermal_comp.diagnose_growth import add_effect
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model_file import load_model, save_model
+from thermal_comp.model_shapes import fitted_shapes
 from thermal_comp.preparation import prepare
 
 from imu_workbench.answer import Answer
@@ -54,6 +55,7 @@ def run(options: argparse.Namespace) -> Answer:
     save_model(growth.model, options.output)
     content = growth.after.content() | {
         'steps': [step.content() for step in growth.steps],
+        'parameters': fitted_shapes(growth.model),
         'unneeded': list(growth.unneeded),
         'undetermined': list(growth.model.provenance.notes),
         'model': str(options.output),

@@ -11,6 +11,7 @@ from thermal_comp.diagnose import Settings
 from thermal_comp.diagnose_growth import grow
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model_file import load_model, save_model
+from thermal_comp.model_shapes import fitted_shapes
 from thermal_comp.preparation import prepare
 
 from imu_workbench.answer import Answer
@@ -52,6 +53,7 @@ def run(options: argparse.Namespace) -> Answer:
         'findings_left': left.get('findings', []),
         'undecided': left.get('undecided', []),
         'data_quality': [f'{d.name}: {d.text}' for d in defects],
+        'parameters': fitted_shapes(growth.model),
         'unneeded': list(growth.unneeded),
         'undetermined': list(growth.model.provenance.notes),
         'model': str(options.output),
