@@ -36,6 +36,18 @@ def test_what_moves_is_left_out_with_one_message(run) -> None:
         content_of([moved(still)])
 
 
+def test_a_device_turned_level_moves(run) -> None:
+    still = run(cycles=1)
+    heading = np.radians(60.0) * np.sin(2 * np.pi * still.time / 60.0)
+    rate = np.gradient(heading, still.time)
+    field = still.magnetic_field.copy()
+    field[:, 0] = 2e-5 * np.cos(heading)
+    field[:, 1] = 2e-5 * np.sin(heading)
+    velocity = still.angular_velocity + rate[:, None] * [0.0, 0.0, 1.0]
+    turning = replace(still, magnetic_field=field, angular_velocity=velocity)
+    assert motion_of(turning).startswith('the device moves in ')
+
+
 def test_a_device_at_rest_does_not_move_whatever_its_data_suffer(run) -> None:
     still = run(cycles=2)
     in_degrees = np.degrees(still.angular_velocity)
@@ -44,7 +56,9 @@ def test_a_device_at_rest_does_not_move_whatever_its_data_suffer(run) -> None:
     spiky[rng.integers(0, len(still), 20)] = 30.0
     turned_once = still.linear_acceleration.copy()
     turned_once[len(still) // 2 :] = np.roll(turned_once[len(still) // 2 :], 1, axis=1)
+    switched = still.magnetic_field + 2e-5 * (still.time[:, None] % 40.0 < 12.0)
     for values in (
+        {'magnetic_field': switched},
         {'angular_velocity': in_degrees},
         {'linear_acceleration': still.linear_acceleration / 9.81},
         {'linear_acceleration': spiky},

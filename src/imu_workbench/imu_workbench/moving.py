@@ -19,6 +19,9 @@ SHAKEN = 0.05
 its size: in any unit, and above noise, vibration and what temperature does in a minute."""
 TURNED = 0.17
 """The same of the magnetic field: turned by ten degrees."""
+RATE = 0.017
+"""Angular velocity that has to come with a turned field [rad/s]; a heater's current turns the
+field as well, but no gyroscope."""
 SHARE = 0.03
 """Share of the seconds that makes a moving recording: being put down or turned once is none."""
 FEWEST = 3
@@ -41,11 +44,13 @@ def motion_of(recording: ImuRecording) -> str:
     starts = np.append(np.flatnonzero(np.diff(second, prepend=-1)), len(second)).astype(np.int64)
     force = bin_means(recording.linear_acceleration, starts)[0]
     field = bin_means(recording.magnetic_field, starts)[0]
-    moves = (_beside(force) > SHAKEN * _size(force)) | (_beside(field) > TURNED * _size(field))
+    rate = _beside(bin_means(recording.angular_velocity, starts)[0])
+    turned = (_beside(field) > TURNED * _size(field)) & (rate > RATE)
+    moves = (_beside(force) > SHAKEN * _size(force)) | turned
     if moves.sum() < max(FEWEST, SHARE * len(moves)):
         return ''
-    turning = np.degrees(_beside(bin_means(recording.angular_velocity, starts)[0]).max())
-    return f'the device moves in {moves.mean():.0%} of the time, turned by up to {turning:.0f} °/s'
+    fastest = np.degrees(rate.max())
+    return f'the device moves in {moves.mean():.0%} of the time, turned by up to {fastest:.0f} °/s'
 
 
 def resting(recordings: Sequence[ImuRecording]) -> tuple[list[ImuRecording], list[str]]:
