@@ -133,11 +133,11 @@ def dependence(
 
 
 def _law(search: Search, judges: Sequence[Judge]) -> tuple[Judge, float, float]:
-    """Return the judge that stands for the law, its evidence and its χ² gain beyond noise.
+    """Return the judge that stands for the law, its evidence and its variable's χ² gain.
 
     The strongest one, three standard deviations of what noise gives its columns aside, may be
     flexible enough to follow another variable's law: the one of fewest columns that explains
-    nearly as much is preferred.
+    nearly as much is preferred. The gain beyond noise is that of the best judge of its variable.
     """
     rated = []
     for judge in judges:
@@ -146,8 +146,8 @@ def _law(search: Search, judges: Sequence[Judge]) -> tuple[Judge, float, float]:
         rated.append((net, rank, gain - rank * search.price, gain - rank, judge))
     best = max(net for net, *_ in rated)
     near = [item for item in rated if item[0] >= min(SIMPLER * best, best)]
-    _, _, evidence, gain, judge = min(near, key=lambda item: item[1])
-    return judge, evidence, gain
+    _, _, evidence, _, judge = min(near, key=lambda item: item[1])
+    return judge, evidence, max(row[3] for row in rated if row[4].depends_on == judge.depends_on)
 
 
 def explainable(

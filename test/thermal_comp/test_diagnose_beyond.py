@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Laws near to an effect of the catalogue are not given its name; the effect itself is."""
+
+import numpy as np
+import pytest
+from thermal_comp.diagnose import Settings, search_sensors
+from thermal_comp.diagnose_decision import Outcome
+from thermal_comp.effects import EFFECTS
+from thermal_comp.noise import fit_noise
+from thermal_comp.preparation import prepare
+
+from .campaign import WHITE, chamber, run
+
+PERIOD = 20.0
+SENSOR = 'gyroscope'
+GAINS = np.array([1.2, -0.7, 0.9])
+DIE = chamber(period=PERIOD)[1]
+NAMES = ('bias_temperature_curvature', 'thermal_lag', 'icing')
+
+
+def decided(law: np.ndarray) -> Outcome:
+    """Return what is said of a law (n,) of three times the noise of a second's mean."""
+    straight = np.polyval(np.polyfit(DIE, law, 1), DIE)
+    error = np.multiply.outer(
+        law / np.std(law - straight), 3.0 * WHITE['angular_velocity'] * GAINS
+    )
+    recordings = [
+        run(up, seed=k, period=PERIOD, error={'angular_velocity': error})
+        for k, up in enumerate(('+x', '+y', '+z'))
+    ]
+    runs = prepare(recordings)
+    base = {SENSOR: (EFFECTS['bias_temperature'](),)}
+    settings = Settings({name: EFFECTS[name] for name in NAMES})
+    return search_sensors(runs, base, {SENSOR: fit_noise(runs, SENSOR)}, settings)[SENSOR]
+
+
+@pytest.mark.parametrize('bend', [-2.0, 9.0, 30.0])
+def test_a_line_with_one_bend_is_no_curvature(bend: float) -> None:
+    outcome = decided(np.maximum(DIE - bend, 0.0))
+    assert (outcome.kind, outcome.named) == ('unexplained', ())
+    assert outcome.depends_on in {'temperature', 'branch'}
+
+
+def test_a_smooth_curve_is_a_curvature() -> None:
+    x = (DIE - 20.0) / 30.0
+    (named,) = decided(x**2 - 0.3 * x**3).named
+    assert named.rated.name == 'bias_temperature_curvature'
