@@ -57,7 +57,9 @@ def slopes_html(slopes: Sequence[Mapping[str, Any]], sensor: str) -> str:
         [
             escape(row['device']),
             *(
-                with_uncertainty(1e3 * row['slope'][i], 1e3 * row['uncertainty'][i])
+                with_uncertainty(
+                    _thousandfold(row['slope'][i]), _thousandfold(row['uncertainty'][i])
+                )
                 for i in range(3)
             ),
             str(row['cycles']),
@@ -69,6 +71,10 @@ def slopes_html(slopes: Sequence[Mapping[str, Any]], sensor: str) -> str:
     head = [['Device', *(f'{axis} [{unit}]' for axis in 'xyz'), 'cycles']]
     caption = f'Slope of the {sensor}: mean of the cycles ± its standard uncertainty'
     return table_html(head, rows, caption=caption, key=sensor) if rows else ''
+
+
+def _thousandfold(value: float | None) -> float | None:
+    return None if value is None else 1e3 * value
 
 
 def pooled_html(pooled: Mapping[str, Any]) -> str:
