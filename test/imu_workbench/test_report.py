@@ -158,6 +158,14 @@ def test_absent_tracks_leave_parts_out(run, missing) -> None:
     assert ('magnetometer' in content['statistics'][0]['sensors']) != ('magnetic_field' in missing)
 
 
+def test_a_slope_of_one_cycle_has_no_uncertainty(run) -> None:
+    content = content_of([run(cycles=1)], attitudes=False, diagnosis=False)
+    assert content['slopes'][0]['uncertainty'] == [None, None, None]
+    table = re.search(r'Slope of the gyroscope.*?</table>', report_page(content), re.DOTALL)
+    assert '0.00229' not in table[0]
+    assert '2.29' in table[0]  # in thousandths
+
+
 def test_a_single_temperature_gives_a_report_that_says_so(run) -> None:
     recording = run()
     flat = replace(recording, temperature=np.full(len(recording), 20.0))
