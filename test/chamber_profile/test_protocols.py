@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every protocol: the whole interface of a chamber on an emulator, over a socket and a pty."""
 
+import termios
 import time
 
 import pytest
@@ -80,6 +81,20 @@ def test_a_broken_serial_line_heals(emulator, fault: str) -> None:
             break
         except ChamberError:
             continue
+    assert chamber.read().air == pytest.approx(23.0, abs=2.0)
+
+
+def test_a_port_that_goes_this_very_moment_is_a_broken_link(emulator, monkeypatch) -> None:
+    chamber, _, _ = emulator('watlow_f4', 'serial')
+    chamber.connect()
+
+    def gone() -> None:
+        raise termios.error(5, 'Input/output error')
+
+    monkeypatch.setattr(wire_of(chamber)._serial, 'reset_input_buffer', gone)
+    with pytest.raises(ChamberError, match='the link broke'):
+        chamber.read()
+    chamber.connect()
     assert chamber.read().air == pytest.approx(23.0, abs=2.0)
 
 

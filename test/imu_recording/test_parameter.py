@@ -27,6 +27,10 @@ def test_numbers_accept_integers_and_whole_floats() -> None:
     assert isinstance(config.depth, int)
 
 
+def test_an_empty_list_comes_as_nothing() -> None:
+    assert config_from_values(Config, {'names': None, 'weights': None}).weights == []
+
+
 def test_defaults_are_not_shared() -> None:
     first, second = Config(), Config()
     first.names.append('x')
@@ -44,6 +48,8 @@ def test_defaults_are_not_shared() -> None:
         ('preset', 'wild', "preset is 'wild', expected one of calm, brisk"),
         ('start', 1, 'start is 1, expected true or false'),
         ('weights', [1.0, 3.0], 'weights is 3, expected 0 … 2'),
+        ('weights', 'heavy', "weights is 'heavy', expected a list"),
+        ('names', [1, 2], 'names is 1, expected a text'),
         ('speed', 1, 'unknown parameter speed; known: depth,'),
     ],
 )

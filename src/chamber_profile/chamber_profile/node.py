@@ -36,6 +36,7 @@ class ChamberProfileNode(CommandedNode):
     def __init__(self, **options: Any) -> None:
         super().__init__('chamber_profile', **options)
         self.moment: Any = None
+        self._complaint = ''
 
     def setup(self, config: ChamberConfig) -> None:
         """Open the run: nothing is connected yet, nothing moves."""
@@ -76,6 +77,10 @@ class ChamberProfileNode(CommandedNode):
             self.get_logger().error(str(error))
             self.exit_code = 2
             return
+        if self.moment.complaint != self._complaint:
+            self._complaint = self.moment.complaint
+            if self._complaint:
+                self.get_logger().warning(self._complaint)
         self.say()
         for topic, message in chamber_messages(self.moment) if self.moment.due else ():
             if topic in self._outputs:

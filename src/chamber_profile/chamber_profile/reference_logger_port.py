@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import termios
 import time
 
 import serial
@@ -35,7 +36,7 @@ class ReferenceLoggerPort:
             if self._port is None:
                 return b''
             return bytes(self._port.read(1) + self._port.read(self._port.in_waiting))
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, termios.error) as error:
             self.complaint = why_not_open(self._url, error)
             self.close()
             self._retry_at = time.monotonic() + RETRY_S

@@ -130,8 +130,10 @@ def checked(item: Field[Any], value: Any) -> Any:
 
 
 def _converted(name: str, default: Any, value: Any) -> Any:
+    if isinstance(default, list) and value is None:  # how ROS hands over []
+        return []
     if isinstance(default, list) and hasattr(value, '__iter__') and not isinstance(value, str):
-        return [_converted(name, default[0], v) if default else v for v in value]
+        return [_converted(name, default[0] if default else '', v) for v in value]
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if isinstance(default, bool) or not isinstance(default, int | float):
         if isinstance(value, type(default)):

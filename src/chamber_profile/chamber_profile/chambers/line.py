@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import termios
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -39,7 +40,7 @@ class Line:
                 self.port, baudrate=self.baudrate, timeout=0.05, write_timeout=2.0, **options
             )
             self._drain()
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, termios.error) as error:
             self.close()
             raise ChamberError(why_not_open(self.port, error)) from error
 
@@ -68,7 +69,7 @@ class Line:
                 received += port.read(max(1, wanted))
                 if time.monotonic() > deadline:
                     raise ChamberError(f'{self.port}: no answer to {request!r}, got {received!r}')
-        except OSError as error:
+        except (OSError, termios.error) as error:  # termios' is no OSError: a port just gone
             self.close()
             if isinstance(error, ChamberError):
                 raise

@@ -13,6 +13,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
+from imu_recording.user_error import UserError
+
 from chamber_profile.emulation.faults import damaged
 
 
@@ -31,6 +33,8 @@ class TcpEndpoint:
         """Whether anyone has connected yet."""
         self._make_server = make_server
         self._selector = selectors.DefaultSelector()
+        if not 0 <= port <= 65535:
+            raise UserError(f'--tcp {port}: expected a port, 1 … 65535, or 0 for any')
         self._listener = socket.create_server(('127.0.0.1', port))
         self._listener.setblocking(False)
         self._selector.register(self._listener, selectors.EVENT_READ)
