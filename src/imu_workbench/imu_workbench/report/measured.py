@@ -52,6 +52,7 @@ def recording_content(recording: ImuRecording, digest: str) -> dict[str, Any]:
         'tracks': [name for name in OPTIONAL_TRACKS if getattr(recording, name) is not None],
         'sha256': digest,
         'notes': list(recording.notes),
+        'unplaced': dict(recording.unplaced),
     }
 
 

@@ -178,6 +178,11 @@ def notes_html(content: Mapping[str, Any]) -> str:
     for run in content['recordings']:
         for note in run['notes']:
             by_note.setdefault(note, []).append(run['name'])
+        for name, count in run['unplaced'].items():
+            if any(name in note for note in run['notes']):
+                continue  # more than a few stand among the notes
+            note = f'{name}: {count} {"sample" if count == 1 else "samples"} without a row'
+            by_note.setdefault(note, []).append(run['name'])
     if not by_note:
         return '<p class="soft">Nothing was dropped or repaired.</p>'
     total = len(content['recordings'])

@@ -66,7 +66,8 @@ def store_recording(recording: ImuRecording, folder: Path) -> StoredBag:
         column = getattr(recording, item.name)
         if isinstance(column, np.ndarray):
             np.save(folder / f'{item.name}.npy', column)
-    told = {name: getattr(recording, name) for name in TEXTS} | {'notes': list(recording.notes)}
+    told: dict[str, Any] = {name: getattr(recording, name) for name in TEXTS}
+    told |= {'notes': list(recording.notes), 'unplaced': dict(recording.unplaced)}
     (folder / 'recording.json').write_text(json.dumps(told, ensure_ascii=False), 'utf-8')
     span = float(recording.stamp[-1] - recording.stamp[0]) * 1e-9 if len(recording) else 0.0
     return StoredBag(
