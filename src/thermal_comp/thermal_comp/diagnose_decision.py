@@ -255,6 +255,7 @@ def _named(
     ranking = [r for r in search.ranking(others) if r.name != rated.name]
     rivals = [(r.name, r.gain / rated.gain) for r in ranking[:4] if r.gain > 0.0]
     close: list[str] = []
+    richer: list[str] = []
     for rival in ranking:
         near = rival.evidence > rated.evidence - RIVAL_EVIDENCE
         alike = rival.gain > RIVAL_SHARE * rated.gain and rival.evidence > 0.0
@@ -265,9 +266,11 @@ def _named(
             least = 0.0 if lag > SLOW_STAGE_S else ENRICHMENT * max(more, 1)
             near = cheap and rival.gain - rated.gain > least
             alike = False
-        contained = any(rival.name in RICHER.get(name, ()) for name in close)
-        if (near or alike) and not contained:
-            close.append(rival.name)
+        if near or alike:
+            contained = any(rival.name in RICHER.get(name, ()) for name in close)
+            (richer if contained else close).append(rival.name)
+    # A richer form of a rival stands behind those that are something else.
+    close += richer
     for name, twin in UNSEEN_TWIN:
         if name in (rated.name, *close) and twin in search.untried:
             close = [*close[:1], twin]
