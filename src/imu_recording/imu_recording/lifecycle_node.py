@@ -163,8 +163,10 @@ class ConfiguredNode(LifecycleNode):
 
     def publish_diagnostics(self) -> None:
         """Publish one DiagnosticArray with this node's status."""
-        topic = self.resolve_topic_name(self.expects) if self.expects else ''
-        level, line, values = self._silence.judged(topic, self.diagnostics())
+        level, line, values = self.diagnostics()
+        if self.expects and self.state == ACTIVE:
+            topic = self.resolve_topic_name(self.expects)
+            level, line, values = self._silence.judged(topic, (level, line, values))
         if (self.logs_status or self.expects) and self.state == ACTIVE and not self._capture:
             self._log_status(level, line)
         name = self.get_fully_qualified_name().lstrip('/')
@@ -210,6 +212,7 @@ class ConfiguredNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Start."""
         result = super().on_activate(state)
+        self._silence.forget()
         if not self._capture:
             self.get_logger().info(self._in_and_out())
         with self._errors_logged():

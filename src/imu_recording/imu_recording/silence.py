@@ -38,6 +38,10 @@ class Silence:
 
         return noted
 
+    def forget(self) -> None:
+        """Begin anew: nothing has been heard, nothing is missed."""
+        self._heard_at = math.inf
+
     def judged(self, topic: str, status: Status) -> Status:
         """Return a status, or a warning in its place where nothing is wrong but the silence."""
         silent = self._now() - self._heard_at
