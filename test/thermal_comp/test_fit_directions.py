@@ -57,3 +57,19 @@ def test_the_frequency_of_a_line_is_known_to_a_part_of_a_period_over_the_run() -
     (std,) = model.shape_std['mains_alias.frequency']
     assert 0.01 / time[-1] < std < 0.5 / time[-1]
     assert abs(model.effects[1].frequency - 0.0102) < 2.0 * std
+
+
+def test_where_water_freezes_is_part_of_what_is_not_known_about_ice() -> None:
+    temperature = chamber(2)[1]
+    ice = [0.0]
+    for now in temperature[1:]:
+        # The thermometer reads 0.4 K too much.
+        change = (1.0 - ice[-1]) / 1500.0 if now < 0.4 else -ice[-1] / 400.0
+        ice.append(ice[-1] + PERIOD * change)
+    wave = 100.0 * DENSITY * np.array(ice)[:, None] * AXES
+    for model in fitted(EFFECTS['icing'](1500.0, 400.0), wave, range(2)):
+        for name, truth in (('growth_time', 1500.0), ('melt_time', 400.0)):
+            (std,) = model.shape_std[f'icing.{name}']
+            off = abs(getattr(model.effects[1], name) - truth)
+            assert off < 2.0 * std
+            assert std < 0.05 * truth

@@ -19,12 +19,16 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.fit_design import Design, Term
 from thermal_comp.fit_shapes import ShapeScale, shape_scales, shape_values, with_shape
 from thermal_comp.fit_solution import Solution, solve
+from thermal_comp.prepared_run import PreparedRun
 
 FIRST, WIDEST = 0.01, 0.1
 """Half a secant, as a share of the range that is searched: at first, and at most."""
 SETTLED = 1.5
 """Ratio of standard deviation and half secant that counts as one."""
 ROUNDS = 6
+SURFACE = 'device_temperature'
+SURFACE_STD = 0.3
+"""How well a thermometer on the device tells the temperature of its surface [K]."""
 ROOT = 3.0**0.5
 """Half width of a uniform distribution, in standard deviations."""
 
@@ -99,7 +103,48 @@ def solve_with_shapes(design: Design, estimate: FloatArray) -> tuple[Design, Sol
         if all(1.0 / SETTLED < ratio < SETTLED for ratio in ratios):
             break
         directions = after
-    return wider, solution
+    return wider, _with_surface_doubt(wider, solution, estimate)
+
+
+def _with_surface_doubt(design: Design, solution: Solution, estimate: FloatArray) -> Solution:
+    """Return the solution, its covariance with what is not known of the surface's temperature.
+
+    Water freezes where the thermometer is not: an offset o of known standard deviation is not
+    fitted, but moves the estimates by C Xᵀ S⁻¹ (∂error/∂o) o.
+    """
+    covariance = solution.covariance
+    for term in design.terms:
+        if SURFACE not in term.effect.optional_channels:
+            continue
+        column = ShapeDirection(term.effect.name, SURFACE)
+        raw = dict(design.raw)
+        for run in range(len(design.runs)):
+            ends = [_with_surface_offset(design.runs[run], sign) for sign in (-0.5, 0.5)]
+            for sensor in term.sensors:
+                low, high = (end.columns(term.effect, sensor) for end in ends)
+                change = _weighted(high - low, term, run, estimate)
+                raw[column, run, sensor] = change[:, :, None] * SURFACE_STD
+        effects = {
+            s: (*listed, column) if s in term.sensors else listed
+            for s, listed in design.effects.items()
+        }
+        doubtful = replace(design, effects=effects, raw=raw, white=dict(design.white))
+        place = next(t.start for t in doubtful.terms if t.effect == column)
+        shared = np.delete(doubtful.equations().gram[:, place], place)
+        moved = solution.covariance @ shared
+        covariance = covariance + np.outer(moved, moved)
+    return replace(solution, covariance=covariance)
+
+
+def _with_surface_offset(run: PreparedRun, offset: float) -> PreparedRun:
+    """Return the run with its surface `offset` [K] warmer than it was measured."""
+    conditions = run.conditions
+    surface = conditions.device_temperature
+    if surface is None:
+        return replace(
+            run, conditions=replace(conditions, temperature=conditions.temperature + offset)
+        )
+    return replace(run, conditions=replace(conditions, device_temperature=surface + offset))
 
 
 def grain(design: Design, column: ShapeDirection) -> float:
@@ -169,8 +214,12 @@ def _change(
     """Return the (m, 3) change of the error of one run and sensor from one form to the other."""
     run, sensor = piece
     low, high = (design.runs[run].columns(end, sensor) for end in ends)
-    columns = high - low
-    total = np.zeros((len(design.runs[run]), 3))
+    return _weighted(high - low, term, run, estimate)
+
+
+def _weighted(columns: FloatArray, term: Term, run: int, estimate: FloatArray) -> FloatArray:
+    """Return the (m, 3) error that columns of a term make with its coefficients."""
+    total = np.zeros((len(columns), 3))
     for axis in range(3):
         part = columns[:, axis] if columns.ndim == 3 else columns
         total[:, axis] = part @ estimate[term.indices(run, axis, part.shape[1])]
