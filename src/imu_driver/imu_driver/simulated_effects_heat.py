@@ -161,6 +161,7 @@ def two_lags(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Genera
         glue = follow(die, run.nodes[:, BOARD].copy(), fast, LEAK, period)
         heavy = follow(glue, run.environment.air_temperature, slow, LEAK, period)
         waves.append(along_axes(glue - die, fast_gains) + along_axes(heavy - die, slow_gains))
+    slow /= 1.0 + LEAK
     return in_sensor(sensor, waves, time_constant_fast=fast, time_constant_slow=slow)
 
 

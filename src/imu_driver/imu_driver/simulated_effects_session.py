@@ -43,7 +43,7 @@ def warm_up(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generat
     return in_sensor(
         sensor,
         [along_axes(discharge(run.environment.time, time), gains) for run in runs],
-        time_constant=time / 1.02,
+        time_constant=time / 1.025,
     )
 
 
