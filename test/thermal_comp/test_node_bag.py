@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A bag through the node's callbacks is the bag compensated as a whole."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,3 +37,24 @@ def test_node_and_batch_agree(
         np.testing.assert_allclose(found, getattr(batch, name), rtol=0, atol=tolerance)
     found = np.array([(m.magnetic_field.x, m.magnetic_field.y, m.magnetic_field.z) for m in field])
     np.testing.assert_allclose(found, batch.magnetic_field, rtol=0, atol=1e-15)
+
+
+def test_node_and_batch_pass_on_what_a_silent_temperature_leaves(
+    bags: Path, tmp_path: Path
+) -> None:
+    part = read_bag(bags / 'dut2_x').rows(slice(4000, 4400))
+    measured, temperature = part.stamp.copy(), part.temperature.copy()
+    measured[100:200], temperature[100:200] = measured[99], temperature[99]
+    write_bag(replace(part, temperature=temperature, temperature_stamp=measured), tmp_path / 'b')
+    model = fit_prepared(
+        [EFFECTS['bias_temperature']()], prepare([read_bag(bags / 'dut2_x')]), refine=False
+    )
+    save_model(model, tmp_path / 'model.yaml')
+    batch = compensate(read_bag(tmp_path / 'b'), load_model(tmp_path / 'model.yaml'))
+    sent = replay(tmp_path / 'b', 'thermal_comp', {'model': str(tmp_path / 'model.yaml')})
+    rates = [s.message.angular_velocity for s in sent if s.topic == '/imu_compensated/data_raw']
+    found = np.array([(v.x, v.y, v.z) for v in rates])
+    np.testing.assert_allclose(found, batch.angular_velocity, rtol=0, atol=1e-12)
+    passed_on = (found == part.angular_velocity).all(axis=1)
+    step = (part.stamp[1] - part.stamp[0]) * 1e-9
+    assert np.flatnonzero(passed_on).tolist() == list(range(100 + int(10.0 / step), 200))
