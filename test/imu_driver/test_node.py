@@ -193,8 +193,10 @@ def test_a_bag_keeps_its_stamps(ros: Any, captured: Captured, tmp_path: Path) ->
     )
     assert node.autostart()
     captured.wait(lambda: captured.count('imu/data_raw') == n)
+    driver = node.driver
     node.trigger_deactivate()
     node.destroy_node()
+    assert driver.diagnostics(0)[:2] == (0, 'the bag has ended')
     assert [stamp_of(m) for m in captured.on('imu/data_raw')] == stamp.tolist()
     assert [stamp_of(m) for m in captured.on('imu/mag')] == stamp[::3].tolist()
     assert [m.temperature for m in captured.on('imu/temperature')] == [20, 21, 22, 23, 24]

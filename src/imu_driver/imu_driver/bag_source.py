@@ -83,6 +83,8 @@ class BagReader:
         self.recording = read_bag(parts.netloc + parts.path, namespace=options.get('namespace'))
         self._deliver = deliver
         self._report = report
+        self.ended = False
+        """Whether every sample has been delivered."""
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name='bag_reader', daemon=True)
 
@@ -109,4 +111,5 @@ class BagReader:
             elif self._stop.is_set():
                 return
             self._deliver([sample])
+        self.ended = True
         self._report(f'the bag has ended after {len(self.recording)} samples')

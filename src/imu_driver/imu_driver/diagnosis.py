@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import Any, Final
 
 from imu_driver.device_reader import DeviceReader
@@ -36,12 +37,15 @@ class Diagnosis:
         parameters: DriverParameters,
         session: DeviceSession | None = None,
         reader: DeviceReader | None = None,
+        *,
+        is_over: Callable[[], bool] | None = None,
     ) -> None:
         self._statistics = statistics
         self._queue = queue
         self._parameters = parameters
         self._session = session
         self._reader = reader
+        self._is_over = is_over
         self._past: deque[dict[str, int]] = deque(maxlen=REMEMBERED)
 
     def take(self, now: int) -> tuple[int, str, dict[str, Any]]:
@@ -58,7 +62,8 @@ class Diagnosis:
             'buffer_overflowed': self._queue.overflowed,
         }
         if self._session is None or self._reader is None:
-            return OK, 'replaying', values
+            ended = self._is_over is not None and self._is_over()
+            return OK, 'the bag has ended' if ended else 'replaying', values
         session, reader = self._session, self._reader
         counted = self._counted(session, reader)
         since = self._past[0] if self._past else counted

@@ -45,10 +45,12 @@ class ImuDriver:
         if parameters.transport.startswith('bag:'):
             from imu_driver.bag_source import BagReader  # only now: it brings the bag reader
 
-            self._reader = BagReader(
+            bag = self._reader = BagReader(
                 parameters.transport, deliver=self.queue.put_when_room, report=report
             )
-            self.diagnosis = Diagnosis(self.statistics, self.queue, parameters)
+            self.diagnosis = Diagnosis(
+                self.statistics, self.queue, parameters, is_over=lambda: bag.ended
+            )
         else:
             self.session = DeviceSession(session_config(parameters))
             self._reader = DeviceReader(
