@@ -35,6 +35,8 @@ MINOR = 0.02
 RIVAL_EVIDENCE = 10.0
 RIVAL_SHARE = 0.98
 """Rivals: within this evidence, or this share of the χ² gain."""
+FAINT = 60.0
+"""Evidence below which the price of parameters alone may decide between forms."""
 CHEAPLY_ENRICHED = ('thermal_lag',)
 """Effects whose richer form is a rival well below the full price of its parameters."""
 SLOW_STAGE_S = 600.0
@@ -266,9 +268,11 @@ def _named(
             least = 0.0 if lag > SLOW_STAGE_S else ENRICHMENT * max(more, 1)
             near = cheap and rival.gain - rated.gain > least
             alike = False
-        if near or alike:
-            contained = any(rival.name in RICHER.get(name, ()) for name in close)
-            (richer if contained else close).append(rival.name)
+        contained = any(rival.name in RICHER.get(name, ()) for name in close)
+        if contained and (near or (alike and rated.evidence < FAINT)):
+            richer.append(rival.name)
+        elif (near or alike) and not contained:
+            close.append(rival.name)
     # A richer form of a rival stands behind those that are something else.
     close += richer
     for name, twin in UNSEEN_TWIN:
