@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from imu_workbench.experiment_hidden import practice_campaign
-from thermal_comp.clock_temperature import clock_slope
+from thermal_comp.clock_temperature import clock_windows, slope_of_windows
 from thermal_comp.diagnose import diagnose
 from thermal_comp.diagnose_noise import judge_noise, shipped_reference
 from thermal_comp.model import NoiseModel
@@ -67,9 +67,11 @@ def test_a_run_of_gaps_has_no_say_about_the_clock_and_no_warning() -> None:
     nowhere = replace(sound, temperature=np.full(len(sound), np.nan))
     with warnings.catch_warnings():
         warnings.simplefilter('error')
-        assert clock_slope([broken]) is None
-        assert clock_slope([nowhere, broken]) is None
-        both, alone = clock_slope([broken, sound]), clock_slope([sound])
+        broken_windows, sound_windows = clock_windows(broken), clock_windows(sound)
+        assert slope_of_windows([broken_windows]) is None
+        assert slope_of_windows([clock_windows(nowhere), broken_windows]) is None
+        both = slope_of_windows([broken_windows, sound_windows])
+        alone = slope_of_windows([sound_windows])
     assert both == alone
     assert alone is not None
     assert alone.slope == pytest.approx(1e-5, rel=0.05)

@@ -2,12 +2,11 @@
 """The noise of a simulated draw is found again, and whitening makes it white."""
 
 import numpy as np
-import pytest
 from thermal_comp.model import NoiseModel
 from thermal_comp.noise import fit_noise_to_spectra
 from thermal_comp.noise_process import LADDER, draw_noise, mean_autocovariance, toeplitz_product
 from thermal_comp.noise_spectrum import project_spectra
-from thermal_comp.whitening import log_determinant, whiten
+from thermal_comp.whitening import apply_gains, innovation_gains
 
 PERIOD = 20.0
 TRUE_NOISE = NoiseModel(
@@ -29,11 +28,8 @@ def test_whitened_noise_is_white_across_gaps() -> None:
     slot = slots_with_gaps(rng, 300)
     covariance = mean_autocovariance(TRUE_NOISE, 1, PERIOD, 300)
     dense = covariance[np.abs(slot[:, None] - slot[None, :])]
-    rows = whiten(np.eye(len(slot)), slot, TRUE_NOISE, 1, PERIOD)
+    rows = apply_gains(np.eye(len(slot)), innovation_gains(slot, TRUE_NOISE, 1, PERIOD))
     np.testing.assert_allclose(rows @ dense @ rows.T, np.eye(len(slot)), atol=1e-9)
-    assert log_determinant(slot, TRUE_NOISE, 1, PERIOD) == pytest.approx(
-        np.linalg.slogdet(dense)[1]
-    )
     vector = rng.standard_normal((len(slot), 2))
     np.testing.assert_allclose(toeplitz_product(covariance, slot, vector), dense @ vector)
 

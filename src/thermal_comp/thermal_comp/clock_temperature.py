@@ -30,11 +30,6 @@ Windows = tuple[FloatArray, FloatArray]
 """(k,) relative sampling interval and (k,) temperature [K], each about its mean."""
 
 
-def clock_slope(recordings: Sequence[ImuRecording]) -> ClockFinding | None:
-    """Return the slope of the sampling interval over temperature; None without irregularity."""
-    return slope_of_windows([clock_windows(recording) for recording in recordings])
-
-
 def clock_windows(recording: ImuRecording) -> Windows | None:
     """Return means over WINDOW_S without gaps of one recording; None where there is none."""
     step = np.diff(recording.stamp) * 1e-9

@@ -29,17 +29,6 @@ class Gains:
     """(m,) standard deviation of the innovation [unit]."""
 
 
-def whiten(
-    values: FloatArray, slot: IntArray, noise: NoiseModel, axis: int, period: float
-) -> FloatArray:
-    """Return the whitened rows (m, q): uncorrelated and of unit variance under the noise model.
-
-    `values` (m, q) are block means of one run, free of NaN, at the places `slot` (m,) of a
-    uniform grid of `period` seconds; any columns may be whitened together.
-    """
-    return apply_gains(values, innovation_gains(slot, noise, axis, period))
-
-
 def innovation_gains(slot: IntArray, noise: NoiseModel, axis: int, period: float) -> Gains:
     """Return the gains for block means at `slot`; worth keeping where many columns follow.
 
@@ -83,11 +72,6 @@ def apply_transposed(values: FloatArray, gains: Gains) -> FloatArray:
     after = np.zeros((len(gains.decay), turned.shape[1]))
     _turn(turned, after, gains.decay, gains.weight, gains.missed, gains.gain, gains.deviation)
     return turned
-
-
-def log_determinant(slot: IntArray, noise: NoiseModel, axis: int, period: float) -> float:
-    """Return ln det of the covariance of the block means."""
-    return 2.0 * float(np.log(innovation_gains(slot, noise, axis, period).deviation).sum())
 
 
 # The kernels are plain loops over scalars that fill arrays made outside: what numpy does inside

@@ -12,7 +12,6 @@ from imu_workbench.report.palette import AXES
 from imu_workbench.web.live_state import LiveState, Status
 from imu_workbench.web.live_topics import DEVICE_ROLES, ROLES
 from imu_workbench.web.live_view import (
-    SENSOR_TRACKS,
     TURNED_DEG,
     apart_deg,
     attitude,
@@ -146,12 +145,3 @@ def details(status: Status) -> str:
     """Return the values of a node's status."""
     rows = [[escape(key), escape(value)] for key, value in status.values.items()]
     return table(('value', 'now'), rows, '') if rows else 'no values'
-
-
-def sensors_heard(state: LiveState) -> list[str]:
-    """Return the sensors that say something."""
-    return [
-        sensor
-        for sensor, tracks in SENSOR_TRACKS.items()
-        if max(state.tracks[tracks.raw].newest, state.tracks[tracks.compensated].newest) >= 0
-    ]
