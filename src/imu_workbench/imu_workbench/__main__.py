@@ -15,6 +15,7 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 import argparse
 import sys
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -39,6 +40,7 @@ def build_parser(verb: str | None = None) -> argparse.ArgumentParser:
         prog='imu_workbench',
         description='Find, explain and remove the temperature error of MEMS IMUs.',
     )
+    parser.add_argument('--version', action='version', version=_version())
     verbs = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
     for name, module_name in COMMANDS.items():
         if verb not in (None, name):
@@ -59,6 +61,13 @@ def build_parser(verb: str | None = None) -> argparse.ArgumentParser:
         )
         child.set_defaults(run=command.run)
     return parser
+
+
+def _version() -> str:
+    try:
+        return version('imu_workbench')
+    except PackageNotFoundError:
+        return 'run from a tree that is not built'
 
 
 def main(argv: list[str] | None = None) -> int:

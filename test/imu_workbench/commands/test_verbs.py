@@ -55,6 +55,11 @@ def test_help_is_enough(verb: str, capsys) -> None:
     assert len(shown.splitlines()) > 5
 
 
+def test_the_version_is_the_packages(capsys) -> None:
+    assert main(['--version']) == 0
+    assert capsys.readouterr().out == '0.1.0\n'
+
+
 def test_the_list_of_verbs_needs_no_library() -> None:
     path = ROOT / 'src/imu_workbench/imu_workbench/commands/__init__.py'
     script = f'import runpy; print(*runpy.run_path({str(path)!r})["COMMANDS"])'
