@@ -253,7 +253,11 @@ class Search:
         return best
 
     def _without_edges(self, chosen: list[Form]) -> list[Form]:
-        """Drop steps at the edges of cycles where every cycle has a level of its own anyway."""
+        """Drop steps at the edges of cycles where every cycle has a level of its own anyway.
+
+        A level changes in the middle of a block, or a row before the cycle is logged: to a step
+        that is worth something, but it is no other effect.
+        """
         if 'turn_on_bias' not in {form.effect.name for form in chosen}:
             return chosen
         edges = np.concatenate([[-np.inf], *(_cycle_edges(r) for r in self.bank.source.runs)])
@@ -281,6 +285,5 @@ class Search:
 
 
 def _cycle_edges(run: PreparedRun) -> FloatArray:
-    """Return the times [s] at which the cycles as a whole begin and end."""
-    outside = (run.cycle == 0).astype(int)
-    return np.asarray(run.time[np.flatnonzero(np.diff(outside)) + 1])
+    """Return the times [s] at which a cycle begins or the last one ends."""
+    return np.asarray(run.time[np.flatnonzero(np.diff(run.cycle)) + 1])
