@@ -9,7 +9,7 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.experiment_bench import Bench, Rival
 from thermal_comp.experiment_design import ACTIONS, Limits, Proposal, design_experiment
 from thermal_comp.experiment_plan import PAPER, Plan, Segment, predict_runs, set_points
-from thermal_comp.experiment_search import LEAST_REPEATS, within
+from thermal_comp.experiment_search import LEAST_REPEATS, best_plan, within
 from thermal_comp.model import ModelError, NoiseModel, ThermalModel
 
 from .models import line_model
@@ -125,6 +125,26 @@ def test_every_plan_keeps_range_rate_hours_and_repeats(limits: Limits) -> None:
     setpoint, cycle = set_points(plan)
     assert np.abs(np.diff(setpoint)).max() <= limits.max_rate / 3.0 + 1e-9
     assert set(np.unique(cycle)) == set(range(plan.repeats + 1))
+
+
+def test_no_plan_goes_where_it_is() -> None:
+    home, cold = Segment(20.0, 2.0, 300.0), Segment(-40.0, 2.0, 600.0)
+    plan = within(Plan((home, cold, replace(cold, target=-50.0), home, home), 3), Limits())
+    assert plan.cycle == (Segment(-10.0, 2.0, 1200.0), Segment(20.0, 2.0, 600.0))
+
+
+def test_every_plan_tried_can_be_run() -> None:
+    seen: list[Plan] = []
+
+    def promise(plan: Plan) -> float:
+        seen.append(plan)
+        return float(len(seen) % 7)
+
+    best_plan(promise, Limits(18.0, 22.0), np.random.default_rng(3), 400)
+    assert len(seen) > 200
+    for plan in seen:
+        levels = [20.0, *(segment.target for segment in plan.cycle)]
+        assert np.diff(levels).all()
 
 
 def test_too_short_a_time_is_refused() -> None:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,7 +33,7 @@ class Limits:
 
 def within(plan: Plan, limits: Limits) -> Plan:
     """Return the plan cut to the limits, with as many repeats as the time allows."""
-    cycle = tuple(
+    cycle = _moving(
         Segment(
             float(np.clip(s.target, limits.low, limits.high)),
             min(s.rate, limits.max_rate),
@@ -45,12 +45,26 @@ def within(plan: Plan, limits: Limits) -> Plan:
         if Plan(cycle, repeats).hours <= limits.hours:
             return Plan(cycle, repeats)
     shorter = tuple(replace(s, dwell=s.dwell * 0.7) for s in cycle)
-    if min(s.dwell for s in shorter) < SHORTEST_DWELL_S:
+    if min((s.dwell for s in shorter), default=0.0) < SHORTEST_DWELL_S:
         raise ModelError(
             f'{limits.hours:g} h are too short for {LEAST_REPEATS} cycles between '
             f'{limits.low:g} and {limits.high:g} °C at {limits.max_rate:g} °C/min'
         )
     return within(Plan(shorter, LEAST_REPEATS), limits)
+
+
+def _moving(segments: Iterable[Segment]) -> tuple[Segment, ...]:
+    """Return the segments with what goes nowhere joined to the dwell before it.
+
+    A chamber refuses a ramp to where it already is; a cycle begins at the reference temperature.
+    """
+    joined: list[Segment] = []
+    for segment in segments:
+        if segment.target != (joined[-1].target if joined else REFERENCE_C):
+            joined.append(segment)
+        elif joined:
+            joined[-1] = replace(joined[-1], dwell=joined[-1].dwell + segment.dwell)
+    return tuple(joined)
 
 
 def best_plan(
@@ -99,8 +113,10 @@ def _closed(inner: tuple[Segment, ...], limits: Limits) -> tuple[Segment, ...]:
 def _changed(plan: Plan, limits: Limits, rng: np.random.Generator) -> Plan | None:
     inner = list(plan.cycle[:-1])
     act = rng.choice(['change', 'change', 'insert', 'drop'])
-    place = int(rng.integers(len(inner)))
-    if act == 'drop' and len(inner) > 2:
+    place = int(rng.integers(max(len(inner), 1)))
+    if not inner:
+        inner.append(_random_segment(limits, rng))
+    elif act == 'drop' and len(inner) > 2:
         inner.pop(place)
     elif act == 'insert' and len(inner) < 7:
         inner.insert(place, _random_segment(limits, rng))
