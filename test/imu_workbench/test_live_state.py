@@ -11,7 +11,7 @@ from imu_recording.message_cdr import serialise
 from imu_workbench.web import live_view as view
 from imu_workbench.web.live_batch import decoded
 from imu_workbench.web.live_state import LiveState, Status
-from imu_workbench.web.live_track import SECOND, PerSecond, Recent, Rows
+from imu_workbench.web.live_track import SECOND
 from orientation_filters.rotation import from_rotation_vector
 from sensor_msgs.msg import Imu
 from std_msgs.msg import String
@@ -94,43 +94,6 @@ def test_what_a_message_does_not_report_is_not_a_number() -> None:
     rows, _ = decoded(IMU, [message[0].tobytes()])
     assert np.isnan(rows.values[0, 13:16]).all()
     np.testing.assert_array_equal(rows.values[0, 25:28], 1.0)
-
-
-@pytest.mark.parametrize('batch', [1, 7, 100])
-def test_a_ring_holds_the_newest_whatever_the_batches(batch: int) -> None:
-    ring = Recent(1, capacity=64)
-    for first in range(0, 300, batch):
-        stamp = np.arange(first, min(first + batch, 300))
-        ring.add(Rows(stamp, stamp[:, None] * 2.0))
-    rows = ring.since(250)
-    np.testing.assert_array_equal(rows.stamp, np.arange(250, 300))
-    np.testing.assert_array_equal(rows.values[:, 0], np.arange(250, 300) * 2.0)
-
-
-def test_a_second_has_the_mean_and_spread_of_all_its_samples() -> None:
-    random = np.random.default_rng(5)
-    values = 9.8e3 + random.normal(0, 1e-3, (1000, 2))
-    values[::50, 1] = np.nan
-    stamp = stamps(10, 100)
-    history = PerSecond(2)
-    for part in np.array_split(np.arange(1000), 37):
-        history.add(Rows(stamp[part], values[part]))
-    expected = values.reshape(10, 100, 2)
-    np.testing.assert_allclose(history.means()[1], np.nanmean(expected, 1), rtol=1e-12)
-    np.testing.assert_allclose(history.deviations(), np.nanstd(expected, 1), rtol=1e-4)
-
-
-def test_a_full_history_lets_go_of_the_oldest() -> None:
-    history = PerSecond(1, capacity=100)
-    stamp = stamps(250, 1)
-    history.add(Rows(stamp, np.arange(250.0)[:, None]))
-    second, means = history.means()
-    assert 90 <= len(second) <= 100
-    assert history.oldest == second[0]
-    np.testing.assert_array_equal(second, np.arange(second[0], stamp[-1] // SECOND + 1))
-    np.testing.assert_array_equal(means[:, 0], second - stamp[0] // SECOND)
-    _, part = history.means(second[5], second[9])
-    np.testing.assert_array_equal(part, means[5:9])
 
 
 def test_raw_and_compensated_are_subtracted_stamp_by_stamp(state: LiveState) -> None:
