@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A device that moves is told from one at rest; nothing is said of its temperature error."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from imu_workbench.__main__ import main
 from imu_workbench.moving import MovingError, motion_of
 from imu_workbench.report.content import report_content
 from imu_workbench.report.page import report_page, report_text
@@ -36,6 +38,16 @@ def test_what_moves_is_left_out_with_one_message(run) -> None:
         content_of([moved(still)])
 
 
+def test_the_commands_say_so(bags, tmp_path) -> None:
+    notes = {}
+    for name in ('dut1_motion', 'dut1_x'):
+        saved, answer = tmp_path / f'{name}.yaml', tmp_path / f'{name}.json'
+        assert main(['fit', str(bags / name), '-o', str(saved), '--json', str(answer)]) == 0
+        notes[name] = json.loads(answer.read_text())['notes']
+    assert any('the device moves in' in note for note in notes['dut1_motion'])
+    assert not any('moves' in note for note in notes['dut1_x'])
+
+
 def test_a_device_turned_level_moves(run) -> None:
     still = run(cycles=1)
     heading = np.radians(60.0) * np.sin(2 * np.pi * still.time / 60.0)
@@ -56,9 +68,12 @@ def test_a_device_at_rest_does_not_move_whatever_its_data_suffer(run) -> None:
     spiky[rng.integers(0, len(still), 20)] = 30.0
     turned_once = still.linear_acceleration.copy()
     turned_once[len(still) // 2 :] = np.roll(turned_once[len(still) // 2 :], 1, axis=1)
+    glitches = still.linear_acceleration.copy()
+    glitches[rng.random(len(still)) < 0.08] += 15.0
     switched = still.magnetic_field + 2e-5 * (still.time[:, None] % 40.0 < 12.0)
     for values in (
         {'magnetic_field': switched},
+        {'linear_acceleration': glitches},
         {'angular_velocity': in_degrees},
         {'linear_acceleration': still.linear_acceleration / 9.81},
         {'linear_acceleration': spiky},

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording
@@ -47,6 +48,8 @@ def motion_of(recording: ImuRecording) -> str:
     rate = _beside(bin_means(recording.angular_velocity, starts)[0])
     turned = (_beside(field) > TURNED * _size(field)) & (rate > RATE)
     moves = (_beside(force) > SHAKEN * _size(force)) | turned
+    # A spike stands alone; what moves does so for more than a second.
+    moves &= np.r_[False, moves[:-1]] | np.r_[moves[1:], False]
     if moves.sum() < max(FEWEST, SHARE * len(moves)):
         return ''
     fastest = np.degrees(rate.max())
@@ -68,6 +71,15 @@ def resting(recordings: Sequence[ImuRecording]) -> tuple[list[ImuRecording], lis
     if left_out and not kept:
         raise MovingError('; '.join(left_out))
     return kept, left_out
+
+
+def with_motion_noted(recording: ImuRecording) -> ImuRecording:
+    """Return the recording, with a note where its device moves."""
+    motion = motion_of(recording)
+    if not motion:
+        return recording
+    note = f'{motion}: temperature error is found on a device at rest, so doubt what is said here'
+    return replace(recording, notes=(*recording.notes, note))
 
 
 def refusal(name: str, motion: str) -> str:

@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> Answer:
     """Add, refit, compare, save."""
     catalogue = effect_catalogue(options.effects)
     model = load_model(options.model, catalogue) if options.model else None
-    recordings = read_recordings(options)
+    recordings = read_recordings(options, at_rest=True)
     show_progress(f'adding {options.effect} …')
     runs = prepare(recordings)
     growth = add_effect(model, runs, options.effect, Settings(catalogue), options.sensor)

@@ -35,7 +35,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> Answer:
     """Compare."""
     model = load_model(options.model) if options.model else None
-    recordings = read_recordings(options)
+    recordings = read_recordings(options, at_rest=True)
     if model is not None and not model.pooled:
         for recording in recordings:
             check_device(model, recording.device)

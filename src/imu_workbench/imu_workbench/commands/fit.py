@@ -39,7 +39,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> Answer:
     """Fit, compare, save."""
-    recordings = read_recordings(options)
+    recordings = read_recordings(options, at_rest=True)
     show_progress('fitting …')
     runs = prepare(recordings)
     warning = unnamed_warning(runs)

@@ -10,6 +10,7 @@ from pathlib import Path
 from imu_recording.user_error import UserError
 
 from imu_recording import ImuRecording, bag_namespaces, read_bag
+from imu_workbench.moving import with_motion_noted
 from imu_workbench.progress import show_progress
 
 
@@ -52,18 +53,23 @@ def topic_remap(rules: list[str]) -> dict[str, str]:
 
 
 def read_recordings(
-    options: argparse.Namespace, *, every_device: bool = False
+    options: argparse.Namespace, *, every_device: bool = False, at_rest: bool = False
 ) -> list[ImuRecording]:
     """Read the bags named on the command line, one recording per bag and device.
 
     Where a bag holds several devices and no --namespace was given, `every_device` takes all of
-    them; otherwise the user has to choose.
+    them; otherwise the user has to choose. Where the devices are to be `at_rest`, one that moves
+    has a note that says so.
     """
-    return list(stream_recordings(options, every_device=every_device))
+    return list(stream_recordings(options, every_device=every_device, at_rest=at_rest))
 
 
 def stream_recordings(
-    options: argparse.Namespace, *, every_device: bool = False, then: str = ''
+    options: argparse.Namespace,
+    *,
+    every_device: bool = False,
+    at_rest: bool = False,
+    then: str = '',
 ) -> Iterator[ImuRecording]:
     """Read the bags as `read_recordings` does, each only when it is asked for.
 
@@ -72,7 +78,8 @@ def stream_recordings(
     remap = topic_remap(options.topic)
     for path in options.bags:
         show_progress(f'reading {path} …')
-        yield from read_devices(path, options.namespace, remap, every_device=every_device)
+        found = read_devices(path, options.namespace, remap, every_device=every_device)
+        yield from (with_motion_noted(recording) for recording in found) if at_rest else found
     show_progress(then)
 
 
