@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 from thermal_comp.diagnose import diagnose
 from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.effect import Effect
+from thermal_comp.noise import fit_noise
+from thermal_comp.preparation import prepare
 
 from .campaign import chamber, run
 
@@ -43,3 +46,24 @@ def test_a_session_may_begin_with_the_first_cycle() -> None:
     (found,) = (f for f in diagnose(recordings, catalogue=TIMED).findings if f.kind != 'noise')
     assert (found.kind, found.name, found.sensor) == ('effect', 'turn_on_bias', 'gyroscope')
     assert found.parameters['first']['value'] == 1.0
+
+
+class Ripple(Effect):
+    """A wave whose frequency is another one for each sensor."""
+
+    name = 'ripple'
+
+    def columns(self, conditions, state=None):
+        frequency = {'accelerometer': 4e-3, 'gyroscope': 7e-3}[conditions.sensor]
+        return np.sin(2.0 * np.pi * frequency * conditions.time)[:, None], None
+
+
+def test_a_known_effect_is_taken_out_of_the_sensor_it_acts_on() -> None:
+    wave = np.sin(2.0 * np.pi * 7e-3 * chamber()[0])[:, None] * AXES
+    rippled = prepare([run('+z', seed=3, error={'angular_velocity': 5e-4 * wave})])
+    quiet = fit_noise(prepare([run('+z', seed=3)]), 'gyroscope').variance_of_means(20.0)
+    ripple = Ripple()
+    fit_noise(rippled, 'accelerometer', [ripple])
+    beside = fit_noise(rippled, 'gyroscope', [ripple]).variance_of_means(20.0)
+    assert beside == pytest.approx(quiet, rel=0.05)
+    assert (fit_noise(rippled, 'gyroscope').variance_of_means(20.0) > 5.0 * quiet).all()

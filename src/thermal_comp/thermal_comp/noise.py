@@ -8,7 +8,8 @@ faster ones, as flicker noise does.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -45,7 +46,9 @@ def fit_noise(
     """
     beyond = effects_beyond(runs, sensor, effects)
     spectra = [
-        _spectrum_of(run, run.measured[sensor], [run.columns(e, sensor) for e in beyond], beyond)
+        _spectrum_of(
+            run, run.measured[sensor], {(sensor, e): run.columns(e, sensor) for e in beyond}
+        )
         for run in runs
     ]
     return fit_noise_to_spectra([s for s in spectra if s is not None])
@@ -92,7 +95,7 @@ def expected_square(noise: NoiseModel, run: PreparedRun, axis: int, operator: Fl
     return float(np.einsum('mq,mq->', operator, product))
 
 
-Key = tuple[bytes, tuple[Effect, ...]]
+Key = tuple[bytes, tuple[tuple[Sensor, Effect], ...]]
 _PROJECTIONS: WeakKeyDictionary[PreparedRun, dict[Key, Projection]] = WeakKeyDictionary()
 """Projections of runs by valid rows and further effects: mostly the same for all sensors."""
 _BASES: WeakKeyDictionary[PreparedRun, FloatArray] = WeakKeyDictionary()
@@ -119,20 +122,22 @@ def _share_beyond(run: PreparedRun, sensor: Sensor, effect: Effect) -> float:
 def _spectrum_of(
     run: PreparedRun,
     values: FloatArray,
-    further: Sequence[FloatArray] = (),
-    effects: tuple[Effect, ...] = (),
+    further: Mapping[tuple[Sensor, Effect], FloatArray] = MappingProxyType({}),
 ) -> ResidualSpectrum | None:
-    """Return the spectrum of what basis and `further` columns (m, …), of `effects`, leave."""
+    """Return the spectrum of what the basis and `further` columns (m, …) leave of values (m, 3).
+
+    An effect's columns are another sensor's where they hold the sensor's input.
+    """
     valid = np.isfinite(values).all(axis=1)
     if valid.sum() < 30:
         return None
     slot = run.slot[valid] - run.slot[valid][0]
     kept = _PROJECTIONS.setdefault(run, {})
-    key = (valid.tobytes(), effects)
+    key = (valid.tobytes(), tuple(further))
     if key not in kept:
         basis = _basis_of(run)
         if further:
-            columns = [basis, *(c.reshape(len(run), -1) for c in further)]
+            columns = [basis, *(c.reshape(len(run), -1) for c in further.values())]
             basis = orthonormal(np.concatenate(columns, axis=1))
         if not valid.all():
             basis, _ = np.linalg.qr(basis[valid])
