@@ -56,6 +56,8 @@ def full_rate(seconds: float) -> dict[str, Any]:
             ]
         )
         while not link.is_symlink():
+            if emulator.poll() is not None:
+                raise SystemExit(f'emulated_device ended with {emulator.returncode}')
             time.sleep(0.05)
         node = subprocess.Popen(
             [_executable('imu_driver_node'), '--ros-args', '-p', f'transport:=serial://{link}'],

@@ -14,6 +14,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,17 @@ def cpu_seconds(process: int) -> float:
     return (int(fields[11]) + int(fields[12])) / TICKS
 
 
+def wait_until(done: Callable[[], bool], children: Sequence[subprocess.Popen[bytes]]) -> None:
+    """Wait for what the children bring about; end with them if one of them ends."""
+    while not done():
+        for child in children:
+            if child.poll() is not None:
+                for other in children:
+                    other.terminate()
+                raise SystemExit(f'{child.args} ended with {child.returncode}')
+        time.sleep(0.1)
+
+
 def feed(out: Publisher, out_field: Publisher, count: int, rate_hz: float) -> None:
     """Send `count` pairs of messages, each stamped when it is sent."""
     start, sent = time.time_ns(), 0
@@ -71,8 +83,10 @@ def one_node(seconds: float, rate_hz: float, *, raw: bool) -> dict[str, Any]:
     seen = Arrivals(node, 'imu/data')
     spinner = threading.Thread(target=rclpy.spin, args=(node,), daemon=True)
     spinner.start()
-    while not (node.count_subscribers('imu/data_raw') and node.count_publishers('imu/data')):
-        time.sleep(0.1)
+    wait_until(
+        lambda: bool(node.count_subscribers('imu/data_raw') and node.count_publishers('imu/data')),
+        [child],
+    )
     time.sleep(1.0)
     count = round(seconds * rate_hz)
     before = cpu_seconds(child.pid)
@@ -107,14 +121,16 @@ def chain(seconds: float, model: str) -> dict[str, Any]:
     raw, done = Arrivals(node, 'imu/data_raw'), Arrivals(node, 'imu/data')
     spinner = threading.Thread(target=rclpy.spin, args=(node,), daemon=True)
     spinner.start()
-    while not (
-        node.count_subscribers('imu_compensated/data_raw') and node.count_publishers('imu/data')
-    ):
-        time.sleep(0.1)
+    wait_until(
+        lambda: bool(
+            node.count_subscribers('imu_compensated/data_raw')
+            and node.count_publishers('imu/data')
+        ),
+        children,
+    )
     options = ['transport:=simulated://dut1', 'output_data_rate:=238']
     children.append(start('imu_driver', 'imu_driver_node', options))
-    while len(done.at) < SETTLED:
-        time.sleep(0.1)
+    wait_until(lambda: len(done.at) >= SETTLED, children)
     first = max(done.at)
     before = [cpu_seconds(child.pid) for child in children]
     time.sleep(seconds)
