@@ -242,3 +242,15 @@ def test_workers_give_the_same_numbers(run, monkeypatch) -> None:
     for a, b in zip(alone['attitudes'], together['attitudes'], strict=True):
         for f, g in zip(a['filters'], b['filters'], strict=True):
             assert f['statistics'] == g['statistics']
+
+
+def test_a_recording_too_short_for_a_diagnosis_has_a_report_that_says_so(run):
+    whole = run(cycles=2)
+    since = (whole.stamp - whole.stamp[0]) * 1e-9
+    short = whole.rows((since > 560.0) & (since < 860.0))
+    content = content_of([short], attitudes=False)
+    assert not content['diagnosis']
+    (device,) = content['devices']
+    assert 'not diagnosed: the runs are too short' in device['note']
+    assert '30 are needed' in report_text(content)
+    assert 'not diagnosed' in report_page(content)

@@ -12,7 +12,7 @@ from thermal_comp.diagnose import Settings, diagnose
 from thermal_comp.diagnose_growth import grow
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
-from thermal_comp.model import ThermalModel
+from thermal_comp.model import ModelError, ThermalModel
 from thermal_comp.preparation import prepare
 
 from imu_recording import ImuRecording
@@ -38,8 +38,14 @@ class DiagnosisTask:
         return 3.0 + 1.5e-6 * sum(map(len, self.recordings))
 
     def run(self) -> dict[str, Any]:
-        """Return the diagnosis as plain values, with `steps` where effects can be added."""
-        content = diagnose(self.recordings, self.model, catalogue=self.catalogue).content()
+        """Return the diagnosis as plain values, with `steps` where effects can be added.
+
+        Where the recordings cannot be diagnosed, `problem` says why and nothing else is there.
+        """
+        try:
+            content = diagnose(self.recordings, self.model, catalogue=self.catalogue).content()
+        except ModelError as error:
+            return {'device': self.device, 'problem': f'not diagnosed: {error}'}
         steps: list[dict[str, Any]] = []
         if any(finding['kind'] == 'effect' for finding in content['findings']):
             runs = prepare(check_quality(self.recordings)[0])

@@ -66,7 +66,7 @@ class StudiedDevice:
     problem: str = ''
     """Why there is no model."""
     note: str = ''
-    """What a reader has to know of how its recordings were put together."""
+    """What a reader has to know of its recordings, and why there is no diagnosis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +133,11 @@ def study_recordings(
     results = run_tasks(tasks, workers)
     found = results[: len(filtering)] or [()] * len(recordings)
     rest = results[len(filtering) :]
+    judged = rest[: len(judging)]
+    for failed in (j for j in judged if 'problem' in j):
+        known = devices[failed['device']]
+        said = '; '.join(filter(None, (known.note, failed['problem'])))
+        devices[known.name] = replace(known, note=said)
     by_name = {run.name: run for run in prepared}
     studied = [
         study_run(recording, devices[recording.device].model, by_name.get(recording.run), angles)
@@ -144,7 +149,7 @@ def study_recordings(
         tuple(devices.values()),
         rest[len(judging)],
         slopes_of(studied),
-        {judged['device']: judged for judged in rest[: len(judging)]},
+        {j['device']: j for j in judged if 'problem' not in j},
         tuple(left_out),
         tuple(rest[len(judging) + 1 :]),
     )

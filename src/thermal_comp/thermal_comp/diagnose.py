@@ -38,8 +38,7 @@ from thermal_comp.effects.joined import joined_effects
 from thermal_comp.fit import fit_prepared, usable_sensors
 from thermal_comp.intake import take_in
 from thermal_comp.model import NoiseModel, ThermalModel
-from thermal_comp.noise import fit_noise
-from thermal_comp.noise_of_runs import noise_beside
+from thermal_comp.noise_of_runs import determined_noise, noise_beside
 from thermal_comp.preparation import PERIOD
 from thermal_comp.prepared_run import PreparedRun
 
@@ -112,8 +111,8 @@ def diagnose_prepared(
 ) -> Diagnosis:
     """Return the diagnosis of prepared runs; the data are taken as sound."""
     sensors, notes = usable_sensors(runs)
-    base: Listed = {sensor: base_effects(model, sensor) for sensor in sensors}
-    noise = {sensor: fit_noise(runs, sensor, base[sensor]) for sensor in sensors}
+    noise, short = determined_noise(runs, {s: base_effects(model, s) for s in sensors})
+    base: Listed = {sensor: base_effects(model, sensor) for sensor in noise}
     outcomes = search_sensors(runs, base, noise, settings)
     noise = noise_beside(runs, named_beside(base, outcomes), noise)
     current = compare_prepared(
@@ -124,8 +123,8 @@ def diagnose_prepared(
     for sensor, outcome in outcomes.items():
         findings += effect_findings(sensor, outcome, current, explained, settings.thresholds)
         findings += unnamed_findings(sensor, outcome, current)
-    states: dict[str, SensorState] = {s: sensor_state(s, outcomes[s], current) for s in sensors}
-    for sensor in sensors:
+    states: dict[str, SensorState] = {s: sensor_state(s, outcomes[s], current) for s in noise}
+    for sensor in noise:
         above = noise_finding(
             sensor,
             noise[sensor],
@@ -145,7 +144,7 @@ def diagnose_prepared(
         greyed_out=greyed_out(runs, settings.catalogue),
         undetermined=explained.undetermined,
         undecided=undecidable(runs, base, outcomes, noise),
-        notes=(*current.notes, *notes),
+        notes=(*current.notes, *notes, *short),
     )
 
 

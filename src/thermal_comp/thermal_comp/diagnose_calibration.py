@@ -18,7 +18,8 @@ from thermal_comp.diagnose_thresholds import EVERYWHERE, shipped_thresholds, thr
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fit import usable_sensors
 from thermal_comp.model import NoiseModel
-from thermal_comp.noise import fit_noise, fit_noise_to_values
+from thermal_comp.noise import fit_noise_to_values
+from thermal_comp.noise_of_runs import determined_noise
 from thermal_comp.noise_process import draw_noise
 from thermal_comp.prepared_run import PreparedRun
 
@@ -43,8 +44,7 @@ def calibrated_thresholds(
 
     The draws have the noise fitted to the recordings; thresholds never fall below the shipped.
     """
-    sensors, _ = usable_sensors(runs)
-    noise = {sensor: fit_noise(runs, sensor, base[sensor]) for sensor in sensors}
+    noise, _ = determined_noise(runs, {s: base[s] for s in usable_sensors(runs)[0]})
     reached = reached_without_effect(runs, noise, base, catalogue, draws, seed)
     raised = {
         name: max(threshold_of(name), EVERYWHERE, tail_quantile(found, QUANTILE) + MARGIN)

@@ -26,7 +26,7 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.joined import joined_effects
 from thermal_comp.fit import fit_prepared, usable_sensors
 from thermal_comp.model import ModelError, NoiseModel, ThermalModel
-from thermal_comp.noise import fit_noise
+from thermal_comp.noise_of_runs import determined_noise
 from thermal_comp.prepared_run import PreparedRun
 
 MOST_STEPS = 6
@@ -88,7 +88,7 @@ def add_effect(
     if absent:
         raise ModelError(f'{name} needs {", ".join(absent)}, which was not logged in every run')
     noise = _noise(runs, model)
-    listed: Listed = {sensor: base_effects(model, sensor) for sensor in noise}
+    listed = _base(runs, model)
     chosen = _placed(runs, listed, noise, name, settings, sensors)
     return _grown(model, runs, noise, listed, chosen)
 
@@ -112,7 +112,7 @@ def grow(
             break
         report(f'adding {found.name} …')
         names = [s for s in noise if s in found.sensor.split('+')]
-        listed: Listed = {sensor: base_effects(current, sensor) for sensor in noise}
+        listed = _base(runs, current)
         assert found.name is not None  # noqa: S101 (findings of kind effect have one)
         chosen = _placed(runs, listed, noise, found.name, settings, names)
         growth = _grown(current, runs, noise, listed, chosen, found.ambiguous_with)
@@ -121,8 +121,7 @@ def grow(
         current = growth.model
         noise = _noise(runs, current)
     if growth is None or first is None:
-        plain: Listed = {sensor: base_effects(model, sensor) for sensor in noise}
-        fitted = fit_prepared(plain, runs, noise=noise)
+        fitted = fit_prepared(_base(runs, model), runs, noise=noise)
         if model is not None:
             fitted = model.succeeded_by(fitted)
         compared = compare_prepared(fitted, runs, noise=noise)
@@ -131,7 +130,11 @@ def grow(
 
 
 def _noise(runs: Sequence[PreparedRun], model: ThermalModel | None) -> dict[Sensor, NoiseModel]:
-    return {s: fit_noise(runs, s, base_effects(model, s)) for s in usable_sensors(runs)[0]}
+    return determined_noise(runs, _base(runs, model))[0]
+
+
+def _base(runs: Sequence[PreparedRun], model: ThermalModel | None) -> Listed:
+    return {sensor: base_effects(model, sensor) for sensor in usable_sensors(runs)[0]}
 
 
 def _placed(

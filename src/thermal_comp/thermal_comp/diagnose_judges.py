@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from imu_recording.recording import FloatArray
+from imu_recording.recording import FloatArray, IntArray
 from scipy.interpolate import BSpline
 from scipy.ndimage import gaussian_filter1d
 
@@ -105,6 +105,8 @@ class _Spans:
     fastest: float
     longest: float
     cycle_length: float
+    cycles: IntArray
+    """Numbers of the cycles that any run has."""
 
     def temperature(self, run: PreparedRun) -> FloatArray:
         return _spline(run.temperature, self.low, self.high, 16)
@@ -152,8 +154,7 @@ class _Spans:
         return curve * inside[:, None]
 
     def cycle(self, run: PreparedRun) -> FloatArray:
-        numbers = [n for n in np.unique(run.cycle) if n > 0]
-        member = (run.cycle[:, None] == numbers).astype(float)
+        member = (run.cycle[:, None] == self.cycles).astype(float)
         return np.concatenate([member, member * self._warmth(run)[:, None]], axis=1)
 
     def channel(self, name: str, run: PreparedRun) -> FloatArray:
@@ -189,6 +190,7 @@ def _spans(runs: Sequence[PreparedRun]) -> _Spans:
         fastest=max(float(max(rates)), 1e-6),
         longest=max(float(run.time[-1]) for run in runs),
         cycle_length=max(lengths, default=1.0),
+        cycles=np.unique(np.concatenate([run.cycle[run.cycle > 0] for run in runs])),
     )
 
 

@@ -31,6 +31,9 @@ FLOOR = 1e-9
 """Least variance of a process, as a share of the residual's."""
 
 
+LEAST_BLOCKS = 30
+"""Blocks a run needs for a spectrum of its noise."""
+
 BEYOND = 0.01
 """Share of an effect outside the saturated model from which on it counts as not followed."""
 
@@ -129,7 +132,7 @@ def _spectrum_of(
     An effect's columns are another sensor's where they hold the sensor's input.
     """
     valid = np.isfinite(values).all(axis=1)
-    if valid.sum() < 30:
+    if valid.sum() < LEAST_BLOCKS:
         return None
     slot = run.slot[valid] - run.slot[valid][0]
     kept = _PROJECTIONS.setdefault(run, {})

@@ -18,7 +18,7 @@ from imu_recording.recording import FloatArray
 from thermal_comp.conditions import Sensor
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model import NoiseModel
-from thermal_comp.noise import expected_square, fit_noise_to_spectra
+from thermal_comp.noise import LEAST_BLOCKS, expected_square, fit_noise_to_spectra
 from thermal_comp.noise_process import LADDER
 from thermal_comp.noise_spectrum import Projection, ResidualSpectrum, project_spectra
 from thermal_comp.prepared_run import PreparedRun
@@ -72,7 +72,7 @@ def _spectrum(
 ) -> ResidualSpectrum | None:
     values = run.measured[sensor]
     valid = np.isfinite(values).all(axis=1)
-    if valid.sum() < 30:
+    if valid.sum() < LEAST_BLOCKS:
         return None
     if run not in _BASES:
         _BASES[run] = repeatable_basis(run)

@@ -10,8 +10,8 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.conditions import Sensor
 from thermal_comp.effects.effect import Effect
-from thermal_comp.model import NoiseModel
-from thermal_comp.noise import effects_beyond, fit_noise
+from thermal_comp.model import ModelError, NoiseModel
+from thermal_comp.noise import LEAST_BLOCKS, effects_beyond, fit_noise
 from thermal_comp.prepared_run import PreparedRun
 
 SMALLEST = 1e-12
@@ -23,14 +23,44 @@ def noise_of_runs(
 ) -> tuple[NoiseModel, str]:
     """Return the noise beside `effects` and, where it is only a guess, a sentence saying so."""
     fitted = fit_noise(runs, sensor, effects)
-    variance = fitted.variance_of_means(runs[0].period)
-    if np.isfinite(variance).all() and (variance > 0.0).all():
+    if _is_positive(fitted, runs):
         return fitted, ''
     white = np.sqrt(runs[0].period) * _scatter(runs, sensor)
     guess = NoiseModel(white, fitted.time_constants, np.zeros((len(fitted.time_constants), 3)))
     return guess, (
         f'{sensor}: the runs are too short to tell the colour of its noise; it is taken as white, '
         'from what a line in temperature leaves'
+    )
+
+
+def determined_noise(
+    runs: Sequence[PreparedRun], effects: Mapping[Sensor, Sequence[Effect]]
+) -> tuple[dict[Sensor, NoiseModel], list[str]]:
+    """Return the noise of the sensors whose runs are long enough, and what is said of others.
+
+    Evidence for an effect is weighed against this noise, so that a guess will not do; ModelError
+    where there is no sensor left.
+    """
+    fitted = {sensor: fit_noise(runs, sensor, effects[sensor]) for sensor in effects}
+    found = {s: noise for s, noise in fitted.items() if _is_positive(noise, runs)}
+    short = {s: _too_short(runs, s) for s in fitted if s not in found}
+    if not found:
+        raise ModelError('; '.join(dict.fromkeys(short.values())))
+    return found, [f'{sensor}: {text}' for sensor, text in short.items()]
+
+
+def _is_positive(noise: NoiseModel, runs: Sequence[PreparedRun]) -> bool:
+    variance = noise.variance_of_means(runs[0].period)
+    return bool(np.isfinite(variance).all() and (variance > 0.0).all())
+
+
+def _too_short(runs: Sequence[PreparedRun], sensor: Sensor) -> str:
+    blocks = [int(np.isfinite(run.measured[sensor]).all(axis=1).sum()) for run in runs]
+    period = runs[0].period
+    return (
+        f'the runs are too short to tell an effect from noise: the longest has {max(blocks)} '
+        f'blocks of {period:g} s; {LEAST_BLOCKS} are needed in one run, '
+        f'{LEAST_BLOCKS * period / 60.0:g} min after the start-up transient and without gaps'
     )
 
 

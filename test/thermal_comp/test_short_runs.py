@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs too short to tell noise, and runs that do not have the same cycles, are no accident."""
+
+import numpy as np
+import pytest
+from thermal_comp.diagnose import Settings, diagnose
+from thermal_comp.diagnose_calibration import calibrated_thresholds
+from thermal_comp.diagnose_growth import add_effect, grow
+from thermal_comp.effects import EFFECTS
+from thermal_comp.fit import fit
+from thermal_comp.model import ModelError
+from thermal_comp.preparation import prepare
+
+from imu_recording import ImuRecording
+
+from .campaign import run
+
+LINE = (EFFECTS['bias_temperature'](),)
+FEW = {name: EFFECTS[name] for name in ('thermal_lag', 'thermal_hysteresis')}
+SETTINGS = Settings(FEW)
+
+
+def ramp(seconds: float, burst: bool = False) -> list[ImuRecording]:
+    """Return part of a ramp in two orientations; a burst is half a minute of every two."""
+    found = []
+    for seed, up in enumerate(('+x', '+z')):
+        whole = run(up, seed=seed, cycles=2)
+        since = (whole.stamp - whole.stamp[0]) * 1e-9 - 4800.0
+        inside = (since >= 0.0) & (since < seconds)
+        found.append(whole.rows(inside & (since % 120.0 < 30.0) if burst else inside))
+    return found
+
+
+@pytest.mark.parametrize(
+    ('seconds', 'burst'), [(115, False), (300, False), (500, False), (900, True)]
+)
+def test_what_is_too_short_for_a_diagnosis_is_said_with_the_length_that_would_do(
+    seconds: float, burst: bool
+) -> None:
+    recordings = ramp(seconds, burst)
+    assert fit(LINE, recordings).sensors
+    runs = prepare(recordings)
+    said = 'too short .* blocks of 20 s; 30 are needed .* 10 min'
+    base = dict.fromkeys(('accelerometer', 'gyroscope', 'magnetometer'), LINE)
+    with pytest.raises(ModelError, match=said):
+        diagnose(recordings, catalogue=FEW)
+    with pytest.raises(ModelError, match=said):
+        grow(None, runs, SETTINGS)
+    with pytest.raises(ModelError, match=said):
+        add_effect(None, runs, 'thermal_lag', SETTINGS)
+    with pytest.raises(ModelError, match=said):
+        calibrated_thresholds(runs, base, FEW, draws=2)
+
+
+def test_a_sensor_with_too_few_blocks_is_left_out_of_a_diagnosis_and_named() -> None:
+    recordings = [run('+z', cycles=2)]
+    recordings[0].magnetic_field[100:] = np.nan
+    found = diagnose(recordings, catalogue=FEW)
+    assert sorted(found.sensors) == ['accelerometer', 'gyroscope']
+    assert any('magnetometer' in note and 'too short' in note for note in found.notes)
+
+
+def test_an_aborted_run_has_fewer_cycles_than_the_others() -> None:
+    recordings = [run('+x', cycles=2), run('+z', seed=1, cycles=3)]
+    found = diagnose(recordings, catalogue=FEW)
+    assert {state.verdict for state in found.sensors.values()} == {'complete'}
