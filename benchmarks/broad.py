@@ -19,15 +19,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from imu_recording.csv_import import import_csv
 from imu_recording.recording import FloatArray
+from imu_recording.tables.csv_import import import_csv
 from orientation_filters.errors import KINDS, attitude_errors
 from orientation_filters.filters import run_filter
-from orientation_filters.rotation import normalised
+from orientation_filters.rotation.arrays import normalised
 from scipy.io import loadmat
-from thermal_comp.compensator import compensate
+from thermal_comp.compensation.stream import compensate
 from thermal_comp.effects import EFFECTS
-from thermal_comp.fit import fit
+from thermal_comp.fitting.fit import fit
 from verdict import Verdict, judge
 from vqf import VQF
 

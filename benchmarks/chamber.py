@@ -17,12 +17,12 @@ import time
 from pathlib import Path
 
 import numpy as np
-from chamber_profile.actions import carry_out, readings_of
-from chamber_profile.chambers.simulated import simulate_chamber
 from chamber_profile.chambers.simulated_chamber import SimulatedChamber
-from chamber_profile.profile import load_profile
-from chamber_profile.sequence_types import DWELL, FINISHED
-from chamber_profile.sequencer import Sequencer
+from chamber_profile.profile.file import load_profile
+from chamber_profile.run.chamber_link import carry_out, readings_of
+from chamber_profile.run.sequencer import Sequencer
+from chamber_profile.run.simulation import simulate_chamber
+from chamber_profile.run.values import DWELL, FINISHED
 
 PAPER = load_profile('paper_betta2022')
 KILLS_A_RUN = 3

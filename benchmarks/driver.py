@@ -27,11 +27,11 @@ import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from driver_soak import EPOCH, soak
-from imu_driver.device_clock import DeviceClock
-from imu_driver.emulated_board import BoardOptions
+from imu_driver.board.clock import DeviceClock
+from imu_driver.board.sample import Sample
+from imu_driver.emulator.board import BoardOptions
+from imu_driver.emulator.transport import emulated_board
 from imu_driver.node import ImuDriverNode
-from imu_driver.sample import Sample
-from imu_driver.transport_simulated import emulated_board
 
 PATIENCE = 60.0
 """[s] Processes may take so long to start on a busy machine."""

@@ -10,9 +10,9 @@ import time
 from pathlib import Path
 
 import rclpy
-from imu_driver.emulated_board import BoardOptions
+from imu_driver.emulator.board import BoardOptions
+from imu_driver.emulator.transport import emulated_board
 from imu_driver.node import ImuDriverNode
-from imu_driver.transport_simulated import emulated_board
 
 EPOCH = 1_700_000_000_000_000_000
 

@@ -27,12 +27,12 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 from filters_static import static
 from imu_recording.jit import NUMBA
+from orientation_filters.ahrs import filterpy_kalman as ahrs_filterpy
 from orientation_filters.filters import FILTERS, filter_parameters, run_filter, state_bytes
 from verdict import Verdict, judge
 from vqf import VQF
 
 from imu_recording import ImuRecording
-from orientation_filters import ahrs_filterpy
 
 RATE_HZ = 100.0
 PEER_SAMPLES = 20_000

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import rclpy
 from ament_index_python.packages import get_package_prefix
-from imu_recording.messages import (
+from imu_recording.ros.messages import (
     ImuSample,
     MagneticSample,
     imu_from_sample,

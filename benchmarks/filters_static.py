@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 from imu_recording.recording import FloatArray
-from orientation_filters.ahrs_kalman import initial_state, update
+from orientation_filters.ahrs.filter import initial_state, update
 from orientation_filters.filters import FILTERS, filter_parameters, run_filter
-from orientation_filters.flags import JAMMED
-from orientation_filters.rotation import (
+from orientation_filters.result import JAMMED
+from orientation_filters.rotation.arrays import (
     conjugate,
     heading_angle,
     inclination_angle,

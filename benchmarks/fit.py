@@ -12,10 +12,9 @@ import sys
 import time
 
 import numpy as np
-from thermal_comp.conditions import Conditions, static_conditions
+from thermal_comp.data.conditions import Conditions, static_conditions
 from thermal_comp.effects import EFFECTS, Effect
-from thermal_comp.fit_solution import solve
-from thermal_comp.gram import gram
+from thermal_comp.linear.normal_equations import gram, solve
 
 from imu_recording import ImuRecording
 

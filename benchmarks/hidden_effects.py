@@ -24,9 +24,9 @@ from pathlib import Path
 from typing import Any
 
 from hidden_effects_tables import tables
-from imu_driver.simulated_hidden import CLOCK, HIDEABLE, NOTHING, QUALITY
-from imu_workbench.experiment_hidden import Secret, practice_campaign
-from thermal_comp.diagnose import diagnose
+from imu_driver.simulation.hidden import CLOCK, HIDEABLE, NOTHING, QUALITY
+from imu_workbench.simulate.hidden_effect import Secret, practice_campaign
+from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.effects import EFFECTS
 from thermal_comp.precompile import precompile
 
@@ -62,7 +62,7 @@ def judge(case: Case) -> dict[str, Any]:
         bias_instability=bias_instability,
     )
     simulated = time.process_time()
-    content = diagnose(recordings).content()
+    content = diagnose(recordings).to_dict()
     kept = ('kind', 'name', 'sensor', 'ambiguous_with', 'depends_on', 'evidence', 'threshold')
     kept += ('error_before', 'error_after', 'noise_floor', 'parameters')
     return {

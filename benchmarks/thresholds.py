@@ -22,19 +22,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from imu_workbench.experiment_hidden import practice_campaign
-from thermal_comp.conditions import Sensor
-from thermal_comp.diagnose_bank import ColumnBank, ColumnSource
-from thermal_comp.diagnose_calibration import QUANTILE, reached_without_effect, tail_quantile
-from thermal_comp.diagnose_candidates import families
-from thermal_comp.diagnose_search import Search
-from thermal_comp.diagnose_thresholds import EVERYWHERE
+from imu_workbench.simulate.hidden_effect import practice_campaign
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.diagnosis.candidates import families
+from thermal_comp.diagnosis.null_simulation import QUANTILE, reached_without_effect, tail_quantile
+from thermal_comp.diagnosis.search import Search
+from thermal_comp.diagnosis.thresholds import EVERYWHERE
 from thermal_comp.effects import EFFECTS
-from thermal_comp.fit import usable_sensors
-from thermal_comp.model import NoiseModel
-from thermal_comp.noise import fit_noise
-from thermal_comp.preparation import prepare
-from thermal_comp.prepared_run import PreparedRun
+from thermal_comp.fitting.fit import usable_sensors
+from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
+from thermal_comp.model.values import NoiseModel
+from thermal_comp.noise.estimation import fit_noise
 
 import thermal_comp
 

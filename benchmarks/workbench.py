@@ -22,15 +22,15 @@ from typing import Any
 
 import numpy as np
 import orjson
-from imu_workbench.web.figure_failure import failure_figure, failure_map
-from imu_workbench.web.figure_noise import allan_figure, spectrum_figure
-from imu_workbench.web.figure_scatter import phase_figure, rate_figure, temperature_figure
-from imu_workbench.web.figure_time import time_figure, time_lines
-from imu_workbench.web.job import Job, warm_up
-from imu_workbench.web.stored_bag import StoredBag, store_recording
-from imu_workbench.web.tasks import Change, change_task, first_version_task
-from imu_workbench.web.version import Version
-from imu_workbench.web.view import View
+from imu_workbench.web.case.failure_map import failure_figure, failure_map
+from imu_workbench.web.case.noise_figures import allan_figure, spectrum_figure
+from imu_workbench.web.case.scatter_figures import phase_figure, rate_figure, temperature_figure
+from imu_workbench.web.case.stored_bag import StoredBag, store_recording
+from imu_workbench.web.case.tasks import Change, change_task, first_version_task
+from imu_workbench.web.case.time_figure import time_figure, time_lines
+from imu_workbench.web.case.version import Version
+from imu_workbench.web.case.view import View
+from imu_workbench.web.jobs import Job, warm_up
 from verdict import Verdict, judge
 
 from imu_recording import ImuRecording, read_bag

@@ -12,18 +12,18 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from imu_recording.recording import PHASES, SENSOR_FIELDS
-from imu_workbench.report.figures_modelled import LOUDEST
-from imu_workbench.report.palette import COLOURS
+from imu_workbench.report.figures.modelled import LOUDEST
+from imu_workbench.report.figures.palette import COLOURS
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.image import AxesImage
-from thermal_comp.compensate_recording import compensate
-from thermal_comp.diagnose import Settings
-from thermal_comp.diagnose_growth import Growth, grow
+from thermal_comp.compensation.recording import compensate
+from thermal_comp.data.preparation import prepare, prepare_run
+from thermal_comp.diagnosis.diagnose import Settings
+from thermal_comp.diagnosis.growth import Growth, grow
 from thermal_comp.effects import EFFECTS
-from thermal_comp.fit import fit
-from thermal_comp.model import ThermalModel
-from thermal_comp.preparation import prepare, prepare_run
+from thermal_comp.fitting.fit import fit
+from thermal_comp.model.values import ThermalModel
 
 from imu_recording import ImuRecording, read_bag
 

@@ -28,9 +28,9 @@ setup(
     entry_points={
         'console_scripts': [
             'chamber_profile_node = chamber_profile.node:main',
-            'emulated_chamber = chamber_profile.emulated_chamber:main',
-            'reference_logger_node = chamber_profile.reference_logger_node:main',
-            'emulated_reference_logger = chamber_profile.emulated_reference_logger:main',
+            'emulated_chamber = chamber_profile.emulators.chamber:main',
+            'reference_logger_node = chamber_profile.reference.node:main',
+            'emulated_reference_logger = chamber_profile.emulators.reference_logger:main',
         ],
     },
 )

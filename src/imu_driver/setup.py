@@ -29,7 +29,7 @@ setup(
     entry_points={
         'console_scripts': [
             'imu_driver_node = imu_driver.node:main',
-            'emulated_device = imu_driver.emulated_device:main',
+            'emulated_device = imu_driver.emulator.emulated_device:main',
         ],
     },
 )

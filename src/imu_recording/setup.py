@@ -27,7 +27,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'recorder_node = imu_recording.recorder_node:main',
+            'recorder_node = imu_recording.recorder.node:main',
         ],
     },
 )

@@ -10,12 +10,13 @@ from pathlib import Path
 
 import pytest
 from chamber_profile.chambers.catalogue import open_chamber
-from chamber_profile.emulated_chamber import SERVERS
-from chamber_profile.emulation.body import EmulatedBody
-from chamber_profile.emulation.endpoint import PtyEndpoint, TcpEndpoint
-from chamber_profile.emulation.faults import FaultPlan, parse_fault
-from chamber_profile.profile import load_profile, profile_from_content
-from chamber_profile.sequence_types import (
+from chamber_profile.emulators.chamber import SERVERS
+from chamber_profile.emulators.endpoint import PtyEndpoint, TcpEndpoint
+from chamber_profile.emulators.faults import FaultPlan, parse_fault
+from chamber_profile.emulators.plant import EmulatedBody
+from chamber_profile.profile.file import load_profile, profile_from_content
+from chamber_profile.run.sequencer import Sequencer
+from chamber_profile.run.values import (
     FINISHED,
     LINK_OK,
     RUN,
@@ -25,7 +26,6 @@ from chamber_profile.sequence_types import (
     Switch,
     WriteSetpoint,
 )
-from chamber_profile.sequencer import Sequencer
 
 sys.path.insert(0, str(Path(__file__).parent))  # modules the tests of this folder share
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A profile at the edges of what one may hold."""
 
-from chamber_profile.profile import parse_profile
+from chamber_profile.profile.file import parse_profile
 
 EDGE = parse_profile("""\
 schema: 1

@@ -11,8 +11,8 @@ import threading
 from pathlib import Path
 
 import numpy as np
-from chamber_profile.journal import read_journal
-from chamber_profile.profile import parse_profile
+from chamber_profile.profile.file import parse_profile
+from chamber_profile.run.journal import read_journal
 
 TINY = """\
 schema: 1
@@ -51,7 +51,7 @@ class Laboratory:
         self.processes: list[subprocess.Popen] = []
         options = [word for fault in faults for word in ('--fault', fault)]
         words = ['--protocol', 'espec', '--tcp', '0', '--time-scale', str(time_scale), *options]
-        emulator = self._spawn('chamber_profile.emulated_chamber', repr(words))
+        emulator = self._spawn('chamber_profile.emulators.chamber', repr(words))
         self.port = int(re.search(r':(\d+)$', emulator.stdout.readline())[1])
 
     def node(self) -> subprocess.Popen:

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from chamber_profile.profile import Profile, Step
-from chamber_profile.sequence_types import (
+from chamber_profile.profile.file import Profile, Step
+from chamber_profile.profile.unroll import closed_steps
+from chamber_profile.run.values import (
     CONFIRM,
     FINISHED,
     IN_CHARGE,
@@ -21,7 +22,6 @@ from chamber_profile.sequence_types import (
     Switch,
     WriteSetpoint,
 )
-from chamber_profile.unroll import closed_steps
 
 GAP_S = 4.98
 OBEDIENCE_S = 60.0

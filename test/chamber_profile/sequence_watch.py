@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from chamber_profile.profile import Step
-from chamber_profile.sequence_types import (
+from chamber_profile.profile.file import Step
+from chamber_profile.run.values import (
     ABORTED,
     CHECK,
     CONFIRM,

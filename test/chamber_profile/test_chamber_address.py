@@ -4,7 +4,7 @@
 import pytest
 from chamber_profile.chambers.catalogue import ChamberAddressError, open_chamber
 from chamber_profile.chambers.chamber import ChamberError
-from chamber_profile.emulation.faults import Fault, parse_fault
+from chamber_profile.emulators.faults import Fault, parse_fault
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import rclpy
 import yaml
-from imu_recording.bag_messages import bag_topics, read_messages
+from imu_recording.bags.messages import bag_topics, read_messages
 from laboratory import DOMAIN, Laboratory
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -62,7 +62,7 @@ def custom_data(metadata: Path) -> dict[str, str]:
 
 def test_each_orientation_gets_its_bag_and_an_operator_turns_the_devices(laboratory) -> None:
     lab: Laboratory = laboratory(profile=CAMPAIGN)
-    recorder = lab.start('imu_recording.recorder_node', output=lab.folder / 'rec')
+    recorder = lab.start('imu_recording.recorder.node', output=lab.folder / 'rec')
     lab.until(recorder, 'recording to')
     node = lab.node()
     lab.until(recorder, 'x\n')

@@ -4,17 +4,17 @@
 from pathlib import Path
 
 import pytest
-from chamber_profile.chamber_link import ChamberLink, ClockError
 from chamber_profile.chambers.catalogue import CHAMBERS
 from chamber_profile.chambers.chamber import ChamberError, ChamberReading
-from chamber_profile.conductor import Clocks, Conductor, Surroundings
-from chamber_profile.emulated_chamber import SERVERS
-from chamber_profile.emulation.body import EmulatedBody
-from chamber_profile.emulation.faults import FaultPlan, damaged, parse_fault
-from chamber_profile.journal import read_journal
-from chamber_profile.profile import parse_profile
-from chamber_profile.sequence_types import ABORTED, DONE, LINK_FAILING, LINK_LOST, LINK_OK
-from chamber_profile.sequencer import Sequencer
+from chamber_profile.emulators.chamber import SERVERS
+from chamber_profile.emulators.faults import FaultPlan, damaged, parse_fault
+from chamber_profile.emulators.plant import EmulatedBody
+from chamber_profile.profile.file import parse_profile
+from chamber_profile.run.chamber_link import ChamberLink, ClockError
+from chamber_profile.run.conductor import Clocks, Conductor, Surroundings
+from chamber_profile.run.journal import read_journal
+from chamber_profile.run.sequencer import Sequencer
+from chamber_profile.run.values import ABORTED, DONE, LINK_FAILING, LINK_LOST, LINK_OK
 
 TINY = parse_profile("""\
 schema: 1

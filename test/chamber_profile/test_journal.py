@@ -6,9 +6,9 @@ import json
 import os
 
 import pytest
-from chamber_profile.journal import Journal, JournalError, load_run, read_journal
-from chamber_profile.profile import load_profile
-from chamber_profile.sequence_types import DONE, IDLE, RUN, Note, Progress
+from chamber_profile.profile.file import load_profile
+from chamber_profile.run.journal import Journal, JournalError, load_run, read_journal
+from chamber_profile.run.values import DONE, IDLE, RUN, Note, Progress
 
 PROFILE = load_profile('short_20min')
 

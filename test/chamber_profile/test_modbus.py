@@ -7,8 +7,8 @@ from chamber_profile.chambers.catalogue import ChamberAddressError, open_chamber
 from chamber_profile.chambers.chamber import ChamberError, ChamberRefusalError
 from chamber_profile.chambers.line import Line
 from chamber_profile.chambers.modbus_line import ModbusLine, PymodbusLine
-from chamber_profile.emulation.body import EmulatedBody
-from chamber_profile.emulation.watlow_server import WatlowRtuServer
+from chamber_profile.emulators.plant import EmulatedBody
+from chamber_profile.emulators.watlow_f4 import WatlowRtuServer
 
 FRAMES = {
     'read PV': (modbus.read_pdu(100), '01 03 00 64 00 01 C5 D5'),

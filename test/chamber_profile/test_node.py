@@ -5,10 +5,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from chamber_profile.journal import read_journal
-from chamber_profile.sequence_types import ABORTED, DONE, RUN, SAFE
+from chamber_profile.run.journal import read_journal
+from chamber_profile.run.values import ABORTED, DONE, RUN, SAFE
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from imu_recording.run_notice import parse_notice
+from imu_recording.recorder.run_announcement import parse_notice
 from node_bench import Bench
 from rclpy.lifecycle import TransitionCallbackReturn
 from sensor_msgs.msg import Temperature
@@ -234,7 +234,7 @@ def test_a_resumed_run_keeps_the_orientation_it_was_begun_with(make) -> None:
 def test_a_full_disk_ends_in_the_safe_state(make, monkeypatch) -> None:
     bench = make(start=True)
     bench.until(lambda: bench.node.moment.step.id == 'heat')
-    monkeypatch.setattr('chamber_profile.conductor.free_bytes', lambda _: 1 << 29)
+    monkeypatch.setattr('chamber_profile.run.conductor.free_bytes', lambda _: 1 << 29)
     bench.step()
     assert bench.mode == SAFE
     assert 'GiB' in bench.node.moment.progress.reason
@@ -247,7 +247,7 @@ def test_a_journal_that_cannot_be_written_ends_in_the_safe_state(make, monkeypat
     def fail(*_, **__):
         raise OSError(28, 'No space left on device')
 
-    monkeypatch.setattr('chamber_profile.journal.Journal.write', fail)
+    monkeypatch.setattr('chamber_profile.run.journal.Journal.write', fail)
     bench.until(lambda: bench.mode in (SAFE, ABORTED))
     assert 'journal' in bench.node.moment.progress.reason
     bench.until(lambda: bench.mode == ABORTED)

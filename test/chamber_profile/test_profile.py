@@ -3,13 +3,13 @@
 
 import pytest
 import yaml
-from chamber_profile.profile import (
+from chamber_profile.profile.check import ProfileError
+from chamber_profile.profile.file import (
     load_profile,
     parse_profile,
     profile_from_content,
     profile_names,
 )
-from chamber_profile.profile_check import ProfileError
 
 PAPER = load_profile('paper_betta2022')
 

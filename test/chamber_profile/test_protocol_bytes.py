@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """ESPEC, ASCII-2 and SIMSERV: bytes as in the manufacturers' interface descriptions."""
 
-from chamber_profile.emulation.body import EmulatedBody
-from chamber_profile.emulation.espec_server import EspecServer
-from chamber_profile.emulation.votsch_server import Ascii2Server, SimservServer
+from chamber_profile.emulators.espec import EspecServer
+from chamber_profile.emulators.plant import EmulatedBody
+from chamber_profile.emulators.votsch import Ascii2Server, SimservServer
 
 ESPEC_BYTES = [
     (b'TEMP?\r\n', 4),

@@ -7,7 +7,7 @@ import time
 import pytest
 from chamber_profile.chambers.catalogue import CHAMBERS
 from chamber_profile.chambers.chamber import ChamberError, ChamberRefusalError
-from chamber_profile.emulated_chamber import SERVERS
+from chamber_profile.emulators.chamber import SERVERS
 
 WIRES = [(name, wire) for name in sorted(SERVERS) for wire in ('tcp', 'serial')]
 

@@ -8,10 +8,14 @@ import time
 
 import numpy as np
 import pytest
-from chamber_profile.emulated_reference_logger import LoggerSensors, read_table
-from chamber_profile.reference_lines import ColumnError, ReferenceLines, parse_columns
-from chamber_profile.reference_logger_node import ReferenceLoggerNode
-from chamber_profile.reference_logger_port import ReferenceLoggerPort
+from chamber_profile.emulators.reference_logger import LoggerSensors, read_table
+from chamber_profile.reference.logger import (
+    ColumnError,
+    ReferenceLines,
+    ReferenceLoggerPort,
+    parse_columns,
+)
+from chamber_profile.reference.node import ReferenceLoggerNode
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -96,7 +100,7 @@ def test_lines_arrive_over_a_real_port(wire: str, tmp_path) -> None:
     table = tmp_path / 'plan.csv'
     table.write_text('time_s,temperature_c\n0,20\n100,20\n')
     place = '0' if wire == '--tcp' else str(tmp_path / 'logger')
-    code = 'import sys; from chamber_profile.emulated_reference_logger import main; main()'
+    code = 'import sys; from chamber_profile.emulators.reference_logger import main; main()'
     process = subprocess.Popen(
         [sys.executable, '-u', '-c', code, wire, place, '--temperature', str(table)],
         stdout=subprocess.PIPE, text=True,

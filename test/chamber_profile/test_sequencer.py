@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from chamber_profile.profile import load_profile
-from chamber_profile.sequence_types import (
+from chamber_profile.profile.file import load_profile
+from chamber_profile.run.values import (
     DONE,
     DWELL,
     IDLE,

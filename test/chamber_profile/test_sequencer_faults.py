@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from chamber_profile.sequence_types import (
+from chamber_profile.run.values import (
     ABORTED,
     CHECK,
     DONE,

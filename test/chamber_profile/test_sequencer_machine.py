@@ -5,8 +5,9 @@ import json
 from dataclasses import asdict, replace
 
 import hypothesis.strategies as st
-from chamber_profile.profile import load_profile
-from chamber_profile.sequence_types import (
+from chamber_profile.profile.file import load_profile
+from chamber_profile.run.sequencer import COMMANDS, Sequencer
+from chamber_profile.run.values import (
     ABORTED,
     DONE,
     DWELL,
@@ -19,7 +20,6 @@ from chamber_profile.sequence_types import (
     Switch,
     WriteSetpoint,
 )
-from chamber_profile.sequencer import COMMANDS, Sequencer
 from edge_profile import EDGE
 from hypothesis import settings
 from hypothesis.stateful import (

@@ -2,11 +2,11 @@
 """Time left agrees with the ideal timetable wherever a run stands on it."""
 
 import pytest
-from chamber_profile.profile import Step, load_profile
-from chamber_profile.sequence_types import CONFIRM, DONE, DWELL, MOVE, RUN, STOP, Progress
-from chamber_profile.time_left import time_left
-from chamber_profile.timetable import timetable
-from chamber_profile.unroll import closed_steps
+from chamber_profile.profile.file import Step, load_profile
+from chamber_profile.profile.timetable import timetable
+from chamber_profile.profile.unroll import closed_steps
+from chamber_profile.run.messages import time_left
+from chamber_profile.run.values import CONFIRM, DONE, DWELL, MOVE, RUN, STOP, Progress
 
 PROFILE = load_profile('short_20min')
 STEPS = closed_steps(PROFILE)

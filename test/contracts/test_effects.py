@@ -55,7 +55,7 @@ def test_contract_finds_an_effect_that_looks_ahead() -> None:
 def test_lag_is_exact_for_a_ramp() -> None:
     conditions = example_conditions(seed=3)
     time = conditions.time - conditions.time[0]
-    from thermal_comp.effects.first_order_lag import follow
+    from thermal_comp.effects.operators import follow
 
     lagged, _ = follow(conditions.time, 0.03 * time, 100.0)
     np.testing.assert_allclose(lagged, 0.03 * (time - 100.0 + 100.0 * np.exp(-time / 100.0)))

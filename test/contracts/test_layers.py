@@ -15,7 +15,12 @@ BELOW = {
     **dict.fromkeys(PEERS, ('imu_recording',)),
     'imu_workbench': ('imu_recording', *PEERS),
 }
-RCLPY_IN_WORKBENCH = ('replay.py', 'quiet_context.py', 'web/live.py')
+RCLPY_IN_WORKBENCH = (
+    'replay.py',
+    'isolated_context.py',
+    'simulate/node_campaign.py',
+    'web/live/listener.py',
+)
 EDGES = ('rclpy', 'serial', 'rosbags', 'plotly', 'nicegui', 'matplotlib', 'tsdownsample')
 FILES = sorted(
     path
@@ -40,12 +45,13 @@ def may_import(library: str, path: Path) -> bool:
     inner = '/'.join(rest)
     if library == 'rclpy':
         return (
-            inner == 'node.py'
+            path.name == 'node.py'
             or inner.endswith('_node.py')
+            or inner.startswith('ros/')
             or (package == 'imu_workbench' and inner in RCLPY_IN_WORKBENCH)
         )
     if library == 'serial':
-        return 'transport' in inner or inner.startswith('chambers/') or 'reference_logger' in inner
+        return 'transport' in inner or inner.startswith(('chambers/', 'reference/'))
     if library == 'rosbags':
         return package == 'imu_recording'
     return package == 'imu_workbench'  # plotly, nicegui, matplotlib, tsdownsample
@@ -63,7 +69,7 @@ def test_imports_go_only_downwards(path: Path) -> None:
 
 
 def test_nodes_that_compute_nothing_start_without_compiler_and_bag_library() -> None:
-    nodes = 'chamber_profile.node, chamber_profile.reference_logger_node, imu_driver.node'
+    nodes = 'chamber_profile.node, chamber_profile.reference.node, imu_driver.node'
     code = f'import sys, {nodes}; print(*{{"numba", "rosbags", "scipy"}} & sys.modules.keys())'
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []

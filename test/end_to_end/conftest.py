@@ -90,8 +90,8 @@ def processes(tmp_path: Path) -> Iterator[Processes]:
 def dut1_model(tmp_path_factory: pytest.TempPathFactory, bags: Path) -> Path:
     """File of the paper's linear model, fitted on the three bags of dut1."""
     from thermal_comp.effects import EFFECTS
-    from thermal_comp.fit import fit
-    from thermal_comp.model_file import save_model
+    from thermal_comp.fitting.fit import fit
+    from thermal_comp.model.file import save_model
 
     from imu_recording import read_bag
 

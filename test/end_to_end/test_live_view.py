@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from imu_workbench.web import live_view as view
-from imu_workbench.web.live import Listener, Watch
-from imu_workbench.web.live_topics import namespaces
+from imu_workbench.web.live import readings as view
+from imu_workbench.web.live.listener import Listener, Watch
+from imu_workbench.web.live.topics import namespaces
 
 pytestmark = pytest.mark.end_to_end
 

@@ -8,13 +8,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from imu_driver.device_reader import FIRST_RETRY
-from imu_driver.emulated_board import BoardOptions, EmulatedBoard
-from imu_driver.emulator import Emulator
-from imu_driver.faults import FaultSchedule, parse_fault
-from imu_driver.lsm9ds1 import AXIS_SIGNS, DEFAULT_FULL_SCALE, SENSITIVITY, SENSORS
-from imu_driver.sample import Sample
-from imu_driver.session import DeviceSession, SessionConfig
+from imu_driver.board.lsm9ds1 import AXIS_SIGNS, DEFAULT_FULL_SCALE, SENSITIVITY, SENSORS
+from imu_driver.board.reader import FIRST_RETRY
+from imu_driver.board.sample import Sample
+from imu_driver.board.session import DeviceSession, SessionConfig
+from imu_driver.emulator.board import BoardOptions, EmulatedBoard
+from imu_driver.emulator.emulated_device import Emulator
+from imu_driver.emulator.faults import FaultSchedule, parse_fault
 
 EPOCH = 1_700_000_000_000_000_000
 TRUTH = {

@@ -4,8 +4,7 @@
 from pathlib import Path
 
 import pytest
-from imu_driver.ambient import AmbientError, ambient_law
-from imu_driver.transport_simulated import SimulatedTransport
+from imu_driver.emulator.transport import AmbientError, SimulatedTransport, ambient_law
 
 
 def test_a_number_holds() -> None:

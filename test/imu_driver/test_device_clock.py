@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from imu_driver.device_clock import DeviceClock
+from imu_driver.board.clock import DeviceClock
 from imu_recording.recording import FloatArray
 
 EPOCH = 1_700_000_000_000_000_000

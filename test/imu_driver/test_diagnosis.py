@@ -5,12 +5,12 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from imu_driver.diagnosis import REMEMBERED, Diagnosis
+from imu_driver.board.session import SessionConfig
+from imu_driver.board.stream_statistics import StreamStatistics
 from imu_driver.driver_config import DriverParameters
-from imu_driver.emulated_board import BoardOptions
-from imu_driver.frames import CommandCode
-from imu_driver.session import SessionConfig
-from imu_driver.stream_statistics import StreamStatistics
+from imu_driver.driver_status import REMEMBERED, Diagnosis
+from imu_driver.emulator.board import BoardOptions
+from imu_driver.wire.frames import CommandCode
 
 OK, WARN, ERROR = 0, 1, 2
 

@@ -12,11 +12,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from imu_driver.binary_frames import encode
-from imu_driver.frame_codec import FrameDecoder
-from imu_driver.frames import CommandCode, CommandFrame, DataFrame, Frame, InformationFrame
+from imu_driver.wire.binary import encode
+from imu_driver.wire.codec import FrameDecoder
+from imu_driver.wire.frames import CommandCode, CommandFrame, DataFrame, Frame, InformationFrame
 
-PROGRAM = 'import sys; from imu_driver.emulated_device import main; sys.exit(main())'
+PROGRAM = 'import sys; from imu_driver.emulator.emulated_device import main; sys.exit(main())'
 COMMAND = [sys.executable, '-c', PROGRAM]
 DEADLINE = 30.0
 
@@ -93,7 +93,7 @@ def test_its_log_tells_what_became_of_every_sample(tmp_path: Path) -> None:
 def test_mistakes_end_in_one_line(
     arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from imu_driver.emulated_device import main
+    from imu_driver.emulator.emulated_device import main
 
     before = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
     try:

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from imu_driver.emulated_board import BoardOptions
-from imu_driver.faults import FAULTS, FaultError, parse_fault
-from imu_driver.session import SessionConfig
+from imu_driver.board.session import SessionConfig
+from imu_driver.emulator.board import BoardOptions
+from imu_driver.emulator.faults import FAULTS, FaultError, parse_fault
 
 START, END = 3.0, 5.0
 EPOCH = 1_700_000_000_000_000_000

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from imu_driver.frame_codec import FrameDecoder, encode
-from imu_driver.frames import (
+from imu_driver.wire.codec import FrameDecoder, encode
+from imu_driver.wire.frames import (
     AcknowledgementFrame,
     CommandFrame,
     DataFrame,

@@ -3,15 +3,14 @@
 
 import numpy as np
 import pytest
-from imu_driver.axis_map import (
+from imu_driver.board import lsm9ds1
+from imu_driver.board.sample import (
     AxisMapError,
     check_six_positions,
     parse_axis_map,
     rotation,
     up_axis,
 )
-
-from imu_driver import lsm9ds1
 
 UNIT = {
     'gyroscope': lsm9ds1.DEGREE,

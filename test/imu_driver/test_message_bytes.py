@@ -3,8 +3,7 @@
 
 import numpy as np
 import pytest
-from imu_driver.message_bytes import MessageBytes
-from imu_driver.sample import Sample
+from imu_driver.board.sample import MessageBytes, Sample
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 from board_on_a_bench import StillDevice
-from imu_driver.device_reader import DeviceReader
-from imu_driver.emulated_board import BoardOptions, EmulatedBoard
-from imu_driver.emulator import Emulator
-from imu_driver.emulator_port import PtyPort, TcpPort
-from imu_driver.faults import Fault, FaultSchedule
-from imu_driver.session import DeviceSession, SessionConfig
-from imu_driver.transport import TransportError, transport_opener
+from imu_driver.board.reader import DeviceReader
+from imu_driver.board.session import DeviceSession, SessionConfig
+from imu_driver.board.transport import TransportError, transport_opener
+from imu_driver.emulator.board import BoardOptions, EmulatedBoard
+from imu_driver.emulator.emulated_device import Emulator
+from imu_driver.emulator.faults import Fault, FaultSchedule
+from imu_driver.emulator.port import PtyPort, TcpPort
 
 DEADLINE = 10.0
 

@@ -3,7 +3,7 @@
 
 import threading
 
-from imu_driver.sample import Sample
+from imu_driver.board.sample import Sample
 from imu_driver.sample_queue import CAPACITY, SampleQueue
 
 DEADLINE = 20.0

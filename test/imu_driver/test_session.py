@@ -3,9 +3,9 @@
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from imu_driver.frame_codec import encode
-from imu_driver.frames import AcknowledgementFrame, DataFrame, Frame, InformationFrame
-from imu_driver.session import DeviceSession, SessionConfig
+from imu_driver.board.session import DeviceSession, SessionConfig
+from imu_driver.wire.codec import encode
+from imu_driver.wire.frames import AcknowledgementFrame, DataFrame, Frame, InformationFrame
 
 EPOCH = 1_700_000_000_000_000_000
 U8, U16, U32 = (st.integers(0, (1 << bits) - 1) for bits in (8, 16, 32))

@@ -5,19 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from imu_driver.device_parameters import (
+from imu_driver.board.lsm9ds1 import COUNT_MAX, DEFAULT_FULL_SCALE, SENSITIVITY
+from imu_driver.simulation.devices import (
+    DEVICES,
     GRAVITY,
     MAGNETIC_FIELD,
     MEAN_STD,
     SENSOR_RATE,
+    draw_device,
 )
-from imu_driver.lsm9ds1 import COUNT_MAX, DEFAULT_FULL_SCALE, SENSITIVITY
-from imu_driver.simulated_catalogue import DEVICES, draw_device
-from imu_driver.simulated_device import ReadOut, read_out, simulate_device
-from imu_driver.simulated_environment import Environment, constant_environment
-from imu_driver.simulated_noise import flicker_noise
-from imu_driver.simulated_run import prepare_run
-from imu_driver.simulated_thermal import DIE
+from imu_driver.simulation.environment import Environment, constant_environment
+from imu_driver.simulation.noise import flicker_noise
+from imu_driver.simulation.read_out import ReadOut, read_out, simulate_device
+from imu_driver.simulation.run import prepare_run
+from imu_driver.simulation.thermal import DIE
 from imu_recording.recording import SENSOR_FIELDS
 
 TABLE_RUN = {'dut1': '+x', 'dut2': '+y', 'dut3': '+z'}

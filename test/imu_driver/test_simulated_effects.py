@@ -5,17 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from imu_driver.device_parameters import MEAN_STD
-from imu_driver.simulated_catalogue import draw_device
-from imu_driver.simulated_effect import hide, magnitude
-from imu_driver.simulated_effects_heat import bouc_wen, follow
-from imu_driver.simulated_effects_session import ice_mass
-from imu_driver.simulated_environment import Environment, constant_environment
-from imu_driver.simulated_hidden import FAULTS, HIDEABLE, UNLOGGED, hide_anything, random_name
-from imu_driver.simulated_laws import LAWS
-from imu_driver.simulated_run import DeviceRun, prepare_run
-from imu_driver.simulated_shelter import shelter
-from imu_driver.simulated_thermal import DIE
+from imu_driver.simulation.devices import MEAN_STD, draw_device
+from imu_driver.simulation.effects.effect import hide, magnitude
+from imu_driver.simulation.effects.heat import bouc_wen, follow, shelter
+from imu_driver.simulation.effects.session import ice_mass
+from imu_driver.simulation.environment import Environment, constant_environment
+from imu_driver.simulation.hidden import (
+    FAULTS,
+    HIDEABLE,
+    LAWS,
+    UNLOGGED,
+    hide_anything,
+    random_name,
+)
+from imu_driver.simulation.run import DeviceRun, prepare_run
+from imu_driver.simulation.thermal import DIE
 
 PERIOD = 4.0
 CYCLE = (900, 1800, 1800, 1800, 900, 1800)

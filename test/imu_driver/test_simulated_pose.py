@@ -3,17 +3,17 @@
 
 import numpy as np
 import pytest
-from imu_driver.device_parameters import MAGNETIC_FIELD
-from imu_driver.simulated_device import ReadOut, read_out
-from imu_driver.simulated_environment import constant_environment
-from imu_driver.simulated_pose import (
+from imu_driver.simulation.devices import MAGNETIC_FIELD
+from imu_driver.simulation.environment import constant_environment
+from imu_driver.simulation.pose import (
     Motion,
     into_sensor_frame,
     pose_matrix,
     rotation_vector_matrix,
     turns_with_rests,
 )
-from imu_driver.simulated_run import prepare_run
+from imu_driver.simulation.read_out import ReadOut, read_out
+from imu_driver.simulation.run import prepare_run
 from imu_recording.recording import UP_AXES
 from scipy.spatial.transform import Rotation
 

@@ -3,12 +3,11 @@
 
 import numpy as np
 import pytest
-from imu_driver.device_parameters import GRAVITY
-from imu_driver.lsm9ds1 import DEFAULT_FULL_SCALE, SENSORS, scale, temperature_from_counts
-from imu_driver.simulated_catalogue import DEVICES
-from imu_driver.simulated_device import simulate_device
-from imu_driver.simulated_environment import constant_environment
-from imu_driver.simulated_stream import SimulatedDevice
+from imu_driver.board.lsm9ds1 import DEFAULT_FULL_SCALE, SENSORS, scale, temperature_from_counts
+from imu_driver.simulation.devices import DEVICES, GRAVITY
+from imu_driver.simulation.environment import constant_environment
+from imu_driver.simulation.read_out import simulate_device
+from imu_driver.simulation.stream import SimulatedDevice
 from imu_recording.recording import SENSOR_FIELDS
 
 SCALE = np.concatenate([scale(sensor, DEFAULT_FULL_SCALE[sensor]) for sensor in SENSORS])

@@ -3,8 +3,8 @@
 
 import numpy as np
 import pytest
-from imu_driver.device_parameters import ThermalNetwork
-from imu_driver.simulated_thermal import (
+from imu_driver.simulation.devices import ThermalNetwork
+from imu_driver.simulation.thermal import (
     BOARD,
     DIE,
     MAGNETOMETER,

@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pytest
 from cobs import cobs
-from imu_driver.frame_codec import FrameDecoder
-from imu_driver.frames import (
+from imu_driver.board.lsm9ds1 import REGISTERS, register_set_up
+from imu_driver.wire import ascii as ascii_frames
+from imu_driver.wire import binary as binary_frames
+from imu_driver.wire.codec import FrameDecoder
+from imu_driver.wire.frames import (
     AcknowledgementFrame,
     CommandFrame,
     DataFrame,
@@ -16,9 +19,6 @@ from imu_driver.frames import (
     FrameError,
     InformationFrame,
 )
-from imu_driver.lsm9ds1 import REGISTERS, register_set_up
-
-from imu_driver import ascii_frames, binary_frames
 
 VECTORS = Path(__file__).resolve().parents[2] / 'firmware' / 'test_vectors.txt'
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from imu_recording.bag_recorder import BagRecorder
 from imu_recording.logging_contract import IMU
+from imu_recording.recorder.bag_recorder import BagRecorder
 from recording_samples import START, TYPES, imu, plain, standard_messages
 from rosbags.highlevel import AnyReader
 
@@ -116,7 +116,7 @@ def test_a_full_disk_leaves_everything_before_it(tmp_path: Path) -> None:
 
 CHILD = """
 import sys
-from imu_recording.bag_recorder import BagRecorder
+from imu_recording.recorder.bag_recorder import BagRecorder
 data = sys.stdin.buffer.read()
 recorder = BagRecorder(sys.argv[1])
 for i in range(10_000_000):
@@ -184,7 +184,7 @@ def test_a_disk_that_does_not_take_the_data_is_an_error(tmp_path: Path, monkeypa
         raise OSError(5, 'Input/output error')
 
     feed(recorder, messages[45:])
-    monkeypatch.setattr('imu_recording.bag_recorder.os.fsync', fail)
+    monkeypatch.setattr('imu_recording.recorder.bag_recorder.os.fsync', fail)
     with pytest.raises(BagError, match=r'run_0\.mcap: not on disk \(Input'):
         recorder.flush()
     monkeypatch.undo()

@@ -15,6 +15,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from imu_recording.bags import writer as bag_writer
+from imu_recording.bags import writer as encode_tracks
 from recording_samples import (
     START,
     arrays,
@@ -23,15 +25,7 @@ from recording_samples import (
     without_tracks,
 )
 
-from imu_recording import (
-    BagError,
-    ImuRecording,
-    bag_namespaces,
-    bag_writer,
-    encode_tracks,
-    read_bag,
-    write_bag,
-)
+from imu_recording import BagError, ImuRecording, bag_namespaces, read_bag, write_bag
 
 SCALARS = (
     'chamber_temperature',

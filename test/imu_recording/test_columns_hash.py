@@ -4,7 +4,7 @@
 from dataclasses import replace
 
 import numpy as np
-from imu_recording.columns_hash import columns_hash
+from imu_recording.recording import columns_hash
 
 from imu_recording import ImuRecording
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from imu_recording.bag_error import BagError
-from imu_recording.csv_import import import_csv
-from imu_recording.csv_mapping import MappingError, mapping_from
+from imu_recording.recording import BagError
+from imu_recording.tables.csv_import import import_csv
+from imu_recording.tables.mapping import MappingError, mapping_from
 from recording_samples import assert_same
 
 from imu_recording import read_bag, write_bag

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from imu_recording.bags import sqlite as sqlite_scan
 from recording_samples import (
     arrays,
     assert_same,
@@ -15,7 +16,7 @@ from recording_samples import (
     standard_messages,
 )
 
-from imu_recording import BagError, ImuRecording, read_bag, sqlite_scan, write_bag
+from imu_recording import BagError, ImuRecording, read_bag, write_bag
 
 
 def assert_beginning_of(part: ImuRecording, whole: ImuRecording) -> None:

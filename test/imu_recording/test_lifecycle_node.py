@@ -6,10 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from imu_recording.lifecycle_node import ConfiguredNode
-from imu_recording.messages import float_message
-from imu_recording.node_config import NodeConfig
-from imu_recording.parameter import parameter
+from imu_recording.ros.lifecycle_node import ConfiguredNode
+from imu_recording.ros.messages import float_message
+from imu_recording.ros.parameter import NodeConfig, parameter
 from rclpy.parameter import Parameter
 from std_msgs.msg import Float64
 

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from imu_recording.bags import writer as bag_writer
 from recording_samples import arrays, make_recording, without_tracks
 
-from imu_recording import bag_writer, read_bag, write_bag
+from imu_recording import read_bag, write_bag
 
 ROWS = 60_000
 

@@ -4,7 +4,7 @@
 import math
 
 import numpy as np
-from imu_recording.messages import (
+from imu_recording.ros.messages import (
     ImuSample,
     MagneticSample,
     TemperatureSample,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import pytest
-from imu_recording.parameter import ParameterError, config_from_values, parameter
+from imu_recording.ros.parameter import ParameterError, config_from_values, parameter
 
 
 @dataclass(frozen=True)

@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from imu_recording.messages import ImuSample, imu_from_sample
-from imu_recording.recorder_node import RecorderNode
-from imu_recording.recorder_settings import output_folder, parse_split, recording_metadata
+from imu_recording.recorder.node import RecorderNode
+from imu_recording.recorder.settings import output_folder, parse_split, recording_metadata
+from imu_recording.ros.messages import ImuSample, imu_from_sample
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 
 from imu_recording import BagError, RecordingError, read_bag
 
 START = 1_700_000_000_000_000_000
-RUN = 'from imu_recording.recorder_node import main; raise SystemExit(main())'
+RUN = 'from imu_recording.recorder.node import main; raise SystemExit(main())'
 NAMED = {'device': 'dut1', 'run': '1', 'up_axis': '', 'profile': '', 'metadata': []}
 
 

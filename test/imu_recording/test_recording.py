@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from imu_recording.up_axis import infer_up_axis
+from imu_recording.recording import infer_up_axis
 from recording_samples import arrays, make_recording
 
 from imu_recording import RecordingError

@@ -10,8 +10,8 @@ import pytest
 
 SCRIPT = """
 import os, signal, sys
-from imu_recording.lifecycle_node import ConfiguredNode
-from imu_recording.run_node import run_node
+from imu_recording.ros.lifecycle_node import ConfiguredNode
+from imu_recording.ros.run_node import run_node
 
 class Interrupted(ConfiguredNode):
     event_driven = {event_driven}

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from imu_recording.recorder_config import RecorderConfig
-from imu_recording.run_notice import RunNotice, parse_notice, recording_plan
-from imu_recording.run_recorder import RunRecorder
+from imu_recording.recorder.run_announcement import RunNotice, parse_notice, recording_plan
+from imu_recording.recorder.run_recorder import RunRecorder
+from imu_recording.recorder.settings import RecorderConfig
 from recording_samples import START, TYPES, plain, standard_messages
 
 from imu_recording import BagError, RecordingError, read_bag

@@ -20,7 +20,7 @@ import sys
 for name in ('rclpy', 'sensor_msgs', 'std_msgs', 'geometry_msgs', 'launch', 'launch_ros'):
     sys.modules[name] = None
 from imu_recording import read_bag, write_bag
-from imu_recording.csv_import import import_csv
+from imu_recording.tables.csv_import import import_csv
 recording = read_bag(sys.argv[1])
 write_bag(recording, sys.argv[2])
 print(len(read_bag(sys.argv[2])))
@@ -57,7 +57,9 @@ def test_reading_and_writing_need_no_ros(bags: Path, tmp_path: Path) -> None:
 
 def test_without_numba_the_same_numbers(bags: Path, tmp_path: Path) -> None:
     """The undecorated kernels give what the compiled ones give."""
-    from imu_recording import cdr_decode, sqlite_pages, write_bag
+    from imu_recording.bags import cdr_decode, sqlite_pages
+
+    from imu_recording import write_bag
 
     short = read_bag(bags / 'dut1_motion').rows(slice(0, 60))
     write_bag(short, tmp_path / 'm')

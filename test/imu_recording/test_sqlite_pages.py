@@ -8,11 +8,12 @@ from pathlib import Path
 import apsw
 import numpy as np
 import pytest
-from imu_recording.sqlite_scan import scan_sqlite, sqlite_channels
-from imu_recording.topic_columns import MessageBlock
+from imu_recording.bags import sqlite as sqlite_scan
+from imu_recording.bags.sqlite import scan_sqlite, sqlite_channels
+from imu_recording.bags.topic_columns import MessageBlock
 from recording_samples import START, make_bag, standard_messages
 
-from imu_recording import BagError, read_bag, sqlite_scan
+from imu_recording import BagError, read_bag
 
 SCHEMA = """
 CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from imu_recording.columns_hash import columns_hash
+from imu_recording.recording import columns_hash
 from imu_recording.synchronise import Samples, hold_newest, in_order, join_next
 from recording_samples import (
     START,

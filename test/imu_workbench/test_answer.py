@@ -11,9 +11,9 @@ from pathlib import Path
 import imu_workbench.__main__ as front_end
 import numpy as np
 import pytest
-from imu_recording.bag_error import BagError
-from imu_recording.csv_mapping import MappingError
-from imu_recording.parameter import ParameterError
+from imu_recording.recording import BagError
+from imu_recording.ros.parameter import ParameterError
+from imu_recording.tables.mapping import MappingError
 from imu_recording.user_error import UserError
 from imu_workbench.answer import Answer, plain, write_json
 

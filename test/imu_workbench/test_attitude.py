@@ -5,15 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from imu_workbench.attitude import (
+from imu_workbench.report.attitude import (
     COLUMNS,
     angle_statistics,
     angles_from_start,
     estimate_attitudes,
     state_bytes,
 )
-from orientation_filters.rotation import from_rotation_vector, multiply
-from orientation_filters.upsample import upsample
+from orientation_filters.rotation.arrays import from_rotation_vector, multiply
+from orientation_filters.upsampling import upsample
 
 
 def turned(angle_deg: np.ndarray, axis: int, start: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from chamber_profile.journal import read_journal
+from chamber_profile.run.journal import read_journal
 from imu_recording.recording import PHASES
 from imu_workbench.__main__ import main
 

@@ -5,18 +5,17 @@ import doctest
 
 import numpy as np
 import pytest
-from imu_workbench.attitude import COLUMNS, Attitude
-from imu_workbench.claims_attitude import attitude_claims
-from imu_workbench.claims_model import rejected
-from imu_workbench.claims_thermal import (
+from imu_workbench.report.attitude import COLUMNS, Attitude
+from imu_workbench.report.claims import model as claims_model
+from imu_workbench.report.claims.attitude import attitude_claims
+from imu_workbench.report.claims.model import rejected
+from imu_workbench.report.claims.thermal import (
     device_claim,
     orientation_claim,
     overheating_claim,
     pooled_claim,
     range_claim,
 )
-
-from imu_workbench import claims_model
 
 BYTES = {'ahrs': 700, 'complementary': 200}
 

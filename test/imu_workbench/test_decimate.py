@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from imu_workbench.decimate import binned_extremes, decimated, extreme_rows
+from imu_workbench.report.series import binned_extremes, decimated, extreme_rows
 
 
 @pytest.mark.parametrize('with_library', [True, False])

@@ -4,8 +4,8 @@
 import doctest
 
 import pytest
-
-from imu_workbench import display, paper
+from imu_workbench.tables import paper
+from thermal_comp.presentation import display
 
 
 def test_examples_hold() -> None:

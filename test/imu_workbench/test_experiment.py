@@ -7,17 +7,16 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from imu_driver.simulated_catalogue import DEVICES
-from imu_recording.columns_hash import columns_hash
-from imu_recording.recording import PHASES, SENSOR_FIELDS
-from imu_workbench.experiment import (
+from imu_driver.simulation.devices import DEVICES
+from imu_recording.recording import PHASES, SENSOR_FIELDS, columns_hash
+from imu_workbench.simulate.campaign import (
     SLOW_TRACKS,
     Logging,
     hold_tracks,
     simulate_campaign,
     simulate_run,
 )
-from imu_workbench.experiment_motion import ROTATIONS, known_rotations, simulate_motion
+from imu_workbench.simulate.motion import ROTATIONS, known_rotations, simulate_motion
 from scipy.spatial.transform import Rotation
 
 from imu_recording import read_bag, write_bag

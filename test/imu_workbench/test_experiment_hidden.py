@@ -7,12 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from imu_driver.simulated_hidden import UNLOGGED
+from imu_driver.simulation.hidden import UNLOGGED
 from imu_recording.recording import SENSOR_FIELDS
 from imu_workbench.__main__ import main
-from imu_workbench.experiment import Logging
-from imu_workbench.experiment_hidden import Campaign, Secret, find_truth, hidden_campaign
-from imu_workbench.experiment_reveal import judge
+from imu_workbench.simulate.campaign import Logging
+from imu_workbench.simulate.hidden_effect import (
+    Campaign,
+    Secret,
+    find_truth,
+    hidden_campaign,
+    judge,
+)
 
 from imu_recording import read_bag
 

@@ -2,10 +2,9 @@
 """What was added is told with its parameters and how far the error still is from the floor."""
 
 import numpy as np
-from imu_workbench.growth_text import shape_lines
 from thermal_comp.effects import EFFECTS
-from thermal_comp.model import SensorModel, ThermalModel
-from thermal_comp.model_shapes import fitted_shapes
+from thermal_comp.model.values import SensorModel, ThermalModel, fitted_shapes
+from thermal_comp.presentation.growth import shape_lines
 
 
 def model(*effects: str, **std: tuple[float, ...]) -> ThermalModel:

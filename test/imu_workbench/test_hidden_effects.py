@@ -5,9 +5,9 @@ A campaign hides one in each sensor: what is said of a sensor must not depend on
 """
 
 import pytest
-from imu_workbench.experiment_hidden import Secret, practice_campaign
-from thermal_comp.diagnose import diagnose
-from thermal_comp.diagnose_result import Finding
+from imu_workbench.simulate.hidden_effect import Secret, practice_campaign
+from thermal_comp.diagnosis.diagnose import diagnose
+from thermal_comp.diagnosis.result import Finding
 
 from imu_recording import ImuRecording
 

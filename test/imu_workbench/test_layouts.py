@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from chamber_profile.node import ChamberProfileNode
 from imu_driver.node import ImuDriverNode
-from imu_recording.message_cdr import message_class
-from imu_workbench.quiet_context import quiet_context
+from imu_recording.ros.message_cdr import message_class
+from imu_workbench.isolated_context import quiet_context
 from orientation_filters.node import AhrsFilterNode, ComplementaryFilterNode
 from sensor_msgs.msg import Imu
 from thermal_comp.node import ThermalCompNode

@@ -7,16 +7,16 @@ import re
 
 import numpy as np
 import pytest
-from imu_recording.cdr_layout import encode_messages
+from imu_recording.bags.cdr import encode_messages
 from imu_recording.logging_contract import IMU, TEMPERATURE
-from imu_workbench.report.palette import COLOURS, painted
-from imu_workbench.web import live_figures as figures
-from imu_workbench.web import live_text as text
-from imu_workbench.web.live_board import HIGH, SIZE, board_svg, projected
-from imu_workbench.web.live_state import LiveState, Status
-from imu_workbench.web.live_track import SECOND
-from imu_workbench.web.live_view import Attitude
-from orientation_filters.rotation import euler_zyx, from_rotation_vector
+from imu_workbench.report.figures.palette import COLOURS, painted
+from imu_workbench.web.live import figures
+from imu_workbench.web.live import tables as text
+from imu_workbench.web.live.attitude_drawing import HIGH, SIZE, board_svg, projected
+from imu_workbench.web.live.readings import Attitude
+from imu_workbench.web.live.state import LiveState, Status
+from imu_workbench.web.live.track import SECOND
+from orientation_filters.rotation.arrays import euler_zyx, from_rotation_vector
 
 START = 1_800_000_000 * SECOND
 RATE = np.array([0.02, -0.01, 0.005])

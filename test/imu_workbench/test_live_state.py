@@ -5,14 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from imu_recording.cdr_layout import encode_messages
+from imu_recording.bags.cdr import encode_messages
 from imu_recording.logging_contract import IMU, MAGNETIC_FIELD, TEMPERATURE
-from imu_recording.message_cdr import serialise
-from imu_workbench.web import live_view as view
-from imu_workbench.web.live_batch import decoded
-from imu_workbench.web.live_state import LiveState, Status
-from imu_workbench.web.live_track import SECOND
-from orientation_filters.rotation import from_rotation_vector
+from imu_recording.ros.message_cdr import serialise
+from imu_workbench.web.live import readings as view
+from imu_workbench.web.live.state import LiveState, Status
+from imu_workbench.web.live.track import SECOND, decoded
+from orientation_filters.rotation.arrays import from_rotation_vector
 from sensor_msgs.msg import Imu
 from std_msgs.msg import String
 

@@ -3,7 +3,7 @@
 
 import pytest
 from imu_recording.logging_contract import IMU, MAGNETIC_FIELD, STRING, TEMPERATURE
-from imu_workbench.web.live_topics import Topic, assign, choices, concerns, namespaces
+from imu_workbench.web.live.topics import Topic, assign, choices, concerns, namespaces
 
 
 def device(namespace: str) -> list[Topic]:

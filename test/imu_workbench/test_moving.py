@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from imu_workbench.__main__ import main
-from imu_workbench.moving import MovingError, motion_of
+from imu_workbench.motion_detection import MovingError, motion_of
+from imu_workbench.report.analysis import study_recordings
 from imu_workbench.report.content import report_content
-from imu_workbench.report.page import report_page, report_text
-from imu_workbench.study import study_recordings
+from imu_workbench.report.html.document import report_page, report_text
 
 
 def content_of(recordings):

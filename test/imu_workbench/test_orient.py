@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from imu_recording.recording import PHASES, ImuRecording
-from imu_workbench.attribution import attribute
-from imu_workbench.attribution_content import content_of, remarks
+from imu_workbench.attitude_budget import attribute, content_of, remarks
 
 SECONDS, RATE = 120.0, 50.0
 

@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from imu_workbench.answer import plain
+from imu_workbench.report.analysis import study_recordings
 from imu_workbench.report.content import report_content
-from imu_workbench.report.html import json_for_page, packed
-from imu_workbench.report.page import report_page, report_text
-from imu_workbench.report.palette import COLOURS, painted
-from imu_workbench.study import study_recordings
+from imu_workbench.report.figures.palette import COLOURS, painted
+from imu_workbench.report.html.document import report_page, report_text
+from imu_workbench.report.html.render import json_for_page, packed
+from thermal_comp.data.preparation import prepare
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
-from thermal_comp.fit import fit_prepared
-from thermal_comp.preparation import prepare
+from thermal_comp.fitting.fit import fit_prepared
 
 from imu_workbench import parallel
 

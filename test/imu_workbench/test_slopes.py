@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from imu_workbench.slopes import block_slopes, compare_devices, compare_orientations
+from imu_workbench.report.slopes import block_slopes, compare_devices, compare_orientations
 
 PUT_IN = np.array([2e-3, -1e-3, 3e-3])
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from imu_workbench.statistics import largest_range, segment_rows, segment_statistics
+from imu_workbench.report.measured import largest_range, segment_rows, segment_statistics
 
 
 def test_reference_and_cycles_are_the_segments(run) -> None:

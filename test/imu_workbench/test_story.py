@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from imu_workbench.report.sections_story import story_section
-from imu_workbench.story import StoryTask
+from imu_workbench.report.html.diagnosis import story_section
+from imu_workbench.report.model_growth import StoryTask
 
 from imu_recording import write_bag
 

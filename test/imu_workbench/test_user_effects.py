@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 from imu_workbench.answer import plain
 from imu_workbench.commands.report import load_models
+from imu_workbench.report.analysis import study_recordings
 from imu_workbench.report.content import report_content
-from imu_workbench.report.page import report_page, report_text
-from imu_workbench.study import study_recordings
+from imu_workbench.report.html.document import report_page, report_text
+from thermal_comp.data.preparation import prepare
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.fit import fit_prepared
-from thermal_comp.model_file import save_model
-from thermal_comp.preparation import prepare
+from thermal_comp.fitting.fit import fit_prepared
+from thermal_comp.model.file import save_model
 
 RIPPLE = """
 from dataclasses import dataclass

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording
-from orientation_filters.rotation import conjugate, normalised, rotate
+from orientation_filters.rotation.arrays import conjugate, normalised, rotate
 
 GRAVITY = 9.81
 FIELD = 50e-6

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from imu_recording.recording import ImuRecording
 from orientation_filters.filters import run_filter
-from orientation_filters.flags import JAMMED
-from orientation_filters.rotation import conjugate, from_rotation_vector, multiply, rotate
+from orientation_filters.result import JAMMED
+from orientation_filters.rotation.arrays import conjugate, from_rotation_vector, multiply, rotate
 from static_data import random_attitude, rest, world_vectors
 
 

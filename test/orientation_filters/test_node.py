@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from imu_recording.messages import (
+from imu_recording.recording import ImuRecording
+from imu_recording.ros.messages import (
     ImuSample,
     MagneticSample,
     imu_from_sample,
     magnetic_field_from_sample,
 )
-from imu_recording.recording import ImuRecording
 from orientation_filters.filters import run_filter
-from orientation_filters.flags import SIX_AXIS
-from orientation_filters.rotation import conjugate, euler_zyx, multiply, rotation_angle
+from orientation_filters.result import SIX_AXIS
+from orientation_filters.rotation.arrays import conjugate, euler_zyx, multiply, rotation_angle
 from static_data import random_attitude, rest
 
 
@@ -171,7 +171,7 @@ def test_cutoff_above_half_the_rate_is_refused_naming_both(ros: Any) -> None:
 
 
 def test_raw_messages_give_the_same_numbers(ros: Any, name: str) -> None:
-    from orientation_filters.raw_imu import field_from_bytes, imu_from_bytes
+    from orientation_filters.raw_messages import field_from_bytes, imu_from_bytes
     from rclpy.serialization import serialize_message
 
     for frame_id in ('', 'imu_link', 'a', 'some_longer_frame_id'):

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from imu_recording.messages import ImuSample, MagneticSample
-from orientation_filters.pairing import MagnetometerPairing
+from imu_recording.ros.messages import ImuSample, MagneticSample
+from orientation_filters.magnetometer_pairing import MagnetometerPairing
 
 MS = 1_000_000
 

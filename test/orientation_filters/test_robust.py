@@ -10,8 +10,8 @@ import pytest
 from imu_recording.recording import FloatArray, ImuRecording
 from orientation_filters.errors import attitude_errors
 from orientation_filters.filters import run_filter
-from orientation_filters.flags import AT_REST, BIAS_LIMITED, DISTURBED
-from orientation_filters.rotation import (
+from orientation_filters.result import AT_REST, BIAS_LIMITED, DISTURBED
+from orientation_filters.rotation.arrays import (
     conjugate,
     from_rotation_vector,
     heading_angle,

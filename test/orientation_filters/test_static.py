@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from orientation_filters.ahrs_kalman import initial_state, update
+from orientation_filters.ahrs.filter import initial_state, update
 from orientation_filters.filters import filter_parameters, run_filter
-from orientation_filters.flags import JAMMED, SIX_AXIS
-from orientation_filters.rotation import (
+from orientation_filters.result import JAMMED, SIX_AXIS
+from orientation_filters.rotation.arrays import (
     conjugate,
     inclination_angle,
     multiply,

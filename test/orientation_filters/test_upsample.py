@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from orientation_filters.upsample import upsample
+from orientation_filters.upsampling import upsample
 
 from imu_recording import ImuRecording
 

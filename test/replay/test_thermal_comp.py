@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from thermal_comp.compare import compare
-from thermal_comp.compensator import Compensator, compensate
+from thermal_comp.comparison.compare import compare
+from thermal_comp.compensation.stream import Compensator, compensate
 from thermal_comp.effects import EFFECTS
-from thermal_comp.fit import fit
-from thermal_comp.model import ThermalModel
+from thermal_comp.fitting.fit import fit
+from thermal_comp.model.values import ThermalModel
 
 from imu_recording import ImuRecording, read_bag
 
@@ -77,7 +77,8 @@ def block_means(values: np.ndarray) -> np.ndarray:
 def test_replay_needs_no_ros() -> None:
     code = (
         "import sys; sys.modules['rclpy'] = None\n"
-        'import thermal_comp.compensator, thermal_comp.compare, thermal_comp.pooling\n'
+        'import thermal_comp.compensation.stream, thermal_comp.comparison.compare\n'
+        'import thermal_comp.fitting.pooling\n'
         "assert not [m for m in sys.modules if m.startswith(('launch', 'sensor_msgs'))]\n"
     )
     subprocess.run([sys.executable, '-c', code], check=True)

@@ -3,7 +3,7 @@
 
 import numpy as np
 from thermal_comp.effects import EFFECTS
-from thermal_comp.model import NoiseModel, Provenance, SensorModel, ThermalModel
+from thermal_comp.model.values import NoiseModel, Provenance, SensorModel, ThermalModel
 
 SLOPES = {'accelerometer': 2e-3, 'gyroscope': 1e-3, 'magnetometer': 3e-8}
 """Temperature coefficient of the x axis, per kelvin; y has −1/2, z none."""

@@ -3,9 +3,9 @@
 
 import numpy as np
 import pytest
-from thermal_comp.column_source import NARROWEST, WIDEST, smoothing_width
-from thermal_comp.conditions import Conditions
+from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects import EFFECTS
+from thermal_comp.linear.candidate_design import NARROWEST, WIDEST, smoothing_width
 
 STEP = 5.0
 TIME = np.arange(4000) * STEP

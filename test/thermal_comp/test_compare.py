@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from imu_workbench.answer import plain
-from thermal_comp.compare import compare
+from thermal_comp.comparison.compare import compare
 from thermal_comp.effects import EFFECTS
-from thermal_comp.fit import fit
-from thermal_comp.model import ModelError
+from thermal_comp.fitting.fit import fit
+from thermal_comp.model.values import ModelError
 
 from imu_recording import read_bag
 
@@ -97,7 +97,7 @@ def test_another_device_is_refused() -> None:
 
 def test_content_is_plain_and_has_the_documented_fields() -> None:
     recordings = [run(cycles=2)]
-    content = json.loads(json.dumps(plain(compare(fit(LINE, recordings), recordings).content())))
+    content = json.loads(json.dumps(plain(compare(fit(LINE, recordings), recordings).to_dict())))
     assert content['schema'] == 1
     assert content['device'] == 'board'
     gyroscope = content['sensors']['gyroscope']

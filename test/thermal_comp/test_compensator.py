@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from thermal_comp.compensator import Compensator, compensate
-from thermal_comp.compensator_state import restore_state, save_state
+from thermal_comp.compensation.state import restore_state, save_state
+from thermal_comp.compensation.stream import Compensator, compensate
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.contract import example_conditions
-from thermal_comp.model import ModelError, SensorModel, ThermalModel
+from thermal_comp.model.values import ModelError, SensorModel, ThermalModel
 
 from imu_recording import ImuRecording, RecordingError, read_bag, write_bag
 

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from thermal_comp.data_quality import check_recording
-from thermal_comp.data_quality_rows import STUCK_ROWS, stuck_rows
+from thermal_comp.data.quality import STUCK_ROWS, check_recording, stuck_rows
 
 from .campaign import run
 

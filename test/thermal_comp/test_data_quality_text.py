@@ -2,8 +2,8 @@
 """What a diagnosis says in words: thresholds where there are some, verdict first, advice last."""
 
 import pytest
-from imu_workbench.diagnosis_text import diagnosis_text
-from thermal_comp.diagnose_result import Diagnosis, Finding
+from thermal_comp.diagnosis.result import Diagnosis, Finding
+from thermal_comp.presentation.diagnosis import diagnosis_text
 
 
 @pytest.mark.parametrize(
@@ -12,7 +12,7 @@ from thermal_comp.diagnose_result import Diagnosis, Finding
 def test_only_a_real_threshold_is_named(threshold: float, weight: str) -> None:
     text = 'run x: 26 of 900 rows'
     finding = Finding('data_quality', 'stuck_value', 'gyroscope', 260.0, threshold, text=text)
-    lines = diagnosis_text(Diagnosis('dut1', (finding,), {}, {}, (), ()).content()).splitlines()
+    lines = diagnosis_text(Diagnosis('dut1', (finding,), {}, {}, (), ()).to_dict()).splitlines()
     assert lines[1] == f'  {text} {weight}'
 
 
@@ -41,6 +41,6 @@ def test_only_a_real_threshold_is_named(threshold: float, weight: str) -> None:
 def test_first_line_and_last_say_what_is_wrong_and_what_to_do(
     finding: Finding, summary: str, next_step: str
 ) -> None:
-    lines = diagnosis_text(Diagnosis('dut1', (finding,), {}, {}, (), ()).content()).splitlines()
+    lines = diagnosis_text(Diagnosis('dut1', (finding,), {}, {}, (), ()).to_dict()).splitlines()
     assert lines[0].endswith(summary)
     assert next_step in lines[-1]

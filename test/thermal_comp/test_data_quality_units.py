@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from thermal_comp.data_quality import check_quality
+from thermal_comp.data.quality import check_quality
 
 from imu_recording import ImuRecording
 

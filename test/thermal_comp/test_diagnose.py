@@ -5,8 +5,8 @@ import json
 from pathlib import Path
 
 import pytest
-from thermal_comp.diagnose import diagnose
-from thermal_comp.diagnose_result import VERDICTS
+from thermal_comp.diagnosis.diagnose import diagnose
+from thermal_comp.diagnosis.result import VERDICTS
 
 from imu_recording import read_bag
 
@@ -17,7 +17,7 @@ def test_practice_campaign_is_named(shared: Path, letter: str) -> None:
     folder = shared / 'campaigns' / f'practice_{letter}'
     truth = json.loads((folder.parent / 'practice_truth.json').read_text())[folder.name]
     diagnosis = diagnose([read_bag(run) for run in sorted(folder.glob('run*'))])
-    content = diagnosis.content()
+    content = diagnosis.to_dict()
     assert content['schema'] == 1
     assert content['verdict'] in VERDICTS
     if truth['name'] is None:

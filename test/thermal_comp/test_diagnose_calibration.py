@@ -3,22 +3,21 @@
 
 import numpy as np
 import pytest
-from thermal_comp.diagnose_bank import ColumnBank, ColumnSource
-from thermal_comp.diagnose_calibration import (
+from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.diagnosis.candidates import families
+from thermal_comp.diagnosis.null_simulation import (
     SLOW,
     calibrated_thresholds,
     reached_without_effect,
     tail_quantile,
 )
-from thermal_comp.diagnose_candidates import families
-from thermal_comp.diagnose_search import Search
-from thermal_comp.diagnose_thresholds import EVERYWHERE, shipped_thresholds, threshold_of
+from thermal_comp.diagnosis.search import Search
+from thermal_comp.diagnosis.thresholds import EVERYWHERE, shipped_thresholds, threshold_of
 from thermal_comp.effects import EFFECTS
-from thermal_comp.model import NoiseModel
-from thermal_comp.noise import fit_noise, fit_noise_to_values
-from thermal_comp.noise_process import draw_noise
-from thermal_comp.preparation import prepare
-from thermal_comp.prepared_run import PreparedRun
+from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
+from thermal_comp.model.values import NoiseModel
+from thermal_comp.noise.estimation import fit_noise, fit_noise_to_values
+from thermal_comp.noise.process import draw_noise
 
 from .campaign import run
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from imu_workbench.experiment_hidden import practice_campaign
-from thermal_comp.clock_temperature import clock_windows, slope_of_windows
-from thermal_comp.diagnose import diagnose
-from thermal_comp.diagnose_noise import judge_noise, shipped_reference
-from thermal_comp.model import NoiseModel
-from thermal_comp.noise_process import LADDER
+from imu_workbench.simulate.hidden_effect import practice_campaign
+from thermal_comp.diagnosis.diagnose import diagnose
+from thermal_comp.diagnosis.inputs import clock_windows, slope_of_windows
+from thermal_comp.diagnosis.noise_level import judge_noise, shipped_reference
+from thermal_comp.model.values import NoiseModel
+from thermal_comp.noise.process import LADDER
 
 from imu_recording import ImuRecording, read_bag
 

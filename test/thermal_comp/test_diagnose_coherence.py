@@ -6,12 +6,11 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from thermal_comp.diagnose_bank import ColumnBank, ColumnSource
-from thermal_comp.diagnose_coherence import coherence
-from thermal_comp.diagnose_dependence import COHERENT, IN_STEP
+from thermal_comp.data.preparation import prepare
+from thermal_comp.diagnosis.dependence import COHERENT, IN_STEP, coherence
 from thermal_comp.effects.bias_temperature import BiasTemperature
-from thermal_comp.noise import fit_noise
-from thermal_comp.preparation import prepare
+from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
+from thermal_comp.noise.estimation import fit_noise
 
 from .campaign import WHITE, chamber, run
 

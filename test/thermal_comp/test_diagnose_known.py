@@ -3,12 +3,11 @@
 
 import numpy as np
 import pytest
-from thermal_comp.diagnose_bank import ColumnBank, ColumnSource
-from thermal_comp.diagnose_known import least_gains
-from thermal_comp.diagnose_search import FORM_SHARE, NESTED_SHARE
+from thermal_comp.data.preparation import prepare
+from thermal_comp.diagnosis.search import FORM_SHARE, NESTED_SHARE, least_gains
 from thermal_comp.effects import EFFECTS
-from thermal_comp.noise import fit_noise
-from thermal_comp.preparation import prepare
+from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
+from thermal_comp.noise.estimation import fit_noise
 
 from .campaign import chamber, run
 

@@ -6,13 +6,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from thermal_comp.diagnose import Settings, search_sensors
-from thermal_comp.diagnose_decision import STEADY, Outcome
-from thermal_comp.diagnose_line import spectral_lines, steadiness
+from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.diagnosis.decision import STEADY, Outcome
+from thermal_comp.diagnosis.diagnose import Settings, search_sensors
+from thermal_comp.diagnosis.spectral_lines import spectral_lines, steadiness
 from thermal_comp.effects import EFFECTS
-from thermal_comp.noise import fit_noise
-from thermal_comp.preparation import prepare
-from thermal_comp.prepared_run import PreparedRun
+from thermal_comp.noise.estimation import fit_noise
 
 from .campaign import PERIOD, WHITE, chamber, run
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from thermal_comp.diagnose import diagnose
-from thermal_comp.diagnose_result import Finding
+from thermal_comp.diagnosis.diagnose import diagnose
+from thermal_comp.diagnosis.result import Finding
 from thermal_comp.effects import EFFECTS
 
 from imu_recording import ImuRecording

@@ -3,11 +3,11 @@
 
 import numpy as np
 import pytest
-from thermal_comp.diagnose import diagnose
+from thermal_comp.data.preparation import prepare
+from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
-from thermal_comp.noise import fit_noise
-from thermal_comp.preparation import prepare
+from thermal_comp.noise.estimation import fit_noise
 
 from .campaign import chamber, run
 

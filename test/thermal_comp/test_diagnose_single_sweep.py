@@ -5,8 +5,8 @@ import json
 
 import numpy as np
 import pytest
-from thermal_comp.diagnose import diagnose
-from thermal_comp.diagnose_result import Diagnosis
+from thermal_comp.diagnosis.diagnose import diagnose
+from thermal_comp.diagnosis.result import Diagnosis
 
 from imu_recording import ImuRecording
 
@@ -50,7 +50,7 @@ def test_what_cannot_be_decided_is_said_in_words_and_in_json(
     assert ('bias_temperature', 'scale_factor_temperature') in pairs
     assert ('bias_temperature_curvature', 'thermal_lag') in pairs
     assert any('one warming sweep' in pair.text for pair in undecided)
-    content = json.loads(json.dumps(diagnosis[1].content()))
+    content = json.loads(json.dumps(diagnosis[1].to_dict()))
     assert len(content['undecided']) == len(undecided)
 
 

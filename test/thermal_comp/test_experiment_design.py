@@ -6,11 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from thermal_comp.effects import EFFECTS
-from thermal_comp.experiment_bench import Bench, Rival
-from thermal_comp.experiment_design import ACTIONS, Limits, Proposal, design_experiment
-from thermal_comp.experiment_plan import PAPER, Plan, Segment, predict_runs, set_points
-from thermal_comp.experiment_search import LEAST_REPEATS, best_plan, within
-from thermal_comp.model import ModelError, NoiseModel, ThermalModel
+from thermal_comp.experiment.design import (
+    ACTIONS,
+    LEAST_REPEATS,
+    Limits,
+    Proposal,
+    best_plan,
+    design_experiment,
+    within,
+)
+from thermal_comp.experiment.plan import PAPER, Plan, Segment, predict_runs, set_points
+from thermal_comp.experiment.predicted_design import Bench, Rival
+from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel
 
 from .models import line_model
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from imu_driver.simulated_device import DEVICES
-from imu_recording.csv_import import import_csv
+from imu_driver.simulation.read_out import DEVICES
 from imu_recording.recording import SENSOR_FIELDS
-from thermal_comp.compare import compare
+from imu_recording.tables.csv_import import import_csv
+from thermal_comp.comparison.compare import compare
 from thermal_comp.effects import EFFECTS
-from thermal_comp.fit import fit
-from thermal_comp.model import ModelError
+from thermal_comp.fitting.fit import fit
+from thermal_comp.model.values import ModelError
 
 from imu_recording import read_bag
 

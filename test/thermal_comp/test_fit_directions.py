@@ -3,12 +3,12 @@
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from thermal_comp.data.preparation import prepare
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
-from thermal_comp.fit import fit_prepared
-from thermal_comp.model import NoiseModel, SensorModel
-from thermal_comp.preparation import prepare
+from thermal_comp.fitting.fit import fit_prepared
+from thermal_comp.model.values import NoiseModel, SensorModel
 
 from .campaign import PERIOD, WHITE, chamber, lagging, run
 

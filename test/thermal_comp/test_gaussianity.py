@@ -4,7 +4,7 @@
 import numpy as np
 from imu_recording.recording import PHASES
 from scipy.signal import lfilter
-from thermal_comp.gaussianity import correlation_length, dwell_modes, gaussianity
+from thermal_comp.comparison.gaussianity import correlation_length, dwell_modes, gaussianity
 
 
 def correlated(n: int, keep: float, seed: int) -> np.ndarray:

@@ -5,13 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from thermal_comp.conditions import static_conditions
+from thermal_comp.data.conditions import static_conditions
 from thermal_comp.effects import EFFECTS
-from thermal_comp.fit_solution import solve
-from thermal_comp.gram import gram
-from thermal_comp.model import ModelError
-
-from thermal_comp import gram as gram_module
+from thermal_comp.linear import normal_equations as gram_module
+from thermal_comp.linear.normal_equations import gram, solve
+from thermal_comp.model.values import ModelError
 
 from .campaign import run
 

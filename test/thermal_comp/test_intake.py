@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from thermal_comp.data_quality import check_quality
-from thermal_comp.intake import take_in
-from thermal_comp.preparation import prepare
+from thermal_comp.data.preparation import prepare
+from thermal_comp.data.quality import check_quality
+from thermal_comp.diagnosis.inputs import take_in
 
 from imu_recording import ImuRecording
 

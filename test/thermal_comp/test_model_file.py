@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import yaml
 from thermal_comp.effects import EFFECTS
-from thermal_comp.model import ModelError, SensorModel, ThermalModel
-from thermal_comp.model_file import check_device, load_model, model_document, save_model
+from thermal_comp.model.file import check_device, load_model, model_document, save_model
+from thermal_comp.model.values import ModelError, SensorModel, ThermalModel
 
 from .models import line_model
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from imu_recording.messages import (
+from imu_recording.ros.messages import (
     ImuSample,
     MagneticSample,
     TemperatureSample,
@@ -18,7 +18,7 @@ from imu_recording.messages import (
 )
 from sensor_msgs.msg import Imu
 from thermal_comp.effects import EFFECTS
-from thermal_comp.model_file import save_model
+from thermal_comp.model.file import save_model
 from thermal_comp.node import ThermalCompNode
 
 from .models import line_model

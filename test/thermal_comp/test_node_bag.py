@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from imu_workbench.replay import replay
-from thermal_comp.compensator import compensate
+from thermal_comp.compensation.stream import compensate
+from thermal_comp.data.preparation import prepare
 from thermal_comp.effects import EFFECTS
-from thermal_comp.fit import fit_prepared
-from thermal_comp.model_file import load_model, save_model
-from thermal_comp.preparation import prepare
+from thermal_comp.fitting.fit import fit_prepared
+from thermal_comp.model.file import load_model, save_model
 
 from imu_recording import read_bag, write_bag
 

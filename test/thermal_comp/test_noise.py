@@ -2,11 +2,16 @@
 """The noise of a simulated draw is found again, and whitening makes it white."""
 
 import numpy as np
-from thermal_comp.model import NoiseModel
-from thermal_comp.noise import fit_noise_to_spectra
-from thermal_comp.noise_process import LADDER, draw_noise, mean_autocovariance, toeplitz_product
-from thermal_comp.noise_spectrum import project_spectra
-from thermal_comp.whitening import apply_gains, innovation_gains
+from thermal_comp.linear.whitening import apply_gains, innovation_gains
+from thermal_comp.model.values import NoiseModel
+from thermal_comp.noise.estimation import fit_noise_to_spectra
+from thermal_comp.noise.process import (
+    LADDER,
+    draw_noise,
+    mean_autocovariance,
+    project_spectra,
+    toeplitz_product,
+)
 
 PERIOD = 20.0
 TRUE_NOISE = NoiseModel(

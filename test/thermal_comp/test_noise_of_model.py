@@ -5,14 +5,13 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from thermal_comp.compare_held_out import hold_out
+from thermal_comp.comparison.held_out import hold_out
+from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.turn_on_bias import TurnOnBias
-from thermal_comp.model import NoiseModel
-from thermal_comp.noise import fit_noise
-from thermal_comp.noise_of_model import noise_of_model
-from thermal_comp.preparation import prepare
-from thermal_comp.prepared_run import PreparedRun
+from thermal_comp.model.values import NoiseModel
+from thermal_comp.noise.estimation import fit_noise
+from thermal_comp.noise.of_model import noise_of_model
 
 from .campaign import PERIOD, WHITE, coloured, run
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from thermal_comp.compensator import Compensator, compensate
-from thermal_comp.conditions import SENSORS
+from thermal_comp.compensation.stream import Compensator, compensate
+from thermal_comp.data.conditions import SENSORS
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
 

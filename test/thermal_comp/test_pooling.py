@@ -3,8 +3,8 @@
 
 import numpy as np
 import pytest
-from thermal_comp.model import ModelError
-from thermal_comp.pooling import examine_pooling
+from thermal_comp.fitting.pooling import examine_pooling
+from thermal_comp.model.values import ModelError
 
 from .campaign import SLOPES, run
 

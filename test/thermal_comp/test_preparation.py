@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from thermal_comp.data.preparation import prepare
 from thermal_comp.effects import EFFECTS
-from thermal_comp.preparation import prepare
 
 from imu_recording import ImuRecording, RecordingError
 

@@ -3,13 +3,13 @@
 
 import numpy as np
 import pytest
-from thermal_comp.diagnose import Settings, diagnose
-from thermal_comp.diagnose_calibration import calibrated_thresholds
-from thermal_comp.diagnose_growth import add_effect, grow
+from thermal_comp.data.preparation import prepare
+from thermal_comp.diagnosis.diagnose import Settings, diagnose
+from thermal_comp.diagnosis.growth import add_effect, grow
+from thermal_comp.diagnosis.null_simulation import calibrated_thresholds
 from thermal_comp.effects import EFFECTS
-from thermal_comp.fit import fit
-from thermal_comp.model import ModelError
-from thermal_comp.preparation import prepare
+from thermal_comp.fitting.fit import fit
+from thermal_comp.model.values import ModelError
 
 from imu_recording import ImuRecording
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from thermal_comp.table_check import Row, TableError, check_rows, read_table
+from imu_workbench.tables.check import Row, TableError, check_rows, read_table
 
 SOUND = Row('A', 'accelerometer', 'm/s^2', 'x', 'R1', 9.7, 9.9, 9.8, 0.03)
 MICROTESLA = {'uT': 1.0, 'µT': 1.0, 'T': 1e-6, 'G': 1e-2, 'mG': 10.0, 'nT': 1e3}

@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from thermal_comp.preparation import prepare
-from thermal_comp.unnamed_devices import unnamed_warning
+from thermal_comp.data.device_identity import unnamed_warning
+from thermal_comp.data.preparation import prepare
 
 from imu_recording import read_bag
 

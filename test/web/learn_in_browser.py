@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from chamber_profile.profile import load_profile
+from chamber_profile.profile.file import load_profile
 
 from imu_recording import read_bag, write_bag
 

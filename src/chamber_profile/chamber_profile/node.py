@@ -3,16 +3,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
-from imu_recording.run_node import run_node
+from imu_recording.ros.lifecycle_node import ConfiguredNode
+from imu_recording.ros.run_node import Interrupts, run_node
+from rclpy.lifecycle import TransitionCallbackReturn
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
-from chamber_profile.chamber_link import ClockError
-from chamber_profile.commanded_node import CommandedNode
-from chamber_profile.interruptible_node import spin_until_over
-from chamber_profile.node_config import ChamberConfig, open_run
-from chamber_profile.run_messages import (
+from chamber_profile.periodic_thread import RunThread
+from chamber_profile.run.chamber_link import ClockError
+from chamber_profile.run.config import ChamberConfig, open_run
+from chamber_profile.run.messages import (
     PHASE_TOPIC,
     RUN_TOPIC,
     chamber_messages,
@@ -21,7 +25,105 @@ from chamber_profile.run_messages import (
     run_status,
     what_to_expect,
 )
-from chamber_profile.witnesses import Witnesses
+from chamber_profile.run.monitors import Witnesses
+from chamber_profile.run.sequencer import COMMANDS
+
+
+def spin_until_over(node: CommandedNode, look: Callable[[], None], interrupts: Interrupts) -> int:
+    """Run the node until its run ends or it is interrupted; return the process's exit code."""
+    obeyed = 0
+    while True:
+        look()
+        if node.exit_code is not None:
+            return int(node.exit_code)
+        if obeyed and not node.in_charge:
+            return 1
+        if interrupts.count == obeyed:
+            continue
+        first, obeyed = obeyed == 0, interrupts.count  # copies of the first may be late
+        if not node.in_charge:
+            return 0
+        if not first:
+            node.get_logger().error('second interrupt: stand-by at once')
+            node.stop_at_once()
+            return 1
+        node.get_logger().warning(
+            'interrupted: to the safe temperature, then stop; interrupt again to stop at once'
+        )
+        node.order('abort')
+
+
+class CommandedNode(ConfiguredNode):
+    """Owns a run and the thread that advances it; `setup` of a subclass opens the run."""
+
+    def __init__(self, name: str, **options: Any) -> None:
+        super().__init__(name, **options)
+        self.run: Any = None
+        self.exit_code: int | None = None
+        """What the process shall exit with; None: it goes on."""
+        self._thread: RunThread | None = None
+
+    def advance(self) -> None:
+        """One step of the run."""
+        raise NotImplementedError
+
+    def take_orders(self) -> None:
+        """Open the services."""
+        for name in COMMANDS:
+            service = self.create_service(Trigger, f'~/{name}', self._answering(name))
+            self._entities.append(partial(self.destroy_service, service))
+
+    @property
+    def in_charge(self) -> bool:
+        """Whether a run is under way and the chamber depends on this process."""
+        return self.run is not None and self.run.conductor.sequencer.in_charge
+
+    def order(self, name: str) -> str:
+        """Give an order (one of COMMANDS); return why it is refused, or ''."""
+        refusal: str = self.run.conductor.sequencer.command(name)
+        return refusal
+
+    def activated(self) -> None:
+        """Begin to watch the chamber."""
+        if self._capture is None:
+            self._thread = RunThread(self.advance, self.run.period_s, self.fail)
+
+    def deactivated(self) -> None:
+        """Stop watching; the chamber was made safe before, or stands by."""
+        if self._thread is not None:
+            self._thread.stop()
+            self._thread = None
+
+    def on_deactivate(self, state: Any) -> Any:
+        """Refuse while a run is under way: abort it first."""
+        if self.in_charge:
+            self.get_logger().error('a run is under way: call ~/abort first')
+            return TransitionCallbackReturn.FAILURE
+        return super().on_deactivate(state)
+
+    def end(self) -> None:
+        """Leave nothing running that depends on this process."""
+        if self.in_charge:
+            self.stop_at_once()
+        self.deactivated()
+
+    def stop_at_once(self) -> None:
+        """Put the chamber on stand-by without a ramp, whatever else is going on."""
+        self.deactivated()
+        self.run.conductor.stop_at_once()
+
+    def fail(self) -> None:
+        """Stop at once, for a reason nobody has thought of."""
+        self.exit_code = 1
+        self.run.conductor.stop_at_once()
+
+    def _answering(self, name: str) -> Any:
+        def answer(_: Any, response: Any) -> Any:
+            refusal = self.order(name)
+            response.success, response.message = not refusal, refusal or name
+            return response
+
+        return answer
 
 
 class ChamberProfileNode(CommandedNode):

@@ -6,14 +6,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from imu_driver.device_reader import DeviceReader
-from imu_driver.diagnosis import Diagnosis
+from imu_driver.board.reader import DeviceReader
+from imu_driver.board.sample import Sample
+from imu_driver.board.session import DeviceSession
+from imu_driver.board.stream_statistics import StreamStatistics
+from imu_driver.board.transport import transport_opener
 from imu_driver.driver_config import DriverParameters, session_config
-from imu_driver.sample import Sample
+from imu_driver.driver_status import Diagnosis
 from imu_driver.sample_queue import SampleQueue
-from imu_driver.session import DeviceSession
-from imu_driver.stream_statistics import StreamStatistics
-from imu_driver.transport import transport_opener
 
 
 class Reader(Protocol):
@@ -43,7 +43,7 @@ class ImuDriver:
         self.queue = SampleQueue(self._publish_batch)
         self._reader: Reader
         if parameters.transport.startswith('bag:'):
-            from imu_driver.bag_source import BagReader  # only now: it brings the bag reader
+            from imu_driver.replay import BagReader  # only now: it brings the bag reader
 
             bag = self._reader = BagReader(
                 parameters.transport, deliver=self.queue.put_when_room, report=report

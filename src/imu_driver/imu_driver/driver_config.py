@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from imu_recording.parameter import parameter
+from imu_recording.ros.parameter import parameter
 
-from imu_driver.axis_map import parse_axis_map
-from imu_driver.frame_codec import PROTOCOLS
-from imu_driver.lsm9ds1 import SENSORS, scale
-from imu_driver.session import SessionConfig
+from imu_driver.board.lsm9ds1 import SENSORS, scale
+from imu_driver.board.sample import parse_axis_map
+from imu_driver.board.session import SessionConfig
+from imu_driver.wire.codec import PROTOCOLS
 
 DATA_FRAME_BITS = 31 * 10
 """A binary data frame on an 8N1 line."""

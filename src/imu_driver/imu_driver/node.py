@@ -4,22 +4,65 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from imu_recording.lifecycle_node import ConfiguredNode
-from imu_recording.node_config import NodeConfig
-from imu_recording.run_node import run_node
+from imu_recording.ros.lifecycle_node import ConfiguredNode
+from imu_recording.ros.parameter import NodeConfig
+from imu_recording.ros.run_node import run_node
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
+from imu_driver.board.sample import MessageBytes, Sample
+from imu_driver.board.session import Trouble
+from imu_driver.board.stream_statistics import PositionCheck, RestError, rest_report
 from imu_driver.driver import ImuDriver
 from imu_driver.driver_config import DriverParameters
-from imu_driver.driver_services import DriverServices
-from imu_driver.message_bytes import MessageBytes
-from imu_driver.sample import Sample
-from imu_driver.trouble import Trouble
+from imu_driver.wire.frames import CommandCode
+
+
+class DriverServices:
+    """Callbacks for std_srvs/Trigger; `driver()` returns the running driver, if there is one."""
+
+    def __init__(self, driver: Callable[[], ImuDriver | None]) -> None:
+        self._driver = driver
+        self._positions = PositionCheck()
+        self.callbacks = {
+            'restart_stream': self.restart_stream,
+            'measure_rest': self.measure_rest,
+            'check_position': self.check_position,
+        }
+
+    def restart_stream(self, _: Any, response: Any) -> Any:
+        """Stop and start the device's stream."""
+        return self._answer(response, _restart)
+
+    def measure_rest(self, _: Any, response: Any) -> Any:
+        """Tell gyroscope bias and noise over the last seconds."""
+        return self._answer(response, lambda driver: rest_report(driver.statistics))
+
+    def check_position(self, _: Any, response: Any) -> Any:
+        """Take the present position into the six-position check."""
+        return self._answer(response, lambda driver: self._positions.take(driver.statistics))
+
+    def _answer(self, response: Any, ask: Callable[[ImuDriver], str]) -> Any:
+        driver = self._driver()
+        try:
+            response.message = ask(driver) if driver else 'no device is being read'
+            response.success = driver is not None
+        except RestError as error:
+            response.success, response.message = False, str(error)
+        return response
+
+
+def _restart(driver: ImuDriver) -> str:
+    if driver.session is None:
+        raise RestError('a bag has no stream to restart')
+    driver.session.command(CommandCode.STOP)
+    driver.session.command(CommandCode.START)
+    return 'restarting'
 
 
 @dataclass(frozen=True)

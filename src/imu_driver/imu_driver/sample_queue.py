@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Between the reader and the publisher: batches of samples, bounded, with its fill known."""
+"""Bounded queue between the reading and the publishing thread."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-from imu_driver.sample import Sample
+from imu_driver.board.sample import Sample
 
 CAPACITY: Final = 10_000
 """Samples: ten seconds at the highest rate."""

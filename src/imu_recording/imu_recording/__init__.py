@@ -8,10 +8,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from imu_recording.bag_error import BagError
-    from imu_recording.bag_reader import bag_namespaces, read_bag
-    from imu_recording.bag_writer import write_bag
-    from imu_recording.recording import ImuRecording, RecordingError
+    from imu_recording.bags.reader import bag_namespaces, read_bag
+    from imu_recording.bags.writer import write_bag
+    from imu_recording.recording import BagError, ImuRecording, RecordingError
 
 __all__ = [
     'BagError',
@@ -22,12 +21,12 @@ __all__ = [
     'write_bag',
 ]
 _HOMES = {
-    'BagError': 'bag_error',
+    'BagError': 'recording',
     'ImuRecording': 'recording',
     'RecordingError': 'recording',
-    'bag_namespaces': 'bag_reader',
-    'read_bag': 'bag_reader',
-    'write_bag': 'bag_writer',
+    'bag_namespaces': 'bags.reader',
+    'read_bag': 'bags.reader',
+    'write_bag': 'bags.writer',
 }
 
 

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one noun everything flows through: IMU samples as columns."""
+"""IMU samples as columns, the value every other module takes or returns.
+
+Also the errors of measurements that cannot be used, the up axis told by gravity, and one hash of
+what was measured.
+"""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import TypeAlias
@@ -160,3 +165,73 @@ _SHAPES: dict[str, tuple[int, ...]] = {
     for f in fields(ImuRecording)
     if f.name != 'stamp' and 'Array' in str(f.type)
 }
+
+
+LONGEST = 1000
+"""A message is one line of at most this many characters."""
+
+
+class BagError(RecordingError):
+    """A bag that cannot be read or written; the message names the file and a way out."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(' '.join(message.splitlines())[:LONGEST])  # damaged names hold anything
+
+
+GRAVITY = 9.80665
+"""Standard gravity [m/s²], ISO 80000-3."""
+DOMINANT = 0.9
+"""The axis must carry at least this share of the specific force, in most of the recording."""
+
+
+def infer_up_axis(linear_acceleration: FloatArray) -> str:
+    """Return the entry of UP_AXES that carries gravity throughout, or '' where none does.
+
+    `linear_acceleration` (n, 3) [m/s²] is specific force: +g on the axis pointing up (REP-145).
+
+    >>> infer_up_axis(np.array([[0.1, -9.8, 0.2]] * 5))
+    '-y'
+    """
+    sample = linear_acceleration[:: max(1, len(linear_acceleration) // 20_000)]
+    sample = sample[np.isfinite(sample).all(axis=1)]
+    if not len(sample):
+        return ''
+    with np.errstate(over='ignore'):  # numbers no accelerometer gives make no axis point up
+        norm = np.linalg.norm(sample, axis=1)
+    if not 0.5 * GRAVITY < float(np.median(norm)) < 1.5 * GRAVITY:
+        return ''
+    middle = np.median(sample, axis=0)
+    axis = int(np.argmax(np.abs(middle)))
+    sign = np.sign(middle[axis])
+    share = np.mean(sign * sample[:, axis] > DOMINANT * norm)
+    if share < DOMINANT:
+        return ''
+    return UP_AXES[2 * axis + int(sign < 0)]
+
+
+NAN = np.array(np.nan)
+
+
+def columns_hash(recording: ImuRecording) -> str:
+    """Return the SHA-256 of the decoded columns, in hexadecimal.
+
+    Hashed are, in order of the fields of ImuRecording, the name of every track that is present
+    and its values, row by row, as little-endian 64-bit numbers; every NaN counts as the same.
+    Names, namespaces, paths and the stamps of held temperatures do not enter.
+    """
+    digest = hashlib.sha256()
+    for item in fields(recording):
+        column = getattr(recording, item.name)
+        if isinstance(column, np.ndarray) and item.name != 'temperature_stamp':
+            digest.update(item.name.encode())
+            digest.update(np.ascontiguousarray(_canonical(column)).data)
+    return digest.hexdigest()
+
+
+def _canonical(column: np.ndarray) -> np.ndarray:
+    """Return the column as little-endian 64-bit numbers with one bit pattern for NaN."""
+    if column.dtype.kind == 'i':
+        return column.astype('<i8', copy=False)
+    column = column.astype('<f8', copy=False)
+    missing = np.isnan(column)
+    return np.where(missing, NAN, column) if missing.any() else column

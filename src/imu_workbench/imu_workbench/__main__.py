@@ -21,10 +21,8 @@ from typing import Any, NoReturn
 
 from imu_recording.user_error import UserError
 
-from imu_workbench.answer import Answer, write_json
+from imu_workbench.answer import Answer, error_line, show_progress, write_json
 from imu_workbench.commands import COMMANDS, INTERNAL
-from imu_workbench.error_line import error_line
-from imu_workbench.progress import show_progress
 
 
 class _Parser(argparse.ArgumentParser):

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a command answers: plain content for --json, text for the terminal, an exit code."""
+"""The answer of a verb, the progress line while it works, and the line of an error."""
 
 from __future__ import annotations
 
 import json
 import math
+import shutil
+import sys
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import Path
@@ -92,3 +94,25 @@ def _json_text(value: Any, depth: int) -> str:
 
 def _is_flat(value: Any) -> bool:
     return isinstance(value, list) and SIMPLE.issuperset(map(type, value))
+
+
+def error_line(error: Exception) -> str:
+    r"""Return what went wrong, with the file's name where the system knows it.
+
+    >>> error_line(ValueError('two\n  words'))
+    'two words'
+    """
+    if isinstance(error, OSError) and error.strerror:
+        text = f'{error.filename}: {error.strerror}' if error.filename else error.strerror
+    else:
+        text = str(error) or type(error).__name__
+    return ' '.join(text.split())
+
+
+def show_progress(text: str) -> None:
+    """Replace the progress line on standard error by `text`; '' clears it."""
+    if not sys.stderr.isatty():
+        return
+    width = shutil.get_terminal_size().columns - 1
+    sys.stderr.write(f'\r\x1b[K{text[:width]}')
+    sys.stderr.flush()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a node made of a bag, kept as numbers, and the first sample that moved since."""
+"""The numbers a node published for a bag, as a golden file, and the first that differs."""
 
 from __future__ import annotations
 

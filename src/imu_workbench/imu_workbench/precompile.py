@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import orientation_filters.precompile
 import thermal_comp.precompile
-from imu_driver.transport_simulated import SimulatedTransport
+from imu_driver.emulator.transport import SimulatedTransport
 from imu_recording.jit import NUMBA
 
-from imu_workbench.experiment import Logging, simulate_run
 from imu_workbench.parallel import run_tasks
+from imu_workbench.simulate.campaign import Logging, simulate_run
 
 
 @dataclass(frozen=True)

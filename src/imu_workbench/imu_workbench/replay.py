@@ -9,12 +9,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from imu_recording.bag_messages import BagMessage, bag_topics, read_messages
-from imu_recording.message_cdr import message_class, numbers_of, serialise, type_of
+from imu_recording.bags.messages import BagMessage, bag_topics, read_messages
+from imu_recording.ros.message_cdr import message_class, numbers_of, serialise, type_of
 from imu_recording.user_error import UserError
 from rclpy.serialization import deserialize_message
 
-from imu_workbench.quiet_context import quiet_context
+from imu_workbench.isolated_context import quiet_context
 
 NODES: dict[str, tuple[str, str]] = {
     'thermal_comp': ('thermal_comp.node', 'ThermalCompNode'),

@@ -13,7 +13,7 @@ import numpy as np
 from imu_recording.recording import PHASES, FloatArray, ImuRecording
 from numpy.typing import NDArray
 
-from orientation_filters.rotation import (
+from orientation_filters.rotation.arrays import (
     conjugate,
     heading_angle,
     inclination_angle,

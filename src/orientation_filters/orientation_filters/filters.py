@@ -1,25 +1,83 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The catalogue of filters, and one call that runs a filter over a recording.
-
-A filter is a module with Params, State, initial_state, update and run. Third parties add theirs
-through the entry point group `orientation_filters`.
-"""
+"""The catalogue of filters and their presets, and one call that runs a filter over a recording."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import fields, replace
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from imu_recording.recording import ImuRecording
+from imu_recording.ros.parameter import ParameterError, checked, default_of
 from imu_recording.user_error import UserError
 
-from orientation_filters import ahrs_kalman, complementary
-from orientation_filters.parameters import FilterParameters
-from orientation_filters.presets import PARAMETERS, with_preset
+from orientation_filters.ahrs import filter as ahrs_kalman
+from orientation_filters.ahrs.parameters import AhrsParameters
+from orientation_filters.complementary import filter as complementary
+from orientation_filters.complementary.parameters import ComplementaryParameters
+from orientation_filters.parameters import FilterParameters, check_mount
 from orientation_filters.result import OrientationResult
-from orientation_filters.rotation import rotate
+from orientation_filters.rotation.arrays import rotate
+
+P = TypeVar('P', bound=FilterParameters)
+
+PARAMETERS: dict[str, type[FilterParameters]] = {
+    'complementary': ComplementaryParameters,
+    'ahrs': AhrsParameters,
+}
+"""Filter → the dataclass of its named parameters."""
+
+PRESETS: dict[str, dict[str, dict[str, Any]]] = {
+    'complementary': {
+        'paper': {},
+        'robust': {
+            'adaptive': True,
+            'learn_bias': True,
+            'cutoff_hz': 0.03,
+            'heading_cutoff_hz': 0.015,
+            'integral_gain': 0.0,
+        },
+    },
+    'ahrs': {'paper': {}, 'robust': {'adaptive': True}},
+}
+"""What each preset sets beside the defaults, per filter."""
+
+
+def with_preset(parameters: P, filter_name: str, **values: Any) -> P:
+    """Return the parameters with the preset's values, then the given ones, checked.
+
+    >>> with_preset(ComplementaryParameters(), 'complementary', cutoff_hz=5).cutoff_hz
+    5.0
+    """
+    items = {item.name: item for item in fields(parameters)}
+    unknown = sorted(set(values) - set(items))
+    if unknown:
+        raise ParameterError(
+            f'unknown parameter {unknown[0]}; {filter_name} has {", ".join(sorted(items))}'
+        )
+    preset = checked(items['preset'], values.get('preset', parameters.preset))
+    chosen = {**PRESETS[filter_name][preset], **values, 'preset': preset}
+    made = replace(parameters, **{k: checked(items[k], v) for k, v in chosen.items()})
+    check_mount(made)
+    return made
+
+
+def preset_changes(
+    parameters_class: type[FilterParameters],
+    before: Mapping[str, Any],
+    preset: Mapping[str, Any],
+    values: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return what a preset after another one sets, where nobody has set a value by hand."""
+    defaults = {item.name: default_of(item) for item in fields(parameters_class)}
+    return {
+        name: preset.get(name, defaults[name])
+        for name in before.keys() | preset.keys()
+        if values[name] == before.get(name, defaults[name])
+    }
+
 
 FILTERS: dict[str, ModuleType] = {'complementary': complementary, 'ahrs': ahrs_kalman}
 """Name → module with Params, State, initial_state, update, run."""
@@ -56,7 +114,7 @@ def run_filter(
 def module(name: str, parameters: FilterParameters) -> ModuleType:
     """Return the module that runs a filter: the native one, or filterpy's formulation."""
     if getattr(parameters, 'implementation', 'native') == 'filterpy':
-        from orientation_filters import ahrs_filterpy
+        from orientation_filters.ahrs import filterpy_kalman as ahrs_filterpy
 
         return ahrs_filterpy
     return FILTERS[name]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How kernels are compiled: inlined into the loop that calls them, without division checks.
+"""Compilation of kernels: inlined into the loop that calls them, without division checks.
 
 Inlining keeps a filter's state in registers; called, it would be copied at every step. `inline` is
-for what kernels alone call, `kernel` for what Python calls.
+for functions that only kernels call, `kernel` for functions that Python calls.
 """
 
 from __future__ import annotations

@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 from imu_recording.jit import NUMBA
-from imu_recording.messages import Covariance, ImuSample, MagneticSample
+from imu_recording.ros.messages import Covariance, ImuSample, MagneticSample
 
 from orientation_filters.filters import FilterError, check_cutoff, module
-from orientation_filters.flags import (
+from orientation_filters.magnetometer_pairing import MagnetometerPairing, Pair
+from orientation_filters.parameters import FilterParameters
+from orientation_filters.result import (
     BIAS_LIMITED,
     DISTURBED,
     DROPPED,
@@ -25,9 +27,7 @@ from orientation_filters.flags import (
     REINITIALISED,
     SIX_AXIS,
 )
-from orientation_filters.pairing import MagnetometerPairing, Pair
-from orientation_filters.parameters import FilterParameters
-from orientation_filters.rotation import IDENTITY, euler_zyx, rotate, to_matrix
+from orientation_filters.rotation.arrays import IDENTITY, euler_zyx, rotate, to_matrix
 
 RATE_SAMPLES = 20
 """Intervals after which the sample rate is known well enough to judge the cut-off."""

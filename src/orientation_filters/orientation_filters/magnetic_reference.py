@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The field the filter expects, and whether what it sees is that field.
+"""Reference magnetic field, and detection of samples that differ from it.
 
 The field in the world frame is described by its horizontal and vertical part, which do not depend
 on heading. A sample farther from the reference than `tolerance` times its norm is rejected; the

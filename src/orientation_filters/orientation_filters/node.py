@@ -3,25 +3,76 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from geometry_msgs.msg import Vector3Stamped
-from imu_recording.lifecycle_node import ConfiguredNode
-from imu_recording.messages import imu_from_sample, vector_message
-from imu_recording.messages import sample_from_imu as imu_of
-from imu_recording.messages import sample_from_magnetic_field as field_of
-from imu_recording.run_node import run_node
+from imu_recording.ros.lifecycle_node import ConfiguredNode
+from imu_recording.ros.messages import (
+    ImuSample,
+    fill_quaternion,
+    fill_stamp,
+    imu_from_sample,
+    vector_message,
+)
+from imu_recording.ros.messages import sample_from_imu as imu_of
+from imu_recording.ros.messages import sample_from_magnetic_field as field_of
+from imu_recording.ros.parameter import NodeConfig, parameter
+from imu_recording.ros.run_node import run_node
+from imu_recording.user_error import UserError
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Imu, MagneticField
 
+from orientation_filters.ahrs.parameters import AhrsParameters
+from orientation_filters.complementary.parameters import ComplementaryParameters
+from orientation_filters.filters import PRESETS, preset_changes
 from orientation_filters.live_filter import Estimate, LiveFilter
-from orientation_filters.node_config import AhrsConfig, ComplementaryConfig
 from orientation_filters.parameters import check_mount
-from orientation_filters.presets import PRESETS, preset_changes
-from orientation_filters.raw_imu import field_from_bytes, imu_from_bytes
-from orientation_filters.transform import transform_class, transform_message
+from orientation_filters.raw_messages import field_from_bytes, imu_from_bytes
+
+
+@dataclass(frozen=True)
+class OutputConfig(NodeConfig):
+    """What the nodes send, and how they listen."""
+
+    publish_euler: bool = parameter(True, 'Publish roll, pitch, yaw [rad] on ~/euler')
+    publish_tf: bool = parameter(False, 'Publish world → body on /tf (needs tf2_msgs)')
+    world_frame_id: str = parameter('world', 'Name of the parent frame on /tf')
+    body_frame_id: str = parameter('', 'Frame of the output; empty: as the input')
+    raw_subscription: bool = parameter(
+        False, 'Take messages undecoded: half the load, for rates above 500 Hz'
+    )
+
+
+@dataclass(frozen=True)
+class ComplementaryConfig(ComplementaryParameters, OutputConfig):
+    """Parameters of complementary_filter."""
+
+
+@dataclass(frozen=True)
+class AhrsConfig(AhrsParameters, OutputConfig):
+    """Parameters of ahrs_filter."""
+
+
+def transform_class() -> Any:
+    """Return tf2_msgs/TFMessage; raise ValueError where the package is absent."""
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError as error:
+        raise UserError('publish_tf needs the package tf2_msgs, which is absent') from error
+    return TFMessage
+
+
+def transform_message(world_frame_id: str, sample: ImuSample, estimate: Estimate) -> Any:
+    """Return a TFMessage with the rotation world → body."""
+    from geometry_msgs.msg import TransformStamped
+
+    transform = TransformStamped(child_frame_id=sample.frame_id)
+    transform.header.frame_id = world_frame_id
+    fill_stamp(transform.header.stamp, sample.stamp)
+    fill_quaternion(transform.transform.rotation, estimate.orientation)
+    return transform_class()(transforms=[transform])
 
 
 class FilterNode(ConfiguredNode):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Named parameters both filters have: unit, range, meaning, and what kernels make of them.
+"""Named parameters that both filters have: unit, range, meaning.
 
-The defaults are the preset `paper`; `presets` names what the others change.
+The defaults are the preset `paper`.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from math import cos, isclose, pi, sin
 from typing import Any
 
-from imu_recording.parameter import ParameterError, parameter
+from imu_recording.ros.parameter import ParameterError, parameter
 
 from orientation_filters.magnetic_reference import FieldParams
-from orientation_filters.rest import RestParams
+from orientation_filters.rest_detection import RestParams
 
 WORLD_FRAMES = ('enu', 'ned')
 PRESET_NAMES = ('paper', 'robust')

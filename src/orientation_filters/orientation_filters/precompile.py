@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compile every kernel of this package now: python -m orientation_filters.precompile.
+"""Compile every kernel of this package: python -m orientation_filters.precompile.
 
-What is compiled stays on disk; afterwards filters start at once, live and over recordings.
+Compiled kernels stay on disk; afterwards filters start at once, live and over recordings.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from math import nan
 
 import numpy as np
 from imu_recording.jit import NUMBA, compiled_here
-from imu_recording.messages import ImuSample, MagneticSample
+from imu_recording.ros.messages import ImuSample, MagneticSample
 
 from imu_recording import ImuRecording
 from orientation_filters.filters import FILTERS, filter_parameters, run_filter

@@ -7,27 +7,38 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from geometry_msgs.msg import Vector3Stamped
 from imu_recording.jit import NUMBA
-from imu_recording.lifecycle_node import ConfiguredNode
-from imu_recording.messages import (
+from imu_recording.ros.lifecycle_node import ConfiguredNode
+from imu_recording.ros.messages import (
     imu_from_sample,
     magnetic_field_from_sample,
     sample_from_imu,
     sample_from_magnetic_field,
     stamp_of,
 )
-from imu_recording.node_config import NodeConfig
-from imu_recording.parameter import parameter
-from imu_recording.run_node import run_node
-from sensor_msgs.msg import Imu, MagneticField, Temperature
+from imu_recording.ros.parameter import NodeConfig, parameter
+from imu_recording.ros.run_node import run_node
+from sensor_msgs.msg import Imu, MagneticField, RelativeHumidity, Temperature
+from std_msgs.msg import Float64
 
-from thermal_comp.channel_topics import CHANNEL_TOPICS
-from thermal_comp.compensate_recording import TIMEOUT_S
-from thermal_comp.compensated_sample import compensated_field, compensated_imu
-from thermal_comp.compensator import Compensator
-from thermal_comp.compensator_state import restore_state, save_state
-from thermal_comp.model import ThermalModel
-from thermal_comp.model_file import load_model
+from thermal_comp.compensation.recording import TIMEOUT_S
+from thermal_comp.compensation.state import restore_state, save_state
+from thermal_comp.compensation.stream import Compensator, compensated_field, compensated_imu
+from thermal_comp.model.file import load_model
+from thermal_comp.model.values import ThermalModel
+
+CHANNEL_TOPICS = {
+    'chamber_temperature': ('chamber/temperature', Temperature, 'temperature'),
+    'device_temperature': ('chamber/device_temperature', Temperature, 'temperature'),
+    'humidity': ('chamber/humidity', RelativeHumidity, 'relative_humidity'),
+    'heater': ('chamber/heater', Float64, 'data'),
+    'compressor': ('chamber/compressor', Float64, 'data'),
+    'fan': ('chamber/fan', Float64, 'data'),
+    'supply_voltage': ('imu/supply_voltage', Float64, 'data'),
+    'vibration': ('imu/vibration', Vector3Stamped, 'vector'),
+}
+"""Topic, type and field of the channels an effect can need beyond the die temperature."""
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,9 @@ import numpy as np
 from imu_recording.jit import NUMBA
 
 from imu_recording import ImuRecording, read_bag, write_bag
-from thermal_comp.effects.first_order_lag import follow
-from thermal_comp.effects.ice_amount import grow_and_melt
-from thermal_comp.effects.play_operator import play
-from thermal_comp.model import NoiseModel
-from thermal_comp.whitening import apply_gains, apply_transposed, innovation_gains
+from thermal_comp.effects.operators import follow, grow_and_melt, play
+from thermal_comp.linear.whitening import apply_gains, apply_transposed, innovation_gains
+from thermal_comp.model.values import NoiseModel
 
 BAGS = (('mcap', 'zstd'), ('mcap', 'none'), ('sqlite3', 'none'))
 """Storage and compression of bags whose reading takes kernels of its own."""

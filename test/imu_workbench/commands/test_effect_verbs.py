@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from chamber_profile.profile import load_profile
+from chamber_profile.profile.file import load_profile
 from imu_workbench.__main__ import main
-from thermal_comp.diagnose_explanations import FINDINGS
+from thermal_comp.diagnosis.explanations import FINDINGS
 from thermal_comp.effects import EFFECTS
-from thermal_comp.model_file import load_model
+from thermal_comp.model.file import load_model
 
 from imu_recording import write_bag
 

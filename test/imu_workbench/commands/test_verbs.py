@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from imu_workbench.__main__ import build_parser, main
 from imu_workbench.commands import COMMANDS, INTERNAL, options
-from thermal_comp.model_file import load_model
+from thermal_comp.model.file import load_model
 
 from imu_recording import read_bag, write_bag
 

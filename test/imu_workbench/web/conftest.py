@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from imu_workbench.web.stored_bag import StoredBag
-from imu_workbench.web.tasks import Change, change_task, first_version_task, read_task
-from imu_workbench.web.version import Version
+from imu_workbench.web.case.stored_bag import StoredBag
+from imu_workbench.web.case.tasks import Change, change_task, first_version_task, read_task
+from imu_workbench.web.case.version import Version
 
 BAGS = Path(__file__).resolve().parents[3] / 'bags'
 

@@ -5,25 +5,24 @@ import json
 
 import numpy as np
 import pytest
-from imu_workbench.report.palette import painted
-from imu_workbench.web.compare_page import window_of
-from imu_workbench.web.figure_failure import failure_figure, failure_map
-from imu_workbench.web.figure_growth import staircase_figure
-from imu_workbench.web.figure_noise import (
+from imu_workbench.report.figures.palette import painted
+from imu_workbench.web.case.add_page import staircase_figure
+from imu_workbench.web.case.compare_page import window_of
+from imu_workbench.web.case.failure_map import failure_figure, failure_map
+from imu_workbench.web.case.next_experiment import profile_figure, setpoint_of
+from imu_workbench.web.case.noise_figures import (
     allan_figure,
     allan_variance,
     noise_allan_variance,
     noise_density,
     spectrum_figure,
 )
-from imu_workbench.web.figure_scatter import phase_figure, rate_figure, temperature_figure
-from imu_workbench.web.figure_time import time_figure, time_lines
-from imu_workbench.web.fingerprint import fingerprint_figure, fingerprint_task
-from imu_workbench.web.next_profile import profile_figure, setpoint_of
-from imu_workbench.web.samples import sample_line
-from imu_workbench.web.view import View, timeline_of
-from thermal_comp.experiment_plan import PAPER
-from thermal_comp.model import NoiseModel
+from imu_workbench.web.case.preview import fingerprint_figure, fingerprint_task
+from imu_workbench.web.case.scatter_figures import phase_figure, rate_figure, temperature_figure
+from imu_workbench.web.case.time_figure import sample_line, time_figure, time_lines
+from imu_workbench.web.case.view import View, timeline_of
+from thermal_comp.experiment.plan import PAPER
+from thermal_comp.model.values import NoiseModel
 
 VIEW = View('accelerometer', 2)
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 from imu_workbench.web.bag_root import BagRoot
-from imu_workbench.web.catalogue import effects_task
-from imu_workbench.web.job import Job, JobCancelled, JobError, Waiting
-from imu_workbench.web.library import Library
+from imu_workbench.web.case.tasks import effects_task
+from imu_workbench.web.jobs import Job, JobCancelled, JobError, Waiting
+from imu_workbench.web.result_cache import Library
 from thermal_comp.effects import EFFECTS
 
 ENDLESS = partial(operator.contains, range(10**18))

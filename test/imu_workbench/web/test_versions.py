@@ -3,10 +3,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from imu_workbench.web.case.tasks import Change, change_task, first_version_task
+from imu_workbench.web.case.view import View
 from imu_workbench.web.session import DeviceState, Session
-from imu_workbench.web.tasks import Change, change_task, first_version_task
-from imu_workbench.web.view import View
-from thermal_comp.model import ModelError
+from thermal_comp.model.values import ModelError
 
 from imu_recording import read_bag
 

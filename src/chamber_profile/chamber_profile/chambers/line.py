@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import serial
-from imu_recording.port_error import why_not_open
+from imu_recording.user_error import why_not_open
 
 from chamber_profile.chambers.chamber import ChamberError
 

@@ -6,19 +6,18 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from thermal_comp.conditions import SENSORS
-from thermal_comp.diagnose import Settings
-from thermal_comp.diagnose_growth import add_effect
+from thermal_comp.data.conditions import SENSORS
+from thermal_comp.data.preparation import prepare
+from thermal_comp.diagnosis.diagnose import Settings
+from thermal_comp.diagnosis.growth import add_effect
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.model_file import load_model, save_model
-from thermal_comp.model_shapes import fitted_shapes
-from thermal_comp.preparation import prepare
+from thermal_comp.model.file import load_model, save_model
+from thermal_comp.model.values import fitted_shapes
+from thermal_comp.presentation.growth import growth_text
 
-from imu_workbench.answer import Answer
+from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.diagnose import add_effects_argument
 from imu_workbench.commands.options import add_bag_arguments, read_recordings
-from imu_workbench.growth_text import growth_text
-from imu_workbench.progress import show_progress
 
 HELP = 'Add an effect to the model, refit it jointly, show how far the error falls.'
 EPILOG = 'example:\n  python -m imu_workbench add thermal_lag bags/dut1_? -o dut1_lag.yaml'
@@ -53,8 +52,8 @@ def run(options: argparse.Namespace) -> Answer:
     runs = prepare(recordings)
     growth = add_effect(model, runs, options.effect, Settings(catalogue), options.sensor)
     save_model(growth.model, options.output)
-    content = growth.after.content() | {
-        'steps': [step.content() for step in growth.steps],
+    content = growth.after.to_dict() | {
+        'steps': [step.to_dict() for step in growth.steps],
         'parameters': fitted_shapes(growth.model),
         'unneeded': list(growth.unneeded),
         'undetermined': list(growth.model.provenance.notes),

@@ -7,13 +7,12 @@ import argparse
 from pathlib import Path
 
 from imu_recording.user_error import UserError
-from thermal_comp.compensate_recording import TIMEOUT_S, compensate
-from thermal_comp.model_file import check_device, load_model
+from thermal_comp.compensation.recording import TIMEOUT_S, compensate
+from thermal_comp.model.file import check_device, load_model
 
 from imu_recording import write_bag
-from imu_workbench.answer import Answer
+from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.options import add_bag_arguments, read_recordings, refuse_existing
-from imu_workbench.progress import show_progress
 
 HELP = 'Subtract the modelled error from bags; write compensated bags.'
 EPILOG = (

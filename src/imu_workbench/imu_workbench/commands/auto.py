@@ -6,20 +6,19 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from thermal_comp.data_quality import check_quality
-from thermal_comp.diagnose import Settings
-from thermal_comp.diagnose_growth import grow
+from thermal_comp.data.preparation import prepare
+from thermal_comp.data.quality import check_quality
+from thermal_comp.diagnosis.diagnose import Settings
+from thermal_comp.diagnosis.growth import grow
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.model_file import load_model, save_model
-from thermal_comp.model_shapes import fitted_shapes
-from thermal_comp.preparation import prepare
+from thermal_comp.model.file import load_model, save_model
+from thermal_comp.model.values import fitted_shapes
+from thermal_comp.presentation.diagnosis import undecided_lines, verdict_line
+from thermal_comp.presentation.growth import growth_text
 
-from imu_workbench.answer import Answer
+from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.diagnose import add_effects_argument
 from imu_workbench.commands.options import add_bag_arguments, read_recordings
-from imu_workbench.diagnosis_text import undecided_lines, verdict_line
-from imu_workbench.growth_text import growth_text
-from imu_workbench.progress import show_progress
 
 HELP = 'Diagnose and add, again and again, until the model is complete or nothing can be decided.'
 EPILOG = 'example:\n  python -m imu_workbench auto bags/hidden_effect_? -o model.yaml'
@@ -45,10 +44,10 @@ def run(options: argparse.Namespace) -> Answer:
     growth = grow(model, prepare(clean), Settings(catalogue), show_progress)
     save_model(growth.model, options.output)
     left = (
-        growth.diagnosis.content() if growth.diagnosis else {'verdict': 'complete', 'findings': []}
+        growth.diagnosis.to_dict() if growth.diagnosis else {'verdict': 'complete', 'findings': []}
     )
-    content = growth.after.content() | {
-        'steps': [step.content() for step in growth.steps],
+    content = growth.after.to_dict() | {
+        'steps': [step.to_dict() for step in growth.steps],
         'verdict': left['verdict'],
         'findings_left': left.get('findings', []),
         'undecided': left.get('undecided', []),

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from chamber_profile.profile import Profile, load_profile, profile_text
-from chamber_profile.unroll import signed_axis
+from chamber_profile.profile.file import Profile, load_profile, profile_text
+from chamber_profile.profile.unroll import signed_axis
 from imu_recording.user_error import UserError
+from thermal_comp.presentation.display import duration
 
-from imu_workbench.answer import Answer
-from imu_workbench.display import duration
-from imu_workbench.progress import show_progress
+from imu_workbench.answer import Answer, show_progress
 
 HELP = 'Run a profile with simulated chamber and devices through the real nodes; record it.'
 EPILOG = """\
@@ -51,7 +50,7 @@ def run(options: argparse.Namespace) -> Answer:
     """Run all orientations and answer with what was recorded."""
     profile = load_profile(options.profile)
     _check(options)
-    from imu_workbench.campaign_node import RunPlan, run_in_lock_step
+    from imu_workbench.simulate.node_campaign import RunPlan, run_in_lock_step
 
     runs: list[dict[str, Any]] = []
     orientations = profile.orientations or ORIENTATIONS

@@ -8,9 +8,8 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from thermal_comp.table_check import TableFinding, check_rows, read_table
-
 from imu_workbench.answer import Answer
+from imu_workbench.tables.check import TableFinding, check_rows, read_table
 
 HELP = 'Find what cannot be in published tables of minimum, maximum, mean and σ.'
 EPILOG = 'example:\n  python -m imu_workbench check-tables tables.csv --json found.json'
@@ -34,7 +33,7 @@ def run(options: argparse.Namespace) -> Answer:
         'schema': 1,
         'verdict': 'data_quality' if findings else 'complete',
         'rows': len(rows),
-        'findings': [finding.content() for finding in findings],
+        'findings': [finding.to_dict() for finding in findings],
     }
     return Answer(content, '\n'.join(_lines(f'{options.table}: {len(rows)} rows', findings)))
 

@@ -6,16 +6,15 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from thermal_comp.compare import compare_prepared
+from thermal_comp.comparison.compare import compare_prepared
+from thermal_comp.data.preparation import prepare
 from thermal_comp.effects.bias_temperature import BiasTemperature
-from thermal_comp.fit import fit_prepared
-from thermal_comp.model_file import check_device, load_model
-from thermal_comp.preparation import prepare
+from thermal_comp.fitting.fit import fit_prepared
+from thermal_comp.model.file import check_device, load_model
+from thermal_comp.presentation.growth import comparison_text
 
-from imu_workbench.answer import Answer
+from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.options import add_bag_arguments, read_recordings
-from imu_workbench.comparison_text import comparison_text
-from imu_workbench.progress import show_progress
 
 HELP = 'Compare measured and modelled error per axis: rms, held out, noise floor, worst phase.'
 EPILOG = 'example:\n  python -m imu_workbench compare bags/dut1_? --model dut1.yaml'
@@ -42,6 +41,6 @@ def run(options: argparse.Namespace) -> Answer:
     show_progress('comparing …')
     runs = prepare(recordings)
     comparison = compare_prepared(model or fit_prepared([BiasTemperature()], runs), runs)
-    content = comparison.content()
+    content = comparison.to_dict()
     notes = (f'note: {note}' for note in comparison.notes)
     return Answer(content, '\n'.join([comparison_text(content), *notes]))

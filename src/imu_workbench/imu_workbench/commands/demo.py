@@ -14,9 +14,8 @@ from pathlib import Path
 from imu_recording.user_error import UserError
 
 from imu_recording import read_bag
-from imu_workbench.answer import Answer, write_json
-from imu_workbench.progress import show_progress
-from imu_workbench.provenance import command_line, versions
+from imu_workbench.answer import Answer, show_progress, write_json
+from imu_workbench.report.content import command_line, versions
 
 HELP = 'Simulate a device, add the bundled bags, find a hidden effect; write DIR/report.html.'
 PROFILE = 'paper_betta2022'
@@ -38,12 +37,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> Answer:
     """Simulate, study, write."""
-    from imu_workbench.experiment import Logging, simulate_run
-    from imu_workbench.memory import keep_memory
+    from imu_workbench.parallel import keep_memory
+    from imu_workbench.report.analysis import study_recordings
     from imu_workbench.report.content import report_content
-    from imu_workbench.report.page import report_page, report_text
-    from imu_workbench.story import StoryTask
-    from imu_workbench.study import study_recordings
+    from imu_workbench.report.html.document import report_page, report_text
+    from imu_workbench.report.model_growth import StoryTask
+    from imu_workbench.simulate.campaign import Logging, simulate_run
 
     paths, hidden = (sorted(options.bags.glob(name)) for name in ('dut?_?', 'hidden_effect_?'))
     if not paths or not hidden:

@@ -7,13 +7,13 @@ import argparse
 from pathlib import Path
 
 from imu_recording.user_error import UserError
-from thermal_comp.diagnose import diagnose
+from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.model_file import load_model
+from thermal_comp.model.file import load_model
+from thermal_comp.presentation.diagnosis import diagnosis_text
 
 from imu_workbench.answer import Answer
 from imu_workbench.commands.options import add_bag_arguments, stream_recordings
-from imu_workbench.diagnosis_text import diagnosis_text
 
 HELP = 'Name the missing physical effect, or say that nothing is missing or nothing explains it.'
 EPILOG = 'example:\n  python -m imu_workbench diagnose bags/hidden_effect_? --json diagnosis.json'
@@ -73,5 +73,5 @@ def run(options: argparse.Namespace) -> Answer:
         reference=reference,
         calibrate=options.calibrate,
     )
-    content = found.content()
+    content = found.to_dict()
     return Answer(content, diagnosis_text(content))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from imu_recording.user_error import UserError
-from thermal_comp.diagnose_explanations import FINDINGS
+from thermal_comp.diagnosis.explanations import FINDINGS
 from thermal_comp.effects.explanation import explain_all, explanation, explanation_text
 from thermal_comp.effects.user_effects import effect_catalogue
 
@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> Answer:
         content, text = explanation(effect), explanation_text(effect)
     elif options.effect in FINDINGS:
         finding = FINDINGS[options.effect]
-        content, text = finding.content(), finding.text()
+        content, text = finding.to_dict(), finding.text()
     else:
         known = ', '.join([*catalogue, *FINDINGS])
         raise UserError(f'effect {options.effect!r} is not known; known: {known}')

@@ -7,18 +7,17 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from thermal_comp.compare import compare_prepared
+from thermal_comp.comparison.compare import compare_prepared
+from thermal_comp.data.device_identity import unnamed_warning
+from thermal_comp.data.preparation import prepare
 from thermal_comp.effects.bias_temperature import BiasTemperature
-from thermal_comp.fit import fit_prepared
-from thermal_comp.model_file import save_model
-from thermal_comp.pooling import examine_pooling
-from thermal_comp.preparation import prepare
-from thermal_comp.unnamed_devices import unnamed_warning
+from thermal_comp.fitting.fit import fit_prepared
+from thermal_comp.fitting.pooling import examine_pooling
+from thermal_comp.model.file import save_model
+from thermal_comp.presentation.growth import comparison_text
 
-from imu_workbench.answer import Answer
+from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.options import add_bag_arguments, read_recordings
-from imu_workbench.comparison_text import comparison_text
-from imu_workbench.progress import show_progress
 
 HELP = 'Fit a line per axis against die temperature to the runs of one device; save the model.'
 EPILOG = 'example:\n  python -m imu_workbench fit bags/dut1_? -o dut1.yaml --json dut1.json'
@@ -46,7 +45,7 @@ def run(options: argparse.Namespace) -> Answer:
     model = fit_prepared([BiasTemperature()], runs, pooled=options.pooled)
     save_model(model, options.output)
     comparison = compare_prepared(model, runs)
-    content: dict[str, Any] = comparison.content() | {
+    content: dict[str, Any] = comparison.to_dict() | {
         'model': str(options.output),
         'warnings': [warning] if warning else [],
         'unplaced': {r.source: dict(r.unplaced) for r in recordings if r.unplaced},
@@ -56,7 +55,7 @@ def run(options: argparse.Namespace) -> Answer:
     if options.pooled and len({run.device for run in runs}) > 1:
         show_progress('testing whether the devices may share a model …')
         tests = examine_pooling(recordings)[1]
-        content['pooling'] = {sensor: test.content() for sensor, test in tests.items()}
+        content['pooling'] = {sensor: test.to_dict() for sensor, test in tests.items()}
         text += ['', 'May the devices share one model?']
         text += [f'  {line}' for test in tests.values() for line in test.lines()]
         opposite = sum(sum(test.opposite_signs) for test in tests.values())

@@ -6,13 +6,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from imu_recording.csv_import import import_csv
+from imu_recording.tables.csv_import import import_csv
+from thermal_comp.presentation.display import duration, shown
 
 from imu_recording import write_bag
-from imu_workbench.answer import Answer
+from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.options import refuse_existing
-from imu_workbench.display import duration, shown
-from imu_workbench.progress import show_progress
 
 HELP = 'Turn a CSV file into a bag; a YAML file maps columns to channels, scales, units, offsets.'
 EPILOG = (

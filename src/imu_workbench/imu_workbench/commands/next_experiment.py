@@ -8,16 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from chamber_profile.profile import load_profile
+from chamber_profile.profile.file import load_profile
 from imu_recording.user_error import UserError
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.experiment_design import SEPARABLE, Limits, Proposal, design_experiment
-from thermal_comp.experiment_plan import FINAL_S, PRECONDITION_S, REFERENCE_C
-from thermal_comp.model_file import load_model
+from thermal_comp.experiment.design import SEPARABLE, Limits, Proposal, design_experiment
+from thermal_comp.experiment.plan import FINAL_S, PRECONDITION_S, REFERENCE_C
+from thermal_comp.model.file import load_model
 
-from imu_workbench.answer import Answer
+from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.diagnose import add_effects_argument
-from imu_workbench.progress import show_progress
 
 HELP = 'Find the chamber profile that best separates two rival effects; write it as a profile.'
 EPILOG = (

@@ -10,8 +10,8 @@ from pathlib import Path
 from imu_recording.user_error import UserError
 
 from imu_recording import ImuRecording, bag_namespaces, read_bag
-from imu_workbench.moving import with_motion_noted
-from imu_workbench.progress import show_progress
+from imu_workbench.answer import show_progress
+from imu_workbench.motion_detection import with_motion_noted
 
 
 def add_bag_arguments(parser: argparse.ArgumentParser, *, optional: bool = False) -> None:

@@ -11,15 +11,13 @@ from imu_recording.recording import ImuRecording
 from imu_recording.user_error import UserError
 from orientation_filters.filters import FILTERS
 from orientation_filters.parameters import PRESET_NAMES, WORLD_FRAMES
-from thermal_comp.compensator import compensate
-from thermal_comp.model_file import check_device, load_model
+from thermal_comp.compensation.stream import compensate
+from thermal_comp.model.file import check_device, load_model
+from thermal_comp.presentation.display import FILTER_LABELS
 
-from imu_workbench.answer import Answer
-from imu_workbench.attribution import Attribution, Cost, attribute
-from imu_workbench.attribution_content import content_of, remarks
+from imu_workbench.answer import Answer, show_progress
+from imu_workbench.attitude_budget import Attribution, Cost, attribute, content_of, remarks
 from imu_workbench.commands.options import add_bag_arguments, stream_recordings
-from imu_workbench.display import FILTER_LABELS
-from imu_workbench.progress import show_progress
 
 HELP = 'Orientation raw, compensated, and with one sensor compensated at a time.'
 EPILOG = (

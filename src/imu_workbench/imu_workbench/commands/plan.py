@@ -10,12 +10,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from chamber_profile.profile import Profile, load_profile, profile_names
-from chamber_profile.timetable import Entry, setpoint_corners, timetable
+from chamber_profile.profile.file import Profile, load_profile, profile_names
+from chamber_profile.profile.timetable import Entry, setpoint_corners, timetable
 
 from imu_workbench.answer import Answer
-from imu_workbench.report.figures import plan_figure
-from imu_workbench.report.html import Section, figure_html, pairs_html, render_page, table_html
+from imu_workbench.report.figures.measured import plan_figure
+from imu_workbench.report.html.render import (
+    Section,
+    figure_html,
+    pairs_html,
+    render_page,
+    table_html,
+)
 
 HELP = 'Show the timetable of a chamber profile and check it against its limits.'
 EPILOG = f"""\

@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from imu_recording.message_writer import write_messages
+from imu_recording.bags.messages import write_messages
 from imu_recording.user_error import UserError
 
 from imu_recording import bag_namespaces
-from imu_workbench.answer import Answer
+from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.options import topic_remap
 from imu_workbench.golden_run import columns_of, find_drift, read_golden, write_golden
-from imu_workbench.progress import show_progress
 from imu_workbench.replay import NODES, Sent, as_bag_messages, replay
 
 HELP = 'Run a bag through a node in-process, as fast as possible and the same every time.'

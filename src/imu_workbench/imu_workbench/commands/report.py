@@ -11,14 +11,13 @@ from pathlib import Path
 from imu_recording.user_error import UserError
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.model import ModelError, ThermalModel
-from thermal_comp.model_file import load_model
+from thermal_comp.model.file import load_model
+from thermal_comp.model.values import ModelError, ThermalModel
 
-from imu_workbench.answer import Answer
+from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.diagnose import add_effects_argument
 from imu_workbench.commands.options import add_bag_arguments, read_recordings
-from imu_workbench.progress import show_progress
-from imu_workbench.provenance import command_line, versions
+from imu_workbench.report.content import command_line, versions
 
 HELP = 'Write the report of one or several devices as one HTML page: figures, tables, claims.'
 EPILOG = 'example:\n  python -m imu_workbench report bags/dut?_? -o report.html --json report.json'
@@ -49,10 +48,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> Answer:
     """Study the recordings, write the page."""
-    from imu_workbench.memory import keep_memory
+    from imu_workbench.parallel import keep_memory
+    from imu_workbench.report.analysis import UNNAMED, named, study_recordings
     from imu_workbench.report.content import report_content
-    from imu_workbench.report.page import report_page, report_text
-    from imu_workbench.study import UNNAMED, named, study_recordings
+    from imu_workbench.report.html.document import report_page, report_text
 
     if not options.output.parent.is_dir():
         raise UserError(f'{options.output}: there is no folder {options.output.parent}')

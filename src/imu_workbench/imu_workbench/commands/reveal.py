@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from imu_workbench.answer import Answer
-from imu_workbench.experiment_hidden import find_truth
-from imu_workbench.experiment_reveal import VERDICTS, describe_truth, judge
+from imu_workbench.simulate.hidden_effect import VERDICTS, describe_truth, find_truth, judge
 
 HELP = 'diagnose a campaign made by `simulate --hide`, then open the truth and compare'
 

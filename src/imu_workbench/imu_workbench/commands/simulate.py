@@ -8,16 +8,15 @@ import re
 from pathlib import Path
 from typing import Any
 
-from imu_driver.simulated_catalogue import DEVICES
-from imu_driver.simulated_hidden import HIDEABLE
-from imu_recording.columns_hash import columns_hash
+from imu_driver.simulation.devices import DEVICES
+from imu_driver.simulation.hidden import HIDEABLE
+from imu_recording.recording import columns_hash
 from imu_recording.user_error import UserError
 
 from imu_recording import ImuRecording, write_bag
-from imu_workbench.answer import Answer
-from imu_workbench.experiment import ORIENTATIONS, Logging, simulate_campaign, simulate_run
-from imu_workbench.experiment_hidden import TRUTH_FILE, Secret, hidden_campaign, write_truth
-from imu_workbench.progress import show_progress
+from imu_workbench.answer import Answer, show_progress
+from imu_workbench.simulate.campaign import ORIENTATIONS, Logging, simulate_campaign, simulate_run
+from imu_workbench.simulate.hidden_effect import TRUTH_FILE, Secret, hidden_campaign, write_truth
 
 HELP = 'simulate a device in a chamber that runs a thermal profile, and write the bags'
 EPILOG = 'What --hide can hide: ' + ', '.join(HIDEABLE)

@@ -3,19 +3,23 @@
 
 from __future__ import annotations
 
+import platform
+import shlex
+import sys
 from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from imu_workbench import paper
 from imu_workbench.answer import plain
-from imu_workbench.attitude import Attitude, state_bytes
-from imu_workbench.claim import Claim
-from imu_workbench.claims_attitude import attitude_claims
-from imu_workbench.claims_model import gaussianity_claim, linearity_claim
-from imu_workbench.claims_thermal import (
+from imu_workbench.report.analysis import StudiedRun, Study
+from imu_workbench.report.attitude import Attitude, state_bytes
+from imu_workbench.report.claims.attitude import attitude_claims
+from imu_workbench.report.claims.claim import Claim
+from imu_workbench.report.claims.model import gaussianity_claim, linearity_claim
+from imu_workbench.report.claims.thermal import (
     device_claim,
     orientation_claim,
     overheating_claim,
@@ -23,6 +27,7 @@ from imu_workbench.claims_thermal import (
     range_claim,
     slope_table,
 )
+from imu_workbench.report.error_steps import staircase_content
 from imu_workbench.report.measured import (
     PAPER_TABLES,
     cycle_content,
@@ -35,10 +40,9 @@ from imu_workbench.report.measured import (
 )
 from imu_workbench.report.model_content import model_content
 from imu_workbench.report.modelled import dependence_content, fit_content, residual_content
-from imu_workbench.report.paper_notes import PAPER_NOTES
 from imu_workbench.report.series import rounded
-from imu_workbench.report.staircase import staircase_content
-from imu_workbench.study import StudiedRun, Study
+from imu_workbench.tables import paper
+from imu_workbench.tables.paper import PAPER_NOTES
 
 TITLE = 'Temperature error of MEMS IMUs'
 ALL_POINTS = 6_000
@@ -69,7 +73,7 @@ def report_content(
     ranges = overall_ranges(statistics)
     overheating = {run.name: overheating_content(run.recording) or {} for run in study.runs}
     devices = [{'name': d.name, 'problem': d.problem, 'note': d.note} for d in study.devices]
-    pooled = {sensor: test.content() for sensor, test in study.pooling.items()}
+    pooled = {sensor: test.to_dict() for sensor, test in study.pooling.items()}
     content = {
         'schema': 1,
         'title': TITLE,
@@ -106,7 +110,7 @@ def report_content(
             if run.errors
         },
         'comparison': {
-            device.name: device.comparison.content()
+            device.name: device.comparison.to_dict()
             for device in study.devices
             if device.comparison
         },
@@ -203,3 +207,22 @@ def lead(study: Study) -> str:
         f'{names}{plan}: what temperature does to gyroscope, accelerometer and magnetometer, how '
         'much of it the model removes, and what that does to the attitude.'
     )
+
+
+PACKAGES = ('imu_workbench', 'numpy', 'scipy', 'numba', 'rosbags', 'plotly')
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python, this package and the libraries that compute."""
+    found = {'Python': platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = 'not installed'
+    return found
+
+
+def command_line() -> str:
+    """Return the command that is running, as one types it."""
+    return shlex.join(['python', '-m', 'imu_workbench', *sys.argv[1:]])

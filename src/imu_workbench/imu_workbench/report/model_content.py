@@ -6,9 +6,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from thermal_comp.model import SensorModel, ThermalModel
+from thermal_comp.model.values import SensorModel, ThermalModel
 
-from imu_workbench.version_names import version_names
+from imu_workbench.report.version_names import version_names
 
 
 def model_content(model: ThermalModel) -> dict[str, Any]:

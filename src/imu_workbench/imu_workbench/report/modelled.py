@@ -1,17 +1,83 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the model says of the measurement, as plain values: dependence, fit, distributions."""
+"""Measured and modelled error of the runs as block means: dependence, fit, residual."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from imu_recording.recording import PHASES, FloatArray
+from imu_recording.recording import PHASES, FloatArray, IntArray
+from numpy.typing import NDArray
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.model.values import ThermalModel
+from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS
 
-from imu_workbench.display import DISPLAY_UNITS, SENSORS
 from imu_workbench.report.series import line, rounded
-from imu_workbench.run_errors import RunErrors
+
+
+@dataclass(frozen=True, eq=False)
+class RunErrors:
+    """Errors of one run as block means: what was measured above the run's level, and the model."""
+
+    name: str
+    device: str
+    period: float
+    """Length of a block [s]."""
+    time: FloatArray
+    """(m,) [s] since the first sample."""
+    temperature: FloatArray
+    """(m,) die [°C]."""
+    phase: IntArray
+    """(m,) index into PHASES; −1 unknown."""
+    cycle: IntArray
+    """(m,)"""
+    measured: Mapping[str, FloatArray]
+    """(m, 3) per sensor: block means minus the run's level at the reference temperature."""
+    modelled: Mapping[str, FloatArray]
+    """(m, 3) per sensor: the model's error."""
+
+    def residual(self, sensor: str) -> FloatArray:
+        """(m, 3) measured minus modelled, in the sensor's SI unit."""
+        difference: FloatArray = self.measured[sensor] - self.modelled[sensor]
+        return difference
+
+    def in_phase(self, name: str) -> NDArray[np.bool_]:
+        """(m,) the blocks of a phase."""
+        selected: NDArray[np.bool_] = self.phase == PHASES.index(name)
+        return selected
+
+
+def errors_of_run(run: PreparedRun, model: ThermalModel) -> RunErrors:
+    """Return the errors of a prepared run under a model.
+
+    The level is the one fitted for this run; for a run the model has not seen it is the mean of
+    what the model leaves.
+    """
+    measured: dict[str, Any] = {}
+    modelled: dict[str, Any] = {}
+    for sensor in SENSORS:
+        if sensor not in model.sensors or not np.isfinite(run.measured[sensor]).any():
+            continue
+        part = model.sensors[sensor]
+        error = run.block_mean(part.modelled_error(run.conditions.of(sensor))[0])
+        level = part.levels.get(run.name)
+        if level is None:
+            level = np.nanmean(run.measured[sensor] - error, axis=0)
+        measured[sensor], modelled[sensor] = run.measured[sensor] - level, error
+    return RunErrors(
+        name=run.name,
+        device=run.device,
+        period=run.period,
+        time=run.time,
+        temperature=run.temperature,
+        phase=run.phase,
+        cycle=run.cycle,
+        measured=measured,
+        modelled=modelled,
+    )
+
 
 AXES = ('x', 'y', 'z')
 TEMPERATURE_BIN = 2.0

@@ -1,30 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page: bar, tiles, tabs; it connects what the user does with what is drawn."""
+"""The page: bar, tabs, dialog, messages; it connects what the user does with what is drawn."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import asyncio
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from nicegui import ui
-from thermal_comp.conditions import SENSORS
+from thermal_comp.data.conditions import SENSORS
 
-from imu_workbench.web.add_page import AddActions, AddPage
-from imu_workbench.web.channel_tiles import ChannelTiles
-from imu_workbench.web.compare_page import ComparePage
-from imu_workbench.web.job import Stoppable
-from imu_workbench.web.learn_page import LearnActions, LearnPage
-from imu_workbench.web.library import Library
-from imu_workbench.web.messages import Messages, Work
-from imu_workbench.web.open_dialog import OpenDialog
+from imu_workbench.web.bag_root import BagRoot
+from imu_workbench.web.case.add_page import AddActions, AddPage
+from imu_workbench.web.case.channel_selector import ChannelTiles
+from imu_workbench.web.case.compare_page import ComparePage
+from imu_workbench.web.case.learn_page import LearnActions, LearnPage
+from imu_workbench.web.case.stored_bag import StoredBag
+from imu_workbench.web.case.tasks import Change
+from imu_workbench.web.case.view import Place
+from imu_workbench.web.jobs import Stoppable
 from imu_workbench.web.plot import Look
-from imu_workbench.web.stored_bag import StoredBag
-from imu_workbench.web.tasks import Change
-from imu_workbench.web.view import Place
-from imu_workbench.web.workbench_tab import Display, WorkbenchTab
+from imu_workbench.web.result_cache import Library
+from imu_workbench.web.session import Display, WorkbenchTab
 
 PHONE = 640
 """Width [px] below which figures stand below each other."""
@@ -184,7 +184,7 @@ class Page:
         if self._live_page is not None:
             return
         with self._live:
-            from imu_workbench.web.live_page import build_live
+            from imu_workbench.web.live.page import build_live
 
             self._live_page = build_live(self._live, dark=lambda: self._look.dark)
 
@@ -281,3 +281,115 @@ def told_runs(bags: Sequence[StoredBag]) -> str:
     """Return how much there is to look at."""
     samples = f'{sum(bag.samples for bag in bags):,}'.replace(',', '\N{NARROW NO-BREAK SPACE}')
     return f'{len(bags)} {"run" if len(bags) == 1 else "runs"} · {samples} samples'
+
+
+class OpenDialog:
+    """A list of the bags there are, and a path to type."""
+
+    def __init__(self, root: BagRoot, opened: Callable[[list[str]], Awaitable[None]]) -> None:
+        self._root, self._opened = root, opened
+        self._ticked: dict[Path, ui.checkbox] = {}
+        with ui.dialog() as self._dialog, ui.element('div').classes('card dialog'):
+            ui.html('<h2>Open bags</h2>', sanitize=False)
+            ui.label(f'Below {root.folder}. One bag is one run; take all runs of a device.')
+            self._list = ui.element('div').classes('bag-list')
+            self._path = ui.input('or a path below it').props('dense outlined').classes('path')
+            self._path.on('keydown.enter', self._open)
+            with ui.row().classes('actions'):
+                ui.button('Open', on_click=self._open).props('no-caps unelevated')
+                ui.button('Cancel', on_click=self._dialog.close).props('no-caps flat')
+
+    async def show(self) -> None:
+        """Show the bags there are now."""
+        self._dialog.open()
+        bags = await asyncio.to_thread(self._root.bags)
+        self._list.clear()
+        self._ticked = {}
+        with self._list:
+            for bag in bags:
+                self._ticked[bag] = ui.checkbox(self._root.name_of(bag)).props('dense')
+            if not bags:
+                ui.label('There are none.').classes('soft')
+
+    async def _open(self) -> None:
+        chosen = [str(bag) for bag, box in self._ticked.items() if box.value]
+        if self._path.value.strip():
+            chosen.append(self._path.value.strip())
+        self._dialog.close()
+        if chosen:
+            await self._opened(chosen)
+
+
+MOST = 4
+"""Messages that stay."""
+
+
+class Messages:
+    """Errors and remarks, newest first."""
+
+    def __init__(self) -> None:
+        self._place = ui.element('div').classes('messages').props('role=alert aria-live=assertive')
+
+    def say(self, text: str, kind: str = 'error') -> None:
+        """Show a message; the same text once."""
+        for child in list(self._place):
+            if getattr(child, 'told', None) == text:
+                return
+        with self._place:
+            row = ui.element('div').classes(f'message {kind}')
+            row.told = text  # type: ignore[attr-defined]
+            with row:
+                ui.label(text)
+                close = (
+                    ui.element('button')
+                    .classes('close')
+                    .props('type=button aria-label="close this message"')
+                )
+                close.on('click', row.delete)
+                with close:
+                    ui.label('×')
+        row.move(target_index=0)
+        for child in list(self._place)[MOST:]:
+            child.delete()
+
+    def clear(self) -> None:
+        """Close all messages."""
+        self._place.clear()
+
+
+class Work:
+    """The jobs of a tab: what they do, and a button to stop each."""
+
+    def __init__(self) -> None:
+        self.jobs: list[Stoppable] = []
+        self._place = ui.element('div').classes('work').props('role=status aria-live=polite')
+        self._labels: dict[Stoppable, ui.label] = {}
+        self._timer = ui.timer(0.25, self._tell, active=False)
+
+    def start(self, job: Stoppable) -> None:
+        """Show a job."""
+        self.jobs.append(job)
+        with self._place:
+            row = ui.element('div').classes('job')
+            with row:
+                ui.spinner(size='1.1em')
+                self._labels[job] = ui.label('starting …')
+                ui.button('Cancel', on_click=job.cancel).props('no-caps flat dense')
+        self._timer.activate()
+
+    def end(self, job: Stoppable) -> None:
+        """Take a job off the page."""
+        if job in self.jobs:
+            self.jobs.remove(job)
+            self._labels.pop(job).parent_slot.parent.delete()  # type: ignore[union-attr]
+        if not self.jobs:
+            self._timer.deactivate()
+
+    def cancel_all(self) -> None:
+        """End every job."""
+        for job in self.jobs:
+            job.cancel()
+
+    def _tell(self) -> None:
+        for job, label in self._labels.items():
+            label.set_text(f'{job.progress} …' if job.progress else 'starting …')

@@ -9,8 +9,8 @@ from typing import Any
 
 from nicegui import ui
 
-from imu_workbench.report.palette import painted
-from imu_workbench.report.panels import Figure
+from imu_workbench.report.figures.palette import painted
+from imu_workbench.report.figures.panels import Figure
 
 CONFIG = {
     'displaylogo': False,

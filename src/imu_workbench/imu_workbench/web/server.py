@@ -21,9 +21,9 @@ from nicegui import ui
 
 from imu_workbench.web.access import AccessCheck
 from imu_workbench.web.bag_root import BagRoot
-from imu_workbench.web.job import end_all, warm_up
-from imu_workbench.web.library import Library
+from imu_workbench.web.jobs import end_all, warm_up
 from imu_workbench.web.page import Page, Start
+from imu_workbench.web.result_cache import Library
 
 SCRIPTS = ('resizing.js', 'watching.js', 'cells.js')
 RECONNECT_S = 30.0

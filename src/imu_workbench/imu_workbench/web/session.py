@@ -1,16 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one tab works on: its devices, the versions of their models, where it looks."""
+"""One tab's session: its devices, the versions of their models, and the user's actions."""
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from imu_workbench.display import SENSORS
-from imu_workbench.web.stored_bag import StoredBag
-from imu_workbench.web.version import Version
-from imu_workbench.web.view import Place, View
+from imu_recording.user_error import UserError
+from thermal_comp.experiment.design import Limits
+from thermal_comp.presentation.display import SENSORS
+
+from imu_workbench.motion_detection import refusal
+from imu_workbench.web.case import tasks
+from imu_workbench.web.case.next_experiment import next_profile_task
+from imu_workbench.web.case.preview import Fingerprint, fingerprint_task
+from imu_workbench.web.case.stored_bag import StoredBag, with_unique_runs
+from imu_workbench.web.case.tasks import Catalogue, effects_task, report_task
+from imu_workbench.web.case.version import Version
+from imu_workbench.web.case.view import Place, View
+from imu_workbench.web.jobs import JobCancelled, JobError, Stoppable
+from imu_workbench.web.result_cache import Library, file_key
 
 
 @dataclass
@@ -116,3 +128,169 @@ class Session:
     def go_to(self, place: Place | None) -> None:
         """Look at a place; the same again, or None, looks at everything."""
         self.look_at(place=None if place == self.view.place else place)
+
+
+@dataclass(frozen=True)
+class Display:
+    """How a tab shows work and messages."""
+
+    work: Callable[[Stoppable], AbstractContextManager[None]]
+    say: Callable[[str], None]
+
+
+class WorkbenchTab:
+    """What a user can do; every act says on the page what went wrong and changes nothing then."""
+
+    def __init__(self, library: Library, display: Display) -> None:
+        self.library = library
+        self.session = Session()
+        self.catalogue = Catalogue()
+        self._display = display
+
+    async def open_bags(
+        self, paths: Sequence[str | Path], read: Callable[[], Awaitable[None]]
+    ) -> bool:
+        """Read bags and make their devices known; True where there are new ones.
+
+        `read` is called after every bag, for there is something to see already.
+        """
+        first = ''
+        for path in paths:
+            found = await self._read(path)
+            known = {bag.folder for state in self.session.devices.values() for bag in state.bags}
+            moving = [bag for bag in found if bag.motion]
+            for bag in moving:
+                self._display.say(refusal(bag.run, bag.motion))
+            found = [bag for bag in found if bag not in moving]
+            new = [bag for bag in found if bag.folder not in known]
+            for device in dict.fromkeys(bag.device for bag in new):
+                before = self.session.devices.get(device)
+                own = [b for b in new if b.device == device]
+                bags = with_unique_runs([*(before.bags if before else ()), *own])
+                prepared = self.library.prepared_path(bags)
+                self.session.devices[device] = DeviceState(device, bags, prepared)
+                if not first:
+                    first = self.session.device = device
+            if new:
+                await read()
+            elif found:
+                self._display.say(f'{path}: open already')
+        return bool(first)
+
+    async def _read(self, path: str | Path) -> list[StoredBag]:
+        try:
+            located = self.library.root.locate(path)
+        except UserError as error:
+            self._display.say(str(error))
+            return []
+        folder = self.library.fresh_path()
+        try:
+            async with self.library.alone(self.library.reading, self._display.work):
+                found = await self._do(file_key(located), tasks.read_task, located, folder)
+        except JobCancelled:
+            return []
+        return found or []
+
+    async def first_version(self, model_text: str | None = None) -> bool:
+        """Fit the line, or take the given model, as the next version; True where it worked."""
+        state = self.session.state
+        if state is None:
+            return False
+        files = list(self.session.effect_files)
+        key = (str(state.prepared), model_text, tuple(files))
+        arguments = (state.bags, state.prepared, model_text, files)
+        found = await self._do(key, tasks.first_version_task, *arguments)
+        if found is None:
+            state.problem = 'There is no model of these bags: see the message above.'
+            return False
+        version, state.greyed, left_out = found
+        for bag in [bag for bag in state.bags if bag.run in left_out]:
+            self._display.say(f'{left_out[bag.run]}; it is left out')
+            state.bags.remove(bag)
+        state.append(version)
+        self.session.look_at_worst()
+        return True
+
+    async def change(self, change: tasks.Change) -> bool:
+        """Add an effect, or take it out, and refit."""
+        state = self.session.state
+        if state is None or state.version is None:
+            return False
+        before, files = state.version, list(self.session.effect_files)
+        key = (str(state.prepared), before.model_text, change, tuple(files))
+        arguments = (state.prepared, before.model_text, change, files)
+        version = await self._do(key, tasks.change_task, *arguments)
+        if version is None or state.version is not before:
+            return False
+        state.append(version)
+        return True
+
+    async def diagnose(self) -> bool:
+        """Diagnose the version looked at."""
+        state = self.session.state
+        if state is None or state.version is None:
+            return False
+        text, files = state.version.model_text, list(self.session.effect_files)
+        key = (str(state.prepared), text, tuple(files))
+        found = await self._do(key, tasks.diagnose_task, state.bags, text, files)
+        if found is not None:
+            state.diagnoses[text] = found
+        return found is not None
+
+    async def fingerprint(self, effect: str, sensor: str) -> Fingerprint | None:
+        """Return what an effect would explain of the version looked at."""
+        state = self.session.state
+        if state is None or state.version is None:
+            return None
+        text, files = state.version.model_text, list(self.session.effect_files)
+        key = (str(state.prepared), text, effect, sensor, tuple(files))
+        arguments = (state.prepared, text, effect, sensor, files)
+        found: Fingerprint | None = await self._do(key, fingerprint_task, *arguments)
+        return found
+
+    async def next_profile(self, one: str, other: str) -> dict[str, Any] | None:
+        """Return the experiment that tells two effects apart."""
+        version = self.session.version
+        if version is None:
+            return None
+        files = list(self.session.effect_files)
+        key = (version.model_text, one, other, tuple(files))
+        arguments = (version.model_text, (one, other), Limits(), files)
+        found: dict[str, Any] | None = await self._do(key, next_profile_task, *arguments)
+        return found
+
+    async def report(self) -> Path | None:
+        """Write the report of the device looked at."""
+        state = self.session.state
+        if state is None or state.version is None:
+            return None
+        text, files = state.version.model_text, list(self.session.effect_files)
+        key = (str(state.prepared), text, tuple(files))
+        target = self.library.fresh_path('.html')
+        models = {state.name: text}
+        found: Path | None = await self._do(key, report_task, state.bags, models, files, target)
+        return found
+
+    async def load_effects(self, name: str, content: bytes) -> bool:
+        """Take the effects of a file into the catalogue."""
+        folder = self.library.fresh_path()
+        folder.mkdir()
+        file = folder / (Path(name).name or 'my_effect.py')
+        file.write_bytes(content)
+        files = [*self.session.effect_files, file]
+        found = await self._do(tuple(files), effects_task, files)
+        if found is None:
+            return False
+        self.session.effect_files = files
+        self.catalogue.effects = found
+        return True
+
+    async def _do(self, key: Any, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return the value of a task, None where it failed or was stopped; say why."""
+        try:
+            return await self.library.compute(self._display.work, key, function, *arguments)
+        except JobError as error:
+            self._display.say(str(error).replace(f'{self.library.folder}/', ''))
+        except JobCancelled:
+            pass
+        return None

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from imu_recording.recording import FloatArray
 
-from thermal_comp.conditions import Conditions
+from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.effect import Effect, State
 
 

@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Literal
 
 from imu_recording.recording import FloatArray
 
-from thermal_comp.conditions import SENSORS, Conditions, Sensor
+from thermal_comp.data.conditions import SENSORS, Conditions, Sensor
 
 State = Any
 """History an effect carries from one piece of a stream to the next: a tuple of plain numbers."""
@@ -76,3 +77,20 @@ class Effect:
     def shape_parameters(self) -> dict[str, Any]:
         """Shape parameters by name."""
         return {item.name: getattr(self, item.name) for item in fields(self)}
+
+
+def joined_effects(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Return the effects with the values of repeated ones joined: several steps are one effect."""
+    joined: dict[str, Effect] = {}
+    for effect in effects:
+        before = joined.get(effect.name)
+        if before is not None:
+            values = {
+                name: tuple(sorted({*value, *before.shape_parameters[name]}))
+                for name, value in effect.shape_parameters.items()
+                if isinstance(value, tuple)
+            }
+            joined[effect.name] = replace(before, **values)
+        else:
+            joined[effect.name] = effect
+    return tuple(joined.values())

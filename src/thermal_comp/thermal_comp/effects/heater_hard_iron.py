@@ -8,9 +8,9 @@ from typing import ClassVar, Literal
 
 from imu_recording.recording import FloatArray
 
-from thermal_comp.conditions import Conditions, Sensor
-from thermal_comp.effects.chamber_frame import chamber_and_device_field
+from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.effects.effect import Effect, State
+from thermal_comp.effects.operators import chamber_and_device_field
 
 
 @dataclass(frozen=True)

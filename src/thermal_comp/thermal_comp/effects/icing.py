@@ -8,9 +8,9 @@ from typing import ClassVar, Literal
 
 from imu_recording.recording import FloatArray
 
-from thermal_comp.conditions import Conditions
+from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.effect import Effect, State, shape_parameter
-from thermal_comp.effects.ice_amount import grow_and_melt
+from thermal_comp.effects.operators import grow_and_melt
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.conditions import Conditions, Sensor
+from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.effects.effect import Effect, State, shape_parameter
 
 

@@ -9,9 +9,9 @@ from typing import ClassVar
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.conditions import Conditions
+from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.effect import Effect, State
-from thermal_comp.effects.first_order_lag import follow
+from thermal_comp.effects.operators import follow
 
 SMOOTHING = 30.0
 """Time constant of the derivative filter [s]; its second stage takes the delay out again."""

@@ -8,9 +8,9 @@ from typing import ClassVar
 
 from imu_recording.recording import FloatArray
 
-from thermal_comp.conditions import Conditions
+from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.effect import Effect, State, shape_parameter
-from thermal_comp.effects.first_order_lag import follow
+from thermal_comp.effects.operators import follow
 
 
 @dataclass(frozen=True)

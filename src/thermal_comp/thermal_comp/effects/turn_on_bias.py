@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.conditions import Conditions
+from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.effect import Effect, State, shape_parameter
 
 

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where an emulated chamber is reached: a TCP port or a pseudo-terminal behind a link."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import selectors
+import socket
+import termios
+import tty
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+from imu_recording.user_error import UserError
+
+from chamber_profile.emulators.faults import damaged
+
+
+class Server(Protocol):
+    """The chamber's side of a protocol."""
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """Take bytes as they come; return the answers due."""
+
+
+class TcpEndpoint:
+    """Listens on a port of this machine; every client has a server of its own."""
+
+    def __init__(self, port: int, make_server: Callable[[], Server]) -> None:
+        self.contacted = False
+        """Whether anyone has connected yet."""
+        self._make_server = make_server
+        self._selector = selectors.DefaultSelector()
+        if not 0 <= port <= 65535:
+            raise UserError(f'--tcp {port}: expected a port, 1 … 65535, or 0 for any')
+        self._listener = socket.create_server(('127.0.0.1', port))
+        self._listener.setblocking(False)
+        self._selector.register(self._listener, selectors.EVENT_READ)
+        self._clients: dict[socket.socket, Server] = {}
+        self.name = f'tcp://127.0.0.1:{self._listener.getsockname()[1]}'
+
+    def serve(self, timeout_s: float, prepare: Callable[[], set[str]]) -> None:
+        """Wait for requests at most so long; `prepare` says which faults act."""
+        ready = self._selector.select(timeout_s)
+        self.contacted |= bool(ready)
+        active = prepare()
+        if 'disconnect' in active:
+            for client in list(self._clients):
+                self._drop(client)
+        for key, _ in ready:
+            if key.fileobj is self._listener:
+                self._accept(refuse='disconnect' in active)
+            elif key.fileobj in self._clients:
+                self._answer(key.fileobj, active)  # type: ignore[arg-type]
+
+    def send(self, data: bytes) -> None:
+        """Send to every client, unasked."""
+        for client in list(self._clients):
+            try:
+                client.sendall(data)
+            except OSError:
+                self._drop(client)
+
+    def close(self) -> None:
+        """Stop listening and drop all clients."""
+        for client in list(self._clients):
+            self._drop(client)
+        self._listener.close()
+        self._selector.close()
+
+    def _accept(self, *, refuse: bool) -> None:
+        client, _ = self._listener.accept()
+        if refuse:
+            client.close()
+            return
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._clients[client] = self._make_server()
+        self._selector.register(client, selectors.EVENT_READ)
+
+    def _answer(self, client: socket.socket, active: set[str]) -> None:
+        try:
+            data = client.recv(4096)
+            for answer in self._clients[client].feed(data):
+                client.sendall(damaged(answer, active))
+        except OSError:
+            data = b''
+        if not data:
+            self._drop(client)
+
+    def _drop(self, client: socket.socket) -> None:
+        self._selector.unregister(client)
+        del self._clients[client]
+        client.close()
+
+
+class PtyEndpoint:
+    """A pseudo-terminal; `link` is a symbolic link to it."""
+
+    def __init__(self, link: Path, make_server: Callable[[], Server]) -> None:
+        self.link = link
+        self.contacted = False
+        """Whether anything was received yet."""
+        self.name = f'serial://{link.absolute()}'
+        self._make_server = make_server
+        self._master = self._slave = -1
+        self._open()
+
+    def serve(self, timeout_s: float, prepare: Callable[[], set[str]]) -> None:
+        """Wait for requests at most so long; `prepare` says which faults act."""
+        if self._master < 0:
+            if 'disconnect' not in prepare():
+                self._open()
+            return
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._master, selectors.EVENT_READ)
+            ready = selector.select(timeout_s)
+        self.contacted |= bool(ready)
+        active = prepare()
+        if 'disconnect' in active:
+            self.close()
+        elif ready:
+            for answer in self._server.feed(os.read(self._master, 4096)):
+                self.send(damaged(answer, active))
+
+    def send(self, data: bytes) -> None:
+        """Send unasked; where nobody reads, what does not fit is lost as on a wire."""
+        if self._master >= 0:
+            with contextlib.suppress(BlockingIOError):
+                os.write(self._master, data)
+
+    def close(self) -> None:
+        """Remove the link and close the terminal."""
+        if self._master >= 0:
+            self.link.unlink(missing_ok=True)
+            os.close(self._master)
+            os.close(self._slave)
+            self._master = -1
+
+    def _open(self) -> None:
+        # The slave stays open here: without it the master fails with EIO between two clients.
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave, termios.TCSANOW)
+        os.set_blocking(self._master, False)
+        with contextlib.suppress(FileNotFoundError):
+            self.link.unlink()
+        self.link.symlink_to(os.ttyname(self._slave))
+        self._server = self._make_server()

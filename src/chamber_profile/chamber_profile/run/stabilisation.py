@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stabilisation, ramp rate and dwell time of one step (IEC 60068-2-14)."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from chamber_profile.profile.file import Stabilise, Step
+from chamber_profile.run.values import Readings
+
+RAMP_WINDOW_S = 300.0
+"""Ramp rates are means over this time (IEC 60068-2-14 Nb: at most 5 min) [s]."""
+RAMP_TOLERANCE = 0.2
+"""… and may differ from the nominal rate by this share."""
+RAMP_EDGE = 0.1
+"""The first and last tenth of a ramp's span do not count."""
+
+
+class Settling:
+    """Watch a temperature until it has stayed near the set-point, and hardly moves.
+
+    >>> settling = Settling(Stabilise(band_c=0.5, hold_s=60))
+    >>> [settling.settled(t, value, 20.0) for t, value in ((0, 21), (10, 20.4), (70, 20.1))]
+    [False, False, True]
+    """
+
+    def __init__(self, criterion: Stabilise) -> None:
+        self.criterion = criterion
+        self._inside_since: float | None = None
+        self._history: deque[tuple[float, float]] = deque()
+
+    def in_band(self, value: float | None, setpoint: float) -> bool:
+        """Return whether the value is within the band now."""
+        return value is not None and abs(value - setpoint) <= self.criterion.band_c
+
+    def settled(self, time: float, value: float | None, setpoint: float) -> bool:
+        """Take one reading; return whether the criterion is met now."""
+        if value is not None:
+            self._history.append((time, value))
+            while self._history[0][0] < time - self.criterion.rate_window_s:
+                if len(self._history) > 1 and self._history[1][0] > (
+                    time - self.criterion.rate_window_s
+                ):
+                    break
+                self._history.popleft()
+        if not self.in_band(value, setpoint):
+            self._inside_since = None
+            return False
+        if self._inside_since is None:
+            self._inside_since = time
+        return time - self._inside_since >= self.criterion.hold_s and self._is_slow(time)
+
+    def _is_slow(self, time: float) -> bool:
+        limit = self.criterion.max_rate_c_per_min
+        if limit is None:
+            return True
+        first_time, first = self._history[0]
+        if time - first_time < self.criterion.rate_window_s:
+            return False
+        rate = (self._history[-1][1] - first) / (time - first_time) * 60.0
+        return abs(rate) <= limit
+
+
+class RampWatch:
+    """Compare the air's mean rate with the nominal one between 10 % and 90 % of a ramp.
+
+    >>> watch = RampWatch(20.0, 50.0, 2.0)
+    >>> rates = [watch.deviation(t, 20 + t / 60 * 1.5, 20 + t / 30) for t in range(0, 900, 10)]
+    >>> [rate for rate in rates if rate is not None][0]
+    1.5
+    """
+
+    def __init__(self, start_c: float, target_c: float, rate_c_per_min: float) -> None:
+        span = target_c - start_c
+        self.nominal = rate_c_per_min if span > 0 else -rate_c_per_min
+        edges = (start_c + RAMP_EDGE * span, target_c - RAMP_EDGE * span)
+        self._low, self._high = min(edges), max(edges)
+        self._window = min(RAMP_WINDOW_S, 0.75 * abs(edges[1] - edges[0]) / rate_c_per_min * 60.0)
+        self._history: deque[tuple[float, float]] = deque()
+        self._reported = False
+
+    def deviation(self, time: float, air: float | None, setpoint: float) -> float | None:
+        """Return the mean rate [°C/min] the first time it is outside the tolerance, else None."""
+        if air is None or self._reported or not self._low <= setpoint <= self._high:
+            return None
+        self._history.append((time, air))
+        while len(self._history) > 1 and self._history[1][0] <= time - self._window:
+            self._history.popleft()
+        then, before = self._history[0]
+        if time - then < self._window or self._window < 60.0:
+            return None
+        rate = (air - before) / (time - then) * 60.0
+        if abs(rate - self.nominal) <= RAMP_TOLERANCE * abs(self.nominal):
+            return None
+        self._reported = True
+        return round(rate, 6)
+
+
+class StepClock:
+    """The clock of a step's stage, from `now` on; `here` is the programmed temperature [°C]."""
+
+    def __init__(self, step: Step, here: float | None, now: float) -> None:
+        self.step = step
+        self.since = now
+        """When the stage was entered [s]."""
+        self.dwelt_s = 0.0
+        """Time on the dwell's clock [s]."""
+        self._settling = Settling(step.stabilise) if step.stabilise else None
+        ramp = step.kind == 'ramp' and here is not None and here != step.target_c
+        self._watch = (
+            RampWatch(here, step.target_c, step.rate_c_per_min)
+            if ramp and here is not None
+            else None
+        )
+
+    def enter_stage(self, now: float) -> None:
+        """Begin another stage of the same step."""
+        self.since, self.dwelt_s = now, 0.0
+
+    def after_break(self, here: float | None, now: float, *, settling: bool) -> StepClock:
+        """Return the clock after a pause or a fault: what takes time to measure starts anew."""
+        fresh = StepClock(self.step, here, now if settling else self.since)
+        fresh.dwelt_s = self.dwelt_s
+        return fresh
+
+    def ramp_deviation(self, now: float, readings: Readings, here: float | None) -> float | None:
+        """Return the ramp's mean rate [°C/min] the first time it is out of tolerance."""
+        if self._watch is None or here is None:
+            return None
+        return self._watch.deviation(now, readings.air, here)
+
+    def settled(self, now: float, readings: Readings) -> bool:
+        """Take a reading; return whether the dwell may begin."""
+        if self._settling is None:
+            return True
+        return self._settling.settled(now, self._watched(readings), self.step.target_c)
+
+    def overdue(self, now: float) -> str:
+        """Return what has not settled in time; '' while there is time."""
+        rule = self.step.stabilise
+        if rule is None or now - self.since < rule.timeout_s:
+            return ''
+        target = f'{self.step.target_c:g} °C'
+        return f'{rule.source} not within {rule.band_c:g} K of {target} after {rule.timeout_s:g} s'
+
+    def dwell(self, elapsed: float, readings: Readings) -> float:
+        """Let the dwell's clock run as its mode says; return what a restart lost [s]."""
+        step = self.step
+        inside = step.dwell_mode == 'free' or self._settling is None
+        if self._settling is not None and not inside:
+            inside = self._settling.in_band(self._watched(readings), step.target_c)
+        if inside:
+            self.dwelt_s += elapsed
+        elif step.dwell_mode == 'restart':
+            lost, self.dwelt_s = self.dwelt_s, 0.0
+            return lost
+        return 0.0
+
+    @property
+    def dwelt_enough(self) -> bool:
+        """Whether the dwell is over."""
+        return self.dwelt_s >= self.step.dwell_s - 1e-6
+
+    def _watched(self, readings: Readings) -> float | None:
+        source = self.step.stabilise.source if self.step.stabilise else 'air'
+        return readings.air if source == 'air' else readings.device

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What must be true before a run starts, and what ends it in the safe state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from chamber_profile.profile.file import Profile, Step
+from chamber_profile.run.values import LINK_OK, Readings
+
+LEAST_DISK = 1 << 30
+"""A run needs so much free space where it records [bytes]."""
+LIMIT_MARGIN_C = 1.0
+"""Air may swing past the profile's limits by so much; the chamber's own limiter is exact [K]."""
+
+
+def check_problems(profile: Profile, steps: Sequence[Step], readings: Readings) -> list[str]:
+    """Return everything that forbids a start now; empty: all is well."""
+    if readings.link != LINK_OK or readings.air is None:
+        return ['the chamber does not answer', *_surroundings(readings)]
+    problems = [f'alarm {alarm}' for alarm in readings.alarms]
+    problems += _surroundings(readings)
+    limits = profile.limits
+    if not limits.air_min_c <= readings.air <= limits.air_max_c:
+        problems.append(
+            f'the air is at {readings.air:.1f} °C, outside the limits '
+            f'{limits.air_min_c:g} … {limits.air_max_c:g} °C'
+        )
+    low, high = limits.device_min_c, limits.device_max_c
+    if readings.device is not None and not low <= readings.device <= high:
+        problems.append(
+            f'the device is at {readings.device:.1f} °C, outside the limits {low:g} … {high:g} °C'
+        )
+    watched = {step.stabilise.source for step in steps if step.stabilise}
+    if watched - {'air'} and readings.device is None:
+        problems.append('the profile waits for the device temperature, which nobody reports')
+    return problems
+
+
+def _surroundings(readings: Readings) -> list[str]:
+    problems = []
+    if not readings.imu_alive:
+        problems.append('no data from the IMU for 10 s (require_imu)')
+    if readings.disk_free < LEAST_DISK:
+        problems.append(f'{readings.disk_free / 2**30:.2f} GiB of disk left, 1 GiB needed')
+    if readings.fault:
+        problems.append(readings.fault)
+    return problems
+
+
+def trip_reason(profile: Profile, readings: Readings, *, waiting: bool) -> str:
+    """Return why the run must go to the safe state now; '' where all is well.
+
+    While an operator is `waiting` at the open chamber, devices may be unplugged.
+    """
+    if readings.alarms:
+        return f'alarm {", ".join(readings.alarms)}'
+    limits = profile.limits
+    air, device = readings.air, readings.device
+    low, high = limits.air_min_c - LIMIT_MARGIN_C, limits.air_max_c + LIMIT_MARGIN_C
+    if air is not None and not low <= air <= high:
+        return f'air at {air:.1f} °C, limits {limits.air_min_c:g} … {limits.air_max_c:g} °C'
+    low, high = limits.device_min_c, limits.device_max_c
+    if device is not None and not low <= device <= high:
+        return f'device at {device:.1f} °C, limits {low:g} … {high:g} °C'
+    surroundings = _surroundings(readings)
+    if waiting and not readings.imu_alive:
+        surroundings = surroundings[1:]
+    return surroundings[0] if surroundings else ''

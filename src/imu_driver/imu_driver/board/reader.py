@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The thread that reads one device for days: open, converse, and after a loss open again."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Final
+
+from imu_driver.board.sample import Sample
+from imu_driver.board.session import DeviceSession, Trouble
+from imu_driver.board.transport import Transport
+
+FIRST_RETRY: Final = 0.2
+LAST_RETRY: Final = 1.0
+"""[s] Back-off between attempts to open the line."""
+DEAF: Final = 1.0
+"""[s] A connection on which nothing at all comes for so long is asked for information."""
+DEAD: Final = 5.0
+"""[s] … and after this is opened anew."""
+
+
+class DeviceReader:
+    """Reads a device into `deliver(samples)` and tells what happened through `report(event)`."""
+
+    def __init__(
+        self,
+        open_transport: Callable[[], Transport],
+        session: DeviceSession,
+        *,
+        now: Callable[[], int],
+        deliver: Callable[[list[Sample]], None],
+        report: Callable[[str], None],
+    ) -> None:
+        self.session = session
+        self.connected = False
+        self.connections = 0
+        self.trouble = 'not opened yet'
+        """Why there is no connection; '' while there is one."""
+        self._open = open_transport
+        self._now = now
+        self._deliver = deliver
+        self._report = report
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name='imu_reader', daemon=True)
+
+    @property
+    def reconnects(self) -> int:
+        """How often the line was opened again after it had been lost."""
+        return max(self.connections - 1, 0)
+
+    @property
+    def running(self) -> bool:
+        """Whether the thread lives."""
+        return self._thread.is_alive()
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End reading and release the line."""
+        self._stop.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        retry = FIRST_RETRY
+        while not self._stop.is_set():
+            try:
+                transport = self._open()
+            except OSError as error:
+                self._tell(f'{error} (trying again)')
+                self._stop.wait(retry)
+                retry = min(2.0 * retry, LAST_RETRY)
+                continue
+            retry = FIRST_RETRY
+            self.connections += 1
+            self.connected = True
+            self._tell('')
+            try:
+                self._converse(transport)
+            except OSError as error:
+                self._tell(f'connection lost: {error}')
+            finally:
+                self.connected = False
+                transport.close()
+                self._deliver(self.session.disconnected())
+            self._stop.wait(retry)
+
+    def _converse(self, transport: Transport) -> None:
+        session = self.session
+        heard = self._now()
+        session.connected(heard)
+        while not self._stop.is_set():
+            chunk = transport.read()
+            now = self._now()
+            if chunk:
+                heard = now
+                samples = session.feed(chunk, now)
+                if samples:
+                    self._deliver(samples)
+                if session.events:
+                    self._report_events()
+            elif now - heard > DEAD * 1e9:
+                raise TimeoutError(f'nothing came for {DEAD:g} s')
+            elif now - heard > DEAF * 1e9:
+                session.ask(now)
+            outgoing = session.outgoing(now)
+            if outgoing:
+                transport.write(outgoing)
+
+    def _report_events(self) -> None:
+        for event in self.session.events:
+            self._report(event)
+        self.session.events.clear()
+
+    def _tell(self, trouble: str) -> None:
+        if trouble != self.trouble:
+            self._report(Trouble(trouble) if trouble else 'connected')
+        self.trouble = trouble

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rate and jitter of a stream of samples; bias, noise and position of a device at rest."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from typing import Final
+
+import numpy as np
+from imu_recording.recording import UP_AXES, FloatArray
+from imu_recording.user_error import UserError
+
+from imu_driver.board.lsm9ds1 import STANDARD_GRAVITY
+from imu_driver.board.sample import Sample, check_six_positions, up_axis
+
+REST_SPAN: Final = 5.0
+"""[s] of samples kept and looked at."""
+REST_MINIMUM: Final = 2.0
+"""[s] fewer tell nothing."""
+REST_SAMPLES: Final = 5000
+STILL_RATE: Final = 0.02
+"""[rad/s] A standard deviation above this is motion, not noise."""
+STILL_ACCELERATION: Final = 0.2
+"""[m/s²] as above."""
+BIAS_LIMIT: Final = 0.6
+"""[rad/s] A mean above this is rotation (datasheet: zero-rate level ±30 dps typical)."""
+
+
+class RestError(UserError):
+    """The device is not at rest, or too little was received; the message says which."""
+
+
+class StreamStatistics:
+    """Collects samples; read once a second."""
+
+    def __init__(self) -> None:
+        self._recent: deque[Sample] = deque(maxlen=REST_SAMPLES)
+        self._stamps: deque[int] = deque(maxlen=REST_SAMPLES)
+        self.published = 0
+        self.temperature = float('nan')
+        """Newest [°C]."""
+
+    def add(self, sample: Sample) -> None:
+        """Take a sample that was published."""
+        self._recent.append(sample)
+        self._stamps.append(sample.stamp)
+        self.published += 1
+        if sample.temperature is not None:
+            self.temperature = sample.temperature
+
+    def take_rate(self) -> tuple[float, float]:
+        """Return rate [Hz] and jitter (standard deviation of intervals) [s] since last asked.
+
+        Of more than REST_SAMPLES samples the newest count.
+        """
+        stamps = list(self._stamps)
+        self._stamps.clear()
+        self._stamps.extend(stamps[-1:])
+        if len(stamps) < 3:
+            return 0.0, 0.0
+        intervals = np.diff(np.array(stamps, dtype=np.int64)) * 1e-9
+        return float(1.0 / np.median(intervals)), float(intervals.std())
+
+    def rest(self) -> dict[str, FloatArray]:
+        """Return mean and standard deviation over the last REST_SPAN, device at rest.
+
+        Keys: angular_velocity, angular_velocity_stddev, linear_acceleration,
+        linear_acceleration_stddev, each (3,). Raises RestError.
+        """
+        samples = list(self._recent)
+        if samples:
+            since = samples[-1].stamp - round(REST_SPAN * 1e9)
+            samples = [sample for sample in samples if sample.stamp > since]
+        span = (samples[-1].stamp - samples[0].stamp) * 1e-9 if samples else 0.0
+        full = len(samples) == REST_SAMPLES
+        if span < REST_MINIMUM and not full:
+            raise RestError(f'only {span:.1f} s were received, {REST_MINIMUM:g} s are needed')
+        result = {}
+        for name in ('angular_velocity', 'linear_acceleration'):
+            values = np.array([getattr(sample, name) for sample in samples])
+            result[name] = values.mean(axis=0)
+            result[f'{name}_stddev'] = values.std(axis=0)
+        if (
+            result['angular_velocity_stddev'].max() > STILL_RATE
+            or result['linear_acceleration_stddev'].max() > STILL_ACCELERATION
+            or np.abs(result['angular_velocity']).max() > BIAS_LIMIT
+        ):
+            raise RestError('the device moves: leave it alone for 5 s and ask again')
+        return result
+
+    def up_axis(self) -> tuple[str, FloatArray]:
+        """Return which axis points up and the mean reading [m/s²], device at rest."""
+        mean = self.rest()['linear_acceleration']
+        length = float(np.linalg.norm(mean))
+        if abs(length - STANDARD_GRAVITY) > 2.0:
+            raise RestError(f'at rest the sensor must read 9.8 m/s², it reads {length:.2f}')
+        return up_axis([*mean]), mean
+
+
+DIGITS: Final = 4
+
+
+def rest_report(statistics: StreamStatistics) -> str:
+    """Return gyroscope bias and the noise of one sample as JSON [rad/s, m/s²]."""
+    rest = statistics.rest()
+    names = {
+        'angular_velocity': 'gyroscope_bias',
+        'angular_velocity_stddev': 'angular_velocity_stddev',
+        'linear_acceleration_stddev': 'linear_acceleration_stddev',
+    }
+    return json.dumps(
+        {
+            name: [float(f'{value:.{DIGITS}g}') for value in rest[key]]
+            for key, name in names.items()
+        }
+    )
+
+
+class PositionCheck:
+    """Collects six positions at rest, one a call, and judges them.
+
+    The positions are named after the axis the sensor says is up, so what is judged here is that
+    six different ones are met and each reads g; which marked axis was up the operator sees.
+    """
+
+    def __init__(self) -> None:
+        self._readings: dict[str, list[float]] = {}
+
+    def take(self, statistics: StreamStatistics) -> str:
+        """Take the position the device is in; return which axis is up and what is still to do."""
+        axis, mean = statistics.up_axis()
+        self._readings[axis] = [float(value) for value in mean]
+        reading = ', '.join(f'{value:.2f}' for value in mean)
+        told = f'{axis} is up, reads [{reading}] m/s²'
+        missing = [name for name in UP_AXES if name not in self._readings]
+        if missing:
+            return f'{told}; still to come: {", ".join(missing)}'
+        faults = check_six_positions(self._readings)
+        self._readings = {}
+        return f'{told}; all six positions: {"; ".join(faults) or "right"}'

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hidden effects outside the catalogue: they have to be called unexplained."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from imu_driver.simulation.effects.effect import Law, Shape, along_axes, axis_gains, in_sensor
+from imu_driver.simulation.run import DeviceRun
+from imu_driver.simulation.thermal import DIE
+
+ALL = ('accelerometer', 'gyroscope', 'magnetometer')
+
+
+def mode_crossing(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
+    """A parasitic mode crosses the drive frequency at one temperature (IEEE 528 activity dip)."""
+    centre = float(generator.choice([generator.uniform(-3, 12), generator.uniform(26, 43)]))
+    width = float(generator.uniform(1.5, 3.0))
+    gains = axis_gains(generator)
+    return in_sensor(
+        sensor,
+        [
+            along_axes(1.0 / (1.0 + ((run.nodes[:, DIE] - centre) / width) ** 2), gains)
+            for run in runs
+        ],
+        centre=centre,
+        width=width,
+    )
+
+
+def ageing_slope(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
+    """The temperature coefficient itself ages: temperature times time."""
+    gains = axis_gains(generator)
+    return in_sensor(
+        sensor, [along_axes(run.warmth * run.environment.time / 43200.0, gains) for run in runs]
+    )
+
+
+def resonance_comb(
+    runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator
+) -> Shape:
+    """Standing waves in the package beat with the drive: a comb over temperature."""
+    pitch = float(generator.uniform(9.0, 14.0))
+    shift = generator.uniform(0.0, 2 * np.pi)
+    gains = axis_gains(generator)
+    return in_sensor(
+        sensor,
+        [along_axes(np.cos(2 * np.pi * run.nodes[:, DIE] / pitch + shift), gains) for run in runs],
+        pitch=pitch,
+    )
+
+
+def room_rhythm(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
+    """The building's ventilation swings every few hours and reaches the read-out's reference."""
+    period = float(generator.uniform(3.0, 4.2)) * 3600.0
+    shift = generator.uniform(0.0, 2 * np.pi)
+    gains = axis_gains(generator)
+    return in_sensor(
+        sensor,
+        [
+            along_axes(np.sin(2 * np.pi * run.environment.time / period + shift), gains)
+            for run in runs
+        ],
+        period=period,
+    )
+
+
+LAWS = (
+    Law('mode_crossing', ALL, mode_crossing, ('temperature',)),
+    Law('resonance_comb', ALL, resonance_comb, ('temperature',)),
+    Law('ageing_slope', ALL, ageing_slope, ('temperature', 'time')),
+    Law('room_rhythm', ALL, room_rhythm, ('time',)),
+)

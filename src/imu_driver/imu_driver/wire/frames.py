@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What travels on the wire, as values: data, information, acknowledgement and command frames.
+
+The layouts are doc/wire_protocol.md; this file knows no layout.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final, NamedTuple, TypeAlias
+
+from imu_driver.board.lsm9ds1 import REGISTERS, TEMP_COMP
+
+PROTOCOL_VERSION: Final = 1
+"""The only version this driver speaks."""
+
+MAGNETOMETER_NEW: Final = 0x1
+"""Flag: the magnetometer counts were measured at this frame's tick."""
+TEMPERATURE_NEW: Final = 0x2
+"""Flag: the temperature count was measured at this frame's tick."""
+CONFIGURATION_SHIFT: Final = 2
+"""Flags bits 2–3: number of changes of full scale or rate so far, modulo 4."""
+
+STREAMING: Final = 0x1
+"""Information flag: data frames are being sent."""
+
+
+class DataFrame(NamedTuple):
+    """One sample as raw counts."""
+
+    sequence: int
+    """0 … 65535, counts every sample made since power-on, sent or not."""
+    tick: int
+    """Device clock at the sample [ticks of 1 µs], modulo 2³²."""
+    flags: int
+    """MAGNETOMETER_NEW | TEMPERATURE_NEW | configuration << CONFIGURATION_SHIFT."""
+    temperature: int
+    """Count."""
+    counts: tuple[int, ...]
+    """(9,) gyroscope x y z, accelerometer x y z, magnetometer x y z; chip axes."""
+
+    @property
+    def configuration(self) -> int:
+        """Which configuration the counts were measured in, 0 … 3."""
+        return self.flags >> CONFIGURATION_SHIFT
+
+
+@dataclass(frozen=True)
+class InformationFrame:
+    """Who the device is, how it is set and what it has counted."""
+
+    serial_number: str
+    """1 … 16 printable ASCII characters without comma and asterisk."""
+    streaming: bool
+    configuration: int
+    """As in the data frames' flags: the full scales below belong to this value."""
+    tick: int
+    samples: int
+    """Samples made since power-on: the sequence number of the next, in 32 bits."""
+    firmware: tuple[int, int, int]
+    tick_rate: int
+    """Nominal ticks per second."""
+    full_scale: tuple[int, int, int]
+    """Gyroscope [dps], accelerometer [g], magnetometer [gauss]."""
+    output_data_rate: int
+    """Gyroscope and accelerometer [mHz]."""
+    magnetometer_rate: int
+    """[mHz]."""
+    i2c_errors: int
+    overruns: int
+    """Samples made but not sent since power-on, for want of room in the output buffer."""
+    command_errors: int
+    """Frames from the host that failed their check, since power-on."""
+    supply_millivolts: int
+    """0 where the board does not measure it."""
+    who_am_i: tuple[int, int]
+    """Accelerometer and gyroscope, magnetometer."""
+    registers: tuple[int, ...]
+    """Read back from the device, one byte for each of lsm9ds1.REGISTERS."""
+    version: int = PROTOCOL_VERSION
+
+    @property
+    def magnetometer_temperature_compensation(self) -> bool:
+        """Whether the magnetometer compensates its temperature error by itself."""
+        return bool(self.registers[REGISTERS.index('CTRL_REG1_M')] & TEMP_COMP)
+
+
+class CommandCode(IntEnum):
+    """What the host may ask for, and the unit of the command's value."""
+
+    INFORMATION = 1
+    START = 2
+    STOP = 3
+    GYROSCOPE_FULL_SCALE = 4  # dps
+    ACCELEROMETER_FULL_SCALE = 5  # g
+    MAGNETOMETER_FULL_SCALE = 6  # gauss
+    OUTPUT_DATA_RATE = 7  # mHz
+
+
+class Status(IntEnum):
+    """How the device took a command."""
+
+    DONE = 0
+    UNKNOWN_COMMAND = 1
+    BAD_VALUE = 2
+    DEVICE_ERROR = 3
+
+
+class CommandFrame(NamedTuple):
+    """From the host."""
+
+    command: int
+    number: int
+    """0 … 255, chosen by the host, repeated in the acknowledgement."""
+    value: int = 0
+
+
+class AcknowledgementFrame(NamedTuple):
+    """Answer to one command."""
+
+    command: int
+    number: int
+    status: int
+    value: int
+    """The value now in force."""
+
+
+class OtherVersion(NamedTuple):
+    """An information frame of a protocol version that is not spoken here."""
+
+    version: int
+
+
+Frame: TypeAlias = (
+    DataFrame | InformationFrame | AcknowledgementFrame | CommandFrame | OtherVersion
+)
+
+
+class FrameError(ValueError):
+    """Bytes that are no frame; `kind` is 'cobs', 'crc' or 'format'."""
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(f'{kind} error')
+        self.kind = kind
+
+
+def is_serial_number(text: bytes) -> bool:
+    """Whether the bytes may be a serial number: 1 … 16 printable characters, no comma, no `*`."""
+    return 1 <= len(text) <= 16 and all(0x20 < c < 0x7F and c not in b',*$' for c in text)

@@ -1,0 +1,281 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Read mcap files record by record, closed or not, and the summary of those that were closed.
+
+A scan needs nothing but the records themselves: no footer, no index, no metadata.yaml. Format:
+https://mcap.dev/spec, version 0.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from imu_recording.bags.cdr_decode import RECORD_END, RECORD_FULL, RECORD_OTHER, find_messages
+from imu_recording.bags.compression import decompress_chunk
+from imu_recording.bags.mcap_writer import (
+    CHANNEL,
+    CHUNK,
+    DATA_END,
+    MAGIC,
+    MESSAGE,
+    METADATA,
+    SCHEMA,
+    STATISTICS,
+)
+from imu_recording.bags.topic_columns import MessageBlock, empty_block
+from imu_recording.recording import BagError
+
+BLOCK = 1 << 22
+"""Messages that stand outside chunks are read in blocks of this many bytes."""
+LARGEST = 1 << 32
+"""A chunk that claims to be larger is damage [bytes]."""
+_CHUNK_HEAD = struct.Struct('<QQQII')
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A topic as one mcap file declares it."""
+
+    topic: str
+    message_type: str
+    encoding: str
+    definition: str
+
+
+@dataclass
+class McapScan:
+    """What a scan met; `select` maps a channel to a slot or −1, `deliver` gets the messages."""
+
+    select: Callable[[Channel], int]
+    deliver: Callable[[MessageBlock], None]
+    channels: dict[int, Channel] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    complete: bool = False
+    """Whether the file ended properly, with its footer."""
+    problems: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._schemas: dict[int, tuple[str, str]] = {}
+        self._slots = np.full(1 << 16, -1, np.int64)
+        self._arrays = empty_block(1 << 14)
+
+    def run(self, stream: BinaryIO, name: str) -> None:
+        """Scan a file from its first byte on; raise BagError where it is no mcap file."""
+        if stream.read(len(MAGIC)) != MAGIC:
+            raise BagError(f'{name}: not an mcap file (its first bytes are wrong)')
+        buffer = bytearray(BLOCK)
+        place = len(MAGIC)
+        while True:
+            head = stream.read(9)
+            if len(head) < 9 or not head[0]:
+                break
+            opcode, size = head[0], int.from_bytes(head[1:], 'little')
+            if opcode == DATA_END:
+                self.complete = stream.read().endswith(MAGIC)
+                break
+            if opcode == MESSAGE:
+                place = self._loose(stream, head, place)
+                if place < 0:
+                    return
+                continue
+            if size > LARGEST:
+                break
+            buffer, got = _fill(stream, buffer, size)
+            self._record(opcode, memoryview(buffer)[:got], size, place)
+            if got < size:
+                break
+            place += 9 + size
+
+    def _record(self, opcode: int, content: memoryview, size: int, place: int) -> None:
+        whole = len(content) == size
+        if opcode == CHUNK:
+            self._chunk(content, size, place)
+        elif whole:
+            self.declare(opcode, bytes(content))
+
+    def declare(self, opcode: int, content: bytes) -> None:
+        """Take in a schema, channel or metadata record."""
+        if opcode == SCHEMA:
+            key, name, _, definition = _parse('Hsss', content)
+            self._schemas[key] = (name, definition)
+        elif opcode == CHANNEL:
+            key, schema, topic, encoding, _ = _parse('HHssm', content)
+            message_type, definition = self._schemas.get(schema, ('', ''))
+            channel = Channel(topic, message_type, encoding, definition)
+            if key not in self.channels:
+                self.channels[key] = channel
+                self._slots[key] = self.select(channel)
+        elif opcode == METADATA:
+            name, values = _parse('sm', content)
+            self.metadata[name] = values
+
+    def _chunk(self, content: memoryview, size: int, place: int) -> None:
+        """Decompress one chunk, or what is there of it, and scan it."""
+        if len(content) < _CHUNK_HEAD.size:
+            return
+        _, _, expected, checksum, text = _CHUNK_HEAD.unpack_from(content)
+        at = _CHUNK_HEAD.size + text
+        if at + 8 > len(content):
+            return
+        compression = bytes(content[_CHUNK_HEAD.size : at]).decode(errors='replace')
+        records = content[at + 8 :]
+        whole = len(content) == size
+        try:
+            data = decompress_chunk(records, compression, expected, partial=not whole)
+        except ValueError as error:
+            self.problems.append(f'the chunk at byte {place} is left out: {error}')
+            return
+        if whole and checksum and zlib.crc32(data) != checksum:
+            self.problems.append(f'the chunk at byte {place} is left out: its checksum is wrong')
+            return
+        self._records(np.frombuffer(data, np.uint8))
+
+    def _records(self, buffer: np.ndarray[tuple[int], np.dtype[np.uint8]]) -> int:
+        """Scan records lying in a buffer; return the byte behind the last whole one."""
+        at, end = 0, len(buffer)
+        while at < end:
+            offset, length, received, slot = self._arrays
+            count, at, reason = find_messages(
+                buffer, at, end, self._slots, offset, length, received, slot
+            )
+            if count:
+                self.deliver(MessageBlock(buffer, offset, length, received, slot, count))
+            if reason == RECORD_FULL:
+                self._arrays = empty_block(2 * len(offset))
+            elif reason == RECORD_OTHER:
+                size = int.from_bytes(buffer[at + 1 : at + 9].tobytes(), 'little')
+                if size > end - at - 9 or buffer[at] in (0, CHUNK, DATA_END):
+                    break
+                if buffer[at] in (SCHEMA, CHANNEL):
+                    self.declare(int(buffer[at]), buffer[at + 9 : at + 9 + size].tobytes())
+                at += 9 + size
+            elif reason != RECORD_END:
+                break
+        return int(at)
+
+    def _loose(self, stream: BinaryIO, head: bytes, place: int) -> int:
+        """Scan messages outside chunks; return the place of the next record, −1 at the end."""
+        rest = bytearray(head)
+        start = place
+        while True:
+            block = stream.read(BLOCK)
+            rest += block
+            used = self._records(np.frombuffer(bytes(rest), np.uint8))
+            place += used
+            del rest[:used]
+            opcode = rest[0] if rest else MESSAGE
+            if opcode == CHUNK:
+                stream.seek(place)
+                return place
+            if opcode == DATA_END:
+                self.complete = (bytes(rest) + stream.read()).endswith(MAGIC)
+                return -1
+            too_long = len(rest) > 9 and int.from_bytes(rest[1:9], 'little') > LARGEST
+            if not block or (not opcode) or too_long:
+                self.problems.append(f'loose messages from byte {start} end at byte {place}')
+                return -1
+
+
+def _fill(stream: BinaryIO, buffer: bytearray, size: int) -> tuple[bytearray, int]:
+    """Read `size` bytes, or up to the file's end; return the buffer and how many there are.
+
+    The buffer grows only as bytes come, whatever a damaged record claims.
+    """
+    got = 0
+    while got < size:
+        if got == len(buffer):
+            buffer = buffer + bytearray(min(size - got, max(len(buffer), BLOCK)))
+        view = memoryview(buffer)[got:size]
+        count = stream.readinto(view)  # type: ignore[attr-defined]
+        if not count:
+            break
+        got += count
+    return buffer, got
+
+
+def _parse(fields: str, content: bytes) -> list[Any]:
+    """Parse a record: H uint16, s string, m map of strings; missing bytes read as empty."""
+    values: list[Any] = []
+    at = 0
+    for kind in fields:
+        if kind == 'H':
+            values.append(int.from_bytes(content[at : at + 2], 'little'))
+            at += 2
+            continue
+        size = int.from_bytes(content[at : at + 4], 'little')
+        part = content[at + 4 : at + 4 + size]
+        at += 4 + size
+        values.append(part.decode(errors='replace') if kind == 's' else _parse_map(part))
+    return values
+
+
+def _parse_map(content: bytes) -> dict[str, str]:
+    values = {}
+    at = 0
+    while at < len(content):
+        pair = []
+        for _ in range(2):
+            size = int.from_bytes(content[at : at + 4], 'little')
+            pair.append(content[at + 4 : at + 4 + size].decode(errors='replace'))
+            at += 4 + size
+        values[pair[0]] = pair[1]
+    return values
+
+
+LARGEST_SUMMARY = 256 << 20
+"""A summary that claims to be larger is damage [bytes]."""
+_FOOTER = struct.Struct('<BQQQI8s')
+_COUNTS_AT = 8 + 2 + 4 + 4 + 4 + 4 + 8 + 8
+
+
+def read_summary(path: Path) -> dict[str, tuple[str, int]] | None:
+    """Return message type and count by topic, or None where the file has no usable summary."""
+    with path.open('rb') as stream:
+        size = stream.seek(0, 2)
+        if size < _FOOTER.size + len(MAGIC):
+            return None
+        stream.seek(size - _FOOTER.size)
+        opcode, length, start, _, _, magic = _FOOTER.unpack(stream.read(_FOOTER.size))
+        if opcode != 2 or length != 20 or magic != MAGIC:
+            return None
+        if not 0 < start < size or size - start > LARGEST_SUMMARY:
+            return None
+        stream.seek(start)
+        summary = stream.read(size - _FOOTER.size - start)
+    return _parse_summary(summary)
+
+
+def _parse_summary(summary: bytes) -> dict[str, tuple[str, int]] | None:
+    scan = McapScan(select=lambda _: -1, deliver=lambda _: None)
+    counts: dict[int, int] | None = None
+    at = 0
+    while at + 9 <= len(summary):
+        opcode, size = summary[at], int.from_bytes(summary[at + 1 : at + 9], 'little')
+        content = summary[at + 9 : at + 9 + size]
+        at += 9 + size
+        if opcode in (SCHEMA, CHANNEL):
+            scan.declare(opcode, content)
+        elif opcode == STATISTICS and len(content) >= _COUNTS_AT + 4:
+            pairs = content[_COUNTS_AT + 4 :]
+            counts = dict(struct.iter_unpack('<HQ', pairs[: len(pairs) // 10 * 10]))
+    if counts is None or not set(counts) <= set(scan.channels):
+        return None
+    return _by_topic(scan.channels, counts)
+
+
+def _by_topic(
+    channels: dict[int, Channel], counts: dict[int, int]
+) -> dict[str, tuple[str, int]] | None:
+    topics: dict[str, tuple[str, int]] = {}
+    for key, channel in channels.items():
+        kind, count = topics.get(channel.topic, (channel.message_type, 0))
+        if kind != channel.message_type or not kind:
+            return None
+        topics[channel.topic] = (kind, count + counts.get(key, 0))
+    return topics

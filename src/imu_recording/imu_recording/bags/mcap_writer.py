@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bytes of an mcap file, piece by piece, without touching a file; the codes of its records.
+
+Whoever holds the file writes what the calls return, in order, and may fsync after each: everything
+up to the last flush is then readable. Format: https://mcap.dev/spec, version 0, profile ros2.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from imu_recording.bags.compression import compress_chunk
+
+MAGIC = b'\x89MCAP0\r\n'
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x01, 0x02, 0x03, 0x04, 0x05, 0x06
+MESSAGE_INDEX, CHUNK_INDEX, STATISTICS, METADATA = 0x07, 0x08, 0x0B, 0x0C
+METADATA_INDEX, SUMMARY_OFFSET, DATA_END = 0x0D, 0x0E, 0x0F
+
+
+LIBRARY = 'imu_recording'
+FOREVER = 2**63 - 1
+_MESSAGE = struct.Struct('<BQHIQQ')
+
+
+@dataclass
+class _OpenChunk:
+    """Messages not yet flushed."""
+
+    records: bytearray = field(default_factory=bytearray)
+    first: int = FOREVER
+    last: int = 0
+    index: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
+
+
+@dataclass
+class McapStream:
+    """Turns channels and messages into the bytes of an mcap file."""
+
+    compression: str = 'zstd'
+    """Of chunks: 'zstd', 'lz4' or ''."""
+    position: int = 0
+    """Bytes returned so far."""
+
+    def __post_init__(self) -> None:
+        self._chunk = _OpenChunk()
+        self._schemas: dict[tuple[str, str], tuple[int, bytes]] = {}
+        self._channels: list[bytes] = []
+        self._sequence: list[int] = []
+        self._chunk_index: list[bytes] = []
+        self._metadata_index: list[bytes] = []
+        self._first, self._last = FOREVER, 0
+
+    @property
+    def pending(self) -> int:
+        """Bytes of records waiting for the next flush."""
+        return len(self._chunk.records)
+
+    @property
+    def counts(self) -> list[int]:
+        """Messages by channel, in the order the channels were added."""
+        return list(self._sequence)
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """First and last time of receipt [ns]; (0, 0) before the first message."""
+        return (self._first, self._last) if self._last or self._first < FOREVER else (0, 0)
+
+    def begin(self) -> bytes:
+        """Return the start of the file."""
+        return self._out(MAGIC + _record(HEADER, _text('ros2') + _text(LIBRARY)))
+
+    def add_channel(self, topic: str, message_type: str, definition: str, qos: str = '') -> int:
+        """Return the number of a new channel; its declaration goes into the open chunk."""
+        key = (message_type, definition)
+        if key not in self._schemas:
+            number = len(self._schemas) + 1
+            encoding = 'ros2msg' if definition else ''
+            content = struct.pack('<H', number) + _text(message_type) + _text(encoding)
+            record = _record(SCHEMA, content + _text(definition))
+            self._schemas[key] = (number, record)
+            self._chunk.records += record
+        channel = len(self._channels) + 1
+        metadata = _map({'offered_qos_profiles': qos})
+        content = struct.pack('<HH', channel, self._schemas[key][0])
+        record = _record(CHANNEL, content + _text(topic) + _text('cdr') + metadata)
+        self._channels.append(record)
+        self._sequence.append(0)
+        self._chunk.records += record
+        return channel
+
+    def add_message(self, channel: int, received: int, data: bytes | memoryview) -> None:
+        """Add a serialised message to the open chunk; `received` is its time of receipt [ns]."""
+        chunk = self._chunk
+        chunk.index.setdefault(channel, []).append((received, len(chunk.records)))
+        sequence = self._sequence[channel - 1]
+        chunk.records += _MESSAGE.pack(
+            MESSAGE, 22 + len(data), channel, sequence & 0xFFFFFFFF, received, received
+        )
+        chunk.records += data
+        self._sequence[channel - 1] = sequence + 1
+        chunk.first = min(chunk.first, received)
+        chunk.last = max(chunk.last, received)
+
+    def flush(self) -> bytes:
+        """Return the open chunk with its message indexes; b'' where nothing waits."""
+        chunk, self._chunk = self._chunk, _OpenChunk()
+        if not chunk.records:
+            return b''
+        first = chunk.first if chunk.index else 0
+        self._first, self._last = min(self._first, chunk.first), max(self._last, chunk.last)
+        records = bytes(chunk.records)
+        packed = compress_chunk(records, self.compression)
+        head = struct.pack('<QQQI', first, chunk.last, len(records), zlib.crc32(records))
+        head += _text(self.compression) + struct.pack('<Q', len(packed))
+        start = self.position
+        pieces = [_record(CHUNK, head + packed)]
+        length = len(pieces[0])
+        at = start + length
+        offsets = b''
+        for channel, entries in chunk.index.items():
+            body = b''.join(struct.pack('<QQ', *entry) for entry in entries)
+            content = struct.pack('<HI', channel, len(body)) + body
+            offsets += struct.pack('<HQ', channel, at)
+            pieces.append(_record(MESSAGE_INDEX, content))
+            at += len(pieces[-1])
+        self._chunk_index.append(
+            _record(
+                CHUNK_INDEX,
+                struct.pack('<QQQQI', first, chunk.last, start, length, len(offsets))
+                + offsets
+                + struct.pack('<Q', at - start - length)
+                + _text(self.compression)
+                + struct.pack('<QQ', len(packed), len(records)),
+            )
+        )
+        return self._out(b''.join(pieces))
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> bytes:
+        """Return a metadata record."""
+        record = _record(METADATA, _text(name) + _map(values))
+        place = struct.pack('<QQ', self.position, len(record))
+        self._metadata_index.append(_record(METADATA_INDEX, place + _text(name)))
+        return self._out(record)
+
+    def end(self) -> bytes:
+        """Return the rest of the file: the open chunk, the summary, the footer."""
+        flushed = self.flush()
+        data_end = _record(DATA_END, struct.pack('<I', 0))
+        start = self.position + len(data_end)
+        groups = [
+            (SCHEMA, b''.join(record for _, record in self._schemas.values())),
+            (CHANNEL, b''.join(self._channels)),
+            (STATISTICS, self._statistics()),
+            (CHUNK_INDEX, b''.join(self._chunk_index)),
+            (METADATA_INDEX, b''.join(self._metadata_index)),
+        ]
+        summary, offsets = b'', b''
+        for opcode, content in groups:
+            if content:
+                place = struct.pack('<BQQ', opcode, start + len(summary), len(content))
+                offsets += _record(SUMMARY_OFFSET, place)
+                summary += content
+        offset_start = start + len(summary)
+        summary += offsets
+        footer = struct.pack('<BQQQ', FOOTER, 20, start, offset_start)
+        checksum = zlib.crc32(summary + footer)
+        return flushed + self._out(
+            data_end + summary + footer + struct.pack('<I', checksum) + MAGIC
+        )
+
+    def _statistics(self) -> bytes:
+        first, last = self.span
+        counts = b''.join(
+            struct.pack('<HQ', number, count) for number, count in enumerate(self._sequence, 1)
+        )
+        return _record(
+            STATISTICS,
+            struct.pack(
+                '<QHIIIIQQI',
+                sum(self._sequence),
+                len(self._schemas),
+                len(self._channels),
+                0,
+                len(self._metadata_index),
+                len(self._chunk_index),
+                first,
+                last,
+                len(counts),
+            )
+            + counts,
+        )
+
+    def _out(self, data: bytes) -> bytes:
+        self.position += len(data)
+        return data
+
+
+def _record(opcode: int, content: bytes) -> bytes:
+    return struct.pack('<BQ', opcode, len(content)) + content
+
+
+def _text(text: str) -> bytes:
+    data = text.encode()
+    return struct.pack('<I', len(data)) + data
+
+
+def _map(values: Mapping[str, str]) -> bytes:
+    pairs = b''.join(_text(key) + _text(value) for key, value in values.items())
+    return struct.pack('<I', len(pairs)) + pairs

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The serialised messages of a bag one by one: read for replay, written byte for byte the same."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import cast
+
+from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.rosbag1 import ReaderError
+
+from imu_recording.bags.files import BagFile, locate_bag
+from imu_recording.bags.mcap_writer import McapStream
+from imu_recording.bags.metadata import RecordedFile, qos_profile, qos_text, write_metadata
+from imu_recording.bags.scan import scan_file, topics_of_file
+from imu_recording.bags.slow_decode import definition_of
+from imu_recording.bags.topic_columns import MessageBlock, TopicColumns
+from imu_recording.recording import BagError
+
+
+@dataclass(frozen=True)
+class BagMessage:
+    """One serialised message."""
+
+    received: int
+    """Time of receipt [ns]."""
+    topic: str
+    data: bytes
+    """CDR with encapsulation."""
+
+
+@dataclass
+class _Collector:
+    """Takes a topic's messages as they are, in the place of columns."""
+
+    topic: str
+    into: list[BagMessage]
+
+    def define(self, definition: str) -> None:
+        """Accept any definition: nothing is decoded here."""
+
+    def take(self, block: MessageBlock, slot: int) -> None:
+        """Keep the block's messages of this topic."""
+        for i in range(block.count):
+            if block.slot[i] == slot:
+                message = BagMessage(int(block.received[i]), self.topic, block.bytes_of(i))
+                self.into.append(message)
+
+
+def bag_topics(path: str | PathLike[str]) -> dict[str, str]:
+    """Return topic → message type of a bag."""
+    return {
+        topic: message_type
+        for file in locate_bag(path).files
+        for topic, (message_type, _) in topics_of_file(file).items()
+    }
+
+
+def read_messages(path: str | PathLike[str], topics: Collection[str]) -> list[BagMessage]:
+    """Return the messages of the topics by time of receipt, equal times in the topics' order."""
+    found: list[BagMessage] = []
+    for file in locate_bag(path).files:
+        if file.storage == 'ros1':
+            found += _ros1_messages(file, topics)
+            continue
+        collectors = {topic: _Collector(topic, found) for topic in topics}
+        scan_file(file, cast('dict[str, TopicColumns]', collectors), {}, '')
+    rank = {topic: place for place, topic in enumerate(topics)}
+    return sorted(found, key=lambda message: (message.received, rank[message.topic]))
+
+
+def _ros1_messages(file: BagFile, topics: Collection[str]) -> list[BagMessage]:
+    """Return a ROS 1 bag's messages in ROS 2's serialisation."""
+    try:
+        with AnyReader([Path(file.path)]) as reader:
+            wanted = [c for c in reader.connections if c.topic in topics]
+            return [
+                BagMessage(received, c.topic, bytes(reader.typestore.ros1_to_cdr(raw, c.msgtype)))
+                for c, received, raw in reader.messages(wanted)
+            ]
+    except (AnyReaderError, ReaderError) as error:
+        raise BagError(f'{file.path}: cannot be read as a ROS 1 bag ({error})') from None
+
+
+CHUNK = 1 << 20
+"""Bytes of messages after which a chunk is closed."""
+
+
+def write_messages(
+    messages: Iterable[BagMessage], types: Mapping[str, str], path: str | PathLike[str]
+) -> None:
+    """Write messages, in the order given, to a new mcap bag; `types` maps topic to type."""
+    folder = Path(path)
+    if folder.exists():
+        raise BagError(f'{folder}: exists already; remove it or name another')
+    folder.mkdir(parents=True)
+    name = f'{folder.name}_0.mcap'
+    counts: Counter[str] = Counter()
+    stream = McapStream()
+    profile = qos_profile(reliable=True, latched=False, depth=500)
+    with (folder / name).open('wb') as file:
+        file.write(stream.begin())
+        channels = {
+            topic: stream.add_channel(topic, kind, definition_of(kind), qos_text([profile]))
+            for topic, kind in types.items()
+        }
+        for message in messages:
+            stream.add_message(channels[message.topic], message.received, message.data)
+            counts[message.topic] += 1
+            if stream.pending > CHUNK:
+                file.write(stream.flush())
+        file.write(stream.end())
+    first, last = stream.span
+    written = RecordedFile(name, first, last, dict(counts))
+    topics = {topic: (kind, [profile]) for topic, kind in types.items()}
+    write_metadata(folder, [written], topics, {}, sync=False)

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""metadata.yaml of a bag that is written here (rosbag2, version 9), and what each file holds."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import yaml
+
+from imu_recording.bags.slow_decode import hash_of
+from imu_recording.recording import BagError
+
+if TYPE_CHECKING:
+    from imu_recording.bags.mcap_reader import Channel
+    from imu_recording.bags.topic_columns import MessageBlock
+
+
+@dataclass(frozen=True)
+class RecordedFile:
+    """One file of the bag."""
+
+    name: str
+    first: int = 0
+    """Time of receipt of the first message [ns]."""
+    last: int = 0
+    counts: dict[str, int] = field(default_factory=dict)
+    """Messages by topic."""
+
+
+def inspect_file(path: Path) -> tuple[RecordedFile, dict[str, str]]:
+    """Return what an mcap file holds, closed or not, and its message types by topic."""
+    from imu_recording.bags.mcap_reader import McapScan  # only here: it brings compiled kernels
+
+    topics: dict[str, str] = {}
+    counts: list[int] = []
+    span: list[int] = []
+
+    def select(channel: Channel) -> int:
+        if channel.topic not in topics:
+            topics[channel.topic] = channel.message_type
+            counts.append(0)
+        return list(topics).index(channel.topic)
+
+    def deliver(block: MessageBlock) -> None:
+        for slot, more in enumerate(np.bincount(block.slot[: block.count]).tolist()):
+            counts[slot] += more
+        received = block.received[: block.count]
+        span.extend((int(received.min()), int(received.max())))
+
+    try:
+        with path.open('rb') as stream:
+            McapScan(select, deliver).run(stream, str(path))
+    except BagError:
+        return RecordedFile(path.name), {}  # died before its first bytes were written
+    first, last = (min(span), max(span)) if span else (0, 0)
+    return RecordedFile(path.name, first, last, dict(zip(topics, counts, strict=True))), topics
+
+
+Qos = dict[str, Any]
+"""One offered QoS profile as rosbag2 writes it: history, depth, reliability, durability …"""
+FOREVER = {'sec': 9223372036, 'nsec': 854775807}
+"""rmw's infinite duration."""
+
+
+def qos_profile(*, reliable: bool, latched: bool, depth: int) -> Qos:
+    """Return an offered QoS profile in rosbag2's words."""
+    return {
+        'history': 'keep_last',
+        'depth': depth,
+        'reliability': 'reliable' if reliable else 'best_effort',
+        'durability': 'transient_local' if latched else 'volatile',
+        'deadline': dict(FOREVER),
+        'lifespan': dict(FOREVER),
+        'liveliness': 'automatic',
+        'liveliness_lease_duration': dict(FOREVER),
+        'avoid_ros_namespace_conventions': False,
+    }
+
+
+def qos_text(profiles: Sequence[Qos]) -> str:
+    """Return the profiles as the YAML text a channel carries."""
+    return yaml.safe_dump(list(profiles), sort_keys=False) if profiles else ''
+
+
+def write_metadata(
+    folder: Path,
+    files: Sequence[RecordedFile],
+    topics: Mapping[str, tuple[str, Sequence[Qos]]],
+    custom: Mapping[str, str],
+    *,
+    sync: bool,
+) -> None:
+    """Replace metadata.yaml in one step: it is the old one or the new one, never half."""
+    content = {'rosbag2_bagfile_information': _information(files, topics, custom)}
+    target = folder / 'metadata.yaml'
+    partial = folder / '.metadata.yaml.partial'
+    with partial.open('w', encoding='utf-8') as stream:
+        yaml.safe_dump(content, stream, sort_keys=False)
+        if sync:
+            stream.flush()
+            os.fsync(stream.fileno())
+    partial.replace(target)
+    if sync:
+        descriptor = os.open(folder, os.O_RDONLY)
+        os.fsync(descriptor)
+        os.close(descriptor)
+
+
+def _information(
+    files: Sequence[RecordedFile],
+    topics: Mapping[str, tuple[str, Sequence[Qos]]],
+    custom: Mapping[str, str],
+) -> dict[str, Any]:
+    timed = [file for file in files if file.last]
+    first = min((file.first for file in timed), default=0)
+    last = max((file.last for file in timed), default=0)
+    return {
+        'version': 9,
+        'storage_identifier': 'mcap',
+        'duration': {'nanoseconds': last - first},
+        'starting_time': {'nanoseconds_since_epoch': first},
+        'message_count': sum(sum(file.counts.values()) for file in files),
+        'topics_with_message_count': [
+            {
+                'topic_metadata': {
+                    'name': topic,
+                    'type': message_type,
+                    'serialization_format': 'cdr',
+                    'offered_qos_profiles': list(profiles),
+                    'type_description_hash': hash_of(message_type),
+                },
+                'message_count': sum(file.counts.get(topic, 0) for file in files),
+            }
+            for topic, (message_type, profiles) in topics.items()
+        ],
+        'compression_format': '',
+        'compression_mode': '',
+        'relative_file_paths': [file.name for file in files],
+        'files': [
+            {
+                'path': file.name,
+                'starting_time': {'nanoseconds_since_epoch': file.first},
+                'duration': {'nanoseconds': file.last - file.first},
+                'message_count': sum(file.counts.values()),
+            }
+            for file in files
+        ],
+        'custom_data': dict(custom) or None,
+        'ros_distro': 'jazzy',
+    }

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One storage file: which topics it has, and its messages into columns."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import struct
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import yaml
+from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.rosbag1 import ReaderError
+from rosbags.serde import SerdeError
+from rosbags.typesys import TypesysError
+
+from imu_recording.bags.compression import ZstdFile, decompress_message
+from imu_recording.bags.files import BagFile
+from imu_recording.bags.mcap_reader import Channel, McapScan, read_summary
+from imu_recording.bags.slow_decode import values_of
+from imu_recording.bags.sqlite import scan_sqlite, sqlite_channels, sqlite_metadata
+from imu_recording.bags.topic_columns import MessageBlock, TopicColumns
+from imu_recording.logging_contract import METADATA_KEYS
+from imu_recording.recording import BagError
+
+DAMAGED_ROS1 = (
+    AnyReaderError,
+    ReaderError,
+    TypesysError,
+    SerdeError,
+    struct.error,
+    AssertionError,
+    LookupError,
+    ValueError,
+    OverflowError,
+    MemoryError,
+    RuntimeError,
+    TypeError,
+    AttributeError,
+    EOFError,
+)
+"""What rosbags raises on damaged ROS 1 bags."""
+Deliver = Callable[[MessageBlock], None]
+UNCLOSED = 'was not closed: read as far as it goes'
+
+
+def topics_of_file(file: BagFile) -> dict[str, tuple[str, int]]:
+    """Return the file's topics: message type, number of messages (0 where only a scan tells)."""
+    if file.storage == 'ros1':
+        with _ros1(file.path) as reader:
+            return {c.topic: (c.msgtype, c.msgcount) for c in reader.connections}
+    if file.storage == 'sqlite3':
+        with _plain(file) as path:
+            channels: Mapping[int, Channel] = sqlite_channels(path)
+            return {c.topic: (c.message_type, 0) for c in channels.values()}
+    if not file.file_compressed:
+        summary = read_summary(file.path)
+        if summary is not None:
+            return summary
+    scan = McapScan(select=lambda _: -1, deliver=lambda _: None)
+    _run(scan, file)
+    return {c.topic: (c.message_type, 0) for c in scan.channels.values()}
+
+
+def scan_file(
+    file: BagFile, columns: Mapping[str, TopicColumns], metadata: dict[str, str], space: str
+) -> list[str]:
+    """Append a file's messages to the columns; return notes.
+
+    Fills what `metadata` lacks from the metadata inside the file.
+    """
+    if file.storage == 'ros1':
+        return _scan_ros1(file.path, columns)
+    names = list(columns)
+    ordered = [columns[name] for name in names]
+
+    def deliver(block: MessageBlock) -> None:
+        for slot, column in enumerate(ordered):
+            column.take(block, slot)
+
+    def select(channel: Channel) -> int:
+        if channel.topic not in columns:
+            return -1
+        if channel.encoding not in ('cdr', ''):
+            raise BagError(
+                f'{file.path}: {channel.topic} is serialised as {channel.encoding!r}, '
+                'expected cdr (ROS 2)'
+            )
+        columns[channel.topic].define(channel.definition)
+        return names.index(channel.topic)
+
+    if file.storage == 'sqlite3':
+        with _plain(file) as path:
+            slots = {key: select(channel) for key, channel in sqlite_channels(path).items()}
+            wanted = {key: slot for key, slot in slots.items() if slot >= 0}
+            problems = scan_sqlite(path, wanted, deliver, compressed=file.message_compressed)
+            _metadata_inside(sqlite_metadata(path), {}, metadata, space)
+        return [f'{file.path.name}: {problem}' for problem in problems]
+    through = _decompressing(deliver) if file.message_compressed else deliver
+    scan = McapScan(select, through)
+    _run(scan, file)
+    text = scan.metadata.get('rosbag2', {}).get('serialized_metadata', '')
+    _metadata_inside(text, scan.metadata.get('custom_data', {}), metadata, space)
+    if not scan.complete:
+        scan.problems.append(UNCLOSED)
+    return [f'{file.path.name}: {problem}' for problem in scan.problems]
+
+
+def _metadata_inside(
+    text: str, custom: Mapping[str, str], metadata: dict[str, str], space: str
+) -> None:
+    """Take device, run … from the file's own metadata where metadata.yaml lacks them."""
+    found: dict[str, str] = dict(custom)
+    try:
+        content = yaml.safe_load(text) if text else None
+    except (yaml.YAMLError, ValueError, TypeError):
+        content = None  # the recording itself does not depend on it
+    if isinstance(content, dict) and isinstance(content.get('custom_data'), dict):
+        found |= {str(key): str(value) for key, value in content['custom_data'].items()}
+    for key in METADATA_KEYS:
+        value = found.get(f'{space}/{key}', found.get(key, ''))
+        if value:
+            metadata.setdefault(key, value)
+
+
+def _decompressing(deliver: Deliver) -> Deliver:
+    """Return a `deliver` for messages that are compressed one by one."""
+
+    def through(block: MessageBlock) -> None:
+        plain = [decompress_message(block.bytes_of(i)) for i in range(block.count)]
+        length = np.fromiter(map(len, plain), np.int64, len(plain))
+        offset = np.zeros(len(plain), np.int64)
+        np.cumsum(length[:-1], out=offset[1:])
+        buffer = np.frombuffer(b''.join(plain), np.uint8)
+        deliver(MessageBlock(buffer, offset, length, block.received, block.slot, block.count))
+
+    return through
+
+
+def _run(scan: McapScan, file: BagFile) -> None:
+    if not file.file_compressed:
+        with file.path.open('rb') as stream:
+            scan.run(stream, str(file.path))
+        return
+    with ZstdFile(file.path) as packed:
+        scan.run(io.BufferedReader(packed, 1 << 20), str(file.path))
+        if packed.damage:
+            scan.problems.append(f'decompression stopped early: {packed.damage}')
+
+
+@contextmanager
+def _plain(file: BagFile) -> Iterator[Path]:
+    """Give the path of a sqlite3 file, decompressed where it is compressed."""
+    if not file.file_compressed:
+        yield file.path
+        return
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / file.path.name.removesuffix('.zstd')
+        with ZstdFile(file.path) as packed, path.open('wb') as plain:
+            shutil.copyfileobj(packed, plain)
+        yield path
+
+
+@contextmanager
+def _ros1(path: Path) -> Iterator[AnyReader]:
+    try:
+        with AnyReader([path]) as reader:
+            yield reader
+    except BagError:
+        raise
+    except DAMAGED_ROS1 as error:
+        reason = ' '.join(str(error).split())[:200] or type(error).__name__
+        raise BagError(f'{path}: cannot be read as a ROS 1 bag ({reason})') from None
+
+
+def _scan_ros1(path: Path, columns: Mapping[str, TopicColumns]) -> list[str]:
+    with _ros1(path) as reader:
+        wanted = [c for c in reader.connections if c.topic in columns]
+        for connection, received, raw in reader.messages(wanted):
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp, values, text = values_of(message, connection.msgtype)
+            columns[connection.topic].append(stamp, values, text, received)
+    return []

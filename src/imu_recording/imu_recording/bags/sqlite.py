@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Read the messages of a rosbag2 sqlite3 file in large blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import apsw
+import numpy as np
+
+from imu_recording.bags.compression import decompress_message
+from imu_recording.bags.mcap_reader import Channel
+from imu_recording.bags.sqlite_pages import MOST_COLUMNS, MessagesTable, scan_pages
+from imu_recording.bags.topic_columns import MessageBlock
+from imu_recording.recording import BagError
+
+MAGIC = b'SQLite format 3\x00'
+ROWS = 8192
+DAMAGE = (apsw.Error, UnicodeDecodeError)
+"""What apsw raises on damaged files."""
+MOST_TOPICS = 1 << 20
+"""A topic with a larger number is damage."""
+
+
+def sqlite_channels(path: Path) -> dict[int, Channel]:
+    """Return the topics of a file by their number; raise BagError where it is no bag."""
+    with closing(_open(path)) as connection:
+        try:
+            topics: Any = connection.execute(
+                'SELECT id, name, type, serialization_format FROM topics ORDER BY id'
+            ).fetchall()
+        except DAMAGE as error:
+            raise BagError(f'{path}: not a rosbag2 sqlite3 file ({error})') from None
+        try:
+            found: Any = connection.execute(
+                'SELECT topic_type, encoded_message_definition FROM message_definitions'
+            ).fetchall()
+        except DAMAGE:
+            found = []  # files written before ROS 2 Iron carry none
+    definitions = {str(kind): str(text) for kind, text in found}
+    return {
+        key: Channel(str(topic), str(kind), str(encoding), definitions.get(str(kind), ''))
+        for key, topic, kind, encoding in topics
+        if isinstance(key, int) and 0 <= key < MOST_TOPICS
+    }
+
+
+def sqlite_metadata(path: Path) -> str:
+    """Return the metadata the file carries as YAML, '' where it has none."""
+    with closing(_open(path)) as connection:
+        try:
+            found: Any = connection.execute(
+                'SELECT metadata FROM metadata ORDER BY id DESC LIMIT 1'
+            ).fetchall()
+        except DAMAGE:
+            found = []  # files written before ROS 2 Iron, or not closed, carry none
+    return str(found[0][0]) if found else ''
+
+
+def scan_sqlite(
+    path: Path,
+    slots: dict[int, int],
+    deliver: Callable[[MessageBlock], None],
+    *,
+    compressed: bool = False,
+) -> list[str]:
+    """Deliver the messages of the topics in `slots` (number → slot); return what went wrong."""
+    problems: list[str] = []
+    if not slots:
+        return problems
+    table = np.full(max(slots) + 1, -1, np.int64)
+    table[list(slots)] = list(slots.values())
+    with closing(_open(path)) as connection:
+        place = None if compressed else _messages_table(connection, problems)
+        last = scan_pages(path, place, table, deliver) if place else -1
+        marks = ','.join('?' * len(slots))
+        rest = f'WHERE id > ? AND topic_id IN ({marks}) ORDER BY id'
+        query = f'SELECT topic_id, timestamp, data FROM messages {rest}'  # noqa: S608
+        try:
+            cursor = connection.execute(query, [last, *slots])
+        except DAMAGE as error:
+            return [*problems, f'reading stopped early: {error}']
+        damaged = 0
+        for block in _blocks(cursor, problems):
+            rows = [row for row in block if [*map(type, row)] == [int, int, bytes]]
+            damaged += len(block) - len(rows)
+            if not rows:
+                continue
+            topics, times, data = zip(*rows, strict=True)
+            if compressed:
+                data = tuple(decompress_message(message) for message in data)
+            length = np.fromiter(map(len, data), np.int64, len(data))
+            offset = np.zeros(len(data), np.int64)
+            np.cumsum(length[:-1], out=offset[1:])
+            buffer = np.frombuffer(b''.join(data), np.uint8)
+            slot = table[np.array(topics, np.int64)]
+            received = np.array(times, np.int64)
+            deliver(MessageBlock(buffer, offset, length, received, slot, len(data)))
+    if damaged:
+        problems.append(f'{damaged} damaged rows left out')
+    return problems
+
+
+def _messages_table(connection: apsw.Connection, problems: list[str]) -> MessagesTable | None:
+    """Return where the messages are, or None where the table is not rosbag2's own."""
+    try:
+        found: Any = connection.execute(
+            "SELECT rootpage, sql FROM sqlite_master WHERE type = 'table' AND name = 'messages'"
+        ).fetchall()
+        columns: Any = connection.execute('PRAGMA table_info(messages)').fetchall()
+    except DAMAGE as error:
+        problems.append(f'its tables cannot be read: {error}')
+        return None
+    names = [column[1] for column in columns]
+    key = [column[1] for column in columns if column[5]]
+    if not found or key != ['id'] or 'WITHOUT' in found[0][1].upper():
+        return None
+    if len(names) > MOST_COLUMNS or not {'topic_id', 'timestamp', 'data'} <= set(names):
+        return None
+    places = [names.index(name) for name in ('topic_id', 'timestamp', 'data')]
+    return MessagesTable(found[0][0], *places)
+
+
+def _blocks(cursor: apsw.Cursor, problems: list[str]) -> Iterator[list[Any]]:
+    while True:
+        rows: list[Any] = []
+        try:
+            rows.extend(islice(cursor, ROWS))  # keeps what came before an error
+        except DAMAGE as error:
+            problems.append(f'reading stopped early: {error}')
+        if rows:
+            yield rows
+        if len(rows) < ROWS:
+            return
+
+
+def _open(path: Path) -> apsw.Connection:
+    """Open read only; a file that died with a journal is read with it where that is allowed.
+
+    A file that is shorter than its header says is refused by sqlite unless the schema is
+    writable; what is left of it can then be read up to the cut.
+    """
+    flags = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
+    for options, lenient in (('mode=ro', 0), ('mode=ro&immutable=1', 0), ('immutable=1', 1)):
+        try:
+            connection = apsw.Connection(f'{path.resolve().as_uri()}?{options}', flags=flags)
+            connection.execute(f'PRAGMA writable_schema={lenient}')
+            connection.execute('SELECT count(*) FROM sqlite_master').fetchall()
+        except DAMAGE as error:
+            reason = error
+        else:
+            return connection
+    raise BagError(f'{path}: cannot be opened as a rosbag2 sqlite3 file ({reason})')

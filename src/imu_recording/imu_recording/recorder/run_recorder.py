@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One bag after the other: whatever run a chamber announces is recorded to a bag of its own."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from imu_recording.bags.metadata import Qos
+from imu_recording.free_space import standing_folder
+from imu_recording.logging_contract import PHASE_TOPIC
+from imu_recording.recorder.bag_recorder import BagRecorder
+from imu_recording.recorder.run_announcement import RunNotice, further_output, recording_plan
+from imu_recording.recorder.settings import RecorderConfig, is_wanted
+from imu_recording.recording import BagError
+
+PATIENCE = 5
+"""So many flushes a chamber that is there may take to announce its run."""
+
+Message = tuple[str, str, bytes, int, Sequence[Qos]]
+"""Topic, type, bytes, time of receipt [ns], offered QoS."""
+
+
+class RunRecorder:
+    """Records under the newest notice of a run; without any notice, everything to one bag.
+
+    What comes first waits until the next flush for a notice, which says where it belongs. The
+    newest message of every latched topic opens each further bag.
+    """
+
+    def __init__(self, config: RecorderConfig, output: Path) -> None:
+        self.config = config
+        self.output = output
+        self.plan = recording_plan(config, output, RunNotice())
+        _check_writable(output)
+        self._notice = RunNotice()
+        self._bag: BagRecorder | None = None
+        self._taken = 0
+        self._early: list[Message] | None = []
+        self._flushes = 0
+        self._wanted: dict[str, bool] = {}
+        self._latched: dict[str, Message] = {}
+
+    @property
+    def messages(self) -> int:
+        """Messages taken so far."""
+        return self._taken + len(self._early or ())
+
+    def needs(self, topic: str) -> bool:
+        """Return whether to listen to a topic: the phase also where it is not recorded."""
+        return is_wanted(topic, self.plan.topics) or topic.endswith(f'/{PHASE_TOPIC}')
+
+    def follow(self, notice: RunNotice, received: int) -> None:
+        """Record under this notice from now on; BagError where that cannot be written."""
+        known = self._notice.directory
+        if known and notice.directory != known and self._taken:
+            self.output = further_output(self.output)
+        plan = recording_plan(self.config, self.output, notice)
+        self._notice = notice
+        if plan == self.plan and self._early is None:
+            return
+        self._close_bag()
+        before, self.plan, self._wanted = self.plan, plan, {}
+        first, self._early = self._early, None
+        if first is None and plan.folder != before.folder:
+            first = self._repeated(received)
+        for message in (first or ()) if plan.folder else ():
+            self._write(message)
+
+    def record(
+        self, topic: str, message_type: str, data: bytes, received: int, qos: Sequence[Qos] = ()
+    ) -> None:
+        """Take one serialised message."""
+        message = (topic, message_type, data, received, qos)
+        if any(profile['durability'] == 'transient_local' for profile in qos):
+            self._latched[topic] = message
+        if self._early is not None:
+            self._early.append(message)
+        elif self.plan.folder is not None:
+            self._write(message)
+
+    def flush(self, *, expecting: bool = False) -> None:
+        """Put everything on disk.
+
+        Where a notice is to be expected, what came before the first is kept back a little longer.
+        """
+        if self._early:
+            self._flushes += 1
+            if not expecting or self._flushes > PATIENCE:
+                early, self._early = self._early, None
+                for message in early:
+                    self._write(message)
+        if self._bag is not None:
+            self._bag.flush()
+
+    def close(self) -> None:
+        """Finish the bag."""
+        self.flush()
+        self._close_bag()
+
+    def _write(self, message: Message) -> None:
+        topic, message_type, data, received, qos = message
+        wanted = self._wanted.get(topic)
+        if wanted is None:
+            wanted = self._wanted[topic] = is_wanted(topic, self.plan.topics)
+        if self._bag is None:
+            self._bag = self._open_bag()
+        if wanted:
+            self._bag.record(topic, message_type, data, received, qos=qos)
+            self._taken += 1
+        elif topic.endswith(f'/{PHASE_TOPIC}'):
+            self._bag.follow_phase(data)
+
+    def _repeated(self, received: int) -> list[Message]:
+        return [(t, kind, data, received, qos) for t, kind, data, _, qos in self._latched.values()]
+
+    def _open_bag(self) -> BagRecorder:
+        plan = self.plan
+        assert plan.folder is not None  # noqa: S101 (callers checked)
+        return BagRecorder(
+            plan.folder,
+            metadata=plan.metadata,
+            split_at_phase=plan.at_phase,
+            split_bytes=plan.split_bytes,
+        )
+
+    def _close_bag(self) -> None:
+        if self._bag is not None:
+            bag, self._bag = self._bag, None
+            bag.close()
+
+
+def _check_writable(output: Path) -> None:
+    """Refuse a folder that cannot be written before anything is lost."""
+    place = standing_folder(output)
+    if not (place.is_dir() and os.access(place, os.W_OK)):
+        raise BagError(f'{output}: cannot be written ({place} is no folder to write to)')

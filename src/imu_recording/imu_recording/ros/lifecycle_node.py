@@ -1,0 +1,322 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The shell every node of this workspace shares: parameters, lifecycle, diagnostics, shutdown.
+
+A node subclasses `ConfiguredNode`, names its frozen config dataclass and writes `setup`; it then
+configures and activates itself under plain `ros2 run` (parameter `autostart`). Replay and tests
+construct the same class with `capture` and `now` and call its callbacks directly.
+"""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import fields, replace
+from typing import Any, ClassVar
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from imu_recording.ros.diagnostics import Silence, StatusLog, diagnostic_array
+from imu_recording.ros.parameter import (
+    NodeConfig,
+    ParameterError,
+    checked,
+    config_from_values,
+    default_of,
+    listed,
+    unknown_parameters,
+)
+
+ACTIVE = 'active'
+INACTIVE = 'inactive'
+
+
+class ConfiguredNode(LifecycleNode):
+    """A lifecycle node whose parameters are the fields of a frozen dataclass.
+
+    Subclasses set `config_class` and implement `setup(config)`, which creates inputs and outputs,
+    and `diagnostics()`. With `capture`, outputs call `capture(topic, message)`, nothing is sent;
+    `inputs` maps topic to callback for those who feed messages by hand. `now` replaces the
+    clock.
+    """
+
+    config_class: ClassVar[type[NodeConfig]] = NodeConfig
+    event_driven: ClassVar[bool] = False
+    """Whether `run_node` uses the events executor: half the cost per message at high rates."""
+    logs_status: ClassVar[bool] = False
+    """Whether what `diagnostics` says is logged too where it changes."""
+    expects: ClassVar[str] = ''
+    """Input whose silence is a warning; where there is one, status is logged."""
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        capture: Callable[[str, Any], None] | None = None,
+        now: Callable[[], int] | None = None,
+        parameters: Mapping[str, Any] | None = None,
+        **node_options: Any,
+    ) -> None:
+        overrides = [Parameter(key, value=value) for key, value in (parameters or {}).items()]
+        super().__init__(name, parameter_overrides=overrides, **node_options)
+        self._capture = capture
+        self._now = now
+        self._entities: list[Callable[[], None]] = []
+        self.inputs: dict[str, Callable[[Any], None]] = {}
+        self.outputs: list[str] = []
+        self.refused = ''
+        self._status_log = StatusLog()
+        self._silence = Silence()
+        self._fields = {item.name: item for item in fields(self.config_class)}
+        for item in self._fields.values():
+            default = default_of(item)
+            # An empty list has no type of its own in rclpy; it can only be a list of names here.
+            value = Parameter.Type.STRING_ARRAY if default == [] else default
+            descriptor = parameter_descriptor(item.metadata)
+            if default == []:
+                self.declare_parameter(item.name, [''], descriptor)
+            else:
+                self.declare_parameter(item.name, value, descriptor)
+        self.add_on_set_parameters_callback(self._on_set_parameters)
+        for note in unknown_parameters(self._parameter_overrides, self._fields):
+            self.get_logger().warning(note)
+        self._diagnostics_publisher = self._publisher(
+            DiagnosticArray, '/diagnostics', QoSProfile(depth=10), managed=False
+        )
+        self._diagnostics_timer = self.create_timer(1.0, self.publish_diagnostics)
+
+    # What a subclass writes -------------------------------------------------------------------
+
+    def setup(self, config: Any) -> None:
+        """Create inputs, outputs and state for `config`; raise ValueError or OSError to refuse."""
+        raise NotImplementedError
+
+    def activated(self) -> None:
+        """Act on activation (start a thread, a stream …)."""
+
+    def deactivated(self) -> None:
+        """Undo `activated`."""
+
+    def end(self) -> None:
+        """Undo what is under way before the process ends."""
+        if self.state == ACTIVE:
+            self.deactivated()
+
+    def reconfigured(self, config: Any) -> None:
+        """Take over dynamic parameters that changed while configured."""
+
+    def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
+        """Return level (0 ok, 1 warn, 2 error), one line, and values for /diagnostics."""
+        return 0, self.state, {}
+
+    # What a subclass uses ---------------------------------------------------------------------
+
+    @property
+    def state(self) -> str:
+        """Lifecycle state: 'unconfigured', 'inactive', 'active' …"""
+        return self._state_machine.current_state[1]
+
+    def now(self) -> int:
+        """Return ROS time [ns]."""
+        return self._now() if self._now else self.get_clock().now().nanoseconds
+
+    def output(self, message_type: type, topic: str, *, latched: bool = False) -> Any:
+        """Create a reliable publisher that sends while the node is active."""
+        depth = 1 if latched else self.config.qos_depth
+        qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE)
+        if latched:
+            qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+        publisher = self._publisher(message_type, topic, qos, managed=True)
+        self.outputs.append(topic)
+        if not self._capture:
+            self._entities.append(lambda: self.destroy_lifecycle_publisher(publisher))
+        return publisher
+
+    def input(
+        self, message_type: type, topic: str, callback: Callable[[Any], None], **options: Any
+    ) -> None:
+        """Subscribe best effort; the callback runs while the node is active."""
+        self.inputs[topic] = callback
+        if self._capture:
+            return
+        qos = QoSProfile(depth=self.config.qos_depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+        if topic == self.expects:
+            callback = self._silence.listening(callback)
+
+        def when_active(message: Any) -> None:
+            if self.state == ACTIVE:
+                callback(message)
+
+        subscription = self.create_subscription(
+            message_type, topic, when_active, options.pop('qos', qos), **options
+        )
+        self._entities.append(lambda: self.destroy_subscription(subscription))
+
+    def publish_diagnostics(self) -> None:
+        """Publish one DiagnosticArray with this node's status."""
+        level, line, values = self.diagnostics()
+        if self.expects and self.state == ACTIVE:
+            topic = self.resolve_topic_name(self.expects)
+            level, line, values = self._silence.judged(topic, (level, line, values))
+        if (self.logs_status or self.expects) and self.state == ACTIVE and not self._capture:
+            self._log_status(level, line)
+        name = self.get_fully_qualified_name().lstrip('/')
+        message = diagnostic_array(name, self.now(), (level, line, values))
+        self._diagnostics_publisher.publish(message)
+
+    def _log_status(self, level: int, line: str) -> None:
+        if not self._status_log.is_news(time.monotonic(), level, line):
+            return
+        if level == 0:  # rclpy wants a line of its own for each severity
+            self.get_logger().info(line)
+        elif level == 1:
+            self.get_logger().warning(line)
+        else:
+            self.get_logger().error(line)
+
+    def refuse(self, reason: str) -> None:
+        """Note why this node does not work, once; log it where nobody captures the output."""
+        if not self.refused and not self._capture:
+            self.get_logger().error(reason)
+        self.refused = reason
+
+    # Lifecycle --------------------------------------------------------------------------------
+
+    def autostart(self) -> bool:
+        """Configure and activate; return False where the configuration was refused."""
+        done = self.trigger_configure() == TransitionCallbackReturn.SUCCESS
+        return done and self.trigger_activate() == TransitionCallbackReturn.SUCCESS
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Read the parameters and set up."""
+        self.refused = ''
+        try:
+            with self._errors_logged():
+                self.config = config_from_values(self.config_class, self._values())
+                self.setup(self.config)
+        except (ValueError, OSError) as error:
+            self.refuse(str(error))
+            self._release()
+            return TransitionCallbackReturn.FAILURE
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Start."""
+        result = super().on_activate(state)
+        self._silence.forget()
+        if not self._capture:
+            self.get_logger().info(self._in_and_out())
+        with self._errors_logged():
+            self.activated()
+        return result
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop."""
+        self.deactivated()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Release what `setup` created."""
+        self._release()
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop and release."""
+        if state.label == ACTIVE:
+            self.deactivated()
+        self._release()
+        return super().on_shutdown(state)
+
+    def _release(self) -> None:
+        for release in self._entities:
+            release()
+        self._entities.clear()
+        self.inputs.clear()
+        self.outputs.clear()
+
+    @contextmanager
+    def _errors_logged(self) -> Iterator[None]:
+        """Log an error nobody has thought of: rclpy makes any error of a transition a state."""
+        try:
+            yield
+        except (ValueError, OSError):
+            raise
+        except Exception:
+            self.get_logger().fatal(traceback.format_exc())
+            raise
+
+    def _in_and_out(self) -> str:
+        """Return the topics of this node under their full names."""
+        parts = [
+            f'{word} {", ".join(map(self.resolve_topic_name, topics))}'
+            for word, topics in (('listens to', self.inputs), ('publishes', self.outputs))
+            if topics
+        ]
+        return f'active: {"; ".join(parts)}' if parts else 'active'
+
+    def _publisher(self, message_type: type, topic: str, qos: QoSProfile, *, managed: bool) -> Any:
+        if self._capture:
+            return CapturedPublisher(topic, self._capture)
+        create = self.create_lifecycle_publisher if managed else self.create_publisher
+        return create(message_type, topic, qos)
+
+    # Parameters -------------------------------------------------------------------------------
+
+    def _values(self) -> dict[str, Any]:
+        values = {name: self.get_parameter(name).value for name in self._fields}
+        return {
+            name: [] if isinstance(value, list) and value == [''] else value
+            for name, value in values.items()
+        }
+
+    def _on_set_parameters(self, changes: list[Parameter]) -> SetParametersResult:
+        own = [change for change in changes if change.name in self._fields]
+        running = self.state in (INACTIVE, ACTIVE)  # while configuring, presets may be filled in
+        try:
+            values = {c.name: checked(self._fields[c.name], c.value) for c in own}
+            fixed = [name for name in values if not self._fields[name].metadata['dynamic']]
+            if running and fixed:
+                raise ParameterError(
+                    f'{fixed[0]} takes effect at configuration: deactivate and clean up first'
+                )
+            if running and values:
+                config = replace(self.config, **values)
+                self.reconfigured(config)
+                self.config = config
+        except (ValueError, OSError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+
+class CapturedPublisher:
+    """Stands in for a publisher: hands every message to a function instead of DDS."""
+
+    def __init__(self, topic: str, capture: Callable[[str, Any], None]) -> None:
+        self.topic_name = topic
+        self._capture = capture
+
+    def publish(self, message: Any) -> None:
+        """Hand the message over."""
+        self._capture(self.topic_name, message)
+
+
+def parameter_descriptor(metadata: Mapping[str, Any]) -> ParameterDescriptor:
+    """Return the descriptor of a field declared by `parameter`, from its metadata."""
+    unit = f' [{metadata["unit"]}]' if metadata['unit'] else ''
+    choices = f'; one of {listed(metadata["choices"])}' if metadata['choices'] else ''
+    descriptor = ParameterDescriptor(  # dynamic: what is wrong is told here, not by rcl
+        description=f'{metadata["description"]}{unit}{choices}', dynamic_typing=True
+    )
+    if metadata['bounds']:
+        low, high = metadata['bounds']
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=float(low), to_value=float(high))
+        ]
+        descriptor.additional_constraints = f'{low:g} … {high:g}'
+    return descriptor

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the columns of a CSV file mean, told by a small YAML file.
+
+    schema: 1
+    device: freeimu
+    up_axis: +z                      # optional; otherwise told by gravity
+    time: {column: Time, unit: ms}   # s, ms, us, ns, min, h or iso8601
+    columns:
+      linear_acceleration: {columns: [Ax, Ay, -Az], scale: 1/16384, unit: g}
+      temperature: {column: dTemp, scale: 1/340, offset: 36.53, unit: °C}
+
+A value is (cell × scale + offset) in the unit given; a minus before a name turns the axis around.
+`scale` and `offset` are numbers or fractions, for a vector also one per axis. Columns are named by
+the header, or numbered from 0 with `header: false`. Further keys: `frame_id`, `run`, `profile`,
+`delimiter` (default ','), `comment`, `decimal` (default '.').
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from imu_recording.recording import GRAVITY, UP_AXES, RecordingError
+
+_RATE = {
+    'rad/s': 1.0,
+    'mrad/s': 1e-3,
+    'deg/s': math.pi / 180,
+    '°/s': math.pi / 180,
+    'mdeg/s': math.pi / 180e3,
+    'deg/h': math.pi / 180 / 3600,
+}
+_FORCE = {'m/s²': 1.0, 'm/s^2': 1.0, 'm/s2': 1.0, 'g': GRAVITY, 'mg': 1e-3 * GRAVITY}
+_FIELD = {
+    'T': 1.0,
+    'mT': 1e-3,
+    'µT': 1e-6,
+    'uT': 1e-6,
+    'nT': 1e-9,
+    'G': 1e-4,
+    'gauss': 1e-4,
+    'mG': 1e-7,
+}
+_SHARE = {'1': 1.0, '%': 0.01}
+_CELSIUS = {'°C': (1.0, 0.0), 'C': (1.0, 0.0), 'K': (1.0, -273.15)}
+_FAHRENHEIT = dict.fromkeys(('°F', 'F'), (5 / 9, -32 * 5 / 9))
+_TEMPERATURE = _CELSIUS | _FAHRENHEIT
+
+TIME_UNITS = {'s': 1e9, 'ms': 1e6, 'µs': 1e3, 'us': 1e3, 'ns': 1.0, 'min': 60e9, 'h': 3600e9}
+"""Nanoseconds per unit of a time column."""
+ISO_TIME = 'iso8601'
+"""Unit of a time column that holds dates such as 2014-01-02T12:00:00.5."""
+
+UNITS: dict[str, dict[str, tuple[float, float]]] = {
+    'angular_velocity': {unit: (factor, 0.0) for unit, factor in _RATE.items()},
+    'linear_acceleration': {unit: (factor, 0.0) for unit, factor in _FORCE.items()},
+    'magnetic_field': {unit: (factor, 0.0) for unit, factor in _FIELD.items()},
+    'temperature': _TEMPERATURE,
+    'chamber_temperature': _TEMPERATURE,
+    'chamber_temperature_2': _TEMPERATURE,
+    'device_temperature': _TEMPERATURE,
+    'setpoint': _TEMPERATURE,
+    'humidity': {unit: (factor, 0.0) for unit, factor in _SHARE.items()},
+    'heater': {unit: (factor, 0.0) for unit, factor in _SHARE.items()},
+    'compressor': {unit: (factor, 0.0) for unit, factor in _SHARE.items()},
+    'fan': {unit: (factor, 0.0) for unit, factor in _SHARE.items()},
+    'supply_voltage': {'V': (1.0, 0.0), 'mV': (1e-3, 0.0)},
+}
+"""By field of ImuRecording and unit: (factor, offset) to that field's unit."""
+
+VECTORS = ('angular_velocity', 'linear_acceleration', 'magnetic_field')
+"""Fields that take three columns."""
+
+
+SCHEMA = 1
+TEXTS = ('device', 'run', 'profile', 'frame_id', 'up_axis')
+
+
+class MappingError(RecordingError):
+    """A column mapping that cannot be used; the message names the file and the key."""
+
+
+@dataclass(frozen=True)
+class CsvColumn:
+    """One column and how its cells become numbers of one component of a field."""
+
+    field: str
+    axis: int
+    column: str
+    factor: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class CsvMapping:
+    """A checked mapping."""
+
+    columns: tuple[CsvColumn, ...]
+    time_column: str
+    time_unit: str
+    device: str = ''
+    run: str = ''
+    profile: str = ''
+    frame_id: str = 'imu_link'
+    up_axis: str = ''
+    delimiter: str = ','
+    comment: str = ''
+    decimal: str = '.'
+    header: bool = True
+
+
+def load_mapping(path: str | Path) -> CsvMapping:
+    """Read a mapping file; raise MappingError naming the file and what is wrong."""
+    path = Path(path)
+    try:
+        content = yaml.safe_load(path.read_text(encoding='utf-8'))
+    except OSError as error:
+        raise MappingError(f'{path}: cannot be read ({error.strerror})') from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise MappingError(f'{path}: not a YAML file ({str(error).splitlines()[0]})') from None
+    return mapping_from(content, str(path))
+
+
+def mapping_from(content: Any, name: str = 'mapping') -> CsvMapping:
+    """Check the content of a mapping file."""
+    if not isinstance(content, Mapping):
+        raise MappingError(f'{name}: expected keys schema, time, columns')
+    known = {'schema', 'time', 'columns', 'delimiter', 'comment', 'decimal', 'header', *TEXTS}
+    _refuse_unknown(content, known, name)
+    if content.get('schema') != SCHEMA:
+        raise MappingError(f'{name}: schema is {content.get("schema")!r}, expected {SCHEMA}')
+    texts = {key: str(content[key]) for key in TEXTS if content.get(key) is not None}
+    if texts.get('up_axis', '+z') not in UP_AXES:
+        raise MappingError(
+            f'{name}: up_axis is {texts["up_axis"]!r}, expected one of {", ".join(UP_AXES)}'
+        )
+    for key in ('delimiter', 'comment', 'decimal'):
+        value = content.get(key)
+        if value is None:
+            continue
+        if not isinstance(value, str) or (key != 'comment' and len(value) != 1):
+            raise MappingError(f'{name}: {key} is {value!r}, expected a single character')
+        texts[key] = value
+    time_column, time_unit = _time(content.get('time'), name)
+    return CsvMapping(
+        columns=_columns(content.get('columns'), name),
+        time_column=time_column,
+        time_unit=time_unit,
+        header=content.get('header', True) is not False,
+        **texts,
+    )
+
+
+def _time(told: Any, name: str) -> tuple[str, str]:
+    if not isinstance(told, Mapping) or 'column' not in told:
+        raise MappingError(f'{name}: time: expected a column and its unit')
+    _refuse_unknown(told, {'column', 'unit'}, f'{name}: time')
+    unit = str(told.get('unit', 's'))
+    if unit not in (*TIME_UNITS, ISO_TIME):
+        known = ', '.join((*TIME_UNITS, ISO_TIME))
+        raise MappingError(f'{name}: time: unit is {unit!r}, expected one of {known}')
+    return str(told['column']), unit
+
+
+def _columns(told: Any, name: str) -> tuple[CsvColumn, ...]:
+    if not isinstance(told, Mapping) or not told:
+        raise MappingError(f'{name}: columns: expected at least one of {", ".join(UNITS)}')
+    _refuse_unknown(told, set(UNITS), f'{name}: columns')
+    if not set(told) & set(VECTORS):
+        raise MappingError(f'{name}: columns: expected at least one of {", ".join(VECTORS)}')
+    columns: list[CsvColumn] = []
+    for field, entry in told.items():
+        columns += _field(field, entry, f'{name}: columns: {field}')
+    return tuple(columns)
+
+
+def _field(field: str, told: Any, place: str) -> list[CsvColumn]:
+    key = 'columns' if field in VECTORS else 'column'
+    if not isinstance(told, Mapping) or key not in told:
+        raise MappingError(f'{place}: expected the key {key}')
+    _refuse_unknown(told, {key, 'scale', 'offset', 'unit'}, place)
+    count = 3 if field in VECTORS else 1
+    names = told[key] if field in VECTORS else [told[key]]
+    if not isinstance(names, list) or len(names) != count:
+        raise MappingError(f'{place}: {key} is {told[key]!r}, expected {count} columns')
+    unit = str(told.get('unit', next(iter(UNITS[field]))))
+    if unit not in UNITS[field]:
+        raise MappingError(f'{place}: unit is {unit!r}, expected one of {", ".join(UNITS[field])}')
+    factor, shift = UNITS[field][unit]
+    scales = _numbers(told.get('scale', 1), count, f'{place}: scale')
+    offsets = _numbers(told.get('offset', 0), count, f'{place}: offset')
+    return [
+        CsvColumn(field, axis, str(column), scale * factor, offset * factor + shift)
+        for axis, (column, scale, offset) in enumerate(zip(names, scales, offsets, strict=True))
+    ]
+
+
+def _numbers(told: Any, count: int, place: str) -> list[float]:
+    values = told if isinstance(told, list) else [told] * count
+    if len(values) != count:
+        raise MappingError(f'{place} has {len(values)} numbers, expected {count}')
+    return [_number(value, place) for value in values]
+
+
+def _number(told: Any, place: str) -> float:
+    """Return a number or a fraction such as 1/16384."""
+    try:
+        above, _, below = str(told).partition('/')
+        value = float(above) / float(below or 1)
+    except (ValueError, ZeroDivisionError):
+        value = math.nan
+    if isinstance(told, bool) or not math.isfinite(value):
+        raise MappingError(f'{place} is {told!r}, expected a number or a fraction')
+    return value
+
+
+def _refuse_unknown(told: Mapping[Any, Any], known: set[str], place: str) -> None:
+    unknown = sorted(str(key) for key in set(told) - known)
+    if unknown:
+        raise MappingError(
+            f'{place}: unknown key {unknown[0]!r}; known: {", ".join(sorted(known))}'
+        )

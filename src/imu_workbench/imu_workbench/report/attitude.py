@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Attitude of a recording, raw and compensated: angles from the start, their statistics."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import FloatArray, ImuRecording, IntArray
+from numpy.typing import NDArray
+from orientation_filters.filters import FILTERS, run_filter, sample_rate
+from orientation_filters.result import counts
+from orientation_filters.rotation.arrays import (
+    conjugate,
+    euler_zyx,
+    heading_angle,
+    inclination_angle,
+    multiply,
+    normalised,
+    rotation_angle,
+)
+from orientation_filters.upsampling import upsample
+from thermal_comp.compensation.stream import compensate
+from thermal_comp.data.startup import startup_rows
+from thermal_comp.model.values import ThermalModel
+
+from imu_workbench.report.series import decimated
+
+START_S = 60.0
+"""The start attitude is the mean over this long [s]."""
+EULER = ('yaw', 'pitch', 'roll')
+COLUMNS = (*EULER, 'rotation', 'heading', 'inclination')
+"""Columns of `Attitude.angles`: ZYX Euler angles (the paper's α, β, γ), then what never wraps."""
+CHUNK = 50_000
+"""Rows whose angles are computed at a time: they stay in the cache."""
+RAW, HALF, FULL = 'raw', 'magnetometer compensated', 'compensated'
+"""What the filters are fed with; earlier versions of a model are `version 1` …"""
+DRAWN = (RAW, FULL)
+"""Of these there are lines and statistics cycle by cycle; of the others what the run says."""
+BRIEF_STRIDE = 10
+"""The others are looked at in every so many rows: their spread needs no more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Attitude:
+    """What a filter's estimate does relative to the start: angles in degrees."""
+
+    filter: str
+    data: str
+    """What the filter was fed with."""
+    statistics: list[dict[str, Any]]
+    """Mean, standard deviation and largest value of each of COLUMNS: the run, then each cycle."""
+    hours: Mapping[str, FloatArray]
+    """Time of the lines [h], per Euler angle."""
+    lines: Mapping[str, FloatArray]
+    """The Euler angles over time [deg], decimated without losing an extreme."""
+    nanoseconds_per_sample: float
+    """Time the filter took on this machine, compiled and warm."""
+    flags: Mapping[str, int]
+    """Rows in which the filter said something, by flag."""
+
+
+def estimate_attitudes(
+    variants: Mapping[str, ImuRecording],
+    *,
+    filters: Sequence[str] = tuple(FILTERS),
+    every: int = 1,
+    points: int = 1000,
+) -> Iterator[Attitude]:
+    """Run each filter, as the paper has it, over every variant of a recording.
+
+    Angles are taken of every `every`-th row; lines have about `points` points.
+    """
+    first = next(iter(variants.values()))
+    seconds, cycle = first.time, first.cycle
+    for name in filters:
+        run_filter(name, first.rows(slice(0, 100)))  # compiles
+        for data, recording in variants.items():
+            start = time.thread_time()
+            result = run_filter(name, recording)
+            spent = time.thread_time() - start
+            drawn = data in DRAWN
+            stride = every if drawn else max(every, BRIEF_STRIDE)
+            angles = angles_from_start(seconds, result.orientation, stride)
+            hours: Mapping[str, FloatArray] = {}
+            lines: Mapping[str, FloatArray] = {}
+            if drawn:
+                hours, lines = angle_lines(seconds[::stride] / 3600.0, angles, points)
+            cycles = cycle[::stride] if drawn and cycle is not None else None
+            yield Attitude(
+                filter=name,
+                data=data,
+                statistics=angle_statistics(angles, cycles),
+                hours=hours,
+                lines=lines,
+                nanoseconds_per_sample=1e9 * spent / max(1, len(recording)),
+                flags=counts(result.flags),
+            )
+
+
+def angle_lines(
+    hours: FloatArray, angles: FloatArray, points: int
+) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    """Return time and value of each Euler angle, decimated; a missing minute breaks the line."""
+    found = {
+        name: decimated(hours, angles[:, COLUMNS.index(name)], points, max_gap=1 / 60)
+        for name in EULER
+    }
+    return {n: line[0] for n, line in found.items()}, {n: line[1] for n, line in found.items()}
+
+
+def angle_statistics(angles: FloatArray, cycle: IntArray | None) -> list[dict[str, Any]]:
+    """Return mean, standard deviation and largest of angles (n, 6): the run, then each cycle."""
+    parts: dict[str, Any] = {'run': slice(None)}
+    if cycle is not None:
+        parts |= {f'R{number}': cycle == number for number in np.unique(cycle[cycle > 0])}
+    return [{'part': name, **_part_statistics(angles[rows])} for name, rows in parts.items()]
+
+
+def _part_statistics(angles: FloatArray) -> dict[str, dict[str, float]]:
+    known = np.isfinite(angles[:, 0])
+    if not known.any():
+        return {}
+    found: dict[str, dict[str, float]] = {'mean': {}, 'std': {}, 'largest': {}}
+    for name, column in zip(COLUMNS, angles.T, strict=True):
+        values = column if known.all() else column[known]
+        found['mean'][name], found['std'][name] = _circular(values)
+        found['largest'][name] = float(max(values.max(), -values.min()))
+    return found
+
+
+def angles_from_start(seconds: FloatArray, orientation: FloatArray, every: int = 1) -> FloatArray:
+    """Return (n, 6) angles [deg] of orientations (n, 4) relative to their first minute's mean.
+
+    Euler angles are about the sensor's axes at the start, heading and inclination about and away
+    from the vertical. NaN where the filter has no attitude.
+    """
+    known = np.isfinite(orientation).all(axis=1)
+    angles = np.full((len(orientation[::every]), len(COLUMNS)), np.nan, order='F')
+    if not known.any():
+        return angles
+    first = seconds[known][0]
+    early = orientation[known & (seconds < first + START_S)]
+    signs = np.sign(early @ early[0])[:, None]
+    start = conjugate(normalised((early * np.where(signs == 0, 1.0, signs)).mean(axis=0)))
+    kept, rows = orientation[::every], np.flatnonzero(known[::every])
+    for begin in range(0, len(rows), CHUNK):
+        part = rows[begin : begin + CHUNK]
+        q = kept[part]
+        angles[part, :3] = euler_zyx(multiply(start, q))[:, ::-1]
+        world = multiply(q, start)
+        for column, measure in enumerate((rotation_angle, heading_angle, inclination_angle), 3):
+            angles[part, column] = measure(world)
+    return np.degrees(angles, out=angles)
+
+
+def _circular(values: FloatArray) -> tuple[float, float]:
+    """Return mean and standard deviation [deg] of angles (n,) that may wrap at ±180°.
+
+    Deviations are taken the short way round: from the first value, then from their mean.
+    """
+    away = _wrapped(values - values[0])
+    centre = float(values[0] + away.mean())
+    away = _wrapped(np.subtract(values, centre, out=away))
+    mean = centre + float(away.mean())
+    return (mean + 180.0) % 360.0 - 180.0, float(away.std())
+
+
+def _wrapped(difference: FloatArray) -> FloatArray:
+    """Return differences of angles [deg] within ±180°, in place."""
+    if max(difference.max(), -difference.min()) > 180.0:
+        difference[difference > 180.0] -= 360.0
+        difference[difference < -180.0] += 360.0
+    return difference
+
+
+def state_bytes(name: str) -> int:
+    """Return the memory of a filter's state: eight bytes per number in it."""
+
+    def numbers(value: Any) -> int:
+        return sum(map(numbers, value)) if isinstance(value, tuple) else 1
+
+    return 8 * numbers(FILTERS[name].initial_state())
+
+
+FILTER_RATE = 50.0
+"""Slowest rate [Hz] the filters are run at; slower recordings are interpolated to it."""
+UNUSED = (
+    'chamber_temperature', 'chamber_temperature_2', 'device_temperature', 'setpoint', 'humidity',
+    'heater', 'compressor', 'fan', 'supply_voltage', 'vibration', 'phase',
+    'reference_orientation',
+)  # fmt: skip
+"""Tracks the filters do not look at."""
+ALL_POINTS = 4_000
+"""Points per line of all recordings together."""
+
+
+@dataclass(frozen=True, eq=False)
+class AttitudeTask:
+    """One recording to be run through the filters, raw and compensated."""
+
+    recording: ImuRecording
+    model: ThermalModel | None
+    among: int
+    """Number of recordings whose lines share a page."""
+
+    @property
+    def label(self) -> str:
+        """What is filtered."""
+        return f'filtering {self.recording.run}'
+
+    @property
+    def size(self) -> float:
+        """Rows to be filtered and looked at [10⁶]."""
+        seconds = float(self.recording.time[-1]) if len(self.recording) else 0.0
+        rows = FILTER_RATE * seconds if is_slow(self.recording) else 3.0 * len(self.recording)
+        return rows * 1e-6
+
+    def run(self) -> tuple[Attitude, ...]:
+        """Return the attitudes; none without a model."""
+        kept = settled(self.recording)
+        if self.model is None or kept.sum() < 2:
+            return ()
+        slow = is_slow(self.recording)
+        raw = self.recording if kept.all() else self.recording.rows(kept)
+        found = estimate_attitudes(
+            variants(raw, self.model),
+            every=round(FILTER_RATE) if slow else 1,
+            points=int(np.clip(ALL_POINTS / self.among, 250, 1000)),
+        )
+        return tuple(found)
+
+
+def variants(raw: ImuRecording, model: ThermalModel) -> dict[str, ImuRecording]:
+    """Return what the filters are fed with: raw, and compensated by every version of the model.
+
+    A recording fast enough for a verdict is also taken with only its magnetometer compensated.
+    """
+    found = {RAW: without_tracks(raw)}
+    for number, version in enumerate(model.history, 1):
+        found[f'version {number}'] = without_tracks(compensate(raw, version))
+    full = without_tracks(compensate(raw, model))
+    if is_slow(raw):
+        found[FULL] = full
+        return {name: upsample(recording, FILTER_RATE) for name, recording in found.items()}
+    if np.isfinite(raw.magnetic_field).any():
+        found[HALF] = replace(found[RAW], magnetic_field=full.magnetic_field)
+    return found | {FULL: full}
+
+
+def without_tracks(recording: ImuRecording) -> ImuRecording:
+    """Return the recording with what filters need and the cycle: copies become a third."""
+    absent: dict[str, Any] = dict.fromkeys(UNUSED)
+    return replace(recording, **absent)
+
+
+def is_slow(recording: ImuRecording) -> bool:
+    """Tell whether the recording has to be interpolated for the filters."""
+    return not sample_rate(recording) >= 0.98 * FILTER_RATE
+
+
+def settled(recording: ImuRecording) -> NDArray[np.bool_]:
+    """Return (n,) the rows after the start-up transient."""
+    kept = np.ones(len(recording), dtype=bool)
+    kept[: startup_rows(recording)[0]] = False
+    return kept

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Claims of section V: a line is enough, one model for all is not, what is left is Gaussian."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from thermal_comp.presentation.display import SENSORS, shown
+
+from imu_workbench.report.analysis import Study
+from imu_workbench.report.claims.claim import Claim, untestable
+from imu_workbench.report.modelled import RunErrors, binned
+
+LARGEST_DEVIATION = 0.1
+"""Deviation from the line, as a part of its span, up to which it counts as linear."""
+SIGNIFICANCE = 0.01
+
+
+def linearity_claim(study: Study) -> Claim:
+    """Compare what the mean error deviates from the model with the model's span."""
+    said = 'The dependence is linear, so that a line per axis is enough (section V, Fig. 5)'
+    rows: list[dict[str, Any]] = []
+    for device in study.devices:
+        runs = [run.errors for run in study.runs if run.errors and run.device == device.name]
+        for sensor in SENSORS:
+            found = _linearity([run for run in runs if sensor in run.measured], sensor)
+            if found:
+                rows.append({'device': device.name, 'sensor': sensor, **found})
+    if not rows:
+        return untestable('linear', said, 'There is no model of these recordings.')
+    squared = np.concatenate([row['r_squared'] for row in rows])
+    deviation = np.concatenate([row['deviation'] for row in rows])
+    clear = np.concatenate([row['clear'] for row in rows])
+    bent = int((deviation[clear] > LARGEST_DEVIATION).sum())
+    return Claim(
+        'linear',
+        said,
+        f'R² {shown(float(squared.min()))} … {shown(float(squared.max()), 4)} on 20 s means; bin '
+        f'means deviate from the model by up to {shown(100 * float(deviation[clear].max()), 2)} % '
+        f'of its span; {bent} of {int(clear.sum())} channels by more than 10 %'
+        if clear.any()
+        else 'no channel depends on temperature beyond its noise',
+        'supported' if not bent else 'not',
+        'Largest mean residual in a bin of 2 K as a part of the model’s span, for channels whose '
+        'span is above three times the residual’s standard deviation.',
+        {'channels': rows},
+    )
+
+
+def gaussianity_claim(study: Study) -> Claim:
+    """Count channels whose distribution is Gaussian before and after, and their modes."""
+    said = (
+        'Raw distributions have two modes, at the cold and the hot dwell; compensated ones are '
+        'Gaussian (section V, Fig. 6, χ² test)'
+    )
+    rows: list[dict[str, Any]] = []
+    for device in study.devices:
+        sensors = device.comparison.sensors.items() if device.comparison else ()
+        for sensor, part in sensors:
+            modes = part.modes_before
+            rows += [
+                {
+                    'device': device.name,
+                    'sensor': sensor,
+                    'axis': axis,
+                    'p_before': part.gaussianity_before[i].p_value,
+                    'p_after': part.gaussianity_after[i].p_value,
+                    'effective_n': part.gaussianity_after[i].effective_n,
+                    'dwells_apart': float(modes.separation[i]) if modes else None,
+                }
+                for i, axis in enumerate('xyz')
+            ]
+    tested = [row for row in rows if np.isfinite(row['p_before'] + row['p_after'])]
+    if not tested:
+        return untestable(
+            'gaussian',
+            said,
+            'There is no model of these recordings, or they hold too few independent samples.',
+        )
+    before = int(rejected([row['p_before'] for row in tested]).sum())
+    after = int(rejected([row['p_after'] for row in tested]).sum())
+    apart = [row['dwells_apart'] for row in tested if row['dwells_apart'] is not None]
+    bimodal = sum(value > 2.0 for value in apart)
+    return Claim(
+        'gaussian',
+        said,
+        f'{before} of {len(tested)} channels are not Gaussian before compensation, {bimodal} have '
+        f'two modes at the dwells; {after} are not Gaussian after it',
+        'supported' if not after and before > len(tested) / 2 and bimodal else 'not',
+        f'χ² test of 20 s means, thinned until they are independent, at {SIGNIFICANCE:.0%} over '
+        'all channels together (Holm); two modes where the dwells’ means are more than two '
+        'standard deviations apart. Supported where most are rejected before and none after.',
+        {'channels': rows},
+    )
+
+
+def rejected(p_values: Sequence[float]) -> NDArray[np.bool_]:
+    """Return which hypotheses Holm's procedure rejects at SIGNIFICANCE over all of them.
+
+    >>> rejected([0.5, 1e-6, 0.004]).tolist()
+    [False, True, True]
+    """
+    p = np.asarray(p_values, dtype=np.float64)
+    order = np.argsort(p)
+    passed = p[order] <= SIGNIFICANCE / np.arange(len(p), 0, -1)
+    kept = np.logical_and.accumulate(passed)
+    result = np.zeros(len(p), dtype=bool)
+    result[order[kept]] = True
+    return result
+
+
+def _linearity(runs: Sequence[RunErrors], sensor: str) -> dict[str, Any] | None:
+    if not runs:
+        return None
+    temperature = np.concatenate([run.temperature for run in runs])
+    measured = np.concatenate([run.measured[sensor] for run in runs])
+    modelled = np.concatenate([run.modelled[sensor] for run in runs])
+    residual = measured - modelled
+    _, means, _ = binned(temperature, residual)
+    span = np.ptp(modelled[np.isfinite(modelled).all(axis=1)], axis=0)
+    if not len(means):
+        return None
+    return {
+        'r_squared': 1.0 - np.nanvar(residual, axis=0) / np.nanvar(measured, axis=0),
+        'deviation': np.abs(means).max(axis=0) / np.maximum(span, 1e-300),
+        'clear': span > 3.0 * np.nanstd(residual, axis=0),
+    }

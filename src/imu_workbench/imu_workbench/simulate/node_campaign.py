@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A whole campaign in one process: chamber, drivers and recorder nodes in lock-step on one clock.
+
+Nothing is spun and nothing goes over DDS: the clock is a number, every node's own callbacks are
+called in turn, and what they publish is handed to the recorder.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from chamber_profile.chambers import climate
+from chamber_profile.node import ChamberProfileNode
+from chamber_profile.profile.file import OPERATOR_PHASE
+from chamber_profile.run.values import CONFIRM, DONE
+from imu_driver.board.lsm9ds1 import DEFAULT_FULL_SCALE
+from imu_driver.board.sample import SampleScale
+from imu_driver.node import ImuDriverNode
+from imu_driver.simulation.stream import SimulatedDevice
+from imu_driver.wire.frames import MAGNETOMETER_NEW, TEMPERATURE_NEW, DataFrame
+from imu_recording.logging_contract import STRING
+from imu_recording.recorder.node import RecorderNode
+from imu_recording.recorder.run_announcement import RUN_TOPIC
+from imu_recording.ros.message_cdr import serialise, type_of
+from imu_recording.user_error import UserError
+from rclpy.context import Context
+from rclpy.logging import LoggingSeverity
+
+from imu_workbench.isolated_context import quiet_context
+
+SECOND = 1_000_000_000
+FIRST_DAY = 1_767_225_600 * SECOND
+"""Start of the first run, 2026-01-01 00:00 UTC; each run has a day of its own [ns]."""
+DAY = 86_400 * SECOND
+TYPES = {
+    'imu/data_raw': 'sensor_msgs/msg/Imu',
+    'imu/mag': 'sensor_msgs/msg/MagneticField',
+    'imu/temperature': 'sensor_msgs/msg/Temperature',
+}
+"""What the driver publishes already serialised."""
+
+
+class CampaignError(UserError):
+    """A campaign that cannot be run; the message says why."""
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """One run of a campaign."""
+
+    profile: Path
+    """Profile file of this one orientation."""
+    orientation: str
+    """'+x' … '-z'."""
+    directory: Path
+    devices: Sequence[str]
+    imu_rate_hz: float
+    seed: int
+    number: int
+    """0 … within the campaign."""
+    time_scale: float = 0.0
+    """Seconds of the chamber per second; 0: as fast as possible."""
+
+
+def run_in_lock_step(plan: RunPlan, progress: Callable[[str], None] = lambda _: None) -> int:
+    """Run one orientation; return the number of messages recorded."""
+    with quiet_context() as context:
+        bench = _Bench(plan, context)
+        try:
+            return bench.run(progress)
+        finally:
+            bench.close()
+
+
+class _Device:
+    """A simulated device and the driver node that publishes for it."""
+
+    def __init__(self, bench: _Bench, name: str, number: int) -> None:
+        plan = bench.plan
+        self.source = SimulatedDevice(
+            name,
+            seed=1000 * plan.seed + 10 * plan.number + number,
+            full_scale=DEFAULT_FULL_SCALE,
+            orientation=plan.orientation,
+        )
+        self._scale = SampleScale(DEFAULT_FULL_SCALE)
+        namespace = f'/{name}'
+        self.node = ImuDriverNode(
+            capture=lambda topic, message: bench.take(f'{namespace}/{topic}', topic, message),
+            now=bench.now,
+            parameters={'transport': f'simulated://{name}', 'frame_id': f'{name}_imu_link'},
+            namespace=namespace,
+            **bench.options,
+        )
+        self.node.trigger_configure()
+
+    def publish(self, stamp: int, time_s: float, ambient_c: float) -> None:
+        """Take one sample of everything and publish it."""
+        gyroscope, accelerometer, magnetometer, thermometer = self.source.sample(time_s, ambient_c)
+        counts = (*gyroscope, *accelerometer, *magnetometer)
+        frame = DataFrame(0, 0, MAGNETOMETER_NEW | TEMPERATURE_NEW, thermometer, counts)
+        self.node.publish(self._scale.sample(stamp, frame))
+
+
+class _Bench:
+    """The nodes of one run and the clock they share."""
+
+    def __init__(self, plan: RunPlan, context: Context) -> None:
+        self.plan = plan
+        self._stamp = FIRST_DAY + plan.number * DAY
+        self._begin = self._stamp
+        self.options: dict[str, Any] = {
+            'context': context,
+            'enable_rosout': False,
+            'start_parameter_services': False,
+        }
+        self._listeners: dict[str, Callable[[Any], None]] = {}
+        self._recorder = self._open_recorder()
+        self.devices = [_Device(self, name, i) for i, name in enumerate(plan.devices)]
+        self.chamber = ChamberProfileNode(
+            capture=lambda topic, message: self.take(f'/{topic}', topic, message),
+            now=self.now,
+            parameters={
+                'profile': str(plan.profile),
+                'chamber': f'simulated?seed={4 * plan.seed + plan.number}',
+                'start': True,
+                'run_directory': str(plan.directory),
+                'imu_topics': [f'/{name}/imu/temperature' for name in plan.devices],
+            },
+            **self.options,
+        )
+        self.chamber.get_logger().set_level(LoggingSeverity.WARN)
+        if not self.chamber.autostart():
+            raise CampaignError(f'the chamber node refuses: {self.chamber.refused}')
+        self._listeners = self.chamber.inputs
+
+    def now(self) -> int:
+        """Return the shared clock [ns]."""
+        return self._stamp
+
+    def take(self, topic: str, name: str, message: Any) -> None:
+        """Hand what a node publishes to the recorder, and to the chamber what it listens to."""
+        if topic in self._listeners:
+            self._listeners[topic](message)
+        if isinstance(message, bytes):
+            self._record(topic, TYPES[name], message)
+        elif not name.startswith('/'):
+            self._record(topic, type_of(message), message)
+
+    def run(self, progress: Callable[[str], None]) -> int:
+        """Advance the clock second by second until the run is over."""
+        plan, chamber = self.plan, self.chamber
+        steps = max(1, round(plan.imu_rate_hz))
+        every = max(1, round(1.0 / plan.imu_rate_hz))
+        second, asked, flushed = 0, 0, time.monotonic()
+        began = flushed
+        while chamber.exit_code is None:
+            self._stamp = self._begin + second * SECOND
+            chamber.advance()
+            if second % every == 0:
+                self._sample(second, steps if plan.imu_rate_hz > 1.0 else 1)
+            asked = self._confirm(asked)
+            if time.monotonic() - flushed > 1.0:
+                self._recorder.flush()
+                flushed = time.monotonic()
+                where = f'{chamber.moment.step.id} at {second / 3600:.1f} h'
+                progress(f'{plan.directory.name}: {where}')
+            if plan.time_scale:
+                time.sleep(max(0.0, began + second / plan.time_scale - time.monotonic()))
+            second += 1
+        if chamber.moment.progress.mode != DONE:
+            raise CampaignError(f'{plan.directory}: {chamber.moment.progress.reason}')
+        return int(self._recorder.recorder.messages)
+
+    def close(self) -> None:
+        """Finish the bag and let go of the nodes."""
+        self._recorder.deactivated()
+        self._recorder.destroy_node()
+        self.chamber.run.conductor.close()
+        for node in (self.chamber, *(device.node for device in self.devices)):
+            node.destroy_node()
+
+    def _sample(self, second: int, count: int) -> None:
+        state = self.chamber.run.conductor.link.chamber.state
+        air = float(state[climate.AIR] + state[climate.EDDY])
+        for i in range(count):
+            self._stamp = self._begin + second * SECOND + i * SECOND // count
+            for device in self.devices:
+                device.publish(self._stamp, second + i / count, air)
+
+    def _confirm(self, asked: int) -> int:
+        """Play the operator: confirm a prompt after the time the profile expects."""
+        moment = self.chamber.moment
+        if moment.progress.stage != CONFIRM or moment.step.phase != OPERATOR_PHASE:
+            return 0
+        if asked and self._stamp - asked >= moment.step.expected_s * SECOND:
+            self.chamber.order('confirm')
+        return asked or self._stamp
+
+    def _open_recorder(self) -> Any:
+        plan = self.plan
+        recorder_node: Any = RecorderNode
+        recorder = recorder_node(
+            capture=lambda *_: None,
+            now=self.now,
+            parameters={'output': str(plan.directory), 'run': plan.directory.name},
+            **self.options,
+        )
+        recorder.trigger_configure()
+        if recorder.refused:
+            raise CampaignError(f'the recorder refuses: {recorder.refused}')
+        return recorder
+
+    def _record(self, topic: str, message_type: str, message: Any) -> None:
+        """Hand a message to the recorder, as DDS would: what it wants, serialised."""
+        recorder = self._recorder
+        if message_type == STRING and topic == f'/{RUN_TOPIC}':
+            recorder.inputs[RUN_TOPIC](message)
+        if topic not in recorder.inputs:
+            if not recorder.is_wanted(topic):
+                return
+            recorder.subscribe(topic, message_type)
+        recorder.inputs[topic](message if isinstance(message, bytes) else serialise(message))

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bag that was read once, as columns on disk that every tab and every worker maps."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
+
+from imu_workbench.motion_detection import motion_of
+
+TEXTS = ('frame_id', 'device', 'run', 'up_axis', 'profile', 'namespace', 'source')
+
+
+@dataclass(frozen=True)
+class StoredBag:
+    """One recording of one device."""
+
+    folder: Path
+    device: str
+    run: str
+    up_axis: str
+    source: str
+    samples: int
+    duration: float
+    """[s]."""
+    notes: tuple[str, ...]
+    motion: str = ''
+    """How the device moves; '' where it rests."""
+
+    def recording(self) -> ImuRecording:
+        """Return the recording; its columns are mapped, not loaded."""
+        told = json.loads((self.folder / 'recording.json').read_text('utf-8'))
+        columns: dict[str, Any] = {
+            path.stem: np.load(path, mmap_mode='r') for path in self.folder.glob('*.npy')
+        }
+        notes = tuple(told.pop('notes'))
+        recording = ImuRecording(**columns, **told, notes=notes)
+        return replace(recording, run=self.run, device=self.device)
+
+    def stamp(self) -> np.ndarray:
+        """(n,) time of measurement [ns]."""
+        stamp: np.ndarray = np.load(self.folder / 'stamp.npy', mmap_mode='r')
+        return stamp
+
+    def measured(self, sensor: str) -> FloatArray:
+        """(n, 3) samples of a sensor [SI unit]."""
+        values: FloatArray = np.load(self.folder / f'{SENSOR_FIELDS[sensor]}.npy', mmap_mode='r')
+        return values
+
+    def temperature(self) -> FloatArray:
+        """(n,) die [°C]."""
+        values: FloatArray = np.load(self.folder / 'temperature.npy', mmap_mode='r')
+        return values
+
+
+def store_recording(recording: ImuRecording, folder: Path) -> StoredBag:
+    """Write the recording's columns into a folder of its own."""
+    folder.mkdir(parents=True)
+    for item in fields(recording):
+        column = getattr(recording, item.name)
+        if isinstance(column, np.ndarray):
+            np.save(folder / f'{item.name}.npy', column)
+    told: dict[str, Any] = {name: getattr(recording, name) for name in TEXTS}
+    told |= {'notes': list(recording.notes), 'unplaced': dict(recording.unplaced)}
+    (folder / 'recording.json').write_text(json.dumps(told, ensure_ascii=False), 'utf-8')
+    span = float(recording.stamp[-1] - recording.stamp[0]) * 1e-9 if len(recording) else 0.0
+    return StoredBag(
+        folder,
+        recording.device or recording.namespace.strip('/') or 'device',
+        recording.run or recording.source.rstrip('/').rpartition('/')[2] or 'run',
+        recording.up_axis,
+        recording.source,
+        len(recording),
+        span,
+        recording.notes,
+        motion_of(recording),
+    )
+
+
+def with_unique_runs(bags: Sequence[StoredBag]) -> list[StoredBag]:
+    """Return the bags with a run name each that no other bag has."""
+    seen: dict[str, int] = {}
+    result = []
+    for bag in bags:
+        seen[bag.run] = seen.get(bag.run, 0) + 1
+        number = seen[bag.run]
+        result.append(bag if number == 1 else replace(bag, run=f'{bag.run} ({number})'))
+    return result

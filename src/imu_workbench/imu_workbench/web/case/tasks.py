@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What runs in worker processes: read, fit, compare, diagnose, add, remove.
+
+Every task takes `progress` first and returns plain data; effects of users are loaded from their
+files again in each process.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from imu_recording.recording import RecordingError
+from thermal_comp.comparison.compare import compare_prepared
+from thermal_comp.data.conditions import SENSORS, Sensor
+from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.diagnosis.diagnose import Settings, diagnose, greyed_out
+from thermal_comp.diagnosis.growth import add_effect
+from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.effects.effect import Effect
+from thermal_comp.effects.explanation import explanation
+from thermal_comp.effects.user_effects import effect_catalogue
+from thermal_comp.fitting.fit import fit_prepared
+from thermal_comp.fitting.inputs import usable_sensors
+from thermal_comp.model.file import check_device
+from thermal_comp.model.values import ModelError, ThermalModel
+
+from imu_workbench.answer import plain
+from imu_workbench.commands.options import read_devices
+from imu_workbench.report.analysis import study_recordings
+from imu_workbench.report.content import report_content, versions
+from imu_workbench.report.html.document import report_page
+from imu_workbench.web.case.stored_bag import StoredBag, store_recording
+from imu_workbench.web.case.version import Version, make_version, model_from_text
+
+Progress = Callable[[str], None]
+
+
+def read_task(progress: Progress, path: Path, folder: Path) -> list[StoredBag]:
+    """Read a bag and store the recording of each of its devices in a folder below `folder`."""
+    progress(f'reading {path.name}')
+    stored = []
+    for number, recording in enumerate(read_devices(path, None, None, every_device=True)):
+        stored.append(store_recording(recording, folder / str(number)))
+    return stored
+
+
+def prepare_task(progress: Progress, bags: Sequence[StoredBag], target: Path) -> None:
+    """Prepare the runs of one device and keep them in a file; what cannot be is left out."""
+    runs: list[PreparedRun] = []
+    left_out: dict[str, str] = {}
+    for bag in bags:
+        progress(f'taking 20 s means of {bag.run}')
+        try:
+            runs += usable(prepare([bag.recording()]))
+        except RecordingError as error:
+            left_out[bag.run] = f'{Path(bag.source).name}: {error}'
+    if not runs:
+        raise RecordingError('; '.join(left_out.values()))
+    with target.open('wb') as file:
+        pickle.dump((runs, left_out), file, protocol=5)
+
+
+def usable(runs: list[PreparedRun]) -> list[PreparedRun]:
+    """Return the runs; refuse one that is too short to tell anything."""
+    for run in runs:
+        try:
+            usable_sensors([run])
+        except ModelError:
+            raise RecordingError(
+                f'{run.name}: no sensor has enough samples in its {len(run)} blocks'
+            ) from None
+    return runs
+
+
+def first_version_task(
+    progress: Progress,
+    bags: Sequence[StoredBag],
+    prepared: Path,
+    model_text: str | None,
+    effect_files: Sequence[Path],
+) -> tuple[Version, dict[str, str], dict[str, str]]:
+    """Return the given model, else a line per axis, against the runs.
+
+    Beside it: effects that are greyed out, and runs that are left out, each with the reason.
+    """
+    catalogue = effect_catalogue(effect_files)
+    if not prepared.exists():
+        prepare_task(progress, bags, prepared)
+    runs, left_out = load_prepared(prepared)
+    if model_text is None:
+        progress('fitting a line per axis')
+        model, label = fit_prepared([BiasTemperature()], runs), 'line per axis'
+    else:
+        model, label = model_from_text(model_text, catalogue), 'opened model'
+        if not model.pooled:
+            for run in runs:
+                check_device(model, run.device)
+    progress('comparing')
+    version = make_version(label, model, compare_prepared(model, runs), runs)
+    return version, greyed_out(runs, catalogue), left_out
+
+
+@dataclass(frozen=True)
+class Change:
+    """What is to be changed in a model."""
+
+    effect: str
+    sensors: tuple[Sensor, ...] = ()
+    """Empty: where there is evidence when added, everywhere when removed."""
+    added: bool = True
+    """False: taken out."""
+
+
+def change_task(
+    progress: Progress,
+    prepared: Path,
+    model_text: str,
+    change: Change,
+    effect_files: Sequence[Path],
+) -> Version:
+    """Return the model with an effect more or less, everything refitted."""
+    catalogue = effect_catalogue(effect_files)
+    runs = load_runs(prepared)
+    model = model_from_text(model_text, catalogue)
+    told = change.effect.replace('_', ' ')
+    if not change.added:
+        progress(f'removing {told}')
+        return _without(model, runs, change, coupled=catalogue[change.effect].coupled)
+    progress(f'adding {told}')
+    growth = add_effect(model, runs, change.effect, Settings(catalogue), change.sensors)
+    places = ', '.join(sensor for step in growth.steps for sensor in step.sensors)
+    label = f'+ {change.effect} ({places})'
+    return make_version(label, growth.model, growth.after, runs, growth.unneeded)
+
+
+def _without(
+    model: ThermalModel, runs: Sequence[PreparedRun], change: Change, *, coupled: bool
+) -> Version:
+    places = change.sensors if change.sensors and not coupled else SENSORS
+    listed = {
+        sensor: tuple(
+            e
+            for e in model.sensors[sensor].effects
+            if not (e.name == change.effect and sensor in places)
+        )
+        for sensor in SENSORS
+        if sensor in model.sensors
+    }
+    noise = {s: p.noise for s in SENSORS if (p := model.sensors.get(s)) and p.noise is not None}
+    fitted = fit_prepared(listed, runs, noise=noise)
+    label = f'− {change.effect} ({", ".join(places)})'
+    return make_version(label, model.succeeded_by(fitted), compare_prepared(fitted, runs), runs)
+
+
+def diagnose_task(
+    progress: Progress, bags: Sequence[StoredBag], model_text: str, effect_files: Sequence[Path]
+) -> dict[str, Any]:
+    """Return what `diagnose --json` writes."""
+    progress('diagnosing')
+    catalogue = effect_catalogue(effect_files)
+    model = model_from_text(model_text, catalogue)
+    found = diagnose((bag.recording() for bag in bags), model, catalogue=catalogue)
+    content: dict[str, Any] = plain(found.to_dict())
+    return content
+
+
+def load_runs(prepared: Path) -> list[PreparedRun]:
+    """Return the runs that `prepare_task` kept."""
+    return load_prepared(prepared)[0]
+
+
+def load_prepared(prepared: Path) -> tuple[list[PreparedRun], dict[str, str]]:
+    """Return the runs that `prepare_task` kept, and why others are left out, by run."""
+    with prepared.open('rb') as file:
+        kept: tuple[list[PreparedRun], dict[str, str]] = pickle.load(file)  # noqa: S301 (our own)
+    return kept
+
+
+def report_task(
+    progress: Callable[[str], None],
+    bags: Sequence[StoredBag],
+    model_texts: Mapping[str, str],
+    effect_files: Sequence[Path],
+    target: Path,
+) -> Path:
+    """Write the report of these recordings under these models (by device); return its path."""
+    progress('writing the report: filters, diagnosis, figures')
+    catalogue = effect_catalogue(effect_files)
+    models = {device: model_from_text(text, catalogue) for device, text in model_texts.items()}
+    recordings = [bag.recording() for bag in bags]
+    study = study_recordings(recordings, models, catalogue=catalogue, workers=os.cpu_count() or 1)
+    names = ' '.join(bag.source for bag in bags)
+    given = [f'--model {device}.yaml' for device in models]
+    given += [f'--effects {file.name}' for file in effect_files]
+    command = f'python -m imu_workbench report {names} {" ".join(given)} -o report.html'
+    content = report_content(study, commands=[command], versions=versions())
+    target.write_text(report_page(content), 'utf-8')
+    return target
+
+
+@dataclass
+class Catalogue:
+    """What `explain` says of every effect, by name."""
+
+    effects: dict[str, dict[str, Any]] = field(
+        default_factory=lambda: {name: told(effect) for name, effect in EFFECTS.items()}
+    )
+
+
+def told(effect: type[Effect]) -> dict[str, Any]:
+    """Return an effect in words."""
+    return explanation(effect) | {'coupled': effect.coupled}
+
+
+def effects_task(
+    progress: Callable[[str], None], files: Sequence[Path]
+) -> dict[str, dict[str, Any]]:
+    """Return the catalogue with the effects of the files, each checked against the contract."""
+    progress('checking the effect file')
+    return {name: told(effect) for name, effect in effect_catalogue(files).items()}

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One version of a device's model with everything the pages show of it, as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from thermal_comp.comparison.compare import Comparison
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.effects.effect import Effect
+from thermal_comp.model.file import load_model, save_model
+from thermal_comp.model.values import NoiseModel, ThermalModel
+
+from imu_workbench.answer import plain
+from imu_workbench.web.case.run_blocks import RunBlocks, blocks_of_runs
+
+
+@dataclass(frozen=True, eq=False)
+class Version:
+    """A model, compared with the runs of its device."""
+
+    label: str
+    """What was done to get here."""
+    model_text: str
+    """The model file."""
+    comparison: Mapping[str, Any]
+    """What `compare --json` writes."""
+    blocks: tuple[RunBlocks, ...]
+    effects: Mapping[str, tuple[str, ...]]
+    """Names per sensor."""
+    noise: Mapping[str, NoiseModel]
+    terms: tuple[Mapping[str, Any], ...] = ()
+    """Parameters of the effects: sensor, effect, parameter, value, std, unit."""
+    unneeded: tuple[str, ...] = ()
+    notes: tuple[str, ...] = field(default=())
+
+    def error(self, sensor: str) -> float:
+        """Held-out rms over the axes [SI unit]."""
+        return _rms(self.comparison['sensors'][sensor]['held_out_rms'])
+
+    def floor(self, sensor: str) -> float:
+        """Noise floor of `error` [SI unit]."""
+        return _rms(self.comparison['sensors'][sensor]['noise_floor'])
+
+    def measured(self, sensor: str) -> float:
+        """Error without any model, rms over the axes [SI unit]."""
+        return _rms(self.comparison['sensors'][sensor]['measured_rms'])
+
+
+def make_version(
+    label: str,
+    model: ThermalModel,
+    comparison: Comparison,
+    runs: Sequence[PreparedRun],
+    unneeded: Sequence[str] = (),
+) -> Version:
+    """Return the version of a model."""
+    return Version(
+        label=label,
+        model_text=model_as_text(model),
+        comparison=plain(comparison.to_dict()),
+        blocks=tuple(blocks_of_runs(model, runs)),
+        effects={s: tuple(e.name for e in part.effects) for s, part in model.sensors.items()},
+        noise={s: part.noise for s, part in model.sensors.items() if part.noise is not None},
+        terms=tuple(_terms(model)),
+        unneeded=tuple(unneeded),
+        notes=(*comparison.notes, *model.provenance.notes),
+    )
+
+
+def model_as_text(model: ThermalModel) -> str:
+    """Return the model file's text."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / 'model.yaml'
+        save_model(model, path)
+        return path.read_text('utf-8')
+
+
+def model_from_text(text: str, catalogue: Mapping[str, type[Effect]]) -> ThermalModel:
+    """Return the model of a model file's text."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / 'model.yaml'
+        path.write_text(text, 'utf-8')
+        return load_model(path, catalogue)
+
+
+def _terms(model: ThermalModel) -> list[dict[str, Any]]:
+    rows = []
+    for sensor, part in model.sensors.items():
+        for effect in part.effects:
+            for name, value in effect.shape_parameters.items():
+                std = part.shape_std.get(f'{effect.name}.{name}')
+                unit = effect.__dataclass_fields__[name].metadata.get('unit', '')
+                rows.append({
+                    'sensor': sensor, 'effect': effect.name, 'parameter': name,
+                    'value': plain(value), 'std': plain(std), 'unit': unit,
+                })  # fmt: skip
+    return rows
+
+
+def _rms(per_axis: Sequence[float | None]) -> float:
+    known = [value for value in per_axis if value is not None]
+    return (sum(value**2 for value in known) / len(known)) ** 0.5 if known else float('nan')

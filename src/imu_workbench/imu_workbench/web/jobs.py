@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Long work in a process of its own: progress to read, a result to wait for, a way to stop it.
+
+Processes are forked from a small server that has imported the numerical packages and nothing
+else, so that they start at once and can be ended at any time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import multiprocessing
+import os
+import signal
+import traceback
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from typing import Any, Protocol
+
+from imu_recording.user_error import UserError
+
+from imu_workbench.answer import error_line
+
+PRELOADED = 'imu_workbench.web.preloaded'
+logger = logging.getLogger(__name__)
+
+
+class JobError(UserError):
+    """What went wrong, in a sentence for the user."""
+
+
+class JobCancelled(Exception):  # noqa: N818 (not an error: the user wanted it)
+    """The user has stopped it."""
+
+
+class Stoppable(Protocol):
+    """Something that goes on and that the user may stop."""
+
+    progress: str
+
+    def cancel(self) -> None:
+        """Stop it."""
+
+
+class Waiting:
+    """Waits for a lock that another tab holds."""
+
+    def __init__(self) -> None:
+        self.progress = 'waiting for another tab that is at it'
+        self._stopped = asyncio.Event()
+
+    def cancel(self) -> None:
+        """Give up."""
+        self._stopped.set()
+
+    async def acquire(self, lock: asyncio.Lock) -> None:
+        """Take the lock; raise JobCancelled where the user gave up before."""
+        taking = asyncio.ensure_future(lock.acquire())
+        stopping = asyncio.ensure_future(self._stopped.wait())
+        await asyncio.wait({taking, stopping}, return_when=asyncio.FIRST_COMPLETED)
+        stopping.cancel()
+        if self._stopped.is_set():
+            if taking.done():
+                lock.release()
+            taking.cancel()
+            raise JobCancelled
+
+
+class Job:
+    """One call of a function in a process of its own; the function takes `progress` first."""
+
+    def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
+        self.progress = ''
+        self.cancelled = False
+        context = start_context()
+        self._connection, theirs = context.Pipe(duplex=False)
+        self._process = context.Process(
+            target=_run, args=(theirs, function, arguments), daemon=False
+        )
+        self._process.start()
+        theirs.close()
+        RUNNING.add(self)
+
+    async def result(self) -> Any:
+        """Wait for what the function returns; raise JobError or JobCancelled."""
+        return await asyncio.to_thread(self.wait)
+
+    def wait(self) -> Any:
+        """Wait in this thread."""
+        try:
+            while True:
+                kind, value = self._connection.recv()
+                if kind == 'progress':
+                    self.progress = value
+                    continue
+                if kind == 'error':
+                    raise JobError(value)
+                return value
+        except (EOFError, OSError):
+            if self.cancelled:
+                raise JobCancelled from None
+            raise JobError(
+                'the worker process ended without a result, perhaps for lack of memory; try again '
+                'with fewer or shorter bags'
+            ) from None
+        finally:
+            self._connection.close()
+            self._process.join()
+            RUNNING.discard(self)
+
+    def cancel(self) -> None:
+        """End the process and those it has started."""
+        self.cancelled = True
+        with contextlib.suppress(ValueError):
+            self._process.terminate()
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._process.pid, signal.SIGTERM)
+
+
+RUNNING: set[Job] = set()
+"""Jobs under way in this server."""
+
+
+def end_all() -> None:
+    """End every job."""
+    for job in list(RUNNING):
+        job.cancel()
+
+
+def start_context() -> Any:
+    """Return the context whose server holds the imported packages; the first call starts it."""
+    context = multiprocessing.get_context('forkserver')
+    context.set_forkserver_preload([PRELOADED])
+    return context
+
+
+def warm_up() -> None:
+    """Start the server that processes are forked from."""
+    Job(_nothing).wait()
+
+
+def _nothing(_: Callable[[str], None]) -> None:
+    return None
+
+
+def _run(connection: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    os.setpgid(0, 0)
+    try:
+        value = function(lambda text: connection.send(('progress', text)), *arguments)
+        connection.send(('result', value))
+    except (UserError, OSError) as error:
+        connection.send(('error', error_line(error)))
+    except Exception as error:  # noqa: BLE001 (a bug: said on the page, told in full in the log)
+        logging.basicConfig()
+        logger.error('%s', traceback.format_exc())
+        text = f'{type(error).__name__}: {error}'
+        connection.send(('error', f'this is a bug in the workbench ({text}); the log has more'))
+    finally:
+        connection.close()

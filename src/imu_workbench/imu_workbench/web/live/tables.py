@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of the live view as HTML: values, surroundings, attitude, topics, diagnostics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from html import escape
+
+from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, duration, fixed
+
+from imu_workbench.report.figures.palette import AXES
+from imu_workbench.web.live.readings import (
+    TURNED_DEG,
+    apart_deg,
+    attitude,
+    chamber_times,
+    rate_hz,
+    reading,
+    silence_s,
+    turned_deg,
+    value_of,
+    warming_c_per_min,
+)
+from imu_workbench.web.live.state import LiveState, Status
+from imu_workbench.web.live.topics import DEVICE_ROLES, ROLES
+
+DECIMALS = {'gyroscope': 4, 'accelerometer': 4, 'magnetometer': 2}
+"""Decimals in display units: a tenth of the noise of a second's mean."""
+SILENT_S = 3.0
+"""From this silence on a topic counts as silent."""
+LEVELS = ('ok', 'warning', 'error', 'stale')
+PHASES = {
+    'precondition': 'preconditioning', 'ramp_down': 'ramp down', 'dwell_cold': 'cold dwell',
+    'ramp_up': 'ramp up', 'dwell_hot': 'hot dwell', 'dwell_reference': 'dwell at ambient',
+    'final': 'final measurement', 'operator': 'waits for the operator',
+}  # fmt: skip
+ROLE_NAMES = {'ahrs': 'AHRS', 'setpoint': 'set-point', 'device': 'on the device'}
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str) -> str:
+    """Return a table; cells are HTML."""
+    top = ''.join(f'<th scope="col">{cell}</th>' for cell in head)
+    body = ''.join(
+        '<tr><th scope="row">' + '</th><td>'.join(row[:2]) + '</td>'
+        + ''.join(f'<td>{cell}</td>' for cell in row[2:]) + '</tr>'
+        for row in rows
+    )  # fmt: skip
+    return (
+        f'<table class="live-table"><caption>{caption}</caption>'
+        f'<thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>'
+    )
+
+
+def values_table(state: LiveState, zero: int) -> str:
+    """Return what the sensors say, a row an axis."""
+    rows = []
+    for sensor in SENSORS:
+        unit, decimals = DISPLAY_UNITS[sensor], DECIMALS[sensor]
+        now = reading(state, sensor, zero)
+        columns = (now.raw, now.compensated, now.difference, now.static, now.noise)
+        for place, axis in enumerate(AXES):
+            numbers = [fixed(float(unit.of(column)[place]), decimals) for column in columns]
+            rows.append([f'{sensor} {axis} [{unit.unit}]', *numbers])
+    head = ('last second', 'raw', 'compensated', 'raw − comp.', 'static residual', '1σ')
+    return table(head, rows, '') + _advice(state, zero)
+
+
+def _advice(state: LiveState, zero: int) -> str:
+    tilt = turned_deg(state, zero)
+    if tilt > TURNED_DEG:
+        return (
+            f'<p role="status">The device has been turned by {tilt:.0f}° since the zero: take a '
+            'new one, the static residual counts from there.</p>'
+        )
+    return (
+        '<p>Static residual: what compensation leaves, counted from its mean over the first ten '
+        'seconds after the zero. Nothing moves, so all of it is error.</p>'
+    )
+
+
+def surroundings(state: LiveState) -> list[tuple[str, str]]:
+    """Return name and value of everything around the device."""
+    phase, _, cycle = state.phase.partition(' ')
+    shown = PHASES.get(phase, phase) or 'no chamber'
+    left = [duration(s) if math.isfinite(s) else '–' for s in chamber_times(state.statuses)]
+    temperatures = {
+        'die': 'temperature', 'on the device': 'device', 'chamber air': 'air',
+        'set-point': 'setpoint',
+    }  # fmt: skip
+    return [
+        ('phase', f'{shown}, cycle {cycle}' if cycle not in ('', '0') else shown),
+        ('phase ends in', left[0]),
+        ('run ends in', left[1]),
+        *((label, f'{fixed(value_of(state, n), 2)} °C') for label, n in temperatures.items()),
+        ('die warms by', f'{fixed(warming_c_per_min(state), 2)} °C/min'),
+    ]
+
+
+def attitude_table(state: LiveState) -> str:
+    """Return roll, pitch, yaw of both filters and the angle between them."""
+    found = {'complementary': attitude(state, 'complementary'), 'AHRS': attitude(state, 'ahrs')}
+    rows = []
+    for name, one in found.items():
+        angles = [fixed(math.degrees(a), 2) for a in one.euler] if one else ['–'] * 3
+        rows.append([name, *angles])
+    first, second = found.values()
+    apart = f'{fixed(apart_deg(first, second), 2)}°' if first and second else '–'
+    head = ('sensor → world', 'roll [°]', 'pitch [°]', 'yaw [°]')
+    return table(head, rows, '') + f'<p>Between them: {apart}</p>'
+
+
+def topics_table(state: LiveState, topics: dict[str, str]) -> str:
+    """Return every role, its topic, rate and silence."""
+    rows = []
+    for name in ROLES:
+        topic = escape(topics.get(name, '')) or 'not found'
+        silence = silence_s(state, name) if name in state.tracks else 0.0
+        rate = rate_hz(state, name) if name in state.tracks else 0.0
+        heard = f'{fixed(rate, 1)} Hz' if rate else '–'
+        if topics.get(name) and silence > SILENT_S:
+            heard = f'silent for {duration(silence)}' if math.isfinite(silence) else 'nothing yet'
+        rows.append([ROLE_NAMES.get(name, name.replace('_', ' ')), heard, topic])
+    found = table(('role', 'heard', 'topic'), rows, '')
+    return f'<div class="live-topics">{found}</div>'
+
+
+def silent_roles(state: LiveState, topics: dict[str, str]) -> list[str]:
+    """Return the device's topics that were heard once and are silent now."""
+    return [
+        topics[name]
+        for name in DEVICE_ROLES
+        if name in topics and SILENT_S < silence_s(state, name) < math.inf
+    ]
+
+
+def headline(status: Status, now: float) -> tuple[str, str]:
+    """Return the level of a node's status, 'stale' where it is old, and its line."""
+    age = now - status.received
+    if age < 2 * SILENT_S:
+        return LEVELS[min(status.level, 3)], f'{status.name}: {status.message}'
+    return LEVELS[3], f'{status.name}: {status.message} ({duration(age)} ago)'
+
+
+def details(status: Status) -> str:
+    """Return the values of a node's status."""
+    rows = [[escape(key), escape(value)] for key, value in status.values.items()]
+    return table(('value', 'now'), rows, '') if rows else 'no values'

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Covariance of orientation error θ (world) and gyroscope bias error b (sensor), kept whole.
+
+The Kalman filter's prediction and scalar measurements on it, unrolled: independent measurements
+taken one after the other give what the matrix form gives.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from orientation_filters.ahrs.measurement_update import Symmetric, apply_symmetric
+from orientation_filters.kernel import inline
+from orientation_filters.rotation.scalars import Matrix, Vector, dot
+
+
+class JointCovariance(NamedTuple):
+    """Blocks of the 6×6 covariance."""
+
+    orientation: Symmetric
+    """[rad²], world."""
+    cross: Matrix
+    """Rows θ, columns b."""
+    bias: Symmetric
+    """[(rad/s)²], sensor."""
+
+
+class Errors(NamedTuple):
+    """Estimated errors and their covariance while measurements are taken in."""
+
+    orientation: Vector
+    bias: Vector
+    covariance: JointCovariance
+
+
+@inline
+def predict(p: JointCovariance, f: Matrix, angle: float, bias: float) -> JointCovariance:
+    """Return the covariance after θ grew by f · b, with noise variances `angle` and `bias`."""
+    b, c = p.bias, p.cross
+    g = (apply_symmetric(b, f[0]), apply_symmetric(b, f[1]), apply_symmetric(b, f[2]))
+    t = p.orientation
+    return JointCovariance(
+        (
+            t[0] + 2.0 * dot(f[0], c[0]) + dot(g[0], f[0]) + angle,
+            t[1] + dot(f[0], c[1]) + dot(f[1], c[0]) + dot(g[0], f[1]),
+            t[2] + dot(f[0], c[2]) + dot(f[2], c[0]) + dot(g[0], f[2]),
+            t[3] + 2.0 * dot(f[1], c[1]) + dot(g[1], f[1]) + angle,
+            t[4] + dot(f[1], c[2]) + dot(f[2], c[1]) + dot(g[1], f[2]),
+            t[5] + 2.0 * dot(f[2], c[2]) + dot(g[2], f[2]) + angle,
+        ),
+        (
+            (c[0][0] + g[0][0], c[0][1] + g[0][1], c[0][2] + g[0][2]),
+            (c[1][0] + g[1][0], c[1][1] + g[1][1], c[1][2] + g[1][2]),
+            (c[2][0] + g[2][0], c[2][1] + g[2][1], c[2][2] + g[2][2]),
+        ),
+        (b[0] + bias, b[1], b[2], b[3] + bias, b[4], b[5] + bias),
+    )
+
+
+@inline
+def doubt(p: JointCovariance, inclination: float, heading: float) -> JointCovariance:
+    """Return the covariance of an attitude that may be wrong by these variances [rad²] more."""
+    t = p.orientation
+    wider = (t[0] + inclination, t[1], t[2], t[3] + inclination, t[4], t[5] + heading)
+    return JointCovariance(wider, p.cross, p.bias)
+
+
+@inline
+def uncoupled(p: JointCovariance, bias: Symmetric) -> JointCovariance:
+    """Return the covariance with a bias that is independent; zero: nothing is learned about it."""
+    zero = (0.0, 0.0, 0.0)
+    return JointCovariance(p.orientation, (zero, zero, zero), bias)
+
+
+@inline
+def observe(errors: Errors, h_t: Vector, h_b: Vector, z: float, variance: float) -> Errors:
+    """Take in the measurement z = h_t · θ + h_b · b + noise."""
+    p = errors.covariance
+    c = p.cross
+    t, b = apply_symmetric(p.orientation, h_t), apply_symmetric(p.bias, h_b)
+    on_t = (t[0] + dot(c[0], h_b), t[1] + dot(c[1], h_b), t[2] + dot(c[2], h_b))
+    on_b = (
+        b[0] + c[0][0] * h_t[0] + c[1][0] * h_t[1] + c[2][0] * h_t[2],
+        b[1] + c[0][1] * h_t[0] + c[1][1] * h_t[1] + c[2][1] * h_t[2],
+        b[2] + c[0][2] * h_t[0] + c[1][2] * h_t[1] + c[2][2] * h_t[2],
+    )
+    weight = 1.0 / (dot(h_t, on_t) + dot(h_b, on_b) + variance)
+    k = weight * (z - dot(h_t, errors.orientation) - dot(h_b, errors.bias))
+    x_t, x_b = errors.orientation, errors.bias
+    return Errors(
+        (x_t[0] + k * on_t[0], x_t[1] + k * on_t[1], x_t[2] + k * on_t[2]),
+        (x_b[0] + k * on_b[0], x_b[1] + k * on_b[1], x_b[2] + k * on_b[2]),
+        JointCovariance(
+            _less(p.orientation, on_t, weight),
+            (
+                _row_less(c[0], weight * on_t[0], on_b),
+                _row_less(c[1], weight * on_t[1], on_b),
+                _row_less(c[2], weight * on_t[2], on_b),
+            ),
+            _less(p.bias, on_b, weight),
+        ),
+    )
+
+
+@inline
+def _less(s: Symmetric, v: Vector, weight: float) -> Symmetric:
+    """Return s − weight · v vᵀ."""
+    x, y, z = weight * v[0], weight * v[1], weight * v[2]
+    return (
+        s[0] - x * v[0],
+        s[1] - x * v[1],
+        s[2] - x * v[2],
+        s[3] - y * v[1],
+        s[4] - y * v[2],
+        s[5] - z * v[2],
+    )
+
+
+@inline
+def _row_less(row: Vector, factor: float, v: Vector) -> Vector:
+    return row[0] - factor * v[0], row[1] - factor * v[1], row[2] - factor * v[2]

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Named parameters of the complementary filter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+from imu_recording.ros.parameter import parameter
+
+from orientation_filters.complementary import filter as complementary
+from orientation_filters.parameters import FilterParameters, world_axes
+
+
+@dataclass(frozen=True)
+class ComplementaryParameters(FilterParameters):
+    """Parameters of the complementary filter."""
+
+    cutoff_hz: float = parameter(
+        3.0,
+        'Cut-off between gyroscope and accelerometer',
+        unit='Hz',
+        bounds=(1e-4, 1e3),
+        dynamic=True,
+    )
+    heading_cutoff_hz: float = parameter(
+        0.0,
+        'Cut-off between gyroscope and magnetometer; 0: as cutoff_hz',
+        unit='Hz',
+        bounds=(0.0, 1e3),
+        dynamic=True,
+    )
+    learn_bias: bool = parameter(
+        False, 'Learn the gyroscope bias: at rest, and in motion by integral_gain', dynamic=True
+    )
+    integral_gain: float = parameter(
+        0.1, 'Of bias learning in motion, part of cut-off²', bounds=(0.0, 10.0), dynamic=True
+    )
+    rest_bias_time: float = parameter(
+        2.0,
+        'Time constant of bias learning at rest',
+        unit='s',
+        bounds=(0.01, 3600.0),
+        dynamic=True,
+    )
+    angle_random_walk: float = parameter(
+        2e-4,
+        'Of the gyroscope, for the covariance',
+        unit='rad/√s',
+        bounds=(0.0, 1.0),
+        dynamic=True,
+    )
+    bias_sigma: float = parameter(
+        5e-3, 'Bias left over, for the covariance', unit='rad/s', bounds=(0.0, 1.0), dynamic=True
+    )
+    inclination_sigma: float = parameter(
+        0.02,
+        'Error of a specific force as a vertical, for the covariance',
+        unit='rad',
+        bounds=(0.0, pi),
+        dynamic=True,
+    )
+    heading_sigma: float = parameter(
+        0.05,
+        'Error of a field as a heading, for the covariance',
+        unit='rad',
+        bounds=(0.0, pi),
+        dynamic=True,
+    )
+
+    def kernel_params(self) -> complementary.Params:
+        """Return what the kernel needs."""
+        up, north = world_axes(self.world_frame, self.magnetic_declination)
+        rate = 2.0 * pi * self.cutoff_hz
+        return complementary.Params(
+            up,
+            north,
+            self.use_magnetometer,
+            rate,
+            2.0 * pi * self.heading_cutoff_hz or rate,
+            round(self.max_gap * 1e9),
+            round(self.magnetometer_timeout * 1e9),
+            self.angle_random_walk,
+            self.bias_sigma,
+            self.inclination_sigma,
+            self.heading_sigma,
+            self.adaptive,
+            self.learn_bias,
+            1.0,
+            self.integral_gain,
+            self.rest_bias_time,
+            self.rest_params(),
+            self.field_params(),
+        )

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measured against modelled: where a model fails, in numbers."""

@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measured against modelled: how large the error is, how small it could be, where it stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import SENSOR_UNITS, FloatArray, ImuRecording
+
+from thermal_comp.comparison.gaussianity import DwellModes, Gaussianity, dwell_modes, gaussianity
+from thermal_comp.comparison.held_out import HeldOut, hold_out
+from thermal_comp.comparison.localisation import Where, rank_where
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PERIOD, PreparedRun, Truth, prepare
+from thermal_comp.effects.effect import Effect
+from thermal_comp.fitting.inputs import device_of, sensor_groups, usable_sensors
+from thermal_comp.linear.design import Design
+from thermal_comp.linear.normal_equations import solve
+from thermal_comp.model.file import check_device
+from thermal_comp.model.values import ModelError, NoiseModel, SensorModel, ThermalModel
+from thermal_comp.noise.of_model import noise_of_model
+from thermal_comp.noise.of_runs import noise_of_runs
+
+SCHEMA = 1
+
+
+@dataclass(frozen=True, eq=False)
+class SensorComparison:
+    """One sensor; all errors are rms of block means per axis, (3,) in its SI unit."""
+
+    unit: str
+    measured_rms: FloatArray
+    """Before compensation, about the mean of each run."""
+    residual_rms: FloatArray
+    """Measured minus model, about the mean of each run."""
+    held_out_rms: FloatArray
+    """On parts the fit of the same effects has not seen, about the level of the rest."""
+    noise_floor: FloatArray
+    """What the noise that was fitted beside the model leads to expect of `held_out_rms`."""
+    r_squared: FloatArray
+    """Share of the measured variance the model explains."""
+    where: tuple[Where, ...]
+    """Groups of blocks, worst first."""
+    gaussianity_before: tuple[Gaussianity, ...]
+    """Per axis."""
+    gaussianity_after: tuple[Gaussianity, ...]
+    modes_before: DwellModes | None
+    modes_after: DwellModes | None
+
+    @property
+    def worst_phase(self) -> str | None:
+        """Phase with the largest residual; None without phases."""
+        phases = (w.group['phase'] for w in self.where if set(w.group) == {'phase'})
+        return next(phases, None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        return {
+            'unit': self.unit,
+            'measured_rms': self.measured_rms,
+            'residual_rms': self.residual_rms,
+            'held_out_rms': self.held_out_rms,
+            'noise_floor': self.noise_floor,
+            'r_squared': self.r_squared,
+            'worst_phase': self.worst_phase,
+            'where': [where.to_dict() for where in self.where],
+            'gaussianity': {
+                'before': [vars(test) for test in self.gaussianity_before],
+                'after': [vars(test) for test in self.gaussianity_after],
+                'modes_before': self.modes_before and vars(self.modes_before),
+                'modes_after': self.modes_after and vars(self.modes_after),
+            },
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A model against recordings."""
+
+    device: str
+    sensors: Mapping[Sensor, SensorComparison]
+    period: float
+    """Length of the blocks all errors are quoted on [s]."""
+    folds: str
+    """What was held out."""
+    notes: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, schema 1."""
+        return {
+            'schema': SCHEMA,
+            'device': self.device,
+            'period': self.period,
+            'held_out': self.folds,
+            'sensors': {name: sensor.to_dict() for name, sensor in self.sensors.items()},
+            'notes': list(self.notes),
+        }
+
+
+def compare(
+    model: ThermalModel,
+    recordings: Sequence[ImuRecording],
+    *,
+    truth: Truth | None = None,
+    period: float = PERIOD,
+) -> Comparison:
+    """Return where and how much the recordings differ from the model.
+
+    Levels and campaign effects are taken from the recordings, device effects from the model; the
+    held-out error is that of the same effects fitted to the rest of the recordings.
+    """
+    return compare_prepared(model, prepare(recordings, truth=truth, period=period))
+
+
+def compare_prepared(
+    model: ThermalModel,
+    runs: Sequence[PreparedRun],
+    *,
+    noise: Mapping[Sensor, NoiseModel] | None = None,
+) -> Comparison:
+    """Return the comparison with prepared runs; `noise` saves estimating it again."""
+    device = device_of(runs, pooled=model.pooled)
+    for run in runs:
+        check_device(model, run.device)
+    measured, notes = usable_sensors(runs)
+    sensors = [s for s in measured if s in model.sensors]
+    if not sensors:
+        raise ModelError(
+            f'sensors: the model has {", ".join(model.sensors)}, the recordings have '
+            f'{", ".join(measured)}'
+        )
+    seen = {run.hash for run in runs} <= set(model.provenance.sources.values())
+    if not seen:
+        notes.append('the model has not seen these recordings: its residual is itself held out')
+    listed = {s: _present(model.sensors[s], runs, s, notes) for s in sensors}
+    known = {
+        s: noise[s] if noise and s in noise else _noise(model, s, runs, seen) for s in sensors
+    }
+    known = {s: noise_of_model(runs, s, listed[s], known[s]) for s in sensors}
+    compared: dict[Sensor, SensorComparison] = {}
+    for group in sensor_groups(listed):
+        held = hold_out(runs, {s: listed[s] for s in group}, known)
+        if held.relearned:
+            notes.append(
+                f'{"+".join(group)}: {", ".join(held.relearned)} of a held-out part can only be '
+                'told by itself and was taken from it, like a level'
+            )
+        residuals = _residuals(model, runs, {s: listed[s] for s in group}, known)
+        for sensor in group:
+            compared[sensor] = _compare_sensor(runs, sensor, residuals[sensor], held)
+    cycles = all(run.has_cycles for run in runs)
+    return Comparison(
+        device=model.device or device,
+        sensors={s: compared[s] for s in sensors},
+        period=runs[0].period,
+        folds='one thermal cycle at a time' if cycles else 'one contiguous block at a time',
+        notes=(*(note for run in runs for note in run.notes), *notes),
+    )
+
+
+def _present(
+    model: SensorModel, runs: Sequence[PreparedRun], sensor: Sensor, notes: list[str]
+) -> tuple[Effect, ...]:
+    """Return the model's effects whose channels all runs have logged."""
+    present = []
+    for effect in model.effects:
+        missing = [c for c in effect.channels if not all(r.conditions.has(c) for r in runs)]
+        if missing:
+            notes.append(f'{sensor}: {effect.name} not applied, {missing[0]} is not logged')
+        else:
+            present.append(effect)
+    return tuple(present)
+
+
+def _noise(
+    model: ThermalModel, sensor: Sensor, runs: Sequence[PreparedRun], seen: bool
+) -> NoiseModel:
+    part = model.sensors[sensor]
+    if seen and part.noise is not None:
+        return part.noise
+    return noise_of_runs(runs, sensor, part.effects)[0]
+
+
+def _residuals(
+    model: ThermalModel,
+    runs: Sequence[PreparedRun],
+    listed: Mapping[Sensor, tuple[Effect, ...]],
+    noise: Mapping[Sensor, NoiseModel],
+) -> dict[Sensor, list[FloatArray]]:
+    """Return measured − device effects − campaign effects and levels refitted, per run (m, 3)."""
+    campaign = {s: tuple(e for e in listed[s] if e.kind == 'campaign') for s in listed}
+    design = Design(runs, campaign, noise)
+    left: dict[tuple[int, Sensor], FloatArray] = {}
+    for sensor in listed:
+        part = model.sensors[sensor]
+        for r, run in enumerate(runs):
+            error = np.zeros((len(run), 3))
+            for _, effect, coefficients in part.device_terms():
+                if effect in listed[sensor]:
+                    error += run.columns(effect, sensor) @ coefficients
+            left[r, sensor] = (run.measured[sensor] - error)[:, :, None]
+    estimate = solve(design.equations(left)).estimate
+    return {
+        sensor: [
+            _about_mean(left[r, sensor][:, :, 0] - design.predicted(estimate, r, sensor)[:, :, 0])
+            for r in range(len(runs))
+        ]
+        for sensor in listed
+    }
+
+
+def _about_mean(values: FloatArray) -> FloatArray:
+    centred: FloatArray = values - np.nanmean(values, axis=0)
+    return centred
+
+
+def _compare_sensor(
+    runs: Sequence[PreparedRun], sensor: Sensor, residuals: list[FloatArray], held: HeldOut
+) -> SensorComparison:
+    before = [_about_mean(run.measured[sensor]) for run in runs]
+    measured, residual = np.concatenate(before), np.concatenate(residuals)
+    phase = np.concatenate([run.phase for run in runs])
+    total = np.nansum(measured**2, axis=0)
+    floor = held.floor(sensor)
+    return SensorComparison(
+        unit=SENSOR_UNITS[sensor],
+        measured_rms=np.sqrt(np.nanmean(measured**2, axis=0)),
+        residual_rms=np.sqrt(np.nanmean(residual**2, axis=0)),
+        held_out_rms=held.rms(sensor),
+        noise_floor=floor,
+        r_squared=1.0 - np.nansum(residual**2, axis=0) / total,
+        where=rank_where(runs, residuals, floor),
+        gaussianity_before=_tests(before),
+        gaussianity_after=_tests(residuals),
+        modes_before=dwell_modes(measured, phase),
+        modes_after=dwell_modes(residual, phase),
+    )
+
+
+def _tests(runs: Sequence[FloatArray]) -> tuple[Gaussianity, ...]:
+    clean = [run[np.isfinite(run).all(axis=1)] for run in runs]
+    return tuple(gaussianity([run[:, axis] for run in clean]) for axis in range(3))

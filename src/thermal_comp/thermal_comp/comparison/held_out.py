@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Error on parts of the runs the fit has not seen, and what the noise alone would leave there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from imu_recording.recording import FloatArray
+from numpy.typing import NDArray
+
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.effects.effect import Effect
+from thermal_comp.linear.design import Design
+from thermal_comp.linear.normal_equations import Solution, solve
+from thermal_comp.linear.whitening import apply_transposed
+from thermal_comp.model.values import NoiseModel
+from thermal_comp.noise.process import mean_autocovariance, toeplitz_product
+
+SEEN = 0.02
+"""Share of a column's power below which the rest does not tell its coefficient: a block that
+straddles two cycles shows a little of both."""
+LEVEL_SEEN = 0.2
+"""The same for what is a level in a part of a run: half an hour after the last cycle hardly tells
+the level of that cycle."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Held-out errors of a group of sensors, block by block; NaN where none was held out."""
+
+    errors: Mapping[tuple[int, Sensor], FloatArray]
+    """(m, 3) measured minus predicted, by run number and sensor [unit]."""
+    variances: Mapping[tuple[int, Sensor], FloatArray]
+    """(m, 3) expectation of their squares if the noise were all that is left [unit²]."""
+    relearned: tuple[str, ...] = ()
+    """Coefficients that only the held-out part can tell, taken from it like a level."""
+
+    def rms(self, sensor: Sensor) -> FloatArray:
+        """(3,) held-out rms per axis."""
+        return np.sqrt(_mean([v**2 for (_, s), v in self.errors.items() if s == sensor]))
+
+    def floor(self, sensor: Sensor) -> FloatArray:
+        """(3,) held-out rms per axis that the noise alone leads to expect.
+
+        It counts the noise of a block and what it does to the levels and a line in temperature,
+        whatever the model: further coefficients have to pay for themselves. Levels are those of
+        the runs and, where the model has them, of parts of runs. With the noise of
+        `noise_of_model` it is that of these very runs, slow noise included.
+        """
+        return np.sqrt(_mean([v for (_, s), v in self.variances.items() if s == sensor]))
+
+
+def hold_out(
+    runs: Sequence[PreparedRun],
+    effects: Mapping[Sensor, tuple[Effect, ...]],
+    noise: Mapping[Sensor, NoiseModel],
+) -> HeldOut:
+    """Leave each part out of all runs in turn, fit the rest and predict it.
+
+    Levels come from the rest of the run, shape parameters stay as given.
+    """
+    design = Design(runs, effects, noise)
+    everywhere = solve(design.equations())
+    errors, variances = _empty(design), _empty(design)
+    least = np.full(design.size, SEEN)
+    for term in design.terms:
+        if term.effect.per_run:
+            least[term.unknowns] = LEVEL_SEEN
+    relearned: set[str] = set()
+    for part in sorted({int(k) for run in runs for k in np.unique(run.fold[run.fold > 0])}):
+        training = replace(
+            design, rows=[run.fold != part for run in runs], white={}, gains={}, taken={}
+        )
+        solution = solve(training.equations())
+        line = replace(training, effects={s: _levels_and_line(effects[s]) for s in effects})
+        line_solution = solve(line.equations())
+        seen = _power(training) / np.maximum(_power(design), 1e-300)
+        unseen = [j for j in np.flatnonzero(seen < least).tolist() if j not in everywhere.held]
+        relearned |= {training.describe(j).partition(' ')[0].partition('[')[0] for j in unseen}
+        for run in range(len(runs)):
+            for sensor in design.sensors:
+                rows = (runs[run].fold == part) & design.valid(run, sensor)
+                if not rows.any() or not training.valid(run, sensor).any():
+                    continue
+                error = _errors(training, solution, run, sensor)[rows]
+                for axis in range(3):
+                    basis = _local_basis(training, unseen, run, sensor, axis)[rows]
+                    error[:, axis] -= basis @ (basis.T @ error[:, axis])
+                    variances[run, sensor][rows, axis] = _expected(
+                        line, line_solution, (run, sensor, axis), rows, basis
+                    )
+                errors[run, sensor][rows] = error
+    return HeldOut(errors, variances, tuple(sorted(relearned)))
+
+
+def _levels_and_line(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    return (BiasTemperature(), *(e for e in effects if e.per_run))
+
+
+def _power(design: Design) -> FloatArray:
+    """Return the sum of squares of every unknown's column over the blocks that take part."""
+    power = np.zeros(design.size)
+    for run in range(len(design.runs)):
+        for sensor in design.sensors:
+            for axis in range(3):
+                index, columns = design.raw_columns(run, sensor, axis)
+                power[index] += (columns[design.valid(run, sensor)] ** 2).sum(axis=0)
+    return power
+
+
+def _empty(design: Design) -> dict[tuple[int, Sensor], FloatArray]:
+    return {
+        (r, s): np.full((len(run), 3), np.nan)
+        for r, run in enumerate(design.runs)
+        for s in design.sensors
+    }
+
+
+def _mean(parts: list[FloatArray]) -> FloatArray:
+    together = np.concatenate(parts)
+    with np.errstate(invalid='ignore'):
+        mean: FloatArray = np.nansum(together, axis=0) / np.isfinite(together).sum(axis=0)
+    return mean
+
+
+def _errors(design: Design, solution: Solution, run: int, sensor: Sensor) -> FloatArray:
+    """Return measured minus predicted, (m, 3), over all blocks of a run."""
+    estimate = solution.estimate[:, 0]
+    level = [estimate[design.level_index(run, sensor, axis)] for axis in range(3)]
+    error: FloatArray = (
+        design.runs[run].measured[sensor] - design.predicted(estimate, run, sensor) - level
+    )
+    return error
+
+
+def _local_basis(
+    design: Design, unseen: list[int], run: int, sensor: Sensor, axis: int
+) -> FloatArray:
+    """Return an orthonormal basis (m, q) of the columns only the held-out part can tell."""
+    index, columns = design.raw_columns(run, sensor, axis)
+    local = columns[:, np.isin(index, unseen)]
+    left, weights, _ = np.linalg.svd(local, full_matrices=False)
+    basis: FloatArray = left[:, weights > 1e-9 * weights.max(initial=1e-300)]
+    return basis
+
+
+def _expected(
+    design: Design,
+    solution: Solution,
+    piece: tuple[int, Sensor, int],
+    rows: NDArray[np.bool_],
+    basis: FloatArray,
+) -> FloatArray:
+    """Return the expected square of the prediction error of the held-out rows of one axis.
+
+    cov(w − Xθ̂) = S − X C Gᵀ − G C Xᵀ + X C Xᵀ with θ̂ from the training rows,
+    C = (X_tᵀ S_t⁻¹ X_t)⁻¹, G = S_ht S_t⁻¹ X_t; then `basis` (rows, q) is projected out.
+    """
+    run, sensor, axis = piece
+    prepared = design.runs[run]
+    index, columns = design.raw_columns(run, sensor, axis)
+    valid = design.valid(run, sensor)
+    weights = np.zeros_like(columns)
+    weights[valid] = apply_transposed(
+        design.whitened(columns[valid], run, sensor, axis), design.gains_of(run, sensor, axis)
+    )
+    lags = int(prepared.slot[-1]) + 1
+    noise = mean_autocovariance(design.noise[sensor], axis, prepared.period, lags)
+    shared = toeplitz_product(noise, prepared.slot, weights)[rows]
+    held = columns[rows]
+    covariance = solution.covariance[np.ix_(index, index)]
+    expected: FloatArray = noise[0] + ((held @ covariance) * (held - 2.0 * shared)).sum(axis=1)
+    if basis.shape[1]:
+        turned = toeplitz_product(noise, prepared.slot[rows], basis)
+        turned += held @ (covariance @ ((held - shared).T @ basis))
+        turned -= shared @ (covariance @ (held.T @ basis))
+        inner = basis @ (basis.T @ turned)
+        expected = expected + (basis * (inner - 2.0 * turned)).sum(axis=1)
+    return np.maximum(expected, 0.0)

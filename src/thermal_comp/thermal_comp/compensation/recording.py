@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The modelled error of a sensor with its uncertainty, and a whole recording without it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording, RecordingError
+from numpy.typing import NDArray
+
+from thermal_comp.data.binning import vibration_of
+from thermal_comp.data.conditions import SENSORS, Conditions, field_conditions
+from thermal_comp.effects.effect import Effect, State
+from thermal_comp.model.file import check_device
+from thermal_comp.model.values import SensorModel, ThermalModel
+
+
+@dataclass(frozen=True, eq=False)
+class SensorError:
+    """Error of n samples and what is known about it."""
+
+    error: FloatArray
+    """(n, 3) to subtract [unit]; zero where nothing can be said."""
+    covariance: FloatArray
+    """(n, 3, 3) of the error [unit²]: coefficients, effects not applied, extrapolation."""
+    clamped: NDArray[np.bool_]
+    """(n,) temperature outside the fitted range."""
+    skipped: dict[str, NDArray[np.bool_]]
+    """(n,) where each effect was not applied for want of a channel, by effect; only such ones."""
+    states: tuple[State | None, ...]
+    """History of each device effect."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorPlan:
+    """What a sensor model says about every sample alike."""
+
+    effects: tuple[Effect, ...]
+    """The device effects."""
+    coefficients: tuple[FloatArray, ...]
+    places: tuple[slice, ...]
+    """Where each one's coefficients stand in the covariance."""
+    covariance: FloatArray
+    rms: tuple[FloatArray, ...]
+    """(3,) rms of each one's error in the fit [unit]."""
+    variance: FloatArray
+    """(3,) variance a sample has where nothing is subtracted [unit²]."""
+    low: float
+    high: float
+    """Fitted temperatures [°C]."""
+
+
+def plan_of(model: SensorModel) -> SensorPlan:
+    """Return the plan of a sensor model."""
+    starts = np.cumsum([0, *(c.size for c in model.coefficients)]).tolist()
+    terms = model.device_terms()
+    rms = tuple(np.asarray(model.contributions.get(e.name, np.zeros(3))) for _, e, _ in terms)
+    return SensorPlan(
+        effects=tuple(effect for _, effect, _ in terms),
+        coefficients=tuple(coefficients for _, _, coefficients in terms),
+        places=tuple(slice(starts[i], starts[i + 1]) for i, _, _ in terms),
+        covariance=model.covariance,
+        rms=rms,
+        variance=np.sum([r**2 for r in rms], axis=0) if rms else np.zeros(3),
+        low=model.temperature_range[0],
+        high=model.temperature_range[1],
+    )
+
+
+def sensor_error(
+    plan: SensorPlan,
+    conditions: Conditions,
+    states: tuple[State | None, ...] | None = None,
+    *,
+    uncertain: bool = True,
+) -> SensorError:
+    """Return the modelled error of the device effects for rows with a finite temperature.
+
+    The temperature is clamped to the fitted range; beyond it the whole modelled error is taken to
+    be uncertain in proportion to the distance, in units of half the range. An effect whose
+    channel is not known in a row adds nothing there but its rms in the fit to the variance.
+    `uncertain` False saves the coefficients' part of the covariance.
+    """
+    n = len(conditions)
+    error, variance = np.zeros((n, 3)), np.zeros((n, 3))
+    limited = np.minimum(np.maximum(conditions.temperature, plan.low), plan.high)
+    clamped = limited != conditions.temperature
+    if clamped.any():
+        outside = (conditions.temperature - limited) / (0.5 * max(plan.high - plan.low, 1.0))
+        variance += outside[:, None] ** 2 * plan.variance
+        conditions = replace(conditions, temperature=limited)
+    history = list(states or (None,) * len(plan.effects))
+    jacobian = np.zeros((n, 3, len(plan.covariance) if uncertain else 0))
+    skipped: dict[str, NDArray[np.bool_]] = {}
+    for k, effect in enumerate(plan.effects):
+        # A held channel is unknown only before its first sample; history starts there.
+        unknown = _unknown_rows(effect, conditions) if effect.channels else None
+        first = 0 if unknown is None else int(np.argmin(unknown))
+        if unknown is None or not unknown[first]:
+            part = conditions.rows(slice(first, None)) if first else conditions
+            columns, history[k] = effect.columns(part, history[k])
+            if unknown is not None and unknown[first:].any():
+                gap = unknown[first:].reshape(-1, *[1] * (columns.ndim - 1))
+                columns = np.where(gap, 0.0, columns)
+            error[first:] += columns @ plan.coefficients[k]
+            if uncertain:
+                _fill(jacobian[first:, :, plan.places[k]], columns)
+        if unknown is not None and unknown.any():
+            skipped[effect.name] = unknown
+            variance += unknown[:, None] * plan.rms[k] ** 2
+    covariance = np.zeros((n, 3, 3))
+    if uncertain:
+        covariance = jacobian @ plan.covariance @ jacobian.transpose(0, 2, 1)
+    covariance[:, [0, 1, 2], [0, 1, 2]] += variance
+    return SensorError(error, covariance, clamped, skipped, tuple(history))
+
+
+def has_history(model: SensorModel, conditions: Conditions) -> bool:
+    """Tell whether any device effect carries a state, tried on the conditions given."""
+    return any(
+        effect.columns(conditions)[1] is not None
+        for _, effect, _ in model.device_terms()
+        if all(conditions.has(channel) for channel in effect.channels)
+    )
+
+
+def depends_on_time(model: SensorModel, conditions: Conditions) -> bool:
+    """Tell whether a device effect's first sample depends on when it is, by a day's difference."""
+    later = replace(conditions, time=conditions.time + 86_400.0)
+    return any(
+        not np.array_equal(effect.columns(conditions)[0], effect.columns(later)[0])
+        for _, effect, _ in model.device_terms()
+        if all(conditions.has(channel) for channel in effect.channels)
+    )
+
+
+def _unknown_rows(effect: Effect, conditions: Conditions) -> NDArray[np.bool_]:
+    unknown = np.zeros(len(conditions), dtype=bool)
+    for channel in effect.channels:
+        values: Any = getattr(conditions, channel)
+        if values is None:
+            return np.ones(len(conditions), dtype=bool)
+        if channel != 'orientation':
+            unknown |= ~np.isfinite(values).reshape(len(unknown), -1).all(axis=1)
+    return unknown
+
+
+def _fill(jacobian: FloatArray, columns: FloatArray) -> None:
+    """Write d error / d coefficients (n, 3, size) of one effect, coefficients in C order."""
+    if columns.ndim == 3:
+        jacobian[:] = columns
+        return
+    for axis in range(3):
+        jacobian[:, axis, axis::3] = columns
+
+
+TIMEOUT_S = 10.0
+"""Age from which a die temperature is not used [s]."""
+PIECE = 50_000
+"""Rows taken at a time, to bound memory."""
+
+
+def compensate(
+    recording: ImuRecording, model: ThermalModel, *, temperature_timeout: float = TIMEOUT_S
+) -> ImuRecording:
+    """Return the recording with the modelled error of the device effects subtracted.
+
+    A row takes the newest finite die temperature not later than itself; rows before the first,
+    and rows whose temperature is older than `temperature_timeout` [s], are passed on. What was
+    passed on, clamped to the fitted range or could not be applied is said in the notes. Raises
+    RecordingError where no row has a fresh die temperature.
+    """
+    check_device(model, recording.device)
+    recording = _with_held_temperature(recording)
+    known = _fresh(recording, temperature_timeout)
+    stale = int((np.isfinite(recording.temperature) & ~known).sum())
+    conditions = field_conditions(recording, model.reference_temperature)
+    if recording.vibration is None and _needs_vibration(model) and len(recording):
+        vibration = vibration_of(
+            recording.stamp, recording.linear_acceleration, int(recording.stamp[0])
+        )
+        conditions = replace(conditions, vibration=vibration)
+    conditions = conditions.rows(known)
+    notes = ['compensated with a thermal model' + (f' of {model.device}' if model.device else '')]
+    if model.device and not recording.device:
+        notes.append(f'the recording does not name its device: taken to be {model.device}')
+    if missing := int((~known).sum()) - stale:
+        notes.append(f'{missing} rows without a die temperature are passed on')
+    if stale:
+        notes.append(
+            f'{stale} rows whose die temperature is older than {temperature_timeout:g} s are '
+            'passed on (temperature_timeout)'
+        )
+    changed: dict[str, Any] = {}
+    outside = np.zeros(int(known.sum()), dtype=bool)
+    for sensor in SENSORS:
+        name = SENSOR_FIELDS[sensor]
+        if sensor in model.sensors:
+            found = _sensor(model, conditions.of(sensor))
+            values = getattr(recording, name).copy()
+            values[known] -= found.error
+            changed[name] = values
+            outside |= found.outside
+            needed = {e.name: ', '.join(e.channels) for e in model.sensors[sensor].effects}
+            notes += [
+                f'{sensor}: {effect} not applied in {rows} rows, {needed[effect]} is not known'
+                for effect, rows in found.skipped.items()
+            ]
+    if outside.any():
+        notes.append(f'{int(outside.sum())} rows outside the fitted temperatures are clamped')
+    return replace(recording, **changed).with_notes(*notes)
+
+
+def _with_held_temperature(recording: ImuRecording) -> ImuRecording:
+    """Give every row the newest finite die temperature not later than itself, and its stamp."""
+    finite = np.isfinite(recording.temperature)
+    if finite.all():
+        return recording
+    newest = np.maximum.accumulate(np.where(finite, np.arange(len(finite)), -1))
+    measured = recording.temperature_stamp
+    stamp = (recording.stamp if measured is None else measured)[newest]
+    return replace(
+        recording,
+        temperature=np.where(newest >= 0, recording.temperature[newest], np.nan),
+        temperature_stamp=np.where(newest >= 0, stamp, -1),
+    )
+
+
+def _fresh(recording: ImuRecording, timeout: float) -> NDArray[np.bool_]:
+    """Return which rows have a die temperature that is not older than `timeout` [s]."""
+    known = np.isfinite(recording.temperature)
+    source = recording.source or 'recording'
+    if len(recording) and not known.any():
+        raise RecordingError(
+            f'{source}: no die temperature to compensate with; record imu/temperature too'
+        )
+    if recording.temperature_stamp is None:
+        return known
+    fresh = known & (recording.stamp - recording.temperature_stamp <= round(timeout * 1e9))
+    if len(recording) and not fresh.any():
+        raise RecordingError(
+            f'{source}: every die temperature is older than {timeout:g} s; '
+            'allow more with temperature_timeout'
+        )
+    return fresh
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    error: FloatArray
+    outside: np.ndarray
+    skipped: dict[str, int]
+
+
+def _sensor(model: ThermalModel, conditions: Conditions) -> _Found:
+    error = np.empty((len(conditions), 3))
+    outside = np.zeros(len(conditions), dtype=bool)
+    skipped: dict[str, int] = {}
+    plan = plan_of(model.sensors[conditions.sensor])
+    states: tuple[State | None, ...] | None = None
+    for start in range(0, len(conditions), PIECE):
+        rows = slice(start, start + PIECE)
+        part = sensor_error(plan, conditions.rows(rows), states, uncertain=False)
+        error[rows], outside[rows], states = part.error, part.clamped, part.states
+        for name, missing in part.skipped.items():
+            skipped[name] = skipped.get(name, 0) + int(missing.sum())
+    return _Found(error, outside, skipped)
+
+
+def _needs_vibration(model: ThermalModel) -> bool:
+    return any(
+        'vibration' in effect.channels
+        for sensor in model.sensors.values()
+        for _, effect, _ in sensor.device_terms()
+    )

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a physical effect may look at: the conditions of a measurement: one run or a part of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
+
+import numpy as np
+from imu_recording.recording import FloatArray, ImuRecording, IntArray, RecordingError
+from numpy.typing import NDArray
+
+Sensor = Literal['accelerometer', 'gyroscope', 'magnetometer']
+SENSORS: tuple[Sensor, ...] = ('accelerometer', 'gyroscope', 'magnetometer')
+
+REFERENCE_TEMPERATURE = 20.0
+"""Die temperature [°C] the coefficients refer to (T_A of Betta et al. 2022, Table I)."""
+
+STANDARD_GRAVITY = 9.80665
+"""Specific force at rest [m/s²] where no local value is given."""
+
+CHANNELS = (
+    'chamber_temperature',
+    'device_temperature',
+    'humidity',
+    'heater',
+    'compressor',
+    'fan',
+    'supply_voltage',
+    'vibration',
+    'phase',
+    'cycle',
+    'setpoint',
+)
+"""Tracks beyond the die temperature that an effect can ask for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """Conditions of n samples of one run, as columns.
+
+    `specific_force`, `angular_velocity` and `magnetic_field` are the true inputs in the sensor
+    frame as far as known: from the truth while fitting, the measured values in the field.
+    A channel that was not logged is None.
+    """
+
+    time: FloatArray
+    """(n,) [s] since power-on, or since the first sample of the run where that is unknown."""
+    temperature: FloatArray
+    """(n,) die temperature [°C]."""
+    specific_force: FloatArray
+    """(n, 3) [m/s²]."""
+    angular_velocity: FloatArray
+    """(n, 3) [rad/s]."""
+    magnetic_field: FloatArray
+    """(n, 3) [T]."""
+    sensor: Sensor = 'accelerometer'
+    """The sensor whose error is asked for."""
+    reference_temperature: float = REFERENCE_TEMPERATURE
+    """[°C]."""
+    orientation: FloatArray | None = None
+    """(3, 3) rotation from the chamber's frame into the sensor's; None where unknown."""
+    chamber_temperature: FloatArray | None = None
+    device_temperature: FloatArray | None = None
+    humidity: FloatArray | None = None
+    heater: FloatArray | None = None
+    compressor: FloatArray | None = None
+    fan: FloatArray | None = None
+    supply_voltage: FloatArray | None = None
+    vibration: FloatArray | None = None
+    setpoint: FloatArray | None = None
+    phase: IntArray | None = None
+    cycle: IntArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def temperature_difference(self) -> FloatArray:
+        """(n,) die temperature above the reference temperature [K]: the x of the equations."""
+        difference: FloatArray = self.temperature - self.reference_temperature
+        return difference
+
+    @property
+    def true_input(self) -> FloatArray:
+        """(n, 3) what the sensor is meant to measure, in its SI unit."""
+        return {
+            'accelerometer': self.specific_force,
+            'gyroscope': self.angular_velocity,
+            'magnetometer': self.magnetic_field,
+        }[self.sensor]
+
+    def of(self, sensor: Sensor) -> Conditions:
+        """Return the same conditions as seen by another sensor."""
+        return replace(self, sensor=sensor)
+
+    def rows(self, selection: slice | NDArray[np.bool_] | IntArray) -> Conditions:
+        """Return the conditions of the selected rows."""
+        taken: dict[str, Any] = {
+            item.name: value[selection]
+            for item in fields(self)
+            if item.name not in ('orientation',)
+            and isinstance(value := getattr(self, item.name), np.ndarray)
+        }
+        return replace(self, **taken)
+
+    def has(self, channel: str) -> bool:
+        """Tell whether a channel was logged: present and finite somewhere."""
+        value = getattr(self, channel)
+        return value is not None and bool(np.isfinite(value).any())
+
+
+def field_conditions(
+    recording: ImuRecording, reference_temperature: float = REFERENCE_TEMPERATURE
+) -> Conditions:
+    """Return the conditions as known in the field: the true inputs are the measured values."""
+    channels = {name: getattr(recording, name) for name in CHANNELS}
+    return Conditions(
+        time=recording.time,
+        temperature=recording.temperature,
+        specific_force=recording.linear_acceleration,
+        angular_velocity=recording.angular_velocity,
+        magnetic_field=recording.magnetic_field,
+        reference_temperature=reference_temperature,
+        **channels,
+    )
+
+
+def static_conditions(
+    recording: ImuRecording,
+    *,
+    gravity: float = STANDARD_GRAVITY,
+    reference_temperature: float = REFERENCE_TEMPERATURE,
+    orientation: FloatArray | None = None,
+) -> Conditions:
+    """Return the conditions of a run in which the device does not move.
+
+    Specific force is `gravity` along `up_axis`, angular velocity zero (Earth's rate is part of the
+    run's level), magnetic field the run's mean.
+    """
+    n = len(recording)
+    if not recording.up_axis:
+        raise RecordingError(
+            f'{recording.source or "recording"}: up_axis is not known; record it in the bag, or '
+            'keep the device still so that gravity tells it'
+        )
+    up = np.zeros(3)
+    up['xyz'.index(recording.up_axis[1])] = gravity if recording.up_axis[0] == '+' else -gravity
+    measured = recording.magnetic_field
+    seen = measured[np.isfinite(measured).all(axis=1)]
+    field = seen.mean(axis=0) if len(seen) else np.full(3, np.nan)
+    conditions = field_conditions(recording, reference_temperature)
+    return replace(
+        conditions,
+        specific_force=np.broadcast_to(up, (n, 3)),
+        angular_velocity=np.zeros((n, 3)),
+        magnetic_field=np.broadcast_to(field, (n, 3)),
+        orientation=orientation,
+    )
+
+
+def mounting_rotation(up_axis: str) -> FloatArray:
+    """Return the (3, 3) rotation from the chamber's frame (z up) into the sensor's.
+
+    The fixture turns the device cyclically (x up: x = Z, y = X, z = Y); an axis that points down
+    is the same mounting turned by half about the axis after it.
+
+    >>> mounting_rotation('+x') @ [0.0, 0.0, 1.0]
+    array([1., 0., 0.])
+    >>> mounting_rotation('-z') @ [0.0, 0.0, 1.0]
+    array([ 0.,  0., -1.])
+    """
+    axis = 'xyz'.index(up_axis[1])
+    rotation: FloatArray = np.roll(np.eye(3), axis + 1, axis=0)
+    if up_axis[0] == '-':
+        half_turn = -np.ones(3)
+        half_turn[(axis + 1) % 3] = 1.0
+        rotation = half_turn[:, None] * rotation
+    return rotation

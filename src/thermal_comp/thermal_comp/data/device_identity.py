@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether recordings that do not name their device look like one device."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun
+
+TOLD_BY: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
+"""Sensors whose temperature slopes differ from device to device far more than from run to run
+(Betta et al. 2022, Tables III and IV); a magnetometer's follow the field around it."""
+UNLIKE = 0.5
+"""Slopes further apart than this share of the larger are not of one device …"""
+MOST_AXES = 0.6
+"""… where more than this share of the axes says so."""
+SIGNIFICANT = 10.0
+"""Standard errors of independent residuals that a difference must exceed."""
+
+
+def unnamed_warning(runs: Sequence[PreparedRun]) -> str:
+    """Return what to say of runs without a device that are fitted together; '' for none or one."""
+    unnamed = [run for run in runs if not run.device]
+    if len(unnamed) < 2:
+        return ''
+    way = "name each bag's device (recorder parameter device, or custom_data of the bag)"
+    slopes = [_slopes(run) for run in unnamed]
+    for run, (slope, error) in zip(unnamed[1:], slopes[1:], strict=True):
+        first, first_error = slopes[0]
+        apart = np.abs(slope - first)
+        unlike = apart > UNLIKE * np.maximum(np.abs(slope), np.abs(first))
+        unlike &= apart > SIGNIFICANT * np.hypot(error, first_error)
+        axes = int(np.isfinite(apart).sum())
+        if axes and unlike.sum() > MOST_AXES * axes:
+            return (
+                f'runs {unnamed[0].name} and {run.name} name no device and look like two: '
+                f'{int(unlike.sum())} of {axes} axes change differently with temperature; fit '
+                f'each by itself, or {way}'
+            )
+    return f'{len(unnamed)} runs name no device and are taken to be of one; else {way}'
+
+
+def _slopes(run: PreparedRun) -> tuple[FloatArray, FloatArray]:
+    """Return slope and its standard error of each axis against die temperature [unit/K]."""
+    slopes, errors = [], []
+    for sensor in TOLD_BY:
+        values = run.measured[sensor]
+        valid = np.isfinite(values).all(axis=1)
+        centred = run.temperature[valid] - run.temperature[valid].mean() if valid.any() else None
+        if centred is None or valid.sum() < 3 or not centred.any():
+            slopes.append(np.full(3, np.nan))
+            errors.append(np.full(3, np.nan))
+            continue
+        y = values[valid] - values[valid].mean(axis=0)
+        square = float(centred @ centred)
+        slope = centred @ y / square
+        left = y - centred[:, np.newaxis] * slope
+        slopes.append(slope)
+        errors.append(np.sqrt((left**2).sum(axis=0) / (len(y) - 2) / square))
+    return np.concatenate(slopes), np.concatenate(errors)

@@ -1,0 +1,333 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From recordings to what is fitted: runs as block means, true inputs, parts to hold out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from imu_recording.phase import phases_from_setpoint
+from imu_recording.recording import (
+    SENSOR_FIELDS,
+    FloatArray,
+    ImuRecording,
+    IntArray,
+    RecordingError,
+    columns_hash,
+)
+
+from thermal_comp.data.binning import bin_means, bin_variances
+from thermal_comp.data.conditions import (
+    SENSORS,
+    Conditions,
+    Sensor,
+    mounting_rotation,
+    static_conditions,
+)
+from thermal_comp.data.startup import cut_startup
+from thermal_comp.effects.effect import Effect
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedRun:
+    """One run as fits and diagnosis see it: m block means, conditions on a finer grid.
+
+    Effects are evaluated on the fine rows (history, squares) and then averaged over the blocks.
+    """
+
+    name: str
+    device: str
+    conditions: Conditions
+    """Fine rows; temperature and every present channel are finite."""
+    starts: IntArray
+    """(m, 2) first fine row of each block and the first one after it."""
+    slot: IntArray
+    """(m,) place of each block on the uniform grid of `period`; a gap is a missing place."""
+    period: float
+    """[s]."""
+    measured: Mapping[Sensor, FloatArray]
+    """(m, 3) block means per sensor, NaN where a block has no valid sample."""
+    fine_measured: Mapping[Sensor, FloatArray]
+    """(n, 3) what was measured at the fine rows, per sensor; NaN where missing."""
+    fold: IntArray
+    """(m,) part of the run that is held out together, 1 …; 0 is never held out."""
+    has_cycles: bool
+    """Whether the parts are thermal cycles; else they are contiguous blocks."""
+    hash: str = ''
+    """SHA-256 of the columns it was prepared from."""
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.slot)
+
+    def block_mean(self, values: FloatArray) -> FloatArray:
+        """Return the (m, …) means of (n, …) fine rows over the blocks."""
+        edges = self.starts.ravel()
+        rows = edges[1::2] - edges[::2]
+        total = np.add.reduceat(values[: edges[-1]], edges[:-1], axis=0)[::2]
+        mean: FloatArray = total / rows.reshape(-1, *[1] * (values.ndim - 1))
+        return mean
+
+    def columns(self, effect: Effect, sensor: Sensor) -> FloatArray:
+        """Return the effect's (m, p) or (m, 3, p) columns, averaged over the blocks."""
+        return self.block_mean(effect.columns(self.conditions.of(sensor))[0])
+
+    @cached_property
+    def time(self) -> FloatArray:
+        """(m,) mean time of each block since the first sample of the run [s]."""
+        return self.block_mean(self.conditions.time)
+
+    @cached_property
+    def temperature(self) -> FloatArray:
+        """(m,) mean die temperature of each block [°C]."""
+        return self.block_mean(self.conditions.temperature)
+
+    @cached_property
+    def phase(self) -> IntArray:
+        """(m,) index into PHASES in the middle of each block; −1 unknown."""
+        return self._middle(self.conditions.phase, -1)
+
+    @cached_property
+    def cycle(self) -> IntArray:
+        """(m,) thermal cycle in the middle of each block; 0 outside the cycles."""
+        return self._middle(self.conditions.cycle, 0)
+
+    @cached_property
+    def block_conditions(self) -> Conditions:
+        """Conditions as block means."""
+        taken: dict[str, Any] = {
+            item.name: self.block_mean(value)
+            for item in fields(self.conditions)
+            if isinstance(value := getattr(self.conditions, item.name), np.ndarray)
+            and item.name not in ('orientation', 'phase', 'cycle')
+        }
+        return replace(self.conditions, phase=self.phase, cycle=self.cycle, **taken)
+
+    def _middle(self, values: IntArray | None, unknown: int) -> IntArray:
+        if values is None:
+            return np.full(len(self.slot), unknown, dtype=np.int64)
+        middle: IntArray = values[(self.starts[:, 0] + self.starts[:, 1] - 1) // 2]
+        return middle
+
+
+__all__ = ['PreparedRun', 'prepare', 'prepare_run', 'resting']
+
+PERIOD = 20.0
+"""Length of a block [s]; all errors are quoted on means over it."""
+FINE_PERIOD = 1.0
+"""Columns are evaluated on means over this [s], or on the samples where they are slower."""
+VIBRATION_RATE = 50.0
+"""Slowest sample rate [Hz] from which vibration is computed."""
+BLOCKS_WITHOUT_CYCLES = 5
+"""Contiguous parts a run without cycles is cut into, to be held out one at a time."""
+LEADING_GAP_S = 60.0
+"""A track that starts at most this much after the IMU takes its first value until then [s]."""
+
+Truth = Callable[[ImuRecording], Conditions]
+"""How the true inputs of a run follow from its recording."""
+
+
+def prepare(
+    recordings: Sequence[ImuRecording], *, period: float = PERIOD, truth: Truth | None = None
+) -> list[PreparedRun]:
+    """Return one prepared run per recording, start-up transients cut, gaps left out.
+
+    `period` is the length of the blocks [s], 0 for the full rate. `truth` gives the true inputs;
+    None means a device at rest: gravity along `up_axis`, no rotation, the run's mean field.
+    """
+    names: dict[str, int] = {}
+    return [
+        prepare_run(
+            recording,
+            run_name(recording, number, names),
+            period=period,
+            truth=truth or resting,
+        )
+        for number, recording in enumerate(recordings, 1)
+    ]
+
+
+def run_name(recording: ImuRecording, number: int, taken: dict[str, int]) -> str:
+    """Return a name for the run that is not taken; counts it as taken."""
+    name = recording.run or recording.source.rstrip('/').rpartition('/')[2] or str(number)
+    taken[name] = taken.get(name, 0) + 1
+    return name if taken[name] == 1 else f'{name} ({taken[name]})'
+
+
+def resting(recording: ImuRecording) -> Conditions:
+    """Return the conditions of a device at rest, mounted as its up axis tells."""
+    rotation = mounting_rotation(recording.up_axis) if recording.up_axis else None
+    return static_conditions(recording, orientation=rotation)
+
+
+def prepare_run(
+    recording: ImuRecording, name: str, *, period: float = PERIOD, truth: Truth = resting
+) -> PreparedRun:
+    """Return the prepared run of one recording."""
+    if len(recording) < 2:
+        raise RecordingError(f'{name}: {len(recording)} samples; a run needs more')
+    whole, recording = recording, cut_startup(recording)
+    notes = list(recording.notes)
+    origin = int(whole.stamp[0])
+    fine, counted = _fine(recording, origin, full_rate=period <= 0)
+    sampled = len(fine) == len(recording)
+    notes += counted
+    known = np.isfinite(fine.temperature)
+    fine = fine.rows(known)
+    if not len(fine):
+        raise RecordingError(f'{name}: no sample has a die temperature (topic imu/temperature)')
+    fine, filled = _complete(fine)
+    notes += filled
+    offset = (fine.stamp[0] - origin) * 1e-9
+    conditions = truth(fine)
+    conditions = replace(conditions, time=conditions.time + offset)
+    step = float(np.median(np.diff(conditions.time))) if len(fine) > 1 else 1.0
+    length = max(period, step)
+    if 0 < period < step:
+        notes.append(f'samples are {step:g} s apart: errors are on single samples, not on means')
+    starts, slot = _blocks(conditions.time, length, step, sampled=sampled)
+    holes = int(slot[-1] - slot[0] + 1 - len(slot)) if len(slot) else 0
+    if holes:
+        notes.append(f'{holes * length:.0f} s in gaps or half-empty blocks left out')
+    fold, has_cycles = _folds(conditions.cycle, starts)
+    if not has_cycles:
+        count = int(fold.max(initial=0))
+        notes.append(f'no thermal cycles: held out are {count} contiguous blocks of the run')
+    run = PreparedRun(
+        name=name,
+        device=recording.device,
+        conditions=conditions,
+        starts=starts,
+        slot=slot,
+        period=length,
+        measured={},
+        fine_measured={s: getattr(fine, SENSOR_FIELDS[s]) for s in SENSORS},
+        fold=fold,
+        has_cycles=has_cycles,
+        hash=columns_hash(whole),
+        notes=tuple(f'{name}: {note}' for note in notes),
+    )
+    return replace(run, measured={s: _block_measurement(run, s) for s in SENSORS})
+
+
+def _fine(
+    recording: ImuRecording, origin: int, *, full_rate: bool
+) -> tuple[ImuRecording, list[str]]:
+    """Return the recording as means over FINE_PERIOD, or as it is where it is slower.
+
+    The bins start at `origin` [ns], whatever was cut.
+    """
+    notes = _bad_rows(recording)
+    step = float(np.median(np.diff(recording.stamp))) * 1e-9
+    if full_rate or step > 0.75 * FINE_PERIOD:
+        return recording, notes
+    bins = (recording.stamp - origin) // round(FINE_PERIOD * 1e9)
+    starts = np.flatnonzero(np.diff(bins, prepend=bins[0] - 1))
+    edges = np.append(starts, len(bins)).astype(np.int64)
+    middle = (edges[:-1] + edges[1:] - 1) // 2
+    taken: dict[str, Any] = {}
+    for item in fields(recording):
+        column = getattr(recording, item.name)
+        if isinstance(column, np.ndarray) and item.name != 'stamp':
+            exact = column.dtype.kind == 'i' or item.name == 'reference_orientation'
+            taken[item.name] = column[middle] if exact else bin_means(column, edges)[0]
+    if recording.vibration is None and step <= 1.0 / VIBRATION_RATE:
+        taken['vibration'] = bin_variances(
+            recording.linear_acceleration, edges, taken['linear_acceleration']
+        )
+    stamp = origin + ((2 * bins[starts] + 1) * round(FINE_PERIOD * 1e9)) // 2
+    return replace(recording, stamp=stamp, **taken), notes
+
+
+def _bad_rows(recording: ImuRecording) -> list[str]:
+    notes = []
+    for sensor, name in SENSOR_FIELDS.items():
+        values = getattr(recording, name)
+        # One value that is not finite makes the sum so.
+        finite = np.isfinite(values.sum())
+        bad = 0 if finite else int((~np.isfinite(values).all(axis=1)).sum())
+        if bad:
+            notes.append(f'{bad} of {len(recording)} rows without a finite {sensor} value')
+    bad = int((~np.isfinite(recording.temperature)).sum())
+    if bad:
+        notes.append(f'{bad} of {len(recording)} rows without a die temperature left out')
+    return notes
+
+
+def _complete(fine: ImuRecording) -> tuple[ImuRecording, list[str]]:
+    """Fill short gaps of the other tracks with the newest value; drop tracks that start late."""
+    changed: dict[str, Any] = {}
+    notes = []
+    for name in _TRACKS:
+        column = getattr(fine, name)
+        if column is None:
+            continue
+        finite = np.isfinite(column).reshape(len(column), -1).all(axis=1)
+        if not finite.any():
+            changed[name] = None
+        elif not finite.all():
+            lead = (fine.stamp[int(np.argmax(finite))] - fine.stamp[0]) * 1e-9
+            if lead > LEADING_GAP_S or not finite.mean() > 0.5:
+                changed[name] = None
+                notes.append(f'{name} is known in {finite.mean():.0%} of the run only: not used')
+            else:
+                row = np.maximum.accumulate(np.where(finite, np.arange(len(column)), 0))
+                changed[name] = column[np.maximum(row, np.argmax(finite))]
+    setpoint = changed.get('setpoint', fine.setpoint)
+    if fine.cycle is None and setpoint is not None:
+        changed['phase'], changed['cycle'] = phases_from_setpoint(fine.time, setpoint)
+    return replace(fine, **changed), notes
+
+
+_TRACKS = (
+    'chamber_temperature',
+    'chamber_temperature_2',
+    'device_temperature',
+    'setpoint',
+    'humidity',
+    'heater',
+    'compressor',
+    'fan',
+    'supply_voltage',
+    'vibration',
+)
+
+
+def _blocks(
+    time: FloatArray, period: float, step: float, *, sampled: bool
+) -> tuple[IntArray, IntArray]:
+    """Return the (m, 2) fine rows of each block that is at least half full, and its slot.
+
+    `sampled`: rows are samples, whose stamps may jitter about a block's edge, not means.
+    """
+    early = 0.5 * step if sampled else 0.0
+    place = np.floor((time + early) / period + 1e-9).astype(np.int64)
+    first = np.flatnonzero(np.diff(place, prepend=place[0] - 1))
+    after = np.append(first[1:], len(place))
+    rows = after - first
+    full = rows >= 0.5 * np.median(rows)
+    starts = np.column_stack([first, after]).astype(np.int64)
+    return starts[full], place[first][full]
+
+
+def _folds(cycle: IntArray | None, starts: IntArray) -> tuple[IntArray, bool]:
+    """Return the part each block belongs to, and whether the parts are thermal cycles."""
+    m = len(starts)
+    if cycle is not None:
+        fold = np.maximum(cycle[(starts[:, 0] + starts[:, 1] - 1) // 2], 0)
+        if len(np.unique(fold[fold > 0])) >= 2:
+            return fold, True
+    parts = min(BLOCKS_WITHOUT_CYCLES, m)
+    return 1 + np.arange(m, dtype=np.int64) * parts // max(m, 1), False
+
+
+def _block_measurement(run: PreparedRun, sensor: Sensor) -> FloatArray:
+    """Return the (m, 3) means of the rows that are finite; blocks less than half full are NaN."""
+    mean, count = bin_means(run.fine_measured[sensor], run.starts.ravel())
+    mean, count = mean[::2], count[::2]
+    if count.any():
+        mean[count < 0.5 * np.median(count[count > 0])] = np.nan
+    return mean

@@ -1,0 +1,440 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Defects of the data before any physics: clipped, stuck, spiky, flipped, of a wrong unit."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
+from numpy.typing import NDArray
+
+from thermal_comp.data.startup import startup_rows
+
+BoolArray = NDArray[np.bool_]
+
+STUCK_S = 4.0
+"""A triad that repeats itself for longer is stuck [s]."""
+STUCK_ROWS = 4
+CHANCE = 1e-6
+"""A run of repeats expected less often than this in the whole recording is no chance."""
+SPIKE_SIGMA = 9.0
+"""A row that far from its neighbours is a spike."""
+SLOW_SPIKE_SIGMA = 14.0
+"""The same for rows slower than SLOW_S, between which switches of the chamber show."""
+SLOW_S = 2.0
+OTHERS_SIGMA = 6.0
+"""Other axes stay within this where a bit went wrong on one."""
+PULSE = 0.02
+"""Share of a switching channel's range by which it stands out of its neighbours."""
+PILE = 10
+"""At least this many values at the very extreme are a rail."""
+PILE_RATIO = 3.0
+"""A rail holds this many times more values than the steps just below it."""
+
+
+def stuck_rows(values: FloatArray, period: float) -> BoolArray:
+    """Return the rows (n,) in which all axes repeat the row before, for long enough."""
+    same = np.zeros(len(values) + 2, dtype=bool)
+    for rows in pieces(len(values) - 1):
+        behind = slice(rows.start + 1, rows.stop + 1)
+        same[rows.start + 2 : rows.stop + 2] = (values[behind] == values[rows]).all(axis=1)
+    stuck = np.zeros(len(values), dtype=bool)
+    runs = np.flatnonzero(same[1:] != same[:-1]).reshape(-1, 2)
+    least = max(STUCK_ROWS, int(np.ceil(STUCK_S / period)))
+    needed = _needed_repeats(runs[:, 1] - runs[:, 0], len(values), least)
+    for start, stop in runs:
+        if stop - start >= needed:
+            stuck[start:stop] = True
+    # A constant triad is no log.
+    return stuck & bool(stuck.mean() < 0.9)
+
+
+def _needed_repeats(lengths: NDArray[np.int64], rows: int, least: int) -> int:
+    """Return how many repeats in a row chance does not explain: rows · p^L < CHANCE.
+
+    p is the share of repeats outside runs of L or more, so L is raised until both agree: a quiet
+    triad of few quantisation steps repeats by chance, a stuck one does not raise its own limit.
+    """
+    needed = least
+    while True:
+        long = lengths >= needed
+        others = rows - int(lengths[long].sum())
+        share = int(lengths[~long].sum()) / max(others, 1)
+        if not 0.0 < share < 1.0:
+            return needed
+        wanted = int(np.floor(np.log(CHANCE / rows) / np.log(share))) + 1
+        if wanted <= needed:
+            return needed
+        needed = wanted
+
+
+def rail_rows(values: FloatArray) -> BoolArray:
+    """Return the rows (n,) that stand at a rail, or so near that their mean is touched by it."""
+    touched = np.zeros(len(values), dtype=bool)
+    for column in values.T:
+        for sign, pick in ((1.0, np.fmax), (-1.0, np.fmin)):
+            extreme = float(pick.reduce(column, initial=-sign * np.inf))
+            if not np.isfinite(extreme) or np.count_nonzero(column == extreme) < PILE:
+                continue
+            finite = column[np.isfinite(column)]
+            if len(finite) < 100 or np.ptp(finite) == 0.0:
+                break
+            noise = 1.4826 * float(np.median(np.abs(np.diff(finite)))) / np.sqrt(2.0)
+            if _piles_up(sign * finite, sign * extreme):
+                with np.errstate(invalid='ignore'):
+                    touched |= sign * column >= sign * extreme - 4.0 * noise
+    return touched
+
+
+def spike_rows(values: FloatArray, period: float = 0.0) -> BoolArray:
+    """Return the rows (n,) that stand alone, far from both neighbours."""
+    spikes = np.zeros(len(values), dtype=bool)
+    if len(values) < 5:
+        return spikes
+    limit = SPIKE_SIGMA if period < SLOW_S else SLOW_SPIKE_SIGMA
+    centre = some_rows(len(values) - 2) + 1
+    jump = values[centre] - 0.5 * (values[centre - 1] + values[centre + 1])
+    known = np.where(np.isfinite(jump).any(axis=0), jump, 0.0)
+    sigma = 1.4826 * np.nanmedian(np.abs(known - np.nanmedian(known, axis=0)), axis=0)
+    sigma = np.where(sigma > 0.0, sigma, np.inf)
+    for rows in pieces(len(values) - 2):
+        at = rows.start + 1 + _far_rows(values[rows.start : rows.stop + 2], limit * sigma)
+        before, here, after = values[at - 1], values[at], values[at + 1]
+        jump = np.abs(here - 0.5 * (before + after))
+        alone = (jump > limit * sigma) & (np.abs(before - after) < 0.5 * jump)
+        single = (jump > OTHERS_SIGMA * sigma).sum(axis=1) == 1
+        spikes[at] = alone.any(axis=1) & single
+    return spikes
+
+
+def pulsed_rows(channel: FloatArray) -> BoolArray:
+    """Return the rows (n,) in which a channel (n,) that switches stands off both neighbours.
+
+    What it does to a sensor for one row is no spike of the sensor.
+    """
+    pulsed = np.zeros(len(channel), dtype=bool)
+    span = np.nanmax(channel, initial=-np.inf) - np.nanmin(channel, initial=np.inf)
+    if len(channel) > 2 and span > 0.0:
+        with np.errstate(invalid='ignore'):
+            jump = np.abs(channel[1:-1] - 0.5 * (channel[:-2] + channel[2:]))
+            pulsed[1:-1] = jump > PULSE * span
+    return pulsed
+
+
+def _far_rows(values: FloatArray, limit: FloatArray) -> NDArray[np.intp]:
+    """Return the inner rows of (n, 3) that differ from the mean of both neighbours by more."""
+    jump = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
+    return np.flatnonzero((jump > limit).any(axis=1))
+
+
+def pieces(rows: int, length: int = 1 << 15) -> Iterator[slice]:
+    """Yield slices over rows that stay in the processor's cache."""
+    for start in range(0, rows, length):
+        yield slice(start, min(start + length, rows))
+
+
+def some_rows(rows: int, wanted: int = 200_000) -> NDArray[np.intp]:
+    """Return about so many of the rows, evenly spread: enough for a median."""
+    return np.arange(0, rows, max(rows // wanted, 1))
+
+
+def _piles_up(values: FloatArray, extreme: float) -> bool:
+    at_rail = int((values == extreme).sum())
+    if at_rail < PILE:
+        return False
+    others = np.unique(values[values < extreme])
+    if not len(others):
+        return False
+    below = [int((values == other).sum()) for other in others[-3:]]
+    return at_rail > PILE_RATIO * max(below)
+
+
+POSSIBLE = {
+    'vibration': (0.0, 1e5, 'is no variance'),
+    'humidity': (-0.05, 1.1, 'is no relative humidity (0 … 1)'),
+    'temperature': (-80.0, 200.0, 'is no temperature of a working die'),
+    'chamber_temperature': (-100.0, 300.0, 'is no temperature of a chamber'),
+    'supply_voltage': (0.0, 60.0, 'is no supply voltage'),
+}
+"""Least and greatest value a track can have [its unit], and what is said of others."""
+
+
+def impossible_rows(recording: ImuRecording) -> list[tuple[str, BoolArray, str]]:
+    """Return track, rows (n,) and a sentence for every track with values that cannot be."""
+    found = []
+    for name, (low, high, text) in POSSIBLE.items():
+        values = getattr(recording, name)
+        if values is None:
+            continue
+        with np.errstate(invalid='ignore'):
+            wrong = ((values < low) | (values > high)).reshape(len(values), -1).any(axis=1)
+        if wrong.any():
+            found.append((name, wrong, text))
+    return found
+
+
+PLAUSIBLE = {'accelerometer': (8.0, 11.5), 'magnetometer': (1e-6, 2e-3)}
+"""Norm of the mean at rest [m/s², T]."""
+FACTORS = {
+    'accelerometer': {'g': 1.0 / 9.80665, 'mg': 1e3 / 9.80665, 'cm/s²': 100.0},
+    'magnetometer': {'µT': 1e6, 'nT': 1e9, 'gauss': 1e4, 'mG': 1e7},
+    'gyroscope': {'°/s': 180.0 / np.pi, 'm°/s': 180e3 / np.pi},
+}
+"""Numbers per SI unit of the units logs are kept in."""
+FAR = 5.0
+"""A norm is of no known unit where it is outside what is plausible by this factor."""
+FOREIGN_NOISE = 20.0
+"""Ratio of a run's noise to that of the other runs that only a wrong unit explains."""
+
+
+Scale = tuple[float, float]
+"""Norm of the median and median step of one sensor [its unit]."""
+
+
+def scales_of(recording: ImuRecording) -> dict[str, Scale]:
+    """Return how large and how noisy each sensor's numbers are; zero where there are none."""
+    return {
+        sensor: (_norm(getattr(recording, name)), _noise(getattr(recording, name)))
+        for sensor, name in SENSOR_FIELDS.items()
+    }
+
+
+def foreign_units(
+    scales: Sequence[Mapping[str, Scale]], names: Sequence[str], clipped: Collection[str] = ()
+) -> list[tuple[int, str, str]]:
+    """Return run number, sensor and a sentence for every sensor of a run in a foreign unit.
+
+    The norm of a sensor that is `clipped` tells nothing, unless a known unit explains it.
+    """
+    found = []
+    for sensor in SENSOR_FIELDS:
+        noise = [scale[sensor][1] for scale in scales]
+        for k, name in enumerate(names):
+            norm = scales[k][sensor][0]
+            others = [n for j, n in enumerate(noise) if j != k and n > 0.0]
+            ratio = noise[k] / float(np.median(others)) if others and noise[k] > 0.0 else 1.0
+            foreign = len(others) > 1 and not 1.0 / FOREIGN_NOISE < ratio < FOREIGN_NOISE
+            unit = _unit_of_norm(sensor, norm) or (
+                _unit_of_ratio(sensor, ratio) if foreign else ''
+            )
+            if foreign or unit or (sensor not in clipped and _is_far(sensor, norm)):
+                text = f'run {name}: mean norm {norm:.4g}, noise × {ratio:.3g}'
+                found.append((k, sensor, text + (f', as if in {unit}' if unit else '')))
+    return found
+
+
+def _norm(values: FloatArray) -> float:
+    some = values[some_rows(len(values))]
+    finite = some[np.isfinite(some).all(axis=1)]
+    return float(np.linalg.norm(np.median(finite, axis=0))) if len(finite) else 0.0
+
+
+def _unit_of_norm(sensor: str, norm: float) -> str:
+    """Return the unit that makes an implausible norm plausible."""
+    low, high = PLAUSIBLE.get(sensor, (0.0, np.inf))
+    if low <= norm <= high:
+        return ''
+    fits = (u for u, factor in FACTORS[sensor].items() if low <= norm / factor <= high)
+    return next(fits, '')
+
+
+def _unit_of_ratio(sensor: str, ratio: float) -> str:
+    """Return the unit whose factor is within two of the ratio of noises."""
+    fits = (u for u, factor in FACTORS[sensor].items() if 0.5 < ratio / factor < 2.0)
+    return next(fits, '')
+
+
+def _is_far(sensor: str, norm: float) -> bool:
+    low, high = PLAUSIBLE.get(sensor, (0.0, np.inf))
+    return norm > 0.0 and not low / FAR <= norm <= high * FAR
+
+
+def _noise(values: FloatArray) -> float:
+    first = some_rows(len(values) - 1)
+    steps = values[first + 1] - values[first]
+    steps = steps[np.isfinite(steps).all(axis=1)]
+    return float(np.median(np.abs(steps))) if len(steps) else 0.0
+
+
+SWITCHES = ('heater', 'compressor', 'fan')
+"""Channels whose pulses a sensor may follow."""
+FLIP_WINDOW_S = 300.0
+"""Gravity's direction is judged on means over this [s]."""
+
+
+@dataclass(frozen=True)
+class QualityFinding:
+    """One defect of the data."""
+
+    name: str
+    sensor: str
+    rows: int
+    """Rows affected, over all runs."""
+    text: str
+
+    @property
+    def evidence(self) -> float:
+        """How much stands against chance; every affected row counts ten."""
+        return 10.0 * max(self.rows, 1)
+
+
+def check_quality(
+    recordings: Sequence[ImuRecording],
+) -> tuple[list[ImuRecording], list[QualityFinding]]:
+    """Return the recordings with defective rows taken out, and what was defective."""
+    findings: list[QualityFinding] = []
+    clean = []
+    names = [recording.run or str(number) for number, recording in enumerate(recordings, 1)]
+    for name, recording in zip(names, recordings, strict=True):
+        mended, found = check_recording(recording, name)
+        clean.append(mended)
+        findings += found
+    for number, finding in wrong_units([scales_of(r) for r in clean], names, findings):
+        rows = np.ones(len(clean[number]), dtype=bool)
+        clean[number] = _without(clean[number], finding.sensor, rows)
+        findings.append(replace(finding, rows=len(rows)))
+    return clean, merged(findings)
+
+
+def wrong_units(
+    scales: Sequence[Mapping[str, Scale]],
+    names: Sequence[str],
+    findings: Sequence[QualityFinding],
+) -> list[tuple[int, QualityFinding]]:
+    """Return run number and finding, its rows not counted, of every sensor in a foreign unit."""
+    clipped = {finding.sensor for finding in findings if finding.name == 'saturation'}
+    return [
+        (number, QualityFinding('unit_mismatch', sensor, 0, text))
+        for number, sensor, text in foreign_units(scales, names, clipped)
+    ]
+
+
+def check_recording(
+    recording: ImuRecording, run: str
+) -> tuple[ImuRecording, list[QualityFinding]]:
+    """Return one recording with defective rows taken out, and what was defective."""
+    findings = []
+    cut, factor = startup_rows(recording)
+    if cut:
+        text = f'run {run}: first {cut} rows, starting at {factor:.2f} of the level'
+        findings.append(QualityFinding('startup_transient', 'all', cut, text))
+    for channel, rows, text in impossible_rows(recording):
+        count = int(rows.sum())
+        found_here = f'run {run}: {channel} {text} in {count} of {len(rows)} rows'
+        findings.append(QualityFinding('impossible_statistic', 'all', count, found_here))
+        recording = _blank(recording, channel, rows)
+    recording, found = _check_orientation(recording, run)
+    findings += found
+    period = _period(recording)
+    for sensor, name in SENSOR_FIELDS.items():
+        values = getattr(recording, name)
+        bad = np.zeros(len(values), dtype=bool)
+        for defect, judge in (
+            ('stuck_value', partial(stuck_rows, period=period)),
+            ('saturation', rail_rows),
+            ('spikes', partial(spike_rows, period=period)),
+        ):
+            # The edges of what is stuck or clipped are no spikes.
+            rows = judge(np.where(bad[:, None], np.nan, values) if bad.any() else values)
+            rows[:cut] = False
+            if defect == 'spikes' and rows.any():
+                rows &= ~_switched(recording)
+            if rows.any():
+                text = f'run {run}: {int(rows.sum())} of {len(rows)} rows'
+                findings.append(QualityFinding(defect, sensor, int(rows.sum()), text))
+                bad |= rows
+        if bad.any():
+            recording = _without(recording, sensor, bad)
+    return recording, findings
+
+
+def _switched(recording: ImuRecording) -> BoolArray:
+    """Return the rows in which something in the chamber was on for one row, or off."""
+    switched = np.zeros(len(recording), dtype=bool)
+    for name in SWITCHES:
+        channel = getattr(recording, name)
+        if channel is not None and np.isfinite(channel).any():
+            switched |= pulsed_rows(np.asarray(channel, dtype=np.float64))
+    return switched
+
+
+def _without(recording: ImuRecording, sensor: str, rows: BoolArray) -> ImuRecording:
+    return _blank(recording, SENSOR_FIELDS[sensor], rows)
+
+
+def _blank(recording: ImuRecording, name: str, rows: BoolArray) -> ImuRecording:
+    """Return the recording with rows of one column unknown; None where all of a track are."""
+    values = getattr(recording, name).astype(float)
+    values[rows] = np.nan
+    changed: dict[str, Any] = {name: values}
+    return replace(recording, **changed)
+
+
+def _check_orientation(
+    recording: ImuRecording, run: str
+) -> tuple[ImuRecording, list[QualityFinding]]:
+    """Find rows in which another axis, or the same one the other way, points up."""
+    window = max(int(FLIP_WINDOW_S / _period(recording)), 1)
+    values = recording.linear_acceleration
+    count = len(values) // window
+    if count < 3:
+        return recording, []
+    parts = values[: count * window].reshape(count, window, 3)
+    sizes = np.isfinite(parts).sum(axis=1)
+    means = np.where(sizes > 0, np.nansum(parts, axis=1) / np.maximum(sizes, 1), np.nan)
+    known = np.isfinite(means).all(axis=1)
+    if known.sum() < 3:
+        return recording, []
+    axis = np.argmax(np.abs(np.nan_to_num(means)), axis=1)
+    up = np.where(means[np.arange(count), axis] > 0.0, axis + 1, -axis - 1)
+    steady = (
+        np.abs(
+            np.linalg.norm(means, axis=1) / np.median(np.linalg.norm(means[known], axis=1)) - 1.0
+        )
+        < 0.1
+    )
+    usual = _most_common(up[known & steady]) if (known & steady).any() else 0
+    other = known & steady & (up != usual)
+    if not other.any() or other.sum() < 2:
+        return recording, []
+    first, last = np.flatnonzero(other)[[0, -1]]
+    rows = np.zeros(len(values), dtype=bool)
+    rows[max(first - 1, 0) * window : min((last + 2) * window, len(values))] = True
+    if last == count - 1:
+        rows[first * window :] = True
+    name = _up_name(int(up[first]))
+    text = f'run {run}: {name} points up instead of {_up_name(int(usual))} in {rows.sum()} rows'
+    for sensor in ('accelerometer', 'magnetometer'):
+        recording = _without(recording, sensor, rows)
+    finding = QualityFinding('orientation_flip', 'accelerometer', int(rows.sum()), text)
+    return recording, [finding]
+
+
+def _up_name(code: int) -> str:
+    return f'{"+" if code > 0 else "-"}{"xyz"[abs(code) - 1]}'
+
+
+def _most_common(codes: NDArray[np.int64]) -> int:
+    values, counts = np.unique(codes, return_counts=True)
+    return int(values[np.argmax(counts)])
+
+
+def merged(findings: Sequence[QualityFinding]) -> list[QualityFinding]:
+    """Join the runs' findings of one kind and sensor."""
+    joined: dict[tuple[str, str], QualityFinding] = {}
+    for finding in findings:
+        key = (finding.name, finding.sensor)
+        if key in joined:
+            before = joined[key]
+            text = f'{before.text}; {finding.text}'
+            finding = replace(before, rows=before.rows + finding.rows, text=text)  # noqa: PLW2901
+        joined[key] = finding
+    return sorted(joined.values(), key=lambda f: -f.rows)
+
+
+def _period(recording: ImuRecording) -> float:
+    return float(np.median(np.diff(recording.stamp))) * 1e-9 if len(recording) > 1 else 1.0

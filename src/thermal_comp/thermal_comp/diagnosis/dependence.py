@@ -1,0 +1,300 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Remaining dependence of a residual on a variable, or on a channel that was not logged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.diagnosis.generic_regressors import Judge
+from thermal_comp.diagnosis.search import Rated, Search
+from thermal_comp.linear.candidate_design import ColumnBank, Term
+
+WAVES = 48
+"""Half waves over a run that are looked at."""
+SPANS = (4, 8, 16, 32, 48)
+"""Numbers of the slowest of them that are taken together."""
+ABSORBED = 1e-9
+"""A half wave of which less than this share of its power is left beside the base says nothing."""
+
+
+@dataclass(frozen=True)
+class Coherence:
+    """What speaks for a common course; 2 ln of the Bayes factor, about −5 for noise alone."""
+
+    axes: float
+    """The axes share it."""
+    runs: float
+    """The runs share it too, at the same time since their beginning."""
+
+    @property
+    def evidence(self) -> float:
+        """Both together."""
+        return self.axes + max(self.runs, 0.0)
+
+
+def coherence(bank: ColumnBank, found: Sequence[Term] = ()) -> Coherence:
+    """Return the evidence for a course common to the axes in what the found effects leave.
+
+    A course over time hides in a noise model that is rich enough to follow it, but noise is
+    independent between axes and between runs. The slow half waves of each run, whitened and made
+    orthogonal, are compared: −(n − 1 − (2 p + 5) / 6) ln det R − p (p − 1) / 2 · ln n, where R
+    (p, p) correlates n waves of p axes, or of p runs along the axes' common direction (Bartlett's
+    test of independence). The strongest over the SPANS counts.
+    """
+    waves = _waves(bank, found)
+    axes = runs = -np.inf
+    for span in SPANS:
+        part = waves[:, :, :span]
+        rows = part.reshape(len(part), -1)
+        axes = max(axes, _dependence(rows))
+        direction = np.linalg.eigh(rows @ rows.T)[1][:, -1]
+        runs = max(runs, _dependence(np.einsum('a,ark->rk', direction, part)))
+    return Coherence(float(axes), float(runs))
+
+
+def _waves(bank: ColumnBank, found: Sequence[Term]) -> FloatArray:
+    """(3, runs, WAVES) amplitudes of the half waves, of unit variance for noise alone.
+
+    With V the whitened half waves of a run, Q the base and r the residual, they are R⁻ᵀ Vᵀ r,
+    Rᵀ R = Vᵀ V − (Qᵀ V)ᵀ Qᵀ V (Cholesky): as if V were made orthogonal to Q, then in itself.
+    """
+    runs = bank.source.runs
+    longest = max(float(run.time[-1]) for run in runs)
+    known = bank.design(list(found))
+    amplitudes = np.empty((3, len(runs), WAVES))
+    for axis in range(3):
+        target = bank.target[axis]
+        if found:
+            target = target - known[axis] @ np.linalg.lstsq(known[axis], target, rcond=1e-9)[0]
+        for number, run in enumerate(runs):
+            half_turns = np.multiply.outer(run.time / longest, np.arange(1, WAVES + 1))
+            white, rows = bank.whitened_in_run(np.cos(np.pi * half_turns), number, axis)
+            cross = bank.base[axis][rows].T @ white
+            normal = white.T @ white
+            normal -= cross.T @ cross - ABSORBED * np.diag(np.diag(normal))
+            triangle = np.linalg.cholesky(normal)
+            amplitudes[axis, number] = np.linalg.solve(triangle, white.T @ target[rows])
+    return amplitudes
+
+
+def _dependence(rows: FloatArray) -> float:
+    """Return the evidence that the (p, n) rows depend on each other."""
+    p, n = rows.shape
+    power = (rows**2).sum(axis=1)
+    if p < 2 or n < p + 1 or not (power > 0.0).all():
+        return -np.inf
+    correlation = rows @ rows.T / np.sqrt(np.outer(power, power))
+    determinant = max(float(np.linalg.det(correlation)), 1e-300)
+    weight = n - 1.0 - (2.0 * p + 5.0) / 6.0
+    price = 0.5 * p * (p - 1) * float(np.log(n))
+    return float(-weight * np.log(determinant) - price)
+
+
+BENDS = 15
+"""Temperatures tried at first, evenly over the range."""
+HALVINGS = 2
+"""How often the neighbourhood of the best one is searched more finely."""
+
+
+@dataclass(frozen=True)
+class Hinge:
+    """The bend that explains most."""
+
+    temperature: float
+    """[°C]"""
+    evidence: float
+    gain: float
+
+
+def best_hinge(search: Search) -> Hinge:
+    """Return the bend that explains most of the sensor's residual by itself.
+
+    One coefficient per axis and one temperature: error = a · max(0, T − T_bend). A law of two
+    coefficients that explains less is not the law.
+    """
+    runs = search.bank.source.runs
+    low = min(float(run.temperature.min()) for run in runs)
+    high = max(float(run.temperature.max()) for run in runs)
+    spacing = (high - low) / (BENDS + 1)
+    even = [low + spacing * k for k in range(1, BENDS + 1)]
+    best = max(_hinges(search, even), key=lambda h: h.evidence)
+    for _ in range(HALVINGS):
+        spacing *= 0.5
+        beside = [best.temperature - spacing, best.temperature + spacing]
+        best = max([best, *_hinges(search, beside)], key=lambda h: h.evidence)
+    return best
+
+
+def _hinges(search: Search, bends: Sequence[float]) -> list[Hinge]:
+    terms = search.bank.generic_terms([(_bent_at(bend), False) for bend in bends])
+    found = []
+    for bend, term in zip(bends, terms, strict=True):
+        gain, rank = search.bank.solve([term])
+        found.append(Hinge(bend, gain - (rank + 1) * search.price, gain))
+    return found
+
+
+def _bent_at(bend: float) -> Callable[[PreparedRun], FloatArray]:
+    def column(run: PreparedRun) -> FloatArray:
+        return run.block_mean(np.maximum(run.conditions.temperature - bend, 0.0))[:, None]
+
+    return column
+
+
+JUDGED = 20.0
+"""Evidence from which a judge's dependence counts."""
+COHERENT = 20.0
+"""Evidence from which a common course of the axes counts."""
+IN_STEP = 8.0
+"""Evidence from which the runs share the course, so that time is its variable."""
+ADEQUATE = 0.9
+"""Share of what can be explained from which one variable's judge counts as the law."""
+WHOLLY = 0.95
+"""The same where a channel is missing that could act: what hides it is never quite its course."""
+VAGUE = 0.6
+"""Share below which no variable that was logged is behind the residual."""
+SIMPLER = 0.9
+"""A judge of fewer columns is preferred where it explains this share of the best one's."""
+PLAINLY = 0.8
+"""Share of its gain a channel has to bring by itself, without products and lags, to be meant."""
+CHANNELS_OF: dict[Sensor, tuple[str, ...]] = {
+    'accelerometer': ('supply_voltage', 'vibration', 'humidity'),
+    'gyroscope': ('supply_voltage', 'vibration', 'humidity'),
+    'magnetometer': ('heater', 'compressor', 'supply_voltage'),
+}
+"""Channels that can act on each sensor."""
+LOGGED = ('heater', 'compressor', 'supply_voltage')
+"""Channels whose absence alone makes several effects at once suspicious."""
+CHAMBER_FREE = ('temperature', 'branch', 'time', 'orientation', 'supply', 'cycle')
+"""Variables that no channel of the chamber stands for."""
+SWITCHED = ('heater', 'compressor')
+"""Channels that drag others along: a supply droops, a plate shakes."""
+
+
+@dataclass(frozen=True)
+class Left:
+    """The judge that explains most of what effects leave."""
+
+    judge: Judge
+    evidence: float
+    gain: float
+    """χ² gain beyond what noise gives as many columns."""
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """What is said of a residual without a name."""
+
+    kind: Literal['unexplained', 'unlogged']
+    depends_on: str
+    evidence: float
+
+
+def strongest_judge(
+    search: Search, judges: Sequence[Judge], found: Sequence[Rated]
+) -> Left | None:
+    """Return the judge that explains most of what the effects leave, if it counts."""
+    terms = [term for r in found for term in r.form.terms]
+    before = search.bank.solve(terms)
+    best: Left | None = None
+    for judge in judges:
+        gain, rank = search.bank.solve([*terms, judge.term])
+        gain, rank = gain - before[0], rank - before[1]
+        evidence = gain - rank * search.price
+        if evidence > JUDGED and (best is None or evidence > best.evidence):
+            best = Left(judge, evidence, gain - rank)
+    return best
+
+
+def common_course(
+    search: Search, missing: Sequence[str], found: Sequence[Rated] = ()
+) -> Dependence | None:
+    """Return what the axes have in common beside the effects found; None where nothing.
+
+    A course that all runs repeat from their start is one of time; one that every run has for
+    itself is one of the supply where that was not logged, else of time as well.
+    """
+    common = coherence(search.bank, [term for r in found for term in r.form.terms])
+    if common.evidence < COHERENT:
+        return None
+    suspects = [c for c in CHANNELS_OF[search.bank.sensor] if c in missing and c in LOGGED]
+    if common.runs < IN_STEP and suspects:
+        name = 'supply' if 'supply_voltage' in suspects else _suspect(suspects)
+        return Dependence('unlogged', name, common.evidence)
+    return Dependence('unexplained', 'time', common.evidence)
+
+
+def dependence(
+    search: Search, judges: Sequence[Judge], missing: Sequence[str], found: Sequence[Rated]
+) -> Dependence:
+    """Say on which variable the residual depends, or which channel is suspected."""
+    bank = search.bank
+    terms = [term for r in found for term in r.form.terms]
+    everything, _ = explainable(search, judges, terms)
+    judge, evidence, gain = _law(search, judges)
+    evidence = max(evidence, search.total([r.form for r in found])[0])
+    relevant = [c for c in CHANNELS_OF[bank.sensor] if c in missing]
+    suspects = [c for c in relevant if c in LOGGED]
+    if judge.depends_on == 'humidity' and 'humidity' in relevant:
+        if best_hinge(search).evidence > evidence:
+            return Dependence('unexplained', 'temperature', evidence)
+        return Dependence('unlogged', 'humidity', evidence)
+    adequate = gain >= (WHOLLY if suspects else ADEQUATE) * everything
+    plainly = judge.depends_on in SWITCHED and _plainly(search, judge)
+    if bank.sensor != 'magnetometer' and judge.depends_on in SWITCHED:
+        # A compressor reaches accelerometer and gyroscope by shaking them or through the supply.
+        shaken = judge.depends_on == 'compressor' and plainly
+        if 'vibration' in missing and (shaken or not adequate):
+            return Dependence('unlogged', 'vibration', evidence)
+        if suspects:
+            return Dependence('unlogged', _suspect(suspects), evidence)
+        return Dependence('unexplained', judge.depends_on, evidence)
+    if suspects and not (adequate and (plainly or judge.depends_on in CHAMBER_FREE)):
+        return Dependence('unlogged', _suspect(suspects), evidence)
+    vague = gain < VAGUE * everything
+    if relevant and (vague or (not adequate and judge.depends_on in {'phase', 'time', 'cycle'})):
+        return Dependence('unlogged', 'chamber', evidence)
+    return Dependence('unexplained', judge.depends_on, evidence)
+
+
+def _law(search: Search, judges: Sequence[Judge]) -> tuple[Judge, float, float]:
+    """Return the judge that stands for the law, its evidence and its variable's χ² gain.
+
+    The strongest one, three standard deviations of what noise gives its columns aside, may be
+    flexible enough to follow another variable's law: the one of fewest columns that explains
+    nearly as much is preferred. The gain beyond noise is that of the best judge of its variable.
+    """
+    rated = []
+    for judge in judges:
+        gain, rank = search.bank.solve([judge.term])
+        net = gain - rank - 3.0 * float(np.sqrt(2.0 * rank))
+        rated.append((net, rank, gain - rank * search.price, gain - rank, judge))
+    best = max(net for net, *_ in rated)
+    near = [item for item in rated if item[0] >= min(SIMPLER * best, best)]
+    _, _, evidence, _, judge = min(near, key=lambda item: item[1])
+    return judge, evidence, max(row[3] for row in rated if row[4].depends_on == judge.depends_on)
+
+
+def explainable(
+    search: Search, judges: Sequence[Judge], terms: Sequence[Term]
+) -> tuple[float, float]:
+    """Return the χ² gain beyond noise of the terms and all judges, and what noise spreads it."""
+    gain, rank = search.bank.solve([*terms, *(judge.term for judge in judges)])
+    return gain - rank, float(np.sqrt(2.0 * rank))
+
+
+def _plainly(search: Search, judge: Judge) -> bool:
+    """Tell whether the channel by itself, its first column, explains most of what it can."""
+    alone = search.bank.solve([Term(judge.term.columns[:1])])[0]
+    return alone >= PLAINLY * search.bank.solve([judge.term])[0]
+
+
+def _suspect(channels: Sequence[str]) -> str:
+    return channels[0].removesuffix('_voltage') if len(channels) == 1 else 'chamber'

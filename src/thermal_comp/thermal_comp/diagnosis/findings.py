@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Outcomes as findings: with errors before and after, parameters and a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from imu_recording.recording import SENSOR_UNITS
+
+from thermal_comp.comparison.compare import Comparison
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.quality import QualityFinding
+from thermal_comp.diagnosis.decision import Named, Outcome
+from thermal_comp.diagnosis.noise_level import NEEDED, judge_noise
+from thermal_comp.diagnosis.result import Finding, SensorState
+from thermal_comp.diagnosis.thresholds import EVERYWHERE, threshold_of
+from thermal_comp.effects.effect import Effect
+from thermal_comp.model.values import NoiseModel, ThermalModel
+
+LISTED_WHERE = 6
+"""Places named per sensor."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """The model with everything that was named."""
+
+    model: ThermalModel | None
+    comparison: Comparison | None
+    undetermined: tuple[str, ...]
+
+
+def effect_findings(
+    sensor: Sensor,
+    outcome: Outcome,
+    current: Comparison,
+    explained: Explained,
+    thresholds: Mapping[str, float] | None,
+) -> list[Finding]:
+    """Return one finding per effect that is named."""
+    findings = []
+    seen: set[str] = set()
+    for named in outcome.named:
+        if named.rated.name in seen:
+            continue
+        seen.add(named.rated.name)
+        effect = named.rated.form.effect
+        label = '+'.join(effect.sensors) if effect.coupled else sensor
+        after = explained.comparison
+        findings.append(
+            Finding(
+                'effect',
+                named.rated.name,
+                label,
+                named.rated.evidence,
+                EVERYWHERE if named.shared else threshold_of(named.rated.name, thresholds),
+                ambiguous_with=named.ambiguous_with,
+                error_before=_rms(current.sensors[sensor].held_out_rms),
+                error_after=_rms(after.sensors[sensor].held_out_rms) if after else None,
+                noise_floor=_rms(after.sensors[sensor].noise_floor) if after else None,
+                unit=SENSOR_UNITS[sensor],
+                rivals=tuple({'name': name, 'similarity': s} for name, s in named.rivals),
+                parameters=_parameters(named, sensor, explained),
+                text=_sentence(named, label),
+            )
+        )
+    return findings
+
+
+def _sentence(named: Named, label: str) -> str:
+    text = f'{label}: {named.rated.name} is missing'
+    if named.ambiguous_with:
+        verb = 'explain' if len(named.ambiguous_with) > 1 else 'explains'
+        text += f'; {" and ".join(named.ambiguous_with)} {verb} it as well'
+    if named.approximate:
+        text += '; form approximate: its equation leaves more than noise'
+    return text
+
+
+def _parameters(
+    named: Named, sensor: Sensor, explained: Explained
+) -> dict[str, dict[str, object]]:
+    """Return the shape parameters as fitted jointly, with standard deviations."""
+    effect = named.rated.form.effect
+    model = explained.model.sensors[sensor] if explained.model else None
+    fitted = [e for e in (model.effects if model else ()) if e.name == effect.name]
+    found = min(fitted, key=lambda e: _distance(e, effect), default=effect)
+    units = {item.name: item.metadata['unit'] for item in fields(effect)}
+    table: dict[str, dict[str, object]] = {}
+    for name, value in found.shape_parameters.items():
+        spread = model.shape_std.get(f'{effect.name}.{name}') if model else None
+        several = isinstance(value, tuple)
+        std = None if spread is None else (list(spread) if several else spread[0])
+        shown = list(value) if several else value
+        table[name] = {'value': shown, 'std': std, 'unit': units[name]}
+    return table
+
+
+def _distance(one: Effect, other: Effect) -> float:
+    pairs = zip(one.shape_parameters.values(), other.shape_parameters.values(), strict=True)
+    return sum(abs(float(np.sum(a)) - float(np.sum(b))) for a, b in pairs)
+
+
+def unnamed_findings(sensor: Sensor, outcome: Outcome, current: Comparison) -> list[Finding]:
+    """Return the finding of a sensor whose residual has no name."""
+    if outcome.kind not in {'unexplained', 'unlogged'}:
+        return []
+    before = current.sensors[sensor]
+    if outcome.kind == 'unlogged':
+        text = f'{sensor}: several effects at once, or {outcome.depends_on} was not logged'
+    else:
+        text = f'{sensor}: no effect of the catalogue; depends on {outcome.depends_on}'
+    if outcome.tried:
+        text += f' (closest together: {", ".join(outcome.tried)})'
+    return [
+        Finding(
+            outcome.kind,
+            None,
+            sensor,
+            outcome.evidence,
+            EVERYWHERE,
+            depends_on=outcome.depends_on,
+            error_before=_rms(before.held_out_rms),
+            noise_floor=_rms(before.noise_floor),
+            unit=SENSOR_UNITS[sensor],
+            text=text,
+        )
+    ]
+
+
+def noise_finding(
+    sensor: Sensor,
+    noise: NoiseModel,
+    current: Comparison,
+    reference: NoiseModel | None,
+    *,
+    bandwidth_known: bool = False,
+) -> Finding | None:
+    """Return what is too high in the noise, if anything is."""
+    above = judge_noise(noise, sensor, reference, bandwidth_known=bandwidth_known)
+    if above is None:
+        return None
+    state = current.sensors[sensor]
+    white = f'white × {above.white_ratio:.2f}, ' if bandwidth_known else ''
+    text = (
+        f'{sensor}: noise above the reference, {white}bias instability × {above.flicker_ratio:.2f}'
+    )
+    return Finding(
+        'noise',
+        above.name,
+        sensor,
+        above.evidence,
+        NEEDED,
+        depends_on=None,
+        error_before=_rms(state.held_out_rms),
+        noise_floor=_rms(state.noise_floor),
+        unit=SENSOR_UNITS[sensor],
+        text=text,
+    )
+
+
+def sensor_state(sensor: Sensor, outcome: Outcome, current: Comparison) -> SensorState:
+    """Return how the sensor stands under the model that is diagnosed."""
+    compared = current.sensors[sensor]
+    if outcome.kind == 'named':
+        verdict = 'ambiguous' if outcome.named[0].ambiguous_with else 'missing'
+    else:
+        verdict = outcome.kind
+    where = [w for w in compared.where if set(w.group) == {'phase', 'cycle'}][:LISTED_WHERE]
+    return SensorState(
+        verdict,
+        tuple(map(float, compared.residual_rms)),
+        tuple(map(float, compared.held_out_rms)),
+        tuple(map(float, compared.noise_floor)),
+        SENSOR_UNITS[sensor],
+        tuple(
+            {**w.group, 'ratio': float(w.ratio)} for w in where or compared.where[:LISTED_WHERE]
+        ),
+    )
+
+
+def with_verdict(state: SensorState, verdict: str) -> SensorState:
+    """Return the state with another verdict."""
+    return replace(state, verdict=verdict)
+
+
+def quality_finding(defect: QualityFinding) -> Finding:
+    """Return a defect of the data as a finding."""
+    return Finding(
+        'data_quality', defect.name, defect.sensor, defect.evidence, 0.0, text=defect.text
+    )
+
+
+def _rms(per_axis: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(per_axis))))

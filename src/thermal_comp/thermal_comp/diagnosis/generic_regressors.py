@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Functions without physics that ask on which variable a residual depends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from imu_recording.recording import FloatArray, IntArray
+from scipy.interpolate import BSpline
+from scipy.ndimage import gaussian_filter1d
+
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.effects.operators import follow, play
+from thermal_comp.linear.candidate_design import ColumnBank, Term
+
+SMOOTHING_S = 60.0
+"""Standard deviation of the filter before the temperature's rate is taken [s]."""
+DEW_POINTS_C = (-12.0, -2.0, 8.0)
+UPTAKES_S = (1200.0, 5000.0)
+"""Time constants of the package's moisture [s]."""
+TURN_K = 0.5
+"""Half-width of the play that tells a turn of the temperature from its noise [K]."""
+LAGS_S = (300.0, 1200.0)
+"""A channel's effect may follow it this slowly [s]."""
+SETTLING_S = (60.0, 200.0)
+"""What a channel's switching leaves behind may settle this slowly [s]."""
+
+
+@dataclass(frozen=True)
+class Judge:
+    """A flexible function of one variable."""
+
+    depends_on: str
+    name: str
+    term: Term
+
+
+def judges(bank: ColumnBank) -> list[Judge]:
+    """Return the judges for the variables that were logged."""
+    runs = bank.source.runs
+    spans = _spans(runs)
+    made: list[tuple[str, str, Callable[[PreparedRun], FloatArray], bool]] = [
+        ('temperature', 'curve over temperature', spans.temperature, False),
+        ('temperature', 'powers of temperature', spans.powers, False),
+        ('branch', 'curve over temperature, one per branch', spans.branch, False),
+        ('rate', 'curve over the temperature rate', spans.rate, False),
+        ('rate', 'temperature rate and its square', spans.rate_slope, False),
+        ('rate', 'temperature rate times temperature and time', spans.rate_products, False),
+        ('time', 'curve over time', spans.time, False),
+        ('time', 'wave over time', spans.wave, False),
+        ('time', 'curve over time, one per run', spans.time, True),
+        ('time', 'curve over temperature that changes with time', spans.slope_in_time, False),
+        ('orientation', 'powers of temperature, one set per orientation', spans.powers, True),
+        ('orientation', 'temperature rate, one slope per orientation', spans.rate_slope, True),
+    ]
+    if all(run.has_cycles for run in runs):
+        made.append(('phase', 'curve over the phase of the cycle', spans.phase, False))
+        made.append(('cycle', 'level and slope of each cycle', spans.cycle, False))
+    for name in ('heater', 'compressor', 'supply_voltage', 'humidity'):
+        if all(run.conditions.has(name) for run in runs):
+            label = name.removesuffix('_voltage')
+            made.append(
+                (label, f'{label}, its lags and products', partial(spans.channel, name), False)
+            )
+    if _moist(bank):
+        made.append(('humidity', 'moisture guessed from the air temperature', moisture, False))
+    if all(run.conditions.has('vibration') for run in runs):
+        made.append(('vibration', 'vibration and its square', spans.vibration, False))
+    terms = bank.generic_terms([(function, per_run) for _, _, function, per_run in made])
+    return [Judge(row[0], row[1], term) for row, term in zip(made, terms, strict=True)]
+
+
+def _moist(bank: ColumnBank) -> bool:
+    """Tell whether humidity may act unseen: not logged anywhere, the air's temperature is."""
+    runs = bank.source.runs
+    logged = any(run.conditions.has('humidity') for run in runs)
+    air = all(run.conditions.has('chamber_temperature') for run in runs)
+    return bank.sensor != 'magnetometer' and air and not logged
+
+
+def moisture(run: PreparedRun) -> FloatArray:
+    """(m, 9) relative humidity of air of some dew points, as a package takes it up.
+
+    h = min(1, e_s(T_dew) / e_s(T_air)), e_s(T) ∝ exp(17.62 T / (243.12 + T)) (Magnus, WMO 8).
+    """
+    air = np.asarray(run.block_conditions.chamber_temperature)
+    made = []
+    for dew in DEW_POINTS_C:
+        share = 17.62 * (dew / (243.12 + dew) - air / (243.12 + air))
+        humidity = np.exp(np.minimum(share, 0.0))
+        made += [humidity, *(_lagged(run, humidity, lag) for lag in UPTAKES_S)]
+    return np.stack(made, axis=1)
+
+
+@dataclass(frozen=True)
+class _Spans:
+    """Ranges shared by all runs, so that one curve fits them together."""
+
+    low: float
+    high: float
+    fastest: float
+    longest: float
+    cycle_length: float
+    cycles: IntArray
+    """Numbers of the cycles that any run has."""
+
+    def temperature(self, run: PreparedRun) -> FloatArray:
+        return _spline(run.temperature, self.low, self.high, 16)
+
+    def branch(self, run: PreparedRun) -> FloatArray:
+        curve = _spline(run.temperature, self.low, self.high, 8)
+        rising = self._rate(run) / self.fastest
+        ways = [np.tanh(rising / 0.2), np.tanh(rising / 0.05), _last_way(run.temperature)]
+        return np.concatenate([curve, *(curve * way[:, None] for way in ways)], axis=1)
+
+    def rate(self, run: PreparedRun) -> FloatArray:
+        return _spline(self._rate(run), -self.fastest, self.fastest, 9)
+
+    def rate_products(self, run: PreparedRun) -> FloatArray:
+        rate, x, t = self._rate(run) / self.fastest, self._warmth(run), run.time / self.longest
+        products = [rate, rate * x, rate * x**2, rate**2 * x, rate * t, rate**2, rate**2 * t]
+        return np.stack(products, axis=1)
+
+    def rate_slope(self, run: PreparedRun) -> FloatArray:
+        rate = self._rate(run) / self.fastest
+        return np.stack([rate, rate**2], axis=1)
+
+    def time(self, run: PreparedRun) -> FloatArray:
+        return _spline(run.time, 0.0, self.longest, 9)
+
+    def wave(self, run: PreparedRun) -> FloatArray:
+        return _spline(run.time, 0.0, self.longest, 40)
+
+    def slope_in_time(self, run: PreparedRun) -> FloatArray:
+        x = self._warmth(run)[:, None]
+        share = run.time[:, None] / self.longest
+        curve = _spline(run.time, 0.0, self.longest, 4)
+        return np.concatenate([curve * x, share * x**2, share**2 * x**2, x**2], axis=1)
+
+    def powers(self, run: PreparedRun) -> FloatArray:
+        fine = run.conditions
+        x = (fine.temperature - fine.reference_temperature) / 30.0
+        # As the catalogue's effects are: then what they explain costs nothing here.
+        return run.block_mean(np.stack([x, x**2, x**3, x**4, np.abs(x)], axis=1))
+
+    def phase(self, run: PreparedRun) -> FloatArray:
+        since = _time_in_cycle(run)
+        inside = (since >= 0.0) & (since <= self.cycle_length)
+        curve = _spline(np.clip(since, 0.0, self.cycle_length), 0.0, self.cycle_length, 50)
+        return curve * inside[:, None]
+
+    def cycle(self, run: PreparedRun) -> FloatArray:
+        member = (run.cycle[:, None] == self.cycles).astype(float)
+        return np.concatenate([member, member * self._warmth(run)[:, None]], axis=1)
+
+    def channel(self, name: str, run: PreparedRun) -> FloatArray:
+        values = np.asarray(getattr(run.block_conditions, name))
+        v, x, t = values - values.mean(), self._warmth(run), run.time / self.longest
+        rate = self._rate(run) / self.fastest
+        lags = [_lagged(run, v, lag) for lag in LAGS_S]
+        turns = np.diff(v, prepend=v[0])
+        starts, stops = np.maximum(turns, 0.0), np.minimum(turns, 0.0)
+        after = [_lagged(run, way, lag) for way in (starts, stops) for lag in SETTLING_S]
+        return np.stack([v, v * x, v * x**2, v**2, v * t, v * rate, *lags, *after], axis=1)
+
+    def vibration(self, run: PreparedRun) -> FloatArray:
+        values = np.asarray(run.block_conditions.vibration)
+        return np.concatenate([values, values**2], axis=1)
+
+    @staticmethod
+    def _warmth(run: PreparedRun) -> FloatArray:
+        return (run.temperature - run.conditions.reference_temperature) / 30.0
+
+    @staticmethod
+    def _rate(run: PreparedRun) -> FloatArray:
+        smooth = gaussian_filter1d(run.temperature, SMOOTHING_S / run.period)
+        return np.asarray(np.gradient(smooth, run.time))
+
+
+def _spans(runs: Sequence[PreparedRun]) -> _Spans:
+    lengths = [_cycle_length(run) for run in runs if run.has_cycles]
+    rates = [np.abs(_Spans._rate(run)).max() for run in runs]
+    return _Spans(
+        low=min(float(run.temperature.min()) for run in runs),
+        high=max(float(run.temperature.max()) for run in runs),
+        fastest=max(float(max(rates)), 1e-6),
+        longest=max(float(run.time[-1]) for run in runs),
+        cycle_length=max(lengths, default=1.0),
+        cycles=np.unique(np.concatenate([run.cycle[run.cycle > 0] for run in runs])),
+    )
+
+
+def _lagged(run: PreparedRun, values: FloatArray, time_constant: float) -> FloatArray:
+    return follow(run.time, values, time_constant)[0]
+
+
+def _last_way(temperature: FloatArray) -> FloatArray:
+    """(m,) +1 where the temperature rose last, −1 where it fell, through dwells as well."""
+    moved = np.sign(np.diff(play(temperature, TURN_K)[0], prepend=np.nan))
+    known = np.isfinite(moved) & (moved != 0.0)
+    newest = np.maximum.accumulate(np.where(known, np.arange(len(moved)), 0))
+    return np.where(known[newest], moved[newest], 0.0)
+
+
+def _time_in_cycle(run: PreparedRun) -> FloatArray:
+    """(m,) time since the cycle began [s]; negative outside the cycles."""
+    since = np.full(len(run), -1.0)
+    for number in np.unique(run.cycle[run.cycle > 0]):
+        inside = run.cycle == number
+        since[inside] = run.time[inside] - run.time[inside][0]
+    return since
+
+
+def _cycle_length(run: PreparedRun) -> float:
+    return float(max(_time_in_cycle(run).max(), 1.0))
+
+
+def _spline(values: FloatArray, low: float, high: float, pieces: int) -> FloatArray:
+    """(m, pieces + 2) quadratic B-splines between low and high."""
+    if not high > low:
+        return np.ones((len(values), 1))
+    knots = np.concatenate([[low] * 2, np.linspace(low, high, pieces + 1), [high] * 2])
+    clipped = np.clip(values, low, high)
+    return np.asarray(BSpline.design_matrix(clipped, knots, 2).toarray())

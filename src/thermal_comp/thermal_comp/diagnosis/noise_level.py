@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Is the noise higher than the sensor's reference, and does it walk?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import yaml
+from imu_recording.recording import ImuRecording
+
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.model.values import NoiseModel
+
+HIGHER = 1.5
+"""Ratio to the reference from which noise is reported."""
+WALK = 3.0
+"""A random walk's slow processes exceed the reference by this much more than its fast ones."""
+SPREAD = 0.1
+"""Standard deviation of the logarithm of a ratio over identical campaigns."""
+
+
+SLOWEST_SAMPLES_S = 0.1
+"""Single samples further apart than this may fold the sensor's band into theirs [s]."""
+NEEDED = (np.log(HIGHER) / SPREAD) ** 2
+"""Evidence of a ratio of HIGHER."""
+
+
+@dataclass(frozen=True)
+class NoiseFinding:
+    """Noise above the reference; ratios of standard deviations."""
+
+    name: str | None
+    """'random_walk' where the excess grows with averaging time."""
+    white_ratio: float
+    flicker_ratio: float
+    evidence: float
+    """(ln ratio / spread)²."""
+
+
+@cache
+def shipped_reference() -> Mapping[str, Mapping[str, float]]:
+    """Return white density and flicker amplitude of each sensor, from noise_reference.yaml."""
+    text = files('thermal_comp').joinpath('noise_reference.yaml').read_text('utf-8')
+    table: dict[str, Any] = yaml.safe_load(text)['lsm9ds1']
+    return table
+
+
+def bandwidth_known(recordings: Sequence[ImuRecording]) -> bool:
+    """Return whether every recording's rows are fast samples, or means with a variance within."""
+    return all(
+        r.vibration is not None or np.median(np.diff(r.stamp)) * 1e-9 <= SLOWEST_SAMPLES_S
+        for r in recordings
+        if len(r) > 1
+    )
+
+
+def judge_noise(
+    noise: NoiseModel,
+    sensor: Sensor,
+    reference: NoiseModel | None = None,
+    *,
+    bandwidth_known: bool = False,
+) -> NoiseFinding | None:
+    """Return what is too high, averaged over the axes; None where nothing is.
+
+    White noise is judged only where `bandwidth_known`: rows that are means, or samples fast
+    enough. Single samples slower than the sensor's output fold its whole band into theirs, so
+    their density exceeds the reference's without more noise. The coloured part is slow and
+    stands in either.
+    """
+    if not noise.white.any():
+        return None
+    if reference is None:
+        row = shipped_reference()[sensor]
+        white, flicker = row['white'], np.full(len(noise.time_constants), row['flicker'])
+    else:
+        white = _rms(reference.white)
+        flicker = np.interp(
+            np.log(noise.time_constants),
+            np.log(reference.time_constants),
+            np.sqrt((reference.amplitudes**2).mean(axis=1)),
+        )
+    amplitude = np.sqrt((noise.amplitudes**2).mean(axis=1))
+    ratios = amplitude / np.maximum(flicker, 1e-300)
+    white_ratio = _rms(noise.white) / white
+    flicker_ratio = _rms(ratios)
+    highest = max(white_ratio, flicker_ratio) if bandwidth_known else flicker_ratio
+    if highest < HIGHER:
+        return None
+    fast, slow = _rms(ratios[:3]), _rms(ratios[-3:])
+    name = 'random_walk' if slow > WALK * max(fast, 0.5) else None
+    return NoiseFinding(name, white_ratio, flicker_ratio, (np.log(highest) / SPREAD) ** 2)
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt((values**2).mean()))

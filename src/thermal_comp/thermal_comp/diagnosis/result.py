@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a diagnosis says: a verdict, findings strongest first, and each sensor's state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+SCHEMA = 1
+VERDICTS = (
+    'complete',
+    'missing',
+    'ambiguous',
+    'unexplained',
+    'unlogged',
+    'noise_above_reference',
+    'data_quality',
+)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing to act on."""
+
+    kind: str
+    """effect, data_quality, noise, unexplained or unlogged."""
+    name: str | None
+    sensor: str
+    evidence: float
+    """2 ln of the Bayes factor."""
+    threshold: float = 0.0
+    ambiguous_with: tuple[str, ...] = ()
+    depends_on: str | None = None
+    error_before: float | None = None
+    """Held-out rms over the sensor's axes, block means [unit]."""
+    error_after: float | None = None
+    noise_floor: float | None = None
+    unit: str = ''
+    rivals: tuple[Mapping[str, Any], ...] = ()
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    text: str = ''
+    """The finding in a sentence."""
+
+    @property
+    def verdict(self) -> str:
+        """The verdict this finding alone leads to."""
+        if self.kind == 'effect':
+            return 'ambiguous' if self.ambiguous_with else 'missing'
+        return 'noise_above_reference' if self.kind == 'noise' else self.kind
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        return {
+            'kind': self.kind,
+            'name': self.name,
+            'sensor': self.sensor,
+            'ambiguous_with': list(self.ambiguous_with),
+            'depends_on': self.depends_on,
+            'evidence': self.evidence,
+            'threshold': self.threshold,
+            'error_before': self.error_before,
+            'error_after': self.error_after,
+            'noise_floor': self.noise_floor,
+            'unit': self.unit,
+            'rivals': [dict(rival) for rival in self.rivals],
+            'parameters': {name: dict(value) for name, value in self.parameters.items()},
+            'text': self.text,
+        }
+
+
+@dataclass(frozen=True)
+class SensorState:
+    """One sensor under the model that was diagnosed; rms per axis in its SI unit."""
+
+    verdict: str
+    residual_rms: tuple[float, ...]
+    held_out_rms: tuple[float, ...]
+    noise_floor: tuple[float, ...]
+    unit: str
+    where: tuple[Mapping[str, Any], ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        return {
+            'verdict': self.verdict,
+            'unit': self.unit,
+            'residual_rms': list(self.residual_rms),
+            'held_out_rms': list(self.held_out_rms),
+            'noise_floor': list(self.noise_floor),
+            'where': [dict(where) for where in self.where],
+        }
+
+
+@dataclass(frozen=True)
+class Undecided:
+    """What these runs cannot tell apart, why, and what would."""
+
+    between: tuple[str, ...]
+    sensors: tuple[str, ...]
+    similarity: float
+    """Share of one effect's χ² that another would take over."""
+    reason: str
+    action: str
+
+    @property
+    def text(self) -> str:
+        """Everything in a sentence."""
+        names = ' or '.join(self.between)
+        alike = f' ({self.similarity:.0%} alike)' if self.similarity < 1.0 else ''
+        return f'{", ".join(self.sensors)}: {names}{alike}: {self.reason}; {self.action}'
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        return {
+            'between': list(self.between),
+            'sensors': list(self.sensors),
+            'similarity': self.similarity,
+            'reason': self.reason,
+            'action': self.action,
+            'text': self.text,
+        }
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer of `diagnose`."""
+
+    device: str
+    findings: tuple[Finding, ...]
+    sensors: Mapping[str, SensorState]
+    greyed_out: Mapping[str, str]
+    """Effects that could not be tried, with the reason."""
+    undetermined: tuple[str, ...] = ()
+    """Directions of the model that these runs cannot tell."""
+    notes: tuple[str, ...] = ()
+    undecided: tuple[Undecided, ...] = ()
+    """Pairs of effects that these runs cannot tell apart."""
+
+    @property
+    def verdict(self) -> str:
+        """Defects of the data first, else the strongest finding's."""
+        if any(f.kind == 'data_quality' and f.name != 'startup_transient' for f in self.findings):
+            return 'data_quality'
+        physical = [f for f in self.findings if f.kind not in {'data_quality', 'noise'}]
+        others = [f for f in self.findings if f.kind == 'noise']
+        return next((f.verdict for f in [*physical, *others]), 'complete')
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, schema 1."""
+        return {
+            'schema': SCHEMA,
+            'device': self.device,
+            'verdict': self.verdict,
+            'findings': [finding.to_dict() for finding in self.findings],
+            'sensors': {name: state.to_dict() for name, state in self.sensors.items()},
+            'greyed_out': dict(self.greyed_out),
+            'undetermined': list(self.undetermined),
+            'undecided': [pair.to_dict() for pair in self.undecided],
+            'notes': list(self.notes),
+        }

@@ -1,0 +1,336 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Find the physical effects a residual holds: forward, with swaps and re-naming."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.diagnosis.candidates import Family, Form, moved_forms
+from thermal_comp.diagnosis.thresholds import threshold_of
+from thermal_comp.effects.effect import Effect
+from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource, Term
+from thermal_comp.model.values import NoiseModel
+
+
+def held_out_chi_square(bank: ColumnBank, terms: Sequence[Term], part: int) -> float:
+    """Return χ² of one part, predicted from the others, in whitened rows."""
+    kept = bank.fold != part
+    own, common = bank.split_sizes(terms)
+    designs = bank.design(terms)
+    blocks, targets, tests, wanted = [], [], [], []
+    for axis in range(3):
+        base = bank.base[axis]
+        columns = np.zeros((len(base), 3 * (base.shape[1] + own) + common))
+        start = axis * (base.shape[1] + own)
+        columns[:, start : start + base.shape[1]] = base
+        columns[:, start + base.shape[1] : start + base.shape[1] + own] = designs[axis][:, :own]
+        columns[:, columns.shape[1] - common :] = designs[axis][:, own:]
+        blocks.append(columns[kept])
+        targets.append(bank.target[axis][kept])
+        tests.append(columns[~kept])
+        wanted.append(bank.target[axis][~kept])
+    train = np.concatenate(blocks)
+    normal = train.T @ train
+    right = train.T @ np.concatenate(targets)
+    answer = np.linalg.lstsq(normal, right, rcond=1e-10)[0]
+    return float(((np.concatenate(wanted) - np.concatenate(tests) @ answer) ** 2).sum())
+
+
+MOST_EFFECTS = 5
+"""Effects tried on one sensor before the search gives up."""
+SCREENED = 6
+"""Forms of a family that are rated exactly."""
+REPEATABLE = ('bias_step',)
+"""Effects that may occur more than once."""
+WITHOUT_CYCLE_VETO = ('bias_step', 'turn_on_bias', 'warm_up', 'mains_alias', 'bias_creep')
+"""Effects that a cycle left out cannot confirm."""
+
+SHAPE_STEPS = (1.25, 1.1, 1.04)
+"""Factors by which shape parameters are moved."""
+ENRICHMENT = 5.0
+"""χ² gain each further parameter of a richer form has to bring."""
+EDGE_S = 300.0
+"""A step this near to a cycle's edge is the cycle's [s]."""
+FORM_SHARE = 0.02
+"""Share of the χ² gain that a flaw in an effect's form may cost without doubting its name."""
+NESTED_SHARE = 0.005
+"""Share of the χ² gain from which a richer form says more than that every law bends a little."""
+RICHER = {
+    'temperature_rate': ('thermal_lag', 'thermal_lag_two_stage'),
+    'thermal_lag': ('thermal_lag_two_stage',),
+    'bias_drift': ('bias_creep',),
+    'scale_factor_temperature': ('misalignment_temperature',),
+    'fixture_tilt': ('misalignment_temperature',),
+    'fixture_hard_iron': ('misalignment_temperature',),
+}
+"""Effects that contain another one wholly, or nearly so on static runs."""
+CONFIRMED = 10.0
+"""χ² another sensor adds to an effect from which no other stands for it."""
+SIMPLER = {
+    **{(rich, name): NESTED_SHARE for name, some in RICHER.items() for rich in some},
+    ('fixture_tilt', 'scale_factor_temperature'): NESTED_SHARE,
+    ('thermal_gradient', 'temperature_rate'): NESTED_SHARE,
+}
+"""Pairs whose second stands for the first where it explains all but this share of the χ² gain.
+
+A bracket would have to bend just so to look like a scale factor; a body that takes its heat from
+one side shows a difference that is its own rate.
+"""
+
+
+@dataclass(frozen=True)
+class Rated:
+    """A form with what it adds to the effects already there."""
+
+    form: Form
+    evidence: float
+    gain: float
+    rank: int
+
+    @property
+    def name(self) -> str:
+        """Catalogue name of the effect."""
+        return self.form.effect.name
+
+
+@dataclass
+class Search:
+    """The search over one sensor's families."""
+
+    bank: ColumnBank
+    families: Sequence[Family]
+    thresholds: Mapping[str, float] | None = None
+    vetoed: list[str] = field(default_factory=list)
+    support: Mapping[str, float] = field(default_factory=dict)
+    """χ² that another sensor adds to an effect both of them feel."""
+    untried: frozenset[str] = frozenset()
+    """Effects that act on the sensor but need a channel that was not logged."""
+    least_gains: Mapping[str, float] = field(default_factory=dict)
+    """χ² gain below which an effect is but the form of one that is in the model already."""
+
+    @property
+    def price(self) -> float:
+        """Evidence each parameter costs: ln of the number of block means."""
+        return float(np.log(self.bank.rows))
+
+    def run(self) -> list[Rated]:
+        """Return the effects found, strongest first."""
+        chosen: list[Form] = []
+        while len(chosen) < MOST_EFFECTS:
+            best = self._best_addition(chosen)
+            if best is None:
+                break
+            chosen = self._refined(self._renamed([*chosen, best.form]))
+        chosen = self._pruned(self._simplified(self._pruned(chosen)))
+        chosen = self._without_edges(chosen)
+        return sorted((self.rate(chosen, f) for f in chosen), key=lambda r: -r.evidence)
+
+    def total(self, forms: Sequence[Form]) -> tuple[float, float, int]:
+        """Return evidence, χ² gain and rank of the forms together."""
+        terms = [term for form in forms for term in form.terms]
+        gain, rank = self.bank.solve(terms)
+        gain += sum(self.support.get(form.effect.name, 0.0) for form in forms)
+        free = sum(form.free for form in forms)
+        return gain - (rank + free) * self.price, gain, rank
+
+    def rate(self, chosen: Sequence[Form], form: Form) -> Rated:
+        """Return what a form adds to the others that were chosen."""
+        others = [f for f in chosen if f is not form]
+        before, with_it = self.total(others), self.total([*others, form])
+        return Rated(form, with_it[0] - before[0], with_it[1] - before[1], with_it[2] - before[2])
+
+    def best_form(self, chosen: Sequence[Form], family: Family) -> Rated | None:
+        """Return the family's form that adds most to those chosen."""
+        forms = list(family.forms)
+        if len(forms) > SCREENED:
+            forms = [forms[k] for k in np.argsort(self._screened(chosen, forms))[-SCREENED:]]
+        before = self.total(chosen)
+        best: Rated | None = None
+        for form in forms:
+            evidence, gain, rank = self.total([*chosen, form])
+            rated = Rated(form, evidence - before[0], gain - before[1], rank - before[2])
+            if best is None or rated.evidence > best.evidence:
+                best = rated
+        return best
+
+    def _screened(self, chosen: Sequence[Form], forms: Sequence[Form]) -> FloatArray:
+        """Return the evidence of each form, roughly: what is chosen counts as free per axis."""
+        columns = [[c for term in form.terms for c in term.columns] for form in forms]
+        known = [c for form in chosen for term in form.terms for c in term.columns]
+        every = sorted({c for some in columns for c in some})
+        normal, right = self.bank.reduced(known, every)
+        place = {c: k for k, c in enumerate(every)}
+        evidence = np.full(len(forms), -np.inf)
+        for count in {len(some) for some in columns}:
+            which = [k for k, some in enumerate(columns) if len(some) == count]
+            index = np.array([[place[c] for c in columns[k]] for k in which])
+            blocks = normal[:, index[:, :, None], index[:, None, :]]
+            rows = right[:, index]
+            blocks = blocks + 1e-7 * np.eye(count)
+            gains = (rows * np.linalg.solve(blocks, rows[..., None])[..., 0]).sum(axis=(0, 2))
+            free = np.array([forms[k].free for k in which])
+            evidence[which] = gains - (3 * count + free) * self.price
+        return evidence
+
+    def ranking(self, chosen: Sequence[Form]) -> list[Rated]:
+        """Return the best form of every family that is not chosen, strongest first."""
+        names = {f.effect.name for f in chosen} - set(REPEATABLE)
+        rated = [self.best_form(chosen, f) for f in self.families if f.name not in names]
+        found = [r for r in rated if r is not None and r.rank > 0]
+        return sorted(found, key=lambda r: -r.evidence)
+
+    def _best_addition(self, chosen: Sequence[Form]) -> Rated | None:
+        for rated in self.ranking(chosen):
+            if rated.evidence <= 0.0:
+                break
+            if rated.evidence < threshold_of(rated.name, self.thresholds):
+                continue
+            if rated.gain < self.least_gains.get(rated.name, 0.0):
+                continue
+            if self._confirmed_by_cycles(chosen, rated.form):
+                return rated
+            self.vetoed.append(rated.name)
+        return None
+
+    def _renamed(self, chosen: list[Form]) -> list[Form]:
+        """Let every effect be replaced by a better one, and two by one, until nothing improves."""
+        for _ in range(6):
+            better = self._better_single(chosen) or self._better_merged(chosen)
+            if better is None:
+                break
+            chosen = better
+        return chosen
+
+    def _better_single(self, chosen: list[Form]) -> list[Form] | None:
+        here = self.total(chosen)[0]
+        for k in range(len(chosen)):
+            others = chosen[:k] + chosen[k + 1 :]
+            ranking = self.ranking(others)
+            if ranking and ranking[0].form is not chosen[k]:
+                trial = [*others, ranking[0].form]
+                if self.total(trial)[0] > here + 1.0:
+                    return trial
+        return None
+
+    def _better_merged(self, chosen: list[Form]) -> list[Form] | None:
+        here = self.total(chosen)[0]
+        for pair in combinations(range(len(chosen)), 2):
+            others = [f for k, f in enumerate(chosen) if k not in pair]
+            ranking = self.ranking(others)
+            if ranking and self.total([*others, ranking[0].form])[0] > here:
+                return [*others, ranking[0].form]
+        return None
+
+    def _pruned(self, chosen: list[Form]) -> list[Form]:
+        while chosen:
+            rated = [self.rate(chosen, form) for form in chosen]
+            weakest = min(rated, key=lambda r: r.evidence - threshold_of(r.name, self.thresholds))
+            if weakest.evidence >= threshold_of(weakest.name, self.thresholds):
+                break
+            chosen = [form for form in chosen if form is not weakest.form]
+        return chosen
+
+    def _simplified(self, chosen: list[Form]) -> list[Form]:
+        """Let a simpler effect stand for a richer one that gains no more than a flaw in form."""
+        for form in tuple(chosen):
+            if self.support.get(form.effect.name, 0.0) > CONFIRMED:
+                continue
+            others = [f for f in chosen if f is not form]
+            here, alone = self.total(chosen)[1], self.rate([], form).gain
+            taken = {f.effect.name for f in others}
+            for family in self.families:
+                share = SIMPLER.get((form.effect.name, family.name))
+                simpler = self.best_form(others, family) if share else None
+                if share is None or simpler is None or family.name in taken:
+                    continue
+                refined = self._best_shape(others, simpler.form)
+                if here - self.total([*others, refined])[1] < share * alone:
+                    chosen = [*others, refined]
+                    break
+        return chosen
+
+    def _refined(self, chosen: list[Form]) -> list[Form]:
+        """Move the shape parameters off their grid while that explains more."""
+        for k, form in enumerate(chosen):
+            others = chosen[:k] + chosen[k + 1 :]
+            chosen = [*chosen[:k], self._best_shape(others, form), *chosen[k + 1 :]]
+        return chosen
+
+    def _best_shape(self, others: list[Form], form: Form) -> Form:
+        """Try steps of every shape parameter, ever smaller."""
+        if form.free == 0:
+            return form
+        best, gain = form, self.total([*others, form])[1]
+        for ratio in SHAPE_STEPS:
+            moved = True
+            while moved:
+                moved = False
+                trials = moved_forms(self.bank, best, ratio)
+                gains = [self.total([*others, trial])[1] for trial in trials]
+                if gains and max(gains) > gain + 0.1:
+                    best, gain, moved = trials[int(np.argmax(gains))], max(gains), True
+        return best
+
+    def _without_edges(self, chosen: list[Form]) -> list[Form]:
+        """Drop steps at the edges of cycles where every cycle has a level of its own anyway.
+
+        A level changes in the middle of a block, or a row before the cycle is logged: to a step
+        that is worth something, but it is no other effect.
+        """
+        if 'turn_on_bias' not in {form.effect.name for form in chosen}:
+            return chosen
+        edges = np.concatenate([[-np.inf], *(_cycle_edges(r) for r in self.bank.source.runs)])
+        return [
+            form
+            for form in chosen
+            if form.effect.name != 'bias_step'
+            or np.abs(edges - form.effect.shape_parameters['step_time'][0]).min() > EDGE_S
+        ]
+
+    def _confirmed_by_cycles(self, chosen: Sequence[Form], form: Form) -> bool:
+        """Leave one part out at a time: the effect must help to predict most of them."""
+        bank = self.bank
+        parts = np.unique(bank.fold[bank.fold > 0])
+        if form.effect.name in WITHOUT_CYCLE_VETO or len(parts) < 3:
+            return True
+        before = [term for f in chosen for term in f.terms]
+        gains = [
+            held_out_chi_square(bank, before, int(part))
+            - held_out_chi_square(bank, [*before, *form.terms], int(part))
+            for part in parts
+        ]
+        better = sum(gain > 0.0 for gain in gains)
+        return sum(gains) > 0.0 and better >= 0.6 * len(gains)
+
+
+def _cycle_edges(run: PreparedRun) -> FloatArray:
+    """Return the times [s] at which a cycle begins or the last one ends."""
+    return np.asarray(run.time[np.flatnonzero(np.diff(run.cycle)) + 1])
+
+
+ONCE_NAMED = {('thermal_gradient', 'temperature_rate'): FORM_SHARE}
+"""Pairs that need more than SIMPLER says once the second is known: its flaw looks alike."""
+
+
+def least_gains(
+    source: ColumnSource, sensor: Sensor, noise: NoiseModel, known: Sequence[Effect]
+) -> dict[str, float]:
+    """Return by effect the χ² gain that a flaw in the form of a known effect may leave to it."""
+    names = {effect.name for effect in known}
+    pairs = {pair: share for pair, share in {**SIMPLER, **ONCE_NAMED}.items() if pair[1] in names}
+    if not pairs:
+        return {}
+    simpler = {name for _, name in pairs}
+    bank = ColumnBank(source, sensor, noise, [e for e in known if e.name not in simpler])
+    gains = {e.name: bank.solve([bank.term(e)])[0] for e in known if e.name in simpler}
+    least: dict[str, float] = {}
+    for (richer, name), share in pairs.items():
+        least[richer] = max(least.get(richer, 0.0), share * gains[name])
+    return least

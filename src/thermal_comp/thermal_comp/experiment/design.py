@@ -1,0 +1,254 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The thermal cycle that best separates two effects (T-optimality, Atkinson and Fedorov)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from math import ceil
+
+import numpy as np
+
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.effects.effect import Effect
+from thermal_comp.experiment.plan import PAPER, REFERENCE_C, Plan, Segment, predict_runs
+from thermal_comp.experiment.predicted_design import Bench, Rival
+from thermal_comp.model.values import ModelError, ThermalModel
+
+LEAST_REPEATS = 3
+"""Cycles that stay, so that one can be left out."""
+MOST_REPEATS = 8
+SHORTEST_DWELL_S = 120.0
+STARTS = 4
+WORTH_IT = 1.02
+"""Ratio of evidence below which the plan one knows is kept."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the chamber may do."""
+
+    low: float = -10.0
+    high: float = 50.0
+    max_rate: float = 2.0
+    """[°C/min]."""
+    hours: float = 12.0
+
+
+def within(plan: Plan, limits: Limits) -> Plan:
+    """Return the plan cut to the limits, with as many repeats as the time allows."""
+    cycle = _moving(
+        Segment(
+            float(np.clip(s.target, limits.low, limits.high)),
+            min(s.rate, limits.max_rate),
+            s.dwell,
+        )
+        for s in plan.cycle
+    )
+    for repeats in range(MOST_REPEATS, LEAST_REPEATS - 1, -1):
+        if Plan(cycle, repeats).hours <= limits.hours:
+            return Plan(cycle, repeats)
+    shorter = tuple(replace(s, dwell=s.dwell * 0.7) for s in cycle)
+    if min((s.dwell for s in shorter), default=0.0) < SHORTEST_DWELL_S:
+        raise ModelError(
+            f'{limits.hours:g} h are too short for {LEAST_REPEATS} cycles between '
+            f'{limits.low:g} and {limits.high:g} °C at {limits.max_rate:g} °C/min'
+        )
+    return within(Plan(shorter, LEAST_REPEATS), limits)
+
+
+def _moving(segments: Iterable[Segment]) -> tuple[Segment, ...]:
+    """Return the segments with what goes nowhere joined to the dwell before it.
+
+    A chamber refuses a ramp to where it already is; a cycle begins at the reference temperature.
+    """
+    joined: list[Segment] = []
+    for segment in segments:
+        if segment.target != (joined[-1].target if joined else REFERENCE_C):
+            joined.append(segment)
+        elif joined:
+            joined[-1] = replace(joined[-1], dwell=joined[-1].dwell + segment.dwell)
+    return tuple(joined)
+
+
+def best_plan(
+    promise: Callable[[Plan], float],
+    limits: Limits,
+    rng: np.random.Generator,
+    evaluations: int,
+) -> tuple[Plan, float]:
+    """Exchange search: change, insert or drop one segment at a time, several starts."""
+    best = within(PAPER, limits)
+    best_value = promise(best)
+    for start in range(STARTS):
+        plan = best if start == 0 else within(Plan(_random_cycle(limits, rng), 4), limits)
+        value = promise(plan)
+        for _ in range(evaluations // STARTS):
+            trial = _changed(plan, limits, rng)
+            if trial is None:
+                continue
+            reached = promise(trial)
+            if reached > value:
+                plan, value = trial, reached
+        if value > WORTH_IT * best_value + 1e-3:
+            best, best_value = plan, value
+    return best, best_value
+
+
+def _random_segment(limits: Limits, rng: np.random.Generator) -> Segment:
+    return Segment(
+        float(np.round(rng.uniform(limits.low, limits.high))),
+        float(rng.choice([0.5, 1.0, limits.max_rate, limits.max_rate])),
+        float(rng.choice([300.0, 600.0, 1200.0, 1800.0, 3600.0])),
+    )
+
+
+def _random_cycle(limits: Limits, rng: np.random.Generator) -> tuple[Segment, ...]:
+    inner = tuple(_random_segment(limits, rng) for _ in range(int(rng.integers(2, 5))))
+    return _closed(inner, limits)
+
+
+def _closed(inner: tuple[Segment, ...], limits: Limits) -> tuple[Segment, ...]:
+    """Return the cycle ending at the reference temperature."""
+    home = float(np.clip(REFERENCE_C, limits.low, limits.high))
+    return (*inner, Segment(home, limits.max_rate, 900.0))
+
+
+def _changed(plan: Plan, limits: Limits, rng: np.random.Generator) -> Plan | None:
+    inner = list(plan.cycle[:-1])
+    act = rng.choice(['change', 'change', 'insert', 'drop'])
+    place = int(rng.integers(max(len(inner), 1)))
+    if not inner:
+        inner.append(_random_segment(limits, rng))
+    elif act == 'drop' and len(inner) > 2:
+        inner.pop(place)
+    elif act == 'insert' and len(inner) < 7:
+        inner.insert(place, _random_segment(limits, rng))
+    else:
+        inner[place] = _random_segment(limits, rng)
+    try:
+        return within(Plan(_closed(tuple(inner), limits), 4), limits)
+    except ModelError:
+        return None
+
+
+__all__ = ['Limits', 'Proposal', 'design_experiment']
+
+SEPARABLE = 20.0
+"""Evidence from which two effects count as told apart."""
+UP_AXES = ('+x', '+y', '+z')
+FLIPPED_AXES = (*UP_AXES, '-z')
+CONTAINED = {'thermal_lag': 'thermal_lag_two_stage'}
+"""Effects a rival contains wholly: only what the richer one has beyond them can be seen."""
+FLIP = 'flip: add a run with one axis pointing down'
+FLIP_Z = 'flip: add a run with the z axis down'
+FAST = 5.0
+"""What a fast chamber ramps [°C/min]; evidence for what follows rates grows with their square."""
+MOST_CAMPAIGNS = 6
+"""More campaigns than this are no advice."""
+ACTIONS = {
+    'scale_factor_temperature': FLIP,
+    'misalignment_temperature': FLIP,
+    'fixture_tilt': FLIP,
+    'fixture_hard_iron': FLIP,
+    'thermal_gradient': 'log a second thermometer and change the heat path (fan speed)',
+    'temperature_rate': 'change the heat path (fan speed) at the same profile',
+    'warm_up': 'power cycle in the middle of a dwell',
+    'bias_creep': 'power cycle in the middle of a dwell; soak ten times the expected t₀',
+    'bias_drift': 'soak at constant temperature with the power on',
+    'turn_on_bias': 'keep the power on between the cycles',
+    'bias_step': 'repeat the run',
+    'heater_hard_iron': 'log the heater current; switch the heater at constant temperature',
+    'compressor_hard_iron': 'log the compressor; switch it at constant temperature',
+    'icing': 'purge with dry gas; stay 2 K above and below 0 °C',
+    'humidity': 'log humidity; purge with dry gas',
+    'supply_sensitivity': 'log and step the supply voltage',
+    'vibration_rectification': 'log vibration; run the compressor at constant temperature',
+    'mains_alias': 'change the output data rate',
+    'g_sensitivity_temperature': FLIP,
+}
+"""What helps beside temperature, by effect."""
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """The plan that separates best, with the evidence it promises."""
+
+    plan: Plan
+    sensor: Sensor
+    evidence_before: float
+    """Promised by the paper's plan."""
+    evidence_after: float
+    separable: bool
+    actions: tuple[str, ...]
+
+
+def design_experiment(
+    names: tuple[str, str],
+    model: ThermalModel,
+    limits: Limits,
+    catalogue: dict[str, type[Effect]],
+    *,
+    seed: int = 0,
+    evaluations: int = 160,
+) -> Proposal:
+    """Return the plan within the limits that best tells two effects apart."""
+    unknown = [name for name in names if name not in catalogue]
+    if unknown:
+        raise ModelError(f'effect {unknown[0]!r} is not known; known: {", ".join(catalogue)}')
+    if names[0] == names[1]:
+        raise ModelError(f'{names[0]} and {names[1]} are the same effect')
+    sensor = _sensor(names, model, catalogue)
+    noise = model.sensors[sensor].noise
+    if noise is None:
+        raise ModelError(f'sensors.{sensor}.noise: the model has none; fit it again')
+    base = [e for e in model.sensors[sensor].effects if e.name not in names]
+
+    def bench(plan: Plan, up_axes: Sequence[str] = UP_AXES) -> Bench:
+        return Bench(predict_runs(plan, up_axes), sensor, noise, base)
+
+    usual = bench(PAPER)
+    one, other = (Rival.of(name, model, sensor, catalogue).sized(usual) for name in names)
+
+    def promise(plan: Plan, up_axes: Sequence[str] = UP_AXES) -> float:
+        runs = bench(plan, up_axes)
+        return min(
+            runs.evidence(truth, rival)
+            for truth, rival in ((one, other), (other, one))
+            if CONTAINED.get(truth.effect.name) != rival.effect.name
+        )
+
+    before = promise(within(PAPER, limits))
+    plan, after = best_plan(promise, limits, np.random.default_rng(seed), evaluations)
+    separable = after >= SEPARABLE
+    if separable:
+        return Proposal(plan, sensor, before, after, separable, ())
+    actions = [ACTIONS[name] for name in names if name in ACTIONS]
+    # A fourth run is more data in any orientation: turning it has to bring more than that.
+    if promise(plan, FLIPPED_AXES) >= max(SEPARABLE, 2.0 * promise(plan, (*UP_AXES, '+z'))):
+        actions = [FLIP_Z, *(action for action in actions if action != FLIP)]
+    if limits.max_rate < FAST and promise(_faster(plan, limits)) >= SEPARABLE:
+        actions.append(f'ramp at {FAST:g} °C/min, if the chamber can')
+    if after >= SEPARABLE / MOST_CAMPAIGNS:
+        actions.append(f'repeat it: {ceil(SEPARABLE / after)} campaigns like this one add up')
+    return Proposal(plan, sensor, before, after, separable, tuple(dict.fromkeys(actions)))
+
+
+def _faster(plan: Plan, limits: Limits) -> Plan:
+    """Return the plan with every ramp that is at the limit as fast as FAST."""
+    cycle = tuple(
+        replace(s, rate=FAST if s.rate >= limits.max_rate else s.rate) for s in plan.cycle
+    )
+    return within(Plan(cycle, plan.repeats), replace(limits, max_rate=FAST))
+
+
+def _sensor(
+    names: tuple[str, str], model: ThermalModel, catalogue: dict[str, type[Effect]]
+) -> Sensor:
+    """Return the sensor whose model holds one of the effects, else one both can act on."""
+    both = [s for s in catalogue[names[0]].sensors if s in catalogue[names[1]].sensors]
+    both = [s for s in both if s in model.sensors]
+    if not both:
+        raise ModelError(f'{names[0]} and {names[1]} act on no common sensor of the model')
+    holding = [s for s in both if {e.name for e in model.sensors[s].effects} & set(names)]
+    return (holding or both)[0]

@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fit a thermal model: generalised least squares with the noise the data themselves show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError, version
+
+import numpy as np
+from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
+
+from thermal_comp.data.conditions import SENSORS, Sensor
+from thermal_comp.data.preparation import PERIOD, PreparedRun, Truth, prepare, resting
+from thermal_comp.data.startup import cut_startup
+from thermal_comp.effects.effect import Effect
+from thermal_comp.fitting.inputs import (
+    Effects,
+    check_temperature,
+    device_of,
+    effects_by_sensor,
+    sensor_groups,
+    usable_sensors,
+)
+from thermal_comp.fitting.shape_search import bound_notes, refine_shapes
+from thermal_comp.fitting.shape_uncertainty import ShapeDirection, grain, solve_with_shapes
+from thermal_comp.linear.design import Design, Term
+from thermal_comp.linear.normal_equations import NormalEquations, Solution, gram, solve
+from thermal_comp.model.values import NoiseModel, Provenance, SensorModel, ThermalModel
+from thermal_comp.noise.of_runs import noise_beside, noise_of_runs
+from thermal_comp.noise.process import mean_autocovariance, toeplitz_product
+
+__all__ = ['Effects', 'FittedGroup', 'device_of', 'fit', 'fit_prepared', 'usable_sensors']
+
+
+def fit(
+    effects: Effects,
+    recordings: Sequence[ImuRecording],
+    *,
+    pooled: bool = False,
+    truth: Truth | None = None,
+    period: float = PERIOD,
+) -> ThermalModel:
+    """Return the model of these effects that fits the recordings of one device best.
+
+    Every run has a level of its own; shape parameters are searched from the values given.
+    `pooled` fits one set of coefficients to several devices. `truth` and `period` [s]: as for
+    `prepare`; 0 fits single samples.
+    """
+    if period <= 0:
+        return fit_full_rate(effects, recordings, pooled=pooled, truth=truth)
+    return fit_prepared(effects, prepare(recordings, period=period, truth=truth), pooled=pooled)
+
+
+def fit_prepared(
+    effects: Effects,
+    runs: Sequence[PreparedRun],
+    *,
+    pooled: bool = False,
+    refine: bool = True,
+    noise: Mapping[Sensor, NoiseModel] | None = None,
+) -> ThermalModel:
+    """Return the fitted model; `refine` False keeps the shape parameters as they are given.
+
+    `noise` saves estimating it again where it is known.
+    """
+    device = device_of(runs, pooled=pooled)
+    low, high = check_temperature(runs)
+    sensors, notes = usable_sensors(runs)
+    listed = effects_by_sensor(effects, sensors, runs)
+    known = noise or {}
+    found = {
+        s: (known[s], '') if s in known else noise_of_runs(runs, s, listed[s]) for s in sensors
+    }
+    noise = {s: model for s, (model, _) in found.items()}
+    notes += [note for _, note in found.values() if note]
+    models: dict[Sensor, SensorModel] = {}
+    for group in sensor_groups(listed):
+        design = Design(runs, {s: listed[s] for s in group}, noise)
+        if refine:
+            design = refine_shapes(design)
+            notes += bound_notes(design)
+        beside = noise_beside(runs, design.effects, design.noise)
+        if any(beside[s] is not design.noise[s] for s in beside):
+            design = Design(runs, design.effects, beside)
+        fitted = fitted_group(design)
+        notes += fitted.notes
+        for sensor in group:
+            models[sensor] = fitted.sensor_model(sensor, (low, high))
+    return ThermalModel(
+        device=device,
+        sensors={s: models[s] for s in sensors},
+        reference_temperature=runs[0].conditions.reference_temperature,
+        pooled=pooled,
+        provenance=Provenance(
+            sources={run.name: run.hash for run in runs},
+            version=package_version(),
+            notes=(*(note for run in runs for note in run.notes), *notes),
+        ),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FittedGroup:
+    """Design and solution of the sensors that share coefficients."""
+
+    design: Design
+    solution: Solution
+    with_shapes: Design
+    shape_solution: Solution
+    notes: list[str]
+
+    def sensor_model(self, sensor: Sensor, span: tuple[float, float]) -> SensorModel:
+        """Return the model of one sensor of the group."""
+        design, estimate = self.design, self.solution.estimate[:, 0]
+        terms = design.terms_of(sensor)
+        unknowns = np.concatenate(
+            [np.arange(t.unknowns.start, t.unknowns.stop) for t in terms] or [np.zeros(0, int)]
+        )
+        covariance = self._covariance(unknowns)
+        return SensorModel(
+            effects=design.effects[sensor],
+            coefficients=tuple(estimate[t.unknowns].reshape(t.shape) for t in terms),
+            covariance=covariance,
+            noise=design.noise[sensor],
+            levels={
+                run.name: np.array([estimate[design.level_index(r, sensor, a)] for a in range(3)])
+                for r, run in enumerate(design.runs)
+                if design.valid(r, sensor).any()
+            },
+            shape_std=self._shape_std(sensor),
+            contributions=self._contributions(sensor),
+            temperature_range=span,
+        )
+
+    def _covariance(self, unknowns: np.ndarray) -> np.ndarray:
+        """Return the covariance of some unknowns, shapes and misfit included.
+
+        Directions of shape parameters come last, so unknowns keep their places.
+        """
+        covariance = self.shape_solution.covariance[np.ix_(unknowns, unknowns)]
+        return np.asarray(covariance * self._misfit())
+
+    def _misfit(self) -> float:
+        """χ² per degree of freedom, where it exceeds one."""
+        return max(1.0, float(self.solution.chi_square[0]) / self.solution.degrees)
+
+    def _contributions(self, sensor: Sensor) -> dict[str, FloatArray]:
+        """Return the (3,) rms of each effect's error about the mean of each run."""
+        found: dict[str, FloatArray] = {}
+        for term in self.design.terms_of(sensor):
+            alone = np.zeros_like(self.solution.estimate[:, 0])
+            alone[term.unknowns] = self.solution.estimate[term.unknowns, 0]
+            parts = [self.design.predicted(alone, r, sensor) for r in range(len(self.design.runs))]
+            centred = np.concatenate([part - part.mean(axis=0) for part in parts])
+            found[term.effect.name] = np.sqrt((centred**2).mean(axis=0))
+        return found
+
+    def _shape_std(self, sensor: Sensor) -> dict[str, tuple[float, ...]]:
+        found: dict[str, tuple[float, ...]] = {}
+        for term in self.with_shapes.terms_of(sensor):
+            if isinstance(term.effect, ShapeDirection):
+                variance = self.shape_solution.covariance[term.start, term.start]
+                name = f'{term.effect.of.partition("@")[0]}.{term.effect.parameter}'
+                row = grain(self.design, term.effect)
+                std = float(np.sqrt(variance * self._misfit() + row**2))
+                found[name] = (*found.get(name, ()), std)
+        return found
+
+
+def fitted_group(design: Design) -> FittedGroup:
+    """Return the solution of a design whose shape parameters stand."""
+    solution = solve(design.equations())
+    notes = held_notes(design, solution)
+    if not any(term.effect.shape_parameters for term in design.terms):
+        return FittedGroup(design, solution, design, solution, notes)
+    with_shapes, shape_solution = solve_with_shapes(design, solution.estimate[:, 0])
+    return FittedGroup(design, solution, with_shapes, shape_solution, notes)
+
+
+def held_notes(design: Design, solution: Solution) -> list[str]:
+    """Return one sentence per effect and sensor group about what the data cannot determine."""
+    sensors = '+'.join(design.sensors)
+    notes = []
+    for term in design.terms:
+        own = range(term.unknowns.start, term.unknowns.stop)
+        silent = [j for j in own if j in solution.held and not solution.held[j]]
+        dependent = [j for j in own if solution.held.get(j)]
+        if silent:
+            notes.append(f'{sensors}: {_named(design, term, silent)} is not excited here: zero')
+        for j in dependent:
+            others = sorted({design.describe(i) for i in solution.held[j]})
+            notes.append(
+                f'{sensors}: {design.describe(j)} cannot be told apart from '
+                f'{", ".join(others)} in these runs; it is held at zero'
+            )
+    return notes
+
+
+def _named(design: Design, term: Term, unknowns: list[int]) -> str:
+    if len(unknowns) == term.unknowns.stop - term.unknowns.start:
+        return term.effect.name
+    return ', '.join(design.describe(j) for j in unknowns)
+
+
+def package_version() -> str:
+    """Return the version of this package; '' where it is run from a bare tree."""
+    try:
+        return version('thermal_comp')
+    except PackageNotFoundError:
+        return ''
+
+
+def fit_full_rate(
+    effects: Effects,
+    recordings: Sequence[ImuRecording],
+    *,
+    pooled: bool = False,
+    truth: Truth | None = None,
+) -> ThermalModel:
+    """Return the fit to single samples instead of block means.
+
+    Noise, shape parameters and whatever shares coefficients between axes come from block means;
+    per-axis coefficients then from all samples at once.
+    """
+    runs = prepare(recordings, truth=truth)
+    model = fit_prepared(effects, runs, pooled=pooled)
+    sensors = dict(model.sensors)
+    for listed in {m.effects for m in model.sensors.values()}:
+        same = [s for s in SENSORS if s in model.sensors and model.sensors[s].effects == listed]
+        if listed and not any(_shared(effect, runs[0], same) for effect in listed):
+            refitted = _refit(listed, same, model, runs, recordings, truth or resting)
+            sensors.update(refitted)
+    notes = (*model.provenance.notes, 'coefficients per axis are fitted to single samples')
+    return replace(model, sensors=sensors, provenance=replace(model.provenance, notes=notes))
+
+
+def _shared(effect: Effect, run: PreparedRun, sensors: list[Sensor]) -> bool:
+    """Tell whether axes share the effect's coefficients or its columns look at the sensor."""
+    few = run.conditions.rows(slice(0, 50))
+    columns = [effect.columns(few.of(sensor))[0] for sensor in sensors]
+    return columns[0].ndim == 3 or any(not np.array_equal(columns[0], c) for c in columns)
+
+
+def _refit(
+    effects: tuple[Effect, ...],
+    sensors: list[Sensor],
+    model: ThermalModel,
+    runs: Sequence[PreparedRun],
+    recordings: Sequence[ImuRecording],
+    truth: Truth,
+) -> dict[str, SensorModel]:
+    equations: NormalEquations | None = None
+    for recording in recordings:
+        settled = cut_startup(recording)
+        conditions = truth(settled)
+        offset = (settled.stamp[0] - recording.stamp[0]) * 1e-9
+        conditions = replace(conditions, time=conditions.time + offset)
+        measured = [getattr(settled, SENSOR_FIELDS[sensor]) for sensor in sensors]
+        part = gram(effects, conditions, measured).equations()
+        equations = part if equations is None else equations + part
+    assert equations is not None  # noqa: S101 (fit_prepared has refused an empty list)
+    estimate = solve(equations).estimate
+    refitted: dict[str, SensorModel] = {}
+    for k, sensor in enumerate(sensors):
+        before = model.sensors[sensor]
+        own = estimate[:, 3 * k : 3 * k + 3]
+        widths = np.cumsum([c.shape[0] for c in before.coefficients])[:-1]
+        refitted[sensor] = replace(
+            before,
+            coefficients=tuple(np.split(own, widths)),
+            covariance=sandwich(effects, sensor, before, runs),
+        )
+    return refitted
+
+
+def sandwich(
+    effects: Sequence[Effect], sensor: Sensor, model: SensorModel, runs: Sequence[PreparedRun]
+) -> FloatArray:
+    """Return the covariance (3p, 3p) of ordinary least squares under the fitted noise.
+
+    (XᵀX)⁻¹ Xᵀ S X (XᵀX)⁻¹ on block means, whose slow part is that of the samples.
+    """
+    assert model.noise is not None  # noqa: S101 (every fit has one)
+    normal: FloatArray = np.zeros((0, 0))
+    spread: list[FloatArray] = []
+    for run in runs:
+        columns = np.concatenate([run.columns(e, sensor) for e in effects], axis=1)
+        columns = columns - columns.mean(axis=0)
+        turned = []
+        for axis in range(3):
+            noise = mean_autocovariance(model.noise, axis, run.period, int(run.slot[-1]) + 1)
+            turned.append(columns.T @ toeplitz_product(noise, run.slot, columns))
+        normal = columns.T @ columns if not normal.size else normal + columns.T @ columns
+        spread = turned if not spread else [a + b for a, b in zip(spread, turned, strict=True)]
+    scale = np.sqrt(np.diag(normal))
+    inverse = np.linalg.pinv(normal / np.outer(scale, scale), hermitian=True)
+    inverse /= np.outer(scale, scale)
+    p = len(normal)
+    covariance = np.zeros((p, 3, p, 3))
+    for axis in range(3):
+        covariance[:, axis, :, axis] = inverse @ spread[axis] @ inverse
+    full: FloatArray = covariance.reshape(3 * p, 3 * p)
+    return full

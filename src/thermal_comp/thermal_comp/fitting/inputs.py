@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a fit accepts: runs of one device, enough temperature, live sensors, known channels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from thermal_comp.data.conditions import SENSORS, Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.effects.effect import Effect
+from thermal_comp.model.values import ModelError
+
+Effects = Sequence[Effect] | Mapping[Sensor, Sequence[Effect]]
+"""One list for all sensors (each takes those that can act on it), or one per sensor."""
+
+SMALLEST_SPAN = 2.0
+"""Least span of die temperature [K] a model can be fitted to."""
+
+
+def device_of(runs: Sequence[PreparedRun], *, pooled: bool = False) -> str:
+    """Return the device of the runs; refuse none, mixed devices, and one run given twice."""
+    if not runs:
+        raise ModelError('no recordings given; a fit needs at least one run')
+    seen: dict[str, str] = {}
+    for run in runs:
+        if run.hash in seen:
+            raise ModelError(f'runs {seen[run.hash]} and {run.name} hold the same data')
+        seen[run.hash] = run.name
+    devices = sorted({run.device for run in runs})
+    if len(devices) > 1 and not pooled:
+        names = ', '.join(device or '(not named)' for device in devices)
+        raise ModelError(
+            f'the recordings are of several devices: {names}; '
+            'fit each by itself, or all together with --pooled'
+        )
+    return '+'.join(devices)
+
+
+def check_temperature(runs: Sequence[PreparedRun]) -> tuple[float, float]:
+    """Return the range of die temperature [°C]; refuse one that shows no dependence."""
+    low = min(float(run.conditions.temperature.min()) for run in runs)
+    high = max(float(run.conditions.temperature.max()) for run in runs)
+    if high - low < SMALLEST_SPAN:
+        raise ModelError(
+            f'the die temperature stays within {low:.2f} … {high:.2f} °C; '
+            f'a thermal model needs a span of at least {SMALLEST_SPAN:g} K'
+        )
+    return low, high
+
+
+def usable_sensors(runs: Sequence[PreparedRun]) -> tuple[list[Sensor], list[str]]:
+    """Return the sensors that every run has measured, and why others are left out."""
+    sensors: list[Sensor] = []
+    notes = []
+    for sensor in SENSORS:
+        reason = next(filter(None, (_unusable(run, sensor) for run in runs)), '')
+        if reason:
+            notes.append(f'{sensor} left out: {reason}')
+        else:
+            sensors.append(sensor)
+    if not sensors:
+        raise ModelError('; '.join(notes))
+    return sensors, notes
+
+
+def _unusable(run: PreparedRun, sensor: Sensor) -> str:
+    values = run.measured[sensor]
+    values = values[np.isfinite(values).all(axis=1)]
+    if len(values) < 2 * len(values.T):
+        return f'run {run.name} has {len(values)} blocks of it'
+    constant = [
+        axis for axis, spread in zip('xyz', np.ptp(values, axis=0), strict=True) if not spread
+    ]
+    return f'run {run.name} {"".join(constant)} never changes' if constant else ''
+
+
+def effects_by_sensor(
+    effects: Effects, sensors: Sequence[Sensor], runs: Sequence[PreparedRun]
+) -> dict[Sensor, tuple[Effect, ...]]:
+    """Return the effects of each sensor, checked: known channels, none twice, sensor allowed."""
+    listed: dict[Sensor, tuple[Effect, ...]] = {}
+    for sensor in sensors:
+        if isinstance(effects, Mapping):
+            chosen = tuple(effects.get(sensor, ()))
+        else:
+            chosen = tuple(e for e in effects if sensor in e.sensors)
+        names = [e.name for e in chosen]
+        for effect in chosen:
+            if sensor not in effect.sensors:
+                raise ModelError(
+                    f'{effect.name} does not act on the {sensor}, only on '
+                    f'{", ".join(effect.sensors)}'
+                )
+            if names.count(effect.name) > 1:
+                raise ModelError(f'{effect.name} is listed twice for the {sensor}')
+            for run in runs:
+                missing = [c for c in effect.channels if not run.conditions.has(c)]
+                if missing:
+                    raise ModelError(
+                        f'{effect.name} needs {missing[0]}, which run {run.name} has not '
+                        'logged; leave the effect out'
+                    )
+        listed[sensor] = chosen
+    return listed
+
+
+def sensor_groups(listed: Mapping[Sensor, tuple[Effect, ...]]) -> list[tuple[Sensor, ...]]:
+    """Return the sensors in groups that share the coefficients of a coupled effect."""
+    groups: list[tuple[Sensor, ...]] = []
+    for sensor, effects in listed.items():
+        coupled = {e for e in effects if e.coupled}
+        joined = [g for g in groups if coupled & {e for s in g for e in listed[s]}]
+        merged = (*(s for g in joined for s in g), sensor)
+        groups = [g for g in groups if g not in joined] + [merged]
+    return groups

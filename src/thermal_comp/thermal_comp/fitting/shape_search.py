@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Variable projection: shape parameters by search, everything linear solved at each step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.effects.effect import Effect
+from thermal_comp.linear.design import Design, Term
+from thermal_comp.linear.normal_equations import solve
+
+GRID = 13
+"""Points of the first search along one logarithmic parameter; linear ones take three times."""
+SWEEPS = 3
+"""Rounds over all parameters before all are refined together."""
+
+
+@dataclass(frozen=True)
+class ShapeScale:
+    """One value of a shape parameter on the scale it is searched on."""
+
+    name: str
+    place: int | None
+    """Index into a tuple of values; None for a single value."""
+    low: float
+    high: float
+    logarithmic: bool
+    unit: str
+
+    def forward(self, value: float) -> float:
+        """Return the value on the search scale."""
+        value = min(max(value, self.low), self.high)
+        return float(np.log(value)) if self.logarithmic else value
+
+    def back(self, value: float) -> float:
+        """Return the parameter's value."""
+        natural = float(np.exp(value)) if self.logarithmic else float(value)
+        return min(max(natural, self.low), self.high)
+
+    def grid(self) -> FloatArray:
+        """Return points on the search scale over the whole range."""
+        count = GRID if self.logarithmic else 3 * GRID
+        return np.linspace(self.forward(self.low), self.forward(self.high), count)
+
+
+def shape_scales(effect: Effect, duration: float) -> list[ShapeScale]:
+    """Return the search scales of an effect; times [s] end with the run's `duration`."""
+    scales = []
+    for item in fields(effect):
+        if 'bounds' not in item.metadata or item.metadata['unit'] == '1':
+            continue  # a count is part of the form, not searched
+        low, high = item.metadata['bounds']
+        if item.metadata['unit'] == 's':
+            high = max(min(high, duration), 1.001 * low)
+        value = getattr(effect, item.name)
+        places = range(len(value)) if isinstance(value, tuple) else [None]
+        log = low > 0.0 and high / low > 10.0
+        unit = item.metadata['unit']
+        scales += [ShapeScale(item.name, place, low, high, log, unit) for place in places]
+    return scales
+
+
+def shape_values(effect: Effect, scales: list[ShapeScale]) -> FloatArray:
+    """Return the effect's parameters on the search scale."""
+    values = []
+    for scale in scales:
+        value = getattr(effect, scale.name)
+        values.append(scale.forward(value if scale.place is None else value[scale.place]))
+    return np.array(values)
+
+
+def with_shape(effect: Effect, scales: list[ShapeScale], values: FloatArray) -> Effect:
+    """Return the effect with parameters given on the search scale."""
+    changed: dict[str, Any] = {}
+    for scale, value in zip(scales, values, strict=True):
+        if scale.place is None:
+            changed[scale.name] = scale.back(value)
+        else:
+            before = changed.get(scale.name, getattr(effect, scale.name))
+            after = [*before]
+            after[scale.place] = scale.back(value)
+            changed[scale.name] = tuple(after)
+    return replace(effect, **changed)
+
+
+def bound_notes(design: Design) -> list[str]:
+    """Return one sentence per shape parameter that the search left at an end of its range."""
+    duration = max(float(run.time[-1]) for run in design.runs)
+    notes = []
+    for term in design.terms:
+        for scale in shape_scales(term.effect, duration):
+            value = getattr(term.effect, scale.name)
+            value = value if scale.place is None else value[scale.place]
+            near = 1e-3 * (scale.grid()[-1] - scale.grid()[0])
+            if min(abs(scale.forward(value) - end) for end in scale.grid()[[0, -1]]) <= near:
+                notes.append(
+                    f'{"+".join(term.sensors)}: {term.effect.name}.{scale.name} ends at '
+                    f'{value:.4g}, the limit of its range {scale.low:.4g} … {scale.high:.4g}: '
+                    'another effect may be meant'
+                )
+    return notes
+
+
+def refine_shapes(design: Design) -> Design:
+    """Return the design with every shape parameter at the least whitened sum of squares."""
+    duration = max(float(run.time[-1]) for run in design.runs)
+    shaped = [t for t in design.terms if shape_scales(t.effect, duration)]
+    for sweep in range(2 if len(shaped) > 1 else 1):
+        for k in range(len(shaped)):
+            design = _refine(design, shaped[k], duration, globally=sweep == 0)
+            shaped = [t for t in design.terms if shape_scales(t.effect, duration)]
+    return design
+
+
+def _refine(design: Design, term: Term, duration: float, *, globally: bool) -> Design:
+    from scipy.optimize import minimize, minimize_scalar
+
+    scales = shape_scales(term.effect, duration)
+
+    def cost(values: FloatArray) -> float:
+        trial = _exchanged(design, term, with_shape(term.effect, scales, values))
+        return float(solve(trial.equations()).chi_square[0])
+
+    values = shape_values(term.effect, scales)
+    if globally:
+        for _ in range(1 if len(scales) == 1 else SWEEPS):
+            for k, scale in enumerate(scales):
+                values = _along(cost, values, k, scale.grid())
+    if len(scales) == 1:
+        step = 1.5 * (scales[0].grid()[1] - scales[0].grid()[0])
+        if scales[0].unit == 'Hz':  # a line is as wide as the run is short
+            step = 0.7 / (duration * scales[0].back(values[0]))
+        bounds = (values[0] - step, values[0] + step)
+        low, high = scales[0].grid()[[0, -1]]
+        found = minimize_scalar(
+            lambda v: cost(np.array([v])),
+            bounds=(max(bounds[0], low), min(bounds[1], high)),
+            method='bounded',
+            options={'xatol': 1e-4 * step},
+        )
+        best = np.array([found.x])
+    else:
+        limits = [(s.grid()[0], s.grid()[-1]) for s in scales]
+        options = {'maxfev': 60 * len(scales), 'xatol': 1e-3, 'fatol': 1e-2}
+        best = minimize(cost, values, method='Nelder-Mead', bounds=limits, options=options).x
+    best = _by_rows(cost, best, scales)
+    if cost(best) > cost(values):
+        best = values
+    return _exchanged(design, term, with_shape(term.effect, scales, best), keep=True)
+
+
+def _by_rows(
+    cost: Callable[[FloatArray], float], values: FloatArray, scales: list[ShapeScale]
+) -> FloatArray:
+    """Return the values with linear ones searched nearby: a step moves from row to row.
+
+    A search that takes the cost for smooth stops somewhere on its stairs.
+    """
+    for k, scale in enumerate(scales):
+        if not scale.logarithmic:
+            spacing = float(np.diff(scale.grid()[:2])[0])
+            for near in (0.2, 0.02):
+                nearby = values[k] + near * spacing * np.linspace(-1.0, 1.0, GRID)
+                values = _along(cost, values, k, np.clip(nearby, *scale.grid()[[0, -1]]))
+    return values
+
+
+def _along(
+    cost: Callable[[FloatArray], float], values: FloatArray, k: int, grid: FloatArray
+) -> FloatArray:
+    """Return the values with number k at its best on the grid, unless it is best as it is."""
+    trials = [values]
+    for point in grid:
+        trial = values.copy()
+        trial[k] = point
+        trials.append(trial)
+    return trials[int(np.argmin([cost(trial) for trial in trials]))]
+
+
+def _exchanged(design: Design, term: Term, effect: Effect, *, keep: bool = False) -> Design:
+    """Return the design with another form of one effect; its columns are kept if asked."""
+    effects = {
+        sensor: tuple(effect if sensor in term.sensors and e == term.effect else e for e in listed)
+        for sensor, listed in design.effects.items()
+    }
+    if keep:
+        return design.with_effects(effects)
+    return replace(design, effects=effects, raw=dict(design.raw), white=dict(design.white))

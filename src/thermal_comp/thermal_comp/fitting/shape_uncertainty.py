@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Uncertainty of shape parameters: the change of the error over one standard deviation of each.
+
+A derivative at a point would do for a lag. A step moves from row to row, a spectral line turns
+by whole periods over a hundredth of its range, and what is poorly determined bends: the secant is
+as wide as the standard deviation it leads to.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.effects.effect import Effect
+from thermal_comp.fitting.shape_search import ShapeScale, shape_scales, shape_values, with_shape
+from thermal_comp.linear.design import Design, Term
+from thermal_comp.linear.normal_equations import Solution, solve
+
+FIRST, WIDEST = 0.01, 0.1
+"""Half a secant, as a share of the range that is searched: at first, and at most."""
+SETTLED = 1.5
+"""Ratio of standard deviation and half secant that counts as one."""
+ROUNDS = 6
+SURFACE = 'device_temperature'
+SURFACE_STD = 0.3
+"""How well a thermometer on the device tells the temperature of its surface [K]."""
+ROOT = 3.0**0.5
+"""Half width of a uniform distribution, in standard deviations."""
+
+
+@dataclass(frozen=True)
+class ShapeDirection(Effect):
+    """Change of the modelled error with one shape parameter: a column for its uncertainty."""
+
+    name: ClassVar[str] = 'shape'
+    coupled: ClassVar[bool] = True
+    of: str = ''
+    parameter: str = ''
+    place: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """A shape parameter and half of the secant along it."""
+
+    term: Term
+    scales: list[ShapeScale]
+    k: int
+    width: float
+    """On the search scale."""
+    least: float
+    """Narrowest secant that still tells a change, on the search scale."""
+
+    @property
+    def column(self) -> ShapeDirection:
+        """The effect that stands for it in a design."""
+        sensors = self.term.sensors
+        place = f'@{sensors[0]}' if len(sensors) == 1 else ''
+        scale = self.scales[self.k]
+        return ShapeDirection(f'{self.term.effect.name}{place}', scale.name, scale.place or 0)
+
+    @property
+    def value(self) -> float:
+        """The parameter's value on the search scale."""
+        return float(shape_values(self.term.effect, self.scales)[self.k])
+
+    def moved(self, by: float) -> Effect:
+        """Return the effect with the parameter moved on the search scale."""
+        values = shape_values(self.term.effect, self.scales)
+        values[self.k] += by
+        return with_shape(self.term.effect, self.scales, values)
+
+    def on_scale(self, std: float) -> float:
+        """Return a standard deviation on the search scale."""
+        scale = self.scales[self.k]
+        return std / scale.back(self.value) if scale.logarithmic else std
+
+    def fitted(self, std: float) -> Direction:
+        """Return the direction with a secant as wide as its standard deviation, within bounds."""
+        grid = self.scales[self.k].grid()
+        most = WIDEST * float(grid[-1] - grid[0])
+        return replace(self, width=min(max(self.on_scale(std), self.least), most))
+
+
+def solve_with_shapes(design: Design, estimate: FloatArray) -> tuple[Design, Solution]:
+    """Return the design with a column per shape parameter, at the `estimate`, and its solution."""
+    directions = _directions(design)
+    if not directions:
+        return design, solve(design.equations())
+    for _ in range(ROUNDS):
+        wider = _with_columns(design, directions, estimate)
+        solution = solve(wider.equations())
+        starts = {term.effect: term.start for term in wider.terms}
+        at = [starts[d.column] for d in directions]
+        std = np.sqrt(solution.covariance[at, at])
+        after = [d.fitted(s) if s > 0.0 else d for d, s in zip(directions, std, strict=True)]
+        ratios = [a.width / b.width for a, b in zip(after, directions, strict=True)]
+        if all(1.0 / SETTLED < ratio < SETTLED for ratio in ratios):
+            break
+        directions = after
+    return wider, _with_surface_doubt(wider, solution, estimate)
+
+
+def _with_surface_doubt(design: Design, solution: Solution, estimate: FloatArray) -> Solution:
+    """Return the solution, its covariance with what is not known of the surface's temperature.
+
+    Water freezes where the thermometer is not: an offset o of known standard deviation is not
+    fitted, but moves the estimates by C Xᵀ S⁻¹ (∂error/∂o) o.
+    """
+    covariance = solution.covariance
+    for term in design.terms:
+        if SURFACE not in term.effect.optional_channels:
+            continue
+        column = ShapeDirection(term.effect.name, SURFACE)
+        raw = dict(design.raw)
+        for run in range(len(design.runs)):
+            ends = [_with_surface_offset(design.runs[run], sign) for sign in (-0.5, 0.5)]
+            for sensor in term.sensors:
+                low, high = (end.columns(term.effect, sensor) for end in ends)
+                change = _weighted(high - low, term, run, estimate)
+                raw[column, run, sensor] = change[:, :, None] * SURFACE_STD
+        effects = {
+            s: (*listed, column) if s in term.sensors else listed
+            for s, listed in design.effects.items()
+        }
+        doubtful = replace(design, effects=effects, raw=raw, white=dict(design.white))
+        place = next(t.start for t in doubtful.terms if t.effect == column)
+        shared = np.delete(doubtful.equations().gram[:, place], place)
+        moved = solution.covariance @ shared
+        covariance = covariance + np.outer(moved, moved)
+    return replace(solution, covariance=covariance)
+
+
+def _with_surface_offset(run: PreparedRun, offset: float) -> PreparedRun:
+    """Return the run with its surface `offset` [K] warmer than it was measured."""
+    conditions = run.conditions
+    surface = conditions.device_temperature
+    if surface is None:
+        return replace(
+            run, conditions=replace(conditions, temperature=conditions.temperature + offset)
+        )
+    return replace(run, conditions=replace(conditions, device_temperature=surface + offset))
+
+
+def grain(design: Design, column: ShapeDirection) -> float:
+    """Return the standard deviation below which no data determine a parameter; mostly zero.
+
+    A time that only tells in which row something begins is known to a row and a half, as rows
+    may be stamped at either end of what they stand for; the frequency of a spectral line to a
+    radian over a run, as the clock it beats against wanders.
+    """
+    direction = next(d for d in _directions(design) if d.column == column)
+    if direction.scales[direction.k].unit == 'Hz':
+        return float(direction.scales[direction.k].back(direction.value)) * direction.least / ROOT
+    return 1.5 * direction.least / ROOT if _by_rows(design, direction) else 0.0
+
+
+def _directions(design: Design) -> list[Direction]:
+    duration = max(float(run.time[-1]) for run in design.runs)
+    row = max(float(np.median(np.diff(run.conditions.time))) for run in design.runs)
+    found = []
+    for term in design.terms:
+        scales = shape_scales(term.effect, duration)
+        for k, scale in enumerate(scales):
+            span = float(scale.grid()[-1] - scale.grid()[0])
+            start = Direction(term, scales, k, FIRST * span, 1e-9 * span)
+            if scale.unit == 'Hz':
+                least = start.on_scale(1.0 / (2.0 * np.pi * duration))
+                start = replace(start, least=least)
+            elif not scale.logarithmic and _by_rows(design, start):
+                start = replace(start, least=row)
+            found.append(start)
+    return found
+
+
+def _by_rows(design: Design, direction: Direction) -> bool:
+    """Tell whether a small change of the parameter changes nothing at all."""
+    sensor = direction.term.sensors[0]
+    little = 1e-7 * direction.width
+    ends = [direction.moved(by) for by in (-little, little)]
+    low, high = ([run.columns(effect, sensor) for run in design.runs] for effect in ends)
+    return all(np.array_equal(*pair) for pair in zip(low, high, strict=True))
+
+
+def _with_columns(design: Design, directions: list[Direction], estimate: FloatArray) -> Design:
+    added: dict[Sensor, list[Effect]] = {sensor: [] for sensor in design.sensors}
+    raw = dict(design.raw)
+    for direction in directions:
+        column = direction.column
+        ends = [direction.moved(by) for by in (-direction.width, direction.width)]
+        scale = direction.scales[direction.k]
+        low, high = (scale.back(shape_values(end, direction.scales)[direction.k]) for end in ends)
+        for sensor in direction.term.sensors:
+            added[sensor].append(column)
+            for run in range(len(design.runs)):
+                change = _change(design, direction.term, ends, (run, sensor), estimate)
+                raw[column, run, sensor] = (change / (high - low))[:, :, None]
+    effects = {sensor: (*design.effects[sensor], *added[sensor]) for sensor in design.sensors}
+    return replace(design, effects=effects, raw=raw, white=dict(design.white))
+
+
+def _change(
+    design: Design,
+    term: Term,
+    ends: list[Effect],
+    piece: tuple[int, Sensor],
+    estimate: FloatArray,
+) -> FloatArray:
+    """Return the (m, 3) change of the error of one run and sensor from one form to the other."""
+    run, sensor = piece
+    low, high = (design.runs[run].columns(end, sensor) for end in ends)
+    return _weighted(high - low, term, run, estimate)
+
+
+def _weighted(columns: FloatArray, term: Term, run: int, estimate: FloatArray) -> FloatArray:
+    """Return the (m, 3) error that columns of a term make with its coefficients."""
+    total = np.zeros((len(columns), 3))
+    for axis in range(3):
+        part = columns[:, axis] if columns.ndim == 3 else columns
+        total[:, axis] = part @ estimate[term.indices(run, axis, part.shape[1])]
+    return total

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Linear least squares of effects over runs: design, whitening, normal equations, solution."""

@@ -1,0 +1,350 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whitened columns of many effects beside the whitened residual, and the χ² each would explain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from imu_recording.recording import FloatArray, IntArray
+from scipy.ndimage import gaussian_filter1d
+
+from thermal_comp.data.conditions import Conditions, Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.effects.effect import Effect
+from thermal_comp.linear.normal_equations import (
+    RANK_TOLERANCE,
+    block_diagonal,
+    orthonormal,
+    per_axis,
+    pseudo_solve,
+)
+from thermal_comp.linear.whitening import (
+    Gains,
+    apply_gains,
+    apply_gains_in_place,
+    apply_transposed,
+    innovation_gains,
+)
+from thermal_comp.model.values import NoiseModel
+
+SMOOTHING_S = 20.0
+"""Standard deviation of the filter that tells the thermometer's noise from temperature [s] …"""
+SMOOTHED_NOISE = 0.023
+"""… where rows have this noise [K] …"""
+SMOOTHED_PERIOD = 5.0
+"""… and this distance [s].
+
+A derivative through a Gaussian of width w carries noise of variance noise² · period / w³, corners
+of the profile are blurred in proportion to w: the least sum lies at w⁴ ∝ noise² · period.
+"""
+NARROWEST, WIDEST = 5.0, 40.0
+"""Bounds of the filter's width [s]."""
+
+
+class ColumnSource:
+    """Columns of effects as block means, kept, because several sensors and steps need the same.
+
+    They are those of the smoothed temperature: a diagnosis has the whole run before it and need
+    not be causal, and what the thermometer's noise does to rates, short lags and plays would make
+    one of them look better than the other. The noise itself is a column of every bank.
+    """
+
+    def __init__(self, runs: Sequence[PreparedRun]) -> None:
+        self.runs = list(runs)
+        self.temperature_noise: list[FloatArray] = []
+        """(m,) per run: smoothed minus measured temperature [K]."""
+        self._smooth: list[PreparedRun] = []
+        for run in self.runs:
+            conditions = run.conditions
+            smoothed = _smoothed(conditions)
+            self.temperature_noise.append(run.block_mean(smoothed - conditions.temperature))
+            self._smooth.append(replace(run, conditions=replace(conditions, temperature=smoothed)))
+        self._kept: dict[tuple[Effect, Sensor], list[FloatArray]] = {}
+
+    def columns(self, effect: Effect, sensor: Sensor) -> list[FloatArray]:
+        """Return the effect's (m, p) or (m, 3, p) columns of each run."""
+        key = (effect, sensor)
+        if key not in self._kept:
+            self._kept[key] = [
+                run.block_mean(effect.columns_in_hindsight(run.conditions.of(sensor)))
+                for run in self._smooth
+            ]
+        return self._kept[key]
+
+
+def _smoothed(conditions: Conditions) -> FloatArray:
+    """(n,) die temperature through a Gaussian as wide as its noise asks for."""
+    step = float(np.median(np.diff(conditions.time)))
+    width = smoothing_width(conditions.temperature, step)
+    return np.asarray(gaussian_filter1d(conditions.temperature, width / step))
+
+
+def smoothing_width(temperature: FloatArray, step: float) -> float:
+    """Return the standard deviation of the filter [s] for rows `step` [s] apart."""
+    bends = np.abs(np.diff(temperature, 2))
+    noise = float(bends.mean() * np.sqrt(np.pi / 2.0 / 6.0)) if len(bends) else 0.0
+    width = SMOOTHING_S * (noise / SMOOTHED_NOISE) ** 0.5 * (step / SMOOTHED_PERIOD) ** 0.25
+    return float(np.clip(width, NARROWEST, WIDEST))
+
+
+__all__ = ['RANK_TOLERANCE', 'ColumnBank', 'ColumnSource', 'Term']
+
+
+ROOM = 640
+"""Columns there is room for at first; memory that is not written to costs nothing."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """Columns of the bank that belong together: one effect in one form."""
+
+    columns: tuple[int, ...]
+    shared: bool = False
+    """True where the three axes share the coefficients; else each axis has its own."""
+
+
+class ColumnBank:
+    """Whitened columns of one sensor, orthogonal to a base model, with their normal matrices.
+
+    Rows of all runs stand below each other; every axis has a matrix of its own, because its noise
+    is its own and because an effect's column may differ between axes.
+    """
+
+    def __init__(
+        self,
+        source: ColumnSource,
+        sensor: Sensor,
+        noise: NoiseModel,
+        base: Sequence[Effect],
+        values: Sequence[FloatArray] | None = None,
+    ) -> None:
+        """`values` (m, 3) per run replace the measured block means, as draws of noise do."""
+        self.source, self.sensor, self.noise = source, sensor, noise
+        runs = source.runs
+        measured = [run.measured[sensor] for run in runs] if values is None else list(values)
+        self.valid = [np.isfinite(rows).all(axis=1) for rows in measured]
+        sizes = [int(ok.sum()) for ok in self.valid]
+        self._edges = np.concatenate([[0], np.cumsum(sizes)])
+        self.rows = int(self._edges[-1])
+        self.run_of_row: IntArray = np.repeat(np.arange(len(sizes)), sizes)
+        self.fold: IntArray = np.concatenate(
+            [run.fold[ok] for run, ok in zip(runs, self.valid, strict=True)]
+        )
+        self._gains: list[list[Gains]] = [
+            [innovation_gains(run.slot[ok], noise, axis, run.period) for axis in range(3)]
+            for run, ok in zip(runs, self.valid, strict=True)
+        ]
+        self._terms: dict[Effect, Term] = {}
+        self._columns = np.zeros((3, self.rows, ROOM))
+        self.normal = np.zeros((3, ROOM, ROOM))
+        self.right = np.zeros((3, ROOM))
+        self._size = np.zeros(0)
+        self.width = 0
+        levels = np.repeat(block_diagonal([np.ones((m, 1)) for m in sizes])[:, None], 3, axis=1)
+        known = [levels, self._thermometer_noise()]
+        known += [per_axis(self._evaluated(effect))[0] for effect in base]
+        whitened = self._whitened(np.concatenate(known, axis=2))
+        self.base = [orthonormal(whitened[axis]) for axis in range(3)]
+        self.base_rank = sum(q.shape[1] for q in self.base)
+        target = np.concatenate([rows[ok] for rows, ok in zip(measured, self.valid, strict=True)])
+        self.target = self._projected(self._whitened(target[:, :, None]))[:, :, 0]
+
+    def retarget(self, values: Sequence[FloatArray]) -> None:
+        """Take other values (m, 3) per run as what was measured; all rows must be valid."""
+        target = np.concatenate([rows[ok] for rows, ok in zip(values, self.valid, strict=True)])
+        self.target = self._projected(self._whitened(target[:, :, None]))[:, :, 0]
+        for axis in range(3):
+            filled = self._columns[axis, :, : self.width]
+            self.right[axis, : self.width] = filled.T @ self.target[axis]
+
+    @property
+    def chi_square(self) -> float:
+        """χ² of the residual of the base model."""
+        return float((self.target**2).sum())
+
+    def term(self, effect: Effect) -> Term:
+        """Return the effect's columns in the bank, computed on first use."""
+        return self.terms([effect])[0]
+
+    def terms(self, effects: Sequence[Effect]) -> list[Term]:
+        """Return the columns of several effects, computed together where they are new."""
+        new = [effect for effect in dict.fromkeys(effects) if effect not in self._terms]
+        if new:
+            evaluated = [per_axis(self._evaluated(effect)) for effect in new]
+            place = self._append([columns for columns, _ in evaluated])
+            for effect, (columns, shared) in zip(new, evaluated, strict=True):
+                stop = place + columns.shape[2]
+                self._terms[effect] = Term(tuple(range(place, stop)), shared)
+                place = stop
+        return [self._terms[effect] for effect in effects]
+
+    def generic_terms(
+        self, functions: Sequence[tuple[Callable[[PreparedRun], FloatArray], bool]]
+    ) -> list[Term]:
+        """Return the columns (m, p) each function makes of a run's block means; True: per run."""
+        runs = self.source.runs
+        made = []
+        for function, per_run in functions:
+            parts = [function(run)[ok] for run, ok in zip(runs, self.valid, strict=True)]
+            made.append(block_diagonal(parts) if per_run else np.concatenate(parts))
+        place = self._append([per_axis(columns)[0] for columns in made])
+        stops = place + np.cumsum([columns.shape[1] for columns in made])
+        starts = [place, *stops[:-1].tolist()]
+        pairs = zip(starts, stops.tolist(), strict=True)
+        return [Term(tuple(range(start, stop))) for start, stop in pairs]
+
+    def solve(self, terms: Sequence[Term]) -> tuple[float, int]:
+        """Return the χ² the terms explain together and the rank they use."""
+        own, common = self._split(terms)
+        gain, rank, shared_normal, shared_right = self._eliminated(own, common)
+        if common:
+            full = np.diag(self.normal.sum(axis=0))[common]
+            answer, used = pseudo_solve(shared_normal, shared_right[:, None], full)
+            gain += float(shared_right @ answer[:, 0])
+            rank += used
+        return gain, rank
+
+    def shared_equations(self, known: Sequence[Term], term: Term) -> tuple[FloatArray, FloatArray]:
+        """Return normal matrix and right-hand side of a shared term beside known ones.
+
+        They are those of its coefficients in their own units: equations of several sensors that
+        share the coefficients add up.
+        """
+        own, common = self._split(known)
+        *_, normal, right = self._eliminated(own, [*common, *term.columns])
+        first = len(common)
+        answer, _ = pseudo_solve(
+            normal[:first, :first], np.column_stack([right[:first], normal[:first, first:]])
+        )
+        cross = normal[:first, first:]
+        size = self._size[list(term.columns)]
+        left = normal[first:, first:] - cross.T @ answer[:, 1:]
+        return left * np.outer(size, size), (right[first:] - cross.T @ answer[:, 0]) * size
+
+    def _eliminated(
+        self, own: list[int], common: list[int]
+    ) -> tuple[float, int, FloatArray, FloatArray]:
+        """Return χ² and rank of each axis's own columns, and the equations of those shared."""
+        gain, rank = 0.0, 0
+        normal, right = self.normal, self.right
+        size = len(common)
+        shared_normal, shared_right = np.zeros((size, size)), np.zeros(size)
+        for axis in range(3):
+            block, rows = normal[axis][np.ix_(own, own)], right[axis][own]
+            cross = normal[axis][np.ix_(own, common)]
+            answer, used = pseudo_solve(block, np.column_stack([rows, cross]))
+            gain += float(rows @ answer[:, 0])
+            rank += used
+            shared_normal += normal[axis][np.ix_(common, common)] - cross.T @ answer[:, 1:]
+            shared_right += right[axis][common] - answer[:, 1:].T @ rows
+        return gain, rank, shared_normal, shared_right
+
+    def reduced(
+        self, known: Sequence[int], columns: Sequence[int]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return normal matrices (3, k, k) and right-hand sides (3, k) with `known` taken out."""
+        size = len(columns)
+        normal, right = np.empty((3, size, size)), np.empty((3, size))
+        for axis in range(3):
+            block = self.normal[axis][np.ix_(known, known)]
+            cross = self.normal[axis][np.ix_(known, columns)]
+            rows = self.right[axis][list(known)]
+            answer, _ = pseudo_solve(block, np.column_stack([rows, cross]))
+            normal[axis] = self.normal[axis][np.ix_(columns, columns)] - cross.T @ answer[:, 1:]
+            right[axis] = self.right[axis][list(columns)] - cross.T @ answer[:, 0]
+        return normal, right
+
+    def design(self, terms: Sequence[Term]) -> list[FloatArray]:
+        """Return per axis the (rows, p) whitened columns, those shared last."""
+        own, common = self._split(terms)
+        return [self._columns[axis][:, [*own, *common]] for axis in range(3)]
+
+    def transposed(self, run: int) -> FloatArray:
+        """Return (m, 3) Wᵀ of the residual of one run; W whitens, m are its valid rows."""
+        rows = slice(self._edges[run], self._edges[run + 1])
+        columns = [
+            apply_transposed(self.target[axis, rows, None], self._gains[run][axis])
+            for axis in range(3)
+        ]
+        return np.concatenate(columns, axis=1)
+
+    def whitened_in_run(
+        self, columns: FloatArray, run: int, axis: int
+    ) -> tuple[FloatArray, slice]:
+        """Return the columns (m, q) of one run's blocks, whitened where valid, and their rows."""
+        rows = slice(self._edges[run], self._edges[run + 1])
+        return apply_gains(columns[self.valid[run]], self._gains[run][axis]), rows
+
+    def split_sizes(self, terms: Sequence[Term]) -> tuple[int, int]:
+        """Return how many columns each axis has of its own and how many are shared."""
+        own, common = self._split(terms)
+        return len(own), len(common)
+
+    @staticmethod
+    def _split(terms: Sequence[Term]) -> tuple[list[int], list[int]]:
+        own = [c for term in terms if not term.shared for c in term.columns]
+        common = [c for term in terms if term.shared for c in term.columns]
+        return own, common
+
+    def _evaluated(self, effect: Effect) -> FloatArray:
+        """Return the effect's (rows, p) or (rows, 3, p) columns; per run, p of each run."""
+        columns = self.source.columns(effect, self.sensor)
+        parts = [part[ok] for part, ok in zip(columns, self.valid, strict=True)]
+        return block_diagonal(parts) if effect.per_run else np.concatenate(parts)
+
+    def _thermometer_noise(self) -> FloatArray:
+        """(rows, 3, 1) smoothed minus measured temperature: times the slope it is error."""
+        noises = self.source.temperature_noise
+        parts = [noise[ok] for noise, ok in zip(noises, self.valid, strict=True)]
+        return np.repeat(np.concatenate(parts)[:, None, None], 3, axis=1)
+
+    def _whitened(self, columns: FloatArray) -> FloatArray:
+        """(rows, 3, p) → (3, rows, p), whitened by each axis's noise."""
+        whitened = np.empty((3, self.rows, columns.shape[2]))
+        for k, gains in enumerate(self._gains):
+            rows = slice(self._edges[k], self._edges[k + 1])
+            for axis in range(3):
+                whitened[axis, rows] = apply_gains(columns[rows, axis], gains[axis])
+        return whitened
+
+    def _projected(self, whitened: FloatArray) -> FloatArray:
+        pairs = zip(whitened, self.base, strict=True)
+        return np.stack([columns - q @ (q.T @ columns) for columns, q in pairs])
+
+    def _append(self, parts: Sequence[FloatArray]) -> int:
+        """Whiten, project and keep columns (rows, 3, p) of several parts; return their start."""
+        start = self.width
+        stop = self.width = start + sum(part.shape[2] for part in parts)
+        self._grow(stop)
+        before, size = np.zeros((2, stop - start))
+        for axis in range(3):
+            columns = np.concatenate([part[:, axis] for part in parts], axis=1)
+            for k, gains in enumerate(self._gains):
+                apply_gains_in_place(columns[self._edges[k] : self._edges[k + 1]], gains[axis])
+            before += np.einsum('np,np->p', columns, columns)
+            base = self.base[axis]
+            columns -= base @ (base.T @ columns)
+            size += np.einsum('np,np->p', columns, columns)
+            self._columns[axis, :, start:stop] = columns
+        before, size = np.sqrt(before), np.sqrt(size)
+        scale = np.where(size > 1e-6 * before, 1.0 / np.maximum(size, 1e-300), 0.0)
+        self._size = np.concatenate([self._size, size])
+        for axis in range(3):
+            new = self._columns[axis, :, start:stop]
+            new *= scale
+            cross = new.T @ self._columns[axis, :, :start]
+            self.normal[axis, start:stop, :start] = cross
+            self.normal[axis, :start, start:stop] = cross.T
+            self.normal[axis, start:stop, start:stop] = new.T @ new
+            self.right[axis, start:stop] = new.T @ self.target[axis]
+        return start
+
+    def _grow(self, width: int) -> None:
+        room = self._columns.shape[2]
+        if width > room:
+            more = max(room // 2, width - room)
+            self._columns = np.pad(self._columns, ((0, 0), (0, 0), (0, more)))
+            self.normal = np.pad(self.normal, ((0, 0), (0, more), (0, more)))
+            self.right = np.pad(self.right, ((0, 0), (0, more)))

@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The stacked, whitened design of one or more sensors that share coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from imu_recording.recording import FloatArray, IntArray
+from numpy.typing import NDArray
+
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.effects.effect import Effect
+from thermal_comp.linear.normal_equations import NormalEquations
+from thermal_comp.linear.whitening import Gains, apply_gains, innovation_gains
+from thermal_comp.model.values import NoiseModel
+
+Rows = Sequence[NDArray[np.bool_]]
+"""Which blocks of each run take part."""
+RightHandSides = Mapping[tuple[int, Sensor], FloatArray]
+"""(m, 3, q) values over the blocks of a run, by run number and sensor."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """One effect of a group of sensors and where its coefficients stand among the unknowns."""
+
+    effect: Effect
+    sensors: tuple[Sensor, ...]
+    start: int
+    shape: tuple[int, ...]
+    """(p, 3), (p,), (runs, p, 3) or (runs, p)."""
+
+    @property
+    def unknowns(self) -> slice:
+        """Return where the coefficients stand, in C order."""
+        return slice(self.start, self.start + int(np.prod(self.shape)))
+
+    def indices(self, run: int, axis: int, width: int) -> IntArray:
+        """Return the unknowns that multiply the first `width` columns of one run and axis."""
+        place = np.arange(int(np.prod(self.shape)), dtype=np.int64).reshape(self.shape)
+        if self.effect.per_run:
+            place = place[run]
+        chosen: IntArray = self.start + (place[:, axis] if place.ndim == 2 else place)
+        return chosen[:width]
+
+
+@dataclass(eq=False)
+class Design:
+    """Columns of the effects of a group of sensors, over prepared runs, whitened on demand.
+
+    Unknowns are the levels of every run, sensor and axis, then the coefficients in order of
+    effects, so that of dependent columns the later effect is the one that is held.
+    """
+
+    runs: Sequence[PreparedRun]
+    effects: Mapping[Sensor, tuple[Effect, ...]]
+    noise: Mapping[Sensor, NoiseModel]
+    rows: Rows | None = None
+    raw: dict[tuple[Effect, int, Sensor], FloatArray] = field(default_factory=dict)
+    """Columns over all blocks; may be shared by designs of the same runs."""
+    white: dict[tuple[Effect | None, int, Sensor, int], FloatArray] = field(default_factory=dict)
+    gains: dict[tuple[int, Sensor, int], Gains] = field(default_factory=dict)
+    taken: dict[tuple[int, Sensor], NDArray[np.bool_]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.sensors = tuple(self.effects)
+        self.levels = 3 * len(self.runs) * len(self.sensors)
+        self.terms = self._terms()
+        self.size = self.terms[-1].unknowns.stop if self.terms else self.levels
+
+    def with_effects(self, effects: Mapping[Sensor, tuple[Effect, ...]]) -> Design:
+        """Return the design of other effects on the same rows, sharing what is computed."""
+        return replace(self, effects=effects)
+
+    def level_index(self, run: int, sensor: Sensor, axis: int) -> int:
+        """Return the unknown that is the level of a run, sensor and axis."""
+        return (run * len(self.sensors) + self.sensors.index(sensor)) * 3 + axis
+
+    def valid(self, run: int, sensor: Sensor) -> NDArray[np.bool_]:
+        """Return the (m,) blocks of a run that take part."""
+        if (run, sensor) not in self.taken:
+            finite: NDArray[np.bool_] = np.isfinite(self.runs[run].measured[sensor]).all(axis=1)
+            self.taken[run, sensor] = finite if self.rows is None else finite & self.rows[run]
+        return self.taken[run, sensor]
+
+    def columns(self, effect: Effect, run: int, sensor: Sensor) -> FloatArray:
+        """Return the effect's (m, p) or (m, 3, p) columns over all blocks of a run."""
+        key = (effect, run, sensor)
+        if key not in self.raw:
+            self.raw[key] = self.runs[run].columns(effect, sensor)
+        return self.raw[key]
+
+    def terms_of(self, sensor: Sensor) -> list[Term]:
+        """Return the terms that act on a sensor, in its order of effects."""
+        return [
+            next(t for t in self.terms if t.effect == effect and sensor in t.sensors)
+            for effect in self.effects[sensor]
+        ]
+
+    def predicted(self, estimate: FloatArray, run: int, sensor: Sensor) -> FloatArray:
+        """Return the (m, 3, …) modelled part, without level, for estimates (unknowns, …)."""
+        total = np.zeros((len(self.runs[run]), 3, *estimate.shape[1:]))
+        for term in self.terms_of(sensor):
+            columns = self.columns(term.effect, run, sensor)
+            for axis in range(3):
+                part = columns[:, axis] if columns.ndim == 3 else columns
+                place = term.indices(run, axis, part.shape[1])
+                total[:, axis] += np.tensordot(part, estimate[place], 1)
+        return total
+
+    def describe(self, unknown: int) -> str:
+        """Return what an unknown is, in words."""
+        if unknown < self.levels:
+            run, rest = divmod(unknown, 3 * len(self.sensors))
+            return f'level of run {self.runs[run].name} {"xyz"[rest % 3]}'
+        term = next(t for t in self.terms if unknown < t.unknowns.stop)
+        place = [int(i) for i in np.unravel_index(unknown - term.start, term.shape)]
+        run_name = f' run {self.runs[place[0]].name}' if term.effect.per_run else ''
+        place = place[1:] if term.effect.per_run else place
+        column = f'[{place[0]}]' if term.shape[-2 if len(place) == 2 else -1] > 1 else ''
+        axis = f' {"xyz"[place[1]]}' if len(place) == 2 else ''
+        return f'{term.effect.name}{column}{run_name}{axis}'
+
+    def equations(self, values: RightHandSides | None = None) -> NormalEquations:
+        """Return the normal equations; `values` None takes what was measured."""
+        q = 1 if values is None else next(iter(values.values())).shape[2]
+        gram, moment = np.zeros((self.size, self.size)), np.zeros((self.size, q))
+        energy, rows = np.zeros(q), 0
+        for run, sensor, axis in self._pieces():
+            index, columns, right = self._piece(run, sensor, axis, values)
+            gram[np.ix_(index, index)] += columns.T @ columns
+            moment[index] += columns.T @ right
+            energy += (right**2).sum(axis=0)
+            rows += len(right)
+        return NormalEquations(gram, moment, energy, rows)
+
+    def _pieces(self) -> list[tuple[int, Sensor, int]]:
+        return [
+            (run, sensor, axis)
+            for run in range(len(self.runs))
+            for sensor in self.sensors
+            if self.valid(run, sensor).any()
+            for axis in range(3)
+        ]
+
+    def _piece(
+        self, run: int, sensor: Sensor, axis: int, values: RightHandSides | None
+    ) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Return unknowns, whitened columns and whitened right-hand sides of one axis."""
+        key = (None, run, sensor, axis)
+        valid = self.valid(run, sensor)
+        if key not in self.white:
+            base = [np.ones(int(valid.sum())), self.runs[run].measured[sensor][valid, axis]]
+            self.white[key] = self.whitened(np.column_stack(base), run, sensor, axis)
+        base_white = self.white[key]
+        right = base_white[:, 1:]
+        if values is not None:
+            right = self.whitened(values[run, sensor][valid, axis], run, sensor, axis)
+        index = [np.array([self.level_index(run, sensor, axis)])]
+        columns = [base_white[:, :1]]
+        for term in self.terms_of(sensor):
+            columns.append(self._white_columns(term.effect, run, sensor, axis))
+            index.append(term.indices(run, axis, columns[-1].shape[1]))
+        return np.concatenate(index), np.concatenate(columns, axis=1), right
+
+    def _white_columns(self, effect: Effect, run: int, sensor: Sensor, axis: int) -> FloatArray:
+        key = (effect, run, sensor, axis)
+        if key not in self.white:
+            columns = self.columns(effect, run, sensor)
+            part = columns[:, axis] if columns.ndim == 3 else columns
+            part = part[self.valid(run, sensor)]
+            self.white[key] = self.whitened(part, run, sensor, axis)
+        return self.white[key]
+
+    def gains_of(self, run: int, sensor: Sensor, axis: int) -> Gains:
+        """Return the whitening filter of one axis over the blocks that take part."""
+        key = (run, sensor, axis)
+        if key not in self.gains:
+            slot = self.runs[run].slot[self.valid(run, sensor)]
+            period = self.runs[run].period
+            self.gains[key] = innovation_gains(slot, self.noise[sensor], axis, period)
+        return self.gains[key]
+
+    def whitened(self, values: FloatArray, run: int, sensor: Sensor, axis: int) -> FloatArray:
+        """Return values (valid blocks, q) whitened."""
+        return apply_gains(values, self.gains_of(run, sensor, axis))
+
+    def raw_columns(self, run: int, sensor: Sensor, axis: int) -> tuple[IntArray, FloatArray]:
+        """Return the unknowns of one axis and their columns over all blocks, level first."""
+        index = [np.array([self.level_index(run, sensor, axis)])]
+        columns = [np.ones((len(self.runs[run]), 1))]
+        for term in self.terms_of(sensor):
+            part = self.columns(term.effect, run, sensor)
+            columns.append(part[:, axis] if part.ndim == 3 else part)
+            index.append(term.indices(run, axis, columns[-1].shape[1]))
+        return np.concatenate(index), np.concatenate(columns, axis=1)
+
+    def _terms(self) -> list[Term]:
+        terms: list[Term] = []
+        start = self.levels
+        for sensor in self.sensors:
+            for effect in self.effects[sensor]:
+                if effect.coupled and any(t.effect == effect for t in terms):
+                    continue
+                sharing = tuple(s for s in self.sensors if effect in self.effects[s])
+                columns = [self.columns(effect, run, sensor) for run in range(len(self.runs))]
+                width = max(c.shape[-1] for c in columns)
+                shape: tuple[int, ...] = (width,) if columns[0].ndim == 3 else (width, 3)
+                if effect.per_run:
+                    shape = (len(self.runs), *shape)
+                terms.append(Term(effect, sharing if effect.coupled else (sensor,), start, shape))
+                start = terms[-1].unknowns.stop
+        return terms

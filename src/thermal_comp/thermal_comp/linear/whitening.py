@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whiten block means under a noise model: the innovations of its Kalman filter, exact at gaps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from imu_recording.jit import njit
+from imu_recording.recording import FloatArray, IntArray
+
+from thermal_comp.model.values import NoiseModel
+
+
+@dataclass(frozen=True, eq=False)
+class Gains:
+    """What the filter does at each of m block means; it depends on their places alone."""
+
+    decay: FloatArray
+    """(k,) decay of each process over one block."""
+    weight: FloatArray
+    """(k,) weight of a process at a block's start in the mean over it."""
+    missed: FloatArray
+    """(m, k) decay of each process over the missing blocks before."""
+    gain: FloatArray
+    """(m, k) share of the innovation each process takes up."""
+    deviation: FloatArray
+    """(m,) standard deviation of the innovation [unit]."""
+
+
+def innovation_gains(slot: IntArray, noise: NoiseModel, axis: int, period: float) -> Gains:
+    """Return the gains for block means at `slot`; worth keeping where many columns follow.
+
+    The filter's states are the processes at the start of a block. With r = T / τ of a process x
+    of variance σ², the mean over the block is a·x plus what is left, x_end = φ·x plus what is
+    left: φ = e^{−r}, a = (1 − φ) / r, Cov(left, left) = σ² (1 − φ)² / r between the two,
+    Var(mean − a·x) = σ² (2 r − 3 + 4 φ − φ²) / r².
+    """
+    variance = noise.amplitudes[:, axis] ** 2
+    r = period / noise.time_constants
+    decay = np.exp(-r)
+    weight = -np.expm1(-r) / r
+    shared = variance * np.expm1(-r) ** 2 / r
+    series = 2.0 * r / 3.0 - r**2 / 2.0 + 7.0 * r**3 / 30.0
+    exact = (2.0 * r - 3.0 + 4.0 * decay - decay**2) / r**2
+    left = float(variance @ np.where(r < 1e-2, series, exact) + noise.white[axis] ** 2 / period)
+    between = np.diff(slot, prepend=slot[:1] - 1) - 1
+    missed = decay ** between[:, None]
+    gain = np.empty_like(missed)
+    deviation = np.empty(len(missed))
+    _fill_gains(decay, weight, variance, shared, left, missed, gain, deviation)
+    return Gains(decay, weight, missed, gain, deviation)
+
+
+def apply_gains(values: FloatArray, gains: Gains) -> FloatArray:
+    """Return the whitened rows (m, q)."""
+    whitened = np.array(values, dtype=np.float64, order='C')
+    apply_gains_in_place(whitened, gains)
+    return whitened
+
+
+def apply_gains_in_place(rows: FloatArray, gains: Gains) -> None:
+    """Whiten rows (m, q) that lie contiguously."""
+    state = np.zeros((len(gains.decay), rows.shape[1]))
+    _innovate(rows, state, gains.decay, gains.weight, gains.missed, gains.gain, gains.deviation)
+
+
+def apply_transposed(values: FloatArray, gains: Gains) -> FloatArray:
+    """Return Wᵀ @ values, (m, q), where W is the filter: S⁻¹ x = Wᵀ W x."""
+    turned = np.array(values, dtype=np.float64, order='C')
+    after = np.zeros((len(gains.decay), turned.shape[1]))
+    _turn(turned, after, gains.decay, gains.weight, gains.missed, gains.gain, gains.deviation)
+    return turned
+
+
+# The kernels are plain loops over scalars that fill arrays made outside: what numpy does inside
+# a kernel (outer products, sums over an axis) takes numba ten times as long to compile and runs
+# slower.
+
+
+@njit(cache=True, nogil=True)
+def _fill_gains(
+    decay: FloatArray,
+    weight: FloatArray,
+    variance: FloatArray,
+    shared: FloatArray,
+    left: float,
+    missed: FloatArray,
+    gain: FloatArray,
+    deviation: FloatArray,
+) -> None:
+    order = decay.shape[0]
+    covariance = np.zeros((order, order))
+    for i in range(gain.shape[0]):
+        for j in range(order):
+            kept = missed[i, j] if i > 0 else 0.0
+            for k in range(order):
+                covariance[j, k] *= kept * missed[i, k]
+            covariance[j, j] += variance[j] * (1.0 - kept * kept)
+        spread = left
+        for j in range(order):
+            seen = 0.0
+            for k in range(order):
+                seen += covariance[j, k] * weight[k]
+            gain[i, j] = decay[j] * seen + shared[j]
+            spread += weight[j] * seen
+        for j in range(order):
+            gain[i, j] /= spread
+        for j in range(order):
+            for k in range(order):
+                covariance[j, k] *= decay[j] * decay[k]
+                covariance[j, k] -= gain[i, j] * gain[i, k] * spread
+            covariance[j, j] += variance[j] * (1.0 - decay[j] * decay[j])
+        deviation[i] = math.sqrt(spread)
+
+
+@njit(cache=True, nogil=True)
+def _innovate(
+    rows: FloatArray,
+    state: FloatArray,
+    decay: FloatArray,
+    weight: FloatArray,
+    missed: FloatArray,
+    gain: FloatArray,
+    deviation: FloatArray,
+) -> None:
+    order, width = state.shape
+    for i in range(rows.shape[0]):
+        for j in range(order):
+            for c in range(width):
+                state[j, c] *= missed[i, j]
+                rows[i, c] -= weight[j] * state[j, c]
+        for j in range(order):
+            for c in range(width):
+                state[j, c] = decay[j] * state[j, c] + gain[i, j] * rows[i, c]
+        for c in range(width):
+            rows[i, c] /= deviation[i]
+
+
+@njit(cache=True, nogil=True)
+def _turn(
+    rows: FloatArray,
+    after: FloatArray,
+    decay: FloatArray,
+    weight: FloatArray,
+    missed: FloatArray,
+    gain: FloatArray,
+    deviation: FloatArray,
+) -> None:
+    order, width = after.shape
+    for i in range(rows.shape[0] - 1, -1, -1):
+        for c in range(width):
+            rows[i, c] /= deviation[i]
+        for j in range(order):
+            for c in range(width):
+                rows[i, c] += gain[i, j] * after[j, c]
+        for j in range(order):
+            for c in range(width):
+                after[j, c] = missed[i, j] * (decay[j] * after[j, c] - weight[j] * rows[i, c])

@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A thermal model from plain mappings, lists and numbers, every field checked on the way in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import SENSOR_UNITS, FloatArray
+
+from thermal_comp.data.conditions import CHANNELS, SENSORS, Conditions, Sensor
+from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.effect import Effect
+from thermal_comp.model.values import ModelError, NoiseModel, Provenance, SensorModel, ThermalModel
+
+
+class Field:
+    """One value of a document and its dotted name.
+
+    >>> Field({'a': {'b': [1, 'x']}})['a']['b'].array()
+    Traceback (most recent call last):
+    thermal_comp.model.values.ModelError: a.b: 'x' is no number
+    """
+
+    def __init__(self, value: Any, name: str = '') -> None:
+        self.value = value
+        self.name = name
+
+    def refuse(self, reason: str) -> ModelError:
+        """Return the error that names this field."""
+        return ModelError(f'{self.name or "document"}: {reason}')
+
+    def __getitem__(self, key: str) -> Field:
+        """Return an entry that has to be there."""
+        name = f'{self.name}.{key}' if self.name else key
+        if key not in self.mapping():
+            raise ModelError(f'{name}: missing')
+        return Field(self.value[key], name)
+
+    def get(self, key: str, default: Any) -> Field:
+        """Return an entry that may be absent."""
+        name = f'{self.name}.{key}' if self.name else key
+        return Field(self.mapping().get(key, default), name)
+
+    def mapping(self) -> Mapping[str, Any]:
+        """Return the value as a mapping."""
+        if not isinstance(self.value, Mapping):
+            raise self.refuse(f'is {_shown(self.value)}, expected a mapping')
+        return self.value
+
+    def only(self, *names: str) -> None:
+        """Refuse an entry of another name: what nobody reads was meant to be read."""
+        unknown = [key for key in self.mapping() if key not in names]
+        if unknown:
+            entry = Field(None, f'{self.name}.{unknown[0]}' if self.name else str(unknown[0]))
+            raise entry.refuse(f'no such field; there are {", ".join(names)}')
+
+    def entries(self) -> dict[str, Field]:
+        """Return the entries of a mapping by key."""
+        return {str(key): self[key] for key in self.mapping()}
+
+    def items(self) -> list[Field]:
+        """Return the items of a list."""
+        if not isinstance(self.value, list):
+            raise self.refuse(f'is {_shown(self.value)}, expected a list')
+        return [Field(item, f'{self.name}[{i}]') for i, item in enumerate(self.value)]
+
+    def text(self) -> str:
+        """Return the value as text."""
+        if not isinstance(self.value, str):
+            raise self.refuse(f'is {_shown(self.value)}, expected text')
+        return self.value
+
+    def flag(self) -> bool:
+        """Return the value as true or false."""
+        if not isinstance(self.value, bool):
+            raise self.refuse(f'is {_shown(self.value)}, expected true or false')
+        return self.value
+
+    def number(self) -> float:
+        """Return the value as a finite number; text such as 1e-5, which YAML leaves, counts."""
+        value = self.value
+        try:
+            if isinstance(value, bool | None | list | Mapping):
+                raise ValueError
+            number = float(value)
+        except ValueError:
+            raise self.refuse(f'{_shown(value)} is no number') from None
+        if not math.isfinite(number):
+            raise self.refuse(f'is {number}, expected a finite number')
+        return number
+
+    def array(self, *shape: int | None) -> FloatArray:
+        """Return nested lists as an array; None in `shape` stands for any length."""
+        array = np.array(self._numbers(self.value))
+        fits = array.ndim == len(shape) and all(
+            w is None or w == n for w, n in zip(shape, array.shape, strict=True)
+        )
+        if shape and not fits:
+            wanted = ' × '.join('any' if n is None else str(n) for n in shape)
+            raise self.refuse(f'has shape {array.shape}, expected {wanted}')
+        return array
+
+    def _numbers(self, value: Any) -> Any:
+        if not isinstance(value, list):
+            return Field(value, self.name).number()
+        rows = [self._numbers(item) for item in value]
+        if len({np.shape(row) for row in rows}) > 1:
+            raise self.refuse('has rows of different lengths')
+        return rows
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) < 40 else f'{text[:37]}…'
+
+
+SCHEMA = 1
+ROOT_FIELDS = (
+    'schema',
+    'device',
+    'pooled',
+    'reference_temperature',
+    'sensors',
+    'provenance',
+    'history',
+)
+SENSOR_FIELDS = ('unit', 'temperature_range', 'effects', 'covariance', 'levels', 'noise')
+EFFECT_FIELDS = ('name', 'shape', 'units', 'coefficients', 'rms')
+
+
+def model_from_document(
+    document: Any, effects: Mapping[str, type[Effect]] = EFFECTS
+) -> ThermalModel:
+    """Return the model of a document, checked field by field."""
+    root = Field(document)
+    schema = root['schema']
+    if schema.value != SCHEMA:
+        raise schema.refuse(f'is {schema.value!r}, this version reads {SCHEMA}')
+    root.only(*ROOT_FIELDS)
+    reference = root['reference_temperature']
+    reference.only('value', 'unit')
+    _check_unit(reference, '°C')
+    sensors: dict[str, SensorModel] = {}
+    for name, entry in root['sensors'].entries().items():
+        if name not in SENSOR_UNITS:
+            raise entry.refuse(f'no such sensor; there are {", ".join(SENSORS)}')
+        sensors[name] = _sensor(entry, SENSORS[SENSORS.index(name)], effects)
+    if not sensors:
+        raise root['sensors'].refuse('holds no sensor')
+    provenance = root['provenance']
+    provenance.only('sources', 'version', 'notes')
+    sources = provenance['sources'].entries()
+    return ThermalModel(
+        device=root['device'].text(),
+        sensors=sensors,
+        reference_temperature=reference['value'].number(),
+        pooled=root['pooled'].flag(),
+        provenance=Provenance(
+            sources={name: source.text() for name, source in sources.items()},
+            version=provenance['version'].text(),
+            notes=tuple(note.text() for note in provenance.get('notes', []).items()),
+        ),
+        history=tuple(
+            model_from_document(item.value, effects) for item in root.get('history', []).items()
+        ),
+    )
+
+
+def _sensor(entry: Field, sensor: Sensor, catalogue: Mapping[str, type[Effect]]) -> SensorModel:
+    unit = SENSOR_UNITS[sensor]
+    entry.only(*SENSOR_FIELDS)
+    _check_unit(entry, unit)
+    found: list[Effect] = []
+    coefficients: list[FloatArray] = []
+    std: dict[str, tuple[float, ...]] = {}
+    rms: dict[str, FloatArray] = {}
+    for item in entry['effects'].items():
+        effect = _effect(item, catalogue, std)
+        if effect.name in rms:
+            raise item['name'].refuse(f'{effect.name!r} is there twice')
+        found.append(effect)
+        rms[effect.name] = item.get('rms', [0.0, 0.0, 0.0]).array(3)
+        coefficients.append(_coefficients(item['coefficients'], effect, sensor))
+    size = sum(c.size for c in coefficients)
+    return SensorModel(
+        effects=tuple(found),
+        coefficients=tuple(coefficients),
+        covariance=_covariance(entry['covariance'], size),
+        noise=_noise(entry['noise'], unit),
+        levels={run: level.array(3) for run, level in entry.get('levels', {}).entries().items()},
+        shape_std=std,
+        contributions=rms,
+        temperature_range=_range(entry['temperature_range']),
+    )
+
+
+def _effect(
+    item: Field, catalogue: Mapping[str, type[Effect]], std: dict[str, tuple[float, ...]]
+) -> Effect:
+    item.only(*EFFECT_FIELDS)
+    name = item['name'].text()
+    if name not in catalogue:
+        raise item['name'].refuse(
+            f'{name!r} is not in the catalogue; if it is an effect of your own, give its file '
+            'with --effects'
+        )
+    known = {f.name: f for f in fields(catalogue[name])}
+    shape: dict[str, Any] = {}
+    for key, entry in item.get('shape', {}).entries().items():
+        if key not in known:
+            raise entry.refuse(f'{name} has no such parameter; it has {", ".join(known)}')
+        entry.only('value', 'unit', 'std')
+        _check_unit(entry, known[key].metadata.get('unit', ''))
+        values = entry['value'].array()
+        low, high = known[key].metadata.get('bounds', (-np.inf, np.inf))
+        # The ends of the range may be off by a rounding of the search scale.
+        slack = 1e-9 * max(abs(low), abs(high)) if np.isfinite([low, high]).all() else 0.0
+        if not ((low - slack <= values) & (values <= high + slack)).all():
+            raise entry['value'].refuse(f'is {entry["value"].value}, expected {low:g} … {high:g}')
+        shape[key] = tuple(values.tolist()) if values.ndim else float(values)
+        if 'std' in entry.mapping():
+            std[f'{name}.{key}'] = tuple(entry['std'].array(None).tolist())
+    for key in known:
+        if key not in shape:
+            raise ModelError(f'{item.name}.shape.{key}: missing')
+    return catalogue[name](**shape)
+
+
+def _coefficients(entry: Field, effect: Effect, sensor: Sensor) -> FloatArray:
+    """Return the coefficients, of the shape the effect's own columns ask for."""
+    width, shared = _columns_of(effect, sensor)
+    shape: tuple[int | None, ...] = (width,) if shared else (width, 3)
+    if not shape[0] and entry.value == []:
+        return np.zeros((0, 3))
+    return entry.array(*((None, *shape) if effect.per_run else shape))
+
+
+def _columns_of(effect: Effect, sensor: Sensor) -> tuple[int, bool]:
+    """Return number of columns and whether the axes share them, tried on two samples."""
+    ramp, still = np.array([0.0, 1.0]), np.zeros((2, 3))
+    conditions = Conditions(
+        time=ramp,
+        temperature=20.0 + ramp,
+        specific_force=still,
+        angular_velocity=still,
+        magnetic_field=still,
+        sensor=sensor,
+        orientation=np.eye(3),
+        vibration=still,
+        phase=np.zeros(2, dtype=np.int64),
+        cycle=np.ones(2, dtype=np.int64),
+    )
+    absent: dict[str, Any] = {c: ramp for c in CHANNELS if getattr(conditions, c) is None}
+    conditions = replace(conditions, **absent)
+    columns = effect.columns(conditions)[0]
+    return columns.shape[-1], columns.ndim == 3
+
+
+def _covariance(entry: Field, size: int) -> FloatArray:
+    if not size:
+        return np.zeros((0, 0))
+    covariance = entry.array(size, size)
+    scale = np.sqrt(np.abs(np.outer(np.diag(covariance), np.diag(covariance))))
+    if (np.abs(covariance - covariance.T) > 1e-9 * scale).any():
+        raise entry.refuse('is not symmetric')
+    if (np.diag(covariance) < 0.0).any():
+        raise entry.refuse('has a negative variance')
+    return covariance
+
+
+def _noise(entry: Field, unit: str) -> NoiseModel:
+    units = {'white': f'{unit}·√s', 'time_constants': 's', 'amplitudes': unit}
+    entry.only(*units)
+    for key, expected in units.items():
+        entry[key].only('value', 'unit')
+        _check_unit(entry[key], expected)
+    times = entry['time_constants']['value'].array(None)
+    if (times <= 0.0).any():
+        raise entry['time_constants'].refuse('has a value that is not positive')
+    white = entry['white']['value'].array(3)
+    amplitudes = entry['amplitudes']['value'].array(len(times), 3)
+    for key, values in (('white', white), ('amplitudes', amplitudes)):
+        if (values < 0.0).any():
+            raise entry[key].refuse('has a negative standard deviation')
+    return NoiseModel(white=white, time_constants=times, amplitudes=amplitudes)
+
+
+def _range(entry: Field) -> tuple[float, float]:
+    entry.only('value', 'unit')
+    _check_unit(entry, '°C')
+    low, high = entry['value'].array(2)
+    if low > high:
+        raise entry.refuse(f'is {low:g} … {high:g}: the lower end comes first')
+    return float(low), float(high)
+
+
+def _check_unit(entry: Field, unit: str) -> None:
+    found = entry['unit']
+    if found.value != unit:
+        raise found.refuse(f'is {found.value!r}, expected {unit!r}')

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A thermal model: effects with coefficients and their covariance, per sensor, of one device."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import FloatArray
+from imu_recording.user_error import UserError
+
+from thermal_comp.data.conditions import REFERENCE_TEMPERATURE, Conditions
+from thermal_comp.effects.effect import Effect, State
+
+States = tuple[State | None, ...]
+"""History of each effect of a sensor model, in order."""
+
+
+class ModelError(UserError):
+    """A model that cannot be used; the message names the field and what is expected."""
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseModel:
+    """White noise plus a ladder of Ornstein-Uhlenbeck processes, per axis.
+
+    The ladder approximates flicker noise (bias instability); see the noise fit for its estimation.
+    """
+
+    white: FloatArray
+    """(3,) noise density: standard deviation of a one-second mean [unit·√s]."""
+    time_constants: FloatArray
+    """(k,) correlation times of the ladder [s]."""
+    amplitudes: FloatArray
+    """(k, 3) stationary standard deviation of each process [unit]."""
+
+    def variance_of_means(self, period: float) -> FloatArray:
+        """(3,) variance of means over `period` seconds [unit²].
+
+        σ²_white / T + Σ σ_k² · 2 (r − 1 + e^{−r}) / r²,  r = T / τ_k.
+        """
+        r = period / self.time_constants
+        share = 2.0 * (r + np.expm1(-r)) / r**2
+        variance: FloatArray = self.white**2 / period + share @ self.amplitudes**2
+        return variance
+
+
+@dataclass(frozen=True, eq=False)
+class SensorModel:
+    """The modelled error of one sensor: a tuple of effects, their coefficients, the noise."""
+
+    effects: tuple[Effect, ...]
+    coefficients: tuple[FloatArray, ...]
+    """One array per effect: (p, 3) per axis or (p,) shared by the axes; for effects with
+    coefficients of their own in each run, (runs, p, 3) or (runs, p)."""
+    covariance: FloatArray
+    """(m, m) of all coefficients, each effect's array raveled in C order, in order of effects."""
+    noise: NoiseModel | None = None
+    levels: Mapping[str, FloatArray] = field(default_factory=dict)
+    """(3,) mean output at the reference temperature of each run, by run name [unit]."""
+    shape_std: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """Standard deviations of the fitted shape parameters, by `effect.parameter`."""
+    contributions: Mapping[str, FloatArray] = field(default_factory=dict)
+    """(3,) rms of each effect's error about the mean of each fitted run, by effect [unit]: how
+    much is left in the data where an effect cannot be applied."""
+    temperature_range: tuple[float, float] = (-np.inf, np.inf)
+    """Die temperatures the fit has seen [°C]; outside, the temperature is clamped."""
+
+    def device_terms(self) -> list[tuple[int, Effect, FloatArray]]:
+        """Return index, effect and coefficients of the terms that are compensated in the field."""
+        terms = zip(self.effects, self.coefficients, strict=True)
+        return [(i, e, c) for i, (e, c) in enumerate(terms) if e.kind == 'device']
+
+    def modelled_error(
+        self, conditions: Conditions, states: States | None = None
+    ) -> tuple[FloatArray, States]:
+        """Return the (n, 3) error of the device effects and their history for what follows.
+
+        Terms whose channels are absent contribute nothing.
+        """
+        history = list(states or (None,) * len(self.effects))
+        error = np.zeros((len(conditions), 3))
+        for i, effect, coefficients in self.device_terms():
+            if all(conditions.has(channel) for channel in effect.channels):
+                columns, history[i] = effect.columns(conditions, history[i])
+                error += columns @ coefficients
+        return error, tuple(history)
+
+
+@dataclass(frozen=True, eq=False)
+class Provenance:
+    """Where a model comes from."""
+
+    sources: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of the decoded columns of each recording, by name."""
+    version: str = ''
+    """Package version that fitted it."""
+    notes: tuple[str, ...] = ()
+    """What was cut, dropped or assumed on the way."""
+
+
+@dataclass(frozen=True, eq=False)
+class ThermalModel:
+    """Thermal model of one device; `add` and `fit` return new ones and change none."""
+
+    device: str
+    sensors: Mapping[str, SensorModel]
+    reference_temperature: float = REFERENCE_TEMPERATURE
+    """[°C]."""
+    pooled: bool = False
+    """True where several devices were fitted together."""
+    provenance: Provenance = field(default_factory=Provenance)
+    history: tuple[ThermalModel, ...] = ()
+    """Earlier versions, oldest first."""
+
+    def succeeded_by(self, successor: ThermalModel) -> ThermalModel:
+        """Return the successor with this model as the newest entry of its history."""
+        earlier = replace(self, history=())
+        return replace(successor, history=(*self.history, earlier))
+
+
+def fitted_shapes(model: ThermalModel) -> list[dict[str, Any]]:
+    """Return sensor, effect, parameter, value, std and unit of each; several values are lists.
+
+    Counts (unit '1'), which are part of the form and not fitted, are left out.
+    """
+    rows: list[dict[str, Any]] = []
+    for sensor, part in model.sensors.items():
+        for effect in part.effects:
+            for item in fields(effect):
+                unit = item.metadata.get('unit', '1')
+                if unit == '1':
+                    continue
+                value = getattr(effect, item.name)
+                several = isinstance(value, tuple)
+                spread = part.shape_std.get(f'{effect.name}.{item.name}', ())
+                rows.append(
+                    {
+                        'sensor': sensor,
+                        'effect': effect.name,
+                        'parameter': item.name,
+                        'value': list(value) if several else value,
+                        'std': list(spread) if several else next(iter(spread), None),
+                        'unit': unit,
+                    }
+                )
+    return rows

@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fit white noise and Ornstein-Uhlenbeck processes to what a saturated model leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from imu_recording.recording import FloatArray, IntArray
+
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.effects.effect import Effect
+from thermal_comp.model.values import NoiseModel
+from thermal_comp.noise.process import (
+    LADDER,
+    Projection,
+    ResidualSpectrum,
+    mean_autocovariance,
+    project_spectra,
+    toeplitz_product,
+)
+from thermal_comp.noise.saturated_model import orthonormal, saturated_basis
+
+FAR = 12.0
+"""Difference of neighbouring blocks, in standard deviations, that noise does not reach."""
+MOST = 6
+"""Steps per run; what jumps more often switches, and is no accident."""
+
+
+def jump_columns(values: FloatArray, slot: IntArray, basis: FloatArray) -> FloatArray:
+    """Return steps (m, q) at the jumps of block means (m, 3), none where there are too many.
+
+    The largest difference of what `basis` (m, p; orthonormal) leaves is made a step and joins
+    the basis, until none is far. The scale of a difference is 1.4826 times its median absolute
+    value. A jump within a block shows in two differences and has two steps.
+    """
+    taken = np.diff(slot) > 1
+    found: list[FloatArray] = []
+    left = values - basis @ (basis.T @ values)
+    while len(found) <= MOST:
+        difference = np.abs(np.diff(left, axis=0))
+        scale = 1.4826 * np.median(difference, axis=0)
+        far = (difference / np.maximum(scale, 1e-300)).max(axis=1)
+        far[taken] = 0.0
+        at = int(np.argmax(far))
+        if far[at] <= FAR:
+            return np.reshape(found, (-1, len(values))).T
+        step = (np.arange(len(values)) > at).astype(np.float64)
+        found.append(step)
+        taken[at] = True
+        new = step - basis @ (basis.T @ step)
+        new = new - basis @ (basis.T @ new)
+        size = float(np.linalg.norm(new))
+        if size < 1e-6:
+            break
+        basis = np.column_stack([basis, new / size])
+        left = left - np.outer(new, new @ left) / size**2
+    return np.zeros((len(values), 0))
+
+
+SMOOTHNESS = 1.2
+"""Standard deviation of the log-variance step between neighbours of the ladder."""
+
+FLOOR = 1e-9
+"""Least variance of a process, as a share of the residual's."""
+
+
+LEAST_BLOCKS = 30
+"""Blocks a run needs for a spectrum of its noise."""
+
+BEYOND = 0.01
+"""Share of an effect outside the saturated model from which on it counts as not followed."""
+
+
+def fit_noise(
+    runs: Sequence[PreparedRun], sensor: Sensor, effects: Sequence[Effect] = ()
+) -> NoiseModel:
+    """Return the noise of one sensor: white and coloured part per axis.
+
+    It is a property of the measurement, not of a model: every effect a saturated model can
+    follow is taken out first, and of `effects`, which are known to act, those it cannot follow
+    to the last (a step, a spectral line; a hysteresis nearly).
+    """
+    beyond = effects_beyond(runs, sensor, effects)
+    spectra = [
+        _spectrum_of(
+            run, run.measured[sensor], {(sensor, e): run.columns(e, sensor) for e in beyond}
+        )
+        for run in runs
+    ]
+    return fit_noise_to_spectra([s for s in spectra if s is not None])
+
+
+def effects_beyond(
+    runs: Sequence[PreparedRun], sensor: Sensor, effects: Sequence[Effect]
+) -> tuple[Effect, ...]:
+    """Return the effects the saturated model cannot follow in some run."""
+    return tuple(e for e in effects if any(_share_beyond(run, sensor, e) > BEYOND for run in runs))
+
+
+def fit_noise_to_values(runs: Sequence[PreparedRun], values: Sequence[FloatArray]) -> NoiseModel:
+    """Return the noise of values (m, 3) per run, measured or drawn under the runs' conditions."""
+    spectra = [_spectrum_of(run, v) for run, v in zip(runs, values, strict=True)]
+    return fit_noise_to_spectra([s for s in spectra if s is not None])
+
+
+def fit_noise_to_spectra(spectra: Sequence[ResidualSpectrum]) -> NoiseModel:
+    """Return the noise model whose expected spectra fit best, per axis."""
+    if not spectra:
+        return NoiseModel(np.zeros(3), LADDER, np.zeros((len(LADDER), 3)))
+    expected = np.concatenate([s.expected for s in spectra], axis=1)
+    periodogram = np.concatenate([s.periodogram for s in spectra])
+    weight = np.concatenate([s.weight for s in spectra])
+    scale = np.maximum((periodogram * weight[:, None]).sum(axis=0), 1e-300) / np.maximum(
+        (expected[0] * weight).sum(), 1e-300
+    )
+    common = np.log(_whittle((periodogram / scale).mean(axis=1), expected, weight * 3.0))
+    variances = np.stack(
+        [_whittle(p, expected, weight, prior=common) for p in (periodogram / scale).T], axis=1
+    )
+    return NoiseModel(
+        white=np.sqrt(variances[0] * scale),
+        time_constants=LADDER,
+        amplitudes=np.sqrt(variances[1:] * scale),
+    )
+
+
+def expected_square(noise: NoiseModel, run: PreparedRun, axis: int, operator: FloatArray) -> float:
+    """Return E|operatorᵀ·noise|² summed over the operator's columns (m, q) [unit²]."""
+    covariance = mean_autocovariance(noise, axis, run.period, int(run.slot[-1]) + 1)
+    product = toeplitz_product(covariance, run.slot, operator)
+    return float(np.einsum('mq,mq->', operator, product))
+
+
+Key = tuple[bytes, tuple[tuple[Sensor, Effect], ...]]
+_PROJECTIONS: WeakKeyDictionary[PreparedRun, dict[Key, Projection]] = WeakKeyDictionary()
+"""Projections of runs by valid rows and further effects: mostly the same for all sensors."""
+_BASES: WeakKeyDictionary[PreparedRun, FloatArray] = WeakKeyDictionary()
+
+
+def _basis_of(run: PreparedRun) -> FloatArray:
+    if run not in _BASES:
+        _BASES[run] = saturated_basis(run)
+    return _BASES[run]
+
+
+def _share_beyond(run: PreparedRun, sensor: Sensor, effect: Effect) -> float:
+    """Return the largest share of a column's rms that stands outside the saturated model."""
+    columns = run.columns(effect, sensor).reshape(len(run), -1)
+    columns = columns - columns.mean(axis=0)
+    size = np.linalg.norm(columns, axis=0)
+    moving = size > 1e-9 * size.max(initial=1e-300)
+    basis = _basis_of(run)
+    outside = columns - basis @ (basis.T @ columns)
+    share = np.linalg.norm(outside[:, moving], axis=0) / size[moving]
+    return float(share.max(initial=0.0))
+
+
+def _spectrum_of(
+    run: PreparedRun,
+    values: FloatArray,
+    further: Mapping[tuple[Sensor, Effect], FloatArray] = MappingProxyType({}),
+) -> ResidualSpectrum | None:
+    """Return the spectrum of what the basis and `further` columns (m, …) leave of values (m, 3).
+
+    An effect's columns are another sensor's where they hold the sensor's input.
+    """
+    valid = np.isfinite(values).all(axis=1)
+    if valid.sum() < LEAST_BLOCKS:
+        return None
+    slot = run.slot[valid] - run.slot[valid][0]
+    kept = _PROJECTIONS.setdefault(run, {})
+    key = (valid.tobytes(), tuple(further))
+    if key not in kept:
+        basis = _basis_of(run)
+        if further:
+            columns = [basis, *(c.reshape(len(run), -1) for c in further.values())]
+            basis = orthonormal(np.concatenate(columns, axis=1))
+        if not valid.all():
+            basis, _ = np.linalg.qr(basis[valid])
+        kept[key] = project_spectra(slot, basis, LADDER, run.period)
+    jumps = jump_columns(values[valid], slot, kept[key].basis)
+    if jumps.shape[1]:
+        basis = orthonormal(np.concatenate([kept[key].basis, jumps], axis=1))
+        return project_spectra(slot, basis, LADDER, run.period).spectrum_of(values[valid])
+    return kept[key].spectrum_of(values[valid])
+
+
+def _whittle(
+    periodogram: FloatArray,
+    expected: FloatArray,
+    weight: FloatArray,
+    prior: FloatArray | None = None,
+) -> FloatArray:
+    """Return the variances (k + 1,) that maximise Σ w (−I/m − ln m) plus the prior's log."""
+    order = len(expected)
+    precision = _smoothness_precision(order)
+    centre = np.zeros(order)
+    if prior is not None:
+        precision = precision + np.diag(np.r_[0.0, np.full(order - 1, 1.0 / 0.7**2)])
+        centre = prior
+    log_variance = np.full(order, -1.0) if prior is None else prior.copy()
+    log_variance[0] = min(log_variance[0], 0.0)
+    damping = 1e-2
+    value = _objective(log_variance, periodogram, expected, weight, precision, centre)
+    for _ in range(100):
+        share = np.exp(log_variance)[:, None] * expected
+        spectrum = np.maximum(share.sum(axis=0), 1e-300)
+        share = share / spectrum
+        gradient = share @ (weight * (1.0 - periodogram / spectrum))
+        gradient += precision @ (log_variance - centre)
+        curvature = (share * weight) @ share.T + precision
+        step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), gradient)
+        trial = np.clip(log_variance - np.clip(step, -2.0, 2.0), np.log(FLOOR), 25.0)
+        new = _objective(trial, periodogram, expected, weight, precision, centre)
+        if new <= value:
+            settled = value - new < 1e-7 * max(abs(value), 1.0)
+            log_variance, value, damping = trial, new, max(damping * 0.3, 1e-8)
+            if settled:
+                break
+        else:
+            damping *= 6.0
+            if damping > 1e8:
+                break
+    return np.exp(log_variance)
+
+
+def _objective(
+    log_variance: FloatArray,
+    periodogram: FloatArray,
+    expected: FloatArray,
+    weight: FloatArray,
+    precision: FloatArray,
+    centre: FloatArray,
+) -> float:
+    spectrum = np.maximum(np.exp(log_variance) @ expected, 1e-300)
+    away = log_variance - centre
+    return float(
+        weight @ (periodogram / spectrum + np.log(spectrum)) + 0.5 * away @ precision @ away
+    )
+
+
+def _smoothness_precision(order: int) -> FloatArray:
+    """Precision of the steps between neighbours of the ladder; white noise stands free."""
+    steps = np.diff(np.eye(order)[1:], axis=0)
+    return np.asarray(steps.T @ steps) / SMOOTHNESS**2 + 1e-6 * np.eye(order)

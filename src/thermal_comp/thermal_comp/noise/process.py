@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""White noise and Ornstein-Uhlenbeck processes: autocovariance, draws, periodogram."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from imu_recording.recording import FloatArray, IntArray
+
+from thermal_comp.model.values import NoiseModel
+
+LADDER = np.geomspace(30.0, 40_000.0, 7)
+"""Correlation times [s] of the processes whose sum approximates flicker noise."""
+
+
+def ladder_autocovariance(time_constants: FloatArray, period: float, lags: int) -> FloatArray:
+    """(k, lags) autocovariance of means over `period` of processes of unit variance.
+
+    γ(0) = 2 (r − 1 + e^{−r}) / r²,  γ(m) = ((1 − e^{−r}) / r)² e^{−r (m − 1)},  r = period / τ.
+    """
+    r = (period / time_constants)[:, None]
+    m = np.arange(lags)[None, :]
+    covariance: FloatArray = (np.expm1(-r) / r) ** 2 * np.exp(-r * (m - 1))
+    covariance[:, 0] = (2.0 * (r + np.expm1(-r)) / r**2)[:, 0]
+    return covariance
+
+
+def mean_autocovariance(noise: NoiseModel, axis: int, period: float, lags: int) -> FloatArray:
+    """(lags,) autocovariance of means over `period` seconds of one axis [unit²]."""
+    ladder = ladder_autocovariance(noise.time_constants, period, lags)
+    covariance: FloatArray = noise.amplitudes[:, axis] ** 2 @ ladder
+    covariance[0] += noise.white[axis] ** 2 / period
+    return covariance
+
+
+def toeplitz_product(covariance: FloatArray, slot: IntArray, values: FloatArray) -> FloatArray:
+    """Return S @ values, (m, q), where S[i, j] = covariance[|slot_i − slot_j|]."""
+    length = int(slot[-1]) + 1
+    size = 1 << (2 * length - 1).bit_length()
+    kernel = np.zeros(size)
+    kernel[:length] = covariance[:length]
+    kernel[-(length - 1) :] = covariance[1:length][::-1]
+    padded = np.zeros((size, values.shape[1]))
+    padded[slot] = values
+    spectrum = np.fft.rfft(kernel).real[:, None]
+    product: FloatArray = np.fft.irfft(spectrum * np.fft.rfft(padded, axis=0), size, axis=0)[slot]
+    return product
+
+
+def draw_noise(
+    noise: NoiseModel, slot: IntArray, period: float, rng: np.random.Generator
+) -> FloatArray:
+    """Return one draw (m, 3) of the noise of means over `period` at the given slots."""
+    length = int(slot[-1]) + 1
+    drawn = np.empty((len(slot), 3))
+    for axis in range(3):
+        covariance = mean_autocovariance(noise, axis, period, length + 1)
+        circle = np.concatenate([covariance, covariance[-2:0:-1]])
+        spectrum = np.sqrt(np.maximum(np.fft.rfft(circle).real, 0.0))
+        white = rng.standard_normal(len(circle))
+        drawn[:, axis] = np.fft.irfft(spectrum * np.fft.rfft(white), len(circle))[slot]
+    return drawn
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualSpectrum:
+    """Spectrum of one run after a projection, on the Fourier frequencies of its grid."""
+
+    periodogram: FloatArray
+    """(f, axes) |DFT of the residual|² / m."""
+    expected: FloatArray
+    """(k + 1, f) its expectation for white noise of unit density and each unit process."""
+    weight: FloatArray
+    """(f,) share of white power the projection leaves."""
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """What a projection of some rows does to the spectra of noise processes."""
+
+    slot: IntArray
+    basis: FloatArray
+    expected: FloatArray
+    weight: FloatArray
+
+    def spectrum_of(self, values: FloatArray) -> ResidualSpectrum:
+        """Return the spectrum of values (m, axes) after the projection."""
+        grid = np.zeros((int(self.slot[-1]) + 1, values.shape[1]))
+        grid[self.slot] = values - self.basis @ (self.basis.T @ values)
+        periodogram = np.abs(np.fft.rfft(grid, axis=0)) ** 2 / len(self.slot)
+        return ResidualSpectrum(periodogram, self.expected, self.weight)
+
+
+def project_spectra(
+    slot: IntArray, basis: FloatArray, time_constants: FloatArray, period: float
+) -> Projection:
+    """Return what projecting `basis` (m, p; orthonormal) out does to each noise process.
+
+    The expectation is exact: E|F M y|² = diag(F M S M F*), M = D − Q Qᵀ, D the rows present,
+    so that neither leakage nor the power the model absorbs biases the noise.
+    """
+    length, rows = int(slot[-1]) + 1, len(slot)
+    present = np.zeros(length)
+    present[slot] = 1.0
+    overlap = _autocorrelation(present)
+    basis_spectrum = _spectrum(basis, slot, length)
+    ladder = ladder_autocovariance(time_constants, period, length)
+    white = np.zeros(length)
+    white[0] = 1.0 / period
+    expected = []
+    for covariance in (white, *ladder):
+        turned = toeplitz_product(covariance, slot, basis)
+        turned_spectrum = _spectrum(turned, slot, length)
+        plain = _even_spectrum(covariance * overlap)
+        cross = np.einsum('fj,fj->f', basis_spectrum, turned_spectrum.conj()).real
+        inner = np.einsum(
+            'fi,fi->f', basis_spectrum @ (basis.T @ turned), basis_spectrum.conj()
+        ).real
+        expected.append(np.maximum(plain - 2.0 * cross + inner, 0.0) / rows)
+    left = np.stack(expected)
+    weight = np.clip(left[0] * period, 0.0, 1.0)
+    weight[0] *= 0.5
+    return Projection(slot, basis, left, weight)
+
+
+def _spectrum(columns: FloatArray, slot: IntArray, length: int) -> np.ndarray:
+    grid = np.zeros((length, columns.shape[1]))
+    grid[slot] = columns
+    return np.fft.rfft(grid, axis=0)
+
+
+def _autocorrelation(present: FloatArray) -> FloatArray:
+    size = 2 * len(present)
+    power = np.abs(np.fft.rfft(present, size)) ** 2
+    correlation: FloatArray = np.fft.irfft(power, size)[: len(present)]
+    return correlation
+
+
+def _even_spectrum(covariance: FloatArray) -> FloatArray:
+    """Σ_{|l| < n} c(|l|) e^{−iωl} at the n Fourier frequencies, one side."""
+    wrapped = covariance.copy()
+    wrapped[1:] += covariance[1:][::-1]
+    spectrum: FloatArray = np.fft.rfft(wrapped).real
+    return spectrum

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A model rich enough to follow any repeatable effect, so that what it leaves is noise."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from imu_recording.recording import FloatArray
+from scipy.interpolate import BSpline
+
+from thermal_comp.effects.operators import grow_and_melt, play
+
+if TYPE_CHECKING:
+    from thermal_comp.data.preparation import PreparedRun
+
+LAGS = (60.0, 180.0, 540.0, 1620.0)
+"""Time constants [s] of the lagged temperatures it offers."""
+
+HALF_WIDTHS = (1.5, 4.0, 8.0, 16.0)
+"""Half-widths [K] of the plays it offers."""
+
+ICE = ((900.0, 400.0), (3600.0, 400.0), (900.0, 1600.0))
+"""Growth and melt times [s] of the ice it offers."""
+
+CHANNELS = ('heater', 'compressor', 'fan', 'supply_voltage', 'humidity', 'chamber_temperature')
+
+
+def saturated_basis(run: PreparedRun) -> FloatArray:
+    """Return an orthonormal basis (m, p): temperature × branch, lags, channels, cycles.
+
+    Fitted per run and axis it takes up every effect of the catalogue to first order.
+    """
+    return orthonormal(np.concatenate([*_repeatable(run), *_slow(run)], axis=1))
+
+
+def repeatable_basis(run: PreparedRun) -> FloatArray:
+    """Return an orthonormal basis (m, p) of what temperature and channels lead to, not time."""
+    return orthonormal(np.concatenate(_repeatable(run), axis=1))
+
+
+def _repeatable(run: PreparedRun) -> list[FloatArray]:
+    temperature = run.temperature
+    time = run.time
+    rising = lagged(time, temperature, 120.0)
+    branch = np.sign(temperature - rising)
+    spline = _spline(temperature)
+    blocks = [np.ones((len(time), 1)), spline, spline * branch[:, None]]
+    blocks += [(temperature - lagged(time, temperature, lag))[:, None] for lag in LAGS]
+    blocks += [play(temperature, width)[0][:, None] for width in HALF_WIDTHS]
+    ice = [grow_and_melt(time, temperature, grow, melt)[0] for grow, melt in ICE]
+    blocks.append(np.stack(ice, axis=1))
+    for name in CHANNELS:
+        values = getattr(run.block_conditions, name)
+        if run.block_conditions.has(name):
+            blocks.append(np.nan_to_num(values, nan=float(np.nanmean(values)))[:, None])
+    vibration = run.block_conditions.vibration
+    if vibration is not None:
+        blocks.append(np.nan_to_num(vibration))
+    return blocks
+
+
+def _slow(run: PreparedRun) -> list[FloatArray]:
+    """Return columns of time since power-on and of cycles."""
+    since = run.time - run.time[0]
+    share = (since / max(since[-1], 1.0))[:, None]
+    centred = (run.temperature - run.temperature.mean())[:, None]
+    blocks = [np.exp(-since[:, None] / np.array([300.0, 1800.0]))]
+    blocks += [share, centred * share, centred * share**2]
+    if run.cycle is not None:
+        levels = [run.cycle == number for number in np.unique(run.cycle)]
+        blocks.append(np.stack(levels, axis=1).astype(float))
+    return blocks
+
+
+def lagged(time: FloatArray, values: FloatArray, time_constant: float) -> FloatArray:
+    """Return the values (m,) seen through a first-order lag that starts settled."""
+    followed = np.empty_like(values)
+    level = followed[0] = values[0]
+    keep = np.exp(-np.diff(time, prepend=time[0]) / time_constant)
+    for i in range(1, len(values)):
+        level = values[i] + (level - values[i]) * keep[i]
+        followed[i] = level
+    return followed
+
+
+def orthonormal(columns: FloatArray, tolerance: float = 1e-5) -> FloatArray:
+    """Return an orthonormal basis of the columns' span; directions below `tolerance` drop."""
+    size = np.linalg.norm(columns, axis=0)
+    left, weights, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
+    return np.asarray(left[:, weights > tolerance * weights[0]])
+
+
+def _spline(temperature: FloatArray, pieces: int = 6) -> FloatArray:
+    low, high = float(temperature.min()), float(temperature.max())
+    if high - low < 0.5:
+        return np.ones((len(temperature), 1))
+    inner = np.linspace(low, high, pieces + 1)
+    knots = np.concatenate([[low] * 3, inner, [high] * 3])
+    return np.asarray(BSpline.design_matrix(temperature, knots, 3).toarray())

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A diagnosis as lines of text: verdict, findings, state of each sensor, what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from thermal_comp.presentation.display import DISPLAY_UNITS, shown
+
+VERDICTS = {
+    'complete': 'nothing is missing',
+    'missing': 'an effect is missing',
+    'ambiguous': 'an effect is missing; these runs cannot tell which of the named',
+    'unexplained': 'something is missing that no effect of the catalogue explains',
+    'unlogged': 'several effects at once, or a variable that was not logged',
+    'noise_above_reference': 'nothing is missing, but the noise is higher than the reference',
+    'data_quality': 'the data have defects; they were left out of what follows',
+}
+
+
+def diagnosis_text(content: Mapping[str, Any]) -> str:
+    """Return the diagnosis (the dictionary that --json writes) as lines."""
+    name = content.get('device') or 'device'
+    lines = [f'{name}: {verdict_line(content)}']
+    for finding in content['findings']:
+        lines += _finding_lines(finding)
+    for sensor, state in content['sensors'].items():
+        unit = DISPLAY_UNITS[sensor]
+        error, floor = (
+            ' '.join(shown(value * unit.factor) for value in state[key])
+            for key in ('held_out_rms', 'noise_floor')
+        )
+        lines.append(
+            f'  {sensor:<14} {state["verdict"]:<12} held out {error} {unit.unit}, '
+            f'noise floor {floor}'
+        )
+        if state['where'] and state['verdict'] not in {'complete', 'noise_above_reference'}:
+            lines.append(f'    worst: {"; ".join(_place(where) for where in state["where"][:3])}')
+    lines += undecided_lines(content.get('undecided', ()))
+    lines += [f'  undetermined: {text}' for text in content['undetermined']]
+    lines += _greyed_lines(content['greyed_out'])
+    lines += [f'  note: {text}' for text in content['notes']]
+    lines += [f'  next: {text}' for text in advice(content)]
+    return '\n'.join(lines)
+
+
+def verdict_line(content: Mapping[str, Any]) -> str:
+    """Return the verdict in words, and what it is about."""
+    return VERDICTS[content['verdict']] + _summary(content)
+
+
+def _summary(content: Mapping[str, Any]) -> str:
+    """Return what the verdict is about, in a few words."""
+    kinds = {'missing': 'effect', 'ambiguous': 'effect'}
+    wanted = kinds.get(content['verdict'], content['verdict'])
+    parts = []
+    for finding in content['findings']:
+        if finding['kind'] != wanted:
+            continue
+        names = [finding['name'], *finding['ambiguous_with']]
+        what = ' or '.join(n for n in names if n) or f'depends on {finding["depends_on"]}'
+        parts.append(f'{what} ({finding["sensor"]})')
+    return f': {", ".join(parts)}' if parts else ''
+
+
+def undecided_lines(undecided: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return what cannot be decided; pairs that have their reason in common stand together."""
+    groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for pair in undecided:
+        groups.setdefault((pair['reason'], pair['action']), []).append(pair)
+    lines = []
+    for (reason, action), pairs in groups.items():
+        sensors = ', '.join(dict.fromkeys(s for pair in pairs for s in pair['sensors']))
+        names = ', '.join(
+            ' or '.join(pair['between'])
+            + (f' ({pair["similarity"]:.0%} alike)' if pair['similarity'] < 1.0 else '')
+            for pair in pairs
+        )
+        lines += [f'  cannot be decided ({sensors}): {names}', f'    {reason}; {action}']
+    return lines
+
+
+def _greyed_lines(greyed: Mapping[str, str]) -> list[str]:
+    """Effects that were not tried for the same reason stand together."""
+    reasons: dict[str, list[str]] = {}
+    for effect, reason in greyed.items():
+        reasons.setdefault(reason, []).append(effect)
+    told = '; '.join(f'{", ".join(effects)} ({reason})' for reason, effects in reasons.items())
+    return [f'  not tried: {told}'] if told else []
+
+
+def _finding_lines(finding: Mapping[str, Any]) -> list[str]:
+    weight = f'evidence {finding["evidence"]:.0f}'
+    if finding['threshold'] > 0.0:
+        weight += f', needed {finding["threshold"]:.0f}'
+    lines = [f'  {finding["text"]} ({weight})']
+    sensor = finding['sensor'].split('+')[0]
+    if finding['error_after'] is not None and sensor in DISPLAY_UNITS:
+        unit = DISPLAY_UNITS[sensor]
+        before, after, floor = (
+            shown(finding[key] * unit.factor)
+            for key in ('error_before', 'error_after', 'noise_floor')
+        )
+        lines.append(f'    held-out error {before} → {after} {unit.unit}, noise floor {floor}')
+    for name, value in finding['parameters'].items():
+        lines.append(
+            f'    {name} = {_number(value["value"])} ± {_number(value["std"])} {value["unit"]}'
+        )
+    if finding['rivals']:
+        rivals = ', '.join(f'{r["name"]} {r["similarity"]:.0%}' for r in finding['rivals'][:3])
+        lines.append(f'    others would explain of it: {rivals}')
+    return lines
+
+
+def _number(value: Any) -> str:
+    if value is None:
+        return '?'
+    if isinstance(value, list | tuple):
+        return f'({", ".join(_number(item) for item in value)})'
+    return f'{value:.4g}'
+
+
+def _place(where: Mapping[str, Any]) -> str:
+    ratio = f'{where["ratio"]:.1f} × floor'
+    if set(where) - {'ratio', 'rms'} == {'phase', 'cycle'}:
+        return f'{where["phase"]} {where["cycle"]} {ratio}'
+    parts = [f'{key} {value}' for key, value in where.items() if key not in {'ratio', 'rms'}]
+    return f'{", ".join(parts)} {ratio}'
+
+
+TOPICS = {
+    'heater': 'chamber/heater',
+    'compressor': 'chamber/compressor',
+    'supply': 'imu/supply_voltage',
+    'vibration': 'imu/vibration',
+    'humidity': 'chamber/humidity',
+}
+"""Topic to log where a channel is missing."""
+DEFECTS = {
+    'saturation': 'choose a wider full scale or remove the magnet',
+    'stuck_value': 'check bus and driver',
+    'spikes': 'check bus and cable',
+    'startup_transient': 'nothing: the first rows are cut',
+    'orientation_flip': 'split the recording where the device was turned',
+    'unit_mismatch': 'convert to SI units before',
+    'impossible_statistic': 'check what was logged',
+}
+
+
+def advice(content: Mapping[str, Any]) -> list[str]:
+    """Return what to do next, once each, in the order of the findings."""
+    findings = content['findings']
+    if not findings:
+        return []
+    return list(dict.fromkeys(line for f in findings for line in _of_finding(f)))
+
+
+def _of_finding(finding: Mapping[str, Any]) -> Sequence[str]:
+    kind, name, variable = finding['kind'], finding['name'], finding['depends_on']
+    if kind == 'effect' and name == 'clock_temperature':
+        return ['stamp the samples by the host, or scale the interval by temperature']
+    if kind == 'effect':
+        add = f'add {name}: python -m imu_workbench add {name} BAG… -o model.yaml'
+        rivals = finding['ambiguous_with']
+        if rivals:
+            return [add, f'or separate them first: next-experiment {name} {rivals[0]}']
+        return [add]
+    if kind == 'unlogged':
+        every = ', '.join(TOPICS.values())
+        return [f'log {TOPICS.get(variable, every)} and record again']
+    if kind == 'unexplained':
+        return [f'look at the residual over {variable}: python -m imu_workbench compare BAG…']
+    if kind == 'noise':
+        return ['noise cannot be compensated: compare with another unit (--noise-reference MODEL)']
+    return [f'{name}: {DEFECTS[name]}'] if name in DEFECTS else []
