@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The verbs about effects, through the front end: answers, files, one line for every mistake."""
 
+import inspect
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -150,6 +152,16 @@ def test_an_effect_of_ones_own_is_checked_explained_and_added(
     assert "'daily_rhythm' is not in the catalogue" in refuses(
         answer, 'compare', bag, '--model', grown
     )
+
+
+@pytest.mark.parametrize('name', sorted(EFFECTS))
+def test_every_file_of_the_catalogue_keeps_the_contract(
+    name: str, tmp_path: Path, answer: Answer
+) -> None:
+    own = Path(inspect.getfile(EFFECTS[name]))
+    for file in (own, Path(shutil.copy(own, tmp_path))):
+        code, content, _ = answer('check-effect', file)
+        assert (code, content) == (0, {'effects': {name: []}, 'ok': True})
 
 
 def test_an_effect_that_breaks_the_contract_is_told_where(tmp_path: Path, answer: Answer) -> None:

@@ -6,9 +6,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.contract import check_effect
-from thermal_comp.effects.user_effects import effects_in_file
+from thermal_comp.effects.user_effects import effects_in_file, name_is_taken
 
 from imu_workbench.answer import Answer
 
@@ -23,10 +22,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> Answer:
     """Check."""
-    found = {effect.name: check_effect(effect) for effect in effects_in_file(options.file)}
-    for name, problems in found.items():
-        if name in EFFECTS:
-            problems.append(f'{name}: the name is in the catalogue already')
+    found: dict[str, list[str]] = {}
+    for effect in effects_in_file(options.file):
+        found[effect.name] = check_effect(effect)
+        if name_is_taken(effect):
+            found[effect.name].append(f'{effect.name}: the name is in the catalogue already')
     lines = []
     for name, problems in found.items():
         lines.append(f'{name}: {"keeps the contract" if not problems else "breaks the contract"}')

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import importlib.util
 import inspect
+import sys
 import traceback
+import zlib
 from collections.abc import Mapping, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -27,7 +29,8 @@ class EffectError(UserError):
 def effect_catalogue(files: Sequence[str | Path] = ()) -> Mapping[str, type[Effect]]:
     """Return the catalogue with the effects of entry points and files added.
 
-    Every added effect has to keep the contract; a name of the catalogue cannot be taken.
+    Every added effect has to keep the contract; a name of the catalogue cannot be taken, but a
+    file of the catalogue, or a copy of one, is welcome.
     """
     catalogue = dict(EFFECTS)
     for entry in entry_points(group=GROUP):
@@ -43,20 +46,24 @@ def effects_in_file(file: str | Path) -> list[type[Effect]]:
     path = Path(file)
     if not path.is_file():
         raise EffectError(f'{path}: no such file')
-    spec = importlib.util.spec_from_file_location(f'user_effects_{path.stem}', path)
+    name = f'user_effects_{path.stem}_{zlib.crc32(str(path.resolve()).encode()):08x}'
+    spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
         raise EffectError(f'{path}: not a Python file')
     module = importlib.util.module_from_spec(spec)
+    # Where annotations are strings, dataclasses look their module up by its name.
+    sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:  # noqa: BLE001 (whatever the user's file does)
+        sys.modules.pop(name, None)
         raise EffectError(
             f'{path}{_line_in(path, error)}: cannot be loaded: {_told(error)}'
         ) from None
     found = [
         item
         for _, item in inspect.getmembers(module, inspect.isclass)
-        if issubclass(item, Effect) and item.__module__ == module.__name__
+        if issubclass(item, Effect) and item.__module__ == name
     ]
     if not found:
         raise EffectError(f'{path}: defines no subclass of thermal_comp.effects.Effect')
@@ -81,10 +88,20 @@ def _told(error: BaseException) -> str:
     return f'{type(error).__name__}: {error}'
 
 
+def name_is_taken(effect: type[Effect], catalogue: Mapping[str, type[Effect]] = EFFECTS) -> bool:
+    """Tell whether another effect of the catalogue has the name; a copy of its file has not."""
+    known = catalogue.get(effect.name)
+    return known is not None and _source(known) != _source(effect)
+
+
+def _source(effect: type[Effect]) -> str:
+    return inspect.getsource(inspect.getmodule(effect) or effect)
+
+
 def _include(catalogue: dict[str, type[Effect]], effect: type[Effect], source: str) -> None:
     problems = check_effect(effect)
     if problems:
         raise EffectError(f'{source}: {"; ".join(problems)}')
-    if effect.name in EFFECTS:
+    if name_is_taken(effect, catalogue):
         raise EffectError(f'{source}: the name {effect.name!r} is in the catalogue already')
-    catalogue[effect.name] = effect
+    catalogue.setdefault(effect.name, effect)
