@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from chamber_profile.chambers.simulated_chamber import SimulatedChamber
 from chamber_profile.profile.file import load_profile
+from chamber_profile.profile.unroll import campaign_steps
 from chamber_profile.run.chamber_link import carry_out, readings_of
 from chamber_profile.run.sequencer import Sequencer
 from chamber_profile.run.simulation import simulate_chamber
@@ -62,7 +63,7 @@ def dwell_errors(run: dict) -> list[float]:
     """Relative error of every dwell's length."""
     errors, began = [], None
     for at, note in run['notes']:
-        step = PAPER.steps[note.progress.step]
+        step = campaign_steps(PAPER)[note.progress.step]
         if note.event == 'stage' and note.progress.stage == DWELL:
             began = (at, step)
         elif began is not None:

@@ -11,7 +11,7 @@ setup(
     name=NAME,
     version='0.1.0',
     packages=find_packages(),
-    package_data={NAME: ['py.typed', '*.json', 'profiles/*.yaml']},
+    package_data={NAME: ['py.typed', 'profile/*.json', 'profile/shipped/*.yaml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from chamber_profile.profile.file import Profile, Step
 from chamber_profile.profile.unroll import closed_steps
+from chamber_profile.profile.values import Profile, Step
 from chamber_profile.run.values import (
     CONFIRM,
     FINISHED,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from chamber_profile.profile.file import Step
+from chamber_profile.profile.values import Step
 from chamber_profile.run.values import (
     ABORTED,
     CHECK,

@@ -10,6 +10,7 @@ from chamber_profile.profile.file import (
     profile_from_content,
     profile_names,
 )
+from chamber_profile.profile.unroll import campaign_steps
 
 PAPER = load_profile('paper_betta2022')
 
@@ -35,7 +36,7 @@ def test_the_papers_plan_takes_twelve_hours_and_visits_its_temperatures() -> Non
 def test_every_shipped_profile_loads_and_keeps_its_own_limits(name: str) -> None:
     profile = load_profile(name)
     assert profile.name == name
-    for step in profile.steps:
+    for step in campaign_steps(profile):
         assert profile.limits.air_min_c <= step.target_c <= profile.limits.air_max_c
         assert 0 < step.rate_c_per_min <= profile.limits.rate_max_c_per_min
 

@@ -2,9 +2,10 @@
 """Time left agrees with the ideal timetable wherever a run stands on it."""
 
 import pytest
-from chamber_profile.profile.file import Step, load_profile
+from chamber_profile.profile.file import load_profile
 from chamber_profile.profile.timetable import timetable
 from chamber_profile.profile.unroll import closed_steps
+from chamber_profile.profile.values import Step
 from chamber_profile.run.messages import time_left
 from chamber_profile.run.values import CONFIRM, DONE, DWELL, MOVE, RUN, STOP, Progress
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from chamber_profile.profile.file import Profile
 from chamber_profile.profile.unroll import closed_steps
+from chamber_profile.profile.values import Profile
 
 
 @dataclass(frozen=True)

@@ -5,17 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from chamber_profile.profile.file import OPERATOR_PHASE, Stabilise, Step
+from chamber_profile.profile.values import OPERATOR_PHASE, Profile, Stabilisation, Step
 
-if TYPE_CHECKING:
-    from chamber_profile.profile.file import Profile
-
-EVEN_C = 2.0
-"""Dwells within this distance of the first step's temperature are at the reference [K]."""
-TURN_S = 900.0
-"""Time an operator is expected to need to open the chamber and turn the devices [s]."""
+REFERENCE_BAND_C = 2.0
+"""A dwell this close to the first step's temperature is a reference dwell [K]."""
+TURN_DURATION_S = 900.0
+"""Expected time to open the chamber and turn the devices [s]."""
 
 
 def signed_axis(axis: str) -> str:
@@ -36,7 +33,7 @@ def unrolled_steps(content: Mapping[str, Any]) -> tuple[Step, ...]:
 
 
 def campaign_steps(profile: Profile) -> tuple[Step, ...]:
-    """Return all steps: per orientation one run, before each further one a turn by hand."""
+    """Return the steps of all orientations, an operator step before each further one."""
     orientations = profile.orientations or ('',)
     steps: list[Step] = []
     for number, orientation in enumerate(orientations):
@@ -46,9 +43,9 @@ def campaign_steps(profile: Profile) -> tuple[Step, ...]:
                     id=f'turn_{orientation}',
                     kind='operator',
                     target_c=max(profile.ambient_c, steps[-1].target_c),
-                    rate_c_per_min=_gentlest(steps),
+                    rate_c_per_min=_slowest_rate(steps),
                     prompt=f'Turn the devices so that {orientation} points up, then confirm.',
-                    expected_s=TURN_S,
+                    expected_s=TURN_DURATION_S,
                     phase=OPERATOR_PHASE,
                 )
             )
@@ -57,13 +54,13 @@ def campaign_steps(profile: Profile) -> tuple[Step, ...]:
 
 
 def closed_steps(profile: Profile) -> tuple[Step, ...]:
-    """Return all steps, and a way to the safe temperature where they do not end there."""
-    steps = profile.steps
+    """Return all steps, with a ramp to the safe temperature where they do not end there."""
+    steps = campaign_steps(profile)
     last, safe = steps[-1], profile.on_abort
-    if abs(last.target_c - safe.target_c) <= EVEN_C:
+    if abs(last.target_c - safe.target_c) <= REFERENCE_BAND_C:
         return steps
     phase = _phase('ramp', last.target_c, safe.target_c, safe.target_c)
-    there = Stabilise(band_c=EVEN_C, timeout_s=safe.timeout_s, on_timeout='continue')
+    there = Stabilisation(band_c=REFERENCE_BAND_C, timeout_s=safe.timeout_s, on_timeout='continue')
     closing = Step('to_safe', 'final', safe.target_c, safe.rate_c_per_min, stabilise=there)
     return (*steps, replace(closing, phase=phase, orientation=last.orientation))
 
@@ -100,12 +97,12 @@ def _step(
     if kind == 'operator':
         target = max(target, float(content.get('ambient_c', 20.0)))
     reference = before[0].target_c if before else target
-    stabilise = Stabilise(**{**content.get('stabilise', {}), **entry.get('stabilise', {})})
+    stabilise = Stabilisation(**{**content.get('stabilise', {}), **entry.get('stabilise', {})})
     return Step(
         id=entry['id'],
         kind=kind,
         target_c=target,
-        rate_c_per_min=float(entry.get('rate_c_per_min', _gentlest(before))),
+        rate_c_per_min=float(entry.get('rate_c_per_min', _slowest_rate(before))),
         dwell_s=float(entry.get('dwell_s', 0.0)) if kind != 'ramp' else 0.0,
         dwell_mode=entry.get('dwell_mode', content.get('dwell_mode', 'guaranteed')),
         stabilise=None if kind in ('ramp', 'operator') else _as_floats(stabilise),
@@ -116,8 +113,8 @@ def _step(
     )
 
 
-def _gentlest(steps: list[Step]) -> float:
-    """Return the slowest rate so far: that of a move the profile does not give a rate for."""
+def _slowest_rate(steps: list[Step]) -> float:
+    """Return the slowest rate so far [°C/min]: used where the profile states none."""
     return min((step.rate_c_per_min for step in steps), default=1.0)
 
 
@@ -126,12 +123,12 @@ def _phase(kind: str, at: float, target: float, reference: float) -> str:
         return 'ramp_up' if target > at else 'ramp_down'
     if kind != 'dwell':
         return OPERATOR_PHASE if kind == 'operator' else kind
-    if abs(target - reference) <= EVEN_C:
+    if abs(target - reference) <= REFERENCE_BAND_C:
         return 'dwell_reference'
     return 'dwell_cold' if target < reference else 'dwell_hot'
 
 
-def _as_floats(stabilise: Stabilise) -> Stabilise:
+def _as_floats(stabilise: Stabilisation) -> Stabilisation:
     numbers = {
         item.name: float(value)
         for item in fields(stabilise)

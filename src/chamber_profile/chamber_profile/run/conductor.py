@@ -10,7 +10,7 @@ from pathlib import Path
 from imu_recording.free_space import free_bytes
 
 from chamber_profile.chambers.chamber import ChamberReading
-from chamber_profile.profile.file import Step
+from chamber_profile.profile.values import Step
 from chamber_profile.run.chamber_link import ChamberLink, readings_of
 from chamber_profile.run.journal import Journal
 from chamber_profile.run.sequencer import Sequencer

@@ -12,8 +12,9 @@ from pathlib import Path
 from imu_recording.ros.parameter import NodeConfig, ParameterError, parameter
 
 from chamber_profile.chambers.catalogue import EXAMPLES, open_chamber
-from chamber_profile.profile.file import Profile, load_profile, profile_names
+from chamber_profile.profile.file import load_profile, profile_names
 from chamber_profile.profile.unroll import signed_axis
+from chamber_profile.profile.values import Profile
 from chamber_profile.run.chamber_link import ChamberLink
 from chamber_profile.run.conductor import Clocks, Conductor, Surroundings
 from chamber_profile.run.journal import holds_run, load_run

@@ -13,7 +13,8 @@ from typing import Any
 from imu_recording.user_error import UserError
 
 from chamber_profile.profile.check import ProfileError
-from chamber_profile.profile.file import Profile, parse_profile
+from chamber_profile.profile.file import parse_profile
+from chamber_profile.profile.values import Profile
 from chamber_profile.run.values import FINISHED, IDLE, Note, Progress
 
 JOURNAL_FILE = 'journal.jsonl'

@@ -18,7 +18,7 @@ from imu_recording.ros.messages import (
 from sensor_msgs.msg import RelativeHumidity, Temperature
 from std_msgs.msg import Float64
 
-from chamber_profile.profile.file import Step
+from chamber_profile.profile.values import Step
 from chamber_profile.run.conductor import Moment
 from chamber_profile.run.values import (
     ABORTED,

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from chamber_profile.profile.file import Limits
+from chamber_profile.profile.values import Limits
 from chamber_profile.run.values import LINK_OK, Action, Readings, Switch, WriteSetpoint
 
 WRITE_PERIOD_S = 5.0

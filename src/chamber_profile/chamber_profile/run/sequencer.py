@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from chamber_profile.profile.file import Profile, Step
 from chamber_profile.profile.unroll import closed_steps
+from chamber_profile.profile.values import Profile, Step
 from chamber_profile.run import values as kinds
 from chamber_profile.run.orders import OBEDIENCE_S, ChamberOrders, Heading, advanced
 from chamber_profile.run.stabilisation import StepClock

@@ -12,7 +12,7 @@ from imu_recording.user_error import UserError
 
 from chamber_profile.chambers import climate as physics
 from chamber_profile.chambers.simulated_chamber import SimulatedChamber
-from chamber_profile.profile.file import Profile, Step
+from chamber_profile.profile.values import Profile, Step
 from chamber_profile.run.chamber_link import carry_out, readings_of
 from chamber_profile.run.sequencer import Sequencer
 from chamber_profile.run.values import CONFIRM, DONE, FINISHED, IDLE, Note

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from chamber_profile.profile.file import Stabilise, Step
+from chamber_profile.profile.values import Stabilisation, Step
 from chamber_profile.run.values import Readings
 
 RAMP_WINDOW_S = 300.0
@@ -19,12 +19,12 @@ RAMP_EDGE = 0.1
 class Settling:
     """Watch a temperature until it has stayed near the set-point, and hardly moves.
 
-    >>> settling = Settling(Stabilise(band_c=0.5, hold_s=60))
+    >>> settling = Settling(Stabilisation(band_c=0.5, hold_s=60))
     >>> [settling.settled(t, value, 20.0) for t, value in ((0, 21), (10, 20.4), (70, 20.1))]
     [False, False, True]
     """
 
-    def __init__(self, criterion: Stabilise) -> None:
+    def __init__(self, criterion: Stabilisation) -> None:
         self.criterion = criterion
         self._inside_since: float | None = None
         self._history: deque[tuple[float, float]] = deque()

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from chamber_profile.profile.file import Profile, Step
+from chamber_profile.profile.values import Profile, Step
 from chamber_profile.run.values import LINK_OK, Readings
 
 LEAST_DISK = 1 << 30

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from chamber_profile.profile.file import Profile, load_profile, profile_text
+from chamber_profile.profile.file import load_profile, profile_text
 from chamber_profile.profile.unroll import signed_axis
+from chamber_profile.profile.values import Profile
 from imu_recording.user_error import UserError
 from thermal_comp.presentation.display import duration
 

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from chamber_profile.profile.file import Profile, load_profile, profile_names
+from chamber_profile.profile.file import load_profile, profile_names
 from chamber_profile.profile.timetable import Entry, setpoint_corners, timetable
+from chamber_profile.profile.values import Profile
 
 from imu_workbench.answer import Answer
 from imu_workbench.report.figures.measured import plan_figure

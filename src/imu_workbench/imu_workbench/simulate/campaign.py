@@ -9,7 +9,8 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from chamber_profile.profile.file import Profile, load_profile, parse_profile
+from chamber_profile.profile.file import load_profile, parse_profile
+from chamber_profile.profile.values import Profile
 from chamber_profile.run.simulation import simulate_chamber
 from imu_driver.simulation.devices import DeviceParameters, find_device
 from imu_driver.simulation.environment import Environment

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from chamber_profile.profile.file import Profile
+from chamber_profile.profile.values import Profile
 from imu_driver.simulation.devices import DeviceParameters, draw_device
 from imu_driver.simulation.effects.effect import Truth
 from imu_driver.simulation.hidden import LAWS, hide_anything, random_name

@@ -15,7 +15,7 @@ from typing import Any
 
 from chamber_profile.chambers import climate
 from chamber_profile.node import ChamberProfileNode
-from chamber_profile.profile.file import OPERATOR_PHASE
+from chamber_profile.profile.values import OPERATOR_PHASE
 from chamber_profile.run.values import CONFIRM, DONE
 from imu_driver.board.lsm9ds1 import DEFAULT_FULL_SCALE
 from imu_driver.board.sample import SampleScale
