@@ -26,7 +26,6 @@ import imufusion
 import numpy as np
 from filterpy.kalman import KalmanFilter
 from filters_static import static
-from imu_recording.jit import NUMBA
 from orientation_filters.ahrs import filterpy_kalman as ahrs_filterpy
 from orientation_filters.filters import FILTERS, filter_parameters, run_filter, state_bytes
 from verdict import Verdict, judge
@@ -229,7 +228,6 @@ def main() -> int:
     parser.add_argument('--json', type=Path)
     options = parser.parse_args()
     results: dict[str, Any] = {
-        'compiled': NUMBA,
         'batch_ns': batch(options.samples, options.rounds),
         'twelve_hours_s': twelve_hours(),
         'update_us': one_update(),

@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from imu_recording.jit import NUMBA
 from rosbags.highlevel import AnyReader
 
 from imu_recording import ImuRecording, read_bag, write_bag
@@ -171,7 +170,7 @@ def main() -> None:
     parser.add_argument('--json', type=Path)
     options = parser.parse_args()
     rows = -(-options.messages // 3)
-    answer: dict[str, Any] = {'schema': 1, 'messages': 3 * rows, 'numba': NUMBA, 'formats': {}}
+    answer: dict[str, Any] = {'schema': 1, 'messages': 3 * rows, 'formats': {}}
     with tempfile.TemporaryDirectory() as folder:
         recording = make_recording(rows)
         print(f'{3 * rows} messages; medians of {ROUNDS}; peer: rosbags AnyReader + deserialize')

@@ -134,10 +134,11 @@ EOF
 } > env.sh
 
 # Kernels are compiled here rather than while a user waits for a first answer.
-kernels=$(grep -rlE --include='*.py' '@(njit|inline)' src | sort | xargs cat src/imu_recording/imu_recording/jit*.py | sha256sum)
+kernels=$(grep -rlE --include='*.py' '@(njit|inline)' src | sort | xargs cat src/imu_recording/imu_recording/jit.py | sha256sum)
 compiled=install/.workspace_kernels
 if [ ! -e "$compiled" ] || [ "$(cat "$compiled")" != "$kernels" ]; then
   echo 'Compiling the numerical kernels …'
+  find src -type d -path '*/__pycache__/kernels-*' -prune -exec rm -rf {} +  # of earlier versions
   # shellcheck disable=SC1091
   (
     . ./env.sh

@@ -53,32 +53,3 @@ def test_reading_and_writing_need_no_ros(bags: Path, tmp_path: Path) -> None:
         check=True,
     )
     assert int(done.stdout) == len(read_bag(bags / 'dut1_x'))
-
-
-def test_without_numba_the_same_numbers(bags: Path, tmp_path: Path) -> None:
-    """The undecorated kernels give what the compiled ones give."""
-    from imu_recording.bags import cdr_decode, sqlite_pages
-
-    from imu_recording import write_bag
-
-    short = read_bag(bags / 'dut1_motion').rows(slice(0, 60))
-    write_bag(short, tmp_path / 'm')
-    write_bag(short, tmp_path / 's', storage='sqlite3')
-    code = f"""
-import sys
-sys.modules['numba'] = None
-import numpy as np
-from imu_recording import read_bag, write_bag
-from imu_recording.jit import NUMBA
-assert not NUMBA
-for name in ('m', 's'):
-    recording = read_bag({str(tmp_path)!r} + '/' + name)
-    np.savez({str(tmp_path)!r} + '/' + name, recording.angular_velocity, recording.stamp)
-"""
-    subprocess.run([sys.executable, '-c', code], check=True)
-    assert hasattr(cdr_decode.decode_messages, 'py_func')
-    assert hasattr(sqlite_pages.read_leaves, 'py_func')
-    for name in 'ms':
-        with np.load(tmp_path / f'{name}.npz') as found:
-            assert np.array_equal(found['arr_0'], short.angular_velocity)
-            assert np.array_equal(found['arr_1'], short.stamp)

@@ -7,8 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-from thermal_comp import precompile
-
 LATER = """
 import gc, json, sys
 from imu_recording import read_bag
@@ -50,9 +48,3 @@ def test_nothing_is_compiled_after_the_precompile_step(bags: Path) -> None:
     assert {'_innovate', '_fill_gains', '_follow', '_play', '_grow_and_melt'} <= names
     assert {'find_messages', 'decode_messages', 'read_leaves'} <= names
     assert answer['later'] == []
-
-
-def test_it_says_when_there_is_nothing_to_compile_with(monkeypatch, capsys) -> None:
-    monkeypatch.setattr(precompile, 'NUMBA', False)
-    assert precompile.main() == 0
-    assert 'numba is not installed' in capsys.readouterr().err

@@ -1,40 +1,46 @@
 # SPDX-License-Identifier: Apache-2.0
-"""numba where it is installed; without it the same undecorated functions run, slower.
+"""Compile kernels with numba and keep them on disk, never older than what went into them.
 
-Compiled kernels are kept on disk until their file, a kernel's file they import from, or a
-constant they import changes (`jit_cache`).
+numba itself looks at the file a kernel stands in. A kernel also holds what it calls and the
+constants it reads, compiled in: every version of a file and of what it imports for its kernels
+gets a cache folder of its own.
 """
 
 from __future__ import annotations
 
+import hashlib
+import inspect
+import os
+import tempfile
 from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar
 
-from imu_recording import jit_cache
+import numba
+from numba.extending import register_jitable
 
 F = TypeVar('F', bound=Callable[..., Any])
 
-try:
-    import numba as _numba
-    from numba.extending import register_jitable as _register_jitable
-except ImportError:
-    _numba = None
-
-NUMBA: bool = _numba is not None
-"""Whether kernels are compiled; diagnostics say so where they are not."""
-
 _KERNELS: list[Any] = []
+_VERSIONS: dict[str, str] = {}
+"""Of every module with kernels, as it was when its first kernel was defined: digest."""
 
 
-def njit(*arguments: Any, **options: Any) -> Any:
-    """Compile a module-level kernel: `@njit` or `@njit(cache=True)`; a no-op without numba."""
-    if len(arguments) == 1 and callable(arguments[0]) and not options:
-        return _compiled(arguments[0], {'cache': True})
-
-    def decorate(function: F) -> F:
-        return _compiled(function, {'cache': True, **options})
-
-    return decorate
+def njit(function: Any = None, **options: Any) -> Any:
+    """Compile a module-level kernel and keep it on disk: `@njit` or `@njit(nogil=True)`."""
+    if function is None:
+        return partial(njit, **options)
+    chosen = numba.config.CACHE_DIR  # NUMBA_CACHE_DIR, where the user set it
+    folder = _cache_folder(function, options, chosen)
+    numba.config.CACHE_DIR = folder
+    try:
+        options |= {'cache': bool(folder), 'no_cfunc_wrapper': True}
+        kernel = numba.njit(**options)(function)
+    finally:
+        numba.config.CACHE_DIR = chosen
+    _KERNELS.append(kernel)
+    return kernel
 
 
 def inline(**options: Any) -> Callable[[F], F]:
@@ -44,10 +50,8 @@ def inline(**options: Any) -> Callable[[F], F]:
     """
 
     def decorate(function: F) -> F:
-        if _numba is None:
-            return function
-        jit_cache.note(function, options)
-        made: F = _register_jitable(no_cfunc_wrapper=True, no_cpython_wrapper=True, **options)(
+        _version(function)
+        made: F = register_jitable(no_cfunc_wrapper=True, no_cpython_wrapper=True, **options)(
             function
         )
         return made
@@ -64,14 +68,43 @@ def compiled_here() -> list[str]:
     ]
 
 
-def _compiled(function: F, options: dict[str, Any]) -> F:
-    if _numba is None:
-        return function
-    jit_cache.note(function, options)
-    try:
-        with jit_cache.locators():
-            compiled: F = _numba.njit(no_cfunc_wrapper=True, **options)(function)
-    except RuntimeError:  # nowhere to write: neither beside the file nor in the user's cache
-        compiled = _numba.njit(no_cfunc_wrapper=True, **{**options, 'cache': False})(function)
-    _KERNELS.append(compiled)
-    return compiled
+def _cache_folder(function: Callable[..., Any], options: dict[str, Any], chosen: str) -> str:
+    """Return the folder of this version of a kernel, '' where nothing can be written.
+
+    Looked at are the folder the user chose, `__pycache__` beside the file, the user's cache.
+    """
+    version = hashlib.sha256(f'{_version(function)} {sorted(options.items())}'.encode())
+    places = [chosen] if chosen else []
+    places.append(str(Path(inspect.getfile(function)).with_name('__pycache__')))
+    places.append(os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache'))  # noqa: PTH111
+    for place in places:
+        folder = Path(place) / f'kernels-{version.hexdigest()[:16]}'
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
+        except OSError:
+            continue
+        return str(folder)
+    return ''
+
+
+def _version(function: Callable[..., Any]) -> str:
+    """Return the digest of a kernel's file, of the files it imports kernels from and constants."""
+    module = function.__module__
+    if module not in _VERSIONS:
+        parts = hashlib.sha256(Path(inspect.getfile(function)).read_bytes())
+        for name, value in sorted(function.__globals__.items()):
+            origin = getattr(value, '__module__', None) or getattr(value, '__name__', None)
+            if isinstance(origin, str) and origin in _VERSIONS:
+                parts.update(f'{name} of {_VERSIONS[origin]}'.encode())
+            elif not name.startswith('__') and _is_constant(value):
+                parts.update(f'{name} is {value!r}'.encode())
+        _VERSIONS[module] = parts.hexdigest()
+    return _VERSIONS[module]
+
+
+def _is_constant(value: object) -> bool:
+    """Whether kernels compile the value in: a number, a text, a tuple of these."""
+    if isinstance(value, tuple):
+        return all(map(_is_constant, value))
+    return isinstance(value, bool | int | float | complex | str)

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import orientation_filters.precompile
 import thermal_comp.precompile
 from imu_driver.emulator.transport import SimulatedTransport
-from imu_recording.jit import NUMBA
 
 from imu_workbench.parallel import run_tasks
 from imu_workbench.simulate.campaign import Logging, simulate_run
@@ -42,9 +41,6 @@ def precompile_simulation() -> None:
 
 def main() -> int:
     """Compile."""
-    if not NUMBA:
-        sys.stderr.write('numba is not installed: kernels run as plain Python, slower\n')
-        return 0
     parts = (
         Compilation('orientation filters', 3.0, orientation_filters.precompile.precompile),
         Compilation('simulated chamber and device', 2.0, precompile_simulation),

@@ -16,7 +16,7 @@ F = TypeVar('F', bound=Callable[..., Any])
 
 
 def kernel(function: F) -> F:
-    """Compile a kernel for Python to call; without numba it stays as it is."""
+    """Compile a kernel for Python to call."""
     compiled: F = jit.njit(cache=True, error_model='numpy', forceinline=True)(function)
     return compiled
 

@@ -10,7 +10,6 @@ from math import isfinite, nan
 from typing import Any
 
 import numpy as np
-from imu_recording.jit import NUMBA
 from imu_recording.ros.messages import Covariance, ImuSample, MagneticSample
 
 from orientation_filters.filters import FilterError, check_cutoff, module
@@ -160,7 +159,6 @@ class LiveFilter:
             'resets': max(self._counts['reinitialised'] - 1, 0),
             'exact_pairs': self._pairing.exact,
             'unused_magnetometer_samples': self._pairing.unused,
-            'compiled': NUMBA,
             **{name: self._counts[name] for _, (name, _) in FLAGS.items()},
         }
         if self.refusal:

@@ -10,7 +10,7 @@ import sys
 from math import nan
 
 import numpy as np
-from imu_recording.jit import NUMBA, compiled_here
+from imu_recording.jit import compiled_here
 from imu_recording.ros.messages import ImuSample, MagneticSample
 
 from imu_recording import ImuRecording
@@ -47,9 +47,6 @@ def at_rest(rows: int) -> ImuRecording:
 
 def main() -> int:
     """Compile, and say what was."""
-    if not NUMBA:
-        sys.stderr.write('numba is not installed: filters run as plain Python, slower\n')
-        return 0
     sys.stdout.write(f'orientation_filters: {len(precompile())} kernels compiled\n')
     return 0
 

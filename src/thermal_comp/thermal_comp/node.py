@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import Vector3Stamped
-from imu_recording.jit import NUMBA
 from imu_recording.ros.lifecycle_node import ConfiguredNode
 from imu_recording.ros.messages import (
     imu_from_sample,
@@ -122,8 +121,7 @@ class ThermalCompNode(ConfiguredNode):
 
     def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
         """Return the compensator's condition."""
-        level, line, values = self.compensator.report() if self.inputs else (0, self.state, {})
-        return level, line, {**values, 'numba': 'compiled' if NUMBA else 'absent: slower'}
+        return self.compensator.report() if self.inputs else (0, self.state, {})
 
 
 def main() -> int:

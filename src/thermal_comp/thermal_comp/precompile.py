@@ -11,7 +11,6 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from imu_recording.jit import NUMBA
 
 from imu_recording import ImuRecording, read_bag, write_bag
 from thermal_comp.effects.operators import follow, grow_and_melt, play
@@ -58,10 +57,7 @@ def _recording() -> ImuRecording:
 
 
 def main() -> int:
-    """Fill the cache; say so where there is nothing to compile with."""
-    if not NUMBA:
-        sys.stderr.write('numba is not installed: kernels run as plain Python, slower\n')
-        return 0
+    """Fill the cache."""
     precompile()
     return 0
 
