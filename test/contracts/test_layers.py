@@ -54,7 +54,9 @@ def may_import(library: str, path: Path) -> bool:
         return 'transport' in inner or inner.startswith(('chambers/', 'reference/'))
     if library == 'rosbags':
         return package == 'imu_recording'
-    return package == 'imu_workbench'  # plotly, nicegui, matplotlib, tsdownsample
+    if library == 'matplotlib':
+        return package == 'imu_workbench' or inner.startswith('presentation/')
+    return package == 'imu_workbench'  # plotly, nicegui, tsdownsample
 
 
 @pytest.mark.parametrize('path', FILES, ids=lambda path: str(path.relative_to(SRC)))

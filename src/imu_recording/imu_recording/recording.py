@@ -49,7 +49,7 @@ class RecordingError(UserError):
     """Measurements that cannot be used as they are; the message names the value and a way out."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ImuRecording:
     """IMU samples as columns: row i of every array was measured at stamp[i].
 
@@ -131,6 +131,24 @@ class ImuRecording:
 
     def __len__(self) -> int:
         return len(self.stamp)
+
+    def __repr__(self) -> str:
+        """Return what was recorded, in a line: device, run, samples, span, tracks."""
+        n, span = len(self), float(self.time[-1]) if len(self) else 0.0
+        rate = f' at {(n - 1) / span:.4g} Hz' if span > 0.0 else ''
+        known = self.temperature[np.isfinite(self.temperature)]
+        warmth = f', die {known.min():.1f} … {known.max():.1f} °C' if len(known) else ''
+        further = [
+            item.name
+            for item in fields(self)
+            if item.default is None and getattr(self, item.name) is not None
+        ]
+        return (
+            f'ImuRecording({self.device or "device not named"}, '
+            f'{self.run or self.source or "run not named"}'
+            f'{", " + self.up_axis + " up" if self.up_axis else ""}: {n} samples{rate}, '
+            f'{span / 3600.0:.3g} h{warmth}; {", ".join(further) or "no further track"})'
+        )
 
     @property
     def time(self) -> FloatArray:

@@ -1,2 +1,46 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds, fits and removes the temperature error of MEMS IMUs, per axis and per device."""
+"""Finds, explains and removes the temperature error of nine-axis MEMS IMUs.
+
+From bags to a better model and a picture of what it gained:
+
+>>> import thermal_comp as tc
+>>> recordings = tc.read('bags/hidden_effect_?')
+>>> found = tc.diagnose(recordings)
+>>> found.verdict, found.findings[0].name, found.findings[0].sensor
+('missing', 'thermal_lag', 'accelerometer')
+>>> better = tc.add(recordings, found)
+>>> bool(better.steps[0].error_after < 0.2 * better.steps[0].error_before)
+True
+>>> picture = better.plot()
+
+Results print as text, show as tables in a notebook, and have `to_dict()` and, but for a recording,
+`plot()`. What these functions are made of stands in the subpackages: `effects`, `data`, `noise`,
+`linear`, `fitting`, `comparison`, `diagnosis`, `experiment`, `model`, `compensation`.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from thermal_comp.workflow import (
+        add,
+        compare,
+        compensate,
+        diagnose,
+        fit,
+        load,
+        read,
+        save,
+    )
+
+__all__ = ['add', 'compare', 'compensate', 'diagnose', 'fit', 'load', 'read', 'save']
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module('thermal_comp.workflow'), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

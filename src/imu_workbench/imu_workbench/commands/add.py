@@ -12,7 +12,6 @@ from thermal_comp.diagnosis.diagnose import Settings
 from thermal_comp.diagnosis.growth import add_effect
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import load_model, save_model
-from thermal_comp.model.values import fitted_shapes
 from thermal_comp.presentation.growth import growth_text
 
 from imu_workbench.answer import Answer, show_progress
@@ -52,11 +51,7 @@ def run(options: argparse.Namespace) -> Answer:
     runs = prepare(recordings)
     growth = add_effect(model, runs, options.effect, Settings(catalogue), options.sensor)
     save_model(growth.model, options.output)
-    content = growth.after.to_dict() | {
-        'steps': [step.to_dict() for step in growth.steps],
-        'parameters': fitted_shapes(growth.model),
-        'unneeded': list(growth.unneeded),
-        'undetermined': list(growth.model.provenance.notes),
+    content = growth.to_dict() | {
         'model': str(options.output),
     }
     return Answer(content, f'{growth_text(content)}\nsaved {options.output}')

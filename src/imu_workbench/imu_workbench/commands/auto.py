@@ -12,7 +12,6 @@ from thermal_comp.diagnosis.diagnose import Settings
 from thermal_comp.diagnosis.growth import grow
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import load_model, save_model
-from thermal_comp.model.values import fitted_shapes
 from thermal_comp.presentation.diagnosis import undecided_lines, verdict_line
 from thermal_comp.presentation.growth import growth_text
 
@@ -46,15 +45,11 @@ def run(options: argparse.Namespace) -> Answer:
     left = (
         growth.diagnosis.to_dict() if growth.diagnosis else {'verdict': 'complete', 'findings': []}
     )
-    content = growth.after.to_dict() | {
-        'steps': [step.to_dict() for step in growth.steps],
+    content = growth.to_dict() | {
         'verdict': left['verdict'],
         'findings_left': left.get('findings', []),
         'undecided': left.get('undecided', []),
         'data_quality': [f'{d.name}: {d.text}' for d in defects],
-        'parameters': fitted_shapes(growth.model),
-        'unneeded': list(growth.unneeded),
-        'undetermined': list(growth.model.provenance.notes),
         'model': str(options.output),
     }
     lines = [growth_text(content), f'after that: {verdict_line(left)}']

@@ -11,7 +11,7 @@ from thermal_comp.data.preparation import prepare
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.model.file import check_device, load_model
-from thermal_comp.presentation.growth import comparison_text
+from thermal_comp.presentation.comparison import comparison_text
 
 from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.options import add_bag_arguments, read_recordings

@@ -23,6 +23,7 @@ from thermal_comp.model.file import check_device
 from thermal_comp.model.values import ModelError, NoiseModel, SensorModel, ThermalModel
 from thermal_comp.noise.of_model import noise_of_model
 from thermal_comp.noise.of_runs import noise_of_runs
+from thermal_comp.presentation.notebook import Presented
 
 SCHEMA = 1
 
@@ -76,9 +77,11 @@ class SensorComparison:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Presented):
     """A model against recordings."""
+
+    presentation = 'comparison'
 
     device: str
     sensors: Mapping[Sensor, SensorComparison]

@@ -20,8 +20,9 @@ from thermal_comp.diagnosis.thresholds import threshold_of
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.fitting.fit import fit_prepared, usable_sensors
 from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
-from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel
+from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel, fitted_shapes
 from thermal_comp.noise.of_runs import determined_noise
+from thermal_comp.presentation.notebook import Presented
 
 MOST_STEPS = 6
 """Effects added before growing stops."""
@@ -50,9 +51,11 @@ class Step:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Growth:
+@dataclass(frozen=True, eq=False, repr=False)
+class Growth(Presented):
     """A grown model and how it came about."""
+
+    presentation = 'growth'
 
     model: ThermalModel
     before: Comparison
@@ -62,6 +65,15 @@ class Growth:
     """`sensor: effect` of terms the others make superfluous."""
     diagnosis: Diagnosis | None = None
     """What is said about the grown model; None where it was not asked for."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values: the comparison after growing, and the steps to it."""
+        return self.after.to_dict() | {
+            'steps': [step.to_dict() for step in self.steps],
+            'parameters': fitted_shapes(self.model),
+            'unneeded': list(self.unneeded),
+            'undetermined': list(self.model.provenance.notes),
+        }
 
 
 def add_effect(

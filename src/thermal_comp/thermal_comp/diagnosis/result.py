@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from thermal_comp.presentation.notebook import Presented
+
 SCHEMA = 1
 VERDICTS = (
     'complete',
@@ -122,9 +124,11 @@ class Undecided:
         }
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Presented):
     """The answer of `diagnose`."""
+
+    presentation = 'diagnosis'
 
     device: str
     findings: tuple[Finding, ...]

@@ -13,6 +13,7 @@ from imu_recording.user_error import UserError
 
 from thermal_comp.data.conditions import REFERENCE_TEMPERATURE, Conditions
 from thermal_comp.effects.effect import Effect, State
+from thermal_comp.presentation.notebook import Presented
 
 States = tuple[State | None, ...]
 """History of each effect of a sensor model, in order."""
@@ -101,9 +102,11 @@ class Provenance:
     """What was cut, dropped or assumed on the way."""
 
 
-@dataclass(frozen=True, eq=False)
-class ThermalModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class ThermalModel(Presented):
     """Thermal model of one device; `add` and `fit` return new ones and change none."""
+
+    presentation = 'model'
 
     device: str
     sensors: Mapping[str, SensorModel]
@@ -114,6 +117,12 @@ class ThermalModel:
     provenance: Provenance = field(default_factory=Provenance)
     history: tuple[ThermalModel, ...] = ()
     """Earlier versions, oldest first."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the model as the document of its file: plain mappings, lists and numbers."""
+        from thermal_comp.model.file import model_document
+
+        return model_document(self)
 
     def succeeded_by(self, successor: ThermalModel) -> ThermalModel:
         """Return the successor with this model as the newest entry of its history."""

@@ -1,12 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A diagnosis as lines of text: verdict, findings, state of each sensor, what to do next."""
+"""A diagnosis as text, table and picture: verdict, findings, sensors, what to do next."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from thermal_comp.presentation.display import DISPLAY_UNITS, shown
+from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
+from thermal_comp.presentation.notebook import html_table, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 VERDICTS = {
     'complete': 'nothing is missing',
@@ -174,3 +179,41 @@ def _of_finding(finding: Mapping[str, Any]) -> Sequence[str]:
     if kind == 'noise':
         return ['noise cannot be compensated: compare with another unit (--noise-reference MODEL)']
     return [f'{name}: {DEFECTS[name]}'] if name in DEFECTS else []
+
+
+text = diagnosis_text
+
+
+def table(content: Mapping[str, Any]) -> str:
+    """Return the state of each sensor as an HTML table, findings and what to do next below it."""
+    head = ['sensor', 'state', 'held-out error x', 'y', 'z', 'noise floor x', 'y', 'z', 'unit']
+    rows = []
+    for sensor in (s for s in SENSORS if s in content['sensors']):
+        state, unit = content['sensors'][sensor], DISPLAY_UNITS[sensor]
+        errors = [*state['held_out_rms'], *state['noise_floor']]
+        numbers = [shown(error * unit.factor) for error in errors]
+        rows.append([sensor, state['verdict'], *numbers, unit.unit])
+    notes = [line.strip() for finding in content['findings'] for line in _finding_lines(finding)]
+    title = f'{content.get("device") or "device"}: {verdict_line(content)}'
+    return html_table(title, head, rows, [*notes, *(f'next: {line}' for line in advice(content))])
+
+
+def picture(diagnosis: Any) -> Figure:
+    """Return the held-out error of each axis in noise floors, before and with each finding."""
+    content = diagnosis.to_dict()
+    sensors = [s for s in SENSORS if s in content['sensors']]
+    figure, panels = new_figure(len(sensors))
+    for panel, sensor in zip(panels, sensors, strict=True):
+        state = content['sensors'][sensor]
+        pairs = zip(state['held_out_rms'], state['noise_floor'], strict=True)
+        panel.bar(range(3), [error / floor for error, floor in pairs], 0.6)
+        panel.axhline(1.0, color='k', ls='--', lw=1, label='noise floor')
+        for finding in content['findings']:
+            if finding['error_after'] and sensor in finding['sensor'].split('+'):
+                ratio = finding['error_after'] / finding['noise_floor']
+                label = f'with {finding["name"]}'
+                panel.axhline(ratio, color='C1', lw=1.5, label=label)
+        panel.set(title=f'{sensor}: {state["verdict"]}', ylabel='held-out error [noise floors]')
+        panel.set_xticks(range(3), 'xyz')
+        panel.legend(fontsize='small')
+    return figure

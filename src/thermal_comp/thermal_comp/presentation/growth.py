@@ -1,39 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A comparison, and the effects added to a model with the fall of the error, as lines of text."""
+"""Effects added to a model and the fall of the error, as text, table and picture."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown, with_uncertainty
+from thermal_comp.presentation.comparison import comparison_text
+from thermal_comp.presentation.display import DISPLAY_UNITS, shown, with_uncertainty
+from thermal_comp.presentation.notebook import html_table, new_figure
 
-COLUMNS = {
-    'measured_rms': 'measured',
-    'residual_rms': 'residual',
-    'held_out_rms': 'held out',
-    'noise_floor': 'floor',
-}
-
-
-def comparison_text(found: Mapping[str, Any]) -> str:
-    """Return the comparison (the dictionary that --json writes) as a table."""
-    head = ''.join(f'{label:>11}' for label in COLUMNS.values())
-    name = found.get('device') or 'device'
-    lines = [f'{name + ", rms of 20 s means":<30}{head}  unit   worst phase']
-    for sensor in (s for s in SENSORS if s in found['sensors']):
-        part, unit = found['sensors'][sensor], DISPLAY_UNITS[sensor]
-        for i, axis in enumerate('xyz'):
-            values = [part[key][i] for key in COLUMNS]
-            numbers = ''.join(f'{shown(_times(value, unit.factor)):>11}' for value in values)
-            place = (part['worst_phase'] or '').replace('_', ' ')
-            lines.append(f'  {sensor:<26}{axis:<2}{numbers}  {unit.unit:<6} {place}')
-    return '\n'.join(lines)
-
-
-def _times(value: float | None, factor: float) -> float | None:
-    return None if value is None else value * factor
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def growth_text(content: Mapping[str, Any]) -> str:
@@ -71,3 +50,48 @@ def shape_lines(parameters: Sequence[Mapping[str, Any]]) -> list[str]:
         name = row['parameter'].replace('_', ' ')
         lines.append(f'{row["sensor"]}, {row["effect"]}: {name} {said} {row["unit"]}')
     return lines
+
+
+text = growth_text
+
+
+def table(content: Mapping[str, Any]) -> str:
+    """Return the steps as an HTML table."""
+    head = ['added', 'sensor', 'held-out error before', 'after', 'noise floor', 'unit', 'or']
+    rows = []
+    for step in content['steps']:
+        unit = DISPLAY_UNITS[step['sensor'].split('+')[0]]
+        values = [shown(step[key] * unit.factor) for key in _ERRORS]
+        rivals = ', '.join(step['ambiguous_with'])
+        rows.append([step['added'], step['sensor'], *values, unit.unit, rivals])
+    notes = [*shape_lines(content['parameters']), *dict.fromkeys(content['undetermined'])]
+    title = 'added to the model' if rows else 'nothing was added'
+    return html_table(title, head, rows, notes)
+
+
+def picture(growth: Any) -> Figure:
+    """Return the steps the held-out error takes towards the noise floor, a panel a sensor."""
+    steps: dict[str, list[Mapping[str, Any]]] = {}
+    for step in growth.to_dict()['steps']:
+        steps.setdefault(step['sensor'], []).append(step)
+    figure, panels = new_figure(max(len(steps), 1))
+    for panel, (sensor, taken) in zip(panels, steps.items(), strict=False):
+        unit = DISPLAY_UNITS[sensor.split('+')[0]]
+        errors = [taken[0]['error_before'], *(step['error_after'] for step in taken)]
+        labels = ['before', *(f'+ {step["added"]}' for step in taken)]
+        values = [error * unit.factor for error in errors]
+        panel.bar(range(len(values)), values, 0.6)
+        for place, value in enumerate(values):
+            panel.annotate(shown(value), (place, value), ha='center', va='bottom')
+        floor = taken[-1]['noise_floor'] * unit.factor
+        panel.axhline(floor, color='k', ls='--', lw=1, label='noise floor')
+        panel.set_xticks(range(len(values)), labels)
+        panel.set(title=sensor, yscale='log', ylabel=f'held-out error [{unit.unit}]')
+        panel.set_ylim(0.3 * min(floor, *values), 2.0 * max(values))
+        panel.legend(fontsize='small')
+    if not steps:
+        panels[0].set_title('nothing was added')
+    return figure
+
+
+_ERRORS = ('error_before', 'error_after', 'noise_floor')

@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from thermal_comp.presentation.comparison import comparison_text
 from thermal_comp.presentation.diagnosis import diagnosis_text
 from thermal_comp.presentation.display import shown
-from thermal_comp.presentation.growth import comparison_text
 
 from imu_workbench.report.claims.claim import VERDICT_NAMES
 from imu_workbench.report.figures.attitude import FILTER_NAMES

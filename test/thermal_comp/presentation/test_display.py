@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers for people, and the published tables."""
+"""Numbers for people."""
 
 import doctest
 
 import pytest
-from imu_workbench.tables import paper
 from thermal_comp.presentation import display
 
 
@@ -24,17 +23,3 @@ def test_examples_hold() -> None:
 )
 def test_uncertainty_sets_the_digits(value, uncertainty, text) -> None:
     assert display.with_uncertainty(value, uncertainty) == text
-
-
-def test_the_published_tables_are_complete() -> None:
-    rows = paper.tables_3_4_5()
-    assert len(rows) == 3 * 9 * 5
-    assert {row['segment'] for row in rows} == set(paper.SEGMENTS)
-    ranges = {
-        name: max(r['max'] - r['min'] for r in rows if r['quantity'].startswith(name))
-        for name in paper.OVERALL_RANGES
-    }
-    assert ranges['magnetometer'] == pytest.approx(132.01)
-    angles = paper.tables_6_7()
-    assert len(angles) == 2 * 3 * 2 * 3
-    assert {row['euler_angle'] for row in angles} == set(paper.ANGLES)

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A comparison of model and measurement as text, table and picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
+from thermal_comp.presentation.notebook import html_table, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLUMNS = {
+    'measured_rms': 'measured',
+    'residual_rms': 'residual',
+    'held_out_rms': 'held out',
+    'noise_floor': 'floor',
+}
+
+
+def comparison_text(found: Mapping[str, Any]) -> str:
+    """Return the comparison (the dictionary that --json writes) as a table."""
+    head = ''.join(f'{label:>11}' for label in COLUMNS.values())
+    name = found.get('device') or 'device'
+    lines = [f'{name + ", rms of 20 s means":<30}{head}  unit   worst phase']
+    for sensor in (s for s in SENSORS if s in found['sensors']):
+        part, unit = found['sensors'][sensor], DISPLAY_UNITS[sensor]
+        for i, axis in enumerate('xyz'):
+            values = [part[key][i] for key in COLUMNS]
+            numbers = ''.join(f'{shown(_times(value, unit.factor)):>11}' for value in values)
+            place = (part['worst_phase'] or '').replace('_', ' ')
+            lines.append(f'  {sensor:<26}{axis:<2}{numbers}  {unit.unit:<6} {place}')
+    return '\n'.join(lines)
+
+
+text = comparison_text
+
+
+def table(found: Mapping[str, Any]) -> str:
+    """Return the comparison as an HTML table."""
+    head = ['sensor', 'axis', *COLUMNS.values(), 'unit', 'worst phase']
+    rows = []
+    for sensor in (s for s in SENSORS if s in found['sensors']):
+        part, unit = found['sensors'][sensor], DISPLAY_UNITS[sensor]
+        place = (part['worst_phase'] or '').replace('_', ' ')
+        for i, axis in enumerate('xyz'):
+            values = [shown(_times(part[key][i], unit.factor)) for key in COLUMNS]
+            rows.append([sensor, axis, *values, unit.unit, place])
+    title = f'{found.get("device") or "device"}, rms of {found["period"]:g} s means'
+    return html_table(title, head, rows, found['notes'])
+
+
+def picture(found: Any) -> Figure:
+    """Return measured, residual and held-out error beside the noise floor, a panel a sensor."""
+    content = found.to_dict()
+    sensors = [s for s in SENSORS if s in content['sensors']]
+    figure, panels = new_figure(len(sensors))
+    for panel, sensor in zip(panels, sensors, strict=True):
+        part, unit = content['sensors'][sensor], DISPLAY_UNITS[sensor]
+        for place, (key, label) in enumerate(COLUMNS.items()):
+            values = [_times(value, unit.factor) or float('nan') for value in part[key]]
+            offset = 0.2 * (place - 1.5)
+            panel.bar([i + offset for i in range(3)], values, 0.18, label=label)
+        panel.set(title=sensor, yscale='log', ylabel=f'rms [{unit.unit}]')
+        panel.set_xticks(range(3), 'xyz')
+    panels[0].legend(fontsize='small')
+    return figure
+
+
+def _times(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor

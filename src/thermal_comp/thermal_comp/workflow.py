@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The Python face of the package: read, fit, compare, diagnose, add, compensate, load, save.
+
+`recordings` is one recording, several, or what `read` takes: paths and globs of bags. Where no
+model is given, the line per axis of Betta et al. 2022 is fitted first.
+"""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Iterable, Mapping, Sequence
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TypeAlias, overload
+
+from imu_recording import BagError, ImuRecording, bag_namespaces, read_bag
+from thermal_comp.comparison.compare import Comparison, compare_prepared
+from thermal_comp.compensation.recording import compensate as compensate_recording
+from thermal_comp.data.conditions import SENSORS, Sensor
+from thermal_comp.data.preparation import prepare
+from thermal_comp.diagnosis.diagnose import Settings
+from thermal_comp.diagnosis.diagnose import diagnose as diagnose_recordings
+from thermal_comp.diagnosis.growth import Growth, add_effect
+from thermal_comp.diagnosis.result import Diagnosis
+from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.effect import Effect
+from thermal_comp.fitting.fit import fit as fit_recordings
+from thermal_comp.fitting.fit import fit_prepared
+from thermal_comp.model.file import check_device, load_model, save_model
+from thermal_comp.model.values import ModelError, ThermalModel
+
+__all__ = ['add', 'compare', 'compensate', 'diagnose', 'fit', 'load', 'read', 'save']
+
+PathLikes: TypeAlias = str | PathLike[str]
+Recordings: TypeAlias = ImuRecording | PathLikes | Iterable[ImuRecording | PathLikes]
+EffectLike: TypeAlias = str | Effect | type[Effect]
+"""A name of the catalogue, an effect, or its class."""
+EffectList: TypeAlias = EffectLike | Sequence[EffectLike]
+
+GLOB_SIGNS = frozenset('*?[')
+LINE = 'bias_temperature'
+"""The effect a model starts from: the paper's line per axis."""
+
+
+def read(*paths: PathLikes, namespace: str | None = None) -> list[ImuRecording]:
+    """Read bags: paths of folders or files, and globs; one recording per bag, in order.
+
+    `namespace` chooses the device where a bag holds several. Raises BagError, which says what is
+    there, where a path or glob names no bag.
+    """
+    if not paths:
+        raise BagError('no bag given: name a folder, a file or a glob, e.g. "bags/dut1_?"')
+    return [_read_one(path, namespace) for pattern in paths for path in _expanded(pattern)]
+
+
+def fit(
+    recordings: Recordings,
+    effects: EffectList | Mapping[Sensor, EffectList] = LINE,
+    *,
+    pooled: bool = False,
+) -> ThermalModel:
+    """Return the thermal model of these effects that fits the recordings of one device best.
+
+    `effects` is one list for all sensors (each takes those that act on it), or one per sensor.
+    `pooled` fits one set of coefficients to several devices.
+    """
+    chosen: Sequence[Effect] | Mapping[Sensor, Sequence[Effect]]
+    if isinstance(effects, Mapping):
+        chosen = {sensor: _effects(listed) for sensor, listed in effects.items()}
+    else:
+        chosen = _effects(effects)
+    return fit_recordings(chosen, _recordings(recordings), pooled=pooled)
+
+
+def compare(recordings: Recordings, model: ThermalModel | None = None) -> Comparison:
+    """Return measured against modelled error per axis: rms, held out, noise floor, where."""
+    listed = _recordings(recordings)
+    if model is not None:
+        for recording in listed:
+            check_device(model, recording.device)
+    runs = prepare(listed)
+    return compare_prepared(model or fit_prepared(_effects(LINE), runs), runs)
+
+
+def diagnose(
+    recordings: Recordings,
+    model: ThermalModel | None = None,
+    *,
+    catalogue: Mapping[str, type[Effect]] = EFFECTS,
+) -> Diagnosis:
+    """Return which physical effect is missing in the model, that none is, or that none fits.
+
+    `catalogue` holds the effects that are tried; `thermal_comp.effects.user_effects` adds files.
+    """
+    return diagnose_recordings(_recordings(recordings), model, catalogue=catalogue)
+
+
+def add(
+    recordings: Recordings,
+    effect: EffectLike | Diagnosis,
+    model: ThermalModel | None = None,
+    *,
+    sensors: Sequence[Sensor] = (),
+    catalogue: Mapping[str, type[Effect]] = EFFECTS,
+) -> Growth:
+    """Return the model with an effect added and refitted, and how far the held-out error fell.
+
+    `effect` may be a diagnosis: its strongest named effect is added where it was found. Without
+    `sensors` an effect goes where its evidence is above its threshold.
+    """
+    if isinstance(effect, Diagnosis):
+        effect, sensors = _strongest(effect, sensors, catalogue)
+    name = effect if isinstance(effect, str) else effect.name
+    known = dict(catalogue)
+    if not isinstance(effect, str):
+        known[name] = effect if isinstance(effect, type) else type(effect)
+    return add_effect(model, prepare(_recordings(recordings)), name, Settings(known), sensors)
+
+
+@overload
+def compensate(recordings: ImuRecording, model: ThermalModel) -> ImuRecording: ...
+@overload
+def compensate(
+    recordings: PathLikes | Iterable[ImuRecording | PathLikes], model: ThermalModel
+) -> list[ImuRecording]: ...
+def compensate(recordings: Recordings, model: ThermalModel) -> ImuRecording | list[ImuRecording]:
+    """Return the recordings with the modelled error subtracted; one for one, a list for more."""
+    if isinstance(recordings, ImuRecording):
+        return compensate_recording(recordings, model)
+    return [compensate_recording(recording, model) for recording in _recordings(recordings)]
+
+
+def load(path: PathLikes, *, catalogue: Mapping[str, type[Effect]] = EFFECTS) -> ThermalModel:
+    """Read a model file; raise ModelError that names the file, the field and what is expected."""
+    return load_model(path, catalogue)
+
+
+def save(model: ThermalModel | Growth, path: PathLikes) -> None:
+    """Write a model, or the model of a growth, as YAML; reading it back gives the same bits."""
+    save_model(model.model if isinstance(model, Growth) else model, path)
+
+
+def _expanded(pattern: PathLikes) -> list[Path]:
+    text = fspath(pattern)
+    if Path(text).exists() or not GLOB_SIGNS & set(text):
+        return [Path(text)]
+    found = sorted(glob.glob(text))  # noqa: PTH207 (a pattern may be absolute)
+    if not found:
+        raise BagError(f'{text}: no bag matches in {Path.cwd()}')
+    return [Path(path) for path in found]
+
+
+def _read_one(path: Path, namespace: str | None) -> ImuRecording:
+    if namespace is None:
+        names = bag_namespaces(path)
+        if len(names) > 1:
+            raise BagError(
+                f'{path} holds several devices: {", ".join(names)}; '
+                f'choose one, e.g. read(…, namespace={names[0]!r})'
+            )
+    return read_bag(path, namespace=namespace)
+
+
+def _recordings(given: Recordings) -> list[ImuRecording]:
+    if isinstance(given, ImuRecording):
+        return [given]
+    if isinstance(given, str | PathLike):
+        return read(given)
+    recordings: list[ImuRecording] = []
+    for item in given:
+        recordings += [item] if isinstance(item, ImuRecording) else read(item)
+    return recordings
+
+
+def _effects(given: EffectList) -> list[Effect]:
+    listed = [given] if isinstance(given, str | Effect | type) else list(given)
+    return [_effect(item) for item in listed]
+
+
+def _effect(given: EffectLike) -> Effect:
+    if isinstance(given, str):
+        if given not in EFFECTS:
+            raise ModelError(f'effect {given!r} is not known; known: {", ".join(EFFECTS)}')
+        return EFFECTS[given]()
+    return given() if isinstance(given, type) else given
+
+
+def _strongest(
+    found: Diagnosis, sensors: Sequence[Sensor], catalogue: Mapping[str, type[Effect]]
+) -> tuple[str, Sequence[Sensor]]:
+    """Return the name and the sensors of the strongest effect a diagnosis names."""
+    for finding in found.findings:
+        if finding.kind == 'effect' and finding.name is not None and finding.name in catalogue:
+            own = [s for s in SENSORS if s in finding.sensor.split('+')]
+            return finding.name, sensors or own
+    raise ModelError(
+        f'the diagnosis of {found.device or "the device"} names no effect that could be added '
+        f'(verdict: {found.verdict}); name one: add(recordings, "thermal_lag")'
+    )
