@@ -162,7 +162,7 @@ def test_simulate_makes_one_bag_of_one_orientation(tmp_path: Path, axis: str) ->
         (['--hide', 'thermal_lag', '--magnitude', '-1'], '--magnitude'),
         (['--hide', 'thermal_lag', '--rate', '50'], 'at most 10 Hz'),
         (['--hide', 'turn_on_bias'], 'at least two cycles'),
-        (['--hide', 'tea'], 'invalid choice'),
+        (['--hide', 'tea'], "cannot hide 'tea'"),
     ],
 )
 def test_mistakes_are_one_line(

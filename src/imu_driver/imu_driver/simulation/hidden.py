@@ -12,48 +12,70 @@ from imu_recording.recording import SENSOR_FIELDS, ImuRecording
 from imu_recording.user_error import UserError
 
 from imu_driver.simulation.data_faults import FAULTS, saturate
-from imu_driver.simulation.effects import chamber as simulated_effects_chamber
-from imu_driver.simulation.effects import heat as simulated_effects_heat
-from imu_driver.simulation.effects import session as simulated_effects_session
-from imu_driver.simulation.effects import uncatalogued as simulated_effects_beyond
-from imu_driver.simulation.effects.effect import Law, Truth, hide
+from imu_driver.simulation.effects import bias_in_time, chamber, exposure, heat, uncatalogued
+from imu_driver.simulation.effects.hidden_effect import HiddenEffect, Truth, add_hidden_effect
 from imu_driver.simulation.run import DeviceRun
 
-LAWS: dict[str, Law] = {
-    law.name: law
-    for module in (
-        simulated_effects_heat,
-        simulated_effects_session,
-        simulated_effects_chamber,
-        simulated_effects_beyond,
+HIDDEN_EFFECTS: dict[str, HiddenEffect] = {
+    effect.name: effect
+    for effect in (
+        heat.bias_temperature_curvature,
+        heat.scale_factor_temperature,
+        heat.misalignment_temperature,
+        heat.g_sensitivity_temperature,
+        heat.thermal_lag,
+        heat.thermal_lag_two_stage,
+        heat.temperature_rate,
+        heat.thermal_gradient,
+        heat.thermal_hysteresis,
+        bias_in_time.warm_up,
+        exposure.supply_sensitivity,
+        exposure.vibration_rectification,
+        exposure.humidity,
+        exposure.icing,
+        bias_in_time.turn_on_bias,
+        bias_in_time.bias_step,
+        bias_in_time.bias_drift,
+        bias_in_time.bias_creep,
+        bias_in_time.random_walk,
+        chamber.heater_hard_iron,
+        chamber.compressor_hard_iron,
+        chamber.fixture_hard_iron,
+        chamber.fixture_tilt,
+        chamber.mains_alias,
+        uncatalogued.mode_crossing,
+        uncatalogued.resonance_comb,
+        uncatalogued.ageing_slope,
+        uncatalogued.room_rhythm,
     )
-    for law in module.LAWS
 }
-"""Name → law."""
+"""Name → effect. `random_name` draws by place: the order belongs to the seeds' meaning."""
 
-CHANNEL_OF = {
-    'heater_hard_iron': ('heater',),
-    'compressor_hard_iron': ('compressor',),
-    'supply_sensitivity': ('supply_voltage',),
-    'vibration_rectification': ('vibration', 'compressor'),
-    'humidity': ('humidity',),
-}
-"""Laws that can be hidden with the logs that would betray them taken away; first: what it is."""
-
-
-Finish: TypeAlias = Callable[[list[ImuRecording]], list[ImuRecording]]
-
-UNLOGGED = tuple(f'unlogged_{channels[0]}' for channels in CHANNEL_OF.values())
-QUALITY = ('saturation', 'startup_transient', *FAULTS)
-NOTHING = 'nothing'
 CLOCK = 'clock_temperature'
-HIDEABLE = (*LAWS, CLOCK, *UNLOGGED, *QUALITY, NOTHING)
+UNLOGGED = {
+    f'unlogged_{effect.logged_as[0]}': effect
+    for effect in (
+        chamber.heater_hard_iron,
+        chamber.compressor_hard_iron,
+        exposure.supply_sensitivity,
+        exposure.vibration_rectification,
+        exposure.humidity,
+    )
+}
+"""Name → effect that is hidden together with the tracks that show its cause."""
+QUALITY = ('saturation', 'startup_transient', *FAULTS)
+"""Faults of the data."""
+NOTHING = 'nothing'
+HIDEABLE = (*HIDDEN_EFFECTS, CLOCK, *UNLOGGED, *QUALITY, NOTHING)
 """Everything that can be hidden, by name."""
+
 CLOCK_SLOPE = 20e-6
 """Change of the clock's rate per kelvin and unit of magnitude [1/K]."""
 
+Finish: TypeAlias = Callable[[list[ImuRecording]], list[ImuRecording]]
 
-def _as_made(recordings: list[ImuRecording]) -> list[ImuRecording]:
+
+def _unchanged(recordings: list[ImuRecording]) -> list[ImuRecording]:
     return recordings
 
 
@@ -63,10 +85,19 @@ class Hidden:
 
     runs: list[DeviceRun]
     truth: Truth
-    finish: Finish = field(default=_as_made)
+    finish: Finish = field(default=_unchanged)
     """What still happens to the finished recordings."""
     startup_time: float = 0.0
     """Start-up transient of the read-out [s]."""
+
+
+def check_hideable(name: str) -> None:
+    """Raise UserError where the simulator has nothing of this name to hide."""
+    if name not in HIDEABLE:
+        raise UserError(
+            f'the simulator cannot hide {name!r}: it has physics of its own for every effect '
+            f'(imu_driver/simulation/effects) and knows {", ".join(HIDEABLE)}'
+        )
 
 
 def hide_anything(
@@ -78,30 +109,29 @@ def hide_anything(
     sensor: str | None = None,
 ) -> Hidden:
     """Return the campaign with `name` hidden in it; without `sensor` the seed chooses one."""
-    generator = np.random.default_rng((seed, 23))
+    check_hideable(name)
     if name == NOTHING:
         return Hidden(list(runs), Truth(None, 'nothing', law=name))
-    if name in LAWS:
-        return _hide_law(runs, name, magnitude, seed, _chosen(LAWS[name].sensors, sensor, seed))
+    if name in HIDDEN_EFFECTS:
+        return _hide_effect(runs, HIDDEN_EFFECTS[name], magnitude, seed, sensor)
     if name == CLOCK:
-        slope = float(generator.choice([-1.0, 1.0])) * CLOCK_SLOPE * magnitude
-        truth = Truth(
-            name, 'effect', 'all', magnitude, name, parameters={'relative_rate_per_kelvin': slope}
-        )
-        return Hidden([replace(run, rate_slope=slope) for run in runs], truth)
+        return _hide_clock(runs, magnitude, seed)
     if name in UNLOGGED:
         return _hide_unlogged(runs, name, magnitude, seed, sensor)
-    if name in QUALITY:
-        return _hide_fault(runs, name, magnitude, seed, sensor)
-    raise UserError(f'{name!r} cannot be hidden; choose from {", ".join(HIDEABLE)}, random')
+    return _hide_fault(runs, name, magnitude, seed, sensor)
 
 
 def random_name(seed: int) -> str:
     """Return what 'random' hides: mostly effects, sometimes nothing, a fault, a missing log."""
     generator = np.random.default_rng((seed, 29))
-    in_catalogue = [name for name, law in LAWS.items() if not law.depends_on]
-    beyond = [name for name, law in LAWS.items() if law.depends_on]
-    kinds = (in_catalogue, beyond, list(UNLOGGED), list(QUALITY), [CLOCK], [NOTHING])
+    kinds = (
+        [name for name, effect in HIDDEN_EFFECTS.items() if effect.kind != 'unexplained'],
+        [name for name, effect in HIDDEN_EFFECTS.items() if effect.kind == 'unexplained'],
+        list(UNLOGGED),
+        list(QUALITY),
+        [CLOCK],
+        [NOTHING],
+    )
     kind = kinds[int(generator.choice(len(kinds), p=[0.68, 0.08, 0.06, 0.06, 0.02, 0.10]))]
     return str(generator.choice(kind))
 
@@ -114,31 +144,45 @@ def _chosen(sensors: Sequence[str], sensor: str | None, seed: int) -> str:
     return sensor
 
 
-def _hide_law(
-    runs: Sequence[DeviceRun], name: str, magnitude: float, seed: int, sensor: str
+def _hide_effect(
+    runs: Sequence[DeviceRun],
+    effect: HiddenEffect,
+    magnitude: float,
+    seed: int,
+    sensor: str | None,
 ) -> Hidden:
-    changed, truth = hide(runs, LAWS[name], sensor=sensor, magnitude_wanted=magnitude, seed=seed)
-    if name == 'random_walk':
-        truth = replace(truth, kind='noise')
+    changed, truth = add_hidden_effect(
+        runs,
+        effect,
+        sensor=_chosen(effect.sensors, sensor, seed),
+        magnitude_wanted=magnitude,
+        seed=seed,
+    )
     return Hidden(changed, truth)
+
+
+def _hide_clock(runs: Sequence[DeviceRun], magnitude: float, seed: int) -> Hidden:
+    """Let the sensor's clock run faster or slower with temperature."""
+    sign = float(np.random.default_rng((seed, 23)).choice([-1.0, 1.0]))
+    slope = sign * CLOCK_SLOPE * magnitude
+    truth = Truth(
+        CLOCK, 'effect', 'all', magnitude, CLOCK, parameters={'relative_rate_per_kelvin': slope}
+    )
+    return Hidden([replace(run, rate_slope=slope) for run in runs], truth)
 
 
 def _hide_unlogged(
     runs: Sequence[DeviceRun], name: str, magnitude: float, seed: int, sensor: str | None
 ) -> Hidden:
-    """Hide an effect together with the logs that would explain it."""
-    law, channels = next(
-        (law, channels)
-        for law, channels in CHANNEL_OF.items()
-        if channels[0] == name.removeprefix('unlogged_')
-    )
-    hidden = _hide_law(runs, law, magnitude, seed, _chosen(LAWS[law].sensors, sensor, seed))
-    blank: dict[str, Any] = dict.fromkeys(channels)
+    """Hide an effect together with the tracks that show its cause."""
+    effect = UNLOGGED[name]
+    hidden = _hide_effect(runs, effect, magnitude, seed, sensor)
+    blank: dict[str, Any] = dict.fromkeys(effect.logged_as)
     truth = replace(
         hidden.truth,
         name=None,
         kind='unlogged',
-        depends_on=(name.removeprefix('unlogged_').removesuffix('_voltage'), 'chamber'),
+        depends_on=(effect.logged_as[0].removesuffix('_voltage'), 'chamber'),
     )
     return Hidden(
         hidden.runs,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from imu_driver.simulation.devices import DEVICES
-from imu_driver.simulation.hidden import HIDEABLE
+from imu_driver.simulation.hidden import HIDEABLE, check_hideable
 from imu_recording.recording import columns_hash
 from imu_recording.user_error import UserError
 
@@ -61,7 +61,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--hide',
-        choices=(*HIDEABLE, 'random'),
         metavar='EFFECT',
         help='hide one effect or fault, or a random one; rows are means then, and the truth goes '
         f'to DIR/{TRUTH_FILE}, which only `reveal DIR` opens',
@@ -171,6 +170,8 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _check_hidden(options: argparse.Namespace) -> None:
+    if options.hide != 'random':
+        check_hideable(options.hide)
     if options.orientation or options.field_jumps:
         raise UserError(
             '--hide makes all three orientations and nothing beside the effect: leave '

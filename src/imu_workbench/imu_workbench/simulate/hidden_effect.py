@@ -11,8 +11,8 @@ from typing import Any
 
 from chamber_profile.profile.values import Profile
 from imu_driver.simulation.devices import DeviceParameters, draw_device
-from imu_driver.simulation.effects.effect import Truth
-from imu_driver.simulation.hidden import LAWS, hide_anything, random_name
+from imu_driver.simulation.effects.hidden_effect import Truth
+from imu_driver.simulation.hidden import HIDDEN_EFFECTS, hide_anything, random_name
 from imu_driver.simulation.run import DeviceRun
 from imu_recording.user_error import UserError
 
@@ -98,7 +98,7 @@ def practice_campaign(
         for number, secret in enumerate(secrets)
     ]
     # Where the device stands is settled before anything acts on it.
-    for settle in (LAWS[name].place for name in names if name in LAWS):
+    for settle in (HIDDEN_EFFECTS[name].mounting for name in names if name in HIDDEN_EFFECTS):
         runs = [settle(run) for run in runs] if settle else runs
     for number, (name, secret) in enumerate(zip(names, secrets, strict=True)):
         hidden = hide_anything(

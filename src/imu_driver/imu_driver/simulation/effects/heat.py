@@ -3,19 +3,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from imu_recording.jit import njit
 from imu_recording.recording import FloatArray
+from numpy.random import Generator
 
 from imu_driver.simulation.devices import REFERENCE_TEMPERATURE
-from imu_driver.simulation.effects.effect import (
-    Law,
-    Shape,
+from imu_driver.simulation.effects.hidden_effect import (
+    ALL,
+    EXCITED_AT_REST,
+    ErrorShape,
+    Runs,
     along_axes,
     axis_gains,
+    hidden_effect,
     in_sensor,
     log_uniform,
 )
@@ -23,50 +26,9 @@ from imu_driver.simulation.environment import low_pass
 from imu_driver.simulation.run import DeviceRun, thermal_load
 from imu_driver.simulation.thermal import BOARD, DIE, convection, node_temperatures
 
-SHELTERED = 0.25
-"""Share of the air at the device that has passed the fixture first."""
-FIXTURE_TIME = 1200.0
-"""Time constant of the fixture: 2 kg of aluminium in moved air [s]."""
 
-
-def shelter(run: DeviceRun) -> DeviceRun:
-    """Return the run with the device in the lee; one that is there already comes back as it is.
-
-    The free stream, which the chamber's thermometers measure and one face of the package feels,
-    and the air that warms the board part: their difference lasts through dwells with the time
-    constant of the fixture and is not proportional to the rate of the die's temperature.
-    """
-    environment = run.environment
-    if environment.free_stream is not None:
-        return run
-    free, period = environment.air_temperature, environment.period
-    fixture = low_pass(free, FIXTURE_TIME, period)
-    lee = replace(
-        environment,
-        air_temperature=free + SHELTERED * (fixture - free),
-        free_stream=free,
-    )
-    nodes = node_temperatures(run.device.network, lee.air_temperature, period)
-    errors = {sensor: values + _moved(run, nodes, sensor) for sensor, values in run.errors.items()}
-    return replace(run, environment=lee, nodes=nodes, errors=errors)
-
-
-def _moved(run: DeviceRun, nodes: FloatArray, sensor: str) -> FloatArray:
-    """Return (n, 3) the change of the thermal bias from the run's own nodes to others."""
-    parameters = run.device.sensor(sensor)
-    load = thermal_load(nodes, sensor, parameters.stiffening) - thermal_load(
-        run.nodes, sensor, parameters.stiffening
-    )
-    moved: FloatArray = np.multiply.outer(load, parameters.slope)
-    return moved
-
-
-ALL = ('accelerometer', 'gyroscope', 'magnetometer')
-EXCITED = ('accelerometer', 'magnetometer')
-"""Sensors that a resting device gives something to measure."""
-
-
-def curvature(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
+@hidden_effect(ALL)
+def bias_temperature_curvature(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """The die's expansion and modulus change with temperature: the bias bends."""
     bend = generator.choice([-1.0, 1.0], 3) * generator.uniform(3e-3, 8e-3, 3)
     return in_sensor(
@@ -100,7 +62,8 @@ def softening(temperature: FloatArray) -> FloatArray:
     return change
 
 
-def scale_factor(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
+@hidden_effect(EXCITED_AT_REST)
+def scale_factor_temperature(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """The springs soften, the bridge loses gain: the true input is read too large or small."""
     gains = generator.uniform(0.7, 1.3, 3) * generator.choice([-1.0, 1.0])
     return in_sensor(
@@ -112,7 +75,8 @@ def scale_factor(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Ge
     )
 
 
-def misalignment(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
+@hidden_effect(EXCITED_AT_REST)
+def misalignment_temperature(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """The die turns and shears on its glue: finite rotation by the thermal load, plus shear.
 
     The two off-diagonal terms of a row have opposite signs: equal ones could not be told from a
@@ -120,12 +84,12 @@ def misalignment(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Ge
     """
     turn = axis_gains(generator) * 40e-6
     shear = generator.normal(0.0, 10e-6, 3)
-    waves = []
+    errors = []
     for run in runs:
         load = thermal_load(run.nodes, sensor, 5e-4)
         seen = run.true_input(sensor)
-        waves.append(_turned(load, turn, seen) + along_axes(load, _symmetric(shear) @ seen))
-    return in_sensor(sensor, waves)
+        errors.append(_turned(load, turn, seen) + along_axes(load, _symmetric(shear) @ seen))
+    return in_sensor(sensor, errors)
 
 
 def _symmetric(shear: FloatArray) -> FloatArray:
@@ -145,24 +109,21 @@ def _turned(load: FloatArray, turn: FloatArray, seen: FloatArray) -> FloatArray:
     return change
 
 
-def g_sensitivity(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
+@hidden_effect(('gyroscope',))
+def g_sensitivity_temperature(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """The tuning forks' mass imbalance shifts as the frame around them is strained by heat."""
     pattern = generator.normal(0.0, 1.0, (3, 3))
     # Equal columns per row could not be told from a bias with three orientations.
     pattern -= 0.8 * pattern.mean(axis=1, keepdims=True)
-    waves = []
+    errors = []
     for run in runs:
         load = thermal_load(run.nodes, sensor, 5e-4)
-        waves.append(along_axes(load, pattern @ run.true_input('accelerometer')))
-    return in_sensor(sensor, waves)
+        errors.append(along_axes(load, pattern @ run.true_input('accelerometer')))
+    return in_sensor(sensor, errors)
 
 
-FACE_TIME = 6.0
-"""Time constant of the package's face in the free stream [s]."""
-FACE_LEAK = 0.05
-"""Heat the face takes from the board, as a share of what it takes from the stream."""
-LEAK = 0.01
-"""Share of a node's heat that takes another way than from the node before it."""
+LEAK_SHARE = 0.01
+"""Share of a node's heat that bypasses the node before it."""
 
 
 @njit(cache=True)
@@ -184,63 +145,111 @@ def follow(
     return node
 
 
-def lag(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
+@hidden_effect(ALL)
+def thermal_lag(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """The stressed glue under the element warms later than the thermometer."""
     time = log_uniform(generator, 60.0, 400.0)
     gains = axis_gains(generator)
-    waves = []
+    errors = []
     for run in runs:
         die = run.nodes[:, DIE].copy()
-        node = follow(die, run.nodes[:, BOARD].copy(), time, LEAK, run.environment.period)
-        waves.append(along_axes(node - die, gains))
-    return in_sensor(sensor, waves, time_constant=time / (1.0 + LEAK))
+        node = follow(die, run.nodes[:, BOARD].copy(), time, LEAK_SHARE, run.environment.period)
+        errors.append(along_axes(node - die, gains))
+    return in_sensor(sensor, errors, time_constant=time / (1.0 + LEAK_SHARE))
 
 
-def two_lags(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
+@hidden_effect(ALL)
+def thermal_lag_two_stage(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """Two nodes in a row: glue, then a heavy part of the board."""
     fast = log_uniform(generator, 40.0, 100.0)
     slow = log_uniform(generator, 800.0, 1500.0)
     fast_gains, slow_gains = axis_gains(generator), 0.5 * axis_gains(generator)
-    waves = []
+    errors = []
     for run in runs:
         die, period = run.nodes[:, DIE].copy(), run.environment.period
-        glue = follow(die, run.nodes[:, BOARD].copy(), fast, LEAK, period)
-        heavy = follow(glue, run.environment.air_temperature, slow, LEAK, period)
-        waves.append(along_axes(glue - die, fast_gains) + along_axes(heavy - die, slow_gains))
-    slow /= 1.0 + LEAK
-    return in_sensor(sensor, waves, time_constant_fast=fast, time_constant_slow=slow)
+        glue = follow(die, run.nodes[:, BOARD].copy(), fast, LEAK_SHARE, period)
+        heavy = follow(glue, run.environment.air_temperature, slow, LEAK_SHARE, period)
+        errors.append(along_axes(glue - die, fast_gains) + along_axes(heavy - die, slow_gains))
+    slow /= 1.0 + LEAK_SHARE
+    return in_sensor(sensor, errors, time_constant_fast=fast, time_constant_slow=slow)
 
 
-def rate(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
+@hidden_effect(ALL)
+def temperature_rate(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """Heat that flows through the die bends it while it flows: as fast as the die itself.
 
     Taken from the difference between the die and a layer 4 s behind it.
     """
     gains = axis_gains(generator)
-    waves = []
+    errors = []
     for run in runs:
         die = run.nodes[:, DIE].copy()
         layer = follow(die, die, 4.0, 0.0, run.environment.period)
-        waves.append(along_axes((die - layer) / 4.0, gains))
-    return in_sensor(sensor, waves)
+        errors.append(along_axes((die - layer) / 4.0, gains))
+    return in_sensor(sensor, errors)
 
 
-def gradient(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
+FACE_TIME_CONSTANT = 6.0
+"""Time constant of the package's face in the free stream [s]."""
+FACE_LEAK_SHARE = 0.05
+"""Heat the face takes from the board, as a share of what it takes from the stream."""
+FIXTURE_AIR_SHARE = 0.25
+"""Share of the air at the device that has passed the fixture first."""
+FIXTURE_TIME_CONSTANT = 1200.0
+"""Time constant of the fixture: 2 kg of aluminium in moved air [s]."""
+
+
+def sheltered(run: DeviceRun) -> DeviceRun:
+    """Return the run with the device in the lee of a heavy fixture, where it may stand already.
+
+    The free stream, which the chamber's thermometers measure and one face of the package feels,
+    and the air that warms the board part: their difference lasts through dwells with the time
+    constant of the fixture and is not proportional to the rate of the die's temperature.
+    """
+    environment = run.environment
+    if environment.free_stream is not None:
+        return run
+    free, period = environment.air_temperature, environment.period
+    fixture = low_pass(free, FIXTURE_TIME_CONSTANT, period)
+    lee = replace(
+        environment,
+        air_temperature=free + FIXTURE_AIR_SHARE * (fixture - free),
+        free_stream=free,
+    )
+    nodes = node_temperatures(run.device.network, lee.air_temperature, period)
+    errors = {sensor: values + _moved(run, nodes, sensor) for sensor, values in run.errors.items()}
+    return replace(run, environment=lee, nodes=nodes, errors=errors)
+
+
+def _moved(run: DeviceRun, nodes: FloatArray, sensor: str) -> FloatArray:
+    """Return (n, 3) the change of the thermal bias from the run's own nodes to others."""
+    parameters = run.device.sensor(sensor)
+    load = thermal_load(nodes, sensor, parameters.stiffening) - thermal_load(
+        run.nodes, sensor, parameters.stiffening
+    )
+    moved: FloatArray = np.multiply.outer(load, parameters.slope)
+    return moved
+
+
+@hidden_effect(ALL, mounting=sheltered)
+def thermal_gradient(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """A face of the package in the free stream, the rest in the lee: heat flows across it.
 
     The face follows the stream within seconds and takes a little heat from the board.
     """
     gains = axis_gains(generator)
-    waves = []
+    errors = []
     for run in runs:
         board = run.nodes[:, BOARD].copy()
         free = run.environment.free_stream
         stream = run.environment.air_temperature if free is None else free
-        face = follow(stream.copy(), board, FACE_TIME, FACE_LEAK, run.environment.period)
+        face = follow(
+            stream.copy(), board, FACE_TIME_CONSTANT, FACE_LEAK_SHARE, run.environment.period
+        )
         difference = face - run.nodes[:, DIE]
         flux = np.array([convection(run.device.network, d) * d for d in difference])
-        waves.append(along_axes(flux / run.device.network.air_to_board, gains))
-    return in_sensor(sensor, waves)
+        errors.append(along_axes(flux / run.device.network.air_to_board, gains))
+    return in_sensor(sensor, errors)
 
 
 @njit(cache=True)
@@ -262,27 +271,13 @@ def bouc_wen(temperature: FloatArray, width: float, sharpness: float) -> FloatAr
     return plastic
 
 
-def hysteresis(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
+@hidden_effect(ALL)
+def thermal_hysteresis(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """Glue and solder yield: a smooth elasto-plastic element (Bouc–Wen) over the die."""
     width = log_uniform(generator, 6.0, 16.0)
     sharpness = float(generator.uniform(1.0, 1.8))
     gains = axis_gains(generator)
-    waves = [
+    errors = [
         along_axes(bouc_wen(run.nodes[:, DIE].copy(), width, sharpness), gains) for run in runs
     ]
-    return in_sensor(sensor, waves, width=width, sharpness=sharpness)
-
-
-LAWS = (
-    Law('bias_temperature_curvature', ALL, curvature),
-    Law('scale_factor_temperature', EXCITED, scale_factor),
-    Law('misalignment_temperature', EXCITED, misalignment),
-    Law('g_sensitivity_temperature', ('gyroscope',), g_sensitivity),
-    Law('thermal_lag', ALL, lag),
-    Law('thermal_lag_two_stage', ALL, two_lags),
-    Law('temperature_rate', ALL, rate),
-    Law('thermal_gradient', ALL, gradient, place=shelter),
-    Law('thermal_hysteresis', ALL, hysteresis),
-)
-
-__all__ = ['LAWS', 'bouc_wen', 'follow', 'softening']
+    return in_sensor(sensor, errors, width=width, sharpness=sharpness)

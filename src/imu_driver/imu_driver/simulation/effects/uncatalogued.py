@@ -3,18 +3,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
+from numpy.random import Generator
 
-from imu_driver.simulation.effects.effect import Law, Shape, along_axes, axis_gains, in_sensor
-from imu_driver.simulation.run import DeviceRun
+from imu_driver.simulation.effects.hidden_effect import (
+    ALL,
+    ErrorShape,
+    Runs,
+    along_axes,
+    axis_gains,
+    hidden_effect,
+    in_sensor,
+)
 from imu_driver.simulation.thermal import DIE
 
-ALL = ('accelerometer', 'gyroscope', 'magnetometer')
 
-
-def mode_crossing(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
+@hidden_effect(ALL, kind='unexplained', depends_on=('temperature',))
+def mode_crossing(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """A parasitic mode crosses the drive frequency at one temperature (IEEE 528 activity dip)."""
     centre = float(generator.choice([generator.uniform(-3, 12), generator.uniform(26, 43)]))
     width = float(generator.uniform(1.5, 3.0))
@@ -30,7 +35,8 @@ def mode_crossing(runs: Sequence[DeviceRun], sensor: str, generator: np.random.G
     )
 
 
-def ageing_slope(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
+@hidden_effect(ALL, kind='unexplained', depends_on=('temperature', 'time'))
+def ageing_slope(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """The temperature coefficient itself ages: temperature times time."""
     gains = axis_gains(generator)
     return in_sensor(
@@ -38,9 +44,8 @@ def ageing_slope(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Ge
     )
 
 
-def resonance_comb(
-    runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator
-) -> Shape:
+@hidden_effect(ALL, kind='unexplained', depends_on=('temperature',))
+def resonance_comb(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """Standing waves in the package beat with the drive: a comb over temperature."""
     pitch = float(generator.uniform(9.0, 14.0))
     shift = generator.uniform(0.0, 2 * np.pi)
@@ -52,7 +57,8 @@ def resonance_comb(
     )
 
 
-def room_rhythm(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator) -> Shape:
+@hidden_effect(ALL, kind='unexplained', depends_on=('time',))
+def room_rhythm(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """The building's ventilation swings every few hours and reaches the read-out's reference."""
     period = float(generator.uniform(3.0, 4.2)) * 3600.0
     shift = generator.uniform(0.0, 2 * np.pi)
@@ -65,11 +71,3 @@ def room_rhythm(runs: Sequence[DeviceRun], sensor: str, generator: np.random.Gen
         ],
         period=period,
     )
-
-
-LAWS = (
-    Law('mode_crossing', ALL, mode_crossing, ('temperature',)),
-    Law('resonance_comb', ALL, resonance_comb, ('temperature',)),
-    Law('ageing_slope', ALL, ageing_slope, ('temperature', 'time')),
-    Law('room_rhythm', ALL, room_rhythm, ('time',)),
-)

@@ -6,14 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from imu_driver.simulation.devices import MEAN_STD, draw_device
-from imu_driver.simulation.effects.effect import hide, magnitude
-from imu_driver.simulation.effects.heat import bouc_wen, follow, shelter
-from imu_driver.simulation.effects.session import ice_mass
+from imu_driver.simulation.effects import bias_in_time, chamber, exposure, heat, uncatalogued
+from imu_driver.simulation.effects.exposure import ice_mass
+from imu_driver.simulation.effects.heat import bouc_wen, follow, sheltered
+from imu_driver.simulation.effects.hidden_effect import (
+    HiddenEffect,
+    add_hidden_effect,
+    magnitude,
+)
 from imu_driver.simulation.environment import Environment, constant_environment
 from imu_driver.simulation.hidden import (
     FAULTS,
+    HIDDEN_EFFECTS,
     HIDEABLE,
-    LAWS,
     UNLOGGED,
     hide_anything,
     random_name,
@@ -59,19 +64,23 @@ def runs() -> list[DeviceRun]:
 
 
 def hidden(runs: list[DeviceRun], name: str, sensor: str, size: float = 2.0) -> list[np.ndarray]:
-    changed, _ = hide(runs, LAWS[name], sensor=sensor, magnitude_wanted=size, seed=5)
+    changed, _ = add_hidden_effect(
+        runs, HIDDEN_EFFECTS[name], sensor=sensor, magnitude_wanted=size, seed=5
+    )
     return [run.hidden[sensor.split('+', maxsplit=1)[0]] for run in changed]
 
 
-CASES = [(name, sensor) for name, law in LAWS.items() for sensor in law.sensors]
+CASES = [(name, sensor) for name, law in HIDDEN_EFFECTS.items() for sensor in law.sensors]
 
 
 @pytest.mark.parametrize(('name', 'sensor'), CASES)
 def test_magnitude_is_as_asked_for(runs: list[DeviceRun], name: str, sensor: str) -> None:
-    changed, truth = hide(runs, LAWS[name], sensor=sensor, magnitude_wanted=0.7, seed=5)
+    changed, truth = add_hidden_effect(
+        runs, HIDDEN_EFFECTS[name], sensor=sensor, magnitude_wanted=0.7, seed=5
+    )
     assert magnitude(changed, [run.hidden for run in changed]) == pytest.approx(0.7, rel=1e-9)
-    place = LAWS[name].place
-    placed = [place(run) for run in runs] if place else runs
+    mounting = HIDDEN_EFFECTS[name].mounting
+    placed = [mounting(run) for run in runs] if mounting else runs
     for before, after in zip(placed, changed, strict=True):
         for part, values in before.errors.items():
             grown = after.errors[part] - values
@@ -81,12 +90,12 @@ def test_magnitude_is_as_asked_for(runs: list[DeviceRun], name: str, sensor: str
 
 
 def test_magnitude_ignores_levels_and_a_line_in_temperature(runs: list[DeviceRun]) -> None:
-    shape = LAWS['mode_crossing'].function(runs, 'gyroscope', np.random.default_rng(1))
+    shape = HIDDEN_EFFECTS['mode_crossing'].shape(runs, 'gyroscope', np.random.default_rng(1))
     plus = [
         {'gyroscope': wave['gyroscope'] + k + 3.0 * run.warmth[:, None]}
-        for k, (run, wave) in enumerate(zip(runs, shape.waves, strict=True))
+        for k, (run, wave) in enumerate(zip(runs, shape.errors, strict=True))
     ]
-    assert magnitude(runs, plus) == pytest.approx(magnitude(runs, shape.waves), rel=1e-6)
+    assert magnitude(runs, plus) == pytest.approx(magnitude(runs, shape.errors), rel=1e-6)
 
 
 def test_a_device_without_a_hidden_effect_is_linear(runs: list[DeviceRun]) -> None:
@@ -125,7 +134,7 @@ def test_rate_vanishes_in_dwells_and_changes_sign_with_the_ramp(runs: list[Devic
 
 
 def test_gradient_lasts_in_dwells_where_the_rate_has_faded(runs: list[DeviceRun]) -> None:
-    run = shelter(runs[0])
+    run = sheltered(runs[0])
     wave = np.abs(hidden(runs, 'thermal_gradient', 'gyroscope')[0][:, 0])
     rate = np.abs(np.gradient(run.nodes[:, DIE]))
     dwell = np.searchsorted(run.environment.time, 1200 + 900 + 600)
@@ -133,8 +142,8 @@ def test_gradient_lasts_in_dwells_where_the_rate_has_faded(runs: list[DeviceRun]
 
 
 def test_gradient_is_not_the_rate(runs: list[DeviceRun]) -> None:
-    changed, _ = hide(
-        runs, LAWS['thermal_gradient'], sensor='gyroscope', magnitude_wanted=2.0, seed=5
+    changed, _ = add_hidden_effect(
+        runs, HIDDEN_EFFECTS['thermal_gradient'], sensor='gyroscope', magnitude_wanted=2.0, seed=5
     )
     run = changed[0]
     wave = run.hidden['gyroscope'][:, 0]
@@ -147,12 +156,12 @@ def test_gradient_is_not_the_rate(runs: list[DeviceRun]) -> None:
 def test_a_sheltered_device_keeps_all_errors_but_those_of_its_temperature(
     runs: list[DeviceRun],
 ) -> None:
-    sheltered = shelter(runs[0])
-    assert shelter(sheltered) is sheltered
-    assert np.abs(sheltered.nodes[:, DIE] - runs[0].nodes[:, DIE]).max() > 2.0
+    run = sheltered(runs[0])
+    assert sheltered(run) is run
+    assert np.abs(run.nodes[:, DIE] - runs[0].nodes[:, DIE]).max() > 2.0
     slope = runs[0].device.gyroscope.slope
-    moved = sheltered.errors['gyroscope'] - runs[0].errors['gyroscope']
-    warmer = sheltered.nodes[:, DIE] - runs[0].nodes[:, DIE]
+    moved = run.errors['gyroscope'] - runs[0].errors['gyroscope']
+    warmer = run.nodes[:, DIE] - runs[0].nodes[:, DIE]
     np.testing.assert_allclose(moved, np.multiply.outer(warmer, slope), rtol=0.02, atol=1e-9)
 
 
@@ -204,9 +213,9 @@ def test_the_compressors_field_is_there_while_it_runs(runs: list[DeviceRun]) -> 
 
 
 def test_a_tilt_turns_gravity_and_field_by_one_rotation(runs: list[DeviceRun]) -> None:
-    changed, _ = hide(
+    changed, _ = add_hidden_effect(
         runs,
-        LAWS['fixture_tilt'],
+        HIDDEN_EFFECTS['fixture_tilt'],
         sensor='accelerometer+magnetometer',
         magnitude_wanted=3.0,
         seed=5,
@@ -246,14 +255,28 @@ def test_warm_up_is_the_same_after_every_power_on(runs: list[DeviceRun]) -> None
 def test_what_the_profile_does_not_excite_is_refused() -> None:
     still = prepare_run(draw_device(1), constant_environment(20.0, 4000.0), seed=1)
     with pytest.raises(ValueError, match='icing does nothing in these runs'):
-        hide([still], LAWS['icing'], sensor='gyroscope', magnitude_wanted=1.0, seed=1)
+        add_hidden_effect(
+            [still], HIDDEN_EFFECTS['icing'], sensor='gyroscope', magnitude_wanted=1.0, seed=1
+        )
 
 
 def test_a_wrong_sensor_is_refused_with_the_right_ones(runs: list[DeviceRun]) -> None:
     with pytest.raises(ValueError, match='hides in magnetometer'):
         hide_anything(runs, 'heater_hard_iron', magnitude=1.0, seed=1, sensor='gyroscope')
-    with pytest.raises(ValueError, match="'tea' cannot be hidden"):
+    with pytest.raises(ValueError, match="the simulator cannot hide 'tea'"):
         hide_anything(runs, 'tea', magnitude=1.0, seed=1)
+
+
+def test_every_hidden_effect_is_listed() -> None:
+    written = {
+        value.name: value
+        for module in (bias_in_time, chamber, exposure, heat, uncatalogued)
+        for value in vars(module).values()
+        if isinstance(value, HiddenEffect)
+    }
+    assert written == HIDDEN_EFFECTS
+    logged = [effect for effect in written.values() if effect.logged_as]
+    assert {effect.name for effect in UNLOGGED.values()} == {effect.name for effect in logged}
 
 
 def test_random_hides_every_kind_in_the_end() -> None:

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One hidden effect of the simulated device: what a hidden effect is, and how it is added to runs.
+
+The effects use the simulated device's own nodes, fields and processes, finer than thermal_comp's
+catalogue writes them and without sharing an equation with it: only so does it prove something
+when a diagnosis names them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
+
+import numpy as np
+from imu_recording.recording import FloatArray
+from imu_recording.user_error import UserError
+
+from imu_driver.simulation.devices import MEAN_STD
+from imu_driver.simulation.run import DeviceRun
+
+ALL = ('accelerometer', 'gyroscope', 'magnetometer')
+PROOF_MASS = ('accelerometer', 'gyroscope')
+"""Sensors with a moving mass."""
+EXCITED_AT_REST = ('accelerometer', 'magnetometer')
+"""Sensors that measure something on a resting device."""
+
+Errors: TypeAlias = dict[str, FloatArray]
+"""Sensor → (n, 3) error of one run."""
+
+
+@dataclass(frozen=True)
+class ErrorShape:
+    """Errors of an effect before they are scaled to a magnitude, and its shape parameters."""
+
+    errors: list[Errors]
+    """Per run, any unit as long as the sensors are in proportion."""
+    parameters: dict[str, float] = field(default_factory=dict)
+
+
+Runs: TypeAlias = Sequence[DeviceRun]
+ShapeFunction: TypeAlias = Callable[[Runs, str, np.random.Generator], ErrorShape]
+"""(runs, sensor, generator) → errors; draws the shape parameters from the generator."""
+
+
+@dataclass(frozen=True)
+class HiddenEffect:
+    """An effect that a campaign can hide, with all that is known about it."""
+
+    name: str
+    """That of the effect in thermal_comp's catalogue which describes it, if one does."""
+    sensors: tuple[str, ...]
+    """Sensors it can be hidden in; two names joined by + mean both at once."""
+    shape: ShapeFunction
+    kind: str = 'effect'
+    """What a diagnosis has to call it: 'effect', 'noise', or 'unexplained' where no effect of
+    the catalogue describes it."""
+    depends_on: tuple[str, ...] = ()
+    """Variables an unexplained effect depends on; any of them is a right answer."""
+    logged_as: tuple[str, ...] = ()
+    """Tracks that show its cause, the cause itself first; without them it is unlogged."""
+    mounting: Callable[[DeviceRun], DeviceRun] | None = None
+    """Puts the device where the effect acts; None: the effect acts anywhere."""
+
+
+def hidden_effect(
+    sensors: tuple[str, ...],
+    *,
+    kind: str = 'effect',
+    depends_on: tuple[str, ...] = (),
+    logged_as: tuple[str, ...] = (),
+    mounting: Callable[[DeviceRun], DeviceRun] | None = None,
+) -> Callable[[ShapeFunction], HiddenEffect]:
+    """Make a function (runs, sensor, generator) → ErrorShape the hidden effect of its name."""
+
+    def effect(shape: ShapeFunction) -> HiddenEffect:
+        return HiddenEffect(shape.__name__, sensors, shape, kind, depends_on, logged_as, mounting)
+
+    return effect
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What was hidden."""
+
+    name: str | None
+    """None: nothing in the catalogue describes it."""
+    kind: str
+    """'effect', 'data_quality', 'noise', 'unexplained', 'unlogged' or 'nothing'."""
+    sensor: str | None = None
+    magnitude: float = 0.0
+    law: str = ''
+    """Name of the hidden effect, also where `name` is None."""
+    depends_on: tuple[str, ...] = ()
+    parameters: dict[str, float] = field(default_factory=dict)
+
+
+def magnitude(runs: Runs, errors: Sequence[Errors]) -> float:
+    """Return the rms of an effect's errors over runs and axes of the sensors it is in.
+
+    Per-run constants and one line in temperature per axis are projected out; the unit is the
+    standard deviation of a one-second mean of each sensor (MEAN_STD).
+    """
+    warmth = [run.warmth - run.warmth.mean() for run in runs]
+    spread = sum(float(w @ w) for w in warmth)
+    total, count = 0.0, 0
+    for sensor in errors[0]:
+        parts = [(run[sensor] - run[sensor].mean(axis=0)) / MEAN_STD[sensor] for run in errors]
+        slope = np.sum([w @ part for w, part in zip(warmth, parts, strict=True)], axis=0) / spread
+        for w, part in zip(warmth, parts, strict=True):
+            left = part - np.multiply.outer(w, slope)
+            total += float(np.sum(left * left))
+            count += left.size
+    return float(np.sqrt(total / count))
+
+
+def add_hidden_effect(
+    runs: Runs,
+    effect: HiddenEffect,
+    *,
+    sensor: str,
+    magnitude_wanted: float,
+    seed: int,
+) -> tuple[list[DeviceRun], Truth]:
+    """Return the runs with the effect added at exactly the magnitude wanted, and the truth."""
+    if sensor not in effect.sensors:
+        raise UserError(
+            f'{effect.name} cannot be hidden in {sensor!r}; choose from '
+            f'{", ".join(effect.sensors)}'
+        )
+    runs = [effect.mounting(run) for run in runs] if effect.mounting else list(runs)
+    shape = effect.shape(runs, sensor, np.random.default_rng((seed, 17)))
+    size = magnitude(runs, shape.errors)
+    if not size > 0.0:
+        raise UserError(
+            f'{effect.name} does nothing in these runs: the profile does not excite it'
+        )
+    factor = magnitude_wanted / size
+    changed = [
+        _with_errors(run, {name: factor * values for name, values in errors.items()})
+        for run, errors in zip(runs, shape.errors, strict=True)
+    ]
+    truth = Truth(
+        name=None if effect.kind == 'unexplained' else effect.name,
+        kind=effect.kind,
+        sensor=sensor,
+        magnitude=magnitude_wanted,
+        law=effect.name,
+        depends_on=effect.depends_on,
+        parameters={**shape.parameters, 'scale': factor},
+    )
+    return changed, truth
+
+
+def _with_errors(run: DeviceRun, hidden: Errors) -> DeviceRun:
+    errors = {
+        name: values + hidden[name] if name in hidden else values
+        for name, values in run.errors.items()
+    }
+    return replace(run, errors=errors, hidden=hidden)
+
+
+def in_sensor(sensor: str, errors: Sequence[FloatArray], **parameters: float) -> ErrorShape:
+    """Return the shape of an effect in one sensor, one array (n, 3) per run."""
+    return ErrorShape([{sensor: values} for values in errors], parameters)
+
+
+def axis_gains(generator: np.random.Generator) -> FloatArray:
+    """Return (3,) gains of the axes, of either sign and within a factor of three."""
+    gains: FloatArray = generator.choice([-1.0, 1.0], 3) * generator.uniform(0.5, 1.5, 3)
+    return gains
+
+
+def along_axes(values: FloatArray, gains: FloatArray) -> FloatArray:
+    """Return (n, 3) one process (n,) with a gain per axis."""
+    errors: FloatArray = np.multiply.outer(values, gains)
+    return errors
+
+
+def log_uniform(generator: np.random.Generator, low: float, high: float) -> float:
+    """Return a number whose logarithm is uniform between two bounds."""
+    return float(np.exp(generator.uniform(np.log(low), np.log(high))))
