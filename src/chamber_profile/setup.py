@@ -9,7 +9,7 @@ NAME = 'chamber_profile'
 
 setup(
     name=NAME,
-    version='0.1.0',
+    version='0.2.0',
     packages=find_packages(),
     package_data={NAME: ['py.typed', 'profile/*.json', 'profile/shipped/*.yaml']},
     data_files=[

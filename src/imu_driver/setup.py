@@ -9,7 +9,7 @@ NAME = 'imu_driver'
 
 setup(
     name=NAME,
-    version='0.1.0',
+    version='0.2.0',
     packages=find_packages(),
     package_data={NAME: ['py.typed']},
     data_files=[

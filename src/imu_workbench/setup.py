@@ -14,7 +14,7 @@ VERBS = runpy.run_path(str(HERE / NAME / 'commands' / '__init__.py'))['COMMANDS'
 
 setup(
     name=NAME,
-    version='0.1.0',
+    version='0.2.0',
     packages=find_packages(),
     package_data={
         NAME: ['py.typed', 'report/*.html', 'data/*.csv', 'layouts/*', 'web/*.css', 'web/*.js']

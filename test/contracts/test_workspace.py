@@ -113,3 +113,17 @@ def test_environment_file_can_be_sourced(shell: str) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert not done.stderr
+
+
+def test_all_packages_are_of_one_version() -> None:
+    stated = {
+        found
+        for package in PACKAGES
+        for file, form in (
+            ('setup.py', r"version='([\d.]+)'"),
+            ('package.xml', r'<version>([\d.]+)<'),
+        )
+        for found in re.findall(form, (ROOT / 'src' / package / file).read_text())
+    }
+    assert len(stated) == 1
+    assert f'## {stated.pop()} ' in (ROOT / 'CHANGELOG.md').read_text()

@@ -57,7 +57,7 @@ def test_help_is_enough(verb: str, capsys) -> None:
 
 def test_the_version_is_the_packages(capsys) -> None:
     assert main(['--version']) == 0
-    assert capsys.readouterr().out == '0.1.0\n'
+    assert capsys.readouterr().out == '0.2.0\n'
 
 
 def test_the_list_of_verbs_needs_no_library() -> None:
