@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
-from importlib.util import find_spec
 from urllib.parse import parse_qsl, urlsplit
 
 from imu_recording.user_error import UserError
@@ -13,9 +12,7 @@ from imu_recording.user_error import UserError
 from chamber_profile.chambers.chamber import Chamber
 from chamber_profile.chambers.espec import EspecChamber
 from chamber_profile.chambers.line import TIMEOUT_S, Line
-from chamber_profile.chambers.modbus_line import ModbusLine, PymodbusLine
 from chamber_profile.chambers.votsch import Ascii2Chamber, Layout, SimservChamber
-from chamber_profile.chambers.watlow_f4 import RTU_PAUSE_S, WatlowF4Chamber
 
 GROUP = 'chamber_profile.chambers'
 """Entry points of this group add chambers: a function of (line, options) → Chamber."""
@@ -29,16 +26,18 @@ def _make_ascii2(line: Line, options: Mapping[str, int]) -> Chamber:
 
 
 def _make_watlow(line: Line, options: Mapping[str, int]) -> Chamber:
+    try:
+        from chamber_profile.chambers.modbus import ModbusRegisters  # and pymodbus
+        from chamber_profile.chambers.watlow_f4 import RTU_PAUSE_S, WatlowF4Chamber
+    except ImportError as error:
+        raise ChamberAddressError(
+            f'chamber watlow_f4 needs pymodbus 3.11 or later (pip install "pymodbus>=3.11,<4"): '
+            f'{error}'
+        ) from error
     tcp = bool(options['tcp'])
     if not tcp:
         line.pause_s = RTU_PAUSE_S
-    if options.get('pymodbus') and find_spec('pymodbus') is None:
-        raise ChamberAddressError(
-            'chamber option pymodbus: it is not installed; pip install chamber_profile[pymodbus], '
-            'or leave the option out: the same frames are then made without it'
-        )
-    kind = PymodbusLine if options.get('pymodbus') else ModbusLine
-    registers = kind(line, options.get('address', 1), tcp=tcp)
+    registers = ModbusRegisters(line, options.get('address', 1), tcp=tcp)
     return WatlowF4Chamber(registers, cond_event=options.get('cond_event', 1))
 
 
@@ -53,7 +52,7 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     'espec': ('address',),
     'ascii2': ('address', *Layout.__dataclass_fields__),
     'simserv': ('address',),
-    'watlow_f4': ('address', 'cond_event', 'pymodbus'),
+    'watlow_f4': ('address', 'cond_event'),
 }
 """Protocol → whole-number options of its address, beside `baudrate` and `timeout`."""
 BAUDRATES = {'espec': 19200, 'ascii2': 9600, 'simserv': 19200, 'watlow_f4': 19200}

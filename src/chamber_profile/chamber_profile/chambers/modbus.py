@@ -1,110 +1,108 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Modbus, as much as a chamber needs: functions 3, 6 and 16, RTU and TCP. No I/O.
+"""Holding registers over Modbus RTU or TCP: the frames are pymodbus', the bytes go over a `Line`.
 
-A PDU is function code and data; RTU puts the address before and a CRC behind it, TCP a header of
-seven bytes before it.
+pymodbus' own clients are not used: whatever goes wrong (no answer, wrong CRC, another address or
+transaction, half an answer), they wait for the whole time-out and report "No response received".
 """
 
 from __future__ import annotations
 
-import struct
+import logging
 
-READ, WRITE, WRITE_MANY = 3, 6, 16
-EXCEPTION = 0x80
-REASONS = {1: 'illegal function', 2: 'illegal address', 3: 'illegal value', 4: 'device failure'}
+from pymodbus.constants import ExcCodes
+from pymodbus.framer import FramerBase, FramerRTU, FramerSocket
+from pymodbus.pdu import DecodePDU, ExceptionResponse, ModbusPDU
+from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, WriteSingleRegisterRequest
 
+from chamber_profile.chambers.chamber import ChamberError, ChamberRefusalError
+from chamber_profile.chambers.line import Line
 
-class ModbusError(ValueError):
-    """Bytes that are no answer to the request."""
-
-
-class ModbusRefusalError(ValueError):
-    """An exception answer; the message holds its reason."""
+logging.getLogger('pymodbus').addHandler(logging.NullHandler())  # errors are raised, not logged
 
 
-def crc16(data: bytes) -> int:
-    """Return CRC-16/MODBUS.
-
-    >>> hex(crc16(bytes.fromhex('010300640001')))
-    '0xd5c5'
-    """
-    crc = 0xFFFF
-    for byte in data:
-        crc ^= byte
-        for _ in range(8):
-            crc = (crc >> 1) ^ (0xA001 if crc & 1 else 0)
-    return crc
+def framer(*, tcp: bool, is_server: bool) -> FramerBase:
+    """Return what puts PDUs into frames and takes them out again."""
+    return (FramerSocket if tcp else FramerRTU)(DecodePDU(is_server))
 
 
-def read_pdu(register: int, count: int = 1) -> bytes:
-    """Return the request for `count` holding registers."""
-    return struct.pack('>BHH', READ, register, count)
+class ModbusRegisters:
+    """Signed 16-bit holding registers of a controller; function codes 3 and 6."""
+
+    def __init__(self, line: Line, address: int, *, tcp: bool) -> None:
+        self.line = line
+        self.address = address
+        self._framer = framer(tcp=tcp, is_server=False)
+        self._tcp = tcp
+        self._transaction = 0
+
+    def open(self) -> None:
+        """Open the line (again)."""
+        self.line.open()
+
+    def close(self) -> None:
+        """Close the line."""
+        self.line.close()
+
+    def read(self, register: int, count: int = 1) -> list[int]:
+        """Return `count` registers from `register` on."""
+        answer = self._exchange(ReadHoldingRegistersRequest(address=register, count=count))
+        return [value - 0x10000 if value & 0x8000 else value for value in answer.registers]
+
+    def write(self, register: int, value: int) -> None:
+        """Write one register."""
+        self._exchange(WriteSingleRegisterRequest(address=register, registers=[value & 0xFFFF]))
+
+    def _exchange(self, request: ModbusPDU) -> ModbusPDU:
+        """Return the answer to a request; raise ChamberError where what comes is none."""
+        if self._tcp:
+            self._transaction = self._transaction % 0xFFFF + 1
+        request.dev_id, request.transaction_id = self.address, self._transaction
+        frame = self._framer.buildFrame(request)
+        raw = self.line.ask(frame, lambda received: int(self._framer.decode(received)[0]))
+        try:
+            return self._answer(request, raw)
+        except ChamberRefusalError:
+            raise
+        except ChamberError:
+            self.close()
+            raise
+
+    def _answer(self, request: ModbusPDU, raw: bytes) -> ModbusPDU:
+        _, address, transaction, data = self._framer.decode(raw)
+        if not data:
+            raise ChamberError(f'CRC of {raw.hex(" ")} is wrong')
+        if address != self.address:
+            raise ChamberError(f'address {address} answered instead of {self.address}')
+        if transaction != request.transaction_id:
+            raise ChamberError(
+                f'transaction {transaction} was answered instead of {request.transaction_id}'
+            )
+        answer = self._framer.decoder.decode(data)
+        refused = isinstance(answer, ExceptionResponse)
+        if refused and answer.function_code == request.function_code | 0x80:
+            raise ChamberRefusalError(f'refused {_shown(request)}: {_reason(answer)}')
+        if answer is None or not _belongs(answer, request) or _pdu(answer) != data:
+            raise ChamberError(f'{data.hex(" ")} is no answer to {_shown(request)}')
+        return answer
 
 
-def write_pdu(register: int, value: int) -> bytes:
-    """Return the request to write one signed register."""
-    return struct.pack('>BHh', WRITE, register, value)
+def _belongs(answer: ModbusPDU, request: ModbusPDU) -> bool:
+    """Whether an answer is to the request: same function, all registers, the value written."""
+    if isinstance(request, ReadHoldingRegistersRequest):
+        same_function = answer.function_code == request.function_code
+        return bool(same_function and len(answer.registers) == request.count)
+    return _pdu(answer) == _pdu(request)
 
 
-def rtu_frame(address: int, pdu: bytes) -> bytes:
-    """Return the frame on a serial line; the CRC's low byte goes first.
-
-    >>> rtu_frame(1, write_pdu(300, 500)).hex(' ')
-    '01 06 01 2c 01 f4 49 e8'
-    """
-    body = bytes([address]) + pdu
-    return body + struct.pack('<H', crc16(body))
+def _pdu(message: ModbusPDU) -> bytes:
+    return bytes([message.function_code]) + bytes(message.encode())
 
 
-def tcp_frame(transaction: int, address: int, pdu: bytes) -> bytes:
-    """Return the frame on TCP.
-
-    >>> tcp_frame(1, 1, read_pdu(100)).hex(' ')
-    '00 01 00 00 00 06 01 03 00 64 00 01'
-    """
-    return struct.pack('>HHHB', transaction, 0, len(pdu) + 1, address) + pdu
+def _shown(request: ModbusPDU) -> str:
+    return _pdu(request).hex(' ')
 
 
-def rtu_answer_length(received: bytes) -> int:
-    """Return the length of the RTU answer that begins so; 0: not yet known."""
-    if len(received) < 3:
-        return 0
-    if received[1] & EXCEPTION:
-        return 5
-    return 5 + received[2] if received[1] == READ else 8
-
-
-def tcp_answer_length(received: bytes) -> int:
-    """Return the length of the TCP answer that begins so; 0: not yet known."""
-    return 6 + int(struct.unpack('>H', received[4:6])[0]) if len(received) >= 6 else 0
-
-
-def rtu_pdu(address: int, frame: bytes) -> bytes:
-    """Return the PDU of an RTU frame; raise ModbusError where CRC or address are wrong."""
-    if len(frame) < 4 or struct.unpack('<H', frame[-2:])[0] != crc16(frame[:-2]):
-        raise ModbusError(f'CRC of {frame.hex(" ")} is wrong')
-    if frame[0] != address:
-        raise ModbusError(f'address {frame[0]} answered instead of {address}')
-    return frame[1:-2]
-
-
-def tcp_pdu(transaction: int, address: int, frame: bytes) -> bytes:
-    """Return the PDU of a TCP frame; raise ModbusError where its header is wrong."""
-    number, protocol, length, unit = struct.unpack('>HHHB', frame[:7])
-    if (number, protocol, unit) != (transaction, 0, address) or length != len(frame) - 6:
-        raise ModbusError(f'header {frame[:7].hex(" ")} does not belong to the request')
-    return frame[7:]
-
-
-def answer_values(request: bytes, answer: bytes) -> list[int]:
-    """Return the registers an answer holds (none for a write); raise where it is no answer."""
-    function = request[0]
-    if answer[:1] == bytes([function | EXCEPTION]) and len(answer) == 2:
-        raise ModbusRefusalError(REASONS.get(answer[1], f'exception {answer[1]}'))
-    if function == READ:
-        count = struct.unpack('>H', request[3:5])[0]
-        if len(answer) == 2 + 2 * count and answer[:2] == bytes([READ, 2 * count]):
-            return list(struct.unpack(f'>{count}h', answer[2:]))
-    elif answer == request[:5]:
-        return []
-    raise ModbusError(f'{answer.hex(" ")} is no answer to {request.hex(" ")}')
+def _reason(answer: ExceptionResponse) -> str:
+    code = int(answer.exception_code)
+    known = code in ExcCodes.__members__.values()
+    return ExcCodes(code).name.lower().replace('_', ' ') if known else f'exception {code}'

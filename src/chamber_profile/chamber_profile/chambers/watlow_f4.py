@@ -8,7 +8,7 @@ EEPROM) is never touched.
 from __future__ import annotations
 
 from chamber_profile.chambers.chamber import ChamberReading, ChamberRefusalError
-from chamber_profile.chambers.modbus_line import Registers
+from chamber_profile.chambers.modbus import ModbusRegisters
 
 PROCESS_VALUE, PROFILE_STATUS, SETPOINT = 100, 200, 300
 LIMIT_LOW, LIMIT_HIGH, DECIMALS, UNITS = 602, 603, 606, 901
@@ -34,7 +34,7 @@ class WatlowF4Chamber:
 
     programs_limits = True
 
-    def __init__(self, registers: Registers, *, cond_event: int = 1) -> None:
+    def __init__(self, registers: ModbusRegisters, *, cond_event: int = 1) -> None:
         self._registers = registers
         self._event = event_register(cond_event)
         self._scale = 10.0

@@ -19,7 +19,7 @@ from chamber_profile.emulators.espec import EspecServer
 from chamber_profile.emulators.faults import FAULTS, FaultPlan, parse_fault
 from chamber_profile.emulators.plant import EmulatedBody
 from chamber_profile.emulators.votsch import Ascii2Server, SimservServer
-from chamber_profile.emulators.watlow_f4 import WatlowRtuServer, WatlowTcpServer
+from chamber_profile.emulators.watlow_f4 import WatlowF4Server
 
 LOOK_S = 0.02
 """The chamber's clock moves at least so often [s]."""
@@ -28,9 +28,7 @@ SERVERS: dict[str, Callable[[EmulatedBody, int, bool], Server]] = {
     'espec': lambda body, address, _: EspecServer(body, address),
     'ascii2': lambda body, address, _: Ascii2Server(body, address or 1),
     'simserv': lambda body, address, _: SimservServer(body, address or 1),
-    'watlow_f4': lambda body, address, tcp: (
-        WatlowTcpServer(body, address or 1) if tcp else WatlowRtuServer(body, address or 1)
-    ),
+    'watlow_f4': lambda body, address, tcp: WatlowF4Server(body, address or 1, tcp=tcp),
 }
 """Protocol → server of a body, an address (0: none given) and whether it is on TCP."""
 

@@ -3,43 +3,60 @@
 
 from __future__ import annotations
 
-import struct
+from pymodbus.constants import ExcCodes
+from pymodbus.pdu import ExceptionResponse, ModbusPDU
+from pymodbus.pdu.register_message import (
+    ReadHoldingRegistersRequest,
+    ReadHoldingRegistersResponse,
+    WriteMultipleRegistersRequest,
+    WriteMultipleRegistersResponse,
+    WriteSingleRegisterRequest,
+    WriteSingleRegisterResponse,
+)
 
-from chamber_profile.chambers import modbus, watlow_f4
+from chamber_profile.chambers import watlow_f4
 from chamber_profile.chambers.chamber import ChamberRefusalError
+from chamber_profile.chambers.modbus import framer
 from chamber_profile.emulators.plant import EmulatedBody
 
 SCALE = 10.0
 EVENT = watlow_f4.event_register(1)
+MAX_FRAME_BYTES = 260
+"""Longest frame of Modbus, that of TCP; more bytes without a frame are dropped."""
 
 
 class F4Registers:
-    """The controller's registers on top of a body; one decimal, °C."""
+    """The controller's registers on top of a plant; one decimal, °C."""
 
     def __init__(self, body: EmulatedBody) -> None:
         self._body = body
 
-    def answer(self, pdu: bytes) -> bytes:
-        """Return the answer PDU to a request PDU."""
-        function = pdu[0] if pdu else 0
+    def answer(self, request: ModbusPDU) -> ModbusPDU:
+        """Return the answer to a request."""
         try:
-            if function == modbus.READ and len(pdu) == 5:
-                return self._read(*struct.unpack('>HH', pdu[1:]))
-            if function == modbus.WRITE and len(pdu) == 5:
-                self._write(*struct.unpack('>Hh', pdu[1:]))
-                return pdu
-            if function == modbus.WRITE_MANY and len(pdu) >= 8:
-                first, count = struct.unpack('>HH', pdu[1:5])
-                for i, value in enumerate(struct.unpack(f'>{count}h', pdu[6:])):
-                    self._write(first + i, value)
-                return pdu[:5]
+            match request:
+                case ReadHoldingRegistersRequest(function_code=3):
+                    return ReadHoldingRegistersResponse(registers=self._read(request))
+                case WriteSingleRegisterRequest():
+                    self._write(request.address, request.registers[0])
+                    return WriteSingleRegisterResponse(
+                        address=request.address, registers=request.registers
+                    )
+                case WriteMultipleRegistersRequest() if len(request.registers) == request.count:
+                    for i, value in enumerate(request.registers):
+                        self._write(request.address + i, value)
+                    return WriteMultipleRegistersResponse(
+                        address=request.address, count=request.count
+                    )
+                case WriteMultipleRegistersRequest():
+                    return ExceptionResponse(request.function_code, ExcCodes.ILLEGAL_VALUE)
         except KeyError:
-            return bytes([function | modbus.EXCEPTION, 2])
-        except (struct.error, ChamberRefusalError):
-            return bytes([function | modbus.EXCEPTION, 3])
-        return bytes([function | modbus.EXCEPTION, 1])
+            return ExceptionResponse(request.function_code, ExcCodes.ILLEGAL_ADDRESS)
+        except ChamberRefusalError:
+            return ExceptionResponse(request.function_code, ExcCodes.ILLEGAL_VALUE)
+        return ExceptionResponse(request.function_code, ExcCodes.ILLEGAL_FUNCTION)
 
-    def _read(self, first: int, count: int) -> bytes:
+    def _read(self, request: ReadHoldingRegistersRequest) -> list[int]:
         chamber = self._body.chamber
         if chamber.alarms:  # no register says so: the controller switches the chamber off
             chamber.stop()
@@ -56,11 +73,11 @@ class F4Registers:
             EVENT: int(chamber.running),
             watlow_f4.EMULATOR_MARK: watlow_f4.EMULATED,
         }
-        values = [round(table[first + i]) for i in range(count)]
-        return bytes([modbus.READ, 2 * count]) + struct.pack(f'>{count}h', *values)
+        return [round(table[request.address + i]) & 0xFFFF for i in range(request.count)]
 
-    def _write(self, register: int, value: int) -> None:
+    def _write(self, register: int, unsigned: int) -> None:
         chamber = self._body.chamber
+        value = unsigned - 0x10000 if unsigned & 0x8000 else unsigned
         if self._body.refuses:
             raise ChamberRefusalError('locked')
         if register == watlow_f4.SETPOINT:
@@ -78,49 +95,39 @@ class F4Registers:
             raise KeyError(register)
 
 
-class WatlowRtuServer:
-    """Frames on a serial line; what has a wrong CRC or another address gets no answer."""
+class WatlowF4Server:
+    """Frames on a serial line, or behind a TCP gateway (which answers for any address).
 
-    def __init__(self, body: EmulatedBody, address: int = 1) -> None:
+    A serial frame with a wrong CRC or another address gets no answer.
+    """
+
+    def __init__(self, body: EmulatedBody, address: int = 1, *, tcp: bool = False) -> None:
         self._registers = F4Registers(body)
-        self._address = address
+        self._framer = framer(tcp=tcp, is_server=True)
+        self._address = None if tcp else address
         self._pending = b''
 
     def feed(self, data: bytes) -> list[bytes]:
         """Return one answer per whole request."""
         self._pending += data
         answers = []
-        while len(self._pending) >= 8:
-            size = 8 if self._pending[1] != modbus.WRITE_MANY else 9 + self._pending[6]
-            if len(self._pending) < size:
+        while True:
+            used, address, transaction, pdu = self._framer.decode(self._pending)
+            if not used:
                 break
-            frame, self._pending = self._pending[:size], self._pending[size:]
-            try:
-                pdu = modbus.rtu_pdu(self._address, frame)
-            except modbus.ModbusError:
-                self._pending = b''
-                break
-            answers.append(modbus.rtu_frame(self._address, self._registers.answer(pdu)))
+            self._pending = self._pending[used:]
+            if pdu and address == (self._address or address):
+                answer = self._answer(pdu)
+                answer.dev_id, answer.transaction_id = address, transaction
+                answers.append(self._framer.buildFrame(answer))
+        if len(self._pending) > MAX_FRAME_BYTES:
+            self._pending = b''
         return answers
 
-
-class WatlowTcpServer:
-    """Frames behind a Modbus TCP gateway."""
-
-    def __init__(self, body: EmulatedBody, address: int = 1) -> None:
-        self._registers = F4Registers(body)
-        self._address = address
-        self._pending = b''
-
-    def feed(self, data: bytes) -> list[bytes]:
-        """Return one answer per whole request."""
-        self._pending += data
-        answers = []
-        while size := modbus.tcp_answer_length(self._pending):
-            if len(self._pending) < size:
-                break
-            frame, self._pending = self._pending[:size], self._pending[size:]
-            transaction = struct.unpack('>H', frame[:2])[0]
-            answer = self._registers.answer(frame[7:])
-            answers.append(modbus.tcp_frame(transaction, frame[6], answer))
-        return answers
+    def _answer(self, pdu: bytes) -> ModbusPDU:
+        request = self._framer.decoder.decode(pdu)
+        if request is None:
+            known = pdu[0] in (3, 6, 16)
+            code = ExcCodes.ILLEGAL_VALUE if known else ExcCodes.ILLEGAL_FUNCTION
+            return ExceptionResponse(pdu[0] & 0x7F, code)
+        return self._registers.answer(request)

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Addresses of chambers, faults of emulators: what is wrong is named, with what would be right."""
+"""Addresses of chambers: a wrong one is refused with what would be right."""
 
 import pytest
 from chamber_profile.chambers.catalogue import ChamberAddressError, open_chamber
 from chamber_profile.chambers.chamber import ChamberError
-from chamber_profile.emulators.faults import Fault, parse_fault
 
 
 @pytest.mark.parametrize(
@@ -33,14 +32,3 @@ def test_address_options_reach_the_driver() -> None:
     assert chamber._line.port == '/dev/ttyUSB7'
     with pytest.raises(ChamberError, match='ttyUSB7'):
         chamber.connect()
-
-
-@pytest.mark.parametrize('text', ['silence', 'coffee@3', 'silence@', 'silence@-3', 'silence@3+'])
-def test_a_fault_that_is_none_is_refused(text: str) -> None:
-    with pytest.raises(ValueError, match='NAME@SECONDS'):
-        parse_fault(text)
-
-
-def test_faults_last_until_the_end_unless_told_otherwise() -> None:
-    assert parse_fault('garbage@3') == Fault('garbage', 3.0)
-    assert parse_fault('half-line@3+4') == Fault('half_line', 3.0, 4.0)
