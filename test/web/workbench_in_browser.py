@@ -73,7 +73,7 @@ def test_a_user_finds_adds_and_saves_the_hidden_effect(serve, watch, tmp_path):
     assert 'thermal lag' in name
     assert 'evidence' in finding.inner_text()
     assert 'noise floor' in finding.inner_text()
-    page.locator('.fingerprint .js-plotly-plot .main-svg').first.wait_for()
+    page.locator('.preview .js-plotly-plot .main-svg').first.wait_for()
 
     # Add: the error falls to the floor.
     finding.get_by_role('button', name='Add to the model').click()

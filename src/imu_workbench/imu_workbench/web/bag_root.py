@@ -12,7 +12,7 @@ from imu_recording.user_error import UserError
 
 SUFFIXES = ('.mcap', '.db3', '.bag')
 """Storage files of a bag."""
-DEEPEST = 4
+MAX_SEARCH_DEPTH = 4
 """Folders below the root that are searched."""
 
 
@@ -62,7 +62,7 @@ class BagRoot:
     def bags(self) -> list[Path]:
         """Return the bags below the root: folders with metadata.yaml, and storage files."""
         found: list[Path] = []
-        self._search(self.folder, DEEPEST, found)
+        self._search(self.folder, MAX_SEARCH_DEPTH, found)
         return sorted(found)
 
     def _search(self, folder: Path, depth: int, found: list[Path]) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Long work in a process of its own: progress to read, a result to wait for, a way to stop it.
+"""Work in a process of its own: its progress, its result, and how to cancel it.
 
 Processes are forked from a small server that has imported the numerical packages and nothing
 else, so that they start at once and can be ended at any time.
@@ -22,20 +22,21 @@ from imu_recording.user_error import UserError
 
 from imu_workbench.answer import error_line
 
-PRELOADED = 'imu_workbench.web.preloaded'
+PRELOADED_MODULE = 'imu_workbench.web.case.tasks'
+"""Imported once in the process that workers are forked from."""
 logger = logging.getLogger(__name__)
 
 
 class JobError(UserError):
-    """What went wrong, in a sentence for the user."""
+    """The task failed; the message is a sentence for the user."""
 
 
-class JobCancelled(Exception):  # noqa: N818 (not an error: the user wanted it)
-    """The user has stopped it."""
+class JobCancelled(Exception):  # noqa: N818 (not an error: the user asked for it)
+    """The user cancelled the task."""
 
 
 class Stoppable(Protocol):
-    """Something that goes on and that the user may stop."""
+    """Work under way that the user may cancel."""
 
     progress: str
 
@@ -43,15 +44,15 @@ class Stoppable(Protocol):
         """Stop it."""
 
 
-class Waiting:
-    """Waits for a lock that another tab holds."""
+class LockWait:
+    """Waiting for a lock that another tab holds."""
 
     def __init__(self) -> None:
-        self.progress = 'waiting for another tab that is at it'
+        self.progress = 'waiting for the same work in another tab'
         self._stopped = asyncio.Event()
 
     def cancel(self) -> None:
-        """Give up."""
+        """Give up waiting."""
         self._stopped.set()
 
     async def acquire(self, lock: asyncio.Lock) -> None:
@@ -131,7 +132,7 @@ def end_all() -> None:
 def start_context() -> Any:
     """Return the context whose server holds the imported packages; the first call starts it."""
     context = multiprocessing.get_context('forkserver')
-    context.set_forkserver_preload([PRELOADED])
+    context.set_forkserver_preload([PRELOADED_MODULE])
     return context
 
 
@@ -151,7 +152,7 @@ def _run(connection: Connection, function: Callable[..., Any], arguments: tuple[
         connection.send(('result', value))
     except (UserError, OSError) as error:
         connection.send(('error', error_line(error)))
-    except Exception as error:  # noqa: BLE001 (a bug: said on the page, told in full in the log)
+    except Exception as error:  # noqa: BLE001 (a bug: named on the page, traceback in the log)
         logging.basicConfig()
         logger.error('%s', traceback.format_exc())
         text = f'{type(error).__name__}: {error}'

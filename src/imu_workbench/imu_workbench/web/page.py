@@ -15,7 +15,7 @@ from thermal_comp.data.conditions import SENSORS
 
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.case.add_page import AddActions, AddPage
-from imu_workbench.web.case.channel_selector import ChannelTiles
+from imu_workbench.web.case.channel_selector import ChannelSelector
 from imu_workbench.web.case.compare_page import ComparePage
 from imu_workbench.web.case.learn_page import LearnActions, LearnPage
 from imu_workbench.web.case.stored_bag import StoredBag
@@ -23,10 +23,10 @@ from imu_workbench.web.case.tasks import Change
 from imu_workbench.web.case.view import Place
 from imu_workbench.web.jobs import Stoppable
 from imu_workbench.web.plot import Look
-from imu_workbench.web.result_cache import Library
+from imu_workbench.web.result_cache import ResultCache
 from imu_workbench.web.session import Display, WorkbenchTab
 
-PHONE = 640
+PHONE_WIDTH_PX = 640
 """Width [px] below which figures stand below each other."""
 
 
@@ -39,13 +39,13 @@ class Start:
 
 
 class Page:
-    """Builds one tab and keeps it up to date."""
+    """One browser tab: builds it and keeps it up to date."""
 
-    def __init__(self, library: Library, start: Start) -> None:
+    def __init__(self, cache: ResultCache, start: Start) -> None:
         self._start = start
         self._look = Look()
         self._dark = ui.dark_mode(None)
-        self._tab = WorkbenchTab(library, Display(self._show_work, self._say))
+        self._tab = WorkbenchTab(cache, Display(self._show_work, self._say))
         self._build()
 
     @contextmanager
@@ -61,7 +61,7 @@ class Page:
 
     def _build(self) -> None:
         session = self._tab.session
-        self._dialog = OpenDialog(self._tab.library.root, self.open_bags)
+        self._dialog = OpenDialog(self._tab.cache.root, self.open_bags)
         with ui.element('header').classes('bar'):
             ui.html('<h1>IMU workbench</h1>', sanitize=False)
             self._device = ui.select(
@@ -69,7 +69,7 @@ class Page:
             )
             self._device.props('dense outlined options-dense').classes('device')
             ui.button('Open bags', on_click=self._dialog.show).props('no-caps outline')
-            self._told = ui.label('').classes('soft told')
+            self._summary = ui.label('').classes('soft summary')
             theme = ui.button('Light / dark', on_click=self._switch_theme)
             theme.props('no-caps flat aria-label="switch between light and dark"')
         with (
@@ -82,25 +82,23 @@ class Page:
         self._messages = Messages()
         self._work = Work()
         with ui.element('div').classes('body'):
-            self._tiles = ChannelTiles(session, self._choose_channel)
+            self._tiles = ChannelSelector(session, self._choose_channel)
             with ui.tab_panels(self._tabs, value='Compare', animated=False).classes('panels'):
                 with ui.tab_panel('Compare'):
                     self._compare = ComparePage(session, self._look, self.go_to)
                 with ui.tab_panel('Learn'):
                     actions = LearnActions(
-                        self._diagnose, self._add, self._tab.fingerprint, self._tab.next_profile
+                        self._diagnose, self._add, self._tab.preview, self._tab.next_profile
                     )
-                    self._learn = LearnPage(session, self._look, self._tab.catalogue, actions)
+                    self._learn = LearnPage(session, self._look, actions)
                 with ui.tab_panel('Add'):
-                    self._grow = AddPage(
-                        session, self._look, self._tab.catalogue, self._add_actions()
-                    )
+                    self._add_page = AddPage(session, self._look, self._add_actions())
                 with ui.tab_panel('Live') as self._live:
                     self._live_page: Any = None
-        ui.on('narrow', lambda event: self._turn(narrow=bool(event.args)))
-        ui.on('dark', lambda event: self._follow_system(dark=bool(event.args)))
+        ui.on('narrow', lambda event: self._on_narrow(narrow=bool(event.args)))
+        ui.on('dark', lambda event: self._on_system_theme(dark=bool(event.args)))
         ui.context.client.on_delete(self._work.cancel_all)
-        ui.timer(0.0, self._begin, once=True)
+        ui.timer(0.0, self._start_up, once=True)
 
     def _add_actions(self) -> AddActions:
         return AddActions(
@@ -115,9 +113,9 @@ class Page:
             load_effects=self._load_effects,
         )
 
-    async def _begin(self) -> None:
+    async def _start_up(self) -> None:
         await ui.context.client.connected()
-        look = await ui.run_javascript(f'watchLook({PHONE})')
+        look = await ui.run_javascript(f'watchLook({PHONE_WIDTH_PX})')
         self._look.dark, self._look.narrow, self._look.touch = map(bool, look)
         self._colours()
         if self._start.bags:
@@ -166,7 +164,7 @@ class Page:
         """Draw what is on the screen."""
         state = self._tab.session.state
         self._tiles.refresh()
-        self._told.set_text(told_runs(state.bags) if state else '')
+        self._summary.set_text(runs_summary(state.bags) if state else '')
         shown = self._tabs.value
         self._tiles.show(visible=shown != 'Live' and state is not None)
         if self._live_page is not None:
@@ -176,7 +174,7 @@ class Page:
         elif shown == 'Learn':
             await self._learn.refresh()
         elif shown == 'Add':
-            await self._grow.refresh()
+            await self._add_page.refresh()
         else:
             await self._compare.refresh()
 
@@ -189,18 +187,18 @@ class Page:
             self._live_page = build_live(self._live, dark=lambda: self._look.dark)
 
     def _repaint(self) -> None:
-        for page in (self._compare, self._learn, self._grow):
+        for page in (self._compare, self._learn, self._add_page):
             page.repaint()
 
     def _colours(self) -> None:
         ui.colors(primary='#2a7fb4' if self._look.dark else '#0072b2')
 
-    def _turn(self, *, narrow: bool) -> None:
-        """Lay figures out for a phone that was turned, a window that was made narrow or wide."""
+    def _on_narrow(self, *, narrow: bool) -> None:
+        """Lay the figures out anew: the window has become narrow or wide, the phone was turned."""
         self._look.narrow = narrow
         self._repaint()
 
-    def _follow_system(self, *, dark: bool) -> None:
+    def _on_system_theme(self, *, dark: bool) -> None:
         if self._dark.value is None:  # nobody has chosen here
             self._look.dark = dark
             self._colours()
@@ -261,15 +259,13 @@ class Page:
 
     async def _load_effects(self, name: str, content: bytes) -> None:
         if await self._tab.load_effects(name, content):
-            self._messages.say(f'{Path(name).name}: its effects are in the list now', 'info')
-            await self._tab_refit()
+            self._messages.say(
+                f'{Path(name).name}: its effects are in the list of effects now', 'info'
+            )
+            state = self._tab.session.state
+            if state is not None and not state.versions:
+                await self._tab.first_version(self._start.model_text)
         await self.refresh()
-
-    async def _tab_refit(self) -> Any:
-        state = self._tab.session.state
-        if state is not None and not state.versions:
-            return await self._tab.first_version(self._start.model_text)
-        return None
 
 
 def change_of(effect: str, sensors: Sequence[str], *, added: bool = True) -> Change:
@@ -277,8 +273,8 @@ def change_of(effect: str, sensors: Sequence[str], *, added: bool = True) -> Cha
     return Change(effect, tuple(s for s in SENSORS if s in sensors), added)
 
 
-def told_runs(bags: Sequence[StoredBag]) -> str:
-    """Return how much there is to look at."""
+def runs_summary(bags: Sequence[StoredBag]) -> str:
+    """Return the number of runs and of samples in words."""
     samples = f'{sum(bag.samples for bag in bags):,}'.replace(',', '\N{NARROW NO-BREAK SPACE}')
     return f'{len(bags)} {"run" if len(bags) == 1 else "runs"} · {samples} samples'
 
@@ -320,7 +316,7 @@ class OpenDialog:
             await self._opened(chosen)
 
 
-MOST = 4
+MAX_MESSAGES = 4
 """Messages that stay."""
 
 
@@ -333,11 +329,11 @@ class Messages:
     def say(self, text: str, kind: str = 'error') -> None:
         """Show a message; the same text once."""
         for child in list(self._place):
-            if getattr(child, 'told', None) == text:
+            if getattr(child, 'message_text', None) == text:
                 return
         with self._place:
             row = ui.element('div').classes(f'message {kind}')
-            row.told = text  # type: ignore[attr-defined]
+            row.message_text = text  # type: ignore[attr-defined]
             with row:
                 ui.label(text)
                 close = (
@@ -349,7 +345,7 @@ class Messages:
                 with close:
                     ui.label('×')
         row.move(target_index=0)
-        for child in list(self._place)[MOST:]:
+        for child in list(self._place)[MAX_MESSAGES:]:
             child.delete()
 
     def clear(self) -> None:
@@ -358,13 +354,13 @@ class Messages:
 
 
 class Work:
-    """The jobs of a tab: what they do, and a button to stop each."""
+    """The jobs of a tab, each with its progress and a button to cancel it."""
 
     def __init__(self) -> None:
         self.jobs: list[Stoppable] = []
         self._place = ui.element('div').classes('work').props('role=status aria-live=polite')
         self._labels: dict[Stoppable, ui.label] = {}
-        self._timer = ui.timer(0.25, self._tell, active=False)
+        self._timer = ui.timer(0.25, self._show_progress, active=False)
 
     def start(self, job: Stoppable) -> None:
         """Show a job."""
@@ -390,6 +386,6 @@ class Work:
         for job in self.jobs:
             job.cancel()
 
-    def _tell(self) -> None:
+    def _show_progress(self) -> None:
         for job, label in self._labels.items():
             label.set_text(f'{job.progress} …' if job.progress else 'starting …')

@@ -14,14 +14,14 @@ from typing import Any
 
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.case.stored_bag import StoredBag
-from imu_workbench.web.jobs import Job, Stoppable, Waiting
+from imu_workbench.web.jobs import Job, LockWait, Stoppable
 
-KEPT = 200
-"""Results remembered."""
+MAX_RESULTS = 200
+"""Results kept; the one unused for longest is dropped."""
 
 
-class Library:
-    """Bags below a root and results about them; `folder` is scratch space of this server."""
+class ResultCache:
+    """Results by task and arguments; `folder` holds this server's temporary files."""
 
     def __init__(self, root: BagRoot, folder: Path) -> None:
         self.root = root
@@ -33,11 +33,11 @@ class Library:
         """Bags are read one at a time: a long one takes a good part of the memory."""
 
     def fresh_path(self, suffix: str = '') -> Path:
-        """Return a path in the scratch space that nobody uses."""
+        """Return an unused path in the temporary folder."""
         return self.folder / f'{next(self._numbers)}{suffix}'
 
     def prepared_path(self, bags: Sequence[StoredBag]) -> Path:
-        """Return where the prepared runs of these bags are kept."""
+        """Return the file for the prepared runs of these bags."""
         names = '\n'.join(f'{bag.folder} {bag.run} {bag.device}' for bag in bags)
         return self.folder / f'{hashlib.sha256(names.encode()).hexdigest()[:16]}.runs'
 
@@ -53,7 +53,7 @@ class Library:
         Tabs that ask for the same at the same time wait for one of them.
         """
         full = (function.__name__, key)
-        async with self.alone(self._locks.setdefault(full, asyncio.Lock()), show):
+        async with self.exclusive(self._locks.setdefault(full, asyncio.Lock()), show):
             if full in self._results:
                 self._results.move_to_end(full)
                 return self._results[full]
@@ -61,17 +61,17 @@ class Library:
             with show(job):
                 value = await job.result()
             self._results[full] = value
-            while len(self._results) > KEPT:
+            while len(self._results) > MAX_RESULTS:
                 self._results.popitem(last=False)
             return value
 
     @asynccontextmanager
-    async def alone(
+    async def exclusive(
         self, lock: asyncio.Lock, show: Callable[[Stoppable], AbstractContextManager[None]]
     ) -> AsyncIterator[None]:
-        """Hold a lock; while another tab has it, show that."""
+        """Hold a lock; show that this tab waits while another one has it."""
         if lock.locked():
-            waiting = Waiting()
+            waiting = LockWait()
             with show(waiting):
                 await waiting.acquire(lock)
         else:
@@ -83,7 +83,7 @@ class Library:
 
 
 def file_key(path: Path) -> tuple[str, int, int]:
-    """Return what tells whether a bag has changed: its files' newest time and total size."""
+    """Return path, newest modification time [ns] and total size of a bag: changes when it does."""
     files = [path] if path.is_file() else [p for p in path.iterdir() if p.is_file()]
     stats = [file.stat() for file in files]
     newest = max((s.st_mtime_ns for s in stats), default=0)

@@ -23,7 +23,7 @@ from imu_workbench.web.access import AccessCheck
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.jobs import end_all, warm_up
 from imu_workbench.web.page import Page, Start
-from imu_workbench.web.result_cache import Library
+from imu_workbench.web.result_cache import ResultCache
 
 SCRIPTS = ('resizing.js', 'watching.js', 'cells.js')
 RECONNECT_S = 30.0
@@ -68,7 +68,7 @@ def run_server(
 ) -> None:
     """Serve until interrupted."""
     with TemporaryDirectory(prefix='imu_workbench_') as folder:
-        library = Library(root, Path(folder))
+        cache = ResultCache(root, Path(folder))
         outer = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
         outer.add_middleware(AccessCheck, token=token)
         here = files('imu_workbench') / 'web'
@@ -80,7 +80,7 @@ def run_server(
             ui.add_css(look)
             ui.add_head_html(''.join(f'<script>{script}</script>' for script in scripts))
             ui.query('.nicegui-content').classes('content')
-            Page(library, start)
+            Page(cache, start)
 
         nicegui_app.on_startup(ready)
         ui.run_with(

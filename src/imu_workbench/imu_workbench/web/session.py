@@ -10,19 +10,20 @@ from pathlib import Path
 from typing import Any
 
 from imu_recording.user_error import UserError
+from thermal_comp.effects import EFFECTS
 from thermal_comp.experiment.design import Limits
 from thermal_comp.presentation.display import SENSORS
 
 from imu_workbench.motion_detection import refusal
 from imu_workbench.web.case import tasks
 from imu_workbench.web.case.next_experiment import next_profile_task
-from imu_workbench.web.case.preview import Fingerprint, fingerprint_task
+from imu_workbench.web.case.preview import EffectPreview, preview_task
 from imu_workbench.web.case.stored_bag import StoredBag, with_unique_runs
-from imu_workbench.web.case.tasks import Catalogue, effects_task, report_task
+from imu_workbench.web.case.tasks import effect_explanations, effects_task, report_task
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import Place, View
 from imu_workbench.web.jobs import JobCancelled, JobError, Stoppable
-from imu_workbench.web.result_cache import Library, file_key
+from imu_workbench.web.result_cache import ResultCache, file_key
 
 
 @dataclass
@@ -39,9 +40,10 @@ class DeviceState:
     """Version whose residual is drawn for comparison."""
     problem: str = ''
     """Why there is no model."""
-    greyed: dict[str, str] = field(default_factory=dict)
+    unusable: dict[str, str] = field(default_factory=dict)
+    """Effect → why it cannot be fitted to these runs."""
     diagnoses: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """By model file."""
+    """By the text of the model file."""
 
     @property
     def version(self) -> Version | None:
@@ -55,7 +57,7 @@ class DeviceState:
 
     @property
     def diagnosis(self) -> dict[str, Any] | None:
-        """What was said about the version shown."""
+        """The diagnosis of the version shown; None before it."""
         return self.diagnoses.get(self.version.model_text) if self.version else None
 
     def append(self, version: Version) -> None:
@@ -82,6 +84,11 @@ class Session:
     device: str = ''
     view: View = field(default_factory=lambda: View('accelerometer'))
     effect_files: list[Path] = field(default_factory=list)
+    """The user's own effects, beside the catalogue."""
+    effects: dict[str, dict[str, Any]] = field(
+        default_factory=lambda: effect_explanations(EFFECTS)
+    )
+    """What `explain` says of every effect, by name."""
 
     @property
     def state(self) -> DeviceState | None:
@@ -95,7 +102,7 @@ class Session:
 
     @property
     def nothing_yet(self) -> str:
-        """Why there is no model to look at."""
+        """Text where there is no model: what to do, or why."""
         if self.state is None:
             return 'Nothing to look at yet: choose recordings with “Open bags” above.'
         return self.state.problem or 'The first model is being fitted …'
@@ -132,19 +139,18 @@ class Session:
 
 @dataclass(frozen=True)
 class Display:
-    """How a tab shows work and messages."""
+    """How a tab shows its work and its messages."""
 
     work: Callable[[Stoppable], AbstractContextManager[None]]
     say: Callable[[str], None]
 
 
 class WorkbenchTab:
-    """What a user can do; every act says on the page what went wrong and changes nothing then."""
+    """Actions of the user; one that fails says so on the page and changes nothing."""
 
-    def __init__(self, library: Library, display: Display) -> None:
-        self.library = library
+    def __init__(self, cache: ResultCache, display: Display) -> None:
+        self.cache = cache
         self.session = Session()
-        self.catalogue = Catalogue()
         self._display = display
 
     async def open_bags(
@@ -152,7 +158,7 @@ class WorkbenchTab:
     ) -> bool:
         """Read bags and make their devices known; True where there are new ones.
 
-        `read` is called after every bag, for there is something to see already.
+        `read` is called after every bag, so that the page shows it at once.
         """
         first = ''
         for path in paths:
@@ -167,7 +173,7 @@ class WorkbenchTab:
                 before = self.session.devices.get(device)
                 own = [b for b in new if b.device == device]
                 bags = with_unique_runs([*(before.bags if before else ()), *own])
-                prepared = self.library.prepared_path(bags)
+                prepared = self.cache.prepared_path(bags)
                 self.session.devices[device] = DeviceState(device, bags, prepared)
                 if not first:
                     first = self.session.device = device
@@ -179,13 +185,13 @@ class WorkbenchTab:
 
     async def _read(self, path: str | Path) -> list[StoredBag]:
         try:
-            located = self.library.root.locate(path)
+            located = self.cache.root.locate(path)
         except UserError as error:
             self._display.say(str(error))
             return []
-        folder = self.library.fresh_path()
+        folder = self.cache.fresh_path()
         try:
-            async with self.library.alone(self.library.reading, self._display.work):
+            async with self.cache.exclusive(self.cache.reading, self._display.work):
                 found = await self._do(file_key(located), tasks.read_task, located, folder)
         except JobCancelled:
             return []
@@ -203,7 +209,7 @@ class WorkbenchTab:
         if found is None:
             state.problem = 'There is no model of these bags: see the message above.'
             return False
-        version, state.greyed, left_out = found
+        version, state.unusable, left_out = found
         for bag in [bag for bag in state.bags if bag.run in left_out]:
             self._display.say(f'{left_out[bag.run]}; it is left out')
             state.bags.remove(bag)
@@ -237,7 +243,7 @@ class WorkbenchTab:
             state.diagnoses[text] = found
         return found is not None
 
-    async def fingerprint(self, effect: str, sensor: str) -> Fingerprint | None:
+    async def preview(self, effect: str, sensor: str) -> EffectPreview | None:
         """Return what an effect would explain of the version looked at."""
         state = self.session.state
         if state is None or state.version is None:
@@ -245,7 +251,7 @@ class WorkbenchTab:
         text, files = state.version.model_text, list(self.session.effect_files)
         key = (str(state.prepared), text, effect, sensor, tuple(files))
         arguments = (state.prepared, text, effect, sensor, files)
-        found: Fingerprint | None = await self._do(key, fingerprint_task, *arguments)
+        found: EffectPreview | None = await self._do(key, preview_task, *arguments)
         return found
 
     async def next_profile(self, one: str, other: str) -> dict[str, Any] | None:
@@ -266,14 +272,14 @@ class WorkbenchTab:
             return None
         text, files = state.version.model_text, list(self.session.effect_files)
         key = (str(state.prepared), text, tuple(files))
-        target = self.library.fresh_path('.html')
+        target = self.cache.fresh_path('.html')
         models = {state.name: text}
         found: Path | None = await self._do(key, report_task, state.bags, models, files, target)
         return found
 
     async def load_effects(self, name: str, content: bytes) -> bool:
-        """Take the effects of a file into the catalogue."""
-        folder = self.library.fresh_path()
+        """Add the effects of a file to those of the session."""
+        folder = self.cache.fresh_path()
         folder.mkdir()
         file = folder / (Path(name).name or 'my_effect.py')
         file.write_bytes(content)
@@ -282,15 +288,15 @@ class WorkbenchTab:
         if found is None:
             return False
         self.session.effect_files = files
-        self.catalogue.effects = found
+        self.session.effects = found
         return True
 
     async def _do(self, key: Any, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Return the value of a task, None where it failed or was stopped; say why."""
+        """Return the value of a task; None where it was cancelled or failed, which is said."""
         try:
-            return await self.library.compute(self._display.work, key, function, *arguments)
+            return await self.cache.compute(self._display.work, key, function, *arguments)
         except JobError as error:
-            self._display.say(str(error).replace(f'{self.library.folder}/', ''))
+            self._display.say(str(error).replace(f'{self.cache.folder}/', ''))
         except JobCancelled:
             pass
         return None

@@ -13,7 +13,6 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
 from imu_workbench.web.case.learn_page import parameter_text
-from imu_workbench.web.case.tasks import Catalogue
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.plot import Look, Plot
 from imu_workbench.web.session import Session
@@ -37,10 +36,8 @@ class AddActions:
 class AddPage:
     """The effects as a list to tick, the staircase of errors, the versions."""
 
-    def __init__(
-        self, session: Session, look: Look, catalogue: Catalogue, actions: AddActions
-    ) -> None:
-        self._session, self._look, self._catalogue = session, look, catalogue
+    def __init__(self, session: Session, look: Look, actions: AddActions) -> None:
+        self._session, self._look = session, look
         self._actions = actions
         with ui.element('div').classes('grid-add'):
             with ui.element('section').classes('card'):
@@ -50,8 +47,8 @@ class AddPage:
             with ui.element('div').classes('stack'):
                 with ui.element('section').classes('card'):
                     ui.html('<h2>Error staircase</h2>', sanitize=False)
-                    self._stairs = Plot(look, 'Held-out error of every version per sensor')
-                    self._said = ui.element('div')
+                    self._staircase = Plot(look, 'Held-out error of every version per sensor')
+                    self._remarks = ui.element('div')
                 with ui.element('section').classes('card'):
                     ui.html('<h2>Versions</h2>', sanitize=False)
                     self._versions = ui.element('div')
@@ -89,7 +86,7 @@ class AddPage:
         self._show_versions()
         state = self._session.state
         ready = state is not None and state.version is not None
-        self._stairs.show(
+        self._staircase.show(
             staircase_figure(state.versions, state.current) if state and ready else None
         )
         self._undo.set_enabled(bool(state and state.current > 0))
@@ -98,7 +95,7 @@ class AddPage:
 
     def repaint(self) -> None:
         """Draw the staircase in the present look."""
-        self._stairs.repaint()
+        self._staircase.repaint()
 
     def _show_ticks(self) -> None:
         self._ticks.clear()
@@ -115,10 +112,10 @@ class AddPage:
                 sanitize=False,
             )
             inside = version.effects.get(sensor, ())
-            for name, effect in self._catalogue.effects.items():
+            for name, effect in self._session.effects.items():
                 if sensor not in effect['sensors']:
                     continue
-                reason = state.greyed.get(name, '')
+                reason = state.unusable.get(name, '')
                 box = ui.checkbox(
                     name.replace('_', ' '),
                     value=name in inside,
@@ -136,11 +133,11 @@ class AddPage:
 
     def _show_versions(self) -> None:
         self._versions.clear()
-        self._said.clear()
+        self._remarks.clear()
         state = self._session.state
         if state is None or state.version is None:
             return
-        with self._said:
+        with self._remarks:
             ui.html(parameters_html(state.version.terms), sanitize=False)
             for text in state.version.unneeded:
                 ui.label(f'No longer needed: {text.replace("_", " ")}').classes('note')

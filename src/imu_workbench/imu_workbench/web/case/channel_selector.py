@@ -10,11 +10,11 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 
 from imu_workbench.web.session import Session
 
-AT_FLOOR = 1.05
+AT_FLOOR_RATIO = 1.05
 """Times the noise floor up to which an error counts as explained."""
 
 
-class ChannelTiles:
+class ChannelSelector:
     """Three sensors with their held-out error, three axes; what is shown has the frame."""
 
     def __init__(self, session: Session, choose: Callable[[str, int], Awaitable[None]]) -> None:
@@ -67,9 +67,9 @@ class ChannelTiles:
             unit = DISPLAY_UNITS[sensor]
             value.set_text(f'{shown(error * unit.factor)} {unit.unit}')
             ratio = error / floor
-            button.classes('good' if ratio <= AT_FLOOR else 'bad')
+            button.classes('good' if ratio <= AT_FLOOR_RATIO else 'bad')
             state.set_text(
-                f'{"at" if ratio <= AT_FLOOR else f"{ratio:.2f} ×"} the noise floor '
+                f'{"at" if ratio <= AT_FLOOR_RATIO else f"{ratio:.2f} ×"} the noise floor '
                 f'{shown(floor * unit.factor)}'
             )
         for number, (button, label) in enumerate(self._axes):

@@ -18,7 +18,7 @@ from imu_workbench.web.case.view import Place
 from imu_workbench.web.plot import Look, Plot, figure_card
 from imu_workbench.web.session import Session
 
-WORST = 6
+LISTED_PLACES = 6
 """Places offered as buttons."""
 
 
@@ -124,7 +124,7 @@ class ComparePage:
 
     def _show_places(self) -> None:
         chosen = self._session.view.place
-        worst = self._map.worst(WORST) if self._map else []
+        worst = self._map.worst(LISTED_PLACES) if self._map else []
         if (worst, chosen) == self._listed:
             return  # a new list would take the keyboard's focus away
         self._listed = (worst, chosen)
@@ -183,7 +183,7 @@ def window_of(change: dict[str, Any]) -> tuple[float, ...] | None:
     return ()
 
 
-Known = dict[Place, tuple[str, bool]]
+CellLabels = dict[Place, tuple[str, bool]]
 """What is read out of a place, and whether it is the one looked at."""
 
 
@@ -194,29 +194,29 @@ class CellGrid:
         self._go_to = go_to
         self._shape: tuple[tuple[Place | None, ...], ...] = ()
         self._buttons: dict[Place, ui.element] = {}
-        self._known: Known = {}
+        self._labels: CellLabels = {}
         self._place = ui.element('div').classes('cells')
         self._place.props('role=grid aria-label="Where it fails: arrow keys move, Enter goes to"')
 
     def show(self, found: FailureMap | None, chosen: Place | None) -> None:
         """Offer the cells of a map; what has the focus keeps it where the cells are the same."""
-        known = known_places(found, chosen)
+        known = cell_labels(found, chosen)
         shape = found.places if found is not None and known else ()
-        if shape != self._shape or known.keys() != self._known.keys():
-            self._build(shape, known, start_of(found, chosen))
+        if shape != self._shape or known.keys() != self._labels.keys():
+            self._build(shape, known, first_cell(found, chosen))
         for place, (label, on) in known.items():
-            if (label, on) != self._known.get(place):
+            if (label, on) != self._labels.get(place):
                 button = self._buttons[place]
                 button.props['aria-label'] = label
                 button.props['aria-selected'] = 'true' if on else 'false'
                 button.update()
-        self._known = known
+        self._labels = known
 
     def _build(
-        self, shape: tuple[tuple[Place | None, ...], ...], known: Known, start: Place | None
+        self, shape: tuple[tuple[Place | None, ...], ...], known: CellLabels, start: Place | None
     ) -> None:
         self._place.clear()
-        self._shape, self._buttons, self._known = shape, {}, {}
+        self._shape, self._buttons, self._labels = shape, {}, {}
         self._place.style(f'--columns: {len(shape[0]) if shape else 0}')
         with self._place:
             for places in shape:
@@ -235,7 +235,7 @@ class CellGrid:
         self._buttons[place] = button
 
 
-def known_places(found: FailureMap | None, chosen: Place | None) -> Known:
+def cell_labels(found: FailureMap | None, chosen: Place | None) -> CellLabels:
     """Return the places that hold a number."""
     if found is None:
         return {}
@@ -247,7 +247,7 @@ def known_places(found: FailureMap | None, chosen: Place | None) -> Known:
     }
 
 
-def start_of(found: FailureMap | None, chosen: Place | None) -> Place | None:
+def first_cell(found: FailureMap | None, chosen: Place | None) -> Place | None:
     """Return the place the keyboard comes to first: the one looked at, else the worst."""
     worst = found.worst(1) if found else []
     return chosen or (worst[0][0] if worst else None)

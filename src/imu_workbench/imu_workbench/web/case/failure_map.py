@@ -14,7 +14,7 @@ from imu_workbench.web.case.run_blocks import RunBlocks
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import PHASE_LABELS, Place, View
 
-FEWEST = 3
+MIN_BLOCKS = 3
 """Blocks that make a cell."""
 
 
@@ -150,7 +150,7 @@ def _ratio(cell: tuple[Place, RunBlocks] | None, view: View, floor: float) -> fl
     place, run = cell
     values: FloatArray = run.residual(view.sensor)[place.rows(run), view.axis]
     values = values[np.isfinite(values)]
-    if len(values) < FEWEST or not floor > 0.0:
+    if len(values) < MIN_BLOCKS or not floor > 0.0:
         return None
     return round(float(np.sqrt((values**2).mean())) / floor, 3)
 

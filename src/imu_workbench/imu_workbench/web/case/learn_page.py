@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Learn: what is missing, what it means, what looks like it, what tells them apart."""
+"""Learn: the diagnosis, each effect explained, and the experiment that separates two of them."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from thermal_comp.presentation.diagnosis import VERDICTS
 from thermal_comp.presentation.display import DISPLAY_UNITS, fixed, shown, with_uncertainty
 
 from imu_workbench.web.case.next_experiment import profile_figure
-from imu_workbench.web.case.preview import Fingerprint, fingerprint_figure
-from imu_workbench.web.case.tasks import Catalogue
+from imu_workbench.web.case.preview import EffectPreview, preview_figure
 from imu_workbench.web.case.view import timeline_of
 from imu_workbench.web.plot import Look, Plot
 from imu_workbench.web.session import Session
@@ -28,23 +27,21 @@ class LearnActions:
 
     diagnose: Callable[[], Awaitable[None]]
     add: Callable[[str, list[str]], Awaitable[None]]
-    fingerprint: Callable[[str, str], Awaitable[Fingerprint | None]]
+    preview: Callable[[str, str], Awaitable[EffectPreview | None]]
     next_profile: Callable[[str, str], Awaitable[Mapping[str, Any] | None]]
 
 
 class LearnPage:
     """The diagnosis as a ranked list; beside it one effect explained."""
 
-    def __init__(
-        self, session: Session, look: Look, catalogue: Catalogue, actions: LearnActions
-    ) -> None:
-        self._session, self._look, self._catalogue = session, look, catalogue
+    def __init__(self, session: Session, look: Look, actions: LearnActions) -> None:
+        self._session, self._look = session, look
         self._actions = actions
         self._effect = ''
         self._plots: list[Plot] = []
         with ui.element('div').classes('grid-learn'):
             self._findings = ui.element('section').classes('card')
-            self._told = ui.element('section').classes('card')
+            self._explanation = ui.element('section').classes('card')
             self._list = ui.element('section').classes('card span')
 
     async def refresh(self) -> None:
@@ -62,7 +59,7 @@ class LearnPage:
         state = self._session.state
         found = (state.diagnosis if state else None) or {'findings': []}
         names = [f['name'] for f in found['findings'] if f['kind'] == 'effect']
-        known = [name for name in names if name in self._catalogue.effects]
+        known = [name for name in names if name in self._session.effects]
         return known[0] if known else ''
 
     def _show_findings(self) -> None:
@@ -100,7 +97,7 @@ class LearnPage:
             ui.label(finding_text(finding)).classes('soft')
             ui.html(finding_html(finding), sanitize=False)
             with ui.row().classes('actions'):
-                if finding['kind'] == 'effect' and finding['name'] in self._catalogue.effects:
+                if finding['kind'] == 'effect' and finding['name'] in self._session.effects:
                     ui.button('Explain', on_click=lambda: self.explain(finding['name'])).props(
                         'no-caps outline'
                     )
@@ -118,7 +115,7 @@ class LearnPage:
     def _show_list(self) -> None:
         self._list.clear()
         state = self._session.state
-        greyed = state.greyed if state else {}
+        unusable = state.unusable if state else {}
         version = state.version if state else None
         inside = {e for names in version.effects.values() for e in names} if version else set()
         with self._list:
@@ -129,10 +126,10 @@ class LearnPage:
             ):
                 ui.html(f'<h3>{title}</h3>', sanitize=False)
                 with ui.element('div').classes('chips'):
-                    for name, effect in self._catalogue.effects.items():
+                    for name, effect in self._session.effects.items():
                         if effect['kind'] != kind:
                             continue
-                        reason = greyed.get(name, '')
+                        reason = unusable.get(name, '')
                         look = ' grey' if reason else ' on' if name in inside else ''
                         button = ui.element('button').classes(f'chip{look}')
                         button.props('type=button')
@@ -146,45 +143,45 @@ class LearnPage:
                                 ui.label(reason).classes('reason')
 
     async def explain(self, name: str) -> None:
-        """Explain an effect and draw its fingerprint."""
+        """Explain an effect and draw what it would explain of the residual."""
         self._effect = name
-        self._told.clear()
+        self._explanation.clear()
         self._plots = []
         state, view = self._session.state, self._session.view
-        with self._told:
-            if name not in self._catalogue.effects:
+        with self._explanation:
+            if name not in self._session.effects:
                 ui.html('<h2>Explanation</h2>', sanitize=False)
                 ui.label('Choose a finding or an effect to see what it means.').classes('soft')
                 return
-            told = self._catalogue.effects[name]
+            told = self._session.effects[name]
             ui.html(f'<h2>{escape(name.replace("_", " "))}</h2>', sanitize=False)
             ui.html(explanation_html(told), sanitize=False)
             self._show_look_alikes(name, told['look_alikes'])
-            place = ui.element('div').classes('fingerprint')
+            place = ui.element('div').classes('preview')
         if state is None or state.version is None:
             return
         version = state.version
         sensor = view.sensor if view.sensor in told['sensors'] else told['sensors'][0]
-        reason = state.greyed.get(name)
+        reason = state.unusable.get(name)
         with place:
             if reason:
-                ui.label(f'No fingerprint here: {reason}.').classes('note')
+                ui.label(f'It cannot be fitted to these runs: {reason}.').classes('note')
                 return
-            title = f'Its fingerprint in these data ({sensor}, {view.axis_name})'
+            title = f'What it would explain in these data ({sensor}, {view.axis_name})'
             ui.html(f'<h3>{title}</h3>', sanitize=False)
-        found = await self._actions.fingerprint(name, sensor)
+        found = await self._actions.preview(name, sensor)
         if found is None or self._effect != name or self._session.version is not version:
             return
         with place:
-            ui.html(fingerprint_html(found, view.axis), sanitize=False)
+            ui.html(preview_html(found, view.axis), sanitize=False)
             plot = Plot(self._look, title)
             at = view if view.sensor == sensor else type(view)(sensor, view.axis)
-            plot.show(fingerprint_figure(found, version, at, timeline_of(state.bags)))
+            plot.show(preview_figure(found, version, at, timeline_of(state.bags)))
             self._plots = [plot]
 
     def _show_look_alikes(self, name: str, rivals: Sequence[str]) -> None:
         for rival in rivals:
-            if rival not in self._catalogue.effects:
+            if rival not in self._session.effects:
                 continue
             with ui.element('div').classes('rival'):
                 ui.label(f'Looks like {rival.replace("_", " ")}')
@@ -202,8 +199,8 @@ class LearnPage:
         proposal = await self._actions.next_profile(name, rival)
         if proposal is None:
             return
-        self._told.clear()
-        with self._told:
+        self._explanation.clear()
+        with self._explanation:
             ui.html('<h2>Next experiment</h2>', sanitize=False)
             ui.html(proposal_html(proposal), sanitize=False)
             plot = Plot(self._look, 'Set-point of the next experiment')
@@ -216,7 +213,7 @@ class LearnPage:
             ).props('no-caps unelevated')
 
 
-FALLS = {
+ERROR_BARS = {
     'held-out error before': 'error_before',
     'held-out error after': 'error_after',
     'noise floor': 'noise_floor',
@@ -227,13 +224,13 @@ FALLS = {
 def finding_html(finding: Mapping[str, Any]) -> str:
     """Return evidence, errors, parameters and rivals of a finding as a table."""
     rows = [('evidence', evidence_text(finding['evidence'], finding['threshold']))]
-    sensor, falls = finding['sensor'].split('+')[0], ''
+    sensor, bars = finding['sensor'].split('+')[0], ''
     if finding['error_after'] is not None and sensor in DISPLAY_UNITS:
         unit = DISPLAY_UNITS[sensor]
-        falls = falls_html(
+        bars = error_bars_html(
             {
                 label: None if finding[key] is None else finding[key] * unit.factor
-                for label, key in FALLS.items()
+                for label, key in ERROR_BARS.items()
             },
             unit.unit,
         )
@@ -246,7 +243,7 @@ def finding_html(finding: Mapping[str, Any]) -> str:
             for r in finding['rivals'][:3]
         )
         rows.append(('rivals would explain', text))
-    return falls + pairs_html(rows)
+    return bars + pairs_html(rows)
 
 
 def evidence_text(evidence: float, threshold: float) -> str:
@@ -269,7 +266,7 @@ def finding_text(finding: Mapping[str, Any]) -> str:
     return text
 
 
-def falls_html(values: Mapping[str, float | None], unit: str) -> str:
+def error_bars_html(values: Mapping[str, float | None], unit: str) -> str:
     """Return held-out error before, after, and the floor as bars on a logarithmic scale."""
     known = [value for value in values.values() if value and value > 0.0]
     if not known:
@@ -284,7 +281,7 @@ def falls_html(values: Mapping[str, float | None], unit: str) -> str:
             f'<span style="width:{share:.0f}%"></span></span>'
             f'<span class="number">{shown(value)} {unit}</span>'
         )
-    return f'<div class="falls">{rows}</div>'
+    return f'<div class="error-bars">{rows}</div>'
 
 
 def parameter_text(value: Any, std: Any) -> str:
@@ -313,7 +310,7 @@ def explanation_html(told: Mapping[str, Any]) -> str:
     )
 
 
-def fingerprint_html(found: Fingerprint, axis: int) -> str:
+def preview_html(found: EffectPreview, axis: int) -> str:
     """Return in a sentence what the effect would explain."""
     shape = ', '.join(
         f'{name.replace("_", " ")} {parameter_text(value["value"], None)} {value["unit"]}'

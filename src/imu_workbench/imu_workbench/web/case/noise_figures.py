@@ -18,9 +18,9 @@ from imu_workbench.web.case.stored_bag import StoredBag
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import View
 
-FEWEST = 4
+MIN_OCTAVES = 4
 """Octaves that make a line."""
-SHORT_ROWS = 2**20
+MAX_ALLAN_SAMPLES = 2**20
 """Samples at most from the beginning of a bag for averaging times below a block."""
 
 
@@ -57,7 +57,7 @@ def allan_figure(version: Version, view: View, bags: Sequence[StoredBag]) -> Fig
     reach: list[float] = []
     for name, parts, colour in series:
         tau, variance = _pooled(parts)
-        if len(tau) < FEWEST:
+        if len(tau) < MIN_OCTAVES:
             continue
         reach += tau.tolist()
         data.append(
@@ -165,7 +165,7 @@ def _allan_of_samples(
     bag: StoredBag, view: View, longest: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     period = bag.duration / max(bag.samples - 1, 1)
-    values = bag.measured(view.sensor)[:SHORT_ROWS, view.axis]
+    values = bag.measured(view.sensor)[:MAX_ALLAN_SAMPLES, view.axis]
     tau, variance, count = allan_variance(values, period)
     kept = tau <= max(longest, period)
     return tau[kept], variance[kept], count[kept]

@@ -33,7 +33,7 @@ POINTS = 900
 
 
 @dataclass(frozen=True, eq=False)
-class Fingerprint:
+class EffectPreview:
     """The best form of an effect beside a model, fitted to what the model leaves."""
 
     effect: str
@@ -48,14 +48,14 @@ class Fingerprint:
     """Of the residual's variance, per axis."""
 
 
-def fingerprint_task(
+def preview_task(
     progress: Callable[[str], None],
     prepared: Path,
     model_text: str,
     effect: str,
     sensor: Sensor,
     effect_files: Sequence[Path],
-) -> Fingerprint:
+) -> EffectPreview:
     """Return the fingerprint of an effect of the catalogue on one sensor."""
     progress(f'drawing {effect.replace("_", " ")}')
     catalogue = effect_catalogue(effect_files)
@@ -73,7 +73,7 @@ def fingerprint_task(
         name: {'value': plain(value), 'unit': best.__dataclass_fields__[name].metadata['unit']}
         for name, value in best.shape_parameters.items()
     }
-    return Fingerprint(
+    return EffectPreview(
         effect, sensor, found[0].evidence, threshold_of(effect), parameters, curves, share
     )
 
@@ -129,8 +129,8 @@ def _orthonormal(columns: FloatArray) -> FloatArray:
     return basis
 
 
-def fingerprint_figure(
-    found: Fingerprint, version: Version, view: View, timeline: Timeline
+def preview_figure(
+    found: EffectPreview, version: Version, view: View, timeline: Timeline
 ) -> Figure:
     """Return residual and fingerprint against temperature and over time."""
     unit, factor = DISPLAY_UNITS[view.sensor].unit, DISPLAY_UNITS[view.sensor].factor

@@ -20,7 +20,7 @@ from imu_workbench.web.case.view import View
 
 POINTS = 900
 """Points of one cloud."""
-STEADY = 0.2
+STEADY_RATE_C_PER_MIN = 0.2
 """Below this rate of the die temperature a block is on no branch [°C/min]."""
 BRANCHES = {'heating': '@hot', 'cooling': '@cold', 'steady': '@raw'}
 SYMBOLS = ('circle', 'square', 'diamond', 'triangle-up', 'cross', 'star')
@@ -53,9 +53,11 @@ class _Rows:
 
     def branch(self, name: str) -> NDArray[np.bool_]:
         if name == 'heating':
-            return np.asarray(self.rate > STEADY)
+            return np.asarray(self.rate > STEADY_RATE_C_PER_MIN)
         return np.asarray(
-            self.rate < -STEADY if name == 'cooling' else np.abs(self.rate) <= STEADY
+            self.rate < -STEADY_RATE_C_PER_MIN
+            if name == 'cooling'
+            else np.abs(self.rate) <= STEADY_RATE_C_PER_MIN
         )
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bag that was read once, as columns on disk that every tab and every worker maps."""
+"""A recording as columns on disk: read from its bag once, mapped by every tab and worker."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class StoredBag:
 
     def recording(self) -> ImuRecording:
         """Return the recording; its columns are mapped, not loaded."""
-        told = json.loads((self.folder / 'recording.json').read_text('utf-8'))
+        described = json.loads((self.folder / 'recording.json').read_text('utf-8'))
         columns: dict[str, Any] = {
             path.stem: np.load(path, mmap_mode='r') for path in self.folder.glob('*.npy')
         }
-        notes = tuple(told.pop('notes'))
-        recording = ImuRecording(**columns, **told, notes=notes)
+        notes = tuple(described.pop('notes'))
+        recording = ImuRecording(**columns, **described, notes=notes)
         return replace(recording, run=self.run, device=self.device)
 
     def stamp(self) -> np.ndarray:
@@ -66,9 +66,9 @@ def store_recording(recording: ImuRecording, folder: Path) -> StoredBag:
         column = getattr(recording, item.name)
         if isinstance(column, np.ndarray):
             np.save(folder / f'{item.name}.npy', column)
-    told: dict[str, Any] = {name: getattr(recording, name) for name in TEXTS}
-    told |= {'notes': list(recording.notes), 'unplaced': dict(recording.unplaced)}
-    (folder / 'recording.json').write_text(json.dumps(told, ensure_ascii=False), 'utf-8')
+    described: dict[str, Any] = {name: getattr(recording, name) for name in TEXTS}
+    described |= {'notes': list(recording.notes), 'unplaced': dict(recording.unplaced)}
+    (folder / 'recording.json').write_text(json.dumps(described, ensure_ascii=False), 'utf-8')
     span = float(recording.stamp[-1] - recording.stamp[0]) * 1e-9 if len(recording) else 0.0
     return StoredBag(
         folder,

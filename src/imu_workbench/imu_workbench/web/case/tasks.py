@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What runs in worker processes: read, fit, compare, diagnose, add, remove.
+"""Tasks of the worker processes: read, fit, compare, diagnose, add, remove, report.
 
 Every task takes `progress` first and returns plain data; effects of users are loaded from their
 files again in each process.
@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import pickle
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,6 @@ from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.diagnosis.diagnose import Settings, diagnose, greyed_out
 from thermal_comp.diagnosis.growth import add_effect
-from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.explanation import explanation
@@ -51,7 +50,7 @@ def read_task(progress: Progress, path: Path, folder: Path) -> list[StoredBag]:
 
 
 def prepare_task(progress: Progress, bags: Sequence[StoredBag], target: Path) -> None:
-    """Prepare the runs of one device and keep them in a file; what cannot be is left out."""
+    """Prepare the runs of one device and keep them in a file; runs that cannot be are left out."""
     runs: list[PreparedRun] = []
     left_out: dict[str, str] = {}
     for bag in bags:
@@ -67,7 +66,7 @@ def prepare_task(progress: Progress, bags: Sequence[StoredBag], target: Path) ->
 
 
 def usable(runs: list[PreparedRun]) -> list[PreparedRun]:
-    """Return the runs; refuse one that is too short to tell anything."""
+    """Return the runs; refuse one that is too short for any sensor."""
     for run in runs:
         try:
             usable_sensors([run])
@@ -87,7 +86,7 @@ def first_version_task(
 ) -> tuple[Version, dict[str, str], dict[str, str]]:
     """Return the given model, else a line per axis, against the runs.
 
-    Beside it: effects that are greyed out, and runs that are left out, each with the reason.
+    Beside it: effects that are unusable out, and runs that are left out, each with the reason.
     """
     catalogue = effect_catalogue(effect_files)
     if not prepared.exists():
@@ -128,11 +127,11 @@ def change_task(
     catalogue = effect_catalogue(effect_files)
     runs = load_runs(prepared)
     model = model_from_text(model_text, catalogue)
-    told = change.effect.replace('_', ' ')
+    effect_name = change.effect.replace('_', ' ')
     if not change.added:
-        progress(f'removing {told}')
+        progress(f'removing {effect_name}')
         return _without(model, runs, change, coupled=catalogue[change.effect].coupled)
-    progress(f'adding {told}')
+    progress(f'adding {effect_name}')
     growth = add_effect(model, runs, change.effect, Settings(catalogue), change.sensors)
     places = ', '.join(sensor for step in growth.steps for sensor in step.sensors)
     label = f'+ {change.effect} ({places})'
@@ -183,7 +182,7 @@ def load_prepared(prepared: Path) -> tuple[list[PreparedRun], dict[str, str]]:
 
 
 def report_task(
-    progress: Callable[[str], None],
+    progress: Progress,
     bags: Sequence[StoredBag],
     model_texts: Mapping[str, str],
     effect_files: Sequence[Path],
@@ -204,23 +203,15 @@ def report_task(
     return target
 
 
-@dataclass
-class Catalogue:
-    """What `explain` says of every effect, by name."""
-
-    effects: dict[str, dict[str, Any]] = field(
-        default_factory=lambda: {name: told(effect) for name, effect in EFFECTS.items()}
-    )
-
-
-def told(effect: type[Effect]) -> dict[str, Any]:
-    """Return an effect in words."""
-    return explanation(effect) | {'coupled': effect.coupled}
+def effect_explanations(catalogue: Mapping[str, type[Effect]]) -> dict[str, dict[str, Any]]:
+    """Return what `explain` says of every effect, by name."""
+    return {
+        name: explanation(effect) | {'coupled': effect.coupled}
+        for name, effect in catalogue.items()
+    }
 
 
-def effects_task(
-    progress: Callable[[str], None], files: Sequence[Path]
-) -> dict[str, dict[str, Any]]:
-    """Return the catalogue with the effects of the files, each checked against the contract."""
+def effects_task(progress: Progress, files: Sequence[Path]) -> dict[str, dict[str, Any]]:
+    """Return the explanations of all effects, those of the files checked against the contract."""
     progress('checking the effect file')
-    return {name: told(effect) for name, effect in effect_catalogue(files).items()}
+    return effect_explanations(effect_catalogue(files))

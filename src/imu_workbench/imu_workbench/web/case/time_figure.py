@@ -174,7 +174,7 @@ def _middle(values: FloatArray) -> float:
 
 POINTS = 2400
 """Points of one line on the whole width."""
-OVERVIEWS = 512
+MAX_CACHED_LINES = 512
 """Lines over whole bags that are remembered."""
 
 
@@ -203,7 +203,7 @@ def _line(
     return _drawn(bag, column, axis, slice(max(int(first) - 1, 0), int(last) + 1), points)
 
 
-@lru_cache(maxsize=OVERVIEWS)
+@lru_cache(maxsize=MAX_CACHED_LINES)
 def _overview(
     bag: StoredBag, column: str, axis: int, points: int
 ) -> tuple[FloatArray, FloatArray]:

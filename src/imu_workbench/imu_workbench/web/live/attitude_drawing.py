@@ -13,15 +13,15 @@ from orientation_filters.rotation.arrays import to_matrix
 from imu_workbench.report.figures.palette import AXES, painted
 from imu_workbench.web.live.readings import Attitude
 
-EYE = np.array([1.6, -6.0, 3.4])
+VIEWPOINT = np.array([1.6, -6.0, 3.4])
 """Where the viewer is, in the world's axes (east, north, up); the board is at the origin."""
-HALF = np.array([1.0, 0.65, 0.1])
+HALF_SIZE = np.array([1.0, 0.65, 0.1])
 """Half of the board's length, width and thickness."""
-ARM = 1.55
+AXIS_LENGTH = 1.55
 """Length of the sensor's axes as drawn."""
-GROUND, RING = -0.9, 1.25
+COMPASS_HEIGHT, COMPASS_RADIUS = -0.9, 1.25
 """Height and radius of the compass rose."""
-SIZE, HIGH = 300.0, 246.0
+WIDTH_PX, HEIGHT_PX = 300.0, 246.0
 """Width and height of the drawing [px]."""
 
 
@@ -38,7 +38,7 @@ def board_svg(name: str, attitude: Attitude | None, colour: str, theme: str) -> 
         parts += _board(to_matrix(attitude.orientation), str(painted(colour, theme)), paint)
     parts.append(_text(np.array([8.0, 18.0]), name, paint['text'], 'start'))
     return (
-        f'<svg viewBox="0 0 {SIZE:.0f} {HIGH:.0f}" role="img" aria-label="{label}">'
+        f'<svg viewBox="0 0 {WIDTH_PX:.0f} {HEIGHT_PX:.0f}" role="img" aria-label="{label}">'
         + ''.join(parts)
         + '</svg>'
     )
@@ -46,19 +46,21 @@ def board_svg(name: str, attitude: Attitude | None, colour: str, theme: str) -> 
 
 def projected(points: FloatArray) -> FloatArray:
     """Return where world points (n, 3) are in the drawing (n, 2) [px], y down."""
-    forward = -EYE / np.linalg.norm(EYE)
+    forward = -VIEWPOINT / np.linalg.norm(VIEWPOINT)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     up = np.cross(right, forward)
-    seen = np.asarray(points) - EYE
+    seen = np.asarray(points) - VIEWPOINT
     depth = seen @ forward
-    scale = 1.5 * SIZE / depth
-    return np.column_stack([SIZE / 2 + scale * (seen @ right), 0.5 * HIGH - scale * (seen @ up)])
+    scale = 1.5 * WIDTH_PX / depth
+    return np.column_stack(
+        [WIDTH_PX / 2 + scale * (seen @ right), 0.5 * HEIGHT_PX - scale * (seen @ up)]
+    )
 
 
 def _board(matrix: FloatArray, colour: str, paint: dict[str, str]) -> list[str]:
     """Draw what is behind the board, the board, what is in front of it."""
-    arms = [(matrix[:, i] @ EYE, i) for i in range(3)]
+    arms = [(matrix[:, i] @ VIEWPOINT, i) for i in range(3)]
     behind = [_arm(matrix, i, paint) for toward, i in arms if toward < 0.0]
     before = [_arm(matrix, i, paint) for toward, i in arms if toward >= 0.0]
     return behind + _faces(matrix, colour) + before
@@ -70,13 +72,13 @@ def _faces(matrix: FloatArray, colour: str) -> list[str]:
     for axis in range(3):
         for sign in (-1.0, 1.0):
             normal = matrix[:, axis] * sign
-            if normal @ (EYE - normal * HALF[axis]) <= 0.0:
+            if normal @ (VIEWPOINT - normal * HALF_SIZE[axis]) <= 0.0:
                 continue
             corners = np.zeros((4, 3))
-            corners[:, axis] = sign * HALF[axis]
+            corners[:, axis] = sign * HALF_SIZE[axis]
             others = [i for i in range(3) if i != axis]
             for i, signs in zip(others, ((-1, 1, 1, -1), (-1, -1, 1, 1)), strict=True):
-                corners[:, i] = np.array(signs) * HALF[i]
+                corners[:, i] = np.array(signs) * HALF_SIZE[i]
             light = 0.55 + 0.45 * max(normal[2], 0.0)
             drawn.append(_polygon(corners @ matrix.T, colour, light))
             if axis == 2 and sign > 0:
@@ -87,7 +89,7 @@ def _faces(matrix: FloatArray, colour: str) -> list[str]:
 
 
 def _arm(matrix: FloatArray, axis: int, paint: dict[str, str]) -> str:
-    tip = matrix[:, axis] * ARM
+    tip = matrix[:, axis] * AXIS_LENGTH
     ends = projected(np.array([[0.0, 0.0, 0.0], tip, tip * 1.14]))
     line = _line(ends[0], ends[1], paint[AXES[axis]], 2.6)
     return line + _text(ends[2], AXES[axis], paint[AXES[axis]])
@@ -96,14 +98,20 @@ def _arm(matrix: FloatArray, axis: int, paint: dict[str, str]) -> str:
 def _ground(paint: dict[str, str]) -> list[str]:
     """Draw a compass rose below the board."""
     angle = np.linspace(0.0, 2.0 * np.pi, 49)
-    ring = np.column_stack([RING * np.cos(angle), RING * np.sin(angle), 0 * angle + GROUND])
+    ring = np.column_stack(
+        [
+            COMPASS_RADIUS * np.cos(angle),
+            COMPASS_RADIUS * np.sin(angle),
+            0 * angle + COMPASS_HEIGHT,
+        ]
+    )
     points = ' '.join(f'{x:.1f},{y:.1f}' for x, y in projected(ring))
     drawn = [
         f'<polyline points="{points}" fill="none" stroke="{paint["grid"]}" stroke-width="2"/>'
     ]
     for name, east, north in (('E', 1, 0), ('N', 0, 1), ('W', -1, 0), ('S', 0, -1)):
-        way = RING * np.array([[0.0, 0.0], [east, north], [1.18 * east, 1.18 * north]])
-        ends = projected(np.column_stack([way, [GROUND] * 3]))
+        way = COMPASS_RADIUS * np.array([[0.0, 0.0], [east, north], [1.18 * east, 1.18 * north]])
+        ends = projected(np.column_stack([way, [COMPASS_HEIGHT] * 3]))
         drawn.append(_line(ends[0], ends[1], paint['grid'], 1.2))
         drawn.append(_text(ends[2], name, paint['soft']))
     return drawn

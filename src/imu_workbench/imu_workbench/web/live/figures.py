@@ -31,8 +31,8 @@ TEMPERATURE_LOOK = {
     'setpoint': ('set-point', '@setpoint'),
 }
 FILTER_LOOK = {'complementary': '@d0', 'ahrs': '@d1'}
-SPANS = ((120.0, 's', 1.0), (7200.0, 'min', 60.0), (float('inf'), 'h', 3600.0))
-SHORTEST_S = 10.0
+TIME_UNITS = ((120.0, 's', 1.0), (7200.0, 'min', 60.0), (float('inf'), 'h', 3600.0))
+MIN_TIME_AXIS_S = 10.0
 """Shortest time axis [s]."""
 DEGREES = 180.0 / np.pi
 
@@ -101,7 +101,7 @@ def euler_figure(state: LiveState, window_s: float) -> dict[str, Any]:
 
 def _span(window_s: float) -> tuple[str, float]:
     """Return the unit of time a window is drawn in, and its seconds."""
-    return next((unit, seconds) for limit, unit, seconds in SPANS if window_s <= limit)
+    return next((unit, seconds) for limit, unit, seconds in TIME_UNITS if window_s <= limit)
 
 
 def _trace(
@@ -130,7 +130,7 @@ def _trace(
 def _shown_s(data: Sequence[dict[str, Any]], window_s: float, seconds: float) -> float:
     """Return how far back the time axis goes: as far as there is something to show."""
     first = min((trace['x'][0] for trace in data if trace['x']), default=0.0)
-    return min(window_s / seconds, max(-first, SHORTEST_S / seconds))
+    return min(window_s / seconds, max(-first, MIN_TIME_AXIS_S / seconds))
 
 
 def _figure(

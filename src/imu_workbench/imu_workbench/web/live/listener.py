@@ -24,12 +24,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from imu_workbench.web.live.state import LiveState, Status
 from imu_workbench.web.live.topics import DIAGNOSTICS, ROLES, Topic, assign
 
-SORT_S = 0.05
+ABSORB_PERIOD_S = 0.05
 """How often what arrived is sorted in [s]."""
-LOOK_S = 1.0
+GRAPH_PERIOD_S = 1.0
 """How often the graph is looked at [s]."""
-DEPTH = 1000
-WANTED = {role.message_type for role in ROLES.values()} | {DIAGNOSTICS}
+QUEUE_DEPTH = 1000
+SUBSCRIBED_TYPES = {role.message_type for role in ROLES.values()} | {DIAGNOSTICS}
 
 
 @dataclass
@@ -95,13 +95,13 @@ class Listener:
         sort_at = look_at = 0.0
         try:
             while not self._ended.is_set() and self._context.ok():
-                executor.spin_once(timeout_sec=SORT_S / 2)
+                executor.spin_once(timeout_sec=ABSORB_PERIOD_S / 2)
                 now = time.monotonic()
                 if now >= look_at:
-                    look_at = now + LOOK_S
+                    look_at = now + GRAPH_PERIOD_S
                     self._look()
                 if now >= sort_at:
-                    sort_at = now + SORT_S
+                    sort_at = now + ABSORB_PERIOD_S
                     for watch in tuple(self._watches.values()):
                         watch.state.absorb()
         finally:
@@ -133,7 +133,7 @@ class Listener:
     def _published(self) -> list[Topic]:
         found = []
         for name, types in self._node.get_topic_names_and_types():
-            if types[0] not in WANTED:
+            if types[0] not in SUBSCRIBED_TYPES:
                 continue
             publishers = self._node.get_publishers_info_by_topic(name)
             if publishers:
@@ -146,7 +146,7 @@ class Listener:
     def _subscribe(self, topic: Topic) -> None:
         if topic.name in self._subscriptions:
             return
-        quality = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+        quality = QoSProfile(depth=QUEUE_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
         if topic.latched:  # only a reliable subscription is sent what was said before it
             quality.reliability = ReliabilityPolicy.RELIABLE
             quality.durability = DurabilityPolicy.TRANSIENT_LOCAL

@@ -70,17 +70,17 @@ STYLE = """
 
 PERIOD_S = 0.05
 """How often the page is brought up to date where the browser keeps up [s]."""
-REST = 0.15
+REST_SHARE = 0.15
 """How long the browser is left alone after it has drawn, in the time that took."""
-DRAWN = 'return new Promise(done => requestAnimationFrame(() => setTimeout(done)))'
-PATIENCE_S = 5.0
+AWAIT_DRAWN = 'return new Promise(done => requestAnimationFrame(() => setTimeout(done)))'
+DRAW_TIMEOUT_S = 5.0
 """How long the browser may take to draw [s]."""
 WINDOWS = {20.0: '20 s', 120.0: '2 min', 900.0: '15 min', 3600.0: '1 h', 43_200.0: '12 h'}
 NO_ROS = (
     'ROS 2 is not here. Source your ROS installation (or install requirements-ros.txt) in the '
     'shell that starts `serve`, then start it again; everything else on this page works without.'
 )
-NOBODY = 'No IMU is heard in ROS_DOMAIN_ID {domain}: start a driver, or play a bag.'
+NO_IMU_HEARD = 'No IMU is heard in ROS_DOMAIN_ID {domain}: start a driver, or play a bag.'
 
 
 def build_live(container: Any, dark: Callable[[], bool] = lambda: False) -> LivePage:
@@ -189,17 +189,17 @@ class LivePage:
         if not self._update():
             return
         try:
-            await ui.run_javascript(DRAWN, timeout=PATIENCE_S)
+            await ui.run_javascript(AWAIT_DRAWN, timeout=DRAW_TIMEOUT_S)
         except TimeoutError:  # the tab is in the background or gone
             self._drawn, self._plotted = (), {}
-        await asyncio.sleep(REST * (time.monotonic() - began))
+        await asyncio.sleep(REST_SHARE * (time.monotonic() - began))
 
     def _update(self) -> bool:
         """Return whether there was anything new to draw."""
         found = namespaces(self._listener.topics)
         self._offer(found)
         if self._watch is None:
-            self._message.text = NOBODY.format(domain=os.environ.get('ROS_DOMAIN_ID', '0'))
+            self._message.text = NO_IMU_HEARD.format(domain=os.environ.get('ROS_DOMAIN_ID', '0'))
             return False
         state = self._watch.state
         with state.lock:

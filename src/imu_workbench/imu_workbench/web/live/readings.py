@@ -15,13 +15,13 @@ from imu_workbench.web.live.track import SECOND
 
 ZERO_SECONDS = 10
 """The static residual counts from the mean of so many seconds."""
-TURNED_DEG = 3.0
+MAX_TILT_DEG = 3.0
 """From this tilt on the device was turned since the zero: what changed is not an error."""
 FULL_RATE_S = 30.0
 """Up to this window every sample is looked at, beyond it means of seconds."""
-FRESH_NS = 5 * SECOND
+MAX_LAG_NS = 5 * SECOND
 """Raw and compensated samples further apart than this are each shown as they are [ns]."""
-EULER_ROWS = 1000
+MAX_EULER_ROWS = 1000
 """So many attitudes of a window are turned into angles."""
 TEMPERATURES = ('temperature', 'device', 'air', 'setpoint')
 
@@ -105,7 +105,7 @@ def zero_second(state: LiveState) -> int:
 def static_line(state: LiveState, sensor: str, window_s: float, zero: int) -> Line:
     """Return what compensation leaves, counted from the zero."""
     tracks = SENSOR_TRACKS[sensor]
-    name = _left_over(state, sensor)
+    name = _static_track(state, sensor)
     lines = line(state, name, window_s, tracks.columns)
     return Line(lines.time, lines.values - _zero_of(state, name, zero)[tracks.columns])
 
@@ -118,15 +118,15 @@ def reading(state: LiveState, sensor: str, zero: int) -> Reading:
     raw, compensated, difference = (
         _last_second(state, name, end)[:, tracks.columns] for name in names
     )
-    name = _left_over(state, sensor)
+    name = _static_track(state, sensor)
     left = raw if name == tracks.raw else compensated
     reference = _zero_of(state, name, zero)[tracks.columns]
     return Reading(raw[0], compensated[0], difference[0], left[0] - reference, left[1])
 
 
-def turned_deg(state: LiveState, zero: int) -> float:
+def tilt_since_zero_deg(state: LiveState, zero: int) -> float:
     """Return by how much the device tilts against the zero [°]; NaN where unknown."""
-    name = _left_over(state, 'accelerometer')
+    name = _static_track(state, 'accelerometer')
     here, there = _last_second(state, name)[0, 3:], _zero_of(state, name, zero)[3:]
     size = float(np.linalg.norm(here) * np.linalg.norm(there))
     if not size > 0.0:
@@ -144,7 +144,7 @@ def attitude(state: LiveState, name: str) -> Attitude | None:
     return Attitude(orientation, euler_zyx(orientation))
 
 
-def apart_deg(first: Attitude, second: Attitude) -> float:
+def angle_between_deg(first: Attitude, second: Attitude) -> float:
     """Return the angle of the rotation between two attitudes [°]."""
     between = multiply(conjugate(first.orientation), second.orientation)
     return math.degrees(float(rotation_angle(between)))
@@ -153,7 +153,7 @@ def apart_deg(first: Attitude, second: Attitude) -> float:
 def euler_line(state: LiveState, name: str, window_s: float) -> Line:
     """Return roll, pitch, yaw of a filter over time [rad]."""
     lines = line(state, name, window_s)
-    every = max(1, len(lines.time) // EULER_ROWS)  # an attitude is smooth: no extreme is lost
+    every = max(1, len(lines.time) // MAX_EULER_ROWS)  # an attitude is smooth: no extreme is lost
     lines = Line(lines.time[::every], lines.values[::every])
     norm = np.linalg.norm(lines.values, axis=1, keepdims=True)
     with np.errstate(invalid='ignore', divide='ignore'):
@@ -202,7 +202,7 @@ def orientation_names(state: LiveState) -> list[str]:
     return [name for name in FILTERS if state.tracks[name].newest >= 0]
 
 
-def _left_over(state: LiveState, sensor: str) -> str:
+def _static_track(state: LiveState, sensor: str) -> str:
     tracks = SENSOR_TRACKS[sensor]
     return tracks.compensated if state.tracks[tracks.compensated].newest >= 0 else tracks.raw
 
@@ -213,7 +213,7 @@ def _last_second(state: LiveState, name: str, end: int = -1) -> FloatArray:
     −1, or an end that is no longer within the newest samples: the newest second.
     """
     track = state.tracks[name]
-    end = end if track.newest - FRESH_NS < end <= track.newest else track.newest
+    end = end if track.newest - MAX_LAG_NS < end <= track.newest else track.newest
     rows = track.recent.since(end - SECOND + 1)
     values = rows.values[rows.stamp <= end]
     columns = [column[np.isfinite(column)] for column in values.T]

@@ -17,7 +17,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from imu_workbench.web.live.topics import ROLES
-from imu_workbench.web.live.track import RECENT_ROWS, SECOND, Rows, Track, decoded
+from imu_workbench.web.live.track import MAX_RECENT_ROWS, SECOND, Rows, Track, decoded
 
 COLUMNS: dict[str, tuple[int, ...]] = {
     'raw': (13, 14, 15, 25, 26, 27),
@@ -69,7 +69,7 @@ class LiveState:
         self.restarts = 0
         """How often the stamps went back: a bag that starts again."""
         self._inbox: dict[str, deque[bytes]] = {
-            name: deque(maxlen=RECENT_ROWS) for name in (*COLUMNS, 'phase')
+            name: deque(maxlen=MAX_RECENT_ROWS) for name in (*COLUMNS, 'phase')
         }
         self._waiting: dict[str, Rows] = {}
         self._attitude: dict[str, FloatArray] = {}
@@ -155,7 +155,7 @@ class LiveState:
         self.tracks[name].add(difference, self.now())
         rest = ~met & (waiting.stamp > raw.newest - SECOND)
         self._waiting[name] = Rows(
-            waiting.stamp[rest][-RECENT_ROWS:], waiting.values[rest][-RECENT_ROWS:]
+            waiting.stamp[rest][-MAX_RECENT_ROWS:], waiting.values[rest][-MAX_RECENT_ROWS:]
         )
 
 

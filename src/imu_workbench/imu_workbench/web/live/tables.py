@@ -11,14 +11,14 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, duration, 
 
 from imu_workbench.report.figures.palette import AXES
 from imu_workbench.web.live.readings import (
-    TURNED_DEG,
-    apart_deg,
+    MAX_TILT_DEG,
+    angle_between_deg,
     attitude,
     chamber_times,
     rate_hz,
     reading,
     silence_s,
-    turned_deg,
+    tilt_since_zero_deg,
     value_of,
     warming_c_per_min,
 )
@@ -67,8 +67,8 @@ def values_table(state: LiveState, zero: int) -> str:
 
 
 def _advice(state: LiveState, zero: int) -> str:
-    tilt = turned_deg(state, zero)
-    if tilt > TURNED_DEG:
+    tilt = tilt_since_zero_deg(state, zero)
+    if tilt > MAX_TILT_DEG:
         return (
             f'<p role="status">The device has been turned by {tilt:.0f}° since the zero: take a '
             'new one, the static residual counts from there.</p>'
@@ -105,7 +105,7 @@ def attitude_table(state: LiveState) -> str:
         angles = [fixed(math.degrees(a), 2) for a in one.euler] if one else ['–'] * 3
         rows.append([name, *angles])
     first, second = found.values()
-    apart = f'{fixed(apart_deg(first, second), 2)}°' if first and second else '–'
+    apart = f'{fixed(angle_between_deg(first, second), 2)}°' if first and second else '–'
     head = ('sensor → world', 'roll [°]', 'pitch [°]', 'yaw [°]')
     return table(head, rows, '') + f'<p>Between them: {apart}</p>'
 

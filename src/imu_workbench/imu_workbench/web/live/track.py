@@ -55,9 +55,9 @@ def decoded(message_type: str, messages: Sequence[bytes]) -> tuple[Rows, int]:
     return Rows(stamp, values), len(messages) - len(fit)
 
 
-RECENT_ROWS = 32_768
+MAX_RECENT_ROWS = 32_768
 """Samples kept as they are: 30 s at 1 kHz."""
-HISTORY_ROWS = 86_400
+MAX_HISTORY_SECONDS = 86_400
 """Seconds kept as means: a day."""
 SECOND = 1_000_000_000
 
@@ -65,7 +65,7 @@ SECOND = 1_000_000_000
 class Recent:
     """The newest samples; the oldest give way."""
 
-    def __init__(self, width: int, capacity: int = RECENT_ROWS) -> None:
+    def __init__(self, width: int, capacity: int = MAX_RECENT_ROWS) -> None:
         self._stamp = np.zeros(capacity, np.int64)
         self._values = np.zeros((capacity, width))
         self._written = 0
@@ -95,7 +95,7 @@ class Recent:
 class PerSecond:
     """Mean and standard deviation of every second of stamps."""
 
-    def __init__(self, width: int, capacity: int = HISTORY_ROWS) -> None:
+    def __init__(self, width: int, capacity: int = MAX_HISTORY_SECONDS) -> None:
         self._capacity = capacity
         self._offset = np.full(width, np.nan)  # near the values: sums of squares keep digits
         self._second = np.zeros(64, np.int64)

@@ -152,7 +152,7 @@ def test_the_static_residual_is_the_drift_since_the_zero(clock: Clock) -> None:
     np.testing.assert_allclose(later, (99.475 - 84.975) * 1e-3, rtol=1e-6)
     lines = view.static_line(state, 'gyroscope', 3600.0, 0)
     np.testing.assert_allclose(np.diff(lines.values[:, 0]), 1e-3, rtol=1e-6)
-    assert view.turned_deg(state, 0) == pytest.approx(0.0, abs=1e-6)
+    assert view.tilt_since_zero_deg(state, 0) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_turned_device_is_noticed(clock: Clock) -> None:
@@ -161,7 +161,7 @@ def test_a_turned_device_is_noticed(clock: Clock) -> None:
     force = np.where(np.arange(600)[:, None] < 400, [[0.0, 0.0, 9.8]], [[0.0, 9.8, 0.0]])
     put(state, 'raw', imu(stamp, TRUE_RATE, force))
     state.absorb()
-    assert view.turned_deg(state, 0) == pytest.approx(90.0)
+    assert view.tilt_since_zero_deg(state, 0) == pytest.approx(90.0)
 
 
 def test_an_attitude_comes_back_with_the_angle_between_two(clock: Clock) -> None:
@@ -180,7 +180,7 @@ def test_an_attitude_comes_back_with_the_angle_between_two(clock: Clock) -> None
     np.testing.assert_allclose(np.degrees(ahrs.euler), [30.0, 0.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(complementary.euler, [0.0, 0.0, 0.5], atol=1e-12)
     expected = 2 * np.degrees(np.arccos(np.cos(0.25) * np.cos(np.radians(15.0))))
-    assert view.apart_deg(ahrs, complementary) == pytest.approx(expected)
+    assert view.angle_between_deg(ahrs, complementary) == pytest.approx(expected)
 
 
 def test_means_of_an_attitude_do_not_mind_the_sign_of_a_quaternion(clock: Clock) -> None:
@@ -255,7 +255,7 @@ def test_missing_fields_leave_the_rest_alone(clock: Clock) -> None:
     state.absorb()
     np.testing.assert_allclose(view.reading(state, 'magnetometer', 0).raw, 5e-5)
     assert np.isnan(view.reading(state, 'gyroscope', 0).raw).all()
-    assert np.isnan(view.turned_deg(state, 0))
+    assert np.isnan(view.tilt_since_zero_deg(state, 0))
 
 
 def test_phase_and_time_left(clock: Clock) -> None:

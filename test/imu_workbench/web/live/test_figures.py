@@ -12,7 +12,7 @@ from imu_recording.logging_contract import IMU, TEMPERATURE
 from imu_workbench.report.figures.palette import COLOURS, painted
 from imu_workbench.web.live import figures
 from imu_workbench.web.live import tables as text
-from imu_workbench.web.live.attitude_drawing import HIGH, SIZE, board_svg, projected
+from imu_workbench.web.live.attitude_drawing import HEIGHT_PX, WIDTH_PX, board_svg, projected
 from imu_workbench.web.live.readings import Attitude
 from imu_workbench.web.live.state import LiveState, Status
 from imu_workbench.web.live.track import SECOND
@@ -132,8 +132,8 @@ def test_the_board_stays_within_the_drawing_in_any_attitude(seed: int) -> None:
     corners = ' '.join(re.findall(r'points="([^"]+)"', drawing)).replace(',', ' ').split()
     across = [float(x) for x in corners[::2] + re.findall(r' x\d?="([^"]+)"', drawing)]
     down = [float(y) for y in corners[1::2] + re.findall(r' y\d?="([^"]+)"', drawing)]
-    assert 0 <= min(across) < max(across) <= SIZE
-    assert 0 <= min(down) < max(down) <= HIGH
+    assert 0 <= min(across) < max(across) <= WIDTH_PX
+    assert 0 <= min(down) < max(down) <= HEIGHT_PX
     faces = drawing.count('<polygon') // 2
     assert 1 <= faces <= 4
     assert 'aria-label="AHRS: roll' in drawing

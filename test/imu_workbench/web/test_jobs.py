@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.case.tasks import effects_task
-from imu_workbench.web.jobs import Job, JobCancelled, JobError, Waiting
-from imu_workbench.web.result_cache import Library
+from imu_workbench.web.jobs import Job, JobCancelled, JobError, LockWait
+from imu_workbench.web.result_cache import ResultCache
 from thermal_comp.effects import EFFECTS
 
 ENDLESS = partial(operator.contains, range(10**18))
@@ -48,18 +48,18 @@ def test_tabs_that_ask_for_the_same_share_one_computation(tmp_path):
         yield
 
     async def ask_twice() -> list[object]:
-        library = Library(BagRoot(tmp_path), tmp_path)
-        asked = [library.compute(show, 'key', effects_task, []) for _ in range(2)]
+        cache = ResultCache(BagRoot(tmp_path), tmp_path)
+        asked = [cache.compute(show, 'key', effects_task, []) for _ in range(2)]
         return await asyncio.gather(*asked)
 
     one, other = asyncio.run(ask_twice())
     assert one is other
-    assert sorted(shown) == ['Job', 'Waiting']
+    assert sorted(shown) == ['Job', 'LockWait']
 
 
 def test_who_waits_for_another_tab_can_give_up():
     async def give_up() -> bool:
-        lock, waiting = asyncio.Lock(), Waiting()
+        lock, waiting = asyncio.Lock(), LockWait()
         await lock.acquire()
         waiting.cancel()
         with pytest.raises(JobCancelled):

@@ -17,7 +17,7 @@ from imu_workbench.web.case.noise_figures import (
     noise_density,
     spectrum_figure,
 )
-from imu_workbench.web.case.preview import fingerprint_figure, fingerprint_task
+from imu_workbench.web.case.preview import preview_figure, preview_task
 from imu_workbench.web.case.scatter_figures import phase_figure, rate_figure, temperature_figure
 from imu_workbench.web.case.time_figure import sample_line, time_figure, time_lines
 from imu_workbench.web.case.view import View, timeline_of
@@ -92,15 +92,15 @@ def test_every_figure_is_plain_data_with_units_on_its_axes(fitted):
         assert '@' not in json.dumps(painted(figures, theme), allow_nan=False)
 
 
-def test_a_fingerprint_explains_what_its_effect_made_and_a_foreign_one_does_not(fitted):
+def test_a_preview_explains_what_its_effect_made_and_a_foreign_one_does_not(fitted):
     arguments = (fitted.prepared, fitted.line.model_text)
-    lag = fingerprint_task(lambda _: None, *arguments, 'thermal_lag', 'accelerometer', [])
-    other = fingerprint_task(lambda _: None, *arguments, 'humidity', 'accelerometer', [])
+    lag = preview_task(lambda _: None, *arguments, 'thermal_lag', 'accelerometer', [])
+    other = preview_task(lambda _: None, *arguments, 'humidity', 'accelerometer', [])
     assert min(lag.share) > 0.95
     assert max(other.share) < 0.7 * min(lag.share)
     assert lag.evidence > 2.0 * other.evidence
     assert lag.parameters['time_constant']['value'] == pytest.approx(74.0, rel=0.2)
-    figure = fingerprint_figure(lag, fitted.line, VIEW, timeline_of(fitted.bags))
+    figure = preview_figure(lag, fitted.line, VIEW, timeline_of(fitted.bags))
     assert {trace['name'] for trace in figure['data']} == {'residual', 'thermal lag, fitted'}
 
 
