@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from thermal_comp.effects import EFFECTS
-from thermal_comp.model.file import check_device, load_model, model_document, save_model
+from thermal_comp.model.file import check_device, load_model, save_model
 from thermal_comp.model.values import ModelError, SensorModel, ThermalModel
 
 from .models import line_model
@@ -45,7 +45,7 @@ def test_a_model_read_back_is_the_model_written(tmp_path: Path) -> None:
     model = rich_model()
     save_model(model, tmp_path / 'model.yaml')
     back = load_model(tmp_path / 'model.yaml')
-    assert model_document(back) == model_document(model)
+    assert back.to_dict() == model.to_dict()
     assert back.sensors['accelerometer'].effects == model.sensors['accelerometer'].effects
     np.testing.assert_array_equal(
         back.sensors['accelerometer'].covariance, model.sensors['accelerometer'].covariance
@@ -62,7 +62,7 @@ def test_an_empty_model_is_kept_too(tmp_path: Path) -> None:
 
 
 def changed(path: tuple[Any, ...], value: Any) -> dict[str, Any]:
-    document = model_document(rich_model())
+    document = rich_model().to_dict()
     place: Any = document
     for key in path[:-1]:
         place = place[key]
@@ -129,7 +129,7 @@ def test_every_refusal_names_file_and_field(
 def test_an_asymmetric_or_negative_covariance_is_refused(tmp_path: Path) -> None:
     file = tmp_path / 'model.yaml'
     for row, column, value, message in ((0, 1, 1.0, 'symmetric'), (0, 0, -1.0, 'negative')):
-        document = model_document(rich_model())
+        document = rich_model().to_dict()
         document['sensors']['accelerometer']['covariance'][row][column] = value
         file.write_text(yaml.safe_dump(document))
         with pytest.raises(ModelError, match=message):
@@ -190,7 +190,7 @@ def test_a_nested_key_that_stands_twice_is_refused_by_its_whole_name(tmp_path: P
 
 
 def test_an_effect_that_stands_twice_in_a_sensor_is_refused(tmp_path: Path) -> None:
-    document = model_document(line_model())
+    document = line_model().to_dict()
     document['sensors']['gyroscope']['effects'] *= 2
     file = tmp_path / 'model.yaml'
     file.write_text(yaml.safe_dump(document, allow_unicode=True))

@@ -12,7 +12,6 @@ from typing import Any
 from thermal_comp.compensation.stream import Compensator
 from thermal_comp.data.binning import VibrationState
 from thermal_comp.data.conditions import SENSORS
-from thermal_comp.model.file import model_document
 from thermal_comp.model.values import ThermalModel
 
 SCHEMA = 1
@@ -60,7 +59,7 @@ def restore_state(compensator: Compensator, path: str | os.PathLike[str]) -> str
 
 def model_hash(model: ThermalModel) -> str:
     """Return a hash of what the model computes."""
-    sensors = json.dumps(model_document(model)['sensors'], sort_keys=True)
+    sensors = json.dumps(model.to_dict()['sensors'], sort_keys=True)
     return hashlib.sha256(sensors.encode()).hexdigest()
 
 

@@ -14,7 +14,14 @@ from imu_recording.recording import SENSOR_UNITS, FloatArray
 from thermal_comp.data.conditions import CHANNELS, SENSORS, Conditions, Sensor
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
-from thermal_comp.model.values import ModelError, NoiseModel, Provenance, SensorModel, ThermalModel
+from thermal_comp.model.values import (
+    SCHEMA,
+    ModelError,
+    NoiseModel,
+    Provenance,
+    SensorModel,
+    ThermalModel,
+)
 
 
 class Field:
@@ -118,7 +125,6 @@ def _shown(value: Any) -> str:
     return text if len(text) < 40 else f'{text[:37]}…'
 
 
-SCHEMA = 1
 ROOT_FIELDS = (
     'schema',
     'device',

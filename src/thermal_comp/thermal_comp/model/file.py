@@ -5,26 +5,23 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
-from imu_recording.recording import SENSOR_UNITS
 
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
-from thermal_comp.model.document import SCHEMA, Field, model_from_document
-from thermal_comp.model.values import ModelError, SensorModel, ThermalModel
+from thermal_comp.model.document import Field, model_from_document
+from thermal_comp.model.values import ModelError, ThermalModel
 
-__all__ = ['check_device', 'load_model', 'model_document', 'save_model']
+__all__ = ['check_device', 'load_model', 'save_model']
 
 
 def save_model(model: ThermalModel, path: str | os.PathLike[str]) -> None:
     """Write the model as YAML; reading it back gives the same numbers, bit for bit."""
     text = yaml.dump(
-        model_document(model),
+        model.to_dict(),
         Dumper=_Dumper,
         sort_keys=False,
         allow_unicode=True,
@@ -61,63 +58,6 @@ def check_device(model: ThermalModel, device: str) -> None:
             f'device: the model is of {model.device}, the recording of {device}; '
             'fit a model of that device, or several together with --pooled'
         )
-
-
-def model_document(model: ThermalModel) -> dict[str, Any]:
-    """Return the model as plain mappings, lists and numbers."""
-    return {
-        'schema': SCHEMA,
-        'device': model.device,
-        'pooled': model.pooled,
-        'reference_temperature': {'value': float(model.reference_temperature), 'unit': '°C'},
-        'sensors': {name: _sensor_document(name, m) for name, m in model.sensors.items()},
-        'provenance': {
-            'sources': dict(model.provenance.sources),
-            'version': model.provenance.version,
-            'notes': list(model.provenance.notes),
-        },
-        'history': [model_document(earlier) for earlier in model.history],
-    }
-
-
-def _sensor_document(name: str, model: SensorModel) -> dict[str, Any]:
-    unit = SENSOR_UNITS[name]
-    if model.noise is None:
-        raise ModelError(f'sensors.{name}.noise: missing; a fitted model has it')
-    return {
-        'unit': unit,
-        'temperature_range': {'value': [*map(float, model.temperature_range)], 'unit': '°C'},
-        'effects': [
-            {
-                'name': effect.name,
-                'shape': _shape_document(effect, model.shape_std),
-                'units': [text.replace('{unit}', unit) for text in effect.coefficient_units],
-                'coefficients': coefficients.tolist(),
-                'rms': np.asarray(model.contributions.get(effect.name, np.zeros(3))).tolist(),
-            }
-            for effect, coefficients in zip(model.effects, model.coefficients, strict=True)
-        ],
-        'covariance': model.covariance.tolist(),
-        'levels': {run: np.asarray(level).tolist() for run, level in model.levels.items()},
-        'noise': {
-            'white': {'value': model.noise.white.tolist(), 'unit': f'{unit}·√s'},
-            'time_constants': {'value': model.noise.time_constants.tolist(), 'unit': 's'},
-            'amplitudes': {'value': model.noise.amplitudes.tolist(), 'unit': unit},
-        },
-    }
-
-
-def _shape_document(effect: Effect, std: Mapping[str, tuple[float, ...]]) -> dict[str, Any]:
-    shape: dict[str, Any] = {}
-    for item in fields(effect):
-        value = getattr(effect, item.name)
-        shape[item.name] = {
-            'value': [*map(float, value)] if isinstance(value, tuple) else float(value),
-            'unit': item.metadata.get('unit', ''),
-        }
-        if (found := std.get(f'{effect.name}.{item.name}')) is not None:
-            shape[item.name]['std'] = [*map(float, found)]
-    return shape
 
 
 def _parsed(text: str) -> Any:

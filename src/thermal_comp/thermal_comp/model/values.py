@@ -8,12 +8,15 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
-from imu_recording.recording import FloatArray
+from imu_recording.recording import SENSOR_UNITS, FloatArray
 from imu_recording.user_error import UserError
 
 from thermal_comp.data.conditions import REFERENCE_TEMPERATURE, Conditions
 from thermal_comp.effects.effect import Effect, State
 from thermal_comp.presentation.notebook import Presented
+
+SCHEMA = 1
+"""Version of the model file."""
 
 States = tuple[State | None, ...]
 """History of each effect of a sensor model, in order."""
@@ -89,6 +92,46 @@ class SensorModel:
                 error += columns @ coefficients
         return error, tuple(history)
 
+    def to_dict(self, sensor: str) -> dict[str, Any]:
+        """Return plain values, as they stand in the model file under the sensor's name."""
+        unit = SENSOR_UNITS[sensor]
+        if self.noise is None:
+            raise ModelError(f'sensors.{sensor}.noise: missing; a fitted model has it')
+        return {
+            'unit': unit,
+            'temperature_range': {'value': [*map(float, self.temperature_range)], 'unit': '°C'},
+            'effects': [
+                {
+                    'name': effect.name,
+                    'shape': _shape_to_dict(effect, self.shape_std),
+                    'units': [text.replace('{unit}', unit) for text in effect.coefficient_units],
+                    'coefficients': coefficients.tolist(),
+                    'rms': np.asarray(self.contributions.get(effect.name, np.zeros(3))).tolist(),
+                }
+                for effect, coefficients in zip(self.effects, self.coefficients, strict=True)
+            ],
+            'covariance': self.covariance.tolist(),
+            'levels': {run: np.asarray(level).tolist() for run, level in self.levels.items()},
+            'noise': {
+                'white': {'value': self.noise.white.tolist(), 'unit': f'{unit}·√s'},
+                'time_constants': {'value': self.noise.time_constants.tolist(), 'unit': 's'},
+                'amplitudes': {'value': self.noise.amplitudes.tolist(), 'unit': unit},
+            },
+        }
+
+
+def _shape_to_dict(effect: Effect, std: Mapping[str, tuple[float, ...]]) -> dict[str, Any]:
+    shape: dict[str, Any] = {}
+    for item in fields(effect):
+        value = getattr(effect, item.name)
+        shape[item.name] = {
+            'value': [*map(float, value)] if isinstance(value, tuple) else float(value),
+            'unit': item.metadata.get('unit', ''),
+        }
+        if (found := std.get(f'{effect.name}.{item.name}')) is not None:
+            shape[item.name]['std'] = [*map(float, found)]
+    return shape
+
 
 @dataclass(frozen=True, eq=False)
 class Provenance:
@@ -120,9 +163,19 @@ class ThermalModel(Presented):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the model as the document of its file: plain mappings, lists and numbers."""
-        from thermal_comp.model.file import model_document
-
-        return model_document(self)
+        return {
+            'schema': SCHEMA,
+            'device': self.device,
+            'pooled': self.pooled,
+            'reference_temperature': {'value': float(self.reference_temperature), 'unit': '°C'},
+            'sensors': {name: part.to_dict(name) for name, part in self.sensors.items()},
+            'provenance': {
+                'sources': dict(self.provenance.sources),
+                'version': self.provenance.version,
+                'notes': list(self.provenance.notes),
+            },
+            'history': [earlier.to_dict() for earlier in self.history],
+        }
 
     def succeeded_by(self, successor: ThermalModel) -> ThermalModel:
         """Return the successor with this model as the newest entry of its history."""
