@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Make thresholds.yaml: the evidence effects reach in campaigns in which nothing is hidden.
+"""The evidence effects reach in campaigns in which nothing is hidden.
+
+It has to stay below the evidence from which they are named (`least_evidence` of the effect).
 
 Most campaigns are draws of the noise fitted to simulated devices, on the regressors of their own
 simulated campaigns; some go through the whole simulator, whose flicker noise is not of the
 model's family. Bias instability varies from half to twice that of the device. Every line of the
 file is one batch, so that an interrupted run goes on where it stopped.
 
-    python benchmarks/thresholds.py                    the table as text
-    python benchmarks/thresholds.py --write            into src/thermal_comp/…/thresholds.yaml
+    python benchmarks/thresholds.py
 """
 
 from __future__ import annotations
@@ -26,33 +27,19 @@ from imu_workbench.simulate.hidden_effect import practice_campaign
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.diagnosis.candidates import families
-from thermal_comp.diagnosis.null_simulation import QUANTILE, reached_without_effect, tail_quantile
 from thermal_comp.diagnosis.search import Search
-from thermal_comp.diagnosis.thresholds import EVERYWHERE
+from thermal_comp.diagnosis.thresholds import QUANTILE, reached_without_effect, tail_quantile
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.fit import usable_sensors
 from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.estimation import fit_noise
 
-import thermal_comp
-
 FACTORS = (0.5, 1.0, 2.0)
 """On the bias instability."""
 MARGIN = 5.0
-LEAST = {
-    'bias_drift': 60.0,
-    'bias_creep': 60.0,
-    'bias_step': 55.0,
-    'turn_on_bias': 30.0,
-    'mains_alias': 30.0,
-    'warm_up': 25.0,
-}
-"""Effects of time alone also take up what another effect's form leaves, and noise that wanders
-more than any ladder of processes; campaigns of noise alone cannot tell how much."""
 MEAN_S = 20.0
 FOLDER = Path('.benchmarks')
-TABLE = Path(thermal_comp.__file__).with_name('thresholds.yaml')
 LINE = (EFFECTS['bias_temperature'](),)
 
 Reached = dict[str, list[float]]
@@ -102,7 +89,7 @@ def batches(campaigns: int, draws: int, simulations: int) -> Iterator[dict[str, 
 
 
 def thresholds(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
-    """Return the evidence each effect needs: tail quantile over all sensors, plus a margin.
+    """Return the evidence noise alone asks for: tail quantile over all sensors, plus a margin.
 
     Campaigns through the whole simulator are too few for a quantile: their largest counts.
     """
@@ -113,11 +100,10 @@ def thresholds(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
             if row['batch']['kind'] == 'drawn':
                 drawn_[name] += values
             largest[name] = max(largest[name], *values)
-    table = dict(LEAST)
+    table: dict[str, float] = {}
     for name, values in drawn_.items():
         tail = tail_quantile(np.array(values), QUANTILE)
-        least = LEAST.get(name, EVERYWHERE)
-        table[name] = max(least, MARGIN + max(tail, largest[name]))
+        table[name] = MARGIN + max(tail, largest[name])
     return table
 
 
@@ -139,7 +125,6 @@ def main() -> None:
     parser.add_argument('--draws', type=int, default=40, help='of each at each bias instability')
     parser.add_argument('--simulations', type=int, default=8, help='at each bias instability')
     parser.add_argument('-o', '--output', type=Path, default=FOLDER / 'thresholds.jsonl')
-    parser.add_argument('--write', action='store_true', help=f'write {TABLE.name} of thermal_comp')
     options = parser.parse_args()
     options.output.parent.mkdir(parents=True, exist_ok=True)
     rows = []
@@ -163,29 +148,10 @@ def main() -> None:
     for name in sorted(table, key=lambda n: -table[n]):
         values = [v for row in rows for v in row['reached'].get(name, [])]
         largest = f'{max(values):7.1f}' if values else '   none'
-        print(f'{name:<28} n {len(values):5} largest {largest} → {table[name]:5.1f}')
+        needed = EFFECTS[name].least_evidence
+        told = 'enough' if table[name] <= needed else f'raise it to {np.ceil(table[name]):.0f}'
+        print(f'{name:<28} n {len(values):5} largest {largest}, named from {needed:g}: {told}')
     print(described(rows))
-    if options.write:
-        TABLE.write_text(document(table, rows), 'utf-8')
-        print(f'wrote {TABLE}')
-
-
-def document(table: dict[str, float], rows: Sequence[dict[str, Any]]) -> str:
-    """Return the table as YAML."""
-    listed = [
-        f'  {name}: {np.ceil(value):.1f}'
-        for name, value in sorted(table.items())
-        if value > EVERYWHERE
-    ]
-    largest = max(v for row in rows for values in row['reached'].values() for v in values) + 0.5
-    head = (
-        '# Evidence (2 ln of the Bayes factor) an effect needs before it is named.\n'
-        f'# Effects that are not listed need {EVERYWHERE:g}. From benchmarks/thresholds.py:\n'
-        f'# {described(rows)};\n'
-        f'# none of them reached {largest:.0f}. Those of time alone keep a margin for what other\n'
-        '# effects leave.\n'
-    )
-    return head + '\n'.join(['thresholds:' if listed else 'thresholds: {}', *listed]) + '\n'
 
 
 if __name__ == '__main__':

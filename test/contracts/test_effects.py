@@ -1,25 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every effect of the catalogue promises."""
+"""What every effect of the catalogue promises, and that nobody else knows an effect by name."""
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
-from thermal_comp.effects import EFFECTS
+from thermal_comp.data.conditions import CHANNELS
+from thermal_comp.effects import EFFECTS, Candidate
 from thermal_comp.effects.contract import check_effect, example_conditions
+from thermal_comp.effects.effect import contains
+from thermal_comp.effects.explanation import explain_all
+from thermal_comp.effects.operators import follow
+from thermal_comp.effects.thermal_hysteresis import ThermalHysteresis
+from thermal_comp.effects.thermal_lag import ThermalLag
 
+ROOT = Path(__file__).parents[2]
 NAMES = sorted(EFFECTS)
-ISSUE_NAMES = {
-    'bias_temperature', 'bias_temperature_curvature', 'scale_factor_temperature',
-    'misalignment_temperature', 'g_sensitivity_temperature', 'thermal_lag',
-    'thermal_lag_two_stage', 'temperature_rate', 'thermal_gradient', 'thermal_hysteresis',
-    'warm_up', 'supply_sensitivity', 'vibration_rectification', 'humidity', 'turn_on_bias',
-    'bias_step', 'bias_drift', 'bias_creep', 'heater_hard_iron', 'compressor_hard_iron',
-    'fixture_hard_iron', 'fixture_tilt', 'mains_alias', 'icing',
-}  # fmt: skip
+OWNERS = (
+    'src/thermal_comp/thermal_comp/effects',
+    'src/imu_driver/imu_driver/simulation',  # a physics of its own, which hides effects by name
+)
+"""Where effects may be named."""
 
 
-def test_the_catalogue_is_complete() -> None:
-    assert set(EFFECTS) == ISSUE_NAMES
+def test_the_catalogue_goes_by_the_names_of_the_effects() -> None:
     assert all(effect.name == name for name, effect in EFFECTS.items())
+
+
+def test_the_catalogue_is_every_file_of_its_folder() -> None:
+    folder = ROOT / OWNERS[0]
+    others = {'__init__', 'contract', 'effect', 'explanation', 'operators', 'user_effects'}
+    assert {file.stem for file in folder.glob('*.py')} - others == set(EFFECTS)
 
 
 @pytest.mark.parametrize('name', NAMES)
@@ -27,24 +41,37 @@ def test_effect_keeps_its_contract(name: str) -> None:
     assert check_effect(EFFECTS[name]) == []
 
 
-@pytest.mark.parametrize('name', NAMES)
-def test_look_alikes_are_in_the_catalogue(name: str) -> None:
-    assert set(EFFECTS[name].look_alikes) <= set(EFFECTS) - {name}
+def test_the_page_of_the_effects_is_up_to_date() -> None:
+    made = explain_all(EFFECTS)
+    kept = (ROOT / 'doc' / 'physics.md').read_text('utf-8')
+    command = 'python -m imu_workbench explain --all -o doc/physics.md'
+    assert kept.strip() == made.strip(), f'doc/physics.md is stale: {command}'
 
 
-@pytest.mark.parametrize('name', NAMES)
-def test_campaign_effects_are_the_ones_of_chamber_fixture_and_session(name: str) -> None:
-    campaign = {
-        'turn_on_bias', 'bias_step', 'bias_drift', 'bias_creep', 'heater_hard_iron',
-        'compressor_hard_iron', 'fixture_hard_iron', 'fixture_tilt', 'mains_alias', 'icing',
-    }  # fmt: skip
-    assert (EFFECTS[name].kind == 'campaign') == (name in campaign)
+def texts(file: Path) -> Iterator[tuple[int, str]]:
+    """Yield line and value of every string of a file that is not a docstring."""
+    tree = ast.parse(file.read_text('utf-8'))
+    bare = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in bare:
+            yield node.lineno, node.value
+
+
+def test_nothing_outside_the_effects_goes_by_their_names() -> None:
+    # A channel may have the name of the effect it causes.
+    names = set(EFFECTS) - set(CHANNELS)
+    found = [
+        f'{path}:{line}: {text}'
+        for file in sorted((ROOT / 'src').rglob('*.py'))
+        if not (path := str(file.relative_to(ROOT))).startswith(OWNERS)
+        for line, text in texts(file)
+        if text in names
+    ]
+    assert found == [], 'say it in an attribute of the effect'
 
 
 def test_contract_finds_an_effect_that_looks_ahead() -> None:
-    lag = EFFECTS['thermal_lag']
-
-    class LooksAhead(lag):  # type: ignore[misc, valid-type]
+    class LooksAhead(ThermalLag):
         def columns(self, conditions, state=None):
             return np.gradient(conditions.temperature)[:, None], None
 
@@ -52,10 +79,63 @@ def test_contract_finds_an_effect_that_looks_ahead() -> None:
     assert any('cut' in problem for problem in problems)
 
 
+WRONG = {
+    'kin': ('relatives', 'kin'),
+    'contains': (('magic',), "'magic' is no other effect"),
+    'contained_in': ('thermal_lag_two_stage', 'no tuple'),
+    'unseen_twin': ('thermal_lag', 'is no other effect'),
+    'least_evidence': (3.0, 'below 15'),
+    'separated_by_poses': (('magnetometer',), 'does not act on'),
+}
+
+
+@pytest.mark.parametrize('attribute', WRONG)
+def test_contract_finds_a_relation_that_cannot_be(attribute: str) -> None:
+    value, problem = WRONG[attribute]
+    wrong = type('Wrong', (ThermalLag,), {attribute: value, 'sensors': ('gyroscope',)})
+    assert any(problem in found for found in check_effect(wrong)), check_effect(wrong)
+
+
+def test_contract_finds_a_search_that_leaves_the_bounds_or_the_effect() -> None:
+    @dataclass(frozen=True)
+    class Wrong(ThermalLag):
+        @classmethod
+        def search_grid(cls, campaign):
+            return [Candidate(cls(1e6))]
+
+    assert any('outside its bounds' in problem for problem in check_effect(Wrong))
+    Wrong.search_grid = classmethod(lambda cls, _: [Candidate(ThermalLag())])  # type: ignore[method-assign]
+    assert any('another effect' in problem for problem in check_effect(Wrong))
+    Wrong.search_grid = classmethod(lambda cls, _: [Candidate(cls(), 0)])  # type: ignore[method-assign]
+    assert any('per run' in problem for problem in check_effect(Wrong))
+
+    class Halved(ThermalHysteresis):
+        def parts(self):
+            return super().parts()[:1]
+
+        @classmethod
+        def search_grid(cls, campaign):
+            return [Candidate(cls((1.0, 2.0)))]
+
+    assert any('parts' in problem for problem in check_effect(Halved))
+
+
+def test_either_side_may_say_that_it_contains_the_other() -> None:
+    richer = type('Richer', (ThermalLag,), {'name': 'richer', 'contains': ('bias_creep',)})
+    assert contains(richer, EFFECTS['bias_creep'])
+    assert contains(EFFECTS['bias_creep'], EFFECTS['bias_drift'])
+    assert not contains(EFFECTS['bias_drift'], EFFECTS['bias_creep'])
+    assert EFFECTS['bias_creep'].stands_for(richer)
+
+
+def test_a_fast_lag_alone_is_a_rate_and_more() -> None:
+    rate = EFFECTS['temperature_rate']()
+    assert rate.is_contained_in(ThermalLag(25.0))
+    assert not rate.is_contained_in(ThermalLag(300.0))
+
+
 def test_lag_is_exact_for_a_ramp() -> None:
     conditions = example_conditions(seed=3)
     time = conditions.time - conditions.time[0]
-    from thermal_comp.effects.operators import follow
-
     lagged, _ = follow(conditions.time, 0.03 * time, 100.0)
     np.testing.assert_allclose(lagged, 0.03 * (time - 100.0 + 100.0 * np.exp(-time / 100.0)))

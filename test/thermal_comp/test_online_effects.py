@@ -50,10 +50,6 @@ def scale_of(effect: type[Effect], recording: ImuRecording) -> float:
     return float(np.abs(made).max())
 
 
-def test_there_are_fourteen() -> None:
-    assert len(DEVICE) == 14
-
-
 @pytest.mark.parametrize('name', DEVICE)
 def test_stream_equals_recording_wherever_it_is_cut(
     name: str, recording: ImuRecording, tmp_path: Path

@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.contract import check_effect
 from thermal_comp.effects.user_effects import effects_in_file, name_is_taken
 
@@ -23,8 +24,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> Answer:
     """Check."""
     found: dict[str, list[str]] = {}
-    for effect in effects_in_file(options.file):
-        found[effect.name] = check_effect(effect)
+    effects = effects_in_file(options.file)
+    known = {*EFFECTS, *(effect.name for effect in effects)}
+    for effect in effects:
+        found[effect.name] = check_effect(effect, known)
         if name_is_taken(effect):
             found[effect.name].append(f'{effect.name}: the name is in the catalogue already')
     lines = []

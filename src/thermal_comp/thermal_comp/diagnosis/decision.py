@@ -10,7 +10,6 @@ from typing import Literal
 import numpy as np
 
 from thermal_comp.comparison.compare import compare_prepared
-from thermal_comp.diagnosis.candidates import SEARCHED
 from thermal_comp.diagnosis.dependence import (
     ADEQUATE,
     CHANNELS_OF,
@@ -25,10 +24,9 @@ from thermal_comp.diagnosis.dependence import (
     strongest_judge,
 )
 from thermal_comp.diagnosis.generic_regressors import Judge
-from thermal_comp.diagnosis.search import ENRICHMENT, FORM_SHARE, RICHER, Rated, Search
+from thermal_comp.diagnosis.search import FORM_SHARE, Rated, Search
 from thermal_comp.diagnosis.spectral_lines import steadiness
-from thermal_comp.diagnosis.thresholds import EVERYWHERE, threshold_of
-from thermal_comp.effects.effect import Effect, joined_effects
+from thermal_comp.effects.effect import LEAST_EVIDENCE, Effect, contains, joined_effects
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.model.values import ModelError
 
@@ -43,49 +41,14 @@ RIVAL_SHARE = 0.98
 """Rivals: within this evidence, or this share of the χ² gain."""
 FAINT = 60.0
 """Evidence below which the price of parameters alone may decide between forms."""
-CHEAPLY_ENRICHED = ('thermal_lag',)
-"""Effects whose richer form is a rival well below the full price of its parameters."""
-SLOW_STAGE_S = 600.0
-"""A lag slower than a package's is a board's [s]: the package's own may hide in the noise."""
 CHAIN = 3
 """This many families on one sensor are a sign of something else."""
-LINE = 'mains_alias'
-CURVATURE = 'bias_temperature_curvature'
 PLAINER = 20.0
 """Evidence by which a line with one bend has to beat a curvature."""
 STEADY = 0.43
 """Share of a line's power that is steady at least: a line that a current gates keeps half."""
-SLOW = ('bias_drift', 'bias_creep', 'warm_up')
-"""Effects of time that axes and runs share, as noise does not."""
-UNSEEN_TWIN = (('temperature_rate', 'thermal_gradient'),)
-"""Pairs whose first stands for the second wherever the channel that would tell was not logged."""
 COURSE_SHARE = 0.012
 """Evidence of a common course beside the effects, as a share of their gain, that doubts them."""
-GROUPS = (
-    frozenset(
-        {
-            'bias_temperature_curvature',
-            'thermal_lag',
-            'thermal_lag_two_stage',
-            'temperature_rate',
-            'thermal_gradient',
-            'thermal_hysteresis',
-            'icing',
-            'humidity',
-        }
-    ),
-    frozenset(
-        {
-            'scale_factor_temperature',
-            'misalignment_temperature',
-            'g_sensitivity_temperature',
-            'fixture_hard_iron',
-            'fixture_tilt',
-        }
-    ),
-    frozenset({'warm_up', 'bias_drift', 'bias_creep', 'turn_on_bias', 'bias_step'}),
-)
-"""Effects that can stand for a flaw in each other's form."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +110,7 @@ def decide(search: Search, judges: Sequence[Judge], missing: Sequence[str]) -> O
         len(names) >= CHAIN
         or (relevant and len(names) > 1)
         or (len(names) > 1 and _one_curve(search, judges, major))
-        or sum(r.name == 'bias_step' for r in major) > len(search.bank.source.runs)
+        or sum(r.form.effect.repeatable for r in major) > len(search.bank.source.runs)
         or not _suffices(search, judges, major)
         or _leaves_a_course(search, found)
         or _bends_plainly(search, major)
@@ -173,7 +136,8 @@ def _nothing_found(
     for rated in search.ranking([]):
         # Its evidence is short of a threshold that is high because noise drifts as well: on each
         # axis and in each run by itself, though.
-        slow = rated.name in SLOW and rated.evidence > EVERYWHERE
+        effect = rated.form.effect
+        slow = effect.time_only and not effect.per_run and rated.evidence > LEAST_EVIDENCE
         if slow and common_course(search, missing, [rated]) is None:
             return Outcome('named', (replace(_named(search, [rated], rated), shared=True),))
     return Outcome(course.kind, (), course.depends_on, course.evidence)
@@ -192,7 +156,7 @@ def _wanders(search: Search, judges: Sequence[Judge], rated: Rated) -> bool:
 
     What repeats with the thermal cycle has lines as well: then a variable explains more.
     """
-    frequency = rated.form.effect.shape_parameters.get('frequency')
+    frequency = rated.form.effect.line_frequency
     bank = search.bank
     if frequency is None or steadiness(bank.source.runs, bank.sensor, frequency) >= STEADY:
         return False
@@ -202,7 +166,7 @@ def _wanders(search: Search, judges: Sequence[Judge], rated: Rated) -> bool:
 
 def _bends_plainly(search: Search, major: Sequence[Rated]) -> bool:
     """Tell whether a curvature that stands alone is rather a line with one bend."""
-    if [r.name for r in major] != [CURVATURE]:
+    if len(major) != 1 or not major[0].form.effect.curve_over_temperature:
         return False
     return best_hinge(search).evidence > search.rate([], major[0].form).evidence + PLAINER
 
@@ -216,7 +180,8 @@ def _leaves_a_course(search: Search, found: Sequence[Rated]) -> bool:
 
 def _one_curve(search: Search, judges: Sequence[Judge], major: Sequence[Rated]) -> bool:
     """Tell whether one curve over temperature does what several kindred effects do together."""
-    if not any(all(r.name in group for r in major) for group in GROUPS):
+    kin = {r.form.effect.kin for r in major}
+    if len(kin) > 1 or '' in kin:
         return False
     gain, rank = search.bank.solve([term for r in major for term in r.form.terms])
     curves = (search.bank.solve([j.term]) for j in judges if j.depends_on == 'temperature')
@@ -227,33 +192,23 @@ def _majors(search: Search, found: Sequence[Rated]) -> list[Rated]:
     """Return the effects that are more than a flaw in the strongest one's form, and hold alone."""
     alone = [search.rate([], r.form) for r in found]
     first = max(range(len(found)), key=lambda k: alone[k].gain)
-    kin = next((g for g in GROUPS if found[first].name in g), frozenset())
+    strongest = found[first].form.effect
     # What a line's form may lack lies beside it in the spectrum: nothing slow stands for it.
-    minor = 0.0 if found[first].name == LINE else MINOR
+    minor = MINOR if strongest.line_frequency is None else 0.0
+    shares = [SECOND if r.form.effect.is_kin_of(strongest) else minor for r in found]
     kept = [
         r
-        for k, r in enumerate(found)
-        if k == first or r.gain > (SECOND if r.name in kin else minor) * alone[first].gain
+        for k, (r, share) in enumerate(zip(found, shares, strict=True))
+        if k == first or r.gain > share * alone[first].gain
     ]
     while len(kept) > 1:
         forms = [r.form for r in kept]
         spare = [search.rate(forms, f) for f in forms if f is not found[first].form]
         weakest = min(spare, key=lambda r: r.evidence)
-        if weakest.evidence >= threshold_of(weakest.name, search.thresholds):
+        if weakest.evidence >= search.threshold(weakest):
             break
         kept = [r for r in kept if r.form is not weakest.form]
     return kept
-
-
-def _contains(rival: Rated, rated: Rated) -> bool:
-    """Tell whether the rival is the same effect in a richer form; a slow lag is no rate's."""
-    slow = all(
-        rival.form.effect.shape_parameters.get(name, high) > 1.5 * low
-        for (effect, name), (low, high) in SEARCHED.items()
-        if effect == rival.name
-    )
-    apart = rated.name == 'temperature_rate' and slow
-    return rival.name in RICHER.get(rated.name, ()) and not apart
 
 
 def _named(
@@ -262,29 +217,29 @@ def _named(
     others = [r.form for r in found if r.form is not rated.form]
     ranking = [r for r in search.ranking(others) if r.name != rated.name]
     rivals = [(r.name, r.gain / rated.gain) for r in ranking[:4] if r.gain > 0.0]
-    close: list[str] = []
-    richer: list[str] = []
+    close: list[Effect] = []
+    richer: list[Effect] = []
     for rival in ranking:
+        effect = rival.form.effect
         near = rival.evidence > rated.evidence - RIVAL_EVIDENCE
         alike = rival.gain > RIVAL_SHARE * rated.gain and rival.evidence > 0.0
-        if _contains(rival, rated):
+        if rated.form.effect.is_contained_in(effect):
             more = rival.rank + rival.form.free - rated.rank - rated.form.free
-            cheap = rated.name in CHEAPLY_ENRICHED
-            lag = rated.form.effect.shape_parameters.get('time_constant', 0.0)
-            least = 0.0 if lag > SLOW_STAGE_S else ENRICHMENT * max(more, 1)
-            near = cheap and rival.gain - rated.gain > least
+            least = rated.form.effect.enrichment * max(more, 1)
+            near = rival.gain - rated.gain > least
             alike = False
-        contained = any(rival.name in RICHER.get(name, ()) for name in close)
+        contained = any(contains(effect, other) for other in close)
         if contained and (near or (alike and rated.evidence < FAINT)):
-            richer.append(rival.name)
+            richer.append(effect)
         elif (near or alike) and not contained:
-            close.append(rival.name)
+            close.append(effect)
     # A richer form of a rival stands behind those that are something else.
     close += richer
-    for name, twin in UNSEEN_TWIN:
-        if name in (rated.name, *close) and twin in search.untried:
-            close = [*close[:1], twin]
-    return Named(rated, tuple(rivals), tuple(close[:2]), approximate)
+    names = [effect.name for effect in close]
+    for effect in (rated.form.effect, *close):
+        if effect.unseen_twin in search.untried:
+            names = [*names[:1], effect.unseen_twin]
+    return Named(rated, tuple(rivals), tuple(names[:2]), approximate)
 
 
 def _without_name(

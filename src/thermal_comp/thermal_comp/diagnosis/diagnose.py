@@ -27,60 +27,21 @@ from thermal_comp.diagnosis.findings import (
 from thermal_comp.diagnosis.generic_regressors import judges
 from thermal_comp.diagnosis.identifiability import undecidable
 from thermal_comp.diagnosis.inputs import take_in
-from thermal_comp.diagnosis.null_simulation import calibrated_thresholds
 from thermal_comp.diagnosis.result import Diagnosis, Finding, SensorState
 from thermal_comp.diagnosis.search import Search, least_gains
-from thermal_comp.diagnosis.thresholds import EVERYWHERE
+from thermal_comp.diagnosis.thresholds import calibrated_thresholds
 from thermal_comp.effects import EFFECTS
-from thermal_comp.effects.effect import Effect, joined_effects
+from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.effects.effect import LEAST_EVIDENCE, Effect, joined_effects
 from thermal_comp.fitting.fit import fit_prepared, usable_sensors
 from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
 from thermal_comp.model.values import NoiseModel, ThermalModel
 from thermal_comp.noise.of_runs import determined_noise, noise_beside
 
-TILT = 'fixture_tilt'
 REFUTED = 20.0
-"""χ² against a tilt from which no flaw in its form excuses it …"""
+"""χ² against an effect of several sensors from which no flaw in its form excuses it …"""
 REFUTED_SHARE = 2e-4
-"""… or this share of what it explains: the larger the tilt, the more a flaw in its form costs."""
-
-
-def may_tilt(outcome: Outcome) -> bool:
-    """Tell whether a tilt is named, or explains what is named as well."""
-    return any(TILT in (n.rated.name, *n.ambiguous_with) for n in outcome.named)
-
-
-def tilts(outcome: Outcome) -> tuple[Effect, ...]:
-    """Return the tilt that is named, if one is."""
-    return tuple(n.rated.form.effect for n in outcome.named if n.rated.name == TILT)
-
-
-def tilt_support(tilt: Effect, banks: Sequence[ColumnBank], outcomes: Sequence[Outcome]) -> float:
-    """Return the χ² that the second sensor adds to the tilt of the first; −∞: it refutes it.
-
-    One rotation, fitted to both sensors beside what else was named, explains less than the first
-    alone would like where the second does not turn: a scale factor that is equal on all axes is
-    a tilt to the accelerometer in three orientations, but not to the magnetometer.
-    """
-    equations = []
-    for bank, outcome in zip(banks, outcomes, strict=True):
-        known = [
-            term
-            for named in outcome.named
-            if TILT not in (named.rated.name, *named.ambiguous_with)
-            for term in named.rated.form.terms
-        ]
-        equations.append(bank.shared_equations(known, bank.term(tilt)))
-    (normal, right), (further, moved) = equations
-    alone = _explained(normal, right)
-    support = _explained(normal + further, right + moved) - alone
-    return support if support > -max(REFUTED, REFUTED_SHARE * alone) else -np.inf
-
-
-def _explained(normal: FloatArray, right: FloatArray) -> float:
-    return float(right @ np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ right)
-
-
+"""… or this share of what it explains: the larger it is, the more a flaw in its form costs."""
 CHANGED = 0.8
 """Share of its variance below which noise is another one."""
 
@@ -124,7 +85,7 @@ def diagnose(
         settings = replace(settings, thresholds=thresholds)
     diagnosis = diagnose_prepared(runs, model, settings)
     findings = [quality_finding(defect) for defect in intake.defects]
-    if clock is not None and clock.evidence > EVERYWHERE:
+    if clock is not None and clock.evidence > LEAST_EVIDENCE:
         slope = {'value': clock.slope, 'std': clock.slope_std, 'unit': '1/K'}
         findings.append(
             Finding(
@@ -132,7 +93,7 @@ def diagnose(
                 'clock_temperature',
                 'all',
                 clock.evidence,
-                EVERYWHERE,
+                LEAST_EVIDENCE,
                 error_before=clock.rms_before,
                 error_after=clock.rms_after,
                 unit='1',
@@ -158,7 +119,7 @@ def diagnose_prepared(
         fit_prepared(base, runs, noise=noise, refine=False), runs, noise=noise
     )
     findings: list[Finding] = []
-    explained = _explained_diagnose(runs, base, outcomes, noise)
+    explained = _explained(runs, base, outcomes, noise)
     for sensor, outcome in outcomes.items():
         findings += effect_findings(sensor, outcome, current, explained, settings.thresholds)
         findings += unnamed_findings(sensor, outcome, current)
@@ -182,7 +143,7 @@ def diagnose_prepared(
         sensors=states,
         greyed_out=greyed_out(runs, settings.catalogue),
         undetermined=explained.undetermined,
-        undecided=undecidable(runs, base, outcomes, noise),
+        undecided=undecidable(runs, base, outcomes, noise, settings.catalogue),
         notes=(*current.notes, *notes, *short),
     )
 
@@ -190,7 +151,7 @@ def diagnose_prepared(
 def base_effects(model: ThermalModel | None, sensor: Sensor) -> tuple[Effect, ...]:
     """Return the effects of the model that is diagnosed; the line per axis without one."""
     if model is None or sensor not in model.sensors:
-        return (EFFECTS['bias_temperature'](),)
+        return (BiasTemperature(),)
     return model.sensors[sensor].effects
 
 
@@ -202,10 +163,10 @@ def search_sensors(
 ) -> dict[Sensor, Outcome]:
     """Return what is said about each sensor.
 
-    A fixture that tilts turns the field as well: where the accelerometer may have found a tilt,
-    the magnetometer is asked, and a tilt that is found is taken as known for it. What is named
-    and had been taken for noise (a step, a line) has the search begin anew, with the noise beside
-    it.
+    An effect that several sensors feel (a fixture that tilts turns gravity and field alike) is
+    looked for in the first of them; where that may have found it the others are asked, and one
+    that is found is taken as known for them. What is named and had been taken for noise (a step,
+    a line) has the search begin anew, with the noise beside it.
     """
     source = ColumnSource(runs)
     missing = [c for c in CHANNELS if not any(run.conditions.has(c) for run in runs)]
@@ -226,10 +187,10 @@ def search_sensors(
         offered = {
             name: effect
             for name, effect in settings.catalogue.items()
-            if name not in {e.name for e in known if e.name != 'bias_step'}
-            and not (name == TILT and sensor == 'magnetometer' and len(base) > 1)
+            if name not in {e.name for e in known if not e.repeatable}
+            and not (effect.coupled and sensor != effect.sensors[0] and len(base) > 1)
         }
-        least = least_gains(source, sensor, weights, known)
+        least = least_gains(source, sensor, weights, known, settings.catalogue)
         found = Search(
             bank,
             families(bank, offered),
@@ -244,18 +205,48 @@ def search_sensors(
     with ThreadPoolExecutor() as pool:
         together = dict(zip(base, pool.map(search, base, base.values()), strict=True))
     outcomes = {sensor: outcome for sensor, (_, outcome) in together.items()}
-    first, second = outcomes.get('accelerometer'), outcomes.get('magnetometer')
-    if first is not None and second is not None and may_tilt(first):
-        banks = [together[s][0] for s in ('accelerometer', 'magnetometer')]
-        tilt = settings.catalogue[TILT]()
-        support = tilt_support(tilt, banks, (first, second))
-        _, outcomes['accelerometer'] = search(
-            'accelerometer', base['accelerometer'], **{TILT: support}
-        )
-        found = tilts(outcomes['accelerometer'])
-        if found:
-            _, outcomes['magnetometer'] = search('magnetometer', (*base['magnetometer'], *found))
+    for effect in settings.catalogue.values():
+        asked = [sensor for sensor in effect.sensors if sensor in outcomes]
+        if not effect.coupled or len(asked) < 2 or not _may_be(effect, outcomes[asked[0]]):
+            continue
+        first, *others = asked
+        support = coupled_support(effect(), [(together[s][0], outcomes[s]) for s in asked])
+        _, outcomes[first] = search(first, base[first], **{effect.name: support})
+        found = [n.rated.form.effect for n in outcomes[first].named if n.rated.name == effect.name]
+        for sensor in others if found else ():
+            _, outcomes[sensor] = search(sensor, (*base[sensor], *found))
     return outcomes
+
+
+def _may_be(effect: type[Effect], outcome: Outcome) -> bool:
+    """Tell whether an effect is named, or explains what is named as well."""
+    return any(effect.name in (n.rated.name, *n.ambiguous_with) for n in outcome.named)
+
+
+def coupled_support(effect: Effect, searched: Sequence[Found]) -> float:
+    """Return the χ² that other sensors add to an effect of the first; −∞: they refute it.
+
+    One set of coefficients, fitted to all sensors beside what else was named, explains less than
+    the first alone would like where the others do not feel it: a scale factor that is equal on
+    all axes is a tilt to the accelerometer in three orientations, but not to the magnetometer.
+    """
+    equations = []
+    for bank, outcome in searched:
+        known = [
+            term
+            for named in outcome.named
+            if effect.name not in (named.rated.name, *named.ambiguous_with)
+            for term in named.rated.form.terms
+        ]
+        equations.append(bank.shared_equations(known, bank.term(effect)))
+    alone = _explained_by(*equations[0])
+    normals, rights = zip(*equations, strict=True)
+    support = _explained_by(np.sum(normals, axis=0), np.sum(rights, axis=0)) - alone
+    return support if support > -max(REFUTED, REFUTED_SHARE * alone) else -np.inf
+
+
+def _explained_by(normal: FloatArray, right: FloatArray) -> float:
+    return float(right @ np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ right)
 
 
 def named_beside(base: Listed, outcomes: Mapping[Sensor, Outcome]) -> Listed:
@@ -288,7 +279,7 @@ def greyed_out(
     return reasons
 
 
-def _explained_diagnose(
+def _explained(
     runs: Sequence[PreparedRun],
     base: Listed,
     outcomes: Mapping[Sensor, Outcome],

@@ -15,8 +15,8 @@ from thermal_comp.data.quality import QualityFinding
 from thermal_comp.diagnosis.decision import Named, Outcome
 from thermal_comp.diagnosis.noise_level import NEEDED, judge_noise
 from thermal_comp.diagnosis.result import Finding, SensorState
-from thermal_comp.diagnosis.thresholds import EVERYWHERE, threshold_of
-from thermal_comp.effects.effect import Effect
+from thermal_comp.diagnosis.thresholds import threshold_of
+from thermal_comp.effects.effect import LEAST_EVIDENCE, Effect
 from thermal_comp.model.values import NoiseModel, ThermalModel
 
 LISTED_WHERE = 6
@@ -55,7 +55,7 @@ def effect_findings(
                 named.rated.name,
                 label,
                 named.rated.evidence,
-                EVERYWHERE if named.shared else threshold_of(named.rated.name, thresholds),
+                LEAST_EVIDENCE if named.shared else threshold_of(effect, thresholds),
                 ambiguous_with=named.ambiguous_with,
                 error_before=_rms(current.sensors[sensor].held_out_rms),
                 error_after=_rms(after.sensors[sensor].held_out_rms) if after else None,
@@ -120,7 +120,7 @@ def unnamed_findings(sensor: Sensor, outcome: Outcome, current: Comparison) -> l
             None,
             sensor,
             outcome.evidence,
-            EVERYWHERE,
+            LEAST_EVIDENCE,
             depends_on=outcome.depends_on,
             error_before=_rms(before.held_out_rms),
             noise_floor=_rms(before.noise_floor),

@@ -168,7 +168,7 @@ def _placed(
             rated[sensor] = ranking[0]
     if not rated:
         raise ModelError(f'{name} leaves no trace in these runs that could be fitted')
-    needed = threshold_of(name, settings.thresholds)
+    needed = threshold_of(effect, settings.thresholds)
     strong = [s for s, r in rated.items() if r.evidence >= needed]
     best = max(rated, key=lambda s: rated[s].evidence)
     if effect.coupled:

@@ -10,9 +10,10 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.diagnosis.candidates import usable
 from thermal_comp.diagnosis.decision import Outcome
 from thermal_comp.diagnosis.result import Undecided
-from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
 from thermal_comp.model.values import NoiseModel
@@ -23,20 +24,6 @@ SAME_INPUT = 0.05
 """A sensor's true input that varies by less than this share over the runs is one pose."""
 ONE_WAY = 0.95
 """Share of the temperature's travel in one direction that makes a sweep."""
-PAIRS = (
-    ('bias_temperature_curvature', 'thermal_lag'),
-    ('bias_temperature_curvature', 'thermal_hysteresis'),
-    ('bias_temperature_curvature', 'warm_up'),
-    ('thermal_lag', 'thermal_hysteresis'),
-    ('thermal_lag', 'temperature_rate'),
-)
-"""Effects that only a temperature that returns, or comes at several rates, tells apart."""
-SCALE_OF: dict[Sensor, str] = {
-    'accelerometer': 'scale_factor_temperature',
-    'gyroscope': 'g_sensitivity_temperature',
-    'magnetometer': 'scale_factor_temperature',
-}
-"""Effects that need another pose to be told from a bias."""
 
 
 def undecidable(
@@ -44,14 +31,15 @@ def undecidable(
     base: Mapping[Sensor, Sequence[Effect]],
     outcomes: Mapping[Sensor, Outcome],
     noise: Mapping[Sensor, NoiseModel],
+    catalogue: Mapping[str, type[Effect]],
 ) -> tuple[Undecided, ...]:
     """Return what cannot be decided from these runs: nothing for cycles in several poses."""
-    found = list(_poses(runs, tuple(base)))
+    found = list(_poses(runs, tuple(base), catalogue))
     if not all(run.has_cycles for run in runs):
-        found += _shapes(runs, base, noise)
+        found += _shapes(runs, base, noise, catalogue)
         found += [
             Undecided(
-                (r.name, 'bias_temperature'),
+                (r.name, BiasTemperature.name),
                 (sensor,),
                 1.0,
                 f'{r.name} follows what was seen (evidence {r.evidence:.0f}), but foresees blocks '
@@ -64,14 +52,18 @@ def undecidable(
     return tuple(found)
 
 
-def _poses(runs: Sequence[PreparedRun], sensors: Sequence[Sensor]) -> list[Undecided]:
+def _poses(
+    runs: Sequence[PreparedRun], sensors: Sequence[Sensor], catalogue: Mapping[str, type[Effect]]
+) -> list[Undecided]:
     """Bias and scale factor need the input of a sensor's axes to differ between runs."""
     single: dict[tuple[str, str], list[Sensor]] = {}
     for sensor in sensors:
         inputs = np.array([_true_input(run, sensor) for run in runs])
         size = float(np.abs(inputs).max())
         if np.ptp(inputs, axis=0).max() <= SAME_INPUT * size:
-            single.setdefault(('bias_temperature', SCALE_OF[sensor]), []).append(sensor)
+            for effect in catalogue.values():
+                if sensor in effect.separated_by_poses:
+                    single.setdefault((BiasTemperature.name, effect.name), []).append(sensor)
     return [
         Undecided(
             pair,
@@ -96,10 +88,11 @@ def _shapes(
     runs: Sequence[PreparedRun],
     base: Mapping[Sensor, Sequence[Effect]],
     noise: Mapping[Sensor, NoiseModel],
+    catalogue: Mapping[str, type[Effect]],
 ) -> list[Undecided]:
-    """Effects of PAIRS that leave nearly the same trace in the runs, with the noise of one sensor.
+    """Effects that only cycles separate, if they leave nearly the same trace in these runs.
 
-    The columns of an effect depend on the sensor only through its noise: the first one serves.
+    Their columns depend on the sensor only through its noise: that of the first one serves.
     """
     sensor = next((s for s in SENSORS if s in base), None)
     if sensor is None:
@@ -107,12 +100,16 @@ def _shapes(
     bank = ColumnBank(ColumnSource(runs), sensor, noise[sensor], base[sensor])
     reason = _history(runs)
     found = []
-    for one, other in PAIRS:
+    offered = {n: e for n, e in catalogue.items() if usable(e, sensor, runs)}
+    pairs = [
+        (e, offered[n]) for e in offered.values() for n in e.separated_by_cycles if n in offered
+    ]
+    for one, other in pairs:
         share = max(_similarity(bank, one, other), _similarity(bank, other, one))
         if share >= ALIKE:
             found.append(
                 Undecided(
-                    (one, other),
+                    (one.name, other.name),
                     tuple(base),
                     share,
                     reason,
@@ -134,11 +131,11 @@ def _history(runs: Sequence[PreparedRun]) -> str:
     return 'no thermal cycle repeats'
 
 
-def _similarity(bank: ColumnBank, truth: str, rival: str) -> float:
+def _similarity(bank: ColumnBank, truth: type[Effect], rival: type[Effect]) -> float:
     """Return the share of the trace of an effect that a rival would explain at its best shape."""
-    wanted = bank.term(EFFECTS[truth]()).columns
+    wanted = bank.term(truth()).columns
     best = 0.0
-    for form in _forms(rival):
+    for form in rival.sample_forms():
         known = list(bank.term(form).columns)
         before, after = 0.0, 0.0
         normal, _ = bank.reduced([], wanted)
@@ -147,13 +144,3 @@ def _similarity(bank: ColumnBank, truth: str, rival: str) -> float:
         after += float(np.trace(reduced, axis1=1, axis2=2).sum())
         best = max(best, 1.0 - after / before if before > 0.0 else 0.0)
     return best
-
-
-def _forms(name: str) -> list[Effect]:
-    """Return an effect with time constants and widths from short to long."""
-    effect: type = EFFECTS[name]
-    if name == 'thermal_hysteresis':
-        return [effect((w,)) for w in (1.0, 2.0, 4.0, 8.0)]
-    if name in {'thermal_lag', 'warm_up'}:
-        return [effect(t) for t in (60.0, 120.0, 300.0, 900.0, 1800.0)]
-    return [effect()]

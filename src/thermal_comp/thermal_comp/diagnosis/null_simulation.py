@@ -1,32 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Evidence that effects reach in campaigns of noise alone, and thresholds calibrated by it."""
+"""Evidence that effects reach in campaigns that hold noise alone, many at a time."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
-from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
-from thermal_comp.diagnosis.candidates import Family, Plan, families, plans
-from thermal_comp.diagnosis.search import WITHOUT_CYCLE_VETO
+from thermal_comp.diagnosis.candidates import Family, campaign_of, candidates
 from thermal_comp.diagnosis.spectral_lines import spectral_lines
-from thermal_comp.diagnosis.thresholds import EVERYWHERE, shipped_thresholds, threshold_of
-from thermal_comp.effects.effect import Effect
-from thermal_comp.fitting.fit import usable_sensors
+from thermal_comp.effects.effect import Candidate, Effect
 from thermal_comp.linear.candidate_design import RANK_TOLERANCE, ColumnBank, ColumnSource
 from thermal_comp.linear.whitening import apply_gains, innovation_gains
-from thermal_comp.model.values import NoiseModel
-from thermal_comp.noise.estimation import fit_noise_to_values
-from thermal_comp.noise.of_runs import determined_noise
-from thermal_comp.noise.process import draw_noise
-
-LINE = 'mains_alias'
-"""Its forms depend on the spectrum of a draw."""
 
 ABSORBED = 1e-10
 """A column of which less than this share of its power is left says nothing beside the base."""
@@ -106,12 +95,10 @@ class SlowEffects:
 
     def reached(self, bank: ColumnBank) -> dict[str, float]:
         """Return the evidence of each family's best form in the draw that is the bank's target."""
-        planned = plans(bank, {n: e for n, e in self.catalogue.items() if n != LINE})
-        if LINE in self.catalogue:
-            lines = [self.catalogue[LINE](f) for f in _lines(bank)]  # type: ignore[call-arg]
-            planned[LINE] = [Plan(line, (line,), 1) for line in lines]
+        campaign = replace(campaign_of(bank), spectral_lines=partial(_lines, bank))
+        tried = candidates(bank, self.catalogue, campaign)
         effects = list(
-            dict.fromkeys(p for some in planned.values() for x in some for p in x.parts)
+            dict.fromkeys(p for some in tried.values() for c in some for p in c.effect.parts())
         )
         table = _Table.of([self._columns(bank, effect) for effect in effects], effects)
         normal, right = table.equations(bank)
@@ -121,13 +108,12 @@ class SlowEffects:
                 best_evidence(
                     normal,
                     right[None],
-                    [table.index(plan) for plan in some],
-                    [plan.free for plan in some],
+                    [table.index(candidate) for candidate in some],
+                    [candidate.effect.free_shapes for candidate in some],
                     price,
                 )[0]
             )
-            for name, some in planned.items()
-            if some
+            for name, some in tried.items()
         }
 
     def _columns(self, bank: ColumnBank, effect: Effect) -> list[FloatArray]:
@@ -179,13 +165,13 @@ class _Table:
         stacked = [np.concatenate([parts[r] for parts in columns], axis=1) for r in range(runs)]
         return cls(stacked, [np.array(u) for u in unknown], first, width)
 
-    def index(self, plan: Plan) -> list[int]:
+    def index(self, candidate: Candidate) -> list[int]:
         """Return the unknowns of a form."""
         found = []
-        for part in plan.parts:
+        for part in candidate.effect.parts():
             start, count = self.first[part]
             runs = len(self.columns) if part.per_run else 1
-            wanted = range(runs) if plan.run is None else [plan.run]
+            wanted = range(runs) if candidate.run is None else [candidate.run]
             found += [start + r * count + k for r in wanted for k in range(count)]
         return found
 
@@ -210,102 +196,3 @@ class _Table:
             absorbed = np.diag(normal[axis]) <= ABSORBED * power
             normal[axis][absorbed] = normal[axis][:, absorbed] = right[axis, absorbed] = 0.0
         return normal, right
-
-
-SLOW = (*WITHOUT_CYCLE_VETO, 'bias_drift')
-"""Effects whose evidence depends on how well slow noise is known: it is fitted to every draw."""
-MARGIN = 5.0
-QUANTILE = 0.995
-TAIL = 0.9
-"""Quantile from which on the tail is taken as exponential."""
-
-Listed = Mapping[Sensor, tuple[Effect, ...]]
-
-
-def calibrated_thresholds(
-    runs: Sequence[PreparedRun],
-    base: Listed,
-    catalogue: Mapping[str, type[Effect]],
-    draws: int,
-    seed: int = 0,
-) -> dict[str, float]:
-    """Return the evidence each effect needs: quantile over draws of noise alone, plus a margin.
-
-    The draws have the noise fitted to the recordings; thresholds never fall below the shipped.
-    """
-    noise, _ = determined_noise(runs, {s: base[s] for s in usable_sensors(runs)[0]})
-    reached = reached_without_effect(runs, noise, base, catalogue, draws, seed)
-    raised = {
-        name: max(threshold_of(name), EVERYWHERE, tail_quantile(found, QUANTILE) + MARGIN)
-        for name, found in reached.items()
-    }
-    return {**shipped_thresholds(), **raised}
-
-
-def reached_without_effect(
-    runs: Sequence[PreparedRun],
-    noise: Mapping[Sensor, NoiseModel],
-    base: Listed,
-    catalogue: Mapping[str, type[Effect]],
-    draws: int,
-    seed: int = 0,
-) -> dict[str, FloatArray]:
-    """Return the evidence each effect reaches in draws of the noise, for all sensors together.
-
-    0 stands for a draw in which there was nothing to rate.
-    """
-    source = ColumnSource(runs)
-    found: dict[str, list[FloatArray]] = {}
-    with ThreadPoolExecutor() as pool:
-        for number, (sensor, model) in enumerate(noise.items()):
-            rng = np.random.default_rng([seed, number])
-            drawn = [_draw(runs, sensor, model, rng) for _ in range(draws)]
-            bank = ColumnBank(source, sensor, model, base[sensor])
-            steady = {n: e for n, e in catalogue.items() if n not in SLOW}
-            slow = {n: e for n, e in catalogue.items() if n in SLOW}
-            rated = SlowEffects(source, slow, _fixed_columns(bank, slow))
-            tasks = [pool.submit(_reached_once, rated, bank, base[sensor], d) for d in drawn]
-            for name, values in reached_in_draws(bank, families(bank, steady), drawn).items():
-                found.setdefault(name, []).append(values)
-            once = [task.result() for task in tasks]
-            for name in {n for some in once for n in some}:
-                values = np.array([some.get(name, 0.0) for some in once])
-                found.setdefault(name, []).append(values)
-    return {name: np.concatenate(values) for name, values in found.items()}
-
-
-def tail_quantile(values: FloatArray, share: float) -> float:
-    """Return the quantile of a sample, at least that of an exponential fitted to its tail.
-
-    Beyond the quantile TAIL the excess has mean s: q(p) = q(TAIL) + s · ln((1 − TAIL) / (1 − p)).
-    """
-    start = float(np.quantile(values, TAIL))
-    beyond = values[values > start]
-    scale = float((beyond - start).mean()) if len(beyond) else 0.0
-    extrapolated = start + scale * float(np.log((1.0 - TAIL) / (1.0 - share)))
-    return max(extrapolated, float(np.quantile(values, share)))
-
-
-def _draw(
-    runs: Sequence[PreparedRun], sensor: Sensor, noise: NoiseModel, rng: np.random.Generator
-) -> Draw:
-    """Return one draw with the gaps of what was measured."""
-    drawn = [draw_noise(noise, run.slot, run.period, rng) for run in runs]
-    for values, run in zip(drawn, runs, strict=True):
-        values[~np.isfinite(run.measured[sensor]).all(axis=1)] = np.nan
-    return drawn
-
-
-def _fixed_columns(
-    bank: ColumnBank, catalogue: Mapping[str, type[Effect]]
-) -> dict[Effect, list[FloatArray]]:
-    planned = plans(bank, {n: e for n, e in catalogue.items() if n != LINE})
-    effects = {part for some in planned.values() for plan in some for part in plan.parts}
-    return {e: [run.columns(e, bank.sensor) for run in bank.source.runs] for e in effects}
-
-
-def _reached_once(
-    rated: SlowEffects, bank: ColumnBank, base: Sequence[Effect], drawn: Draw
-) -> dict[str, float]:
-    noise = fit_noise_to_values(bank.source.runs, drawn)
-    return rated.reached(ColumnBank(bank.source, bank.sensor, noise, base, drawn))

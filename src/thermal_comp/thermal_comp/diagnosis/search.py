@@ -47,42 +47,16 @@ MOST_EFFECTS = 5
 """Effects tried on one sensor before the search gives up."""
 SCREENED = 6
 """Forms of a family that are rated exactly."""
-REPEATABLE = ('bias_step',)
-"""Effects that may occur more than once."""
-WITHOUT_CYCLE_VETO = ('bias_step', 'turn_on_bias', 'warm_up', 'mains_alias', 'bias_creep')
-"""Effects that a cycle left out cannot confirm."""
-
 SHAPE_STEPS = (1.25, 1.1, 1.04)
 """Factors by which shape parameters are moved."""
-ENRICHMENT = 5.0
-"""χ² gain each further parameter of a richer form has to bring."""
 EDGE_S = 300.0
 """A step this near to a cycle's edge is the cycle's [s]."""
 FORM_SHARE = 0.02
 """Share of the χ² gain that a flaw in an effect's form may cost without doubting its name."""
 NESTED_SHARE = 0.005
 """Share of the χ² gain from which a richer form says more than that every law bends a little."""
-RICHER = {
-    'temperature_rate': ('thermal_lag', 'thermal_lag_two_stage'),
-    'thermal_lag': ('thermal_lag_two_stage',),
-    'bias_drift': ('bias_creep',),
-    'scale_factor_temperature': ('misalignment_temperature',),
-    'fixture_tilt': ('misalignment_temperature',),
-    'fixture_hard_iron': ('misalignment_temperature',),
-}
-"""Effects that contain another one wholly, or nearly so on static runs."""
 CONFIRMED = 10.0
 """χ² another sensor adds to an effect from which no other stands for it."""
-SIMPLER = {
-    **{(rich, name): NESTED_SHARE for name, some in RICHER.items() for rich in some},
-    ('fixture_tilt', 'scale_factor_temperature'): NESTED_SHARE,
-    ('thermal_gradient', 'temperature_rate'): NESTED_SHARE,
-}
-"""Pairs whose second stands for the first where it explains all but this share of the χ² gain.
-
-A bracket would have to bend just so to look like a scale factor; a body that takes its heat from
-one side shows a difference that is its own rate.
-"""
 
 
 @dataclass(frozen=True)
@@ -119,6 +93,10 @@ class Search:
     def price(self) -> float:
         """Evidence each parameter costs: ln of the number of block means."""
         return float(np.log(self.bank.rows))
+
+    def threshold(self, rated: Rated) -> float:
+        """Return the evidence the effect needs before it is named."""
+        return threshold_of(rated.form.effect, self.thresholds)
 
     def run(self) -> list[Rated]:
         """Return the effects found, strongest first."""
@@ -181,7 +159,7 @@ class Search:
 
     def ranking(self, chosen: Sequence[Form]) -> list[Rated]:
         """Return the best form of every family that is not chosen, strongest first."""
-        names = {f.effect.name for f in chosen} - set(REPEATABLE)
+        names = {f.effect.name for f in chosen if not f.effect.repeatable}
         rated = [self.best_form(chosen, f) for f in self.families if f.name not in names]
         found = [r for r in rated if r is not None and r.rank > 0]
         return sorted(found, key=lambda r: -r.evidence)
@@ -190,7 +168,7 @@ class Search:
         for rated in self.ranking(chosen):
             if rated.evidence <= 0.0:
                 break
-            if rated.evidence < threshold_of(rated.name, self.thresholds):
+            if rated.evidence < self.threshold(rated):
                 continue
             if rated.gain < self.least_gains.get(rated.name, 0.0):
                 continue
@@ -231,8 +209,8 @@ class Search:
     def _pruned(self, chosen: list[Form]) -> list[Form]:
         while chosen:
             rated = [self.rate(chosen, form) for form in chosen]
-            weakest = min(rated, key=lambda r: r.evidence - threshold_of(r.name, self.thresholds))
-            if weakest.evidence >= threshold_of(weakest.name, self.thresholds):
+            weakest = min(rated, key=lambda r: r.evidence - self.threshold(r))
+            if weakest.evidence >= self.threshold(weakest):
                 break
             chosen = [form for form in chosen if form is not weakest.form]
         return chosen
@@ -246,12 +224,13 @@ class Search:
             here, alone = self.total(chosen)[1], self.rate([], form).gain
             taken = {f.effect.name for f in others}
             for family in self.families:
-                share = SIMPLER.get((form.effect.name, family.name))
-                simpler = self.best_form(others, family) if share else None
-                if share is None or simpler is None or family.name in taken:
+                if family.name in taken or not family.effect.stands_for(type(form.effect)):
+                    continue
+                simpler = self.best_form(others, family)
+                if simpler is None:
                     continue
                 refined = self._best_shape(others, simpler.form)
-                if here - self.total([*others, refined])[1] < share * alone:
+                if here - self.total([*others, refined])[1] < NESTED_SHARE * alone:
                     chosen = [*others, refined]
                     break
         return chosen
@@ -284,21 +263,20 @@ class Search:
         A level changes in the middle of a block, or a row before the cycle is logged: to a step
         that is worth something, but it is no other effect.
         """
-        if 'turn_on_bias' not in {form.effect.name for form in chosen}:
+        if not any(form.effect.levels_per_cycle for form in chosen):
             return chosen
         edges = np.concatenate([[-np.inf], *(_cycle_edges(r) for r in self.bank.source.runs)])
         return [
             form
             for form in chosen
-            if form.effect.name != 'bias_step'
-            or np.abs(edges - form.effect.shape_parameters['step_time'][0]).min() > EDGE_S
+            if not form.effect.edges or np.abs(edges - form.effect.edges[0]).min() > EDGE_S
         ]
 
     def _confirmed_by_cycles(self, chosen: Sequence[Form], form: Form) -> bool:
         """Leave one part out at a time: the effect must help to predict most of them."""
         bank = self.bank
         parts = np.unique(bank.fold[bank.fold > 0])
-        if form.effect.name in WITHOUT_CYCLE_VETO or len(parts) < 3:
+        if not form.effect.confirmed_by_cycles or len(parts) < 3:
             return True
         before = [term for f in chosen for term in f.terms]
         gains = [
@@ -315,22 +293,22 @@ def _cycle_edges(run: PreparedRun) -> FloatArray:
     return np.asarray(run.time[np.flatnonzero(np.diff(run.cycle)) + 1])
 
 
-ONCE_NAMED = {('thermal_gradient', 'temperature_rate'): FORM_SHARE}
-"""Pairs that need more than SIMPLER says once the second is known: its flaw looks alike."""
-
-
 def least_gains(
-    source: ColumnSource, sensor: Sensor, noise: NoiseModel, known: Sequence[Effect]
+    source: ColumnSource,
+    sensor: Sensor,
+    noise: NoiseModel,
+    known: Sequence[Effect],
+    catalogue: Mapping[str, type[Effect]],
 ) -> dict[str, float]:
     """Return by effect the χ² gain that a flaw in the form of a known effect may leave to it."""
-    names = {effect.name for effect in known}
-    pairs = {pair: share for pair, share in {**SIMPLER, **ONCE_NAMED}.items() if pair[1] in names}
+    pairs = [(r, k) for k in known for r in catalogue.values() if k.stands_for(r)]
     if not pairs:
         return {}
-    simpler = {name for _, name in pairs}
+    simpler = {effect.name for _, effect in pairs}
     bank = ColumnBank(source, sensor, noise, [e for e in known if e.name not in simpler])
     gains = {e.name: bank.solve([bank.term(e)])[0] for e in known if e.name in simpler}
     least: dict[str, float] = {}
-    for (richer, name), share in pairs.items():
-        least[richer] = max(least.get(richer, 0.0), share * gains[name])
+    for richer, effect in pairs:
+        share = FORM_SHARE if richer.name in effect.flaw_resembles else NESTED_SHARE
+        least[richer.name] = max(least.get(richer.name, 0.0), share * gains[effect.name])
     return least

@@ -1,26 +1,125 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Evidence an effect needs before it is named, from simulated campaigns without any effect."""
+"""Evidence an effect needs before it is named, and its calibration by draws of noise alone."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cache
-from importlib.resources import files
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
-import yaml
+import numpy as np
+from imu_recording.recording import FloatArray
 
-EVERYWHERE = 15.0
-"""Least threshold of any effect: 2 ln of the Bayes factor."""
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.diagnosis.candidates import campaign_of, candidates, families
+from thermal_comp.diagnosis.null_simulation import Draw, SlowEffects, reached_in_draws
+from thermal_comp.effects.effect import Effect
+from thermal_comp.fitting.fit import usable_sensors
+from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
+from thermal_comp.model.values import NoiseModel
+from thermal_comp.noise.estimation import fit_noise_to_values
+from thermal_comp.noise.of_runs import determined_noise
+from thermal_comp.noise.process import draw_noise
+
+MARGIN = 5.0
+QUANTILE = 0.995
+TAIL = 0.9
+"""Quantile from which on the tail is taken as exponential."""
+
+Listed = Mapping[Sensor, tuple[Effect, ...]]
 
 
-@cache
-def shipped_thresholds() -> Mapping[str, float]:
-    """Return the evidence each effect needs, from thresholds.yaml beside this file."""
-    text = files('thermal_comp').joinpath('thresholds.yaml').read_text('utf-8')
-    return {str(name): float(value) for name, value in yaml.safe_load(text)['thresholds'].items()}
+def threshold_of(
+    effect: Effect | type[Effect], thresholds: Mapping[str, float] | None = None
+) -> float:
+    """Return the evidence an effect needs before it is named: its own, or of a calibration."""
+    return (thresholds or {}).get(effect.name, effect.least_evidence)
 
 
-def threshold_of(name: str, thresholds: Mapping[str, float] | None = None) -> float:
-    """Return the evidence an effect needs before it is named."""
-    table = shipped_thresholds() if thresholds is None else thresholds
-    return table.get(name, EVERYWHERE)
+def calibrated_thresholds(
+    runs: Sequence[PreparedRun],
+    base: Listed,
+    catalogue: Mapping[str, type[Effect]],
+    draws: int,
+    seed: int = 0,
+) -> dict[str, float]:
+    """Return the evidence each effect needs: quantile over draws of noise alone, plus a margin.
+
+    The draws have the noise fitted to the recordings; no threshold falls below the effect's own.
+    """
+    noise, _ = determined_noise(runs, {s: base[s] for s in usable_sensors(runs)[0]})
+    reached = reached_without_effect(runs, noise, base, catalogue, draws, seed)
+    return {
+        name: max(catalogue[name].least_evidence, tail_quantile(found, QUANTILE) + MARGIN)
+        for name, found in reached.items()
+    }
+
+
+def reached_without_effect(
+    runs: Sequence[PreparedRun],
+    noise: Mapping[Sensor, NoiseModel],
+    base: Listed,
+    catalogue: Mapping[str, type[Effect]],
+    draws: int,
+    seed: int = 0,
+) -> dict[str, FloatArray]:
+    """Return the evidence each effect reaches in draws of the noise, for all sensors together.
+
+    0 stands for a draw in which there was nothing to rate.
+    """
+    source = ColumnSource(runs)
+    found: dict[str, list[FloatArray]] = {}
+    with ThreadPoolExecutor() as pool:
+        for number, (sensor, model) in enumerate(noise.items()):
+            rng = np.random.default_rng([seed, number])
+            drawn = [_draw(runs, sensor, model, rng) for _ in range(draws)]
+            bank = ColumnBank(source, sensor, model, base[sensor])
+            # How much an effect of time reaches depends on how well slow noise is known.
+            slow = {n: e for n, e in catalogue.items() if e.time_only}
+            steady = {n: e for n, e in catalogue.items() if not e.time_only}
+            rated = SlowEffects(source, slow, _fixed_columns(bank, slow))
+            tasks = [pool.submit(_reached_once, rated, bank, base[sensor], d) for d in drawn]
+            for name, values in reached_in_draws(bank, families(bank, steady), drawn).items():
+                found.setdefault(name, []).append(values)
+            once = [task.result() for task in tasks]
+            for name in {n for some in once for n in some}:
+                values = np.array([some.get(name, 0.0) for some in once])
+                found.setdefault(name, []).append(values)
+    return {name: np.concatenate(values) for name, values in found.items()}
+
+
+def tail_quantile(values: FloatArray, share: float) -> float:
+    """Return the quantile of a sample, at least that of an exponential fitted to its tail.
+
+    Beyond the quantile TAIL the excess has mean s: q(p) = q(TAIL) + s · ln((1 − TAIL) / (1 − p)).
+    """
+    start = float(np.quantile(values, TAIL))
+    beyond = values[values > start]
+    scale = float((beyond - start).mean()) if len(beyond) else 0.0
+    extrapolated = start + scale * float(np.log((1.0 - TAIL) / (1.0 - share)))
+    return max(extrapolated, float(np.quantile(values, share)))
+
+
+def _draw(
+    runs: Sequence[PreparedRun], sensor: Sensor, noise: NoiseModel, rng: np.random.Generator
+) -> Draw:
+    """Return one draw with the gaps of what was measured."""
+    drawn = [draw_noise(noise, run.slot, run.period, rng) for run in runs]
+    for values, run in zip(drawn, runs, strict=True):
+        values[~np.isfinite(run.measured[sensor]).all(axis=1)] = np.nan
+    return drawn
+
+
+def _fixed_columns(
+    bank: ColumnBank, catalogue: Mapping[str, type[Effect]]
+) -> dict[Effect, list[FloatArray]]:
+    tried = candidates(bank, catalogue, campaign_of(bank))
+    effects = {part for some in tried.values() for c in some for part in c.effect.parts()}
+    return {e: [run.columns(e, bank.sensor) for run in bank.source.runs] for e in effects}
+
+
+def _reached_once(
+    rated: SlowEffects, bank: ColumnBank, base: Sequence[Effect], drawn: Draw
+) -> dict[str, float]:
+    noise = fit_noise_to_values(bank.source.runs, drawn)
+    return rated.reached(ColumnBank(bank.source, bank.sensor, noise, base, drawn))

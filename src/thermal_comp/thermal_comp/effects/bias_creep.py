@@ -10,14 +10,16 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
-from thermal_comp.effects.effect import Effect, State, shape_parameter
+from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 
 
 @dataclass(frozen=True)
 class BiasCreep(Effect):
     """The bias creeps ever more slowly."""
 
-    time_constant: float = shape_parameter(1800.0, unit='s', bounds=(30.0, 30_000.0))
+    time_constant: float = shape_parameter(
+        1800.0, unit='s', bounds=(30.0, 30_000.0), searched=(30.0, 8000.0)
+    )
 
     name: ClassVar[str] = 'bias_creep'
     kind: ClassVar[Literal['device', 'campaign']] = 'campaign'
@@ -34,9 +36,21 @@ class BiasCreep(Effect):
         'Findley, Creep and Relaxation of Nonlinear Viscoelastic Materials, 1976 (logarithmic '
         'creep)'
     )
+    least_evidence: ClassVar[float] = 60.0
+    time_only: ClassVar[bool] = True
+    confirmed_by_cycles: ClassVar[bool] = False
+    kin: ClassVar[Kin] = 'time'
+    separating_action: ClassVar[str] = (
+        'power cycle in the middle of a dwell; soak ten times the expected t₀'
+    )
 
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
         """Return (n, 1): ln(1 + t / t₀)."""
         return np.log1p(np.maximum(conditions.time, 0.0) / self.time_constant)[:, None], None
+
+    @classmethod
+    def search_grid(cls, campaign: Campaign) -> list[Candidate]:
+        """Return times up to where a run of some hours cannot tell creep from drift."""
+        return [Candidate(cls(float(t))) for t in np.geomspace(60.0, 8000.0, 6)]

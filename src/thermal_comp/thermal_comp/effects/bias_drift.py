@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
-from thermal_comp.effects.effect import Effect, State
+from thermal_comp.effects.effect import Effect, Kin, State
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,11 @@ class BiasDrift(Effect):
     )
     typical_size: ClassVar[str] = 'accelerometer 0.1–0.5 mg in 12 h when new'
     reference: ClassVar[str] = 'IEEE 952 (rate ramp)'
+    least_evidence: ClassVar[float] = 60.0
+    time_only: ClassVar[bool] = True
+    kin: ClassVar[Kin] = 'time'
+    contained_in: ClassVar[tuple[str, ...]] = ('bias_creep',)
+    separating_action: ClassVar[str] = 'soak at constant temperature with the power on'
 
     def columns(
         self, conditions: Conditions, state: State | None = None

@@ -10,14 +10,19 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
-from thermal_comp.effects.effect import Effect, State, shape_parameter
+from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
+
+SPACING_S = 1200.0
+"""Distance of the step times a search tries [s]."""
 
 
 @dataclass(frozen=True)
 class BiasStep(Effect):
     """The bias jumps once and stays."""
 
-    step_time: tuple[float, ...] = shape_parameter((20_000.0,), unit='s', bounds=(0.0, 1e7))
+    step_time: tuple[float, ...] = shape_parameter(
+        (20_000.0,), unit='s', bounds=(0.0, 1e7), step=400.0
+    )
 
     name: ClassVar[str] = 'bias_step'
     kind: ClassVar[Literal['device', 'campaign']] = 'campaign'
@@ -34,9 +39,30 @@ class BiasStep(Effect):
     )
     typical_size: ClassVar[str] = 'accelerometer 0.5–5 mg, gyroscope 0.01–0.1 °/s'
     reference: ClassVar[str] = 'IEEE 528 (bias stability); common in data of packaged MEMS'
+    least_evidence: ClassVar[float] = 55.0
+    repeatable: ClassVar[bool] = True
+    time_only: ClassVar[bool] = True
+    confirmed_by_cycles: ClassVar[bool] = False
+    kin: ClassVar[Kin] = 'time'
+    separating_action: ClassVar[str] = 'repeat the run'
 
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
         """Return (n, p): 1 after each step, 0 before."""
         return (conditions.time[:, None] >= np.array(self.step_time)).astype(float), None
+
+    @classmethod
+    def search_grid(cls, campaign: Campaign) -> list[Candidate]:
+        """Return steps all along, in all runs at once or in one, and each run's likeliest."""
+        found = []
+        for time in np.arange(SPACING_S, max(campaign.durations), SPACING_S):
+            step = cls((float(time),))
+            found.append(Candidate(step))
+            found += [Candidate(step, run) for run in range(len(campaign.durations))]
+        return found + [Candidate(cls((time,)), run) for run, time in campaign.step_times()]
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """Times of the steps [s]."""
+        return self.step_time

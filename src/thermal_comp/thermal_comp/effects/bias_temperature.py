@@ -30,6 +30,7 @@ class BiasTemperature(Effect):
         'accelerometer 0.15–1 mg/K, gyroscope 0.005–0.05 °/s/K, magnetometer 0.05–0.3 µT/K'
     )
     reference: ClassVar[str] = 'IEEE 2700 (zero-g, zero-rate, zero-field offset over temperature)'
+    searched: ClassVar[bool] = False
 
     def columns(
         self, conditions: Conditions, state: State | None = None

@@ -10,7 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
-from thermal_comp.effects.effect import Effect, State
+from thermal_comp.effects.effect import Effect, Kin, State
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,13 @@ class BiasTemperatureCurvature(Effect):
     typical_size: ClassVar[str] = "5–50 % of the linear coefficient's effect over 60 K"
     reference: ClassVar[str] = (
         'IEEE 2700 (offset over temperature); IEEE 1293 (bias temperature model)'
+    )
+    curve_over_temperature: ClassVar[bool] = True
+    kin: ClassVar[Kin] = 'temperature'
+    separated_by_cycles: ClassVar[tuple[str, ...]] = (
+        'thermal_lag',
+        'thermal_hysteresis',
+        'warm_up',
     )
 
     def columns(

@@ -36,6 +36,7 @@ class CompressorHardIron(Effect):
     )
     typical_size: ClassVar[str] = '0.1–5 µT'
     reference: ClassVar[str] = 'Biot–Savart law'
+    separating_action: ClassVar[str] = 'log the compressor; switch it at constant temperature'
 
     def columns(
         self, conditions: Conditions, state: State | None = None

@@ -1,33 +1,55 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an effect promises: finite causal columns of one shape, equal wherever a stream is cut."""
+"""What an effect promises: finite causal columns of one shape, equal wherever a stream is cut.
+
+And that what it says about its search and about other effects holds together.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import fields, is_dataclass, replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import CHANNELS, SENSORS, Conditions, Sensor
-from thermal_comp.effects.effect import Effect, State
+from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.effect import LEAST_EVIDENCE, Campaign, Effect, Kin, State
 
 ROWS = 600
 CUTS = ((1,), (7, 8, 300), (150, 151, 599), tuple(range(50, 600, 50)))
 """Rows at which the example is cut into pieces."""
+RELATIONS = (
+    'look_alikes',
+    'contains',
+    'contained_in',
+    'preferred_to',
+    'flaw_resembles',
+    'separated_by_cycles',
+)
+"""Attributes that name other effects."""
+CAMPAIGN = Campaign(
+    cycles=4,
+    durations=(40_000.0,) * 3,
+    spectral_lines=lambda: [0.0123],
+    step_times=lambda: [(1, 20_000.0)],
+)
+"""An example of what a search is given to choose forms from."""
 
 
-def check_effect(effect: type[Effect]) -> list[str]:
+def check_effect(effect: type[Effect], known: Collection[str] = EFFECTS) -> list[str]:
     """Return what breaks the contract, one sentence each; empty where the effect keeps it.
 
-    >>> from thermal_comp.effects import EFFECTS
+    `known` are the effects it may name.
+
     >>> check_effect(EFFECTS['thermal_lag'])
     []
     """
-    problems = _problems_of_the_description(effect)
+    problems = _problems_of_the_description(effect) + _problems_of_the_relations(effect, known)
     if not problems:
         instance = effect()
-        problems += _problems_of_the_shape(instance)
+        problems += _problems_of_the_shape(instance) + _problems_of_the_search(effect)
         for sensor in effect.sensors:
             problems += _problems_of_the_columns(instance, sensor)
     return [f'{effect.name or effect.__name__}: {problem}' for problem in problems]
@@ -92,11 +114,60 @@ def _problems_of_the_description(effect: type[Effect]) -> list[str]:
         unit, bounds = item.metadata.get('unit'), item.metadata.get('bounds')
         if not unit or not bounds:
             problems.append(f'{item.name} has no unit or bounds: declare it by shape_parameter')
-        elif not np.all(
-            (bounds[0] <= np.array(item.default)) & (np.array(item.default) <= bounds[1])
-        ):
+        elif not _within(item.default, bounds):
             problems.append(f'{item.name}: default {item.default} is outside {bounds}')
     return problems
+
+
+def _within(value: float | tuple[float, ...], bounds: tuple[float, float]) -> bool:
+    return bool(np.all((bounds[0] <= np.array(value)) & (np.array(value) <= bounds[1])))
+
+
+def _problems_of_the_relations(effect: type[Effect], known: Collection[str]) -> list[str]:
+    """Return what does not hold together in what is said beside the columns."""
+    problems = []
+    named: dict[str, tuple[str, ...]] = {r: getattr(effect, r) for r in RELATIONS}
+    named['unseen_twin'] = (effect.unseen_twin,) if effect.unseen_twin else ()
+    for relation, names in named.items():
+        if not isinstance(names, tuple):
+            problems.append(f'{relation} is no tuple of names: {names!r}')
+            continue
+        unknown = [n for n in names if n == effect.name or n not in known]
+        problems += [f'{relation}: {n!r} is no other effect that is known' for n in unknown]
+    if effect.kin not in get_args(Kin):
+        problems.append(f'kin {effect.kin!r} is none of {get_args(Kin)}')
+    if effect.least_evidence < LEAST_EVIDENCE:
+        problems.append(f'least_evidence {effect.least_evidence} is below {LEAST_EVIDENCE}')
+    if not set(effect.separated_by_poses) <= set(effect.sensors):
+        problems.append('separated_by_poses names a sensor it does not act on')
+    if effect.coupled and len(effect.sensors) < 2:
+        problems.append('is coupled, but acts on one sensor')
+    return problems
+
+
+def _problems_of_the_search(effect: type[Effect]) -> list[str]:
+    """Every form a search tries is the effect within its bounds; its parts make up its columns."""
+    tried = effect.search_grid(CAMPAIGN) if effect.searched else []
+    forms = [*(candidate.effect for candidate in tried), *effect.sample_forms()]
+    if effect.searched and not tried:
+        return ['search_grid has no form for runs of four cycles']
+    if any(type(form) is not effect for form in forms):
+        return ['search_grid or sample_forms has a form that is another effect']
+    for form in forms:
+        for item in fields(form):
+            if not _within(getattr(form, item.name), item.metadata['bounds']):
+                return [f'search: {item.name} {getattr(form, item.name)} is outside its bounds']
+    for candidate in tried:
+        if candidate.run is not None and not (
+            effect.per_run and 0 <= candidate.run < len(CAMPAIGN.durations)
+        ):
+            return [f'search_grid: run {candidate.run} needs coefficients per run, and the run']
+    conditions = example_conditions(sensor=effect.sensors[0])
+    for form in forms:
+        parts = [part.columns(conditions)[0] for part in form.parts()]
+        if not np.array_equal(np.concatenate(parts, axis=-1), form.columns(conditions)[0]):
+            return ['parts: their columns beside each other are not its own']
+    return []
 
 
 def _problems_of_the_shape(effect: Effect) -> list[str]:

@@ -1,25 +1,67 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a physical effect is: columns whose linear combination is its error."""
+"""What a physical effect is: its columns, and all that is known about it beside them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
+import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import SENSORS, Conditions, Sensor
 
 State = Any
 """History an effect carries from one piece of a stream to the next: a tuple of plain numbers."""
+Kin = Literal['', 'temperature', 'orientation', 'time']
+"""What the errors of kindred effects follow."""
+FLIP = 'flip: add a run with one axis pointing down'
+"""Action that separates what turns with the device from what does not."""
+LEAST_EVIDENCE = 15.0
+"""Least evidence from which any effect is named: 2 ln of the Bayes factor."""
+COUNT = '1'
+"""Unit of a parameter that counts: it is part of the form, neither searched nor fitted."""
 
 
 def shape_parameter(
-    default: float | tuple[float, ...], *, unit: str, bounds: tuple[float, float]
+    default: float | tuple[float, ...],
+    *,
+    unit: str,
+    bounds: tuple[float, float],
+    searched: tuple[float, float] | None = None,
+    step: float | None = None,
 ) -> Any:
-    """Declare a nonlinear parameter of an effect: default, unit and bounds of every value."""
-    return field(default=default, metadata={'unit': unit, 'bounds': bounds})
+    """Declare a nonlinear parameter of an effect: default, unit and bounds of every value.
+
+    `searched` are bounds of the search where they are closer. A search moves a value by a share
+    of itself (a quarter first), or by `step` where zero means nothing: an instant, a frequency.
+    """
+    metadata = {'unit': unit, 'bounds': bounds, 'searched': searched, 'step': step}
+    return field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A form of an effect that a search tries."""
+
+    effect: Effect
+    run: int | None = None
+    """The run in which alone it acts, for an effect with coefficients per run; None: in all."""
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """What the runs offer a search to choose the forms of an effect from."""
+
+    cycles: int
+    """Thermal cycles of the run that has most."""
+    durations: tuple[float, ...]
+    """Time of each run's last block [s]."""
+    spectral_lines: Callable[[], Sequence[float]]
+    """Frequencies of the most prominent lines [Hz], strongest first."""
+    step_times: Callable[[], Sequence[tuple[int, float]]]
+    """Run and time [s] of the likeliest steps of the level."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +71,8 @@ class Effect:
     The class attributes describe it; `explain` and doc/physics.md print them. Device effects
     belong to the sensor, are causal and are compensated in the field; campaign effects belong to
     chamber, fixture or session and are fitted only so that they do not spoil the coefficients.
+    The attributes from `searched` on, and the methods after `columns`, tell search, diagnosis and
+    the planning of experiments what they cannot see in the columns; the defaults suit most.
     """
 
     name: ClassVar[str] = ''
@@ -56,6 +100,39 @@ class Effect:
     reference: ClassVar[str] = ''
     """Standard, datasheet or paper."""
 
+    searched: ClassVar[bool] = True
+    """False where it is part of every model, so that no diagnosis looks for it."""
+    least_evidence: ClassVar[float] = LEAST_EVIDENCE
+    """Evidence from which it is named; more where the flaw of another can look like it."""
+    repeatable: ClassVar[bool] = False
+    """True where it may occur more than once."""
+    time_only: ClassVar[bool] = False
+    """True where it depends on time alone, so that noise that wanders may look like it."""
+    confirmed_by_cycles: ClassVar[bool] = True
+    """False where a thermal cycle that is left out tells nothing: it happens once, or anew."""
+    levels_per_cycle: ClassVar[bool] = False
+    """True where every cycle has a level of its own: steps at the edges of cycles belong to it."""
+    curve_over_temperature: ClassVar[bool] = False
+    """True for a smooth curve over temperature, which a law with a bend can be taken for."""
+    kin: ClassVar[Kin] = ''
+    """Group whose members can stand for a flaw in each other's form."""
+    contains: ClassVar[tuple[str, ...]] = ()
+    """Effects that are, wholly or nearly, special cases of this one …"""
+    contained_in: ClassVar[tuple[str, ...]] = ()
+    """… and effects of which this is one; one side has to say so."""
+    preferred_to: ClassVar[tuple[str, ...]] = ()
+    """Effects besides those that contain it for which it stands where they explain hardly more."""
+    flaw_resembles: ClassVar[tuple[str, ...]] = ()
+    """Those of `preferred_to` that a flaw in its own form looks like."""
+    unseen_twin: ClassVar[str] = ''
+    """Effect that it cannot be told from where the channel of that one was not logged."""
+    separated_by_cycles: ClassVar[tuple[str, ...]] = ()
+    """Effects from which only a temperature that returns, or comes at several rates, tells it."""
+    separated_by_poses: ClassVar[tuple[Sensor, ...]] = ()
+    """Sensors on which only other orientations tell it from a bias over temperature."""
+    separating_action: ClassVar[str] = ''
+    """What an experiment can do beside the temperature profile to tell it from its rivals."""
+
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
@@ -77,6 +154,71 @@ class Effect:
     def shape_parameters(self) -> dict[str, Any]:
         """Shape parameters by name."""
         return {item.name: getattr(self, item.name) for item in fields(self)}
+
+    @property
+    def free_shapes(self) -> int:
+        """Number of values among the shape parameters that a search chooses."""
+        values = [getattr(self, f.name) for f in fields(self) if f.metadata['unit'] != COUNT]
+        return sum(len(value) if isinstance(value, tuple) else 1 for value in values)
+
+    @classmethod
+    def shape_grid(cls, points: int = 9) -> list[Self]:
+        """Return the effect on a grid of its shape parameters, geometric between their bounds."""
+        forms = [cls()]
+        for item in fields(cls):
+            low, high = item.metadata['bounds']
+            if item.metadata['unit'] == COUNT or isinstance(item.default, tuple):
+                continue
+            values = np.geomspace(max(low, 1e-4 * high), high, points)
+            forms = [replace(form, **{item.name: float(v)}) for form in forms for v in values]
+        return forms
+
+    @classmethod
+    def search_grid(cls, campaign: Campaign) -> list[Candidate]:
+        """Return the forms that a search over these runs tries first."""
+        return [Candidate(form) for form in cls.shape_grid()]
+
+    @classmethod
+    def sample_forms(cls) -> list[Self]:
+        """Return a few forms, short to long or narrow to wide, for a quick comparison."""
+        return cls.shape_grid(5)
+
+    def parts(self) -> tuple[Effect, ...]:
+        """Return effects whose columns beside each other are this one's."""
+        return (self,)
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """Times at which its error steps [s]."""
+        return ()
+
+    @property
+    def line_frequency(self) -> float | None:
+        """Frequency of the spectral line that it is [Hz]; what its form lacks lies beside it."""
+        return None
+
+    @property
+    def enrichment(self) -> float:
+        """χ² that each further parameter of a richer form has to gain to be a rival."""
+        return float('inf')
+
+    def is_kin_of(self, other: Effect) -> bool:
+        """Tell whether one can stand for a flaw in the form of the other."""
+        return self.kin != '' and self.kin == other.kin
+
+    def is_contained_in(self, richer: Effect) -> bool:
+        """Tell whether this form is a special case of the other one."""
+        return contains(richer, self)
+
+    @classmethod
+    def stands_for(cls, richer: type[Effect]) -> bool:
+        """Tell whether it is named instead of the other one where that gains hardly more."""
+        return contains(richer, cls) or richer.name in cls.preferred_to
+
+
+def contains(richer: Effect | type[Effect], effect: Effect | type[Effect]) -> bool:
+    """Tell whether an effect is a special case of another, by the word of either."""
+    return richer.name in effect.contained_in or effect.name in richer.contains
 
 
 def joined_effects(effects: Sequence[Effect]) -> tuple[Effect, ...]:

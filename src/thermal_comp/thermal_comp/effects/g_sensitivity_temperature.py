@@ -9,7 +9,7 @@ from typing import ClassVar
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions, Sensor
-from thermal_comp.effects.effect import Effect, State
+from thermal_comp.effects.effect import FLIP, Effect, Kin, State
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,9 @@ class GSensitivityTemperature(Effect):
         '0.015–0.2 °/s/g at constant temperature; a few percent of that over 10 K'
     )
     reference: ClassVar[str] = 'IEEE 528 (acceleration-sensitive drift rate); IEEE 1431'
+    kin: ClassVar[Kin] = 'orientation'
+    separated_by_poses: ClassVar[tuple[Sensor, ...]] = ('gyroscope',)
+    separating_action: ClassVar[str] = FLIP
 
     def columns(
         self, conditions: Conditions, state: State | None = None

@@ -34,6 +34,9 @@ class HeaterHardIron(Effect):
     )
     typical_size: ClassVar[str] = '1 A at 0.2 m: 1 µT (long straight wire)'
     reference: ClassVar[str] = 'Biot–Savart law'
+    separating_action: ClassVar[str] = (
+        'log the heater current; switch the heater at constant temperature'
+    )
 
     def columns(
         self, conditions: Conditions, state: State | None = None

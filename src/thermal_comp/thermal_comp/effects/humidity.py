@@ -9,7 +9,7 @@ from typing import ClassVar
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
-from thermal_comp.effects.effect import Effect, State, shape_parameter
+from thermal_comp.effects.effect import Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import follow
 
 
@@ -34,6 +34,8 @@ class Humidity(Effect):
         'an accelerometer of this class shifted by about 85 mg at high humidity and recovered dry'
     )
     reference: ClassVar[str] = 'JMEMS 2021-0212 (humidity-induced drift of packaged MEMS)'
+    kin: ClassVar[Kin] = 'temperature'
+    separating_action: ClassVar[str] = 'log humidity; purge with dry gas'
 
     def columns(
         self, conditions: Conditions, state: State | None = None

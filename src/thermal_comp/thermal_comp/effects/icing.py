@@ -6,10 +6,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
-from thermal_comp.effects.effect import Effect, State, shape_parameter
+from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import grow_and_melt
 
 
@@ -41,6 +42,8 @@ class Icing(Effect):
     )
     typical_size: ClassVar[str] = 'as humidity; vanishes with a bag of desiccant'
     reference: ClassVar[str] = 'IEC 60068-2-30 (damp heat), condensation'
+    kin: ClassVar[Kin] = 'temperature'
+    separating_action: ClassVar[str] = 'purge with dry gas; stay 2 K above and below 0 °C'
 
     def columns(
         self, conditions: Conditions, state: State | None = None
@@ -55,3 +58,9 @@ class Icing(Effect):
             state,
         )
         return ice[:, None], state
+
+    @classmethod
+    def search_grid(cls, campaign: Campaign) -> list[Candidate]:
+        """Return pairs of times in which ice grows and melts."""
+        grow, melt = np.geomspace(300.0, 10_000.0, 6), np.geomspace(60.0, 2500.0, 7)
+        return [Candidate(cls(float(g), float(m))) for g in grow for m in melt]

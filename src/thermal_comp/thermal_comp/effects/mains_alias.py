@@ -10,14 +10,14 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions, Sensor
-from thermal_comp.effects.effect import Effect, State, shape_parameter
+from thermal_comp.effects.effect import Campaign, Candidate, Effect, State, shape_parameter
 
 
 @dataclass(frozen=True)
 class MainsAlias(Effect):
     """A field at mains frequency appears as a slow sine."""
 
-    frequency: float = shape_parameter(0.01, unit='Hz', bounds=(1e-4, 500.0))
+    frequency: float = shape_parameter(0.01, unit='Hz', bounds=(1e-4, 500.0), step=2e-5)
 
     name: ClassVar[str] = 'mains_alias'
     kind: ClassVar[Literal['device', 'campaign']] = 'campaign'
@@ -36,6 +36,10 @@ class MainsAlias(Effect):
     )
     typical_size: ClassVar[str] = 'up to several µT next to a heater'
     reference: ClassVar[str] = 'Sampling theorem; mains at 50 or 60 Hz'
+    least_evidence: ClassVar[float] = 30.0
+    time_only: ClassVar[bool] = True
+    confirmed_by_cycles: ClassVar[bool] = False
+    separating_action: ClassVar[str] = 'change the output data rate'
 
     def columns(
         self, conditions: Conditions, state: State | None = None
@@ -43,3 +47,13 @@ class MainsAlias(Effect):
         """Return (n, 2): cosine and sine at the alias frequency."""
         angle = 2.0 * np.pi * self.frequency * conditions.time
         return np.stack([np.cos(angle), np.sin(angle)], axis=1), None
+
+    @classmethod
+    def search_grid(cls, campaign: Campaign) -> list[Candidate]:
+        """Return the most prominent lines."""
+        return [Candidate(cls(frequency)) for frequency in campaign.spectral_lines()]
+
+    @property
+    def line_frequency(self) -> float | None:
+        """The alias frequency [Hz]."""
+        return self.frequency

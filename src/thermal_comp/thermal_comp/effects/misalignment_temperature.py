@@ -10,7 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
-from thermal_comp.effects.effect import Effect, State
+from thermal_comp.effects.effect import FLIP, Effect, Kin, State
 
 PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
 """Erring axis i and input axis j of each coefficient."""
@@ -40,6 +40,8 @@ class MisalignmentTemperature(Effect):
     reference: ClassVar[str] = (
         'IEEE 2700 (cross-axis sensitivity); IEEE 1293 (misalignment δ_o, δ_p)'
     )
+    kin: ClassVar[Kin] = 'orientation'
+    separating_action: ClassVar[str] = FLIP
 
     def columns(
         self, conditions: Conditions, state: State | None = None

@@ -32,6 +32,7 @@ class SupplySensitivity(Effect):
     reference: ClassVar[str] = (
         'Datasheets: offset change with supply; IEEE 952 (voltage sensitivity)'
     )
+    separating_action: ClassVar[str] = 'log and step the supply voltage'
 
     def columns(
         self, conditions: Conditions, state: State | None = None

@@ -9,7 +9,7 @@ from typing import ClassVar
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
-from thermal_comp.effects.effect import Effect, State
+from thermal_comp.effects.effect import Effect, Kin, State
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,10 @@ class ThermalGradient(Effect):
     )
     typical_size: ClassVar[str] = 'as temperature_rate'
     reference: ClassVar[str] = 'IEEE 952 and 1431 (temperature-gradient sensitivity D_∇T)'
+    kin: ClassVar[Kin] = 'temperature'
+    separating_action: ClassVar[str] = (
+        'log a second thermometer and change the heat path (fan speed)'
+    )
 
     def columns(
         self, conditions: Conditions, state: State | None = None

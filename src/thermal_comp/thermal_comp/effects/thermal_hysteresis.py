@@ -4,14 +4,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from itertools import combinations, pairwise
+from typing import ClassVar, Self
 
 import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
-from thermal_comp.effects.effect import Effect, State, shape_parameter
+from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import play
+
+HALF_WIDTHS = np.geomspace(0.8, 28.0, 13)
+"""Half-widths of plays a search tries [K]."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,7 @@ class ThermalHysteresis(Effect):
         'IEEE 528 (hysteresis error); Brokate and Sprekels, Hysteresis and Phase Transitions, '
         '1996 (play operator)'
     )
+    kin: ClassVar[Kin] = 'temperature'
 
     def columns(
         self, conditions: Conditions, state: State | None = None
@@ -51,3 +56,27 @@ class ThermalHysteresis(Effect):
         plays = [play(temperature, r, s) for r, s in zip(self.half_widths, before, strict=True)]
         columns = np.stack([played for played, _ in plays], axis=1) - temperature[:, None]
         return columns, tuple(last for _, last in plays)
+
+    @classmethod
+    def search_grid(cls, campaign: Campaign) -> list[Candidate]:
+        """Return single plays, and two, three and four whose half-widths are well apart."""
+        widths = HALF_WIDTHS.tolist()
+        chosen: list[tuple[float, ...]] = [(width,) for width in widths]
+        for count in (2, 3):
+            chosen += [
+                some
+                for some in combinations(widths, count)
+                if all(wide > 1.7 * narrow for narrow, wide in pairwise(some))
+            ]
+        for four in ((1, 4, 7, 10), (3, 6, 8, 10)):
+            chosen.append(tuple(widths[k] for k in four))
+        return [Candidate(cls(some)) for some in chosen]
+
+    @classmethod
+    def sample_forms(cls) -> list[Self]:
+        """Return single plays, narrow to wide."""
+        return [cls((width,)) for width in (1.0, 2.0, 4.0, 8.0)]
+
+    def parts(self) -> tuple[Effect, ...]:
+        """Return the single plays."""
+        return tuple(ThermalHysteresis((width,)) for width in self.half_widths)

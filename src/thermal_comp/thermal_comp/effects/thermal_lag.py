@@ -4,20 +4,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
+import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
-from thermal_comp.effects.effect import Effect, State, shape_parameter
+from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import follow
+
+TIME_CONSTANTS = np.geomspace(20.0, 7000.0, 18)
+"""Lags a search tries [s]; a faster one is the rate of change, as far as block means can tell."""
+SLOW_STAGE_S = 600.0
+"""A lag slower than a package's is a board's [s]: the package's own may hide in the noise."""
+ENRICHMENT = 5.0
+"""χ² each further parameter of a richer form has to gain to be its rival."""
 
 
 @dataclass(frozen=True)
 class ThermalLag(Effect):
     """The sensing element follows the temperature sensor with a first-order lag."""
 
-    time_constant: float = shape_parameter(300.0, unit='s', bounds=(10.0, 3600.0))
+    time_constant: float = shape_parameter(
+        300.0, unit='s', bounds=(10.0, 3600.0), searched=(20.0, 3600.0)
+    )
 
     name: ClassVar[str] = 'thermal_lag'
     equation: ClassVar[str] = 'error = a · (T_lag − T),  dT_lag/dt = (T − T_lag) / τ'
@@ -43,6 +53,9 @@ class ThermalLag(Effect):
     reference: ClassVar[str] = (
         'IEEE 1431 and 952 (environmentally sensitive drift), effects of temperature'
     )
+    kin: ClassVar[Kin] = 'temperature'
+    contained_in: ClassVar[tuple[str, ...]] = ('thermal_lag_two_stage',)
+    separated_by_cycles: ClassVar[tuple[str, ...]] = ('thermal_hysteresis', 'temperature_rate')
 
     def columns(
         self, conditions: Conditions, state: State | None = None
@@ -50,3 +63,18 @@ class ThermalLag(Effect):
         """Return (n, 1): T_lag − T [K]."""
         lagged, state = follow(conditions.time, conditions.temperature, self.time_constant, state)
         return (lagged - conditions.temperature)[:, None], state
+
+    @classmethod
+    def search_grid(cls, campaign: Campaign) -> list[Candidate]:
+        """Return lags from the fastest that is more than a rate of change."""
+        return [Candidate(cls(float(t))) for t in TIME_CONSTANTS if t <= 3600.0]
+
+    @classmethod
+    def sample_forms(cls) -> list[Self]:
+        """Return lags from a package's to a board's."""
+        return [cls(t) for t in (60.0, 120.0, 300.0, 900.0, 1800.0)]
+
+    @property
+    def enrichment(self) -> float:
+        """χ² per parameter: a lag slow enough to be a board's hides the package's own."""
+        return 0.0 if self.time_constant > SLOW_STAGE_S else ENRICHMENT

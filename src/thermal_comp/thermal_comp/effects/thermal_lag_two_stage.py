@@ -4,21 +4,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 from typing import ClassVar
 
 import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
-from thermal_comp.effects.effect import Effect, State, shape_parameter
+from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import follow
+from thermal_comp.effects.thermal_lag import TIME_CONSTANTS, ThermalLag
 
 
 @dataclass(frozen=True)
 class ThermalLagTwoStage(Effect):
     """The element feels two lagged temperatures, a fast and a slow one."""
 
-    time_constant_fast: float = shape_parameter(60.0, unit='s', bounds=(10.0, 600.0))
+    time_constant_fast: float = shape_parameter(
+        60.0, unit='s', bounds=(10.0, 600.0), searched=(20.0, 600.0)
+    )
     time_constant_slow: float = shape_parameter(1200.0, unit='s', bounds=(120.0, 7200.0))
 
     name: ClassVar[str] = 'thermal_lag_two_stage'
@@ -39,6 +43,7 @@ class ThermalLagTwoStage(Effect):
     reference: ClassVar[str] = (
         'IEEE 1431 and 952 (environmentally sensitive drift), effects of temperature'
     )
+    kin: ClassVar[Kin] = 'temperature'
 
     def columns(
         self, conditions: Conditions, state: State | None = None
@@ -50,3 +55,16 @@ class ThermalLagTwoStage(Effect):
         slow, slow_state = follow(time, temperature, self.time_constant_slow, slow_state)
         columns = np.stack([fast - temperature, slow - temperature], axis=1)
         return columns, (fast_state, slow_state)
+
+    @classmethod
+    def search_grid(cls, campaign: Campaign) -> list[Candidate]:
+        """Return pairs of lags that are well apart."""
+        return [
+            Candidate(cls(fast, slow))
+            for fast, slow in combinations(TIME_CONSTANTS.tolist(), 2)
+            if slow > 2.5 * fast and fast <= 600.0 and slow >= 120.0
+        ]
+
+    def parts(self) -> tuple[Effect, ...]:
+        """Return the two lags."""
+        return ThermalLag(self.time_constant_fast), ThermalLag(self.time_constant_slow)

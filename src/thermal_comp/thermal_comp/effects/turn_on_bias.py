@@ -10,7 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
-from thermal_comp.effects.effect import Effect, State, shape_parameter
+from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,12 @@ class TurnOnBias(Effect):
     reference: ClassVar[str] = (
         'IEEE 528 (repeatability, turn-on to turn-on); Betta et al. 2022, Tables III–V'
     )
+    least_evidence: ClassVar[float] = 30.0
+    time_only: ClassVar[bool] = True
+    confirmed_by_cycles: ClassVar[bool] = False
+    levels_per_cycle: ClassVar[bool] = True
+    kin: ClassVar[Kin] = 'time'
+    separating_action: ClassVar[str] = 'keep the power on between the cycles'
 
     def columns(
         self, conditions: Conditions, state: State | None = None
@@ -48,3 +54,10 @@ class TurnOnBias(Effect):
         seen = np.maximum.accumulate(np.r_[before, conditions.cycle])
         numbers = np.arange(int(self.first), int(self.cycles) + 1)
         return (seen[1:, None] == numbers).astype(float), int(seen[-1])
+
+    @classmethod
+    def search_grid(cls, campaign: Campaign) -> list[Candidate]:
+        """Return the levels of all cycles, with and without one before the first."""
+        if campaign.cycles < 2:
+            return []
+        return [Candidate(cls(float(campaign.cycles), first)) for first in (2.0, 1.0)]

@@ -8,7 +8,7 @@ import inspect
 import sys
 import traceback
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -34,10 +34,13 @@ def effect_catalogue(files: Sequence[str | Path] = ()) -> Mapping[str, type[Effe
     """
     catalogue = dict(EFFECTS)
     for entry in entry_points(group=GROUP):
-        _include(catalogue, entry.load(), f'entry point {entry.name}')
+        effect = entry.load()
+        _include(catalogue, effect, f'entry point {entry.name}', {*catalogue, effect.name})
     for file in files:
-        for effect in effects_in_file(file):
-            _include(catalogue, effect, str(file))
+        found = effects_in_file(file)
+        known = {*catalogue, *(effect.name for effect in found)}
+        for effect in found:
+            _include(catalogue, effect, str(file), known)
     return catalogue
 
 
@@ -98,8 +101,10 @@ def _source(effect: type[Effect]) -> str:
     return inspect.getsource(inspect.getmodule(effect) or effect)
 
 
-def _include(catalogue: dict[str, type[Effect]], effect: type[Effect], source: str) -> None:
-    problems = check_effect(effect)
+def _include(
+    catalogue: dict[str, type[Effect]], effect: type[Effect], source: str, known: Collection[str]
+) -> None:
+    problems = check_effect(effect, known)
     if problems:
         raise EffectError(f'{source}: {"; ".join(problems)}')
     if name_is_taken(effect, catalogue):

@@ -34,6 +34,7 @@ class VibrationRectification(Effect):
     )
     typical_size: ClassVar[str] = '0.1–1 mg/g²; a compressor gives 0.002–0.1 mg'
     reference: ClassVar[str] = 'IEEE 1293 (vibration rectification error, K₂)'
+    separating_action: ClassVar[str] = 'log vibration; run the compressor at constant temperature'
 
     def columns(
         self, conditions: Conditions, state: State | None = None

@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
-from thermal_comp.effects.effect import Effect, State, shape_parameter
+from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,24 @@ class WarmUp(Effect):
     separation: ClassVar[str] = 'Restarts with each power cycle, not with each thermal cycle.'
     typical_size: ClassVar[str] = 'accelerometer 1–5 mg, τ 3–25 min'
     reference: ClassVar[str] = 'IEEE 528 (warm-up time)'
+    least_evidence: ClassVar[float] = 25.0
+    time_only: ClassVar[bool] = True
+    confirmed_by_cycles: ClassVar[bool] = False
+    kin: ClassVar[Kin] = 'time'
+    separating_action: ClassVar[str] = 'power cycle in the middle of a dwell'
 
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
         """Return (n, 1): exp(−t / τ), t since power-on."""
         return np.exp(-conditions.time / self.time_constant)[:, None], None
+
+    @classmethod
+    def search_grid(cls, campaign: Campaign) -> list[Candidate]:
+        """Return time constants from a minute to two hours."""
+        return [Candidate(cls(float(t))) for t in np.geomspace(60.0, 7200.0, 10)]
+
+    @classmethod
+    def sample_forms(cls) -> list[Self]:
+        """Return time constants from a minute to half an hour."""
+        return [cls(t) for t in (60.0, 120.0, 300.0, 900.0, 1800.0)]

@@ -10,7 +10,7 @@ from math import ceil
 import numpy as np
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.effects.effect import Effect
+from thermal_comp.effects.effect import FLIP, Effect
 from thermal_comp.experiment.plan import PAPER, REFERENCE_C, Plan, Segment, predict_runs
 from thermal_comp.experiment.predicted_design import Bench, Rival
 from thermal_comp.model.values import ModelError, ThermalModel
@@ -138,36 +138,11 @@ SEPARABLE = 20.0
 """Evidence from which two effects count as told apart."""
 UP_AXES = ('+x', '+y', '+z')
 FLIPPED_AXES = (*UP_AXES, '-z')
-CONTAINED = {'thermal_lag': 'thermal_lag_two_stage'}
-"""Effects a rival contains wholly: only what the richer one has beyond them can be seen."""
-FLIP = 'flip: add a run with one axis pointing down'
 FLIP_Z = 'flip: add a run with the z axis down'
 FAST = 5.0
 """What a fast chamber ramps [°C/min]; evidence for what follows rates grows with their square."""
 MOST_CAMPAIGNS = 6
 """More campaigns than this are no advice."""
-ACTIONS = {
-    'scale_factor_temperature': FLIP,
-    'misalignment_temperature': FLIP,
-    'fixture_tilt': FLIP,
-    'fixture_hard_iron': FLIP,
-    'thermal_gradient': 'log a second thermometer and change the heat path (fan speed)',
-    'temperature_rate': 'change the heat path (fan speed) at the same profile',
-    'warm_up': 'power cycle in the middle of a dwell',
-    'bias_creep': 'power cycle in the middle of a dwell; soak ten times the expected t₀',
-    'bias_drift': 'soak at constant temperature with the power on',
-    'turn_on_bias': 'keep the power on between the cycles',
-    'bias_step': 'repeat the run',
-    'heater_hard_iron': 'log the heater current; switch the heater at constant temperature',
-    'compressor_hard_iron': 'log the compressor; switch it at constant temperature',
-    'icing': 'purge with dry gas; stay 2 K above and below 0 °C',
-    'humidity': 'log humidity; purge with dry gas',
-    'supply_sensitivity': 'log and step the supply voltage',
-    'vibration_rectification': 'log vibration; run the compressor at constant temperature',
-    'mains_alias': 'change the output data rate',
-    'g_sensitivity_temperature': FLIP,
-}
-"""What helps beside temperature, by effect."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +190,7 @@ def design_experiment(
         return min(
             runs.evidence(truth, rival)
             for truth, rival in ((one, other), (other, one))
-            if CONTAINED.get(truth.effect.name) != rival.effect.name
+            if not _is_part_of(truth.effect, rival.effect)
         )
 
     before = promise(within(PAPER, limits))
@@ -223,7 +198,8 @@ def design_experiment(
     separable = after >= SEPARABLE
     if separable:
         return Proposal(plan, sensor, before, after, separable, ())
-    actions = [ACTIONS[name] for name in names if name in ACTIONS]
+    told = (catalogue[name].separating_action for name in names)
+    actions = [action for action in told if action]
     # A fourth run is more data in any orientation: turning it has to bring more than that.
     if promise(plan, FLIPPED_AXES) >= max(SEPARABLE, 2.0 * promise(plan, (*UP_AXES, '+z'))):
         actions = [FLIP_Z, *(action for action in actions if action != FLIP)]
@@ -232,6 +208,11 @@ def design_experiment(
     if after >= SEPARABLE / MOST_CAMPAIGNS:
         actions.append(f'repeat it: {ceil(SEPARABLE / after)} campaigns like this one add up')
     return Proposal(plan, sensor, before, after, separable, tuple(dict.fromkeys(actions)))
+
+
+def _is_part_of(effect: Effect, richer: Effect) -> bool:
+    """Tell whether a rival holds the effect wholly: then only what it has beyond can be seen."""
+    return any(type(part) is type(effect) for part in richer.parts() if part is not richer)
 
 
 def _faster(plan: Plan, limits: Limits) -> Plan:

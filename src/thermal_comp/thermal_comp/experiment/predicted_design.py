@@ -10,13 +10,12 @@ import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
 from thermal_comp.data.conditions import Conditions, Sensor
-from thermal_comp.diagnosis.candidates import shape_grid
 from thermal_comp.effects.effect import Effect
 from thermal_comp.experiment.plan import PERIOD_S
 from thermal_comp.linear.whitening import apply_gains, innovation_gains
 from thermal_comp.model.values import NoiseModel, ThermalModel
 
-FEWEST_SHAPES = 5
+SHAPES = 5
 """Points of the grid over each shape parameter of a rival."""
 
 
@@ -35,7 +34,7 @@ class Rival:
     ) -> Rival:
         """Return the effect as the model has it, else in its default shape without a size."""
         part = model.sensors[sensor]
-        grid = shape_grid(catalogue[name], FEWEST_SHAPES)
+        grid = catalogue[name].shape_grid(SHAPES)
         for effect, coefficients in zip(part.effects, part.coefficients, strict=True):
             if effect.name == name:
                 return cls(effect, _per_axis(effect, coefficients), (effect, *grid))

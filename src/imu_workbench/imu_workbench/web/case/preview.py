@@ -74,7 +74,7 @@ def preview_task(
         for name, value in best.shape_parameters.items()
     }
     return EffectPreview(
-        effect, sensor, found[0].evidence, threshold_of(effect), parameters, curves, share
+        effect, sensor, found[0].evidence, threshold_of(best), parameters, curves, share
     )
 
 

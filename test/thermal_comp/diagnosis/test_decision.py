@@ -11,7 +11,7 @@ from thermal_comp.effects import EFFECTS
 
 from imu_recording import ImuRecording
 
-from .campaign import FIELD, GRAVITY, PERIOD, chamber, lagging, run
+from ..campaign import FIELD, GRAVITY, PERIOD, chamber, lagging, run
 
 UP = ('+x', '+y', '+z')
 HEAT = ('thermal_lag', 'thermal_lag_two_stage', 'temperature_rate', 'thermal_hysteresis')

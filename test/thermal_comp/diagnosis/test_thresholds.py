@@ -5,21 +5,20 @@ import numpy as np
 import pytest
 from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.diagnosis.candidates import families
-from thermal_comp.diagnosis.null_simulation import (
-    SLOW,
+from thermal_comp.diagnosis.search import Search
+from thermal_comp.diagnosis.thresholds import (
     calibrated_thresholds,
     reached_without_effect,
     tail_quantile,
+    threshold_of,
 )
-from thermal_comp.diagnosis.search import Search
-from thermal_comp.diagnosis.thresholds import EVERYWHERE, shipped_thresholds, threshold_of
 from thermal_comp.effects import EFFECTS
 from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.estimation import fit_noise, fit_noise_to_values
 from thermal_comp.noise.process import draw_noise
 
-from .campaign import run
+from ..campaign import run
 
 LINE = (EFFECTS['bias_temperature'](),)
 
@@ -39,8 +38,11 @@ def test_draws_are_rated_as_the_search_rates_them(runs: list[PreparedRun]) -> No
     steady = ColumnBank(source, sensor, noise, LINE, drawn)
     slow = ColumnBank(source, sensor, fit_noise_to_values(runs, drawn), LINE, drawn)
     searched = {}
-    for bank, names in ((steady, set(EFFECTS) - set(SLOW)), (slow, set(SLOW))):
-        offered = {n: e for n, e in EFFECTS.items() if n in names and n != 'mains_alias'}
+    drawn_lines = {name for name, effect in EFFECTS.items() if effect().line_frequency is not None}
+    for bank, time_only in ((steady, False), (slow, True)):
+        offered = {
+            n: e for n, e in EFFECTS.items() if e.time_only == time_only and n not in drawn_lines
+        }
         for rated in Search(bank, families(bank, offered)).ranking([]):
             searched[rated.name] = rated.evidence
     assert {'thermal_lag', 'thermal_hysteresis', 'fixture_tilt', 'bias_step'} <= set(searched)
@@ -48,12 +50,13 @@ def test_draws_are_rated_as_the_search_rates_them(runs: list[PreparedRun]) -> No
         assert reached[name][0] == pytest.approx(evidence, abs=1e-3), name
 
 
-def test_thresholds_never_fall_below_the_shipped(runs: list[PreparedRun]) -> None:
+def test_thresholds_never_fall_below_the_effects_own(runs: list[PreparedRun]) -> None:
     catalogue = {name: EFFECTS[name] for name in ('thermal_lag', 'bias_drift', 'bias_step')}
     found = calibrated_thresholds(runs[:1], {'gyroscope': LINE, **_all_lines()}, catalogue, 8)
-    assert set(shipped_thresholds()) <= set(found)
-    for name in catalogue:
-        assert found[name] >= max(threshold_of(name), EVERYWHERE)
+    assert set(found) == set(catalogue)
+    for name, effect in catalogue.items():
+        assert threshold_of(effect, found) == found[name] >= effect.least_evidence
+        assert threshold_of(effect) == effect.least_evidence
 
 
 def test_noise_slower_than_the_fit_believes_raises_thresholds(runs: list[PreparedRun]) -> None:

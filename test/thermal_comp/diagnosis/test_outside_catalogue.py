@@ -9,7 +9,7 @@ from thermal_comp.diagnosis.diagnose import Settings, search_sensors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.noise.estimation import fit_noise
 
-from .campaign import WHITE, chamber, run
+from ..campaign import WHITE, chamber, run
 
 PERIOD = 20.0
 SENSOR = 'gyroscope'

@@ -14,7 +14,7 @@ from thermal_comp.diagnosis.inputs import take_in
 
 from imu_recording import ImuRecording
 
-from .campaign import run
+from ..campaign import run
 
 PERIOD = 20.0
 

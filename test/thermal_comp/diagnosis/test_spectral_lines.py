@@ -13,7 +13,7 @@ from thermal_comp.diagnosis.spectral_lines import spectral_lines, steadiness
 from thermal_comp.effects import EFFECTS
 from thermal_comp.noise.estimation import fit_noise
 
-from .campaign import PERIOD, WHITE, chamber, run
+from ..campaign import PERIOD, WHITE, chamber, run
 
 GAINS = np.array([1.0, -0.7, 0.8])
 HERTZ = 0.0071

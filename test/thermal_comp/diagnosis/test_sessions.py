@@ -9,7 +9,7 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
 from thermal_comp.noise.estimation import fit_noise
 
-from .campaign import chamber, run
+from ..campaign import chamber, run
 
 UP = ('+x', '+y', '+z')
 AXES = np.array([1.0, -1.0, 0.7])

@@ -16,7 +16,7 @@ from thermal_comp.noise.process import LADDER
 
 from imu_recording import ImuRecording, read_bag
 
-BAGS = Path(__file__).parents[2] / 'bags'
+BAGS = Path(__file__).parents[3] / 'bags'
 
 
 def noise(white: float, flicker: float) -> NoiseModel:

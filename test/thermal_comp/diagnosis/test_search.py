@@ -9,7 +9,7 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
 from thermal_comp.noise.estimation import fit_noise
 
-from .campaign import chamber, run
+from ..campaign import chamber, run
 
 
 def test_a_richer_effect_has_to_gain_a_share_of_the_known_one() -> None:
@@ -20,8 +20,8 @@ def test_a_richer_effect_has_to_gain_a_share_of_the_known_one() -> None:
     noise = fit_noise(runs, 'gyroscope')
     source = ColumnSource(runs)
     line, rate = EFFECTS['bias_temperature'](), EFFECTS['temperature_rate']()
-    assert least_gains(source, 'gyroscope', noise, [line]) == {}
-    least = least_gains(source, 'gyroscope', noise, [line, rate])
+    assert least_gains(source, 'gyroscope', noise, [line], EFFECTS) == {}
+    least = least_gains(source, 'gyroscope', noise, [line, rate], EFFECTS)
     lost = ColumnBank(source, 'gyroscope', noise, [line]).chi_square
     left = ColumnBank(source, 'gyroscope', noise, [line, rate]).chi_square
     assert lost > 3.0 * left

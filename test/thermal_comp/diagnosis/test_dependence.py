@@ -12,7 +12,7 @@ from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
 from thermal_comp.noise.estimation import fit_noise
 
-from .campaign import WHITE, chamber, run
+from ..campaign import WHITE, chamber, run
 
 HOUR = 3600.0
 GAINS = np.array([1.2, -0.7, 0.9])

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from thermal_comp.effects import EFFECTS
 from thermal_comp.experiment.design import (
-    ACTIONS,
     LEAST_REPEATS,
     Limits,
     Proposal,
@@ -19,7 +18,7 @@ from thermal_comp.experiment.plan import PAPER, Plan, Segment, predict_runs, set
 from thermal_comp.experiment.predicted_design import Bench, Rival
 from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel
 
-from .models import line_model
+from ..models import line_model
 
 CATALOGUE = dict(EFFECTS)
 QUIET = NoiseModel(np.full(3, 1e-3), np.geomspace(30.0, 4e4, 7), np.full((7, 3), 3e-4))
@@ -170,10 +169,6 @@ def test_too_short_a_time_is_refused() -> None:
 def test_pairs_that_make_no_sense_are_refused(names: tuple[str, str], message: str) -> None:
     with pytest.raises(ModelError, match=message):
         design_experiment(names, model(), Limits(), CATALOGUE)
-
-
-def test_every_action_belongs_to_an_effect() -> None:
-    assert set(ACTIONS) <= set(EFFECTS)
 
 
 def test_the_predicted_air_cannot_outrun_the_chamber() -> None:
