@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
+import sqlite3
 from pathlib import Path
 
-import apsw
 import numpy as np
 import pytest
 from imu_recording.bags import sqlite as sqlite_scan
@@ -25,13 +25,13 @@ INSERT INTO topics VALUES (1, '/a', 'x', 'cdr', ''), (2, '/b', 'x', 'cdr', ''),
     (300, '/c', 'x', 'cdr', '');
 """
 
-Found = list[tuple[int, int, bytes]]
+Rows = list[tuple[int, int, bytes]]
 
 
-def make_file(path: Path, rows: list[tuple[int, int, bytes]], page_size: int) -> apsw.Connection:
-    connection = apsw.Connection(str(path))
+def make_file(path: Path, rows: Rows, page_size: int) -> sqlite3.Connection:
+    connection = sqlite3.connect(path)
     connection.execute(f'PRAGMA page_size={page_size}')
-    connection.execute(SCHEMA)
+    connection.executescript(SCHEMA)
     with connection:
         connection.executemany(
             'INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)', rows
@@ -39,7 +39,7 @@ def make_file(path: Path, rows: list[tuple[int, int, bytes]], page_size: int) ->
     return connection
 
 
-def some_rows(n: int, longest: int) -> list[tuple[int, int, bytes]]:
+def some_rows(n: int, longest: int) -> Rows:
     rng = np.random.default_rng(5)
     times = [0, -5, 127, 128, -40_000, 1 << 20, 1 << 40, START, 1, -(1 << 30)]
     return [
@@ -52,8 +52,8 @@ def some_rows(n: int, longest: int) -> list[tuple[int, int, bytes]]:
     ]
 
 
-def scanned(path: Path, slots: dict[int, int]) -> Found:
-    found: Found = []
+def scanned(path: Path, slots: dict[int, int]) -> Rows:
+    found: Rows = []
 
     def deliver(block: MessageBlock) -> None:
         found.extend(
@@ -85,7 +85,8 @@ def test_every_row_in_order(tmp_path: Path, page_size: int, through_sqlite: list
     path = tmp_path / 'a.db3'
     rows = some_rows(4000, 400)
     connection = make_file(path, rows, page_size)
-    connection.execute('DELETE FROM messages WHERE id % 7 = 3 OR id BETWEEN 500 AND 900')
+    with connection:
+        connection.execute('DELETE FROM messages WHERE id % 7 = 3 OR id BETWEEN 500 AND 900')
     connection.close()
     kept = [row for i, row in enumerate(rows, start=1) if not (i % 7 == 3 or 500 <= i <= 900)]
     slots = {1: 0, 300: 1}
@@ -136,6 +137,6 @@ def test_topics_and_files_that_are_no_bag(tmp_path: Path) -> None:
     path = make_bag(tmp_path / 'b', standard_messages(3), storage='sqlite3') / 'b.db3'
     names = [channel.topic for channel in sqlite_channels(path).values()]
     assert names == ['/imu/temperature', '/imu/data_raw', '/imu/mag']
-    apsw.Connection(str(tmp_path / 'other.db3')).execute('CREATE TABLE x(y)').close()
+    sqlite3.connect(tmp_path / 'other.db3').execute('CREATE TABLE x(y)').close()
     with pytest.raises(BagError, match='not a rosbag2 sqlite3 file'):
         read_bag(tmp_path / 'other.db3')

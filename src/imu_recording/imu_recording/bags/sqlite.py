@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Read the messages of a rosbag2 sqlite3 file in large blocks."""
+"""Read the messages of a rosbag2 sqlite3 file in large blocks, also of one that was cut.
+
+The rows of a whole file are decoded from its pages (`sqlite_pages`), several times faster than
+sqlite hands them over; sqlite reads what that leaves: long messages, open and damaged files.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import sqlite3
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
-import apsw
 import numpy as np
 
 from imu_recording.bags.compression import decompress_message
@@ -20,8 +23,8 @@ from imu_recording.recording import BagError
 
 MAGIC = b'SQLite format 3\x00'
 ROWS = 8192
-DAMAGE = (apsw.Error, UnicodeDecodeError)
-"""What apsw raises on damaged files."""
+DAMAGE = (sqlite3.Error, UnicodeDecodeError)
+"""What sqlite3 raises on damaged files."""
 MOST_TOPICS = 1 << 20
 """A topic with a larger number is damage."""
 
@@ -77,20 +80,13 @@ def scan_sqlite(
     with closing(_open(path)) as connection:
         place = None if compressed else _messages_table(connection, problems)
         last = scan_pages(path, place, table, deliver) if place else -1
-        marks = ','.join('?' * len(slots))
-        rest = f'WHERE id > ? AND topic_id IN ({marks}) ORDER BY id'
-        query = f'SELECT topic_id, timestamp, data FROM messages {rest}'  # noqa: S608
-        try:
-            cursor = connection.execute(query, [last, *slots])
-        except DAMAGE as error:
-            return [*problems, f'reading stopped early: {error}']
         damaged = 0
-        for block in _blocks(cursor, problems):
-            rows = [row for row in block if [*map(type, row)] == [int, int, bytes]]
+        for block in _blocks(connection, list(slots), last, problems):
+            rows = [row for row in block if [*map(type, row)] == [int, int, int, bytes]]
             damaged += len(block) - len(rows)
             if not rows:
                 continue
-            topics, times, data = zip(*rows, strict=True)
+            _, topics, times, data = zip(*rows, strict=True)
             if compressed:
                 data = tuple(decompress_message(message) for message in data)
             length = np.fromiter(map(len, data), np.int64, len(data))
@@ -105,7 +101,7 @@ def scan_sqlite(
     return problems
 
 
-def _messages_table(connection: apsw.Connection, problems: list[str]) -> MessagesTable | None:
+def _messages_table(connection: sqlite3.Connection, problems: list[str]) -> MessagesTable | None:
     """Return where the messages are, or None where the table is not rosbag2's own."""
     try:
         found: Any = connection.execute(
@@ -125,29 +121,40 @@ def _messages_table(connection: apsw.Connection, problems: list[str]) -> Message
     return MessagesTable(found[0][0], *places)
 
 
-def _blocks(cursor: apsw.Cursor, problems: list[str]) -> Iterator[list[Any]]:
-    while True:
+def _blocks(
+    connection: sqlite3.Connection, topics: Sequence[int], last: int, problems: list[str]
+) -> Iterator[list[Any]]:
+    """Give the rows (id, topic_id, timestamp, data) behind row `last` in blocks, up to damage."""
+    marks = ','.join('?' * len(topics))
+    query = (
+        'SELECT id, topic_id, timestamp, data FROM messages '  # noqa: S608
+        f'WHERE id > ? AND topic_id IN ({marks}) ORDER BY id LIMIT ?'
+    )
+    limit, damage, done = ROWS, '', False
+    while not done:
         rows: list[Any] = []
         try:
-            rows.extend(islice(cursor, ROWS))  # keeps what came before an error
-        except DAMAGE as error:
-            problems.append(f'reading stopped early: {error}')
+            rows.extend(connection.execute(query, [last, *topics, limit]))
+            done = len(rows) < limit
+        except DAMAGE as error:  # rows keeps what came before
+            done, damage = limit == 1, str(error)
+            limit = 1  # sqlite3 reads a row ahead: the last one before the damage comes alone
         if rows:
             yield rows
-        if len(rows) < ROWS:
-            return
+            last = rows[-1][0]
+    if damage:
+        problems.append(f'reading stopped early: {damage}')
 
 
-def _open(path: Path) -> apsw.Connection:
+def _open(path: Path) -> sqlite3.Connection:
     """Open read only; a file that died with a journal is read with it where that is allowed.
 
     A file that is shorter than its header says is refused by sqlite unless the schema is
     writable; what is left of it can then be read up to the cut.
     """
-    flags = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
     for options, lenient in (('mode=ro', 0), ('mode=ro&immutable=1', 0), ('immutable=1', 1)):
         try:
-            connection = apsw.Connection(f'{path.resolve().as_uri()}?{options}', flags=flags)
+            connection = sqlite3.connect(f'{path.resolve().as_uri()}?{options}', uri=True)
             connection.execute(f'PRAGMA writable_schema={lenient}')
             connection.execute('SELECT count(*) FROM sqlite_master').fetchall()
         except DAMAGE as error:
