@@ -4,6 +4,7 @@
 import ast
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -68,6 +69,28 @@ def test_imports_go_only_downwards(path: Path) -> None:
     for library in EDGES:
         assert library not in names or may_import(library, path), library
     assert not names & {'launch', 'launch_ros'}
+
+
+def modules_imported(path: Path) -> set[str]:
+    """Dotted names of the project's modules that a file imports, anywhere in it."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f'{node.module}.{alias.name}' for alias in node.names)}
+    return names
+
+
+def test_no_module_imports_in_a_circle() -> None:
+    modules = {
+        '.'.join(path.relative_to(SRC).with_suffix('').parts[1:]).removesuffix('.__init__'): path
+        for path in FILES
+    }
+    graph = {name: modules_imported(path) & modules.keys() for name, path in modules.items()}
+    for face in ('imu_recording', 'thermal_comp'):
+        graph[face] = set()  # they hand on names at their first use
+    TopologicalSorter(graph).prepare()  # raises CycleError with the circle
 
 
 def test_nodes_that_compute_nothing_start_without_compiler_and_bag_library() -> None:
