@@ -17,7 +17,14 @@ setup(
     version='0.2.0',
     packages=find_packages(),
     package_data={
-        NAME: ['py.typed', 'report/*.html', 'data/*.csv', 'layouts/*', 'web/*.css', 'web/*.js']
+        NAME: [
+            'py.typed',
+            'report/html/templates/*',
+            'data/*.csv',
+            'layouts/*',
+            'web/*.css',
+            'web/*.js',
+        ]
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
@@ -25,7 +32,7 @@ setup(
         (f'share/{NAME}/launch', glob('launch/*.launch.py')),
         (f'share/{NAME}/config', glob('config/*.yaml')),
     ],
-    install_requires=['setuptools'],
+    install_requires=['setuptools', 'jinja2', 'markupsafe'],
     extras_require={'test': ['pytest'], 'web': ['nicegui', 'tsdownsample']},
     zip_safe=False,
     maintainer='imu_thermal maintainers',

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from imu_workbench.report.html.diagnosis import story_section
+from imu_workbench.report.html.diagnosis import growth_section
 from imu_workbench.report.model_growth import StoryTask
 
 from imu_recording import write_bag
@@ -49,10 +49,10 @@ def test_it_is_told_in_ten_lines_with_degrees_of_both_filters(story) -> None:
 
 
 def test_the_page_shows_it(story) -> None:
-    section = story_section({'story': story})
+    section = growth_section({'story': story})
     assert section is not None
     assert set(section.figures) == {'map|accelerometer', 'stairs|story'}
     maps = section.figures['map|accelerometer']
     assert maps['layout']['coloraxis']['cmax'] == 1.0  # one fixed scale, before and after
     assert [m['coloraxis'] for m in maps['data']] == ['coloraxis', 'coloraxis']
-    assert story_section({'story': None}) is None
+    assert growth_section({'story': None}) is None

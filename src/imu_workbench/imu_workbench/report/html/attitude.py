@@ -3,26 +3,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from html import escape
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from thermal_comp.presentation.display import fixed, shown
 
 from imu_workbench.report.figures.attitude import FILTER_NAMES, attitude_figure
-from imu_workbench.report.html.render import Choice, Section, group_html, table_html
+from imu_workbench.report.html.render import Row, Section
 
 SHOWN_DATA = {
     'raw and compensated': ('raw', 'compensated'),
     'raw (Fig. 7)': ('raw',),
     'compensated (Fig. 8)': ('compensated',),
 }
-EULER = {'yaw': 'α', 'pitch': 'β', 'roll': 'γ'}
-BESIDE = {'rotation': 'rotation angle', 'heading': 'heading', 'inclination': 'inclination'}
-INTERPOLATED = (
-    'Measured below 50 Hz and interpolated linearly before the filters: no verdict on these '
-    'degrees.'
-)
+TABLES = {'raw': 'VI', 'compensated': 'VII'}
+EULER = ('yaw', 'pitch', 'roll')
+ROTATIONS = ('rotation', 'heading', 'inclination')
+PUBLISHED_ANGLES = ('alpha', 'beta', 'gamma')
 
 
 def attitude_section(content: Mapping[str, Any]) -> Section | None:
@@ -30,135 +27,107 @@ def attitude_section(content: Mapping[str, Any]) -> Section | None:
     runs = content['attitudes']
     if not runs:
         return None
+    factors, cycle_factors = factor_rows(content)
+    values = {
+        'choices': {'Run': [run['name'] for run in runs], 'Data': list(SHOWN_DATA)},
+        'slow_runs': [
+            {'name': run['name'], 'rate': shown(run['rate_hz'])}
+            for run in runs
+            if run['interpolated']
+        ],
+        'shown_data': list(SHOWN_DATA),
+        'tables': [
+            {
+                'data': data,
+                'name': name,
+                'rows': angle_rows(runs, data),
+                'published': published_rows(content['published_attitudes'], data),
+            }
+            for data, name in TABLES.items()
+        ],
+        'factors': factors,
+        'cycle_factors': cycle_factors,
+        'cycles': cycle_rows(runs),
+    }
     figures = {
         f'attitude|{run["name"]}|{label}': attitude_figure(run['series'], data)
         for run in runs
         for label, data in SHOWN_DATA.items()
     }
-    caption = (
-        'Fig. 7 and 8. ZYX Euler angles of the resting device relative to its attitude in the '
-        'first minute, about the sensor’s axes at the start; decimated so that every extreme is '
-        'kept.'
-    )
-    warnings = ''.join(
-        f'<p class="note" data-key="{escape(run["name"])}|{label}">{escape(run["name"])}: '
-        f'{shown(run["rate_hz"])} Hz. {INTERPOLATED}</p>'
-        for run in runs
-        if run['interpolated']
-        for label in SHOWN_DATA
-    )
-    choices = [Choice('Run', [run['name'] for run in runs]), Choice('Data', list(SHOWN_DATA))]
-    body = '<p>The device rests: every degree away from the start is error.</p>'
-    body += group_html('attitude', choices, caption, 'Attitude by both filters', parts=warnings)
-    for data, table in (('raw', 'VI'), ('compensated', 'VII')):
-        body += attitude_table(content, data, f'Table {table}. Angles on {data} data [°]')
-        body += published_table(content, data, f'Paper, Table {table} [°]')
-    body += factors_html(content) + cycles_html(content)
     title = 'Attitude: Fig. 7 and 8, Tables VI and VII'
-    return Section('attitude', title, body, figures, short='Attitude')
+    return Section('attitude', title, 'attitude.html', values, figures, short='Attitude')
 
 
-def attitude_table(content: Mapping[str, Any], data: str, caption: str) -> str:
+def angle_rows(runs: Sequence[Mapping[str, Any]], data: str) -> list[Row]:
     """Return mean and σ per run and filter over the whole run."""
-    rows = [
+    return [
         [_label(run, found['filter']), *_cells(found['statistics'][0])]
-        for run in content['attitudes']
+        for run in runs
         for found in run['filters']
         if found['data'] == data
     ]
-    return table_html(_head(), rows, caption=caption + _marked(content), dense=True)
 
 
-def factors_html(content: Mapping[str, Any]) -> str:
-    """Return the factor by which each angle's σ shrinks."""
-    claim = next((c for c in content['claims'] if c['key'] == 'spread'), None)
-    factors = (claim or {}).get('numbers', {}).get('factors', [])
-    if not factors:
-        return ''
-    rows = [
-        [
-            f'{escape(row["run"])}, {FILTER_NAMES.get(row["filter"], row["filter"])}',
-            *map(shown, row['factor'].values()),
-        ]
-        for row in factors
-    ]
-    head = [['σ raw / σ compensated', 'α (yaw)', 'β (pitch)', 'γ (roll)']]
-    table = table_html(head, rows, caption='Over the run')
-    cycles = [
-        [
-            f'{escape(row["run"])} {row["cycle"]}, {_filter(row["filter"])}',
-            *map(shown, row['factor'].values()),
-        ]
-        for row in (claim or {}).get('numbers', {}).get('cycles', [])
-    ]
-    return table + (table_html(head, cycles, caption='Cycle by cycle') if cycles else '')
-
-
-def cycles_html(content: Mapping[str, Any]) -> str:
+def cycle_rows(runs: Sequence[Mapping[str, Any]]) -> list[Row]:
     """Return the same numbers cycle by cycle."""
-    rows = []
-    for run in content['attitudes']:
-        for found in run['filters']:
-            for part in found['statistics'][1:]:
-                if found['data'] in ('raw', 'compensated'):
-                    label = f'{_label(run, found["filter"])}, {found["data"]}, {part["part"]}'
-                    rows.append([label, *_cells(part)])
-    if not rows:
-        return ''
-    caption = 'Angles cycle by cycle [°]' + _marked(content)
-    table = table_html(_head(), rows, caption=caption, dense=True)
-    return f'<details><summary>Cycle by cycle</summary>{table}</details>'
-
-
-def published_table(content: Mapping[str, Any], data: str, caption: str) -> str:
-    """Return the paper's table in the same columns."""
-    rows = []
-    published = [row for row in content['published_attitudes'] if row['data'] == data]
-    for device, name in dict.fromkeys((row['dut'], row['filter']) for row in published):
-        cells = []
-        for angle in ('alpha', 'beta', 'gamma'):
-            row = next(
-                r
-                for r in published
-                if (r['dut'], r['filter'], r['euler_angle']) == (device, name, angle)
-            )
-            cells += [fixed(row['mean_deg'], 1), fixed(row['std_deg'], 1)]
-        rows.append([f'{device}, {FILTER_NAMES[name]}', *cells])
-    head = [
-        ['', *(f'{symbol}|2' for symbol in EULER.values())],
-        ['Device, filter', *(['mean', 'σ'] * 3)],
+    return [
+        [f'{_label(run, found["filter"])}, {found["data"]}, {part["part"]}', *_cells(part)]
+        for run in runs
+        for found in run['filters']
+        if found['data'] in TABLES
+        for part in found['statistics'][1:]
     ]
-    return table_html(head, rows, caption=caption)
+
+
+def factor_rows(content: Mapping[str, Any]) -> tuple[list[Row], list[Row]]:
+    """Return the factor by which each angle's σ shrinks: over the run, and cycle by cycle."""
+    claim = next((c for c in content['claims'] if c['key'] == 'spread'), None)
+    numbers = (claim or {}).get('numbers', {})
+    over_run = [
+        [f'{row["run"]}, {_filter(row["filter"])}', *map(shown, row['factor'].values())]
+        for row in numbers.get('factors', [])
+    ]
+    by_cycle = [
+        [
+            f'{row["run"]} {row["cycle"]}, {_filter(row["filter"])}',
+            *map(shown, row['factor'].values()),
+        ]
+        for row in numbers.get('cycles', [])
+    ]
+    return over_run, by_cycle if over_run else []
+
+
+def published_rows(published: Sequence[Mapping[str, Any]], data: str) -> list[Row]:
+    """Return the paper's table in the same columns."""
+    by_place = {
+        (row['dut'], row['filter'], row['euler_angle']): row
+        for row in published
+        if row['data'] == data
+    }
+    return [
+        [
+            f'{device}, {FILTER_NAMES[name]}',
+            *(
+                fixed(by_place[device, name, angle][kind], 1)
+                for angle in PUBLISHED_ANGLES
+                for kind in ('mean_deg', 'std_deg')
+            ),
+        ]
+        for device, name in dict.fromkeys((device, name) for device, name, _ in by_place)
+    ]
 
 
 def _filter(name: str) -> str:
-    return escape(FILTER_NAMES.get(name, name))
+    return FILTER_NAMES.get(name, name)
 
 
 def _label(run: Mapping[str, Any], name: str) -> str:
     mark = ' ‡' if run['interpolated'] else ''
-    return f'{escape(run["name"])}{mark}, {escape(FILTER_NAMES.get(name, name))}'
-
-
-def _marked(content: Mapping[str, Any]) -> str:
-    if not any(run['interpolated'] for run in content['attitudes']):
-        return ''
-    return f' <span class="soft small">‡ {INTERPOLATED}</span>'
-
-
-def _head() -> list[list[str]]:
-    return [
-        [
-            '',
-            *(f'{symbol} ({name})|2' for name, symbol in EULER.items()),
-            *(f'{name}|2' for name in BESIDE.values()),
-        ],
-        ['Run, filter', *(['mean', 'σ'] * 3), *(['σ', 'largest'] * 3)],
-    ]
+    return f'{run["name"]}{mark}, {_filter(name)}'
 
 
 def _cells(part: Mapping[str, Any]) -> list[str]:
     if 'mean' not in part:
         return ['–'] * 12
     cells = [fixed(part[kind][angle], 3) for angle in EULER for kind in ('mean', 'std')]
-    return cells + [fixed(part[kind][a], 3) for a in BESIDE for kind in ('std', 'largest')]
+    return cells + [fixed(part[kind][a], 3) for a in ROTATIONS for kind in ('std', 'largest')]

@@ -19,7 +19,7 @@ from imu_workbench.report.html.claims import (
     reproduce_section,
     summary_section,
 )
-from imu_workbench.report.html.diagnosis import diagnosis_section, story_section
+from imu_workbench.report.html.diagnosis import diagnosis_section, growth_section
 from imu_workbench.report.html.measured import (
     cycle_section,
     plan_section,
@@ -49,7 +49,7 @@ def report_page(content: Mapping[str, Any]) -> str:
         diagnosis_section(content),
         model_section(content),
         attitude_section(content),
-        story_section(content),
+        growth_section(content),
         paper_section(content),
         recordings_section(content),
         reproduce_section(content),
