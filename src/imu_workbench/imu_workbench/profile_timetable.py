@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from chamber_profile.profile.file import Profile
 from chamber_profile.profile.timetable import Entry, setpoint_corners
+from chamber_profile.profile.values import Profile
 
 
 def timetable_content(profile: Profile, entries: tuple[Entry, ...]) -> dict[str, Any]:

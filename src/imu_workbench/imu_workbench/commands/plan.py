@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from chamber_profile.profile.file import load_profile, profile_names
 from chamber_profile.profile.timetable import Entry, setpoint_corners, timetable
-from chamber_profile.profile.values import Profile
 
 from imu_workbench.answer import Answer
 from imu_workbench.profile_timetable import timetable_content, timetable_text
