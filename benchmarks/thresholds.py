@@ -31,7 +31,7 @@ from thermal_comp.diagnosis.search import Search
 from thermal_comp.diagnosis.thresholds import QUANTILE, reached_without_effect, tail_quantile
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.fit import usable_sensors
-from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.estimation import fit_noise
 
@@ -72,7 +72,7 @@ def simulated(seed: int, factor: float) -> Reached:
     source = ColumnSource(runs)
     reached: Reached = defaultdict(list)
     for sensor in usable_sensors(runs)[0]:
-        bank = ColumnBank(source, sensor, fit_noise(runs, sensor), LINE)
+        bank = CandidateDesign(source, sensor, fit_noise(runs, sensor), LINE)
         for rated in Search(bank, families(bank, EFFECTS)).ranking([]):
             reached[rated.name].append(round(rated.evidence, 2))
     return dict(reached)

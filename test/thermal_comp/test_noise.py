@@ -6,7 +6,7 @@ from thermal_comp.linear.whitening import apply_gains, innovation_gains
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.estimation import fit_noise_to_spectra
 from thermal_comp.noise.process import (
-    LADDER,
+    OU_TIME_CONSTANTS,
     draw_noise,
     mean_autocovariance,
     project_spectra,
@@ -16,8 +16,8 @@ from thermal_comp.noise.process import (
 PERIOD = 20.0
 TRUE_NOISE = NoiseModel(
     white=np.array([1.0, 2.0, 0.5]),
-    time_constants=LADDER,
-    amplitudes=np.outer(np.full(len(LADDER), 0.1), [1.0, 2.0, 0.5]),
+    time_constants=OU_TIME_CONSTANTS,
+    amplitudes=np.outer(np.full(len(OU_TIME_CONSTANTS), 0.1), [1.0, 2.0, 0.5]),
 )
 
 
@@ -44,7 +44,7 @@ def test_expected_spectrum_is_what_draws_average_to() -> None:
     slot = slots_with_gaps(rng, 200)
     trend = np.stack([np.ones(len(slot)), slot, slot**2.0], axis=1)
     basis, _ = np.linalg.qr(trend)
-    projection = project_spectra(slot, basis, LADDER, PERIOD)
+    projection = project_spectra(slot, basis, OU_TIME_CONSTANTS, PERIOD)
     spectra = [
         projection.spectrum_of(draw_noise(TRUE_NOISE, slot, PERIOD, rng)) for _ in range(400)
     ]
@@ -64,7 +64,7 @@ def test_noise_is_found_again_behind_a_projection_and_gaps() -> None:
         waves = np.cos(np.pi * np.outer(slot + 0.5, np.arange(40)) / 1500)
         basis, _ = np.linalg.qr(waves)
         drawn = draw_noise(TRUE_NOISE, slot, PERIOD, rng)
-        spectra.append(project_spectra(slot, basis, LADDER, PERIOD).spectrum_of(drawn))
+        spectra.append(project_spectra(slot, basis, OU_TIME_CONSTANTS, PERIOD).spectrum_of(drawn))
     fitted = fit_noise_to_spectra(spectra)
     np.testing.assert_allclose(fitted.white, TRUE_NOISE.white, rtol=0.05)
     for period, tolerance in ((20.0, 0.25), (200.0, 0.4), (2000.0, 0.6)):

@@ -137,10 +137,10 @@ def test_cycles_are_held_out_and_without_them_five_blocks() -> None:
     cycle = (recording.time // 3600).astype(np.int64)
     (run,) = prepare([replace(recording, cycle=cycle)])
     assert run.has_cycles
-    assert np.unique(run.fold).tolist() == [0, 1, 2, 3]
+    assert np.unique(run.cv_group).tolist() == [0, 1, 2, 3]
     (run,) = prepare([recording])
     assert not run.has_cycles
-    assert np.unique(run.fold).tolist() == [1, 2, 3, 4, 5]
+    assert np.unique(run.cv_group).tolist() == [1, 2, 3, 4, 5]
     assert any('5 contiguous blocks' in note for note in run.notes)
 
 

@@ -9,7 +9,7 @@ import pytest
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.dependence import COHERENT, IN_STEP, coherence
 from thermal_comp.effects.bias_temperature import BiasTemperature
-from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.noise.estimation import fit_noise
 
 from ..campaign import WHITE, chamber, run
@@ -19,7 +19,9 @@ GAINS = np.array([1.2, -0.7, 0.9])
 
 
 @lru_cache
-def bank_with(course: Callable[[np.ndarray, int], np.ndarray] | None, seed: int) -> ColumnBank:
+def bank_with(
+    course: Callable[[np.ndarray, int], np.ndarray] | None, seed: int
+) -> CandidateDesign:
     """Return the gyroscope's bank of three runs with a course of twice the noise of 1 s means."""
     size = 2.0 * WHITE['angular_velocity']
     runs = []
@@ -29,7 +31,7 @@ def bank_with(course: Callable[[np.ndarray, int], np.ndarray] | None, seed: int)
         runs.append(run(up, seed=10 * seed + number, period=20.0, error=error))
     prepared = prepare(runs)
     noise = fit_noise(prepared, 'gyroscope')
-    return ColumnBank(ColumnSource(prepared), 'gyroscope', noise, [BiasTemperature()])
+    return CandidateDesign(ColumnSource(prepared), 'gyroscope', noise, [BiasTemperature()])
 
 
 def rhythm(time: np.ndarray, number: int) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
 from thermal_comp.data.quality import check_quality
-from thermal_comp.diagnosis.inputs import take_in
+from thermal_comp.diagnosis.inputs import prepare_inputs
 
 from imu_recording import ImuRecording
 
@@ -35,17 +35,17 @@ def recordings() -> list[ImuRecording]:
 def test_the_runs_are_those_of_the_whole_list(recordings: list[ImuRecording]) -> None:
     clean, defects = check_quality(recordings)
     wanted = prepare(clean, period=PERIOD)
-    intake = take_in(iter(recordings), period=PERIOD)
-    assert [d.name for d in intake.defects] == [d.name for d in defects]
+    inputs = prepare_inputs(iter(recordings), period=PERIOD)
+    assert [d.name for d in inputs.defects] == [d.name for d in defects]
     assert {d.name for d in defects} == {'stuck_value', 'unit_mismatch'}
-    for found, whole in zip(intake.runs, wanted, strict=True):
+    for found, whole in zip(inputs.runs, wanted, strict=True):
         assert found.name == whole.name
         for sensor, values in whole.measured.items():
             np.testing.assert_array_equal(found.measured[sensor], values)
         np.testing.assert_array_equal(
             found.conditions.magnetic_field, whole.conditions.magnetic_field
         )
-    assert np.isnan(intake.runs[2].measured['magnetometer']).all()
+    assert np.isnan(inputs.runs[2].measured['magnetometer']).all()
 
 
 def test_recordings_that_are_read_when_needed_are_not_kept(
@@ -64,7 +64,7 @@ def test_recordings_that_are_read_when_needed_are_not_kept(
             yield copy
             del copy
 
-    assert len(take_in(reading(), period=PERIOD).runs) == 6
+    assert len(prepare_inputs(reading(), period=PERIOD).runs) == 6
     assert most <= 2
 
 
@@ -76,4 +76,4 @@ def test_what_goes_wrong_while_reading_ahead_reaches_the_caller(
         raise ValueError('bag: cut short')
 
     with pytest.raises(ValueError, match='cut short'):
-        take_in(reading())
+        prepare_inputs(reading())

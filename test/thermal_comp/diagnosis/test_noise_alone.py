@@ -12,7 +12,7 @@ from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.diagnosis.inputs import clock_windows, slope_of_windows
 from thermal_comp.diagnosis.noise_level import judge_noise, shipped_reference
 from thermal_comp.model.values import NoiseModel
-from thermal_comp.noise.process import LADDER
+from thermal_comp.noise.process import OU_TIME_CONSTANTS
 
 from imu_recording import ImuRecording, read_bag
 
@@ -22,8 +22,8 @@ BAGS = Path(__file__).parents[3] / 'bags'
 def noise(white: float, flicker: float) -> NoiseModel:
     """Return the gyroscope's reference noise, its parts multiplied."""
     row = shipped_reference()['gyroscope']
-    amplitudes = np.full((len(LADDER), 3), flicker * row['flicker'])
-    return NoiseModel(np.full(3, white * row['white']), LADDER, amplitudes)
+    amplitudes = np.full((len(OU_TIME_CONSTANTS), 3), flicker * row['flicker'])
+    return NoiseModel(np.full(3, white * row['white']), OU_TIME_CONSTANTS, amplitudes)
 
 
 def test_single_samples_at_half_a_hertz_of_a_clean_device_are_complete() -> None:

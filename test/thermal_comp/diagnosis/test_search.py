@@ -6,7 +6,7 @@ import pytest
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.search import FORM_SHARE, NESTED_SHARE, least_gains
 from thermal_comp.effects import EFFECTS
-from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.noise.estimation import fit_noise
 
 from ..campaign import chamber, run
@@ -22,8 +22,8 @@ def test_a_richer_effect_has_to_gain_a_share_of_the_known_one() -> None:
     line, rate = EFFECTS['bias_temperature'](), EFFECTS['temperature_rate']()
     assert least_gains(source, 'gyroscope', noise, [line], EFFECTS) == {}
     least = least_gains(source, 'gyroscope', noise, [line, rate], EFFECTS)
-    lost = ColumnBank(source, 'gyroscope', noise, [line]).chi_square
-    left = ColumnBank(source, 'gyroscope', noise, [line, rate]).chi_square
+    lost = CandidateDesign(source, 'gyroscope', noise, [line]).chi_square
+    left = CandidateDesign(source, 'gyroscope', noise, [line, rate]).chi_square
     assert lost > 3.0 * left
     assert least['thermal_gradient'] == pytest.approx(FORM_SHARE * (lost - left), rel=1e-3)
     assert least['thermal_lag'] == pytest.approx(NESTED_SHARE * (lost - left), rel=1e-3)

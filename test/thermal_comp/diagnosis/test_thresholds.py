@@ -13,7 +13,7 @@ from thermal_comp.diagnosis.thresholds import (
     threshold_of,
 )
 from thermal_comp.effects import EFFECTS
-from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.estimation import fit_noise, fit_noise_to_values
 from thermal_comp.noise.process import draw_noise
@@ -35,8 +35,8 @@ def test_draws_are_rated_as_the_search_rates_them(runs: list[PreparedRun]) -> No
     rng = np.random.default_rng([4, 0])
     drawn = [draw_noise(noise, run.slot, run.period, rng) for run in runs]
     source = ColumnSource(runs)
-    steady = ColumnBank(source, sensor, noise, LINE, drawn)
-    slow = ColumnBank(source, sensor, fit_noise_to_values(runs, drawn), LINE, drawn)
+    steady = CandidateDesign(source, sensor, noise, LINE, drawn)
+    slow = CandidateDesign(source, sensor, fit_noise_to_values(runs, drawn), LINE, drawn)
     searched = {}
     drawn_lines = {name for name, effect in EFFECTS.items() if effect().line_frequency is not None}
     for bank, time_only in ((steady, False), (slow, True)):

@@ -15,7 +15,7 @@ from thermal_comp.experiment.design import (
     within,
 )
 from thermal_comp.experiment.plan import PAPER, Plan, Segment, predict_runs, set_points
-from thermal_comp.experiment.predicted_design import Bench, Rival
+from thermal_comp.experiment.predicted_design import PredictedDesign, Rival
 from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel
 
 from ..models import line_model
@@ -79,7 +79,7 @@ def test_orientation_pairs_are_blind_on_three_runs_and_seen_with_one_turned() ->
     noise, base = device.sensors['accelerometer'].noise, [EFFECTS['bias_temperature']()]
     assert noise is not None
     three, four = (
-        Bench(predict_runs(PAPER, axes), 'accelerometer', noise, base)
+        PredictedDesign(predict_runs(PAPER, axes), 'accelerometer', noise, base)
         for axes in (('+x', '+y', '+z'), ('+x', '+y', '+z', '-z'))
     )
     scale, misaligned = (
@@ -102,7 +102,9 @@ def test_evidence_grows_with_the_square_of_the_fitted_size() -> None:
         for value in (1e-4, 3e-4)
     )
     assert small.sensor == large.sensor == 'gyroscope'
-    runs = Bench(predict_runs(PAPER), 'gyroscope', QUIET, [EFFECTS['bias_temperature']()])
+    runs = PredictedDesign(
+        predict_runs(PAPER), 'gyroscope', QUIET, [EFFECTS['bias_temperature']()]
+    )
     rate = Rival.of('temperature_rate', model(), 'gyroscope', CATALOGUE).sized(runs)
     promised = [
         runs.evidence(Rival.of('thermal_lag', model(thermal_lag=v), 'gyroscope', CATALOGUE), rate)

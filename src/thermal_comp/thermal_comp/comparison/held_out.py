@@ -71,9 +71,11 @@ def hold_out(
         if term.effect.per_run:
             least[term.unknowns] = LEVEL_SEEN
     relearned: set[str] = set()
-    for part in sorted({int(k) for run in runs for k in np.unique(run.fold[run.fold > 0])}):
+    for part in sorted(
+        {int(k) for run in runs for k in np.unique(run.cv_group[run.cv_group > 0])}
+    ):
         training = replace(
-            design, rows=[run.fold != part for run in runs], white={}, gains={}, taken={}
+            design, rows=[run.cv_group != part for run in runs], white={}, gains={}, taken={}
         )
         solution = solve(training.equations())
         line = replace(training, effects={s: _levels_and_line(effects[s]) for s in effects})
@@ -83,7 +85,7 @@ def hold_out(
         relearned |= {training.describe(j).partition(' ')[0].partition('[')[0] for j in unseen}
         for run in range(len(runs)):
             for sensor in design.sensors:
-                rows = (runs[run].fold == part) & design.valid(run, sensor)
+                rows = (runs[run].cv_group == part) & design.valid(run, sensor)
                 if not rows.any() or not training.valid(run, sensor).any():
                     continue
                 error = _errors(training, solution, run, sensor)[rows]

@@ -52,7 +52,7 @@ class PreparedRun:
     """(m, 3) block means per sensor, NaN where a block has no valid sample."""
     fine_measured: Mapping[Sensor, FloatArray]
     """(n, 3) what was measured at the fine rows, per sensor; NaN where missing."""
-    fold: IntArray
+    cv_group: IntArray
     """(m,) part of the run that is held out together, 1 …; 0 is never held out."""
     has_cycles: bool
     """Whether the parts are thermal cycles; else they are contiguous blocks."""
@@ -192,9 +192,9 @@ def prepare_run(
     holes = int(slot[-1] - slot[0] + 1 - len(slot)) if len(slot) else 0
     if holes:
         notes.append(f'{holes * length:.0f} s in gaps or half-empty blocks left out')
-    fold, has_cycles = _folds(conditions.cycle, starts)
+    cv_group, has_cycles = _cv_groups(conditions.cycle, starts)
     if not has_cycles:
-        count = int(fold.max(initial=0))
+        count = int(cv_group.max(initial=0))
         notes.append(f'no thermal cycles: held out are {count} contiguous blocks of the run')
     run = PreparedRun(
         name=name,
@@ -205,7 +205,7 @@ def prepare_run(
         period=length,
         measured={},
         fine_measured={s: getattr(fine, SENSOR_FIELDS[s]) for s in SENSORS},
-        fold=fold,
+        cv_group=cv_group,
         has_cycles=has_cycles,
         hash=columns_hash(whole),
         notes=tuple(f'{name}: {note}' for note in notes),
@@ -313,13 +313,13 @@ def _blocks(
     return starts[full], place[first][full]
 
 
-def _folds(cycle: IntArray | None, starts: IntArray) -> tuple[IntArray, bool]:
+def _cv_groups(cycle: IntArray | None, starts: IntArray) -> tuple[IntArray, bool]:
     """Return the part each block belongs to, and whether the parts are thermal cycles."""
     m = len(starts)
     if cycle is not None:
-        fold = np.maximum(cycle[(starts[:, 0] + starts[:, 1] - 1) // 2], 0)
-        if len(np.unique(fold[fold > 0])) >= 2:
-            return fold, True
+        cv_group = np.maximum(cycle[(starts[:, 0] + starts[:, 1] - 1) // 2], 0)
+        if len(np.unique(cv_group[cv_group > 0])) >= 2:
+            return cv_group, True
     parts = min(BLOCKS_WITHOUT_CYCLES, m)
     return 1 + np.arange(m, dtype=np.int64) * parts // max(m, 1), False
 

@@ -185,7 +185,7 @@ FACTORS = {
     'gyroscope': {'°/s': 180.0 / np.pi, 'm°/s': 180e3 / np.pi},
 }
 """Numbers per SI unit of the units logs are kept in."""
-FAR = 5.0
+FIELD_NORM_FACTOR = 5.0
 """A norm is of no known unit where it is outside what is plausible by this factor."""
 FOREIGN_NOISE = 20.0
 """Ratio of a run's noise to that of the other runs that only a wrong unit explains."""
@@ -250,7 +250,7 @@ def _unit_of_ratio(sensor: str, ratio: float) -> str:
 
 def _is_far(sensor: str, norm: float) -> bool:
     low, high = PLAUSIBLE.get(sensor, (0.0, np.inf))
-    return norm > 0.0 and not low / FAR <= norm <= high * FAR
+    return norm > 0.0 and not low / FIELD_NORM_FACTOR <= norm <= high * FIELD_NORM_FACTOR
 
 
 def _noise(values: FloatArray) -> float:

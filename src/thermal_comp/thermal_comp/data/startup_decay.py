@@ -9,15 +9,15 @@ from imu_recording.recording import FloatArray
 WINDOWS_S = (1200.0, 2400.0, 3600.0)
 """Lengths of the beginning it is fitted to [s]."""
 TIME_CONSTANTS_S = np.geomspace(20.0, 2000.0, 121)
-LEAST = 0.1
+LEAST_MISSING = 0.1
 """Share of the level that is missing at first."""
-ALIKE = 0.1
+ALIKE_TOLERANCE = 0.1
 """Channels may differ by this share of what is missing …"""
-MOST = 0.6
+ALIKE_SHARE = 0.6
 """… and this share of them has to agree: a gyroscope's level moves with temperature."""
-LEFT = 0.005
+UNEXPLAINED_SHARE = 0.005
 """Share of a channel's variance in the window that may be left beyond its noise, by median."""
-FOLLOWS = 1.5
+FIT_VARIANCE_RATIO = 1.5
 """Variance about a fit, in that of the differences of rows: slow noise adds some."""
 MEDIAN_OF_SQUARE = 0.455
 """Of a normal variable of unit variance."""
@@ -46,11 +46,13 @@ def _fitted(time: FloatArray, values: FloatArray) -> tuple[float, float] | None:
     for constant in TIME_CONSTANTS_S:
         basis = np.column_stack([np.ones_like(time), np.exp(-time / constant)])
         answer, *_ = np.linalg.lstsq(basis, values, rcond=None)
-        left = float(np.median(((values - basis @ answer).var(axis=0) - FOLLOWS * noise) / total))
+        left = float(
+            np.median(((values - basis @ answer).var(axis=0) - FIT_VARIANCE_RATIO * noise) / total)
+        )
         if left < left_over:
             best, left_over, missing = float(constant), left, -answer[1] / answer[0]
     share = float(np.median(missing))
-    alike = np.abs(missing - share) <= ALIKE * abs(share)
-    if left_over > LEFT or share < LEAST or alike.mean() < MOST:
+    alike = np.abs(missing - share) <= ALIKE_TOLERANCE * abs(share)
+    if left_over > UNEXPLAINED_SHARE or share < LEAST_MISSING or alike.mean() < ALIKE_SHARE:
         return None
     return share, best

@@ -15,7 +15,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.spectral_lines import spectral_lines
 from thermal_comp.effects.effect import COUNT, Campaign, Candidate, Effect
-from thermal_comp.linear.candidate_design import ColumnBank, Term
+from thermal_comp.linear.candidate_design import CandidateDesign, Term
 
 CANDIDATES = 2
 """Steps per run that are handed on."""
@@ -23,7 +23,7 @@ APART_S = 1200.0
 """Least distance of two of them [s]."""
 
 
-def step_times(bank: ColumnBank) -> list[tuple[int, float]]:
+def step_times(bank: CandidateDesign) -> list[tuple[int, float]]:
     """Return run and time [s] of the likeliest steps, each run's strongest first.
 
     A step at row t is the column H_t = (0 … 0, 1 … 1); with W the whitening filter its product
@@ -70,7 +70,7 @@ class Family:
         return self.effect.name
 
 
-def families(bank: ColumnBank, catalogue: Mapping[str, type[Effect]]) -> list[Family]:
+def families(bank: CandidateDesign, catalogue: Mapping[str, type[Effect]]) -> list[Family]:
     """Return the families of the catalogue whose channels were logged in every run."""
     tried = candidates(bank, catalogue, campaign_of(bank))
     bank.terms([part for some in tried.values() for c in some for part in c.effect.parts()])
@@ -81,7 +81,7 @@ def families(bank: ColumnBank, catalogue: Mapping[str, type[Effect]]) -> list[Fa
 
 
 def candidates(
-    bank: ColumnBank, catalogue: Mapping[str, type[Effect]], campaign: Campaign
+    bank: CandidateDesign, catalogue: Mapping[str, type[Effect]], campaign: Campaign
 ) -> dict[str, list[Candidate]]:
     """Return the forms of each effect before their columns are computed; none is empty."""
     tried = {
@@ -92,7 +92,7 @@ def candidates(
     return {name: some for name, some in tried.items() if some}
 
 
-def campaign_of(bank: ColumnBank) -> Campaign:
+def campaign_of(bank: CandidateDesign) -> Campaign:
     """Return what the runs and the residual of a bank offer to choose forms from."""
     runs = bank.source.runs
     return Campaign(
@@ -103,7 +103,7 @@ def campaign_of(bank: ColumnBank) -> Campaign:
     )
 
 
-def _form(bank: ColumnBank, candidate: Candidate) -> Form:
+def _form(bank: CandidateDesign, candidate: Candidate) -> Form:
     terms = tuple(bank.terms(candidate.effect.parts()))
     if candidate.run is not None:
         terms = tuple(Term((term.columns[candidate.run],)) for term in terms)
@@ -120,7 +120,7 @@ def missing_channels(effect: type[Effect], runs: Sequence[PreparedRun]) -> list[
     return [c for c in effect.channels if not all(run.conditions.has(c) for run in runs)]
 
 
-def moved_forms(bank: ColumnBank, form: Form, ratio: float) -> list[Form]:
+def moved_forms(bank: CandidateDesign, form: Form, ratio: float) -> list[Form]:
     """Return the form with each shape parameter moved up and down, within its bounds."""
     effects = list(_moved(form.effect, ratio))
     terms = bank.terms(effects)

@@ -18,7 +18,7 @@ from thermal_comp.diagnosis.dependence import (
     Left,
     best_hinge,
     coherence,
-    common_course,
+    common_mode,
     dependence,
     explainable,
     strongest_judge,
@@ -130,7 +130,7 @@ def _nothing_found(
 ) -> Outcome:
     if left is not None:
         return _without_name(search, judges, missing, [])
-    course = common_course(search, missing)
+    course = common_mode(search, missing)
     if course is None:
         return Outcome('complete')
     for rated in search.ranking([]):
@@ -138,7 +138,7 @@ def _nothing_found(
         # axis and in each run by itself, though.
         effect = rated.form.effect
         slow = effect.time_only and not effect.per_run and rated.evidence > LEAST_EVIDENCE
-        if slow and common_course(search, missing, [rated]) is None:
+        if slow and common_mode(search, missing, [rated]) is None:
             return Outcome('named', (replace(_named(search, [rated], rated), shared=True),))
     return Outcome(course.kind, (), course.depends_on, course.evidence)
 

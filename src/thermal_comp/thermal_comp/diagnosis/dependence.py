@@ -14,7 +14,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.generic_regressors import Judge
 from thermal_comp.diagnosis.search import Rated, Search
-from thermal_comp.linear.candidate_design import ColumnBank, Term
+from thermal_comp.linear.candidate_design import CandidateDesign, Term
 
 WAVES = 48
 """Half waves over a run that are looked at."""
@@ -39,7 +39,7 @@ class Coherence:
         return self.axes + max(self.runs, 0.0)
 
 
-def coherence(bank: ColumnBank, found: Sequence[Term] = ()) -> Coherence:
+def coherence(bank: CandidateDesign, found: Sequence[Term] = ()) -> Coherence:
     """Return the evidence for a course common to the axes in what the found effects leave.
 
     A course over time hides in a noise model that is rich enough to follow it, but noise is
@@ -59,7 +59,7 @@ def coherence(bank: ColumnBank, found: Sequence[Term] = ()) -> Coherence:
     return Coherence(float(axes), float(runs))
 
 
-def _waves(bank: ColumnBank, found: Sequence[Term]) -> FloatArray:
+def _waves(bank: CandidateDesign, found: Sequence[Term]) -> FloatArray:
     """(3, runs, WAVES) amplitudes of the half waves, of unit variance for noise alone.
 
     With V the whitened half waves of a run, Q the base and r the residual, they are R⁻ᵀ Vᵀ r,
@@ -213,7 +213,7 @@ def strongest_judge(
     return best
 
 
-def common_course(
+def common_mode(
     search: Search, missing: Sequence[str], found: Sequence[Rated] = ()
 ) -> Dependence | None:
     """Return what the axes have in common beside the effects found; None where nothing.

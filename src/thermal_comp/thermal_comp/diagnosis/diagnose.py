@@ -26,7 +26,7 @@ from thermal_comp.diagnosis.findings import (
 )
 from thermal_comp.diagnosis.generic_regressors import judges
 from thermal_comp.diagnosis.identifiability import undecidable
-from thermal_comp.diagnosis.inputs import take_in
+from thermal_comp.diagnosis.inputs import prepare_inputs
 from thermal_comp.diagnosis.result import Diagnosis, Finding, SensorState
 from thermal_comp.diagnosis.search import Search, least_gains
 from thermal_comp.diagnosis.thresholds import calibrated_thresholds
@@ -34,7 +34,7 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import LEAST_EVIDENCE, Effect, joined_effects
 from thermal_comp.fitting.fit import fit_prepared, usable_sensors
-from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import NoiseModel, ThermalModel
 from thermal_comp.noise.of_runs import determined_noise, noise_beside
 
@@ -46,7 +46,7 @@ CHANGED = 0.8
 """Share of its variance below which noise is another one."""
 
 Listed = dict[Sensor, tuple[Effect, ...]]
-Found = tuple[ColumnBank, Outcome]
+Found = tuple[CandidateDesign, Outcome]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,15 +76,15 @@ def diagnose(
     Without a model the line per axis is fitted first. `calibrate` simulates that many campaigns
     without any effect under the fitted noise and raises the thresholds to what they reach.
     """
-    intake = take_in(recordings, period=period)
-    runs, clock = intake.runs, intake.clock
-    settings = Settings(catalogue or EFFECTS, None, reference, intake.bandwidth_known)
+    inputs = prepare_inputs(recordings, period=period)
+    runs, clock = inputs.runs, inputs.clock
+    settings = Settings(catalogue or EFFECTS, None, reference, inputs.bandwidth_known)
     if calibrate:
         base = {sensor: base_effects(model, sensor) for sensor in SENSORS}
         thresholds = calibrated_thresholds(runs, base, settings.catalogue, calibrate)
         settings = replace(settings, thresholds=thresholds)
     diagnosis = diagnose_prepared(runs, model, settings)
-    findings = [quality_finding(defect) for defect in intake.defects]
+    findings = [quality_finding(defect) for defect in inputs.defects]
     if clock is not None and clock.evidence > LEAST_EVIDENCE:
         slope = {'value': clock.slope, 'std': clock.slope_std, 'unit': '1/K'}
         findings.append(
@@ -183,7 +183,7 @@ def search_sensors(
     def search_under(
         weights: NoiseModel, sensor: Sensor, known: tuple[Effect, ...], **support: float
     ) -> Found:
-        bank = ColumnBank(source, sensor, weights, known)
+        bank = CandidateDesign(source, sensor, weights, known)
         offered = {
             name: effect
             for name, effect in settings.catalogue.items()

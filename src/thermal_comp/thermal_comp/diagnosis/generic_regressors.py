@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.operators import follow, play
-from thermal_comp.linear.candidate_design import ColumnBank, Term
+from thermal_comp.linear.candidate_design import CandidateDesign, Term
 
 SMOOTHING_S = 60.0
 """Standard deviation of the filter before the temperature's rate is taken [s]."""
@@ -38,7 +38,7 @@ class Judge:
     term: Term
 
 
-def judges(bank: ColumnBank) -> list[Judge]:
+def judges(bank: CandidateDesign) -> list[Judge]:
     """Return the judges for the variables that were logged."""
     runs = bank.source.runs
     spans = _spans(runs)
@@ -73,7 +73,7 @@ def judges(bank: ColumnBank) -> list[Judge]:
     return [Judge(row[0], row[1], term) for row, term in zip(made, terms, strict=True)]
 
 
-def _moist(bank: ColumnBank) -> bool:
+def _moist(bank: CandidateDesign) -> bool:
     """Tell whether humidity may act unseen: not logged anywhere, the air's temperature is."""
     runs = bank.source.runs
     logged = any(run.conditions.has('humidity') for run in runs)

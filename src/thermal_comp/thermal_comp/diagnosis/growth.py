@@ -19,7 +19,7 @@ from thermal_comp.diagnosis.search import Search
 from thermal_comp.diagnosis.thresholds import threshold_of
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.fitting.fit import fit_prepared, usable_sensors
-from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel, fitted_shapes
 from thermal_comp.noise.of_runs import determined_noise
 from thermal_comp.presentation.notebook import Presented
@@ -161,7 +161,7 @@ def _placed(
         )
     rated = {}
     for sensor in wanted:
-        bank = ColumnBank(source, sensor, noise[sensor], listed[sensor])
+        bank = CandidateDesign(source, sensor, noise[sensor], listed[sensor])
         search = Search(bank, families(bank, {name: effect}), settings.thresholds)
         ranking = search.ranking([])
         if ranking:
@@ -220,7 +220,7 @@ def _unneeded(
         effects = model.sensors[sensor].effects
         if added not in {e.name for e in effects}:
             continue
-        bank = ColumnBank(source, sensor, noise[sensor], [])
+        bank = CandidateDesign(source, sensor, noise[sensor], [])
         terms = dict(zip(effects, bank.terms(effects), strict=True))
         everything = bank.solve(list(terms.values()))
         for effect in effects:

@@ -15,7 +15,7 @@ from thermal_comp.diagnosis.decision import Outcome
 from thermal_comp.diagnosis.result import Undecided
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import NoiseModel
 
 ALIKE = 0.9
@@ -97,7 +97,7 @@ def _shapes(
     sensor = next((s for s in SENSORS if s in base), None)
     if sensor is None:
         return []
-    bank = ColumnBank(ColumnSource(runs), sensor, noise[sensor], base[sensor])
+    bank = CandidateDesign(ColumnSource(runs), sensor, noise[sensor], base[sensor])
     reason = _history(runs)
     found = []
     offered = {n: e for n, e in catalogue.items() if usable(e, sensor, runs)}
@@ -131,7 +131,7 @@ def _history(runs: Sequence[PreparedRun]) -> str:
     return 'no thermal cycle repeats'
 
 
-def _similarity(bank: ColumnBank, truth: type[Effect], rival: type[Effect]) -> float:
+def _similarity(bank: CandidateDesign, truth: type[Effect], rival: type[Effect]) -> float:
     """Return the share of the trace of an effect that a rival would explain at its best shape."""
     wanted = bank.term(truth()).columns
     best = 0.0

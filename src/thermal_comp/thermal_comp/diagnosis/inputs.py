@@ -89,7 +89,7 @@ def slope_of_windows(windows: Sequence[Windows | None]) -> ClockFinding | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Intake:
+class DiagnosisInputs:
     """What a diagnosis needs of the recordings of one device."""
 
     runs: list[PreparedRun]
@@ -100,7 +100,9 @@ class Intake:
     """Whether white noise may be judged."""
 
 
-def take_in(recordings: Iterable[ImuRecording], *, period: float = PERIOD) -> Intake:
+def prepare_inputs(
+    recordings: Iterable[ImuRecording], *, period: float = PERIOD
+) -> DiagnosisInputs:
     """Return what is needed of recordings that may be read one after the other.
 
     The next one is read while one is checked and averaged; none is kept.
@@ -120,7 +122,7 @@ def take_in(recordings: Iterable[ImuRecording], *, period: float = PERIOD) -> In
     for number, finding in wrong_units(scales, names, findings):
         findings.append(replace(finding, rows=len(runs[number].conditions)))
         runs[number] = _without(runs[number], finding)
-    return Intake(runs, merged(findings), slope_of_windows(windows), all(known))
+    return DiagnosisInputs(runs, merged(findings), slope_of_windows(windows), all(known))
 
 
 def _read_ahead(recordings: Iterable[ImuRecording]) -> Iterator[ImuRecording]:

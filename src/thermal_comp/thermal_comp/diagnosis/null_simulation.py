@@ -14,7 +14,7 @@ from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.candidates import Family, campaign_of, candidates
 from thermal_comp.diagnosis.spectral_lines import spectral_lines
 from thermal_comp.effects.effect import Candidate, Effect
-from thermal_comp.linear.candidate_design import RANK_TOLERANCE, ColumnBank, ColumnSource
+from thermal_comp.linear.candidate_design import RANK_TOLERANCE, CandidateDesign, ColumnSource
 from thermal_comp.linear.whitening import apply_gains, innovation_gains
 
 ABSORBED = 1e-10
@@ -25,7 +25,7 @@ Draw = Sequence[FloatArray]
 
 
 def reached_in_draws(
-    bank: ColumnBank, families: Sequence[Family], draws: Sequence[Draw]
+    bank: CandidateDesign, families: Sequence[Family], draws: Sequence[Draw]
 ) -> dict[str, FloatArray]:
     """Return the evidence (draws,) of each family's best form; the bank's noise is the draws'."""
     coupled = [f for f in families if any(t.shared for t in f.forms[0].terms)]
@@ -46,7 +46,7 @@ def reached_in_draws(
     return reached
 
 
-def _evidence(bank: ColumnBank, family: Family, k: int) -> float:
+def _evidence(bank: CandidateDesign, family: Family, k: int) -> float:
     form = family.forms[k]
     gain, rank = bank.solve(form.terms)
     return gain - (rank + form.free) * float(np.log(bank.rows)) if rank else -np.inf
@@ -93,7 +93,7 @@ class SlowEffects:
     known: dict[Effect, list[FloatArray]]
     """Columns per run of the forms that do not depend on a draw."""
 
-    def reached(self, bank: ColumnBank) -> dict[str, float]:
+    def reached(self, bank: CandidateDesign) -> dict[str, float]:
         """Return the evidence of each family's best form in the draw that is the bank's target."""
         campaign = replace(campaign_of(bank), spectral_lines=partial(_lines, bank))
         tried = candidates(bank, self.catalogue, campaign)
@@ -116,14 +116,14 @@ class SlowEffects:
             for name, some in tried.items()
         }
 
-    def _columns(self, bank: ColumnBank, effect: Effect) -> list[FloatArray]:
+    def _columns(self, bank: CandidateDesign, effect: Effect) -> list[FloatArray]:
         columns = self.known.get(effect)
         if columns is None:
             columns = [run.columns(effect, bank.sensor) for run in self.source.runs]
         return columns
 
 
-def _lines(bank: ColumnBank) -> list[float]:
+def _lines(bank: CandidateDesign) -> list[float]:
     """Return the most prominent lines of a draw, which has no finer rows than its blocks."""
     runs, at = bank.source.runs, 0
     coarse: list[PreparedRun] = []
@@ -175,7 +175,7 @@ class _Table:
             found += [start + r * count + k for r in wanted for k in range(count)]
         return found
 
-    def equations(self, bank: ColumnBank) -> tuple[FloatArray, FloatArray]:
+    def equations(self, bank: CandidateDesign) -> tuple[FloatArray, FloatArray]:
         """Return normal matrices (3, w, w) and right-hand sides (3, w), the base taken out."""
         normal, right = np.zeros((3, self.width, self.width)), np.zeros((3, self.width))
         for axis in range(3):

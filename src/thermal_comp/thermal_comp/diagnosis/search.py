@@ -15,13 +15,13 @@ from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.candidates import Family, Form, moved_forms
 from thermal_comp.diagnosis.thresholds import threshold_of
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource, Term
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource, Term
 from thermal_comp.model.values import NoiseModel
 
 
-def held_out_chi_square(bank: ColumnBank, terms: Sequence[Term], part: int) -> float:
+def held_out_chi_square(bank: CandidateDesign, terms: Sequence[Term], part: int) -> float:
     """Return χ² of one part, predicted from the others, in whitened rows."""
-    kept = bank.fold != part
+    kept = bank.cv_group != part
     own, common = bank.split_sizes(terms)
     designs = bank.design(terms)
     blocks, targets, tests, wanted = [], [], [], []
@@ -78,7 +78,7 @@ class Rated:
 class Search:
     """The search over one sensor's families."""
 
-    bank: ColumnBank
+    bank: CandidateDesign
     families: Sequence[Family]
     thresholds: Mapping[str, float] | None = None
     vetoed: list[str] = field(default_factory=list)
@@ -275,7 +275,7 @@ class Search:
     def _confirmed_by_cycles(self, chosen: Sequence[Form], form: Form) -> bool:
         """Leave one part out at a time: the effect must help to predict most of them."""
         bank = self.bank
-        parts = np.unique(bank.fold[bank.fold > 0])
+        parts = np.unique(bank.cv_group[bank.cv_group > 0])
         if not form.effect.confirmed_by_cycles or len(parts) < 3:
             return True
         before = [term for f in chosen for term in f.terms]
@@ -305,7 +305,7 @@ def least_gains(
     if not pairs:
         return {}
     simpler = {effect.name for _, effect in pairs}
-    bank = ColumnBank(source, sensor, noise, [e for e in known if e.name not in simpler])
+    bank = CandidateDesign(source, sensor, noise, [e for e in known if e.name not in simpler])
     gains = {e.name: bank.solve([bank.term(e)])[0] for e in known if e.name in simpler}
     least: dict[str, float] = {}
     for richer, effect in pairs:

@@ -15,7 +15,7 @@ from thermal_comp.diagnosis.candidates import campaign_of, candidates, families
 from thermal_comp.diagnosis.null_simulation import Draw, SlowEffects, reached_in_draws
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.fit import usable_sensors
-from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.estimation import fit_noise_to_values
 from thermal_comp.noise.of_runs import determined_noise
@@ -73,7 +73,7 @@ def reached_without_effect(
         for number, (sensor, model) in enumerate(noise.items()):
             rng = np.random.default_rng([seed, number])
             drawn = [_draw(runs, sensor, model, rng) for _ in range(draws)]
-            bank = ColumnBank(source, sensor, model, base[sensor])
+            bank = CandidateDesign(source, sensor, model, base[sensor])
             # How much an effect of time reaches depends on how well slow noise is known.
             slow = {n: e for n, e in catalogue.items() if e.time_only}
             steady = {n: e for n, e in catalogue.items() if not e.time_only}
@@ -111,7 +111,7 @@ def _draw(
 
 
 def _fixed_columns(
-    bank: ColumnBank, catalogue: Mapping[str, type[Effect]]
+    bank: CandidateDesign, catalogue: Mapping[str, type[Effect]]
 ) -> dict[Effect, list[FloatArray]]:
     tried = candidates(bank, catalogue, campaign_of(bank))
     effects = {part for some in tried.values() for c in some for part in c.effect.parts()}
@@ -119,7 +119,7 @@ def _fixed_columns(
 
 
 def _reached_once(
-    rated: SlowEffects, bank: ColumnBank, base: Sequence[Effect], drawn: Draw
+    rated: SlowEffects, bank: CandidateDesign, base: Sequence[Effect], drawn: Draw
 ) -> dict[str, float]:
     noise = fit_noise_to_values(bank.source.runs, drawn)
-    return rated.reached(ColumnBank(bank.source, bank.sensor, noise, base, drawn))
+    return rated.reached(CandidateDesign(bank.source, bank.sensor, noise, base, drawn))

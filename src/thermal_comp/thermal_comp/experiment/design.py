@@ -12,7 +12,7 @@ import numpy as np
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.effects.effect import FLIP, Effect
 from thermal_comp.experiment.plan import PAPER, REFERENCE_C, Plan, Segment, predict_runs
-from thermal_comp.experiment.predicted_design import Bench, Rival
+from thermal_comp.experiment.predicted_design import PredictedDesign, Rival
 from thermal_comp.model.values import ModelError, ThermalModel
 
 LEAST_REPEATS = 3
@@ -179,8 +179,8 @@ def design_experiment(
         raise ModelError(f'sensors.{sensor}.noise: the model has none; fit it again')
     base = [e for e in model.sensors[sensor].effects if e.name not in names]
 
-    def bench(plan: Plan, up_axes: Sequence[str] = UP_AXES) -> Bench:
-        return Bench(predict_runs(plan, up_axes), sensor, noise, base)
+    def bench(plan: Plan, up_axes: Sequence[str] = UP_AXES) -> PredictedDesign:
+        return PredictedDesign(predict_runs(plan, up_axes), sensor, noise, base)
 
     usual = bench(PAPER)
     one, other = (Rival.of(name, model, sensor, catalogue).sized(usual) for name in names)

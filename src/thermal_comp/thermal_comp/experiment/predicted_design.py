@@ -41,7 +41,7 @@ class Rival:
         effect = catalogue[name]()
         return cls(effect, None, (effect, *grid))
 
-    def sized(self, bench: Bench) -> Rival:
+    def sized(self, bench: PredictedDesign) -> Rival:
         """Return it with a size: without one M = 1 in the runs of the bench."""
         if self.coefficients is not None:
             return self
@@ -61,7 +61,7 @@ def _per_axis(effect: Effect, fitted: FloatArray) -> FloatArray:
     return fitted.reshape(-1, 3)
 
 
-class Bench:
+class PredictedDesign:
     """Whitened columns of predicted runs."""
 
     def __init__(

@@ -23,7 +23,11 @@ from thermal_comp.fitting.inputs import (
     usable_sensors,
 )
 from thermal_comp.fitting.shape_search import bound_notes, refine_shapes
-from thermal_comp.fitting.shape_uncertainty import ShapeDirection, grain, solve_with_shapes
+from thermal_comp.fitting.shape_uncertainty import (
+    ShapeDirection,
+    resolution_std,
+    solve_with_shapes,
+)
 from thermal_comp.linear.design import Design, Term
 from thermal_comp.linear.normal_equations import NormalEquations, Solution, gram, solve
 from thermal_comp.model.values import NoiseModel, Provenance, SensorModel, ThermalModel
@@ -162,7 +166,7 @@ class FittedGroup:
             if isinstance(term.effect, ShapeDirection):
                 variance = self.shape_solution.covariance[term.start, term.start]
                 name = f'{term.effect.of.partition("@")[0]}.{term.effect.parameter}'
-                row = grain(self.design, term.effect)
+                row = resolution_std(self.design, term.effect)
                 std = float(np.sqrt(variance * self._misfit() + row**2))
                 found[name] = (*found.get(name, ()), std)
         return found

@@ -147,7 +147,7 @@ def _with_surface_offset(run: PreparedRun, offset: float) -> PreparedRun:
     return replace(run, conditions=replace(conditions, device_temperature=surface + offset))
 
 
-def grain(design: Design, column: ShapeDirection) -> float:
+def resolution_std(design: Design, column: ShapeDirection) -> float:
     """Return the standard deviation below which no data determine a parameter; mostly zero.
 
     A time that only tells in which row something begins is known to a row and a half, as rows

@@ -89,7 +89,7 @@ def smoothing_width(temperature: FloatArray, step: float) -> float:
     return float(np.clip(width, NARROWEST, WIDEST))
 
 
-__all__ = ['RANK_TOLERANCE', 'ColumnBank', 'ColumnSource', 'Term']
+__all__ = ['RANK_TOLERANCE', 'CandidateDesign', 'ColumnSource', 'Term']
 
 
 ROOM = 640
@@ -105,7 +105,7 @@ class Term:
     """True where the three axes share the coefficients; else each axis has its own."""
 
 
-class ColumnBank:
+class CandidateDesign:
     """Whitened columns of one sensor, orthogonal to a base model, with their normal matrices.
 
     Rows of all runs stand below each other; every axis has a matrix of its own, because its noise
@@ -129,8 +129,8 @@ class ColumnBank:
         self._edges = np.concatenate([[0], np.cumsum(sizes)])
         self.rows = int(self._edges[-1])
         self.run_of_row: IntArray = np.repeat(np.arange(len(sizes)), sizes)
-        self.fold: IntArray = np.concatenate(
-            [run.fold[ok] for run, ok in zip(runs, self.valid, strict=True)]
+        self.cv_group: IntArray = np.concatenate(
+            [run.cv_group[ok] for run, ok in zip(runs, self.valid, strict=True)]
         )
         self._gains: list[list[Gains]] = [
             [innovation_gains(run.slot[ok], noise, axis, run.period) for axis in range(3)]

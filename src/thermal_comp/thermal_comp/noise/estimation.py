@@ -15,7 +15,7 @@ from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.process import (
-    LADDER,
+    OU_TIME_CONSTANTS,
     Projection,
     ResidualSpectrum,
     mean_autocovariance,
@@ -24,9 +24,9 @@ from thermal_comp.noise.process import (
 )
 from thermal_comp.noise.saturated_model import orthonormal, saturated_basis
 
-FAR = 12.0
+JUMP_DEVIATIONS = 12.0
 """Difference of neighbouring blocks, in standard deviations, that noise does not reach."""
-MOST = 6
+MOST_JUMPS = 6
 """Steps per run; what jumps more often switches, and is no accident."""
 
 
@@ -40,13 +40,13 @@ def jump_columns(values: FloatArray, slot: IntArray, basis: FloatArray) -> Float
     taken = np.diff(slot) > 1
     found: list[FloatArray] = []
     left = values - basis @ (basis.T @ values)
-    while len(found) <= MOST:
+    while len(found) <= MOST_JUMPS:
         difference = np.abs(np.diff(left, axis=0))
         scale = 1.4826 * np.median(difference, axis=0)
         far = (difference / np.maximum(scale, 1e-300)).max(axis=1)
         far[taken] = 0.0
         at = int(np.argmax(far))
-        if far[at] <= FAR:
+        if far[at] <= JUMP_DEVIATIONS:
             return np.reshape(found, (-1, len(values))).T
         step = (np.arange(len(values)) > at).astype(np.float64)
         found.append(step)
@@ -110,7 +110,7 @@ def fit_noise_to_values(runs: Sequence[PreparedRun], values: Sequence[FloatArray
 def fit_noise_to_spectra(spectra: Sequence[ResidualSpectrum]) -> NoiseModel:
     """Return the noise model whose expected spectra fit best, per axis."""
     if not spectra:
-        return NoiseModel(np.zeros(3), LADDER, np.zeros((len(LADDER), 3)))
+        return NoiseModel(np.zeros(3), OU_TIME_CONSTANTS, np.zeros((len(OU_TIME_CONSTANTS), 3)))
     expected = np.concatenate([s.expected for s in spectra], axis=1)
     periodogram = np.concatenate([s.periodogram for s in spectra])
     weight = np.concatenate([s.weight for s in spectra])
@@ -123,7 +123,7 @@ def fit_noise_to_spectra(spectra: Sequence[ResidualSpectrum]) -> NoiseModel:
     )
     return NoiseModel(
         white=np.sqrt(variances[0] * scale),
-        time_constants=LADDER,
+        time_constants=OU_TIME_CONSTANTS,
         amplitudes=np.sqrt(variances[1:] * scale),
     )
 
@@ -181,11 +181,13 @@ def _spectrum_of(
             basis = orthonormal(np.concatenate(columns, axis=1))
         if not valid.all():
             basis, _ = np.linalg.qr(basis[valid])
-        kept[key] = project_spectra(slot, basis, LADDER, run.period)
+        kept[key] = project_spectra(slot, basis, OU_TIME_CONSTANTS, run.period)
     jumps = jump_columns(values[valid], slot, kept[key].basis)
     if jumps.shape[1]:
         basis = orthonormal(np.concatenate([kept[key].basis, jumps], axis=1))
-        return project_spectra(slot, basis, LADDER, run.period).spectrum_of(values[valid])
+        return project_spectra(slot, basis, OU_TIME_CONSTANTS, run.period).spectrum_of(
+            values[valid]
+        )
     return kept[key].spectrum_of(values[valid])
 
 

@@ -20,10 +20,15 @@ from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.estimation import LEAST_BLOCKS, expected_square, fit_noise_to_spectra
-from thermal_comp.noise.process import LADDER, Projection, ResidualSpectrum, project_spectra
+from thermal_comp.noise.process import (
+    OU_TIME_CONSTANTS,
+    Projection,
+    ResidualSpectrum,
+    project_spectra,
+)
 from thermal_comp.noise.saturated_model import orthonormal, repeatable_basis
 
-MOST = 1.15
+MOST_SPREAD_RATIO = 1.15
 """Rms about a run's mean, in that of the extrapolated noise, beyond which what is left in cycles
 and hours is no noise: an effect that was not named. Chance reaches 1.11 in a hundred campaigns."""
 FOLLOWED = 0.01
@@ -51,7 +56,7 @@ def noise_of_model(
         return extrapolated
     found = fit_noise_to_spectra([s for s in spectra if s is not None])
     more = _spread(runs, found) / np.maximum(_spread(runs, extrapolated), 1e-300)
-    return found if more <= MOST**2 else extrapolated
+    return found if more <= MOST_SPREAD_RATIO**2 else extrapolated
 
 
 def _spread(runs: Sequence[PreparedRun], noise: NoiseModel) -> float:
@@ -85,7 +90,7 @@ def _spectrum(
         if not valid.all():
             basis, _ = np.linalg.qr(basis[valid])
         slot = run.slot[valid] - run.slot[valid][0]
-        kept[key] = project_spectra(slot, basis, LADDER, run.period)
+        kept[key] = project_spectra(slot, basis, OU_TIME_CONSTANTS, run.period)
     return kept[key].spectrum_of(values[valid])
 
 

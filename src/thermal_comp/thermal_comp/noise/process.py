@@ -10,7 +10,7 @@ from imu_recording.recording import FloatArray, IntArray
 
 from thermal_comp.model.values import NoiseModel
 
-LADDER = np.geomspace(30.0, 40_000.0, 7)
+OU_TIME_CONSTANTS = np.geomspace(30.0, 40_000.0, 7)
 """Correlation times [s] of the processes whose sum approximates flicker noise."""
 
 

@@ -17,7 +17,7 @@ from thermal_comp.diagnosis.search import Search
 from thermal_comp.diagnosis.thresholds import threshold_of
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.linear.candidate_design import ColumnBank, ColumnSource
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import ModelError
 from thermal_comp.noise.of_runs import noise_of_runs
 from thermal_comp.presentation.display import DISPLAY_UNITS
@@ -63,7 +63,7 @@ def preview_task(
     model = model_from_text(model_text, catalogue)
     base = tuple(e for e in model.sensors[sensor].effects if e.name != effect)
     noise = model.sensors[sensor].noise or noise_of_runs(runs, sensor)[0]
-    bank = ColumnBank(ColumnSource(runs), sensor, noise, base)
+    bank = CandidateDesign(ColumnSource(runs), sensor, noise, base)
     found = Search(bank, families(bank, {effect: catalogue[effect]})).ranking([])
     if not found:
         raise ModelError(f'{effect} leaves no trace in these runs that could be fitted')
