@@ -23,6 +23,7 @@ from thermal_comp.diagnosis.diagnose import diagnose as diagnose_recordings
 from thermal_comp.diagnosis.growth import Growth, add_effect
 from thermal_comp.diagnosis.result import Diagnosis
 from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.fit import fit as fit_recordings
 from thermal_comp.fitting.fit import fit_prepared
@@ -38,7 +39,7 @@ EffectLike: TypeAlias = str | Effect | type[Effect]
 EffectList: TypeAlias = EffectLike | Sequence[EffectLike]
 
 GLOB_SIGNS = frozenset('*?[')
-LINE = 'bias_temperature'
+LINE = BiasTemperature
 """The effect a model starts from: the paper's line per axis."""
 
 

@@ -119,7 +119,7 @@ def _problems_of_the_description(effect: type[Effect]) -> list[str]:
     return problems
 
 
-def _within(value: float | tuple[float, ...], bounds: tuple[float, float]) -> bool:
+def _within(value: Any, bounds: tuple[float, float]) -> bool:
     return bool(np.all((bounds[0] <= np.array(value)) & (np.array(value) <= bounds[1])))
 
 
