@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from imu_driver.driver_status import DriverStatus
 from imu_driver.node import ImuDriverNode
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu, MagneticField, Temperature
@@ -71,12 +72,12 @@ def test_a_simulated_device(ros: Any, captured: Captured) -> None:
     node = ImuDriverNode(capture=captured, parameters=parameters)
     assert node.autostart()
     captured.wait(lambda: captured.count('imu/data_raw') > 1200)
-    response = node.services_of_device.measure_rest(Trigger.Request(), Trigger.Response())
-    position = node.services_of_device.check_position(Trigger.Request(), Trigger.Response())
+    response = node.on_measure_rest(Trigger.Request(), Trigger.Response())
+    position = node.on_check_position(Trigger.Request(), Trigger.Response())
     level, line, values = node.diagnostics()
     node.publish_diagnostics()
     node.trigger_deactivate()
-    refused = node.services_of_device.measure_rest(Trigger.Request(), Trigger.Response())
+    refused = node.on_measure_rest(Trigger.Request(), Trigger.Response())
     assert refused.success is False
     node.destroy_node()
 
@@ -196,7 +197,7 @@ def test_a_bag_keeps_its_stamps(ros: Any, captured: Captured, tmp_path: Path) ->
     driver = node.driver
     node.trigger_deactivate()
     node.destroy_node()
-    assert driver.diagnostics(0)[:2] == (0, 'the bag has ended')
+    assert DriverStatus(driver).report(0)[:2] == (0, 'the bag has ended')
     assert [stamp_of(m) for m in captured.on('imu/data_raw')] == stamp.tolist()
     assert [stamp_of(m) for m in captured.on('imu/mag')] == stamp[::3].tolist()
     assert [m.temperature for m in captured.on('imu/temperature')] == [20, 21, 22, 23, 24]

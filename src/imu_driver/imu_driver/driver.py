@@ -1,29 +1,216 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One running driver without ROS: a reader, a queue, statistics, and what it says of itself."""
+"""One running driver without ROS: its parameters, what it reads, and the queue to the publisher.
+
+A thread reads bytes and makes samples (`DeviceReader`, `BagReader`), a second one publishes them;
+`SampleQueue` stands between them.
+"""
 
 from __future__ import annotations
 
+import threading
+from collections import deque
 from collections.abc import Callable
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Final
+from urllib.parse import urlsplit
 
+from imu_recording.ros.parameter import parameter
+from imu_recording.user_error import UserError
+
+from imu_driver.board.lsm9ds1 import SENSORS, scale
 from imu_driver.board.reader import DeviceReader
-from imu_driver.board.sample import Sample
-from imu_driver.board.session import DeviceSession
+from imu_driver.board.sample import Sample, parse_axis_map
+from imu_driver.board.session import DeviceSession, SessionConfig
 from imu_driver.board.stream_statistics import StreamStatistics
-from imu_driver.board.transport import transport_opener
-from imu_driver.driver_config import DriverParameters, session_config
-from imu_driver.driver_status import Diagnosis
-from imu_driver.sample_queue import SampleQueue
+from imu_driver.board.transport import SerialTransport, TcpTransport, Transport
+from imu_driver.replay import BagReader
+from imu_driver.wire.codec import PROTOCOLS
+from imu_driver.wire.frames import CommandCode
+
+DATA_FRAME_BITS = 31 * 10
+"""A binary data frame on an 8N1 line."""
 
 
-class Reader(Protocol):
-    """What delivers samples."""
+@dataclass(frozen=True)
+class DriverParameters:
+    """What a user may set; 0 leaves the device as it is."""
+
+    transport: str = parameter(
+        'serial:///dev/imu',
+        'Where the device is: serial:///dev/serial/by-id/NAME, tcp://HOST:PORT, '
+        'simulated://dut1 or bag://PATH',
+    )
+    protocol: str = parameter('auto', 'Encoding on the wire', choices=PROTOCOLS)
+    baudrate: int = parameter(921600, 'Speed of a serial line', unit='baud', bounds=(300, 12e6))
+    frame_id: str = parameter('imu_link', 'Frame of the published data (right-handed)')
+    device: str = parameter('', 'Serial number that is accepted; empty: any')
+    latency: float = parameter(
+        0.0,
+        'Shortest time from sample to arrival, beyond a frame on the serial line',
+        unit='s',
+        bounds=(-0.1, 0.1),
+    )
+    output_data_rate: float = parameter(
+        0.0, 'Rate to set: 14.9, 59.5, 119, 238, 476 or 952', unit='Hz', bounds=(0, 1000)
+    )
+    gyroscope_full_scale: float = parameter(
+        0.0, 'Full scale to set: 245, 500 or 2000', unit='dps', bounds=(0, 2000)
+    )
+    accelerometer_full_scale: float = parameter(
+        0.0, 'Full scale to set: 2, 4, 8 or 16', unit='g', bounds=(0, 16)
+    )
+    magnetometer_full_scale: float = parameter(
+        0.0, 'Full scale to set: 4, 8, 12 or 16', unit='gauss', bounds=(0, 16)
+    )
+    gyroscope_axis_map: str = parameter(
+        '+x +y +z', 'Sensor axis along published x, y, z (a rotation)'
+    )
+    accelerometer_axis_map: str = parameter(
+        '+x +y +z', 'Sensor axis along published x, y, z (a rotation)'
+    )
+    magnetometer_axis_map: str = parameter(
+        '+x +y +z', 'Sensor axis along published x, y, z (a rotation)'
+    )
+    # Defaults: the noisiest axis of the simulated DUT1 … DUT3 over 30 s of the quiet zone (20 °C,
+    # at rest, 238 Hz, most sensitive full scales); ~/measure_rest tells those of a device at hand.
+    angular_velocity_stddev: float = parameter(
+        6.3e-4, 'Noise of one sample', unit='rad/s', bounds=(0, 10), dynamic=True
+    )
+    linear_acceleration_stddev: float = parameter(
+        1.63e-2, 'Noise of one sample', unit='m/s²', bounds=(0, 100), dynamic=True
+    )
+    magnetic_field_stddev: float = parameter(
+        1.6e-6, 'Noise of one sample', unit='T', bounds=(0, 1), dynamic=True
+    )
+
+
+class TransportError(UserError):
+    """A transport that cannot exist; the message names it and the forms there are."""
+
+
+def session_config(parameters: DriverParameters) -> SessionConfig:
+    """Return what the parameters want of the device; raise ValueError naming one it cannot do."""
+    full_scale = {
+        sensor: value
+        for sensor in SENSORS
+        if (value := getattr(parameters, f'{sensor}_full_scale'))
+    }
+    for sensor, value in full_scale.items():
+        scale(sensor, value)
+    on_the_line = DATA_FRAME_BITS / parameters.baudrate
+    return SessionConfig(
+        protocol=parameters.protocol,
+        device=parameters.device,
+        full_scale=full_scale,
+        output_data_rate=parameters.output_data_rate,
+        latency=parameters.latency
+        + (on_the_line if parameters.transport.startswith('serial:') else 0.0),
+        axis_maps={
+            sensor: parse_axis_map(getattr(parameters, f'{sensor}_axis_map')) for sensor in SENSORS
+        },
+    )
+
+
+def transport_opener(url: str, baudrate: int, rate: float = 0.0) -> Callable[[], Transport]:
+    """Return a function that opens the transport; raise TransportError where none can be.
+
+    `rate` [Hz] is what a simulated device samples at from power-on.
+    """
+    parts = urlsplit(url)
+    path = parts.netloc + parts.path
+    if parts.scheme == 'serial' and path:
+        return lambda: SerialTransport(path, baudrate)
+    if parts.scheme == 'tcp':
+        try:
+            host, port = parts.hostname, parts.port
+        except ValueError:
+            host, port = None, None
+        if host and port:
+            return lambda: TcpTransport(host, port)
+    if parts.scheme == 'simulated' and parts.netloc:
+        from imu_driver.emulator.transport import SimulatedTransport  # only now: slow to import
+
+        transport = SimulatedTransport.from_url(url, rate)
+        return lambda: transport
+    raise TransportError(
+        f'transport {url!r}: expected serial:///dev/serial/by-id/NAME, tcp://HOST:PORT, '
+        'simulated://dut1 or bag://PATH'
+    )
+
+
+CAPACITY: Final = 10_000
+"""Samples: ten seconds at the highest rate."""
+
+
+class SampleQueue:
+    """Hands samples to `publish` in a thread of its own, in order, all that wait at once."""
+
+    def __init__(self, publish: Callable[[list[Sample]], None]) -> None:
+        self.fullest = 0
+        """Most samples that ever waited."""
+        self.overflowed = 0
+        """Samples dropped because the publisher did not keep up."""
+        self._publish = publish
+        self._waiting: deque[list[Sample]] = deque()
+        self._fill = 0
+        self._wake = threading.Condition()
+        self._open = True
+        self._thread = threading.Thread(target=self._run, name='imu_publisher', daemon=True)
+
+    @property
+    def fill(self) -> float:
+        """Share of the capacity in use."""
+        return self._fill / CAPACITY
+
+    @property
+    def running(self) -> bool:
+        """Whether the thread lives."""
+        return self._thread.is_alive()
 
     def start(self) -> None:
-        """Begin."""
+        """Begin to publish."""
+        self._thread.start()
+
+    def put(self, samples: list[Sample]) -> None:
+        """Append samples; the oldest give way where there is no room."""
+        if not samples:
+            return
+        with self._wake:
+            self._waiting.append(samples)
+            self._fill += len(samples)
+            while self._fill > CAPACITY and len(self._waiting) > 1:
+                oldest = self._waiting.popleft()
+                self._fill -= len(oldest)
+                self.overflowed += len(oldest)
+            self.fullest = max(self.fullest, self._fill)
+            self._wake.notify_all()
+
+    def put_when_room(self, samples: list[Sample]) -> None:
+        """Append samples, waiting for the publisher where there is no room."""
+        with self._wake:
+            self._wake.wait_for(lambda: self._fill + len(samples) <= CAPACITY or not self.running)
+        self.put(samples)
 
     def stop(self) -> None:
-        """End."""
+        """Publish what waits and end."""
+        with self._wake:
+            self._open = False
+            self._wake.notify_all()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while True:
+            with self._wake:
+                while not self._waiting and self._open:
+                    self._wake.wait()
+                batches = list(self._waiting)
+                self._waiting.clear()
+                self._fill = 0
+                self._wake.notify_all()
+            if not batches:
+                return
+            for batch in batches:
+                self._publish(batch)
 
 
 class ImuDriver:
@@ -37,33 +224,25 @@ class ImuDriver:
         publish: Callable[[Sample], None],
         report: Callable[[str], None],
     ) -> None:
+        self.parameters = parameters
         self.statistics = StreamStatistics()
-        self.session: DeviceSession | None = None
-        self._publish = publish
         self.queue = SampleQueue(self._publish_batch)
-        self._reader: Reader
-        if parameters.transport.startswith('bag:'):
-            from imu_driver.replay import BagReader  # only now: it brings the bag reader
-
-            bag = self._reader = BagReader(
-                parameters.transport, deliver=self.queue.put_when_room, report=report
-            )
-            self.diagnosis = Diagnosis(
-                self.statistics, self.queue, parameters, is_over=lambda: bag.ended
-            )
+        self.session: DeviceSession | None = None
+        self.device_reader: DeviceReader | None = None
+        """As `session`, None where a bag is read instead of a device."""
+        self._publish = publish
+        self._reader: DeviceReader | BagReader
+        transport = parameters.transport
+        if transport.startswith('bag:'):
+            self._reader = BagReader(transport, deliver=self.queue.put_when_room, report=report)
         else:
             self.session = DeviceSession(session_config(parameters))
-            self._reader = DeviceReader(
-                transport_opener(
-                    parameters.transport, parameters.baudrate, parameters.output_data_rate
-                ),
+            self._reader = self.device_reader = DeviceReader(
+                transport_opener(transport, parameters.baudrate, parameters.output_data_rate),
                 self.session,
                 now=now,
                 deliver=self.queue.put,
                 report=report,
-            )
-            self.diagnosis = Diagnosis(
-                self.statistics, self.queue, parameters, self.session, self._reader
             )
 
     def start(self) -> None:
@@ -76,15 +255,23 @@ class ImuDriver:
         self._reader.stop()
         self.queue.stop()
 
-    def diagnostics(self, now: int) -> tuple[int, str, dict[str, Any]]:
-        """Return level, line and values at ROS time `now` [ns]; ask once a second."""
-        return self.diagnosis.take(now)
+    @property
+    def has_ended(self) -> bool:
+        """Whether a bag is read and all of it has been delivered."""
+        return isinstance(self._reader, BagReader) and self._reader.ended
 
     @property
     def supply_voltage(self) -> float:
         """Device supply [V]; 0 unknown."""
         information = self.session.information if self.session else None
         return information.supply_millivolts * 1e-3 if information else 0.0
+
+    def restart_stream(self) -> None:
+        """Let the device stop and start its stream."""
+        if self.session is None:
+            raise UserError('a bag has no stream to restart')
+        self.session.command(CommandCode.STOP)
+        self.session.command(CommandCode.START)
 
     def _publish_batch(self, samples: list[Sample]) -> None:
         for sample in samples:

@@ -11,58 +11,16 @@ from typing import Any
 from imu_recording.ros.lifecycle_node import ConfiguredNode
 from imu_recording.ros.parameter import NodeConfig
 from imu_recording.ros.run_node import run_node
+from imu_recording.user_error import UserError
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from imu_driver.board.sample import MessageBytes, Sample
-from imu_driver.board.session import Trouble
-from imu_driver.board.stream_statistics import PositionCheck, RestError, rest_report
-from imu_driver.driver import ImuDriver
-from imu_driver.driver_config import DriverParameters
-from imu_driver.wire.frames import CommandCode
-
-
-class DriverServices:
-    """Callbacks for std_srvs/Trigger; `driver()` returns the running driver, if there is one."""
-
-    def __init__(self, driver: Callable[[], ImuDriver | None]) -> None:
-        self._driver = driver
-        self._positions = PositionCheck()
-        self.callbacks = {
-            'restart_stream': self.restart_stream,
-            'measure_rest': self.measure_rest,
-            'check_position': self.check_position,
-        }
-
-    def restart_stream(self, _: Any, response: Any) -> Any:
-        """Stop and start the device's stream."""
-        return self._answer(response, _restart)
-
-    def measure_rest(self, _: Any, response: Any) -> Any:
-        """Tell gyroscope bias and noise over the last seconds."""
-        return self._answer(response, lambda driver: rest_report(driver.statistics))
-
-    def check_position(self, _: Any, response: Any) -> Any:
-        """Take the present position into the six-position check."""
-        return self._answer(response, lambda driver: self._positions.take(driver.statistics))
-
-    def _answer(self, response: Any, ask: Callable[[ImuDriver], str]) -> Any:
-        driver = self._driver()
-        try:
-            response.message = ask(driver) if driver else 'no device is being read'
-            response.success = driver is not None
-        except RestError as error:
-            response.success, response.message = False, str(error)
-        return response
-
-
-def _restart(driver: ImuDriver) -> str:
-    if driver.session is None:
-        raise RestError('a bag has no stream to restart')
-    driver.session.command(CommandCode.STOP)
-    driver.session.command(CommandCode.START)
-    return 'restarting'
+from imu_driver.board.session import WarningEvent
+from imu_driver.board.stream_statistics import SixPositionCheck, rest_report
+from imu_driver.driver import DriverParameters, ImuDriver
+from imu_driver.driver_status import DriverStatus
 
 
 @dataclass(frozen=True)
@@ -78,13 +36,15 @@ class ImuDriverNode(ConfiguredNode):
     """
 
     config_class = DriverConfig
+    config: DriverConfig
 
     def __init__(self, name: str = 'imu_driver', **options: Any) -> None:
         self.driver: ImuDriver | None = None
         super().__init__(name, **options)
-        self.services_of_device = DriverServices(lambda: self.driver)
-        for service, callback in self.services_of_device.callbacks.items():
-            self.create_service(Trigger, f'~/{service}', callback)
+        self._positions = SixPositionCheck()
+        self.create_service(Trigger, '~/restart_stream', self.on_restart_stream)
+        self.create_service(Trigger, '~/measure_rest', self.on_measure_rest)
+        self.create_service(Trigger, '~/check_position', self.on_check_position)
 
     def setup(self, config: DriverConfig) -> None:
         """Check that the driver can be built, and create the publishers."""
@@ -98,6 +58,7 @@ class ImuDriverNode(ConfiguredNode):
     def activated(self) -> None:
         """Start to read."""
         self.driver = self._prepared or self._new_driver(self.config)
+        self._status = DriverStatus(self.driver)
         self._prepared = None
         self.driver.start()
 
@@ -112,13 +73,13 @@ class ImuDriverNode(ConfiguredNode):
         self._messages = _messages(config)
 
     def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
-        """Say how the device and its line are."""
+        """Return the status of device and line, of the node while nothing is read."""
         if self.driver is None:
             return super().diagnostics()
-        return self.driver.diagnostics(self.now())
+        return self._status.report(self.now())
 
     def publish_diagnostics(self) -> None:
-        """Publish, once a second, also what the board measures of its supply."""
+        """Publish the status and, where the board measures it, the supply; once a second."""
         super().publish_diagnostics()
         volts = self.driver.supply_voltage if self.driver else 0.0
         if volts:
@@ -134,11 +95,38 @@ class ImuDriverNode(ConfiguredNode):
             self._magnetic_field.publish(field)
         self._imu.publish(messages.imu(sample))
 
+    def on_restart_stream(self, _: Any, response: Any) -> Any:
+        """Stop and start the device's stream."""
+
+        def answer(driver: ImuDriver) -> str:
+            driver.restart_stream()
+            return 'restarting'
+
+        return self._respond(response, answer)
+
+    def on_measure_rest(self, _: Any, response: Any) -> Any:
+        """Return gyroscope bias and noise over the last seconds as JSON."""
+        return self._respond(response, lambda driver: rest_report(driver.statistics))
+
+    def on_check_position(self, _: Any, response: Any) -> Any:
+        """Take the present position into the six-position check."""
+        return self._respond(response, lambda driver: self._positions.take(driver.statistics))
+
+    def _respond(self, response: Any, answer: Callable[[ImuDriver], str]) -> Any:
+        try:
+            if self.driver is None:
+                raise UserError('no device is being read')
+            response.message = answer(self.driver)
+            response.success = True
+        except UserError as error:
+            response.success, response.message = False, str(error)
+        return response
+
     def _new_driver(self, config: DriverConfig) -> ImuDriver:
         return ImuDriver(config, now=self.now, publish=self.publish, report=self._report)
 
     def _report(self, event: str) -> None:
-        if isinstance(event, Trouble):
+        if isinstance(event, WarningEvent):
             self.get_logger().warning(event)
         else:
             self.get_logger().info(event)

@@ -19,7 +19,6 @@ from imu_recording.user_error import UserError
 from numpy.typing import NDArray
 
 from imu_driver.board.sample import Sample
-from imu_recording import read_bag
 
 TEMPERATURE_EVERY: Final = 1_000_000_000
 """[ns] A temperature that stays the same is published this often."""
@@ -71,6 +70,8 @@ class BagReader:
         deliver: Callable[[list[Sample]], None],
         report: Callable[[str], None],
     ) -> None:
+        from imu_recording import read_bag  # only now: it brings the bag reader's libraries
+
         parts = urlsplit(url)
         options = dict(parse_qsl(parts.query))
         unknown = sorted(set(options) - {'rate', 'namespace'})

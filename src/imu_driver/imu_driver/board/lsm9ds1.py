@@ -13,6 +13,7 @@ DocID025715 Rev 3, with the table it stands in. Register names are ST's and stay
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -172,6 +173,11 @@ def register_set_up(
         'CTRL_REG4_M': 0x0C,  # OMZ
         'CTRL_REG5_M': 0x40,  # BDU
     }
+
+
+def compensates_magnetometer_temperature(registers: Sequence[int]) -> bool:
+    """Return whether a dump (REGISTERS) has the magnetometer compensate its temperature error."""
+    return bool(registers[REGISTERS.index('CTRL_REG1_M')] & TEMP_COMP)
 
 
 def nearest_rate(rate_hz: float) -> float:

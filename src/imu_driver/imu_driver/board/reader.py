@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The thread that reads one device for days: open, converse, and after a loss open again."""
+"""The thread that reads one device: open the line, converse, and open it again after a loss."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from collections.abc import Callable
 from typing import Final
 
 from imu_driver.board.sample import Sample
-from imu_driver.board.session import DeviceSession, Trouble
+from imu_driver.board.session import DeviceSession, WarningEvent
 from imu_driver.board.transport import Transport
 
 FIRST_RETRY: Final = 0.2
+"""[s] Pause after the first failed attempt to open the line; it doubles with each …"""
 LAST_RETRY: Final = 1.0
-"""[s] Back-off between attempts to open the line."""
-DEAF: Final = 1.0
-"""[s] A connection on which nothing at all comes for so long is asked for information."""
-DEAD: Final = 5.0
-"""[s] … and after this is opened anew."""
+"""[s] … up to this."""
+ASK_AFTER_SILENCE: Final = 1.0
+"""[s] A device that has sent nothing for this long is asked for information."""
+REOPEN_AFTER_SILENCE: Final = 5.0
+"""[s] A line on which nothing came for this long is closed and opened again."""
 
 
 class DeviceReader:
@@ -35,7 +36,7 @@ class DeviceReader:
         self.session = session
         self.connected = False
         self.connections = 0
-        self.trouble = 'not opened yet'
+        self.connection_error = 'not opened yet'
         """Why there is no connection; '' while there is one."""
         self._open = open_transport
         self._now = now
@@ -69,18 +70,18 @@ class DeviceReader:
             try:
                 transport = self._open()
             except OSError as error:
-                self._tell(f'{error} (trying again)')
+                self._set_connection_error(f'{error} (trying again)')
                 self._stop.wait(retry)
                 retry = min(2.0 * retry, LAST_RETRY)
                 continue
             retry = FIRST_RETRY
             self.connections += 1
             self.connected = True
-            self._tell('')
+            self._set_connection_error('')
             try:
                 self._converse(transport)
             except OSError as error:
-                self._tell(f'connection lost: {error}')
+                self._set_connection_error(f'connection lost: {error}')
             finally:
                 self.connected = False
                 transport.close()
@@ -101,9 +102,9 @@ class DeviceReader:
                     self._deliver(samples)
                 if session.events:
                     self._report_events()
-            elif now - heard > DEAD * 1e9:
-                raise TimeoutError(f'nothing came for {DEAD:g} s')
-            elif now - heard > DEAF * 1e9:
+            elif now - heard > REOPEN_AFTER_SILENCE * 1e9:
+                raise TimeoutError(f'nothing came for {REOPEN_AFTER_SILENCE:g} s')
+            elif now - heard > ASK_AFTER_SILENCE * 1e9:
                 session.ask(now)
             outgoing = session.outgoing(now)
             if outgoing:
@@ -114,7 +115,7 @@ class DeviceReader:
             self._report(event)
         self.session.events.clear()
 
-    def _tell(self, trouble: str) -> None:
-        if trouble != self.trouble:
-            self._report(Trouble(trouble) if trouble else 'connected')
-        self.trouble = trouble
+    def _set_connection_error(self, error: str) -> None:
+        if error != self.connection_error:
+            self._report(WarningEvent(error) if error else 'connected')
+        self.connection_error = error

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The driver's side of the conversation with one device, sans-I/O.
+"""The driver's side of the conversation with one device, sans-I/O: bytes in, stamped samples out.
 
-Feed it what arrives and when; it returns stamped samples. Ask it what to send. It identifies the
-device, sets it up, starts it, follows restarts and exchanges, and accounts for every sample.
-Nothing is published whose scale is not known from the device itself.
+The session identifies the device, sets it up, starts it, follows restarts and exchanges, and
+accounts for every sample. A data frame waits until the device has told its full scales.
 
 >>> count = SequenceCount()
 >>> count.take(65534), count.take(65535), count.take(1)
@@ -33,12 +32,19 @@ from imu_driver.wire.frames import (
     OtherVersion,
 )
 
-HELD_AT_MOST: Final = 4000
-"""Samples kept while their scale is unknown (four seconds at the highest rate)."""
-SETTLING: Final = 0.2
-"""[s] The first samples wait so long, that a stall at the start does not spoil their stamps."""
-SILENT_BOARD: Final = 1.5
-"""[s] An ASCII sketch that tells nothing about itself for so long is taken as it is."""
+MAXIMUM_HELD: Final = 4000
+"""Frames kept while their scale is unknown (four seconds at the highest rate)."""
+SETTLING_TIME: Final = 0.2
+"""[s] of samples collected before the first is stamped: a stall at the start does not spoil it."""
+SILENT_BOARD_TIMEOUT: Final = 1.5
+"""[s] after which an ASCII board that sends no information is read with assumed full scales."""
+REMEMBERED_GAPS: Final = 1000
+
+
+class WarningEvent(str):
+    """An event to be logged as a warning; other events are plain text, logged as information."""
+
+    __slots__ = ()
 
 
 @dataclass(frozen=True)
@@ -78,6 +84,7 @@ class DeviceSession:
         self.last_data = 0
         """ROS time of the last data frame's arrival [ns]; 0 before the first."""
         self._past = DecoderCounts()
+        self._stamped: list[Sample] = []
         self.connected(0)
 
     # Connection -------------------------------------------------------------------------------
@@ -94,13 +101,12 @@ class DeviceSession:
         self._last = (-1, -1)
 
     def disconnected(self) -> list[Sample]:
-        """Keep the counts of the connection that ended; return the samples that still waited."""
-        samples: list[Sample] = []
-        self._settle(samples)
+        """Keep the counts of the connection that ended; return its last samples."""
+        self._stamp()
         self._past = self.counts
         self.decoder = FrameDecoder(self.config.protocol)
         self._discard(len(self._held))
-        return samples
+        return self._take_stamped()
 
     @property
     def counts(self) -> DecoderCounts:
@@ -116,31 +122,40 @@ class DeviceSession:
 
     def feed(self, chunk: bytes, arrival: int) -> list[Sample]:
         """Return the samples that a chunk completes; `arrival` is its ROS time [ns]."""
-        samples: list[Sample] = []
         for frame in self.decoder.feed(chunk):
-            self._take(frame, arrival, samples)
-        if self.clock.age >= SETTLING:
-            self._settle(samples)
-        return samples
+            self._on_frame(frame, arrival)
+        if self.clock.age >= SETTLING_TIME:
+            self._stamp()
+        return self._take_stamped()
 
     def outgoing(self, now: int) -> bytes:
         """Return what to send to the device at ROS time `now` [ns]; often nothing."""
         return self.set_up.outgoing(now, self.decoder.protocol, known=self._scale is not None)
 
-    def _take(self, frame: Frame, arrival: int, samples: list[Sample]) -> None:
+    def ask(self, now: int) -> None:
+        """Ask the device for information soon."""
+        self.set_up.ask(now)
+
+    def command(self, code: CommandCode, value: int = 0) -> None:
+        """Send a command as soon as the line is free."""
+        self.set_up.request(code, value)
+
+    def _on_frame(self, frame: Frame, arrival: int) -> None:
         if isinstance(frame, DataFrame):
-            self._take_data(frame, arrival, samples)
+            self._on_data(frame, arrival)
         elif isinstance(frame, InformationFrame):
-            self._take_information(frame, arrival, samples)
+            self._on_information(frame, arrival)
         elif isinstance(frame, AcknowledgementFrame):
             refused = self.set_up.acknowledged(frame)
             if refused:
-                self.events.append(Trouble(refused))
+                self.events.append(WarningEvent(refused))
         elif isinstance(frame, OtherVersion):
-            self._settle(samples)
+            self._stamp()
             self._refuse(f'the device speaks protocol version {frame.version}, this driver 1')
 
-    def _take_data(self, frame: DataFrame, arrival: int, samples: list[Sample]) -> None:
+    # Data -------------------------------------------------------------------------------------
+
+    def _on_data(self, frame: DataFrame, arrival: int) -> None:
         if (frame.sequence, frame.tick) == self._last:
             self.duplicates += 1
             return
@@ -150,13 +165,14 @@ class DeviceSession:
             self.sequence.take(frame.sequence)
             self.discarded += 1
         elif self._scale is not None and frame.configuration == self._configuration:
-            self._process(frame, arrival, samples)
+            self._observe(frame, arrival)
         else:
-            self._hold(frame, arrival, samples)
+            self._hold(frame, arrival)
 
-    def _process(self, frame: DataFrame, arrival: int, samples: list[Sample]) -> None:
+    def _observe(self, frame: DataFrame, arrival: int) -> None:
+        """Count a frame whose scale is known and show it to the clock; `_stamp` follows."""
         if self.clock.has_restarted(frame.tick, arrival):
-            self._settle(samples)
+            self._stamp()
             self._restarted()
         if self._scale is None:
             self._held.append((frame, arrival))
@@ -164,30 +180,35 @@ class DeviceSession:
         self.sequence.take(frame.sequence)
         self._unstamped.append((frame, self.clock.observe(frame.tick, arrival)))
 
-    def _settle(self, samples: list[Sample]) -> None:
-        """Stamp what was observed since the last call."""
+    def _stamp(self) -> None:
+        """Turn the frames observed since the last call into stamped samples."""
         if not self._unstamped or self._scale is None:
             return
         stamps = self.clock.settle([observation for _, observation in self._unstamped])
         for stamp, (frame, _) in zip(stamps, self._unstamped, strict=True):
-            samples.append(self._scale.sample(stamp, frame))
+            self._stamped.append(self._scale.sample(stamp, frame))
         self._unstamped.clear()
 
-    def _hold(self, frame: DataFrame, arrival: int, samples: list[Sample]) -> None:
+    def _take_stamped(self) -> list[Sample]:
+        samples, self._stamped = self._stamped, []
+        return samples
+
+    def _hold(self, frame: DataFrame, arrival: int) -> None:
         """Keep a frame until the device has told which full scales it was measured with."""
         if self._scale is not None:
-            self._settle(samples)
+            self._stamp()
             self._scale = None
             self.set_up.ask(arrival)
         self._held.append((frame, arrival))
-        if len(self._held) > HELD_AT_MOST:
+        if len(self._held) > MAXIMUM_HELD:
             self._discard(1)
         waited = arrival - self._held[0][1]
-        tells_nothing = not self._identified and self.decoder.protocol == 'ascii'
-        if tells_nothing and waited > SILENT_BOARD * NANOSECOND:
-            self._accept_silent_board(samples)
+        is_silent = not self._identified and self.decoder.protocol == 'ascii'
+        if is_silent and waited > SILENT_BOARD_TIMEOUT * NANOSECOND:
+            self._accept_silent_board()
 
-    def _accept_silent_board(self, samples: list[Sample]) -> None:
+    def _accept_silent_board(self) -> None:
+        """Read a board that sends no information with the full scales wanted, or its default."""
         if self.config.device:
             self._refuse(
                 f'the device does not tell its serial number, {self.config.device} is wanted'
@@ -198,13 +219,25 @@ class DeviceSession:
         self.events.append(f'the device tells nothing about itself: full scales taken: {told}')
         self.set_up.give_up()
         self._identified = True
-        self._release(full_scale, self._held[-1][0].configuration, samples)
+        self._set_scale(full_scale, self._held[-1][0].configuration)
 
-    def _take_information(
-        self, frame: InformationFrame, arrival: int, samples: list[Sample]
-    ) -> None:
-        self._settle(samples)
-        self._compare(frame, arrival)
+    def _set_scale(self, full_scale: Mapping[str, float], configuration: int) -> None:
+        """Take over the full scales of a configuration and go through the frames held for it."""
+        self._scale = SampleScale(full_scale, self.config.axis_maps)
+        self._configuration = configuration
+        held, self._held = self._held, []
+        for frame, arrival in held:
+            if frame.configuration == configuration:
+                self._observe(frame, arrival)
+            else:
+                self.sequence.take(frame.sequence)
+                self.discarded += 1
+
+    # Information ------------------------------------------------------------------------------
+
+    def _on_information(self, frame: InformationFrame, arrival: int) -> None:
+        self._stamp()
+        self._note_changes(frame, arrival)
         self.clock.tick_rate = float(frame.tick_rate or 1_000_000)
         self.information = frame
         self._identified = True
@@ -216,7 +249,7 @@ class DeviceSession:
             if self.refusal:
                 self.events.append(f'device {frame.serial_number} is accepted')
             self.refusal = ''
-            self._release(full_scale, frame.configuration, samples)
+            self._set_scale(full_scale, frame.configuration)
             self.set_up.informed(frame, arrival)
         self.sequence.expect(frame.samples)
 
@@ -230,17 +263,16 @@ class DeviceSession:
             return str(error)
         return ''
 
-    def _compare(self, frame: InformationFrame, arrival: int) -> None:
-        """Notice another device, a restart or another configuration."""
+    def _note_changes(self, frame: InformationFrame, arrival: int) -> None:
+        """Notice another device, a restart or other full scales."""
         before = self.information
         if before is None:
             version = '.'.join(map(str, frame.firmware))
             self.events.append(f'device {frame.serial_number}, firmware {version}')
         elif before.serial_number != frame.serial_number:
             self.exchanges += 1
-            self.events.append(
-                Trouble(f'device {frame.serial_number} took the place of {before.serial_number}')
-            )
+            event = f'device {frame.serial_number} took the place of {before.serial_number}'
+            self.events.append(WarningEvent(event))
             self.clock.restart()
             self.sequence.restart(None)
         elif self.sequence.has_restarted(frame.samples) or self.clock.has_restarted(
@@ -249,37 +281,21 @@ class DeviceSession:
             self._restarted()
         elif before.full_scale != frame.full_scale:
             self.configuration_changes += 1
-            self.events.append(
-                Trouble(
-                    'full scales (dps, g, gauss) changed from '
-                    f'{_listed(before.full_scale)} to {_listed(frame.full_scale)}'
-                )
-            )
+            old, new = (', '.join(map(str, f.full_scale)) for f in (before, frame))
+            event = f'full scales (dps, g, gauss) changed from {old} to {new}'
+            self.events.append(WarningEvent(event))
 
     def _restarted(self) -> None:
         self.restarts += 1
-        self.events.append(Trouble('the device restarted'))
+        self.events.append(WarningEvent('the device restarted'))
         self.clock.restart()
         self.sequence.restart(0)
         self.set_up.stopped()
         self._scale = None
 
-    def _release(
-        self, full_scale: Mapping[str, float], configuration: int, samples: list[Sample]
-    ) -> None:
-        self._scale = SampleScale(full_scale, self.config.axis_maps)
-        self._configuration = configuration
-        held, self._held = self._held, []
-        for frame, arrival in held:
-            if frame.configuration == configuration:
-                self._process(frame, arrival, samples)
-            else:
-                self.sequence.take(frame.sequence)
-                self.discarded += 1
-
     def _refuse(self, reason: str) -> None:
         if reason != self.refusal:
-            self.events.append(Trouble(f'refused: {reason}'))
+            self.events.append(WarningEvent(f'refused: {reason}'))
         self.refusal = reason
         self._discard(len(self._held))
 
@@ -289,21 +305,6 @@ class DeviceSession:
         del self._held[:count]
         self.discarded += count
 
-    def ask(self, now: int) -> None:
-        """Ask the device for information soon."""
-        self.set_up.ask(now)
-
-    def command(self, code: CommandCode, value: int = 0) -> None:
-        """Send a command as soon as the line is free."""
-        self.set_up.request(code, value)
-
-
-def _listed(values: tuple[int, ...]) -> str:
-    return ', '.join(map(str, values))
-
-
-REMEMBERED: Final = 1000
-"""Gaps."""
 
 _RANGE_16 = 0xFFFF
 _RANGE_32 = 0xFFFFFFFF
@@ -311,15 +312,15 @@ _RANGE_32 = 0xFFFFFFFF
 
 @dataclass
 class SequenceCount:
-    """Accounts for every sample the device has made."""
+    """Counts received and lost samples by sequence numbers of 16 bits, extended to 32."""
 
     received: int = 0
     lost: int = 0
     gaps: int = 0
     following: int | None = None
     """Number the next sample will have; None before the first."""
-    missing: deque[range] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
-    """Numbers of the samples lost last."""
+    missing: deque[range] = field(default_factory=lambda: deque(maxlen=REMEMBERED_GAPS))
+    """Numbers of lost samples, a range per gap; the newest REMEMBERED_GAPS gaps."""
     _knows_32_bits: bool = False
 
     def take(self, number: int) -> int:
@@ -333,10 +334,9 @@ class SequenceCount:
         return missing
 
     def expect(self, samples: int) -> int:
-        """Take over the device's own count of samples made; return how many that says are lost.
+        """Take over the device's own count of samples made; return how many it shows to be lost.
 
-        The count comes in its place in the stream, so every sample before it has come or will
-        never come.
+        It comes in its place in the stream: a sample counted before it has arrived or is lost.
         """
         missing = self.behind(samples)
         self._skip(missing)
@@ -365,9 +365,3 @@ class SequenceCount:
             self.lost += missing
             first = self.following or 0
             self.missing.append(range(first, first + missing))
-
-
-class Trouble(str):
-    """An event that an operator should look at; other events are plain text."""
-
-    __slots__ = ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from collections import deque
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -12,7 +13,7 @@ from imu_recording.recording import UP_AXES, FloatArray
 from imu_recording.user_error import UserError
 
 from imu_driver.board.lsm9ds1 import STANDARD_GRAVITY
-from imu_driver.board.sample import Sample, check_six_positions, up_axis
+from imu_driver.board.sample import Sample
 
 REST_SPAN: Final = 5.0
 """[s] of samples kept and looked at."""
@@ -23,6 +24,8 @@ STILL_RATE: Final = 0.02
 """[rad/s] A standard deviation above this is motion, not noise."""
 STILL_ACCELERATION: Final = 0.2
 """[m/s²] as above."""
+SIGNIFICANT_DIGITS: Final = 4
+"""Of the figures reported."""
 BIAS_LIMIT: Final = 0.6
 """[rad/s] A mean above this is rotation (datasheet: zero-rate level ±30 dps typical)."""
 
@@ -98,9 +101,6 @@ class StreamStatistics:
         return up_axis([*mean]), mean
 
 
-DIGITS: Final = 4
-
-
 def rest_report(statistics: StreamStatistics) -> str:
     """Return gyroscope bias and the noise of one sample as JSON [rad/s, m/s²]."""
     rest = statistics.rest()
@@ -111,17 +111,17 @@ def rest_report(statistics: StreamStatistics) -> str:
     }
     return json.dumps(
         {
-            name: [float(f'{value:.{DIGITS}g}') for value in rest[key]]
+            name: [float(f'{value:.{SIGNIFICANT_DIGITS}g}') for value in rest[key]]
             for key, name in names.items()
         }
     )
 
 
-class PositionCheck:
-    """Collects six positions at rest, one a call, and judges them.
+class SixPositionCheck:
+    """Collects six positions at rest, one a call, and checks them.
 
-    The positions are named after the axis the sensor says is up, so what is judged here is that
-    six different ones are met and each reads g; which marked axis was up the operator sees.
+    Positions are named after the axis that reads +g: the check is that six different ones are met
+    and each reads g. Whether that axis is the one marked on the board, the operator sees.
     """
 
     def __init__(self) -> None:
@@ -139,3 +139,40 @@ class PositionCheck:
         faults = check_six_positions(self._readings)
         self._readings = {}
         return f'{told}; all six positions: {"; ".join(faults) or "right"}'
+
+
+def up_axis(linear_acceleration: Sequence[float]) -> str:
+    """Return which axis points up, one of UP_AXES: the one that reads +g at rest."""
+    axis = max(range(3), key=lambda i: abs(linear_acceleration[i]))
+    return f'{"+" if linear_acceleration[axis] > 0 else "-"}{"xyz"[axis]}'
+
+
+def check_six_positions(
+    linear_acceleration: Mapping[str, Sequence[float]], tolerance: float = 1.5
+) -> list[str]:
+    """Return what is wrong with six readings at rest, one sentence each; empty if nothing is.
+
+    `linear_acceleration` maps the marked axis that pointed up (UP_AXES) to the mean reading
+    [m/s²]. Each must read +g along that axis within `tolerance` [m/s²]. One wrong sign or one
+    swapped pair shows as a mirrored frame; two wrong signs as a rotated one.
+    """
+    faults = [f'position {axis} is missing' for axis in UP_AXES if axis not in linear_acceleration]
+    rows = []
+    for axis in UP_AXES:
+        if axis not in linear_acceleration:
+            continue
+        expected = np.zeros(3)
+        expected['xyz'.index(axis[1])] = STANDARD_GRAVITY * (1 if axis[0] == '+' else -1)
+        reading = np.asarray(linear_acceleration[axis], dtype=float)
+        rows.append((expected, reading))
+        if np.abs(reading - expected).max() > tolerance:
+            values = ', '.join(f'{value:.2f}' for value in reading)
+            faults.append(
+                f'with {axis} up the sensor reads [{values}] m/s²: its {up_axis([*reading])} is up'
+            )
+    if len(rows) == len(UP_AXES):
+        expected_rows, readings = (np.array(part) for part in zip(*rows, strict=True))
+        fitted = np.linalg.lstsq(expected_rows, readings, rcond=None)[0]
+        if np.linalg.det(fitted) < 0:
+            faults.append('the accelerometer frame is mirrored: no axis map can make it right')
+    return faults

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the bytes come from: serial:///dev/…, tcp://host:port, simulated://dut1.
+"""Lines to a board: a serial port, or a TCP connection that carries the same bytes.
 
 A transport reads what is there, at the latest after TIMEOUT; it raises OSError once the other
 side is gone. Opening it again is the caller's business.
@@ -11,21 +11,15 @@ import contextlib
 import select
 import socket
 import termios
-from collections.abc import Callable
 from typing import Final, Protocol
-from urllib.parse import urlsplit
 
 import serial
-from imu_recording.user_error import UserError, why_not_open
+from imu_recording.user_error import why_not_open
 
 TIMEOUT: Final = 0.05
 """[s] A read returns at the latest after this, with nothing if nothing came."""
 CONNECT_WITHIN: Final = 1.0
-"""[s]."""
-
-
-class TransportError(UserError):
-    """A transport that cannot exist; the message names it and the forms there are."""
+"""[s] A TCP connection that takes longer fails."""
 
 
 class Transport(Protocol):
@@ -97,30 +91,3 @@ class TcpTransport:
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
-
-
-def transport_opener(url: str, baudrate: int, rate: float = 0.0) -> Callable[[], Transport]:
-    """Return a function that opens the transport; raise TransportError where none can be.
-
-    `rate` [Hz] is what a simulated device samples at from power-on.
-    """
-    parts = urlsplit(url)
-    path = parts.netloc + parts.path
-    if parts.scheme == 'serial' and path:
-        return lambda: SerialTransport(path, baudrate)
-    if parts.scheme == 'tcp':
-        try:
-            host, port = parts.hostname, parts.port
-        except ValueError:
-            host, port = None, None
-        if host and port:
-            return lambda: TcpTransport(host, port)
-    if parts.scheme == 'simulated' and parts.netloc:
-        from imu_driver.emulator.transport import SimulatedTransport  # only now: slow to import
-
-        transport = SimulatedTransport.from_url(url, rate)
-        return lambda: transport
-    raise TransportError(
-        f'transport {url!r}: expected serial:///dev/serial/by-id/NAME, tcp://HOST:PORT, '
-        'simulated://dut1 or bag://PATH'
-    )

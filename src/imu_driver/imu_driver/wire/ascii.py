@@ -13,9 +13,9 @@ import re
 from binascii import crc_hqx
 from typing import Final
 
-from imu_driver.board.lsm9ds1 import REGISTERS
 from imu_driver.wire.frames import (
     PROTOCOL_VERSION,
+    REGISTER_DUMP_LENGTH,
     STREAMING,
     AcknowledgementFrame,
     CommandCode,
@@ -127,7 +127,7 @@ def _information(fields: list[bytes]) -> Frame:
     values = [_unsigned(field, bits) for field, bits in zip(numbers, widths, strict=True)]
     accelerometer_gyroscope, magnetometer = bytes.fromhex(who.decode('ascii'))
     dump = tuple(bytes.fromhex(registers.decode('ascii')))
-    if len(dump) != len(REGISTERS):
+    if len(dump) != REGISTER_DUMP_LENGTH:
         raise ValueError(registers)
     return InformationFrame(
         serial_number=serial_number.decode('ascii'),

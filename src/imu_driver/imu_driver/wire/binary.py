@@ -16,9 +16,9 @@ from typing import Final
 
 from cobs import cobs
 
-from imu_driver.board.lsm9ds1 import REGISTERS
 from imu_driver.wire.frames import (
     PROTOCOL_VERSION,
+    REGISTER_DUMP_LENGTH,
     STREAMING,
     AcknowledgementFrame,
     CommandCode,
@@ -41,7 +41,7 @@ MAXIMUM_ENCODED: Final = 255
 """No frame of any version is longer, delimiter not counted."""
 
 _DATA = struct.Struct('<BHIh9h')
-_INFORMATION = struct.Struct(f'<BBBII16s3BIHBBIIIIIHBB{len(REGISTERS)}s')
+_INFORMATION = struct.Struct(f'<BBBII16s3BIHBBIIIIIHBB{REGISTER_DUMP_LENGTH}s')
 _ACKNOWLEDGEMENT = struct.Struct('<BBBBI')
 _COMMAND = struct.Struct('<BBBI')
 

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final, NamedTuple, TypeAlias
 
-from imu_driver.board.lsm9ds1 import REGISTERS, TEMP_COMP
-
 PROTOCOL_VERSION: Final = 1
 """The only version this driver speaks."""
 
@@ -24,6 +22,10 @@ CONFIGURATION_SHIFT: Final = 2
 
 STREAMING: Final = 0x1
 """Information flag: data frames are being sent."""
+
+
+REGISTER_DUMP_LENGTH: Final = 16
+"""Bytes of the register dump in an information frame; board.lsm9ds1.REGISTERS names them."""
 
 
 class DataFrame(NamedTuple):
@@ -77,13 +79,8 @@ class InformationFrame:
     who_am_i: tuple[int, int]
     """Accelerometer and gyroscope, magnetometer."""
     registers: tuple[int, ...]
-    """Read back from the device, one byte for each of lsm9ds1.REGISTERS."""
+    """(REGISTER_DUMP_LENGTH,) read back from the device, in the order of lsm9ds1.REGISTERS."""
     version: int = PROTOCOL_VERSION
-
-    @property
-    def magnetometer_temperature_compensation(self) -> bool:
-        """Whether the magnetometer compensates its temperature error by itself."""
-        return bool(self.registers[REGISTERS.index('CTRL_REG1_M')] & TEMP_COMP)
 
 
 class CommandCode(IntEnum):

@@ -4,7 +4,7 @@
 import threading
 
 from imu_driver.board.sample import Sample
-from imu_driver.sample_queue import CAPACITY, SampleQueue
+from imu_driver.driver import CAPACITY, SampleQueue
 
 DEADLINE = 20.0
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Both encodings against the vectors that firmware authors get."""
+"""Both encodings against the test vectors of the firmware."""
 
 from binascii import crc_hqx
 from collections.abc import Iterator
@@ -12,6 +12,7 @@ from imu_driver.wire import ascii as ascii_frames
 from imu_driver.wire import binary as binary_frames
 from imu_driver.wire.codec import FrameDecoder
 from imu_driver.wire.frames import (
+    REGISTER_DUMP_LENGTH,
     AcknowledgementFrame,
     CommandFrame,
     DataFrame,
@@ -20,7 +21,7 @@ from imu_driver.wire.frames import (
     InformationFrame,
 )
 
-VECTORS = Path(__file__).resolve().parents[2] / 'firmware' / 'test_vectors.txt'
+VECTORS = Path(__file__).resolve().parents[3] / 'firmware' / 'test_vectors.txt'
 
 
 def vectors(*kinds: str) -> Iterator[list[str]]:
@@ -95,6 +96,10 @@ def test_what_is_no_frame(vector: list[str]) -> None:
     decoder = FrameDecoder('binary')
     assert decoder.feed(b'\0' + bytes.fromhex(wire)) == []
     assert getattr(decoder.counts, kind) == decoder.counts.errors == 1
+
+
+def test_a_dump_holds_every_register() -> None:
+    assert len(REGISTERS) == REGISTER_DUMP_LENGTH
 
 
 def test_register_set_up() -> None:

@@ -14,7 +14,7 @@ import pytest
 from board_on_a_bench import StillDevice
 from imu_driver.board.reader import DeviceReader
 from imu_driver.board.session import DeviceSession, SessionConfig
-from imu_driver.board.transport import TransportError, transport_opener
+from imu_driver.driver import TransportError, transport_opener
 from imu_driver.emulator.board import BoardOptions, EmulatedBoard
 from imu_driver.emulator.emulated_device import Emulator
 from imu_driver.emulator.faults import Fault, FaultSchedule

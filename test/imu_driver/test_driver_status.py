@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Diagnostics tell the story of what happened, and stop telling it when it is over."""
+"""The status names what happened, and stops naming it when it is over."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from imu_driver.board.session import SessionConfig
 from imu_driver.board.stream_statistics import StreamStatistics
-from imu_driver.driver_config import DriverParameters
-from imu_driver.driver_status import REMEMBERED, Diagnosis
+from imu_driver.driver import DriverParameters
+from imu_driver.driver_status import WARNING_CALLS, DriverStatus
 from imu_driver.emulator.board import BoardOptions
 from imu_driver.wire.frames import CommandCode
 
@@ -16,16 +16,22 @@ OK, WARN, ERROR = 0, 1, 2
 
 
 class Watched:
-    """A bench whose samples are counted as published and whose diagnosis is asked each second."""
+    """A bench whose samples count as published and whose status is asked for each second."""
 
     def __init__(self, bench: Any, **options: Any) -> None:
         self.statistics = StreamStatistics()
         self.bench = bench(on_samples=self._publish, **options)
-        self.reader = SimpleNamespace(running=True, connected=True, reconnects=0, trouble='')
-        queue = SimpleNamespace(running=True, fill=0.0, fullest=0, overflowed=0)
-        self.diagnosis = Diagnosis(
-            self.statistics, queue, DriverParameters(), self.bench.session, self.reader
+        self.reader = SimpleNamespace(
+            running=True, connected=True, reconnects=0, connection_error=''
         )
+        driver = SimpleNamespace(
+            parameters=DriverParameters(),
+            statistics=self.statistics,
+            queue=SimpleNamespace(running=True, fill=0.0, fullest=0, overflowed=0),
+            session=self.bench.session,
+            device_reader=self.reader,
+        )
+        self.status = DriverStatus(driver)
 
     def _publish(self, samples: list[Any]) -> None:
         for sample in samples:
@@ -33,7 +39,7 @@ class Watched:
 
     def after(self, second: float) -> tuple[int, str, dict[str, Any]]:
         self.bench.run(until=second)
-        return self.diagnosis.take(self.bench.ns())
+        return self.status.report(self.bench.ns())
 
 
 def test_a_quiet_line(bench: Any) -> None:
@@ -56,7 +62,7 @@ def test_damage_is_told_for_ten_seconds(bench: Any) -> None:
     assert levels[2][0] == WARN
     assert 'samples_lost' in levels[2][1]
     assert 'crc_errors' in levels[2][1]
-    assert [level for level, _ in levels[2 : 1 + REMEMBERED]] == [WARN] * (REMEMBERED - 1)
+    assert [level for level, _ in levels[2 : 1 + WARNING_CALLS]] == [WARN] * (WARNING_CALLS - 1)
     assert levels[-1][0] == OK
 
 
@@ -74,7 +80,7 @@ def test_silence_and_absence(bench: Any) -> None:
     watched.after(1.0)
     level, line, _ = watched.after(3.0)
     assert (level, line.split(';')[0]) == (ERROR, 'no data')
-    watched.reader.connected, watched.reader.trouble = False, 'no such file'
+    watched.reader.connected, watched.reader.connection_error = False, 'no such file'
     level, line, _ = watched.after(4.0)
     assert (level, line.split(';')[0]) == (ERROR, 'not connected: no such file')
     watched.reader.running = False
