@@ -8,7 +8,7 @@ import pytest
 from chamber_profile.run.journal import read_journal
 from chamber_profile.run.values import ABORTED, DONE, RUN, SAFE
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from imu_recording.recorder.run_announcement import parse_notice
+from imu_recording.recorder.run_announcement import parse_announcement
 from node_bench import Bench
 from rclpy.lifecycle import TransitionCallbackReturn
 from sensor_msgs.msg import Temperature
@@ -193,12 +193,14 @@ steps:
 
 
 def runs_said(bench: Bench) -> list[str]:
-    notices = [parse_notice(m.data) for topic, m in bench.sent if topic == 'chamber/run']
-    assert {(n.profile, n.runs, n.split, n.topics) for n in notices} == {
+    announcements = [
+        parse_announcement(m.data) for topic, m in bench.sent if topic == 'chamber/run'
+    ]
+    assert {(n.profile, n.runs, n.split, n.topics) for n in announcements} == {
         ('two', 2, 'size', ('imu/*',))
     }
-    assert all(n.run == n.up_axis.lstrip('+') for n in notices)
-    return [notice.up_axis for notice in notices]
+    assert all(n.run == n.up_axis.lstrip('+') for n in announcements)
+    return [announcement.up_axis for announcement in announcements]
 
 
 def test_each_orientation_is_announced_and_between_them_a_hand_is_waited_for(
@@ -227,8 +229,10 @@ def test_a_resumed_run_keeps_the_orientation_it_was_begun_with(make) -> None:
     first.node.run.conductor.close()
     again = make(profile='')
     again.step()
-    (notice,) = [parse_notice(m.data) for topic, m in again.sent if topic == 'chamber/run']
-    assert notice.up_axis == '-z'
+    (announcement,) = [
+        parse_announcement(m.data) for topic, m in again.sent if topic == 'chamber/run'
+    ]
+    assert announcement.up_axis == '-z'
 
 
 def test_a_full_disk_ends_in_the_safe_state(make, monkeypatch) -> None:

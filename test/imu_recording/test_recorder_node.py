@@ -9,13 +9,17 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from imu_recording.recorder.node import RecorderNode
-from imu_recording.recorder.settings import output_folder, parse_split, recording_metadata
+from imu_recording.recorder.plan import (
+    RecorderConfig,
+    output_folder,
+    parse_split,
+    recording_metadata,
+)
 from imu_recording.ros.messages import ImuSample, imu_from_sample
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
@@ -24,7 +28,6 @@ from imu_recording import BagError, RecordingError, read_bag
 
 START = 1_700_000_000_000_000_000
 RUN = 'from imu_recording.recorder.node import main; raise SystemExit(main())'
-NAMED = {'device': 'dut1', 'run': '1', 'up_axis': '', 'profile': '', 'metadata': []}
 
 
 def imu_bytes(i: int) -> bytes:
@@ -110,13 +113,13 @@ def test_settings(tmp_path: Path) -> None:
     assert output_folder('').parent == Path('recordings')
     (tmp_path / 'profile.yaml').write_text('a')
     metadata = recording_metadata(
-        tmp_path, SimpleNamespace(**NAMED | {'profile': 'p', 'metadata': ['operator = me']})
+        tmp_path, RecorderConfig(profile='p', metadata=['operator = me'])
     )
     assert metadata['profile'] == 'p'
     assert len(metadata['profile_sha256']) == 64
     assert metadata['operator'] == 'me'
     with pytest.raises(RecordingError, match=r'profile gone\.yaml: no such file'):
-        recording_metadata(tmp_path, SimpleNamespace(**NAMED | {'profile': 'gone.yaml'}))
+        recording_metadata(tmp_path, RecorderConfig(profile='gone.yaml'))
 
 
 @pytest.mark.end_to_end

@@ -9,19 +9,21 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from imu_recording.recorder.run_announcement import RunNotice, parse_notice, recording_plan
+from imu_recording.recorder.plan import RecorderConfig, recording_plan
+from imu_recording.recorder.run_announcement import RunAnnouncement, parse_announcement
 from imu_recording.recorder.run_recorder import RunRecorder
-from imu_recording.recorder.settings import RecorderConfig
 from recording_samples import START, TYPES, plain, standard_messages
 
 from imu_recording import BagError, RecordingError, read_bag
 
 LATCHED = [{'durability': 'transient_local'}]
-CAMPAIGN = RunNotice(directory='today', runs=3, profile='three', profile_sha256='ab12')
+CAMPAIGN = RunAnnouncement(directory='today', runs=3, profile='three', profile_sha256='ab12')
 
 
-def announced(axis: str, **changes: Any) -> RunNotice:
-    return RunNotice(**{**CAMPAIGN.__dict__, 'run': axis.lstrip('+'), 'up_axis': axis, **changes})
+def announced(axis: str, **changes: Any) -> RunAnnouncement:
+    return RunAnnouncement(
+        **{**CAMPAIGN.__dict__, 'run': axis.lstrip('+'), 'up_axis': axis, **changes}
+    )
 
 
 def feed(recorder: RunRecorder, messages: list[tuple[str, int, Any]]) -> None:
@@ -67,7 +69,7 @@ def test_every_bag_begins_with_what_was_latched_before_it(tmp_path: Path) -> Non
     recorder = RunRecorder(RecorderConfig(), tmp_path / 'rec')
     recorder.follow(CAMPAIGN, START)
     messages = standard_messages(20)
-    feed(recorder, [phase('ramp_up 2', START)])  # overtook the notice on its way
+    feed(recorder, [phase('ramp_up 2', START)])  # overtook the announcement on its way
     recorder.follow(announced('+y'), messages[0][1])
     feed(recorder, messages)
     recorder.close()
@@ -76,7 +78,7 @@ def test_every_bag_begins_with_what_was_latched_before_it(tmp_path: Path) -> Non
     assert set(recording.phase) == {3}
 
 
-def test_what_came_before_the_first_notice_goes_where_it_says(tmp_path: Path) -> None:
+def test_what_came_before_the_first_announcement_goes_where_it_says(tmp_path: Path) -> None:
     recorder = RunRecorder(RecorderConfig(), tmp_path / 'rec')
     messages = standard_messages(30)
     feed(recorder, messages[:30])
@@ -152,9 +154,9 @@ def test_what_the_recorder_is_told_itself_counts_more(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('text', ['', 'x', '[]', '{"runs": "many"}', '{"topics": 3}'])
-def test_what_is_no_notice_is_refused(text: str) -> None:
+def test_what_is_no_announcement_is_refused(text: str) -> None:
     with pytest.raises(RecordingError, match='chamber/run'):
-        parse_notice(text)
+        parse_announcement(text)
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_anything_is_lost() -> None:

@@ -8,7 +8,7 @@ from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
 from imu_recording.logging_contract import PHASE_TOPIC
-from imu_recording.recorder.run_announcement import RUN_TOPIC, RunNotice
+from imu_recording.recorder.run_announcement import RUN_TOPIC, RunAnnouncement
 from imu_recording.ros.messages import (
     TemperatureSample,
     float_message,
@@ -88,17 +88,17 @@ def latched_texts(run: Run) -> dict[str, str]:
     """Return what chamber/run and chamber/phase say now; no phase before and after the run."""
     sequencer = run.conductor.sequencer
     step, mode = sequencer.step, sequencer.progress.mode
-    texts = {RUN_TOPIC: _notice(run, step, under_way=mode in (*IN_CHARGE, SAFE)).text()}
+    texts = {RUN_TOPIC: _announcement(run, step, under_way=mode in (*IN_CHARGE, SAFE)).text()}
     if mode in IN_CHARGE:
         texts[PHASE_TOPIC] = f'{step.phase} {step.cycle}'
     return texts
 
 
-def _notice(run: Run, step: Step, *, under_way: bool) -> RunNotice:
+def _announcement(run: Run, step: Step, *, under_way: bool) -> RunAnnouncement:
     profile = run.conductor.sequencer.profile
     runs = max(1, len(profile.orientations))
     up_axis = step.orientation if under_way or runs == 1 else ''
-    return RunNotice(
+    return RunAnnouncement(
         directory=run.directory.absolute().name,
         run=up_axis.lstrip('+'),
         runs=runs,

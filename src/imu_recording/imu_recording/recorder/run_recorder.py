@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One bag after the other: whatever run a chamber announces is recorded to a bag of its own."""
+"""Record each run that a chamber announces to a bag of its own."""
 
 from __future__ import annotations
 
@@ -11,33 +11,33 @@ from imu_recording.bags.metadata import Qos
 from imu_recording.free_space import standing_folder
 from imu_recording.logging_contract import PHASE_TOPIC
 from imu_recording.recorder.bag_recorder import BagRecorder
-from imu_recording.recorder.run_announcement import RunNotice, further_output, recording_plan
-from imu_recording.recorder.settings import RecorderConfig, is_wanted
+from imu_recording.recorder.plan import RecorderConfig, further_output, is_wanted, recording_plan
+from imu_recording.recorder.run_announcement import RunAnnouncement
 from imu_recording.recording import BagError
 
-PATIENCE = 5
-"""So many flushes a chamber that is there may take to announce its run."""
+FLUSHES_WAITED = 5
+"""Flushes during which messages are held back for a chamber that has not announced its run."""
 
 Message = tuple[str, str, bytes, int, Sequence[Qos]]
 """Topic, type, bytes, time of receipt [ns], offered QoS."""
 
 
 class RunRecorder:
-    """Records under the newest notice of a run; without any notice, everything to one bag.
+    """Records to the bag of the run announced last; without an announcement, all to one bag.
 
-    What comes first waits until the next flush for a notice, which says where it belongs. The
-    newest message of every latched topic opens each further bag.
+    The first messages wait until the next flush for an announcement, which tells their bag. Every
+    further bag begins with the newest message of each latched topic.
     """
 
     def __init__(self, config: RecorderConfig, output: Path) -> None:
         self.config = config
         self.output = output
-        self.plan = recording_plan(config, output, RunNotice())
+        self.plan = recording_plan(config, output, RunAnnouncement())
         _check_writable(output)
-        self._notice = RunNotice()
+        self._announcement = RunAnnouncement()
         self._bag: BagRecorder | None = None
         self._taken = 0
-        self._early: list[Message] | None = []
+        self._held: list[Message] | None = []
         self._flushes = 0
         self._wanted: dict[str, bool] = {}
         self._latched: dict[str, Message] = {}
@@ -45,24 +45,24 @@ class RunRecorder:
     @property
     def messages(self) -> int:
         """Messages taken so far."""
-        return self._taken + len(self._early or ())
+        return self._taken + len(self._held or ())
 
     def needs(self, topic: str) -> bool:
         """Return whether to listen to a topic: the phase also where it is not recorded."""
         return is_wanted(topic, self.plan.topics) or topic.endswith(f'/{PHASE_TOPIC}')
 
-    def follow(self, notice: RunNotice, received: int) -> None:
-        """Record under this notice from now on; BagError where that cannot be written."""
-        known = self._notice.directory
-        if known and notice.directory != known and self._taken:
+    def follow(self, announcement: RunAnnouncement, received: int) -> None:
+        """Record the run announced from now on; BagError where its bag cannot be written."""
+        known = self._announcement.directory
+        if known and announcement.directory != known and self._taken:
             self.output = further_output(self.output)
-        plan = recording_plan(self.config, self.output, notice)
-        self._notice = notice
-        if plan == self.plan and self._early is None:
+        plan = recording_plan(self.config, self.output, announcement)
+        self._announcement = announcement
+        if plan == self.plan and self._held is None:
             return
         self._close_bag()
         before, self.plan, self._wanted = self.plan, plan, {}
-        first, self._early = self._early, None
+        first, self._held = self._held, None
         if first is None and plan.folder != before.folder:
             first = self._repeated(received)
         for message in (first or ()) if plan.folder else ():
@@ -75,21 +75,21 @@ class RunRecorder:
         message = (topic, message_type, data, received, qos)
         if any(profile['durability'] == 'transient_local' for profile in qos):
             self._latched[topic] = message
-        if self._early is not None:
-            self._early.append(message)
+        if self._held is not None:
+            self._held.append(message)
         elif self.plan.folder is not None:
             self._write(message)
 
     def flush(self, *, expecting: bool = False) -> None:
         """Put everything on disk.
 
-        Where a notice is to be expected, what came before the first is kept back a little longer.
+        `expecting` an announcement, hold the first messages back for FLUSHES_WAITED flushes.
         """
-        if self._early:
+        if self._held:
             self._flushes += 1
-            if not expecting or self._flushes > PATIENCE:
-                early, self._early = self._early, None
-                for message in early:
+            if not expecting or self._flushes > FLUSHES_WAITED:
+                held, self._held = self._held, None
+                for message in held:
                     self._write(message)
         if self._bag is not None:
             self._bag.flush()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node's status on /diagnostics, and the warning when its input has gone quiet."""
+"""A node's status: on /diagnostics, in the log, and as a warning when its input has stopped."""
 
 from __future__ import annotations
 
@@ -13,59 +13,58 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from imu_recording.ros.messages import fill_stamp
 
-QUIET_S = 10.0
-"""A stream without a message for so long has ended or broken [s]."""
+INPUT_TIMEOUT_S = 10.0
+"""A topic without a message for so long has ended or broken [s]."""
+LOG_REPEAT_S = 60.0
+"""A status that comes and goes is logged once in so long [s]."""
 
 Status = tuple[int, str, dict[str, Any]]
+"""Level (0 ok, 1 warn, 2 error), one line, values."""
 
 
-class Silence:
-    """Watches one stream of messages.
+class InputTimeout:
+    """Turns the status of a node into a warning while its input has no messages.
 
     >>> clock = iter([0.0, 4.0, 12.0])
-    >>> silence = Silence(lambda: next(clock))
-    >>> silence.listening(print)('a message')
+    >>> timeout = InputTimeout(lambda: next(clock))
+    >>> timeout.watched(print)('a message')
     a message
-    >>> silence.judged('imu/mag', (0, 'well', {})), silence.judged('imu/mag', (0, 'well', {}))
-    ((0, 'well', {}), (1, 'no message on imu/mag for 12 s', {}))
+    >>> timeout.applied('imu/mag', (0, 'ok', {})), timeout.applied('imu/mag', (0, 'ok', {}))
+    ((0, 'ok', {}), (1, 'no message on imu/mag for 12 s', {}))
     """
 
     def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
         self._now = now
-        self._heard_at = math.inf
+        self._received_at = math.inf
 
-    def listening(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return the callback, every call of which is noted."""
+    def watched(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return the callback; each call counts as a message."""
 
-        def noted(message: Any) -> None:
-            self._heard_at = self._now()
+        def counted(message: Any) -> None:
+            self._received_at = self._now()
             callback(message)
 
-        return noted
+        return counted
 
-    def forget(self) -> None:
-        """Begin anew: nothing has been heard, nothing is missed."""
-        self._heard_at = math.inf
+    def restart(self) -> None:
+        """Wait for a first message, however long it takes."""
+        self._received_at = math.inf
 
-    def judged(self, topic: str, status: Status) -> Status:
-        """Return a status, or a warning in its place where nothing is wrong but the silence."""
-        silent = self._now() - self._heard_at
-        if silent <= QUIET_S or status[0] > 1:
+    def applied(self, topic: str, status: Status) -> Status:
+        """Return the status; in place of one that is no error a warning after the timeout."""
+        quiet_s = self._now() - self._received_at
+        if quiet_s <= INPUT_TIMEOUT_S or status[0] > 1:
             return status
-        return 1, f'no message on {topic} for {silent:.0f} s', status[2]
-
-
-QUIET_S_STATUS_LOG = 60.0
-"""A kind of status that comes and goes is logged once in so long [s]."""
+        return 1, f'no message on {topic} for {quiet_s:.0f} s', status[2]
 
 
 class StatusLog:
-    """Tells of each status whether to log it.
+    """Tells of each status whether it is new: another level or text, not only another figure.
 
     >>> log = StatusLog()
-    >>> log.is_news(0.0, 1, 'no line for 11 s'), log.is_news(1.0, 1, 'no line for 12 s')
+    >>> log.is_new(0.0, 1, 'no line for 11 s'), log.is_new(1.0, 1, 'no line for 12 s')
     (True, False)
-    >>> log.is_news(2.0, 0, 'reading'), log.is_news(3.0, 1, 'no line for 11 s')
+    >>> log.is_new(2.0, 0, 'reading'), log.is_new(3.0, 1, 'no line for 11 s')
     (True, False)
     """
 
@@ -73,13 +72,13 @@ class StatusLog:
         self._last: tuple[int, str] | None = None
         self._logged: dict[tuple[int, str], float] = {}
 
-    def is_news(self, time: float, level: int, line: str) -> bool:
-        """Return whether the status at `time` [s] is of another kind than the one before."""
+    def is_new(self, time: float, level: int, line: str) -> bool:
+        """Return whether the status at `time` [s] is to be logged."""
         kind = (level, re.sub(r'\d+(\.\d+)?', '#', line))
         if kind == self._last:
             return False
         self._last = kind
-        if time - self._logged.get(kind, -math.inf) < QUIET_S_STATUS_LOG:
+        if time - self._logged.get(kind, -math.inf) < LOG_REPEAT_S:
             return False
         self._logged[kind] = time
         return True

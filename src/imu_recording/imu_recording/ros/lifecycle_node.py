@@ -21,7 +21,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from imu_recording.ros.diagnostics import Silence, StatusLog, diagnostic_array
+from imu_recording.ros.diagnostics import InputTimeout, Status, StatusLog, diagnostic_array
 from imu_recording.ros.parameter import (
     NodeConfig,
     ParameterError,
@@ -51,7 +51,7 @@ class ConfiguredNode(LifecycleNode):
     logs_status: ClassVar[bool] = False
     """Whether what `diagnostics` says is logged too where it changes."""
     expects: ClassVar[str] = ''
-    """Input whose silence is a warning; where there is one, status is logged."""
+    """Input that must not stop: a warning when it does; where there is one, status is logged."""
 
     def __init__(
         self,
@@ -71,17 +71,13 @@ class ConfiguredNode(LifecycleNode):
         self.outputs: list[str] = []
         self.refused = ''
         self._status_log = StatusLog()
-        self._silence = Silence()
+        self._input_timeout = InputTimeout()
         self._fields = {item.name: item for item in fields(self.config_class)}
         for item in self._fields.values():
             default = default_of(item)
-            # An empty list has no type of its own in rclpy; it can only be a list of names here.
-            value = Parameter.Type.STRING_ARRAY if default == [] else default
-            descriptor = parameter_descriptor(item.metadata)
-            if default == []:
-                self.declare_parameter(item.name, [''], descriptor)
-            else:
-                self.declare_parameter(item.name, value, descriptor)
+            if default == []:  # has no type in rclpy; `_values` turns it back
+                default = ['']
+            self.declare_parameter(item.name, default, parameter_descriptor(item.metadata))
         self.add_on_set_parameters_callback(self._on_set_parameters)
         for note in unknown_parameters(self._parameter_overrides, self._fields):
             self.get_logger().warning(note)
@@ -110,7 +106,7 @@ class ConfiguredNode(LifecycleNode):
     def reconfigured(self, config: Any) -> None:
         """Take over dynamic parameters that changed while configured."""
 
-    def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
+    def diagnostics(self) -> Status:
         """Return level (0 ok, 1 warn, 2 error), one line, and values for /diagnostics."""
         return 0, self.state, {}
 
@@ -119,7 +115,7 @@ class ConfiguredNode(LifecycleNode):
     @property
     def state(self) -> str:
         """Lifecycle state: 'unconfigured', 'inactive', 'active' …"""
-        return self._state_machine.current_state[1]
+        return str(self._state_machine.current_state[1])
 
     def now(self) -> int:
         """Return ROS time [ns]."""
@@ -147,7 +143,7 @@ class ConfiguredNode(LifecycleNode):
         qos = QoSProfile(depth=self.config.qos_depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
         if topic == self.expects:
-            callback = self._silence.listening(callback)
+            callback = self._input_timeout.watched(callback)
 
         def when_active(message: Any) -> None:
             if self.state == ACTIVE:
@@ -163,7 +159,7 @@ class ConfiguredNode(LifecycleNode):
         level, line, values = self.diagnostics()
         if self.expects and self.state == ACTIVE:
             topic = self.resolve_topic_name(self.expects)
-            level, line, values = self._silence.judged(topic, (level, line, values))
+            level, line, values = self._input_timeout.applied(topic, (level, line, values))
         if (self.logs_status or self.expects) and self.state == ACTIVE and not self._capture:
             self._log_status(level, line)
         name = self.get_fully_qualified_name().lstrip('/')
@@ -171,7 +167,7 @@ class ConfiguredNode(LifecycleNode):
         self._diagnostics_publisher.publish(message)
 
     def _log_status(self, level: int, line: str) -> None:
-        if not self._status_log.is_news(time.monotonic(), level, line):
+        if not self._status_log.is_new(time.monotonic(), level, line):
             return
         if level == 0:  # rclpy wants a line of its own for each severity
             self.get_logger().info(line)
@@ -191,7 +187,7 @@ class ConfiguredNode(LifecycleNode):
     def autostart(self) -> bool:
         """Configure and activate; return False where the configuration was refused."""
         done = self.trigger_configure() == TransitionCallbackReturn.SUCCESS
-        return done and self.trigger_activate() == TransitionCallbackReturn.SUCCESS
+        return bool(done and self.trigger_activate() == TransitionCallbackReturn.SUCCESS)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read the parameters and set up."""
@@ -209,7 +205,7 @@ class ConfiguredNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Start."""
         result = super().on_activate(state)
-        self._silence.forget()
+        self._input_timeout.restart()
         if not self._capture:
             self.get_logger().info(self._in_and_out())
         with self._errors_logged():
@@ -242,7 +238,7 @@ class ConfiguredNode(LifecycleNode):
 
     @contextmanager
     def _errors_logged(self) -> Iterator[None]:
-        """Log an error nobody has thought of: rclpy makes any error of a transition a state."""
+        """Log an unexpected error: rclpy turns any error of a transition into a state."""
         try:
             yield
         except (ValueError, OSError):

@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of the recorder node and what they mean: topics, splitting, folder, metadata."""
+"""What is recorded where: the recorder's parameters and the run a chamber announces, combined.
+
+Each run of a profile with several orientations gets a bag of its own, named after the axis that
+points up; nothing is recorded while the devices are turned.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Protocol
 
+from imu_recording.recorder.run_announcement import RunAnnouncement
 from imu_recording.recording import UP_AXES, RecordingError
 from imu_recording.ros.parameter import NodeConfig, parameter
 
@@ -36,8 +40,72 @@ class RecorderConfig(NodeConfig):
 INTERNAL = ('/parameter_events', '/rosout')
 """Topics that are recorded only when named."""
 MEGABYTE = 1_000_000
-LOW_DISK = 1 << 30
-"""Less free space is worth a warning [bytes]."""
+SPLITS = {'phase': 'phase', 'size': '500 MB', 'none': 'none'}
+"""When a file begins: a profile's word → the recorder's parameter `split`."""
+
+
+@dataclass(frozen=True)
+class RecordingPlan:
+    """Where and what to record now."""
+
+    folder: Path | None
+    """None: nothing, until the next run begins."""
+    topics: tuple[str, ...]
+    at_phase: bool
+    """Whether a file begins with each phase."""
+    split_bytes: int
+    metadata: Mapping[str, str]
+
+
+def recording_plan(
+    config: RecorderConfig, output: Path, announcement: RunAnnouncement
+) -> RecordingPlan:
+    """Return what to record during the run announced; parameters that are set come first.
+
+    Name and orientation of one run of several always come from the announcement.
+    """
+    if announcement.runs > 1:
+        config = replace(config, run=announcement.run, up_axis=announcement.up_axis)
+    named = replace(
+        config,
+        run=config.run or announcement.run,
+        up_axis=config.up_axis or announcement.up_axis,
+        profile=config.profile or announcement.profile,
+    )
+    metadata = recording_metadata(output, named)
+    if announcement.profile_sha256 and metadata.get('profile') == announcement.profile:
+        metadata.setdefault('profile_sha256', announcement.profile_sha256)
+    split = config.split or SPLITS.get(announcement.split, announcement.split) or 'phase'
+    at_phase, size = parse_split(split)
+    return RecordingPlan(
+        folder=_folder(output, announcement),
+        topics=tuple(config.topics) or announcement.topics,
+        at_phase=at_phase,
+        split_bytes=size,
+        metadata=metadata,
+    )
+
+
+def further_output(output: Path) -> Path:
+    """Return the next free name for the bag of another start of the profile.
+
+    >>> further_output(Path('runs/today')).name, further_output(Path('runs/today_2')).name
+    ('today_2', 'today_3')
+    """
+    stem, _, number = output.name.rpartition('_')
+    if stem and number.isdecimal() and len(number) < 4:
+        return output.with_name(f'{stem}_{int(number) + 1}')
+    return output.with_name(f'{output.name}_2')
+
+
+def _folder(output: Path, announcement: RunAnnouncement) -> Path | None:
+    if announcement.runs <= 1:
+        return output
+    if not announcement.run:
+        return None
+    inside = output / announcement.run
+    is_bag = any(output.glob(f'{output.name}_*.mcap'))
+    return output.with_name(f'{output.name}_{announcement.run}') if is_bag else inside
 
 
 def parse_split(text: str) -> tuple[bool, int]:
@@ -83,65 +151,30 @@ def output_folder(output: str, now: datetime | None = None) -> Path:
     return Path('recordings') / moment.strftime('%Y%m%dT%H%M%SZ')
 
 
-def recorder_health(
-    failure: str, unknown: Collection[str], free: int, waiting: str = ''
-) -> tuple[int, str]:
-    """Return the level (0 ok, 1 warn, 2 error) and line for /diagnostics."""
-    if failure:
-        return 2, f'recording stopped: {failure}'
-    if unknown:
-        return 1, f'types not installed: {", ".join(sorted(unknown))}'
-    if free < LOW_DISK:
-        return 1, f'{free / MEGABYTE:.0f} MB left on the disk'
-    return 0, waiting or 'recording'
-
-
-class Named(Protocol):
-    """What names a recording."""
-
-    @property
-    def device(self) -> str:
-        """Serial number or name of the device."""
-
-    @property
-    def run(self) -> str:
-        """Name of the run."""
-
-    @property
-    def up_axis(self) -> str:
-        """Sensor axis that points up."""
-
-    @property
-    def profile(self) -> str:
-        """Name of the thermal profile, or its file."""
-
-    @property
-    def metadata(self) -> list[str]:
-        """Further entries 'key=value'."""
-
-
-def recording_metadata(folder: Path, named: Named) -> dict[str, str]:
+def recording_metadata(folder: Path, config: RecorderConfig) -> dict[str, str]:
     """Return the bag's custom_data, with the profile's SHA-256 where its file is at hand.
 
     Where the profile is given by name, a profile.yaml in the folder is taken for its file.
     """
-    if named.up_axis and named.up_axis not in UP_AXES:
-        raise RecordingError(f'up_axis is {named.up_axis!r}, expected one of {", ".join(UP_AXES)}')
-    profile, file = named.profile, folder / 'profile.yaml'
+    if config.up_axis and config.up_axis not in UP_AXES:
+        raise RecordingError(
+            f'up_axis is {config.up_axis!r}, expected one of {", ".join(UP_AXES)}'
+        )
+    profile, file = config.profile, folder / 'profile.yaml'
     if profile.endswith(('.yaml', '.yml')):
         file = Path(profile)
         if not file.is_file():
             raise RecordingError(f'profile {profile}: no such file')
         profile = file.stem
     metadata = {
-        'device': named.device,
-        'run': named.run,
-        'up_axis': named.up_axis,
+        'device': config.device,
+        'run': config.run,
+        'up_axis': config.up_axis,
         'profile': profile,
     }
     if file.is_file():
         metadata['profile_sha256'] = hashlib.sha256(file.read_bytes()).hexdigest()
-    for entry in named.metadata:
+    for entry in config.metadata:
         key, separator, value = entry.partition('=')
         if not separator or not key.strip():
             raise RecordingError(f'metadata {entry!r}, expected key=value')
