@@ -6,14 +6,14 @@ import pytest
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.diagnose import Settings, diagnose
 from thermal_comp.diagnosis.growth import add_effect, grow
-from thermal_comp.diagnosis.null_simulation import calibrated_thresholds
+from thermal_comp.diagnosis.thresholds import calibrated_thresholds
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.fit import fit
 from thermal_comp.model.values import ModelError
 
 from imu_recording import ImuRecording
 
-from .campaign import run
+from ..campaign import run
 
 LINE = (EFFECTS['bias_temperature'](),)
 FEW = {name: EFFECTS[name] for name in ('thermal_lag', 'thermal_hysteresis')}
