@@ -19,8 +19,8 @@ LIBRARIES = {
     'yaml': ('PyYAML', 'python3-yaml'),
     'jsonschema': ('jsonschema', 'python3-jsonschema'),
     'serial': ('pyserial', 'python3-serial'),
-    'matplotlib': ('matplotlib', 'python3-matplotlib'),
     'jinja2': ('Jinja2', 'python3-jinja2'),
+    'markupsafe': ('Jinja2', 'python3-markupsafe'),
     'numba': ('numba', ''),
     'rosbags': ('rosbags', ''),
     'lz4': ('lz4', ''),
@@ -28,15 +28,17 @@ LIBRARIES = {
     'cobs': ('cobs', ''),
     'filterpy': ('filterpy', ''),
     'plotly': ('plotly', ''),
+    'matplotlib': ('matplotlib', ''),
     'nicegui': ('nicegui', ''),
     'fastapi': ('nicegui', ''),
     'uvicorn': ('nicegui', ''),
     'tsdownsample': ('tsdownsample', ''),
     'pymodbus': ('pymodbus', ''),
 }
-"""Import name → distribution, rosdep key ('' where apt has none, or none new enough).
+"""Import name → distribution that brings it, rosdep key.
 
-fastapi and uvicorn come with nicegui. Every other import is a ROS package of that name.
+No key: apt has none or none new enough, or the library is optional. Every other import is a ROS
+package of that name.
 """
 STANDARD = {*sys.stdlib_module_names, 'compression'}  # compression.zstd: since Python 3.14
 PIP = re.compile(r'from requirements\*\.txt: ([^-]*?)\s*-->')
