@@ -7,6 +7,7 @@ Compiled kernels stay on disk; afterwards filters start at once, live and over r
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from math import nan
 
 import numpy as np
@@ -17,11 +18,13 @@ from imu_recording import ImuRecording
 from orientation_filters.filters import FILTERS, filter_parameters, run_filter
 from orientation_filters.live_filter import LiveFilter
 from orientation_filters.parameters import PRESET_NAMES
+from orientation_filters.upsampling import upsample
 
 
 def precompile() -> list[str]:
     """Run both filters, live and over a recording; return the kernels that had to be compiled."""
     recording = at_rest(3)
+    upsample(replace(recording, stamp=100 * recording.stamp))
     for name in FILTERS:
         for preset in PRESET_NAMES:
             run_filter(name, recording, preset=preset)

@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
+from imu_recording.jit import njit
 from imu_recording.recording import FloatArray, ImuRecording, IntArray
 from numpy.typing import NDArray
 
@@ -33,11 +34,17 @@ def upsample(recording: ImuRecording, rate_hz: float = 50.0) -> ImuRecording:
     stamp = first + np.round(np.arange(rows) * (1e9 / rate_hz)).astype(np.int64)
     inside = _between(stamp, recording.stamp)
     stamp = stamp if inside.all() else stamp[inside]
-    held = recording.rows(np.searchsorted(recording.stamp, stamp, side='right') - 1)
-    columns: dict[str, Any] = {
-        name: _columns(stamp, recording.stamp, getattr(recording, name)) for name in LINES
+    newest = np.searchsorted(recording.stamp, stamp, side='right') - 1
+    tracks = {
+        track.name: values
+        for track in fields(recording)
+        if isinstance(values := getattr(recording, track.name), np.ndarray)
     }
-    return replace(held, stamp=stamp, **columns).with_notes(
+    columns: dict[str, Any] = {
+        name: _columns(stamp, recording.stamp, values) if name in LINES else values[newest]
+        for name, values in tracks.items()
+    }
+    return replace(recording, **columns | {'stamp': stamp}).with_notes(
         f'interpolated linearly from {1e9 / period:.3g} Hz to {rate_hz:g} Hz for the filters; '
         'angles say little about fast errors'
     )
@@ -51,10 +58,30 @@ def _columns(stamp: IntArray, known: IntArray, values: FloatArray) -> FloatArray
         return np.full((len(stamp), *values.shape[1:]), np.nan)
     seconds = (stamp - stamp[0]) * 1e-9
     at = (known[finite] - stamp[0]) * 1e-9
-    lines = np.column_stack([np.interp(seconds, at, column) for column in table[finite].T])
+    lines: FloatArray = interpolated(seconds, at, np.ascontiguousarray(table[finite]))
     if not finite.all():
         lines[~_between(stamp, known[finite])] = np.nan
     return lines.reshape(len(stamp), *values.shape[1:])
+
+
+@njit
+def interpolated(time: FloatArray, known: FloatArray, values: FloatArray) -> FloatArray:
+    """Return values (m, k) known at increasing times (m,) at the increasing times (n,).
+
+    As `np.interp`, column by column: straight lines, the first and last value beyond the ends.
+    """
+    lines = np.empty((len(time), values.shape[1]))
+    last, j = len(known) - 1, 0
+    for i in range(len(time)):
+        while j < last and known[j + 1] <= time[i]:
+            j += 1
+        for k in range(values.shape[1]):
+            if j == last or time[i] <= known[j]:
+                lines[i, k] = values[j, k]
+            else:
+                slope = (values[j + 1, k] - values[j, k]) / (known[j + 1] - known[j])
+                lines[i, k] = slope * (time[i] - known[j]) + values[j, k]
+    return lines
 
 
 def _between(stamp: IntArray, known: IntArray) -> NDArray[np.bool_]:
