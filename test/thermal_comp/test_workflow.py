@@ -63,6 +63,7 @@ def test_results_print_show_and_draw_themselves(results: dict[str, Any], name: s
     assert len(re.findall('<td>', page)) % len(re.findall('<th>', page)) == 0
     assert isinstance(result.to_dict(), dict)
     figure = result.plot()
+    assert figure._repr_png_().startswith(b'\x89PNG')
     drawn = [panel for panel in figure.axes if panel.patches or panel.lines]
     assert drawn
     assert all(panel.get_ylabel().endswith(']') for panel in drawn)
@@ -130,6 +131,7 @@ def test_a_mistake_is_one_message(
 def test_a_picture_without_matplotlib_says_what_to_install(
     results: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.delitem(sys.modules, 'thermal_comp.presentation.picture', raising=False)
     monkeypatch.setitem(sys.modules, 'matplotlib.figure', None)
     with pytest.raises(UserError, match='pip install matplotlib'):
         results['model'].plot()

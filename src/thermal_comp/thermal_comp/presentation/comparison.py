@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
-from thermal_comp.presentation.notebook import html_table, new_figure
+from thermal_comp.presentation.notebook import html_table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from thermal_comp.presentation.picture import Picture
 
 COLUMNS = {
     'measured_rms': 'measured',
@@ -52,11 +52,13 @@ def table(found: Mapping[str, Any]) -> str:
     return html_table(title, head, rows, found['notes'])
 
 
-def picture(found: Any) -> Figure:
+def picture(found: Any) -> Picture:
     """Return measured, residual and held-out error beside the noise floor, a panel a sensor."""
+    from thermal_comp.presentation.picture import new_picture
+
     content = found.to_dict()
     sensors = [s for s in SENSORS if s in content['sensors']]
-    figure, panels = new_figure(len(sensors))
+    figure, panels = new_picture(len(sensors))
     for panel, sensor in zip(panels, sensors, strict=True):
         part, unit = content['sensors'][sensor], DISPLAY_UNITS[sensor]
         for place, (key, label) in enumerate(COLUMNS.items()):

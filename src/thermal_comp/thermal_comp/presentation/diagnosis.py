@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
-from thermal_comp.presentation.notebook import html_table, new_figure
+from thermal_comp.presentation.notebook import html_table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from thermal_comp.presentation.picture import Picture
 
 
 VERDICTS = {
@@ -198,11 +198,13 @@ def table(content: Mapping[str, Any]) -> str:
     return html_table(title, head, rows, [*notes, *(f'next: {line}' for line in advice(content))])
 
 
-def picture(diagnosis: Any) -> Figure:
+def picture(diagnosis: Any) -> Picture:
     """Return the held-out error of each axis in noise floors, before and with each finding."""
+    from thermal_comp.presentation.picture import new_picture
+
     content = diagnosis.to_dict()
     sensors = [s for s in SENSORS if s in content['sensors']]
-    figure, panels = new_figure(len(sensors))
+    figure, panels = new_picture(len(sensors))
     for panel, sensor in zip(panels, sensors, strict=True):
         state = content['sensors'][sensor]
         pairs = zip(state['held_out_rms'], state['noise_floor'], strict=True)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from thermal_comp.presentation.comparison import comparison_text
 from thermal_comp.presentation.display import DISPLAY_UNITS, shown, with_uncertainty
-from thermal_comp.presentation.notebook import html_table, new_figure
+from thermal_comp.presentation.notebook import html_table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from thermal_comp.presentation.picture import Picture
 
 
 def growth_text(content: Mapping[str, Any]) -> str:
@@ -69,12 +69,14 @@ def table(content: Mapping[str, Any]) -> str:
     return html_table(title, head, rows, notes)
 
 
-def picture(growth: Any) -> Figure:
+def picture(growth: Any) -> Picture:
     """Return the steps the held-out error takes towards the noise floor, a panel a sensor."""
+    from thermal_comp.presentation.picture import new_picture
+
     steps: dict[str, list[Mapping[str, Any]]] = {}
     for step in growth.to_dict()['steps']:
         steps.setdefault(step['sensor'], []).append(step)
-    figure, panels = new_figure(max(len(steps), 1))
+    figure, panels = new_picture(max(len(steps), 1))
     for panel, (sensor, taken) in zip(panels, steps.items(), strict=False):
         unit = DISPLAY_UNITS[sensor.split('+')[0]]
         errors = [taken[0]['error_before'], *(step['error_after'] for step in taken)]

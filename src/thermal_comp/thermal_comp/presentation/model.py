@@ -10,10 +10,10 @@ import numpy as np
 
 from thermal_comp.data.conditions import STANDARD_GRAVITY, Conditions
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown, with_uncertainty
-from thermal_comp.presentation.notebook import html_table, new_figure
+from thermal_comp.presentation.notebook import html_table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from thermal_comp.presentation.picture import Picture
 
 RAMP_RATE = 2.0 / 60.0
 """Temperature rate of the sweep that is drawn [K/s]: the paper's ramps."""
@@ -38,13 +38,15 @@ def table(document: Mapping[str, Any]) -> str:
     return html_table(_title(document), head, rows, document['provenance']['notes'])
 
 
-def picture(model: Any) -> Figure:
+def picture(model: Any) -> Picture:
     """Return the modelled error through a sweep over the fitted temperatures, a panel a sensor.
 
     The device rests, z up; effects whose channels are not known here contribute nothing.
     """
+    from thermal_comp.presentation.picture import new_picture
+
     sensors = [s for s in SENSORS if s in model.sensors]
-    figure, panels = new_figure(len(sensors))
+    figure, panels = new_picture(len(sensors))
     for panel, sensor in zip(panels, sensors, strict=True):
         unit, part = DISPLAY_UNITS[sensor], model.sensors[sensor]
         conditions = _sweep(part.temperature_range, model.reference_temperature).of(sensor)

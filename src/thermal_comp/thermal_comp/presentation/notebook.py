@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from imu_recording.user_error import UserError
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from thermal_comp.presentation.picture import Picture
 
 
 class Presented:
@@ -32,10 +32,15 @@ class Presented:
         """Return the result as a table for a notebook."""
         return str(self._presentation().table(self.to_dict()))
 
-    def plot(self) -> Figure:
+    def plot(self) -> Picture:
         """Return a picture of the result; needs matplotlib, which is optional."""
-        figure: Figure = self._presentation().picture(self)
-        return figure
+        try:
+            picture: Picture = self._presentation().picture(self)
+        except ModuleNotFoundError as error:
+            if error.name and error.name.startswith('matplotlib'):
+                raise UserError('plot() needs matplotlib: pip install matplotlib') from None
+            raise
+        return picture
 
     def _presentation(self) -> Any:
         return import_module(f'thermal_comp.presentation.{self.presentation}')
@@ -61,17 +66,3 @@ def html_table(
             *(f'<div>{escape(note)}</div>' for note in notes),
         ]
     )
-
-
-def new_figure(columns: int, height: float = 3.2) -> tuple[Figure, list[Any]]:
-    """Return a figure of `columns` panels side by side; it belongs to no window."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise UserError('plot() needs matplotlib: pip install matplotlib') from None
-    figure = Figure(figsize=(max(4.0 * columns, 5.0), height), layout='constrained')
-    panels = figure.subplots(1, columns, squeeze=False)[0]
-    for panel in panels:
-        panel.grid(visible=True, alpha=0.3)
-        panel.spines[['top', 'right']].set_visible(False)
-    return figure, list(panels)
