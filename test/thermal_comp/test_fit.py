@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from imu_driver.simulation.read_out import DEVICES
+from imu_driver.simulation.devices import DEVICES
 from imu_recording.recording import SENSOR_FIELDS
 from imu_recording.tables.csv_import import import_csv
 from thermal_comp.comparison.compare import compare

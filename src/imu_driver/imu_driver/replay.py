@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 
 from imu_driver.board.sample import Sample
 
-TEMPERATURE_EVERY: Final = 1_000_000_000
-"""[ns] A temperature that stays the same is published this often."""
+TEMPERATURE_INTERVAL: Final = 1_000_000_000
+"""[ns] between samples of a temperature that stays the same."""
 
 
 def recorded_samples(recording: ImuRecording) -> Iterator[Sample]:
-    """Yield the rows of a recording; rows hold a temperature, only a new one is a sample's."""
+    """Yield the rows of a recording as samples; a held temperature counts where it is new."""
     has_field = np.isfinite(recording.magnetic_field).all(axis=1)
     stamps = recording.stamp.tolist()
     angular_velocity = recording.angular_velocity.tolist()
@@ -45,7 +45,7 @@ def recorded_samples(recording: ImuRecording) -> Iterator[Sample]:
 
 
 def _new_temperatures(recording: ImuRecording) -> NDArray[np.bool_]:
-    """Return the rows (n,) whose temperature is a sample of its own; a silence stays one."""
+    """Return (n,) whether a row holds a new measurement of temperature, or one due again."""
     temperature, measured = recording.temperature, recording.temperature_stamp
     is_new = np.zeros(len(recording), bool)
     if measured is not None:
@@ -54,14 +54,14 @@ def _new_temperatures(recording: ImuRecording) -> NDArray[np.bool_]:
     held, published_at = float('nan'), 0
     for row in np.flatnonzero(np.isfinite(temperature)).tolist():
         stamp = int(recording.stamp[row])
-        if temperature[row] != held or stamp - published_at >= TEMPERATURE_EVERY:
+        if temperature[row] != held or stamp - published_at >= TEMPERATURE_INTERVAL:
             held, published_at = float(temperature[row]), stamp
             is_new[row] = True
     return is_new
 
 
 class BagReader:
-    """Delivers a bag's samples in the rhythm of their stamps, once."""
+    """Delivers the samples of a bag once, at the pace of their stamps."""
 
     def __init__(
         self,

@@ -3,8 +3,7 @@
 
 import numpy as np
 import pytest
-from imu_driver.simulation.devices import MAGNETIC_FIELD
-from imu_driver.simulation.environment import constant_environment
+from imu_driver.simulation.environment import MAGNETIC_FIELD, constant_environment
 from imu_driver.simulation.pose import (
     Motion,
     into_sensor_frame,

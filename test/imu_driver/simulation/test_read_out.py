@@ -8,13 +8,16 @@ import pytest
 from imu_driver.board.lsm9ds1 import COUNT_MAX, DEFAULT_FULL_SCALE, SENSITIVITY
 from imu_driver.simulation.devices import (
     DEVICES,
-    GRAVITY,
-    MAGNETIC_FIELD,
     MEAN_STD,
     SENSOR_RATE,
     draw_device,
 )
-from imu_driver.simulation.environment import Environment, constant_environment
+from imu_driver.simulation.environment import (
+    GRAVITY,
+    MAGNETIC_FIELD,
+    Environment,
+    constant_environment,
+)
 from imu_driver.simulation.noise import flicker_noise
 from imu_driver.simulation.read_out import ReadOut, read_out, simulate_device
 from imu_driver.simulation.run import prepare_run

@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 from imu_driver.board.lsm9ds1 import DEFAULT_FULL_SCALE, SENSORS, scale, temperature_from_counts
-from imu_driver.simulation.devices import DEVICES, GRAVITY
-from imu_driver.simulation.environment import constant_environment
+from imu_driver.simulation.devices import DEVICES
+from imu_driver.simulation.environment import GRAVITY, constant_environment
 from imu_driver.simulation.read_out import simulate_device
 from imu_driver.simulation.stream import SimulatedDevice
 from imu_recording.recording import SENSOR_FIELDS

@@ -18,13 +18,15 @@ TICK_RANGE: Final = 1 << 32
 HALF_RANGE: Final = 1 << 31
 
 LARGEST_SKEW: Final = 1e-2
-"""No ceramic resonator in working order is further off, let alone a crystal."""
+"""Relative; more than a ceramic resonator is off, let alone a crystal."""
 SKEW_BASELINE: Final = 5.0
-"""[s] Data shorter than this say nothing about skew under millisecond delays."""
+"""[s] Shortest span of data that determines the skew under delays of milliseconds."""
 STEP: Final = 0.5
-"""[s] A change of the host's clock larger than this is a step, not a delay …"""
-STEP_LASTS: Final = 3.0
-"""[s] … if it lasts this long; stalls of the host pass."""
+"""[s] A larger change of the delay is a step of the host's clock …"""
+STEP_DURATION: Final = 3.0
+"""[s] … if it lasts this long; a stall of the host ends sooner."""
+RESIDUAL_WEIGHT: Final = 1e-3
+"""Of one sample in the running mean and variance of the delay."""
 
 
 @dataclass
@@ -50,7 +52,7 @@ class ConvexHull:
         """Return the line that supports the points from below: abscissa, ordinate, slope.
 
         It is the hull's edge over the middle of its span. Where that edge ends in the newest
-        point, nothing in the later half came in good time: then the slope found last holds.
+        point, every sample of the later half was delayed: then the slope found last holds.
         """
         points = self.points
         if points[-1][0] - points[0][0] >= SKEW_BASELINE:
@@ -67,7 +69,7 @@ class ConvexHull:
 
 
 class Observation(NamedTuple):
-    """A sample the clock has seen."""
+    """A sample the clock has taken in and not yet stamped."""
 
     tick: int
     arrival: int
@@ -86,7 +88,7 @@ class DeviceClock:
 
     Stamps never go backwards and never lie after the arrival. A tick that jumps backwards means
     that the device restarted: the estimate starts anew. So it does where the host's clock was
-    set; only where it was set back do stamps follow it backwards, there is no other truth.
+    set; only where it was set back do stamps follow it backwards.
     `wraps`, `resets` and `steps` count.
     """
 
@@ -126,7 +128,7 @@ class DeviceClock:
         self._start()
 
     def has_restarted(self, tick: int, arrival: int) -> bool:
-        """Whether a tick cannot follow the last one on the same device."""
+        """Whether a tick cannot follow the last one without a restart of the device."""
         return self._origin is not None and self._advance(tick, arrival) < 0
 
     def stamp(self, tick: int, arrival: int) -> int:
@@ -163,8 +165,8 @@ class DeviceClock:
     def settle(self, observations: list[Observation]) -> list[int]:
         """Return the stamps [ns] of samples observed since the last call, in order.
 
-        What came in one piece is best observed before any of it is settled: the last of a backlog
-        was delayed least and tells most.
+        Observe all samples of one chunk before settling any: the last of a backlog was delayed
+        least and determines the line best.
         """
         if not observations:
             return []
@@ -177,7 +179,7 @@ class DeviceClock:
             estimate = item.offset
             if item.origin == self._origin:
                 estimate = min(y + slope * (item.time - x), item.offset)
-                self._follow(item.offset - estimate)
+                self._update_residual(item.offset - estimate)
             stamp = (
                 item.origin
                 + item.elapsed * NANOSECOND // int(self.tick_rate)
@@ -188,14 +190,14 @@ class DeviceClock:
         return stamps
 
     def _host_clock_stepped(self, newest: Observation) -> bool:
-        """Whether the delay has jumped and stayed; a line that backs up delays more and more."""
+        """Whether the delay has jumped and stayed so; a congested line delays gradually more."""
         x, y, slope = self._active.line()
         if newest.offset - (y + slope * (newest.time - x)) < STEP:
             self._jumped_at = math.inf
         elif newest.offset - self._last_offset > STEP:
             self._jumped_at = newest.time
         self._last_offset = newest.offset
-        if newest.time - self._jumped_at <= STEP_LASTS:
+        if newest.time - self._jumped_at <= STEP_DURATION:
             return False
         self.steps += 1
         return True
@@ -219,8 +221,8 @@ class DeviceClock:
         waited = (arrival - self._arrival) / NANOSECOND * self.tick_rate
         return advance + TICK_RANGE * round(max(waited - abs(advance), 0.0) / TICK_RANGE)
 
-    def _follow(self, delay: float) -> None:
-        weight = 1e-3
+    def _update_residual(self, delay: float) -> None:
+        weight = RESIDUAL_WEIGHT
         difference = delay - self._residual_mean
         self._residual_mean += weight * difference
         self._residual_variance += weight * (difference**2 - self._residual_variance)

@@ -2,7 +2,7 @@
 """The LSM9DS1 as tables: full scales, sensitivities, rates, registers, limits, axes.
 
 Source of every number, unless its comment says otherwise: STMicroelectronics, LSM9DS1 datasheet
-DocID025715 Rev 3, with the table it stands in. Register names are ST's and stay in this file.
+DocID025715 Rev 3, with the number of its table. Register names are ST's, used in this file only.
 
 >>> round(SENSITIVITY['accelerometer'][16.0] / STANDARD_GRAVITY * 1e3, 3)  # mg/LSB, not 0.488
 0.732
@@ -21,7 +21,7 @@ from imu_recording.recording import FloatArray
 from imu_recording.user_error import UserError
 
 STANDARD_GRAVITY: Final = 9.80665
-"""[m/s²] that one g of the datasheet means (CGPM 1901)."""
+"""[m/s²] one g of the datasheet (CGPM 1901)."""
 DEGREE: Final = math.pi / 180.0
 """[rad] in one degree."""
 GAUSS: Final = 1e-4

@@ -18,13 +18,13 @@ from imu_driver.wire.frames import (
     Status,
 )
 
-ANSWER_WITHIN: Final = 300_000_000
-"""[ns] A command without an answer is sent again after this."""
-ASK_EVERY: Final = 500_000_000
+ACKNOWLEDGEMENT_TIMEOUT: Final = 300_000_000
+"""[ns] after which an unacknowledged command is sent again."""
+INFORMATION_INTERVAL: Final = 500_000_000
 """[ns] between requests for information while the device is unknown."""
-TRIES: Final = 5
-REST: Final = 2 * NANOSECOND
-"""[ns] before a refused or unanswered set-up is tried anew."""
+MAXIMUM_TRIES: Final = 5
+RETRY_PAUSE: Final = 2 * NANOSECOND
+"""[ns] after an unanswered command before the set-up is tried again."""
 
 FULL_SCALE_COMMANDS: Final = dict(
     zip(
@@ -40,7 +40,7 @@ FULL_SCALE_COMMANDS: Final = dict(
 
 
 class DeviceSetUp:
-    """What has to be sent to one connected device."""
+    """Commands that bring one connected device to the full scales and the rate wanted."""
 
     def __init__(self, full_scale: Mapping[str, float], output_data_rate: float, now: int) -> None:
         self._full_scale = full_scale
@@ -52,14 +52,14 @@ class DeviceSetUp:
         self._due = now
         self._ask_at = now
         self._asked = True
-        self._rest_until = 0
+        self._retry_at = 0
         self._gave_up = False
         self.refused: dict[int, str] = {}
         """Commands the device did not carry out, by command code, with its answer."""
 
     def informed(self, frame: InformationFrame, now: int) -> None:
-        """Compare what the device says with what is wanted and queue the difference."""
-        if self._pending or self._queue or now < self._rest_until:
+        """Queue commands for every setting of the device that is not the one wanted."""
+        if self._pending or self._queue or now < self._retry_at:
             return
         for sensor, told in zip(SENSORS, frame.full_scale, strict=True):
             wanted = self._full_scale.get(sensor, 0.0)
@@ -77,19 +77,19 @@ class DeviceSetUp:
             self._queue.append((code, value))
 
     def ask(self, now: int) -> None:
-        """Ask for information, at most every ASK_EVERY."""
+        """Ask for information, at most every INFORMATION_INTERVAL."""
         self._asked = True
-        self._ask_at = min(self._ask_at, now + ASK_EVERY)
+        self._ask_at = min(self._ask_at, now + INFORMATION_INTERVAL)
 
     def stopped(self) -> None:
-        """The device restarted: what was under way is void."""
+        """The device restarted: drop every command under way."""
         self._queue.clear()
         self._pending = None
         self._asked = True
         self._ask_at = 0
 
     def give_up(self) -> None:
-        """The device does not listen: send nothing more."""
+        """The device takes no commands: send nothing more."""
         self._gave_up = True
 
     def acknowledged(self, frame: AcknowledgementFrame) -> str:
@@ -113,14 +113,14 @@ class DeviceSetUp:
             return b''
         if now >= self._ask_at and (self._asked or not known):
             self._asked = False
-            self._ask_at = now + ASK_EVERY
+            self._ask_at = now + INFORMATION_INTERVAL
             return self._encoded(CommandFrame(CommandCode.INFORMATION, 0), protocol)
         if self._pending is not None:
             if now < self._due:
                 return b''
-            if self._tries >= TRIES:
+            if self._tries >= MAXIMUM_TRIES:
                 self._pending = None
-                self._rest_until = now + REST
+                self._retry_at = now + RETRY_PAUSE
                 return b''
         elif self._queue and protocol != 'auto':
             code, value = self._queue.popleft()
@@ -130,13 +130,13 @@ class DeviceSetUp:
         if self._pending is None:
             return b''
         self._tries += 1
-        self._due = now + ANSWER_WITHIN
+        self._due = now + ACKNOWLEDGEMENT_TIMEOUT
         return self._encoded(self._pending, protocol)
 
     @staticmethod
     def _encoded(command: CommandFrame, protocol: str) -> bytes:
-        # A zero or a line end first ends whatever the device holds of an earlier, damaged frame;
-        # while its protocol is unknown it is asked in both.
+        # The leading zero or line end completes a damaged frame in the device's buffer. While its
+        # protocol is unknown the command goes out in both.
         binary = b'\0' + encode(command, 'binary')
         text = b'\n' + encode(command, 'ascii')
         return {'binary': binary, 'ascii': text}.get(protocol, binary + text)

@@ -16,14 +16,15 @@ from imu_driver.board.lsm9ds1 import STANDARD_GRAVITY
 from imu_driver.board.sample import Sample
 
 REST_SPAN: Final = 5.0
-"""[s] of samples kept and looked at."""
+"""[s] of samples evaluated."""
 REST_MINIMUM: Final = 2.0
-"""[s] fewer tell nothing."""
+"""[s] of samples needed."""
 REST_SAMPLES: Final = 5000
+"""Samples kept."""
 STILL_RATE: Final = 0.02
 """[rad/s] A standard deviation above this is motion, not noise."""
 STILL_ACCELERATION: Final = 0.2
-"""[m/s²] as above."""
+"""[m/s²] Likewise."""
 SIGNIFICANT_DIGITS: Final = 4
 """Of the figures reported."""
 BIAS_LIMIT: Final = 0.6
@@ -35,7 +36,7 @@ class RestError(UserError):
 
 
 class StreamStatistics:
-    """Collects samples; read once a second."""
+    """Rate, jitter, newest temperature, and the last REST_SPAN of samples."""
 
     def __init__(self) -> None:
         self._recent: deque[Sample] = deque(maxlen=REST_SAMPLES)
@@ -45,7 +46,7 @@ class StreamStatistics:
         """Newest [°C]."""
 
     def add(self, sample: Sample) -> None:
-        """Take a sample that was published."""
+        """Add a published sample."""
         self._recent.append(sample)
         self._stamps.append(sample.stamp)
         self.published += 1
@@ -53,9 +54,9 @@ class StreamStatistics:
             self.temperature = sample.temperature
 
     def take_rate(self) -> tuple[float, float]:
-        """Return rate [Hz] and jitter (standard deviation of intervals) [s] since last asked.
+        """Return rate [Hz] and jitter (standard deviation of intervals) [s] since the last call.
 
-        Of more than REST_SAMPLES samples the newest count.
+        Of more than REST_SAMPLES samples the newest are used.
         """
         stamps = list(self._stamps)
         self._stamps.clear()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The board's end of the wire, sans-I/O: samples, information, answers, at the time it is told.
+"""An emulated board, sans-I/O: the frames it sends until a given time, and its answers.
 
-It obeys doc/wire_protocol.md as firmware would; the counts come from a simulated device.
+It follows doc/wire_protocol.md as firmware would; the counts come from a simulated device.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from imu_driver.wire.frames import (
     Status,
 )
 
-INFORMATION_EVERY: Final = 1.0
-"""[s]."""
+INFORMATION_INTERVAL: Final = 1.0
+"""[s] between information frames."""
 MAGNETOMETER_RATE: Final = 80.0
 """[Hz]."""
 SENSOR_OF_COMMAND: Final = {
@@ -53,7 +53,7 @@ class CountSource(Protocol):
 
 @dataclass(frozen=True)
 class BoardOptions:
-    """What is soldered and flashed."""
+    """Properties of the board: what is soldered and what is flashed."""
 
     protocol: str = 'binary'
     serial_number: str = 'DUT1'
@@ -65,9 +65,9 @@ class BoardOptions:
     """Reading of the tick counter at time 0."""
     magnetometer_temperature_compensation: bool = False
     minimal: bool = False
-    """Sends data from power-on, knows neither information nor commands: a first sketch."""
+    """Sends data from power-on, neither sends information nor takes commands: a first sketch."""
     version: int = 1
-    """Protocol version it claims."""
+    """Protocol version in its information frames."""
 
 
 class Sent(NamedTuple):
@@ -113,7 +113,7 @@ class EmulatedBoard:
     # Power and configuration ------------------------------------------------------------------
 
     def restart(self, time: float, serial_number: str | None = None) -> None:
-        """Come up anew at `time` [s], possibly as another board."""
+        """Restart at `time` [s], as another board where a serial number is given."""
         if serial_number:
             self.options = replace(self.options, serial_number=serial_number)
         self.samples = 0
@@ -164,7 +164,7 @@ class EmulatedBoard:
             else:
                 if not self.options.minimal:
                     sent.append(self._sent(self.information(self._next_information)))
-                self._next_information += INFORMATION_EVERY
+                self._next_information += INFORMATION_INTERVAL
         return sent
 
     def receive(self, chunk: bytes, time: float) -> None:
@@ -180,8 +180,8 @@ class EmulatedBoard:
                     )
                 self._replies.append(self.information(time))
 
-    def farewell(self, time: float) -> Sent:
-        """Return an information frame out of turn."""
+    def final_information(self, time: float) -> Sent:
+        """Return an information frame outside the interval, for the end of a run."""
         return self._sent(self.information(time))
 
     def information(self, time: float) -> InformationFrame:

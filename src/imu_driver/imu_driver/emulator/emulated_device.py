@@ -28,22 +28,22 @@ from imu_driver.emulator.faults import (
 from imu_driver.emulator.port import Port, PtyPort, TcpPort
 from imu_driver.emulator.transport import DEFAULT_RATE, emulated_board
 
-LOG_EVERY: Final = 1.0
-"""[s]."""
-PATIENCE: Final = 0.02
-"""[s] between looks at the schedule."""
-TRICKLE_STEP: Final = 0.001
-"""[s]."""
-EXCHANGE: Final = 0.2
-"""[s] the line is open while one board takes another's place."""
-OTHER: Final = '-OTHER'
-"""Appended to the serial number of the board that takes the place."""
-SLOW: Final = 0.7
+LOG_INTERVAL: Final = 1.0
+"""[s] between writes of the log."""
+LONGEST_WAIT: Final = 0.02
+"""[s] between steps: so late may a scheduled fault be."""
+TRICKLE_WAIT: Final = 0.001
+"""[s] between steps under the fault trickle."""
+EXCHANGE_TIME: Final = 0.2
+"""[s] the line is unplugged while one board takes another's place."""
+OTHER_SUFFIX: Final = '-OTHER'
+"""Of the serial number of the board that takes the place."""
+WRONG_RATE: Final = 0.7
 """Actual over nominal rate under wrong_rate."""
 
 
 class Emulator:
-    """Runs a board on a port; times are seconds since `start`."""
+    """A board on a port, with faults on a schedule; times are seconds since the start."""
 
     def __init__(
         self,
@@ -70,11 +70,11 @@ class Emulator:
         self._full_scale = 0.0
 
     def handles(self) -> list[int]:
-        """Return what to wait for input on."""
+        """Return the file descriptors to wait for input on."""
         return self._port.handles() if self._plugged else []
 
     def step(self) -> float:
-        """Do what is due; return how long nothing will be [s]."""
+        """Do what is due; return the time [s] until something may be due again."""
         time = self._now() - self._start
         faults = self._schedule.active(time)
         if faults != self._faults:
@@ -90,18 +90,18 @@ class Emulator:
             self._unsent = data[self._port.write(data) :]
         if self._log and time >= self._next_log:
             self.write_log()
-            self._next_log = time + LOG_EVERY
+            self._next_log = time + LOG_INTERVAL
         if 'trickle' in faults:
-            return TRICKLE_STEP
+            return TRICKLE_WAIT
         due = self.board.next_due - (self._now() - self._start)
-        return PATIENCE if 'reset' in faults else min(max(due, 0.0), PATIENCE)
+        return LONGEST_WAIT if 'reset' in faults else min(max(due, 0.0), LONGEST_WAIT)
 
     def finish(self) -> None:
-        """Say how many samples there were and send what waits, as far as it is taken."""
+        """Stop the stream, send the final information and as much of the buffer as is taken."""
         time = self._now() - self._start
         self.board.streaming = False
         if self._plugged:
-            self.line.put([self.board.farewell(time)], frozenset())
+            self.line.put([self.board.final_information(time)], frozenset())
             data = self._unsent + self.line.take(time, frozenset())
             self._port.write(data)
 
@@ -111,7 +111,7 @@ class Emulator:
         return self._port.unread if self._plugged else 0
 
     def close(self) -> None:
-        """Leave."""
+        """Unplug the board."""
         if self._plugged:
             self._port.pull()
             self._plugged = False
@@ -137,7 +137,7 @@ class Emulator:
     def _change(self, faults: frozenset[str], time: float) -> None:
         began, ended = faults - self._faults, self._faults - faults
         self._faults = faults
-        self.board.rate_error = SLOW if 'wrong_rate' in faults else 1.0
+        self.board.rate_error = WRONG_RATE if 'wrong_rate' in faults else 1.0
         if 'reset' in began:
             self.line.cut()
             self._unsent = b''
@@ -149,22 +149,22 @@ class Emulator:
         if 'wrong_scale' in ended and self.board.full_scale['accelerometer'] != self._full_scale:
             self.board.set_full_scale('accelerometer', self._full_scale)
         if 'other_serial' in began:
-            self._exchange(self._serial_number[: 16 - len(OTHER)] + OTHER, time)
+            self._exchange(self._serial_number[: 16 - len(OTHER_SUFFIX)] + OTHER_SUFFIX, time)
         if 'other_serial' in ended:
             self._exchange(self._serial_number, time)
 
     def _exchange(self, serial_number: str, time: float) -> None:
-        self._replug_at = time + EXCHANGE
+        self._replug_at = time + EXCHANGE_TIME
         self._set_plug(time)
         self.board.restart(self._replug_at, serial_number)
 
 
-DRAIN: Final = 0.5
-"""[s] the host gets to read what was sent before the end."""
+DRAIN_TIMEOUT: Final = 0.5
+"""[s] for the host to read the last bytes before the end."""
 
 
 def arguments() -> argparse.ArgumentParser:
-    """Return the command line's grammar."""
+    """Return the parser of the command line."""
     faults = '; '.join(f'{name}: {text}' for name, text in FAULTS.items())
     parser = argparse.ArgumentParser(
         prog='emulated_device',
@@ -242,7 +242,7 @@ def run(emulator: Emulator, stop: threading.Event) -> None:
             wait = emulator.step()
             select.select(emulator.handles(), [], [], wait)
         emulator.finish()
-        deadline = time.monotonic() + DRAIN
+        deadline = time.monotonic() + DRAIN_TIMEOUT
         while emulator.unread and time.monotonic() < deadline:
             time.sleep(0.01)
     finally:

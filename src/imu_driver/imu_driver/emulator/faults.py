@@ -18,7 +18,7 @@ from imu_recording.user_error import UserError
 from imu_driver.emulator.board import Sent
 
 DEFAULT_DURATION: Final = 2.0
-"""[s]."""
+"""[s] of a fault without one of its own."""
 
 BYTE_FAULTS: Final = ('bit_flips', 'drop_bytes', 'duplicate_bytes', 'garbage')
 """Damage single bytes on the line."""
@@ -27,20 +27,21 @@ FAULTS: Final = {
     'drop_bytes': 'one byte in a thousand is missing',
     'duplicate_bytes': 'one byte in a thousand comes twice',
     'garbage': 'bursts of up to 200 random bytes between and inside frames',
-    'silence': 'the line carries nothing; the board goes on measuring',
+    'silence': 'the line carries nothing; the board keeps measuring',
     'trickle': 'the line carries 1 … 3 bytes at a time, 2000 a second',
-    'unplug': 'the line is gone; the board goes on measuring',
-    'reset': 'the board is off and comes up anew at the end',
+    'unplug': 'the line is unplugged; the board keeps measuring',
+    'reset': 'the board is off and restarts at the end',
     'tick_wrap': 'the tick counter passes 2³² at the start',
     'wrong_rate': 'the sensor runs at 0.7 times its nominal rate',
     'wrong_scale': 'the accelerometer is set to another full scale by itself, and back',
     'other_serial': 'another board is on the line; the first returns at the end',
 }
-DAMAGE_RATE: Final = 1e-3
+DAMAGE_PROBABILITY: Final = 1e-3
 """Per byte."""
-BURST_RATE: Final = 0.02
-"""Per write."""
+BURST_PROBABILITY: Final = 0.02
+"""Per frame."""
 LONGEST_BURST: Final = 200
+"""[bytes]."""
 
 
 class FaultError(UserError):
@@ -87,13 +88,13 @@ def damage(data: bytes, fault: str, random_source: random.Random) -> bytes:
     """Return the bytes after one of BYTE_FAULTS."""
     out = bytearray()
     if fault == 'garbage':
-        if random_source.random() >= BURST_RATE:
+        if random_source.random() >= BURST_PROBABILITY:
             return data
         at = random_source.randrange(len(data) + 1)
         burst = random_source.randbytes(random_source.randint(1, LONGEST_BURST))
         return data[:at] + burst + data[at:]
     for byte in data:
-        hit = random_source.random() < DAMAGE_RATE
+        hit = random_source.random() < DAMAGE_PROBABILITY
         if not hit:
             out.append(byte)
         elif fault == 'bit_flips':
@@ -103,14 +104,14 @@ def damage(data: bytes, fault: str, random_source: random.Random) -> bytes:
     return bytes(out)
 
 
-BUFFER: Final = 16384
+BUFFER_SIZE: Final = 16384
 """[bytes] Output buffer of the board: a frame that finds no room in it is dropped."""
 TRICKLE_RATE: Final = 2000.0
 """[bytes/s] of the trickle fault."""
 
 
 class FaultyLine:
-    """The board's output buffer and the line behind it."""
+    """The board's output buffer and the line behind it: damages frames and records which."""
 
     def __init__(self, protocol: str, seed: int = 0) -> None:
         self.sent = 0
@@ -118,7 +119,7 @@ class FaultyLine:
         self.dropped = 0
         """Samples of which no byte was carried."""
         self.damaged: list[int] = []
-        """Samples that were carried, but not as they were; numbered from 0 over the whole run."""
+        """Samples that arrived damaged; numbered from 0 over the whole run."""
         self._delimiter = b'\0' if protocol == 'binary' else b'\n'
         self._random = random.Random(seed)  # noqa: S311 (simulated faults)
         self._buffer: deque[bytes] = deque()
@@ -133,7 +134,7 @@ class FaultyLine:
             number = self.sent
             is_sample = frame.sample >= 0
             self.sent += is_sample
-            if faults & {'silence', 'unplug'} or self._size + len(frame.data) > BUFFER:
+            if faults & {'silence', 'unplug'} or self._size + len(frame.data) > BUFFER_SIZE:
                 self.dropped += is_sample
                 overruns += is_sample and not faults & {'silence', 'unplug'}
                 continue
@@ -149,7 +150,7 @@ class FaultyLine:
         return overruns
 
     def _arrives(self, original: bytes, carried: bytes) -> bool:
-        """Whether a frame can be read from the line: whole, between two delimiters."""
+        """Return whether a frame arrives whole, between two delimiters."""
         *pieces, rest = (self._unfinished + carried).split(self._delimiter)
         self._unfinished = rest
         body = original[: -len(self._delimiter)]
@@ -179,13 +180,13 @@ class FaultyLine:
         return waiting[:piece]
 
     def cut(self) -> None:
-        """The line is cut: what waits in the buffer is gone."""
+        """Cut the line: the buffer is lost."""
         self._buffer.clear()
         self._size = 0
         self._unfinished = b''
 
     def log(self, faults: Iterable[Fault], time: float) -> dict[str, Any]:
-        """Return what there is to compare a receiver's counts with."""
+        """Return the counts a receiver's counts can be compared with."""
         return {
             'sent': self.sent,
             'dropped': self.dropped,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The emulated board's plug: a pseudo-terminal under a stable name, or a TCP port."""
+"""Ports of the emulated board: a pseudo-terminal under a stable name, or a TCP server."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ _GONE = {errno.EIO, errno.EBADF, errno.EPIPE, errno.ECONNRESET}
 
 
 class Port(Protocol):
-    """One end of a line that can be pulled and plugged in again."""
+    """The board's end of a line; it can be unplugged and plugged in again."""
 
     def plug(self) -> None:
         """Appear."""
 
     def pull(self) -> None:
-        """Disappear; who reads the other end sees it go."""
+        """Disappear; a reader at the other end gets an error."""
 
     def handles(self) -> list[int]:
-        """Return what to wait for input on."""
+        """Return the file descriptors to wait for input on."""
 
     def read(self) -> bytes:
         """Return what the host sent."""
@@ -37,7 +37,7 @@ class Port(Protocol):
 
     @property
     def unread(self) -> int:
-        """Bytes that the host has not read yet, as far as can be known."""
+        """Bytes that the host has not read yet; 0 where that is unknown."""
 
 
 class PtyPort:

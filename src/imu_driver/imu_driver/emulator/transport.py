@@ -3,7 +3,7 @@
 
 Options: `temperature` [°C] of the surroundings, or the path of a CSV `time_s,temperature_c`;
 `orientation` (+x … -z, which axis points up); `seed`; `protocol` (binary, ascii); `time_scale`.
-The bytes take the same way as a real board's.
+Its bytes go through the same session as those of a real board.
 """
 
 from __future__ import annotations
@@ -24,60 +24,10 @@ from imu_recording.user_error import UserError
 from imu_driver.board.lsm9ds1 import DEFAULT_FULL_SCALE
 from imu_driver.emulator.board import BoardOptions, EmulatedBoard
 
-COLUMNS = ('time_s', 'temperature_c')
-
-
-class AmbientError(UserError):
-    """A temperature law that cannot be read; the message names the file and the row."""
-
-
-def ambient_law(text: str) -> Callable[[float], float]:
-    """Return the temperature [°C] as a function of time [s].
-
-    `text` is a number, or the path of a CSV with the columns time_s, temperature_c; between its
-    rows the temperature is interpolated, before and after them it holds.
-    """
-    try:
-        constant = float(text)
-    except ValueError:
-        return _interpolated(*_read(Path(text)))
-    return lambda _: constant
-
-
-def _read(path: Path) -> tuple[list[float], list[float]]:
-    try:
-        with path.open(newline='', encoding='utf-8') as file:
-            rows = csv.DictReader(line for line in file if not line.startswith('#'))
-            missing = [name for name in COLUMNS if name not in (rows.fieldnames or ())]
-            if missing:
-                raise AmbientError(f'{path}: no column {missing[0]}; it needs {",".join(COLUMNS)}')
-            points = [(float(row['time_s']), float(row['temperature_c'])) for row in rows]
-    except (TypeError, ValueError) as error:
-        if isinstance(error, AmbientError):
-            raise
-        raise AmbientError(f'{path}: {error}') from None
-    if not points:
-        raise AmbientError(f'{path}: no rows')
-    if any(later[0] < earlier[0] for earlier, later in pairwise(points)):
-        raise AmbientError(f'{path}: time_s must rise')
-    return [time for time, _ in points], [temperature for _, temperature in points]
-
-
-def _interpolated(times: list[float], temperatures: list[float]) -> Callable[[float], float]:
-    def law(time: float) -> float:
-        after = bisect_right(times, time)
-        if after == 0 or after == len(times):
-            return temperatures[min(after, len(times) - 1)]
-        share = (time - times[after - 1]) / (times[after] - times[after - 1])
-        return temperatures[after - 1] + share * (temperatures[after] - temperatures[after - 1])
-
-    return law
-
-
 TIMEOUT: Final = 0.05
-"""[s]."""
+"""[s] A read returns at the latest after this."""
 DEFAULT_RATE: Final = 238.0
-"""[Hz]."""
+"""[Hz] Output data rate after power-on."""
 OPTIONS: Final = {
     'temperature': '20',
     'orientation': '+z',
@@ -131,18 +81,18 @@ class SimulatedTransport:
         return cls(board)
 
     def read(self) -> bytes:
-        """Return the bytes due by now, waiting for the next at most TIMEOUT."""
+        """Return the bytes due by now; wait for the next, at most TIMEOUT."""
         wait = self._start + self._board.next_due - self._now()
         if wait > 0:
             self._closed.wait(min(wait, TIMEOUT))
         return b''.join(sent.data for sent in self._board.advance(self._now() - self._start))
 
     def write(self, data: bytes) -> None:
-        """Give the board bytes from the host."""
+        """Pass the host's bytes to the board."""
         self._board.receive(data, self._now() - self._start)
 
     def close(self) -> None:
-        """Leave the board alone."""
+        """Do nothing: the board keeps running between connections."""
 
 
 def emulated_board(
@@ -162,7 +112,7 @@ def emulated_board(
 
     ambient = ambient_law(temperature)
     full_scale = dict(DEFAULT_FULL_SCALE)
-    # The first call compiles: on a device that is thrown away, before time begins to count.
+    # The first sample compiles the kernels: a device of its own, before the clock starts.
     SimulatedDevice(device, seed=seed, full_scale=full_scale).sample(0.0, ambient(0.0))
     source = SimulatedDevice(device, seed=seed, full_scale=full_scale, orientation=orientation)
     return EmulatedBoard(
@@ -171,3 +121,55 @@ def emulated_board(
         ambient=ambient,
         device_time=lambda time: time * time_scale,
     )
+
+
+AMBIENT_COLUMNS = ('time_s', 'temperature_c')
+
+
+class AmbientError(UserError):
+    """A table of ambient temperature that cannot be read; the message names file and error."""
+
+
+def ambient_law(text: str) -> Callable[[float], float]:
+    """Return the temperature [°C] as a function of time [s].
+
+    `text` is a number, or the path of a CSV with the columns time_s, temperature_c; between its
+    rows the temperature is interpolated, before and after them it holds.
+    """
+    try:
+        constant = float(text)
+    except ValueError:
+        return _interpolated(*_read(Path(text)))
+    return lambda _: constant
+
+
+def _read(path: Path) -> tuple[list[float], list[float]]:
+    try:
+        with path.open(newline='', encoding='utf-8') as file:
+            rows = csv.DictReader(line for line in file if not line.startswith('#'))
+            missing = [name for name in AMBIENT_COLUMNS if name not in (rows.fieldnames or ())]
+            if missing:
+                raise AmbientError(
+                    f'{path}: no column {missing[0]}; it needs {",".join(AMBIENT_COLUMNS)}'
+                )
+            points = [(float(row['time_s']), float(row['temperature_c'])) for row in rows]
+    except (TypeError, ValueError) as error:
+        if isinstance(error, AmbientError):
+            raise
+        raise AmbientError(f'{path}: {error}') from None
+    if not points:
+        raise AmbientError(f'{path}: no rows')
+    if any(later[0] < earlier[0] for earlier, later in pairwise(points)):
+        raise AmbientError(f'{path}: time_s must rise')
+    return [time for time, _ in points], [temperature for _, temperature in points]
+
+
+def _interpolated(times: list[float], temperatures: list[float]) -> Callable[[float], float]:
+    def law(time: float) -> float:
+        after = bisect_right(times, time)
+        if after == 0 or after == len(times):
+            return temperatures[min(after, len(times) - 1)]
+        share = (time - times[after - 1]) / (times[after] - times[after - 1])
+        return temperatures[after - 1] + share * (temperatures[after] - temperatures[after - 1])
+
+    return law

@@ -62,7 +62,7 @@ def spike(
 def flip(
     recordings: Sequence[ImuRecording], sensor: str, size: float, generator: np.random.Generator
 ) -> Recordings:
-    """Somebody takes the device out and puts it back upside down before the last cycle."""
+    """The device is taken out and put back upside down before the last cycle."""
     del sensor, size
     which = int(generator.integers(len(recordings)))
     recording = recordings[which]
@@ -79,18 +79,18 @@ def flip(
     return [recording if k == which else other for k, other in enumerate(recordings)]
 
 
-UNITS = {'accelerometer': 1.0 / 9.80665, 'gyroscope': 180.0 / np.pi, 'magnetometer': 1e6}
+UNIT_FACTORS = {'accelerometer': 1.0 / 9.80665, 'gyroscope': 180.0 / np.pi, 'magnetometer': 1e6}
 """Factors from SI to g, °/s, µT."""
 
 
 def mismatch(
     recordings: Sequence[ImuRecording], sensor: str, size: float, generator: np.random.Generator
 ) -> Recordings:
-    """One run's converter forgot to convert: g instead of m/s², °/s instead of rad/s, µT."""
+    """One run is in other units: g instead of m/s², °/s instead of rad/s, µT instead of T."""
     del size
     which = int(generator.integers(len(recordings)))
     return [
-        _with(r, sensor, _values(r, sensor) * UNITS[sensor]) if k == which else r
+        _with(r, sensor, _values(r, sensor) * UNIT_FACTORS[sensor]) if k == which else r
         for k, r in enumerate(recordings)
     ]
 

@@ -17,9 +17,10 @@ from imu_recording.recording import FloatArray
 from imu_recording.user_error import UserError
 
 from imu_driver.board.lsm9ds1 import DEFAULT_FULL_SCALE, DEGREE, SENSITIVITY
+from imu_driver.simulation.environment import GRAVITY, MAGNETIC_FIELD
 
 REFERENCE_TEMPERATURE = 20.0
-"""Levels hold at this die temperature [°C]."""
+"""Die temperature at which biases and scale errors are given [°C]."""
 SENSOR_RATE = 14.9
 """Output data rate of the sensor behind a slower read-out [Hz] (LSM9DS1, lowest)."""
 
@@ -30,20 +31,6 @@ BIAS_INSTABILITY = {
     for (name, value), part in zip(MEAN_STD.items(), (0.42, 0.69, 0.37), strict=True)
 }
 """B of the flicker noise of the class [SI unit], S(f) = B²/(2πf) (IEEE 952)."""
-
-LATITUDE = np.deg2rad(41.5)
-GRAVITY = 9.8033
-"""Local gravity of the simulated laboratory [m/s²] at LATITUDE, sea level (WGS 84)."""
-EARTH_RATE = 7.292115e-5 * np.array([0.0, np.cos(LATITUDE), np.sin(LATITUDE)])
-"""(3,) ENU [rad/s]."""
-MAGNETIC_FIELD = 46.5e-6 * np.array(
-    [
-        np.cos(np.deg2rad(58.0)) * np.sin(np.deg2rad(3.5)),
-        np.cos(np.deg2rad(58.0)) * np.cos(np.deg2rad(3.5)),
-        -np.sin(np.deg2rad(58.0)),
-    ]
-)
-"""(3,) ENU [T]: 46.5 µT, inclination 58°, declination 3.5° east."""
 
 
 class ThermalNetwork(NamedTuple):
@@ -146,7 +133,7 @@ class _Table:
     gyroscope_spread: tuple[float, ...]
     """Negative: falls with temperature."""
     gyroscope_noise: tuple[float, ...]
-    """Reference σ; 0.00 of the table is below half a unit, 0.03 within a range of 0.01 a slip."""
+    """Reference σ. The table's 0.00 is below 0.005, its 0.03 a misprint (the range is 0.01)."""
     accelerometer_mean: tuple[float, ...]
     accelerometer_spread: tuple[float, ...]
     magnetometer_mean: tuple[tuple[float, ...], ...]
@@ -212,7 +199,7 @@ def _slope(spread: tuple[float, ...], noise: FloatArray, unit: float) -> FloatAr
 
 
 def _device(name: str, table: _Table, seed: int) -> DeviceParameters:
-    """Return the device of one table; what the tables do not tell is drawn."""
+    """Return the device of one table; parameters the tables do not give are drawn."""
     draw = np.random.default_rng(seed)
     micro = 1e-6
     noise = {key: np.full(3, value) for key, value in MEAN_STD.items()}

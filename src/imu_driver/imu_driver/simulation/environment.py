@@ -1,29 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What surrounds a simulated device: air, chamber, supply, vibration, gravity and fields."""
+"""Environment of a simulated device: air, chamber, supply, vibration, gravity and fields."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TypeVar
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
-from imu_driver.simulation.devices import EARTH_RATE, GRAVITY, MAGNETIC_FIELD
+from imu_driver.simulation.noise import ou_process
 
-Column = TypeVar('Column', bound=np.ndarray)
+LATITUDE = np.deg2rad(41.5)
+GRAVITY = 9.8033
+"""Local gravity of the simulated laboratory [m/s²] at LATITUDE, sea level (WGS 84)."""
+EARTH_RATE = 7.292115e-5 * np.array([0.0, np.cos(LATITUDE), np.sin(LATITUDE)])
+"""(3,) ENU [rad/s]."""
+MAGNETIC_FIELD = 46.5e-6 * np.array(
+    [
+        np.cos(np.deg2rad(58.0)) * np.sin(np.deg2rad(3.5)),
+        np.cos(np.deg2rad(58.0)) * np.cos(np.deg2rad(3.5)),
+        -np.sin(np.deg2rad(58.0)),
+    ]
+)
+"""(3,) ENU [T]: 46.5 µT, inclination 58°, declination 3.5° east."""
 
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """The world around a device as columns (n,), equally spaced in time."""
+    """Surroundings of a device as columns (n,), equally spaced in time."""
 
     time: FloatArray
     """[s] since the start."""
     air_temperature: FloatArray
     """True air at the device [°C]."""
     chamber_temperature: FloatArray | None = None
-    """First PT100 [°C]; likewise the tracks below are what a chamber reports."""
+    """First PT100 [°C]. This and the tracks up to `cycle` are what a chamber reports."""
     chamber_temperature_2: FloatArray | None = None
     setpoint: FloatArray | None = None
     heater: FloatArray | None = None
@@ -67,8 +78,6 @@ def supply_voltage(
     The wander is an Ornstein–Uhlenbeck process of 3 mV and 20 min; mains load shifts the supply
     by 4 mV over the compressor's 40 s rise, unequal from start to start.
     """
-    from imu_driver.simulation.noise import ou_process
-
     n, period = len(environment.time), environment.period
     wander = 3e-3 * ou_process(n, period, 1200.0, generator)
     load = low_pass(environment.column('compressor'), 40.0, period)
@@ -83,8 +92,6 @@ def vibration_variance(environment: Environment, generator: np.random.Generator)
     Compressor (20 mm/s² rms, load dependent) and fan (5 mm/s²); the mount transmits the axes
     unequally, and the running-in of each compressor start shows.
     """
-    from imu_driver.simulation.noise import ou_process
-
     n, period = len(environment.time), environment.period
     load = 1.0 + 0.35 * ou_process(n, period, 300.0, generator)
     running_in = 1.0 - low_pass(environment.column('compressor'), 120.0, period)

@@ -14,10 +14,10 @@ from imu_recording.jit import njit
 from imu_recording.recording import FloatArray
 
 SHORTEST, LONGEST, PROCESSES = 10.0, 4.0e4, 8
-"""Correlation times [s] and number of the processes."""
+"""First and last correlation time [s], and number of processes."""
 RATIO = (LONGEST / SHORTEST) ** (1.0 / (PROCESSES - 1))
-TIMES = SHORTEST * RATIO ** np.arange(PROCESSES)
-SHARE = np.sqrt(np.log(RATIO) / np.pi)
+CORRELATION_TIMES = SHORTEST * RATIO ** np.arange(PROCESSES)
+PROCESS_STD = np.sqrt(np.log(RATIO) / np.pi)
 """Standard deviation of each process for B = 1."""
 
 
@@ -44,8 +44,8 @@ def flicker_noise(
     axes = len(bias_instability)
     normals = generator.standard_normal((PROCESSES, n, axes), dtype=np.float32)
     start = generator.standard_normal((PROCESSES, axes))
-    noise: FloatArray = _sum_of_processes(normals, start, np.exp(-period / TIMES))
-    noise *= SHARE * bias_instability
+    noise: FloatArray = _sum_of_processes(normals, start, np.exp(-period / CORRELATION_TIMES))
+    noise *= PROCESS_STD * bias_instability
     return noise
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a simulated device points: still in the fixture, or turned by known rotations.
+"""Attitude of a simulated device: at rest in the fixture, or turned by known rotations.
 
 The chamber's frame is ENU. In the pose +z the sensor's axes are (E, N, U), in +x (U, E, N), in +y
 (N, U, E). In −x, −y, −z that pose is turned by 180° about the axis that follows the upward one.

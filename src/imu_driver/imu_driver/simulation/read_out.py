@@ -13,7 +13,6 @@ from imu_recording.user_error import UserError
 
 from imu_driver.board.lsm9ds1 import COUNT_MAX, COUNT_MIN, TEMPERATURE_SENSITIVITY
 from imu_driver.simulation.devices import (
-    DEVICES,
     REFERENCE_TEMPERATURE,
     SENSOR_RATE,
     DeviceParameters,
@@ -24,10 +23,8 @@ from imu_driver.simulation.pose import Motion, into_sensor_frame, rotation_vecto
 from imu_driver.simulation.run import DeviceRun, prepare_run, world_vector
 from imu_driver.simulation.thermal import BOARD, DIE, PACKAGE
 
-__all__ = ['DEVICES', 'Environment', 'ReadOut', 'read_out', 'simulate_device']
-
 DIRECT_RATE = 10.0
-"""From here on every sample of the sensor is read and the sensor's own clock counts [Hz]."""
+"""Lowest rate at which every sample of the sensor is read, at the pace of its own clock [Hz]."""
 VIBRATION_RATE = 119.0
 """Rate at which the variance within a sample's interval is taken [Hz]."""
 VIBRATION_FREQUENCY = 24.5
@@ -37,11 +34,26 @@ START_NS = 1_600_000_000_000_000_000
 DAY_NS = 86_400_000_000_000
 STARTUP_FACTOR = 0.543
 """First sample of a start-up transient relative to the settled value (Tables III–V)."""
+AVERAGED_TRACKS = (
+    'chamber_temperature',
+    'chamber_temperature_2',
+    'heater',
+    'compressor',
+    'fan',
+    'humidity',
+)
+LOGGER_DECIMALS = {False: 2, True: 3}
+"""Of a data logger, single samples and means: PT100 0.01 K, duty and humidity 1 %."""
+HELD_TRACKS = ('setpoint', 'phase', 'cycle')
+THERMOCOUPLE_TIME_CONSTANT = 4.0
+"""Lag of a thin thermocouple taped to the package [s]."""
+THERMOCOUPLE_STD = 0.03
+"""Noise of one reading [K]."""
 
 
 @dataclass(frozen=True)
 class ReadOut:
-    """How a device is read."""
+    """Way of reading a device: rate, single samples or means, start-up transient."""
 
     rate_hz: float
     mean: bool = False
@@ -53,7 +65,7 @@ class ReadOut:
 
     @property
     def summed(self) -> int:
-        """How many samples of the sensor one row sums up."""
+        """Number of samples of the sensor that one row is the mean of."""
         return max(round(SENSOR_RATE / self.rate_hz), 1) if self.mean else 1
 
 
@@ -67,10 +79,10 @@ def simulate_device(
     motion: Motion | None = None,
     mean: bool = False,
 ) -> ImuRecording:
-    """Return what a device records in an environment: single samples, or means of intervals.
+    """Return what a device records in an environment: single samples, or means over intervals.
 
-    Below 10 Hz the rows come at the host's even pace, from there on at the sensor's own clock,
-    which drifts with temperature. The same arguments give the same recording.
+    Rows below DIRECT_RATE come at the host's even pace, others at the pace of the sensor's own
+    clock, which drifts with temperature. The same arguments give the same recording.
     """
     run = prepare_run(device, environment, seed=seed, orientation=orientation, motion=motion)
     return read_out(run, ReadOut(rate_hz, mean))
@@ -81,7 +93,9 @@ def read_out(run: DeviceRun, how: ReadOut) -> ImuRecording:
     if not how.rate_hz > 0.0:
         raise UserError(f'rate {how.rate_hz:g} Hz: it must be above 0')
     if how.mean and run.motion:
-        raise UserError('means over intervals of a moving device tell nothing; use samples')
+        raise UserError(
+            'a moving device has no meaningful means over intervals: use single samples'
+        )
     time = sample_times(run, how)
     generator = np.random.default_rng((*run.seed, 3))
     columns: dict[str, Any]
@@ -91,7 +105,7 @@ def read_out(run: DeviceRun, how: ReadOut) -> ImuRecording:
         columns = {name: value * rise[:, None] for name, value in columns.items()}
     stamp = START_NS + how.number * DAY_NS + np.round(time * 1e9).astype(np.int64)
     if how.mean:
-        columns['vibration'] = _variance(run, how, time, generator)
+        columns['vibration'] = _vibration_variance(run, how, time, generator)
     return ImuRecording(
         stamp=stamp,
         temperature=_thermometer(run, how, time, generator),
@@ -264,7 +278,7 @@ def _thermometer(
     return rounded
 
 
-def _variance(
+def _vibration_variance(
     run: DeviceRun, how: ReadOut, time: FloatArray, generator: np.random.Generator
 ) -> FloatArray:
     """Return (n, 3) variance of acceleration within each row's interval, as estimated [(m/s²)²].
@@ -277,23 +291,6 @@ def _variance(
     estimate: FloatArray = true * generator.chisquare(freedom, true.shape) / freedom
     shown: FloatArray = np.round(estimate, 7)
     return shown
-
-
-AVERAGED = (
-    'chamber_temperature',
-    'chamber_temperature_2',
-    'heater',
-    'compressor',
-    'fan',
-    'humidity',
-)
-DECIMALS = {False: 2, True: 3}
-"""What a data logger shows: PT100 0.01 K, duty and humidity 1 %; means a digit more."""
-HELD = ('setpoint', 'phase', 'cycle')
-THERMOCOUPLE_TIME = 4.0
-"""Lag of a thin thermocouple taped to the package [s]."""
-THERMOCOUPLE_NOISE = 0.03
-"""[K]"""
 
 
 def sampled(run: DeviceRun, values: FloatArray, time: FloatArray, how: ReadOut) -> FloatArray:
@@ -318,12 +315,12 @@ def tracks(run: DeviceRun, time: FloatArray, how: ReadOut) -> dict[str, Any]:
     """Return the chamber's tracks at the rows' times; set-point, phase and cycle are held."""
     environment = run.environment
     taken: dict[str, Any] = {}
-    for name in AVERAGED:
+    for name in AVERAGED_TRACKS:
         values = getattr(environment, name)
         if values is not None:
-            taken[name] = np.round(sampled(run, values, time, how), DECIMALS[how.mean])
+            taken[name] = np.round(sampled(run, values, time, how), LOGGER_DECIMALS[how.mean])
     row = np.searchsorted(environment.time, time + 1e-9, side='right') - 1
-    for name in HELD:
+    for name in HELD_TRACKS:
         values = getattr(environment, name)
         if values is not None:
             taken[name] = values[row]
@@ -339,8 +336,8 @@ def thermocouple(
     """
     contact = 0.7 * run.nodes[:, PACKAGE] + 0.3 * run.nodes[:, BOARD]
     offset = 0.2 * generator.standard_normal()
-    felt = low_pass(contact, THERMOCOUPLE_TIME, run.environment.period) + offset
-    noise = THERMOCOUPLE_NOISE * generator.standard_normal(len(time))
+    felt = low_pass(contact, THERMOCOUPLE_TIME_CONSTANT, run.environment.period) + offset
+    noise = THERMOCOUPLE_STD * generator.standard_normal(len(time))
     if how.mean:
         noise = noise * np.sqrt(min(how.rate_hz, 1.0))
     shown: FloatArray = np.round(sampled(run, felt, time, how) + noise, 2)

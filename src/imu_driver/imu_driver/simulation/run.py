@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One run of a simulated device before it is read out: temperatures and slow errors in time."""
+"""One run of a simulated device before it is read out: node temperatures and slow errors."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class DeviceRun:
     vibration: FloatArray
     """(n, 3) variance of the vibration [(m/s²)²]."""
     errors: dict[str, FloatArray]
-    """Sensor → (n, 3) slow error [SI unit]: all but white noise and what scales with the input."""
+    """Sensor → (n, 3) slow error [SI unit]; white noise and input errors come with reading out."""
     motion: Motion | None = None
     seed: tuple[int, ...] = ()
     rate_slope: float | None = None
@@ -64,14 +64,14 @@ class DeviceRun:
         return above
 
     def true_input(self, sensor: str) -> FloatArray:
-        """Return (3,) what the resting sensor is meant to measure."""
+        """Return (3,) the true input of the resting sensor, sensor frame [SI unit]."""
         world = world_vector(self.environment, sensor)
         seen: FloatArray = self.matrix @ world
         return seen
 
 
 def world_vector(environment: Environment, sensor: str) -> FloatArray:
-    """Return (3,) ENU what a sensor measures at rest, in the world frame [SI unit]."""
+    """Return (3,) the true input of a resting sensor in the world frame (ENU) [SI unit]."""
     return {
         'accelerometer': np.array([0.0, 0.0, environment.gravity]),
         'gyroscope': environment.earth_rate,
@@ -106,7 +106,7 @@ def bandgap_current(difference: float, curvature: float) -> Any:
 
 
 @njit(cache=True)
-def _law(temperature: FloatArray, bend: float, magnetic: bool) -> FloatArray:
+def _loads(temperature: FloatArray, bend: float, magnetic: bool) -> FloatArray:
     load = np.empty(len(temperature))
     for k in range(len(temperature)):
         x = temperature[k] - REFERENCE_TEMPERATURE
@@ -118,7 +118,7 @@ def thermal_load(run_nodes: FloatArray, sensor: str, bend: float) -> FloatArray:
     """Return (n,) by how many kelvin of linear law the sensor's bias has moved."""
     magnetic = sensor == 'magnetometer'
     node = np.ascontiguousarray(run_nodes[:, MAGNETOMETER if magnetic else DIE])
-    load: FloatArray = _law(node, bend, magnetic)
+    load: FloatArray = _loads(node, bend, magnetic)
     return load
 
 

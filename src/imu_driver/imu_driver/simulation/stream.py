@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated device sample by sample, as a board on a line would read it."""
+"""The simulated device sample by sample, as the emulated board reads it."""
 
 from __future__ import annotations
 
@@ -19,16 +19,14 @@ from imu_driver.board.lsm9ds1 import (
     scale,
 )
 from imu_driver.simulation.devices import (
-    EARTH_RATE,
-    GRAVITY,
-    MAGNETIC_FIELD,
     REFERENCE_TEMPERATURE,
     SENSOR_RATE,
     DeviceParameters,
     ThermalNetwork,
     find_device,
 )
-from imu_driver.simulation.noise import SHARE, TIMES
+from imu_driver.simulation.environment import EARTH_RATE, GRAVITY, MAGNETIC_FIELD
+from imu_driver.simulation.noise import CORRELATION_TIMES, PROCESS_STD
 from imu_driver.simulation.pose import pose_matrix, rotation_vector_matrix
 from imu_driver.simulation.read_out import G_PATTERN
 from imu_driver.simulation.run import PLACEMENT_STD, bandgap_current, stress_strain
@@ -36,13 +34,13 @@ from imu_driver.simulation.thermal import DIE, MAGNETOMETER, SUBSTEP, steady_nod
 
 _BLOCK = 512
 _CHANNELS = 9
-_PROCESSES = len(TIMES)
+_PROCESSES = len(CORRELATION_TIMES)
 
 Counts = tuple[int, int, int]
 
 
 class SimulatedDevice:
-    """A device at rest that is asked for one sample after the other.
+    """A device at rest, read one sample after the other.
 
     The same physics as `simulate_device`: heat in the board, thermal laws, flicker and white
     noise, counts. Times rise from call to call; equal seeds and calls give equal counts.
@@ -117,7 +115,7 @@ class SimulatedDevice:
         return tuple(counts[:3]), tuple(counts[3:6]), tuple(counts[6:9]), counts[9]
 
     def _prepare(self, orientation: str) -> None:
-        """Gather what does not change, channels in the order gyroscope, accelerometer, mag."""
+        """Collect the constants of each channel: the three triads, then the thermometer."""
         device = self.device
         placement = rotation_vector_matrix(self._generator.normal(0.0, PLACEMENT_STD, 3))
         matrix = placement @ pose_matrix(orientation)
@@ -175,7 +173,7 @@ def _advance(
         for _ in range(substeps):
             step_nodes(nodes, network, air, step / substeps)
         for p in range(_PROCESSES):
-            decay = np.exp(-step / TIMES[p])
+            decay = np.exp(-step / CORRELATION_TIMES[p])
             kick = np.sqrt(1.0 - decay * decay)
             for c in range(_CHANNELS):
                 processes[p, c] = decay * processes[p, c] + kick * normals[p * _CHANNELS + c]
@@ -192,7 +190,7 @@ def _advance(
         for p in range(_PROCESSES):
             flicker += processes[p, c]
         noise = white * np.sqrt(rate) * normals[_PROCESSES * _CHANNELS + c]
-        value = level + slope * load + SHARE * instability * flicker + noise
+        value = level + slope * load + PROCESS_STD * instability * flicker + noise
         count = np.rint(sign * value / sensitivity[c])
         counts[c] = int(min(max(count, COUNT_MIN), COUNT_MAX))
     offset, gain, noise = constants[9, 0], constants[9, 1], constants[9, 2]

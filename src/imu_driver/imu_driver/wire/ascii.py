@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 r"""ASCII frames: one line each, `$KIND,field,…*CRC` (doc/wire_protocol.md).
 
+>>> from imu_driver.wire.frames import CommandCode
 >>> encode(CommandFrame(CommandCode.START, number=1))
 b'$CMD,2,1,0*5FC6\r\n'
 >>> decode(b'$CMD,2,1,0*5FC6')
@@ -18,7 +19,6 @@ from imu_driver.wire.frames import (
     REGISTER_DUMP_LENGTH,
     STREAMING,
     AcknowledgementFrame,
-    CommandCode,
     CommandFrame,
     DataFrame,
     Frame,
@@ -34,8 +34,6 @@ MAXIMUM_LINE: Final = 255
 _LINE = re.compile(rb'\$([^$*]*)\*([0-9A-F]{4})')
 _NUMBER = re.compile(rb'-?(0|[1-9][0-9]{0,9})')
 
-__all__ = ['CommandCode', 'decode', 'encode']
-
 
 def encode(frame: Frame) -> bytes:
     """Return the line, carriage return and line feed included."""
@@ -46,7 +44,7 @@ def encode(frame: Frame) -> bytes:
 def decode(line: bytes) -> Frame:
     """Return the frame of a line without its end; raise FrameError if it is none.
 
-    What stands before the last `$` is the rest of a damaged line and is passed over.
+    Bytes before the last `$` are the rest of a damaged line and are ignored.
     """
     match = _LINE.fullmatch(line[max(line.rfind(b'$'), 0) :])
     if not match:

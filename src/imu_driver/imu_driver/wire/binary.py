@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Binary frames: payload, CRC-16/CCITT-FALSE, COBS, zero delimiter (doc/wire_protocol.md).
 
+>>> from imu_driver.wire.frames import CommandCode
 >>> wire = encode(CommandFrame(CommandCode.START, number=1))
 >>> wire.hex(' ')
 '04 40 02 01 01 01 01 03 0d 33 00'
@@ -21,7 +22,6 @@ from imu_driver.wire.frames import (
     REGISTER_DUMP_LENGTH,
     STREAMING,
     AcknowledgementFrame,
-    CommandCode,
     CommandFrame,
     DataFrame,
     Frame,
@@ -44,8 +44,6 @@ _DATA = struct.Struct('<BHIh9h')
 _INFORMATION = struct.Struct(f'<BBBII16s3BIHBBIIIIIHBB{REGISTER_DUMP_LENGTH}s')
 _ACKNOWLEDGEMENT = struct.Struct('<BBBBI')
 _COMMAND = struct.Struct('<BBBI')
-
-__all__ = ['CommandCode', 'decode', 'encode']
 
 
 def encode(frame: Frame) -> bytes:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bytes to frames, sans-I/O: feed chunks as they come, get the whole frames in them.
+"""Bytes to frames and back, sans-I/O: chunks in, whole frames out.
 
-Split, joined and damaged chunks are this file's business; nothing here raises on any bytes.
+Chunks may be split, joined or damaged anywhere; invalid pieces are counted, nothing raises.
 
+>>> from imu_driver.wire.frames import CommandFrame
 >>> decoder = FrameDecoder('auto')
 >>> wire = encode(CommandFrame(2, 1), 'binary') + encode(CommandFrame(3, 2), 'binary')
 >>> decoder.feed(wire[:5]), decoder.feed(wire[5:])
@@ -19,16 +20,14 @@ from typing import Final
 
 from imu_driver.wire import ascii as ascii_frames
 from imu_driver.wire import binary as binary_frames
-from imu_driver.wire.frames import CommandFrame, Frame, FrameError
+from imu_driver.wire.frames import Frame, FrameError
 
 PROTOCOLS: Final = ('auto', 'ascii', 'binary')
-
-__all__ = ['PROTOCOLS', 'CommandFrame', 'DecoderCounts', 'FrameDecoder', 'encode']
 
 
 @dataclass
 class DecoderCounts:
-    """What a decoder has seen."""
+    """Counters of a decoder: bytes, valid frames, and invalid pieces by kind of error."""
 
     bytes: int = 0
     frames: int = 0
@@ -38,7 +37,7 @@ class DecoderCounts:
 
     @property
     def errors(self) -> int:
-        """Pieces between two delimiters that were no frame."""
+        """Pieces between two delimiters that were no valid frame."""
         return self.cobs + self.crc + self.format
 
     def __add__(self, other: DecoderCounts) -> DecoderCounts:
@@ -68,7 +67,7 @@ class _Splitter:
         self._decode = decode
         self._rest = b''
         self._overlong = False
-        self._whole = False
+        self._synchronised = False
 
     def feed(self, chunk: bytes) -> list[Frame]:
         *pieces, rest = (self._rest + chunk).split(self._delimiter)
@@ -81,8 +80,8 @@ class _Splitter:
                     frames.append(self._decode(piece))
                 except FrameError as error:
                     self._reject(error.kind)
-            # Up to here the stream may have been joined in mid-frame: that piece is no error.
-            self._whole = True
+            # The first piece may be the rest of a frame that began before the connection.
+            self._synchronised = True
             self._overlong = False
         if len(rest) > self._longest:
             self._overlong = True
@@ -92,7 +91,7 @@ class _Splitter:
         return frames
 
     def _reject(self, kind: str) -> None:
-        if self._whole:
+        if self._synchronised:
             setattr(self.counts, kind, getattr(self.counts, kind) + 1)
 
 
@@ -136,7 +135,7 @@ class FrameDecoder:
             frames = splitter.feed(chunk)
             if frames and len(self._candidates) > 1:
                 self._candidates = {name: splitter}
-                # What the other protocol's guess cost before this frame says nothing.
+                # Errors counted before the protocol was known may be frames of the other one.
                 splitter.counts.cobs = splitter.counts.crc = splitter.counts.format = 0
             if frames:
                 return frames

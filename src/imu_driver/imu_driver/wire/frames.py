@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What travels on the wire, as values: data, information, acknowledgement and command frames.
+"""Frames of the wire protocol as values: data, information, acknowledgement and command.
 
-The layouts are doc/wire_protocol.md; this file knows no layout.
+Their bytes are the business of `ascii` and `binary`; doc/wire_protocol.md is the specification.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ MAGNETOMETER_NEW: Final = 0x1
 TEMPERATURE_NEW: Final = 0x2
 """Flag: the temperature count was measured at this frame's tick."""
 CONFIGURATION_SHIFT: Final = 2
-"""Flags bits 2–3: number of changes of full scale or rate so far, modulo 4."""
+"""Flags bits 2–3: number of changes of full scale or rate since power-on, modulo 4."""
 
 STREAMING: Final = 0x1
 """Information flag: data frames are being sent."""
@@ -44,13 +44,13 @@ class DataFrame(NamedTuple):
 
     @property
     def configuration(self) -> int:
-        """Which configuration the counts were measured in, 0 … 3."""
+        """Number of the configuration the counts were measured in, 0 … 3."""
         return self.flags >> CONFIGURATION_SHIFT
 
 
 @dataclass(frozen=True)
 class InformationFrame:
-    """Who the device is, how it is set and what it has counted."""
+    """Identity, settings and counters of the device."""
 
     serial_number: str
     """1 … 16 printable ASCII characters without comma and asterisk."""
@@ -84,7 +84,7 @@ class InformationFrame:
 
 
 class CommandCode(IntEnum):
-    """What the host may ask for, and the unit of the command's value."""
+    """Commands of the host, and the unit of the command's value."""
 
     INFORMATION = 1
     START = 2
@@ -96,7 +96,7 @@ class CommandCode(IntEnum):
 
 
 class Status(IntEnum):
-    """How the device took a command."""
+    """Result of a command."""
 
     DONE = 0
     UNKNOWN_COMMAND = 1
@@ -105,7 +105,7 @@ class Status(IntEnum):
 
 
 class CommandFrame(NamedTuple):
-    """From the host."""
+    """One command of the host."""
 
     command: int
     number: int
@@ -124,7 +124,7 @@ class AcknowledgementFrame(NamedTuple):
 
 
 class OtherVersion(NamedTuple):
-    """An information frame of a protocol version that is not spoken here."""
+    """An information frame of a protocol version other than PROTOCOL_VERSION."""
 
     version: int
 
@@ -135,7 +135,7 @@ Frame: TypeAlias = (
 
 
 class FrameError(ValueError):
-    """Bytes that are no frame; `kind` is 'cobs', 'crc' or 'format'."""
+    """Bytes that are no valid frame; `kind` is 'cobs', 'crc' or 'format'."""
 
     def __init__(self, kind: str) -> None:
         super().__init__(f'{kind} error')
