@@ -13,7 +13,7 @@ from chamber_profile.chambers.catalogue import open_chamber
 from chamber_profile.emulators.chamber import SERVERS
 from chamber_profile.emulators.endpoint import PtyEndpoint, TcpEndpoint
 from chamber_profile.emulators.faults import FaultPlan, parse_fault
-from chamber_profile.emulators.plant import EmulatedBody
+from chamber_profile.emulators.plant import EmulatedPlant
 from chamber_profile.profile.file import load_profile, profile_from_content
 from chamber_profile.run.sequencer import Sequencer
 from chamber_profile.run.values import (
@@ -142,7 +142,7 @@ def emulator(tmp_path: Path):
     running = []
 
     def start(protocol: str, wire: str, *faults: str, options: str = ''):
-        body = EmulatedBody(seed=1)
+        body = EmulatedPlant(seed=1)
         plan = FaultPlan([parse_fault(text) for text in faults], body)
         clock = [0.0]
 

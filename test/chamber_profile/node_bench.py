@@ -32,7 +32,7 @@ class Bench:
 
     @property
     def mode(self) -> str:
-        return self.node.moment.progress.mode
+        return self.node.snapshot.progress.mode
 
     def step(self, seconds: float = 1.0) -> None:
         self.stamp += int(seconds * SECOND)
@@ -45,10 +45,10 @@ class Bench:
             self.step()
             if condition():
                 return
-        raise AssertionError(self.node.moment)
+        raise AssertionError(self.node.snapshot)
 
     def call(self, service: str) -> Trigger.Response:
-        return self.node._answering(service)(Trigger.Request(), Trigger.Response())
+        return self.node.on_command(service, Trigger.Request(), Trigger.Response())
 
     def topics(self) -> set[str]:
         return {topic for topic, _ in self.sent}

@@ -9,8 +9,8 @@ from chamber_profile.profile.unroll import closed_steps
 from chamber_profile.profile.values import Profile, Step
 from chamber_profile.run.values import (
     CONFIRM,
+    CONTROLLING,
     FINISHED,
-    IN_CHARGE,
     PAUSED,
     RUN,
     SAFE,
@@ -24,7 +24,7 @@ from chamber_profile.run.values import (
 )
 
 GAP_S = 4.98
-OBEDIENCE_S = 60.0
+RESPONSE_TIMEOUT_S = 60.0
 
 
 @dataclass
@@ -91,7 +91,7 @@ class OrderWatch:
                 self.limited = self.limited or not self.programs_limits
         if after.mode in (RUN, PAUSED) and after.stage not in (CONFIRM, STOP):
             self.confirmed = self.confirmed or bool(readings.running and self.told)
-        if after.mode in FINISHED and before.mode in IN_CHARGE and 'at once' in after.reason:
+        if after.mode in FINISHED and before.mode in CONTROLLING and 'at once' in after.reason:
             assert Switch(False) in actions, 'left on'
         self._must_stop(readings, actions, after)
 
@@ -117,7 +117,7 @@ class OrderWatch:
         elif self.astray is None:
             self.astray = self.time
         else:
-            late = self.time - self.astray > OBEDIENCE_S + 20.0
+            late = self.time - self.astray > RESPONSE_TIMEOUT_S + 20.0
             assert after.mode == SAFE or not late, 'the chamber does as it likes'
 
     def _write(self, value: float, after: Progress) -> None:

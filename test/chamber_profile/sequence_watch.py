@@ -14,12 +14,12 @@ from chamber_profile.run.values import (
     ABORTED,
     CHECK,
     CONFIRM,
+    CONTROLLING,
     DONE,
     DWELL,
     FINISHED,
     HOLD_FAULT,
     IDLE,
-    IN_CHARGE,
     MOVE,
     PAUSED,
     RUN,
@@ -106,7 +106,7 @@ class Watch(OrderWatch):
             assert now in (SAFE, ABORTED)
         elif was in (IDLE, CHECK):
             self._before_the_run(before, readings, after, command)
-        elif was in IN_CHARGE:
+        elif was in CONTROLLING:
             self._in_charge(before, readings, after, events, command)
         if now in FINISHED and before.stage == STOP and was in (RUN, SAFE):
             assert readings.running is False or 'did not confirm' in after.reason
@@ -115,7 +115,7 @@ class Watch(OrderWatch):
             assert (was, before.stage, before.step) == (RUN, STOP, len(self.steps) - 1)
         if now == RUN and after.step != before.step:
             assert after.step == before.step + 1
-        if now == ABORTED and was in (*IN_CHARGE, SAFE):
+        if now == ABORTED and was in (*CONTROLLING, SAFE):
             assert before.stage == STOP or command == 'standby' or 'safe' in events
 
     def _before_the_run(
@@ -197,7 +197,7 @@ class Watch(OrderWatch):
         if before.mode in (PAUSED, HOLD_FAULT) and after.mode == RUN:
             self.inside = None
             self.entered = self.time if before.stage == SETTLE else self.entered
-        if before.mode in IN_CHARGE and (after.mode, readings.link) == (RUN, 'ok'):
+        if before.mode in CONTROLLING and (after.mode, readings.link) == (RUN, 'ok'):
             self._ran(before, readings, after, step, elapsed)
         if after.stage == CONFIRM != before.stage:
             self._may_be_opened(readings, step)

@@ -32,7 +32,7 @@ def test_activation_moves_nothing(make) -> None:
     for _ in range(100):
         bench.step()
     assert bench.mode == 'IDLE'
-    assert not bench.node.moment.reading.running
+    assert not bench.node.snapshot.reading.running
     assert not bench.node.run.directory.exists()
 
 
@@ -72,13 +72,13 @@ def test_with_start_the_process_ends_with_the_run(make, end: str, code: int) -> 
 
 def test_a_dead_imu_ends_in_the_safe_state_after_ten_seconds(make) -> None:
     bench = make(start=True)
-    bench.until(lambda: bench.node.moment.step.id == 'heat')
+    bench.until(lambda: bench.node.snapshot.step.id == 'heat')
     bench.imu = False
     for _ in range(9):
         bench.step()
         assert bench.mode == RUN
     bench.until(lambda: bench.mode == SAFE, 3)
-    assert 'IMU' in bench.node.moment.progress.reason
+    assert 'IMU' in bench.node.snapshot.progress.reason
     level, line, _ = bench.node.diagnostics()
     assert level == 2
     assert 'IMU' in line
@@ -92,12 +92,12 @@ def test_an_imu_is_not_missed_where_none_is_required(make) -> None:
 
 def test_a_recorder_that_fails_ends_the_run_safely(make) -> None:
     bench = make(start=True)
-    bench.until(lambda: bench.node.moment.step.id == 'heat')
+    bench.until(lambda: bench.node.snapshot.step.id == 'heat')
     status = DiagnosticStatus(level=bytes([2]), name='recorder', message='disk full')
     bench.node.inputs['/diagnostics'](DiagnosticArray(status=[status]))
     bench.step()
     assert bench.mode == SAFE
-    assert 'disk full' in bench.node.moment.progress.reason
+    assert 'disk full' in bench.node.snapshot.progress.reason
 
 
 def test_a_reference_logger_takes_the_place_of_the_chambers_sensor(make) -> None:
@@ -119,20 +119,20 @@ def test_a_reference_logger_takes_the_place_of_the_chambers_sensor(make) -> None
     for _ in range(12):  # the logger falls silent
         bench.step()
     assert bench.mode == SAFE
-    assert 'reference logger' in bench.node.moment.progress.reason
+    assert 'reference logger' in bench.node.snapshot.progress.reason
 
 
 def test_a_run_is_resumed_from_its_directory_and_a_finished_one_refused(make, tmp_path) -> None:
     first = make(start=True)
-    first.until(lambda: first.node.moment.step.id == 'hot')
+    first.until(lambda: first.node.snapshot.step.id == 'hot')
     first.node.run.conductor.close()
     again = make(profile='')
     again.step()
     assert again.mode == 'IDLE'
-    assert again.node.moment.step.id == 'hot'
+    assert again.node.snapshot.step.id == 'hot'
     assert again.call('start').success
     again.until(lambda: again.mode == DONE)
-    assert again.node.moment.progress.interruptions == 1
+    assert again.node.snapshot.progress.interruptions == 1
     events = [entry['event'] for entry in read_journal(tmp_path / 'run')]
     assert events.count('interrupted') == 1
     assert not make(profile='').started
@@ -210,13 +210,13 @@ def test_each_orientation_is_announced_and_between_them_a_hand_is_waited_for(
     profile.write_text(CAMPAIGN)
     bench = make(profile=str(profile), start=True)
     assert runs_said(bench) == ['']
-    bench.until(lambda: bench.node.moment.prompt)
-    assert '-z points up' in bench.node.moment.prompt
+    bench.until(lambda: bench.node.snapshot.prompt)
+    assert '-z points up' in bench.node.snapshot.prompt
     assert runs_said(bench) == ['', '+x', '']
     for _ in range(600):
         bench.step()
-    assert bench.node.moment.prompt
-    assert not bench.node.moment.reading.running
+    assert bench.node.snapshot.prompt
+    assert not bench.node.snapshot.reading.running
     assert bench.call('confirm').success
     bench.until(lambda: bench.node.exit_code is not None)
     assert bench.node.exit_code == 0
@@ -225,7 +225,7 @@ def test_each_orientation_is_announced_and_between_them_a_hand_is_waited_for(
 
 def test_a_resumed_run_keeps_the_orientation_it_was_begun_with(make) -> None:
     first = make(start=True, orientation='-z')
-    first.until(lambda: first.node.moment.step.id == 'heat')
+    first.until(lambda: first.node.snapshot.step.id == 'heat')
     first.node.run.conductor.close()
     again = make(profile='')
     again.step()
@@ -237,22 +237,22 @@ def test_a_resumed_run_keeps_the_orientation_it_was_begun_with(make) -> None:
 
 def test_a_full_disk_ends_in_the_safe_state(make, monkeypatch) -> None:
     bench = make(start=True)
-    bench.until(lambda: bench.node.moment.step.id == 'heat')
+    bench.until(lambda: bench.node.snapshot.step.id == 'heat')
     monkeypatch.setattr('chamber_profile.run.conductor.free_bytes', lambda _: 1 << 29)
     bench.step()
     assert bench.mode == SAFE
-    assert 'GiB' in bench.node.moment.progress.reason
+    assert 'GiB' in bench.node.snapshot.progress.reason
 
 
 def test_a_journal_that_cannot_be_written_ends_in_the_safe_state(make, monkeypatch) -> None:
     bench = make(start=True)
-    bench.until(lambda: bench.node.moment.step.id == 'heat')
+    bench.until(lambda: bench.node.snapshot.step.id == 'heat')
 
     def fail(*_, **__):
         raise OSError(28, 'No space left on device')
 
     monkeypatch.setattr('chamber_profile.run.journal.Journal.write', fail)
     bench.until(lambda: bench.mode in (SAFE, ABORTED))
-    assert 'journal' in bench.node.moment.progress.reason
+    assert 'journal' in bench.node.snapshot.progress.reason
     bench.until(lambda: bench.mode == ABORTED)
     assert not bench.node.run.conductor.link.chamber.running

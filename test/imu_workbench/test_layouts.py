@@ -60,7 +60,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[dict[str,
             for topic, types in node.get_publisher_names_and_types_by_node(*place):
                 topics[topic] = types[0]
         chamber = nodes[2]
-        chamber.order('start')
+        chamber.command('start')
         chamber.advance()
         values = {node.get_name(): node.diagnostics()[2] for node in nodes}
         yield topics, values

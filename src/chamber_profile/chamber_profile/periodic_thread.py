@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A thread that does one thing at a steady pace, and says so when it fails."""
+"""A thread that calls one function periodically."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable
 
 
-class RunThread:
-    """Calls `step` every `period_s` until stopped; a step that is late is not made up for.
+class PeriodicThread:
+    """Calls `step` every `period_s` until stopped; a late step is not made up for.
 
     Where a step raises, `failed` is called before the error ends the thread.
     """

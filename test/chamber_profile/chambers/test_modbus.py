@@ -7,7 +7,7 @@ import pytest
 from chamber_profile.chambers.catalogue import ChamberAddressError, open_chamber
 from chamber_profile.chambers.chamber import ChamberError, ChamberRefusalError
 from chamber_profile.chambers.modbus import ModbusRegisters
-from chamber_profile.emulators.plant import EmulatedBody
+from chamber_profile.emulators.plant import EmulatedPlant
 from chamber_profile.emulators.watlow_f4 import WatlowF4Server
 
 
@@ -150,7 +150,7 @@ def test_an_order_that_is_answered_with_another_value_was_not_taken() -> None:
 
 
 def test_the_emulated_f4_answers_the_frames_of_the_notes() -> None:
-    server = WatlowF4Server(EmulatedBody())
+    server = WatlowF4Server(EmulatedPlant())
     for name in ('SP = 50.0', 'SP = -10.0', 'event 1 on', 'terminate'):
         frame = bytes.fromhex(F4_REQUESTS[name][2])
         assert server.feed(frame[:5]) == []
@@ -178,13 +178,13 @@ def test_the_emulated_f4_answers_and_refuses_as_the_specification_says(
     request_pdu: str, answer_pdu: str, tcp: bool
 ) -> None:
     frame = tcp_frame if tcp else serial_frame
-    server = WatlowF4Server(EmulatedBody(), tcp=tcp)
+    server = WatlowF4Server(EmulatedPlant(), tcp=tcp)
     request, answer = (bytes.fromhex(frame(pdu, 1)) for pdu in (request_pdu, answer_pdu))
     assert server.feed(request) == [answer]
 
 
 def test_the_emulated_f4_is_silent_to_others_and_recovers_from_garbage() -> None:
-    server = WatlowF4Server(EmulatedBody())
+    server = WatlowF4Server(EmulatedPlant())
     good = bytes.fromhex(F4_REQUESTS['read decimals'][2])
     assert server.feed(bytes.fromhex(serial_frame('03 02 5E 00 01', 2))) == []
     assert server.feed(good[:-1] + b'\0') == []  # CRC

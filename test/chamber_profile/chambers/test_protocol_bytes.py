@@ -2,7 +2,7 @@
 """ESPEC, ASCII-2 and SIMSERV: bytes as in the manufacturers' interface descriptions."""
 
 from chamber_profile.emulators.espec import EspecServer
-from chamber_profile.emulators.plant import EmulatedBody
+from chamber_profile.emulators.plant import EmulatedPlant
 from chamber_profile.emulators.votsch import Ascii2Server, SimservServer
 
 ESPEC_BYTES = [
@@ -13,7 +13,7 @@ ESPEC_BYTES = [
 
 
 def test_espec_answers_have_the_documented_fields() -> None:
-    server = EspecServer(EmulatedBody())
+    server = EspecServer(EmulatedPlant())
     for request, fields in ESPEC_BYTES:
         (answer,) = server.feed(request)
         assert answer.endswith(b'\r\n')
@@ -27,14 +27,14 @@ def test_espec_answers_have_the_documented_fields() -> None:
 
 
 def test_espec_on_a_bus_answers_its_own_address_only() -> None:
-    server = EspecServer(EmulatedBody(), address=1)
+    server = EspecServer(EmulatedPlant(), address=1)
     (answer,) = server.feed(b'1,MON?\r\n')
     assert answer.split(b',')[2] == b'STANDBY'
     assert server.feed(b'2,MON?\r\n') == []
 
 
 def test_ascii2_uses_the_documented_number_format() -> None:
-    server = Ascii2Server(EmulatedBody())
+    server = Ascii2Server(EmulatedPlant())
     order = (
         b'$01E 0050.0 0080.0 0090.0 0000.0 0000.0 0000.0 0000.0 01000000000000000000000000000000\r'
     )
@@ -64,7 +64,7 @@ def test_ascii2_writes_back_what_it_does_not_mean_to_change(emulator) -> None:
 
 
 def test_simserv_frames() -> None:
-    server = SimservServer(EmulatedBody())
+    server = SimservServer(EmulatedPlant())
     s = b'\xb6'
     assert server.feed(s.join([b'11001', b'1', b'1', b'-10.0']) + b'\r') == [b'1\r\n']
     assert server.feed(s.join([b'11002', b'1', b'1']) + b'\r') == [b'1' + s + b'-10.0\r\n']

@@ -8,10 +8,10 @@ from chamber_profile.chambers.catalogue import CHAMBERS
 from chamber_profile.chambers.chamber import ChamberError, ChamberReading
 from chamber_profile.emulators.chamber import SERVERS
 from chamber_profile.emulators.faults import FaultPlan, damaged, parse_fault
-from chamber_profile.emulators.plant import EmulatedBody
+from chamber_profile.emulators.plant import EmulatedPlant
 from chamber_profile.profile.file import parse_profile
 from chamber_profile.run.chamber_link import ChamberLink, ClockError
-from chamber_profile.run.conductor import Clocks, Conductor, Surroundings
+from chamber_profile.run.conductor import Clocks, Conductor, ExternalReadings
 from chamber_profile.run.journal import read_journal
 from chamber_profile.run.sequencer import Sequencer
 from chamber_profile.run.values import ABORTED, DONE, LINK_FAILING, LINK_LOST, LINK_OK
@@ -37,7 +37,7 @@ class MemoryLine:
 
     def __init__(self, protocol: str, *faults: str) -> None:
         self.now = 0.0
-        self.body = EmulatedBody(seed=3)
+        self.body = EmulatedPlant(seed=3)
         self.plan = FaultPlan([parse_fault(text) for text in faults], self.body)
         self.server = SERVERS[protocol](self.body, 0, True)
         self.pause_s = 0.0
@@ -79,7 +79,7 @@ class Trial:
         self.sequencer = Sequencer(TINY)
         self.conductor = Conductor(
             self.sequencer, link, self.folder,
-            Clocks(clock, clock, lambda: int(clock() * 1e9)), Surroundings,
+            Clocks(clock, clock, lambda: int(clock() * 1e9)), ExternalReadings,
         )  # fmt: skip
         self.sequencer.command('start')
 

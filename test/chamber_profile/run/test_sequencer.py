@@ -126,7 +126,7 @@ def test_a_run_that_ends_away_from_the_safe_temperature_goes_there_first(bench) 
     assert it.writes[-1][1] == 20.0
 
 
-# Settling and dwelling ------------------------------------------------------------------------
+# Settling and dwelling ---------------------------------------------------------------------
 
 
 def test_a_dwell_waits_for_the_device_where_the_profile_says_so(bench) -> None:

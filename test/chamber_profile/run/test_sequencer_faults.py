@@ -207,7 +207,7 @@ def test_a_clock_that_jumps_does_not_make_the_setpoint_jump(bench) -> None:
 
 def test_a_chamber_without_limits_of_its_own_is_not_said_to_have_them(bench) -> None:
     it = bench()
-    it.sequencer.suit(resolution_c=0.1, programs_limits=False)
+    it.sequencer.set_capabilities(resolution_c=0.1, programs_limits=False)
     it.start()
     it.run_until(lambda: it.running)
     (note,) = [note for note in it.notes if note.event == 'limits']

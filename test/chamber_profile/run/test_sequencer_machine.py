@@ -263,11 +263,11 @@ class Runs(RuleBasedStateMachine):
 
     def left_alone(self) -> None:
         self.link, self.obeys, self.world = 'ok', True, {}
-        if self.sequencer.in_charge:
+        if self.sequencer.under_way:
             self.order('abort')
             for count in range(20_000):
                 self.tick(1.0 if count < 60 else 5.0)
-                if not self.sequencer.in_charge:
+                if not self.sequencer.under_way:
                     break
         progress = self.sequencer.progress
         assert progress.mode in (IDLE, *FINISHED), progress

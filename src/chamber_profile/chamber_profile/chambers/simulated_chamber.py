@@ -68,6 +68,11 @@ class SimulatedChamber:
             steps -= take
         self._protect()
 
+    @property
+    def true_air(self) -> float:
+        """Air temperature at the devices, which no sensor shows [°C]."""
+        return float(self.state[physics.AIR] + self.state[physics.EDDY])
+
     def connect(self) -> str:
         """Return what this chamber is."""
         return f'simulated chamber, seed {self.seed}'

@@ -17,14 +17,14 @@ from imu_recording.user_error import UserError
 from chamber_profile.emulators.endpoint import PtyEndpoint, Server, TcpEndpoint
 from chamber_profile.emulators.espec import EspecServer
 from chamber_profile.emulators.faults import FAULTS, FaultPlan, parse_fault
-from chamber_profile.emulators.plant import EmulatedBody
+from chamber_profile.emulators.plant import EmulatedPlant
 from chamber_profile.emulators.votsch import Ascii2Server, SimservServer
 from chamber_profile.emulators.watlow_f4 import WatlowF4Server
 
 LOOK_S = 0.02
 """The chamber's clock moves at least so often [s]."""
 
-SERVERS: dict[str, Callable[[EmulatedBody, int, bool], Server]] = {
+SERVERS: dict[str, Callable[[EmulatedPlant, int, bool], Server]] = {
     'espec': lambda body, address, _: EspecServer(body, address),
     'ascii2': lambda body, address, _: Ascii2Server(body, address or 1),
     'simserv': lambda body, address, _: SimservServer(body, address or 1),
@@ -56,7 +56,7 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def open_endpoint(options: argparse.Namespace, body: EmulatedBody) -> TcpEndpoint | PtyEndpoint:
+def open_endpoint(options: argparse.Namespace, body: EmulatedPlant) -> TcpEndpoint | PtyEndpoint:
     """Return the port or terminal the options ask for."""
     tcp = options.tcp is not None
 
@@ -84,7 +84,7 @@ def main(argv: list[str] | None = None) -> int:
         faults = [parse_fault(text) for text in options.faults]
         if not options.time_scale > 0.0:
             raise UserError(f'--time-scale {options.time_scale:g}: expected a positive number')
-        body = EmulatedBody(options.seed, options.time_scale)
+        body = EmulatedPlant(options.seed, options.time_scale)
         endpoint = open_endpoint(options, body)
     except (ValueError, OSError) as error:
         sys.stderr.write(f'emulated_chamber: {error}\n')

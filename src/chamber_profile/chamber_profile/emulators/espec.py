@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 
 from chamber_profile.chambers.chamber import ChamberRefusalError
-from chamber_profile.emulators.plant import EmulatedBody
+from chamber_profile.emulators.plant import EmulatedPlant
 
 END = b'\r\n'
 _SETTING = re.compile(r'([SHL])\s*(-?\d+(?:\.\d+)?)')
@@ -16,7 +16,7 @@ _SETTING = re.compile(r'([SHL])\s*(-?\d+(?:\.\d+)?)')
 class EspecServer:
     """Feed it bytes as they come; it returns the answers to all whole lines."""
 
-    def __init__(self, body: EmulatedBody, address: int = 0) -> None:
+    def __init__(self, body: EmulatedPlant, address: int = 0) -> None:
         self._body = body
         self._prefix = f'{address},' if address else ''
         self._pending = b''

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from imu_recording.user_error import UserError
 
-from chamber_profile.emulators.plant import EmulatedBody
+from chamber_profile.emulators.plant import EmulatedPlant
 
 FAULTS = {
     'silence': 'requests get no answer',
@@ -59,7 +59,7 @@ def parse_fault(text: str) -> Fault:
 class FaultPlan:
     """Which faults act now; those of the chamber itself are applied to its body."""
 
-    def __init__(self, faults: list[Fault], body: EmulatedBody) -> None:
+    def __init__(self, faults: list[Fault], body: EmulatedPlant) -> None:
         self._faults = faults
         self._body = body
         self._stopped: set[Fault] = set()

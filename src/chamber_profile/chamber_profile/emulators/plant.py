@@ -11,7 +11,7 @@ LONGEST_S = 3600.0
 """What passes at most between two looks at the clock [s]; the rest of a longer gap is dropped."""
 
 
-class EmulatedBody:
+class EmulatedPlant:
     """A simulated chamber whose time runs `time_scale` times faster than the clock's.
 
     `look(now)` brings it up to the clock. Faults act through the plain attributes.

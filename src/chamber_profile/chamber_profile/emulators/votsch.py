@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from chamber_profile.chambers.chamber import ChamberRefusalError
-from chamber_profile.emulators.plant import EmulatedBody
+from chamber_profile.emulators.plant import EmulatedPlant
 
 SEPARATOR = b'\xb6'
 SET_VALUES = 7
@@ -16,7 +16,7 @@ START_BIT = 1
 class Ascii2Server:
     """Requests `$01I`, `$01E …`, `$01U …`, `$01?`, each ended by CR."""
 
-    def __init__(self, body: EmulatedBody, address: int = 1) -> None:
+    def __init__(self, body: EmulatedPlant, address: int = 1) -> None:
         self._body = body
         self._prefix = f'${address:02d}'
         self._pending = b''
@@ -74,7 +74,7 @@ class Ascii2Server:
 class SimservServer:
     """Requests `CMD¶chamber¶arguments` ended by CR, ¶ being 0xB6."""
 
-    def __init__(self, body: EmulatedBody, address: int = 1) -> None:
+    def __init__(self, body: EmulatedPlant, address: int = 1) -> None:
         self._body = body
         self._address = str(address).encode('ascii')
         self._pending = b''

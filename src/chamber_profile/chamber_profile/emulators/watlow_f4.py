@@ -17,7 +17,7 @@ from pymodbus.pdu.register_message import (
 from chamber_profile.chambers import watlow_f4
 from chamber_profile.chambers.chamber import ChamberRefusalError
 from chamber_profile.chambers.modbus import framer
-from chamber_profile.emulators.plant import EmulatedBody
+from chamber_profile.emulators.plant import EmulatedPlant
 
 SCALE = 10.0
 EVENT = watlow_f4.event_register(1)
@@ -28,7 +28,7 @@ MAX_FRAME_BYTES = 260
 class F4Registers:
     """The controller's registers on top of a plant; one decimal, °C."""
 
-    def __init__(self, body: EmulatedBody) -> None:
+    def __init__(self, body: EmulatedPlant) -> None:
         self._body = body
 
     def answer(self, request: ModbusPDU) -> ModbusPDU:
@@ -101,7 +101,7 @@ class WatlowF4Server:
     A serial frame with a wrong CRC or another address gets no answer.
     """
 
-    def __init__(self, body: EmulatedBody, address: int = 1, *, tcp: bool = False) -> None:
+    def __init__(self, body: EmulatedPlant, address: int = 1, *, tcp: bool = False) -> None:
         self._registers = F4Registers(body)
         self._framer = framer(tcp=tcp, is_server=True)
         self._address = None if tcp else address

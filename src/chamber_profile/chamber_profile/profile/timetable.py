@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a profile does what: the ideal timetable, and its set-point at any time."""
+"""The ideal timetable of a profile, and its set-point over time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from chamber_profile.profile.values import Profile
 
 @dataclass(frozen=True)
 class Entry:
-    """One step on the ideal clock: a chamber without lag, an operator who takes as expected."""
+    """One step with its times, for a chamber without lag and an operator as fast as expected."""
 
     id: str
     kind: str
@@ -23,7 +23,7 @@ class Entry:
     orientation: str
     start_s: float
     move_s: float
-    """Time the set-point is on its way [s]."""
+    """Time of the set-point's ramp [s]."""
     dwell_s: float
     from_c: float
     to_c: float
@@ -36,25 +36,23 @@ class Entry:
 
 def timetable(profile: Profile, start_c: float | None = None) -> tuple[Entry, ...]:
     """Return the steps with their times, beginning at `start_c` (default: the first target)."""
-    time, here = 0.0, profile.start_c if start_c is None else start_c
+    time, setpoint = 0.0, profile.start_c if start_c is None else start_c
     entries = []
     for step in closed_steps(profile):
-        move = abs(step.target_c - here) / step.rate_c_per_min * 60.0
-        stay = step.expected_s if step.kind == 'operator' else step.dwell_s
         entry = Entry(
-            step.id,
-            step.kind,
-            step.phase,
-            step.cycle,
-            step.orientation,
-            time,
-            move,
-            stay,
-            here,
-            step.target_c,
+            id=step.id,
+            kind=step.kind,
+            phase=step.phase,
+            cycle=step.cycle,
+            orientation=step.orientation,
+            start_s=time,
+            move_s=step.ramp_s(setpoint),
+            dwell_s=step.hold_s,
+            from_c=setpoint,
+            to_c=step.target_c,
         )
         entries.append(entry)
-        time, here = entry.end_s, step.target_c
+        time, setpoint = entry.end_s, step.target_c
     return tuple(entries)
 
 

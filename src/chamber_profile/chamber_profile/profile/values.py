@@ -73,6 +73,15 @@ class Step:
     orientation: str = ''
     """Sensor axis that points up, '+x' … '-z'; '' where not stated and in operator steps."""
 
+    def ramp_s(self, from_c: float) -> float:
+        """Return the time of the set-point's ramp from a temperature to the target [s]."""
+        return abs(self.target_c - from_c) / self.rate_c_per_min * 60.0
+
+    @property
+    def hold_s(self) -> float:
+        """Ideal time at the target: the dwell, or the expected time of an operator [s]."""
+        return self.expected_s if self.kind == 'operator' else self.dwell_s
+
 
 @dataclass(frozen=True)
 class Record:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import serial
 from imu_recording.user_error import UserError, why_not_open
 
-LONGEST_LINE = 4096
+MAX_LINE_BYTES = 4096
 """More bytes without an end of line are not a line."""
 
 
@@ -62,7 +62,7 @@ class ReferenceLines:
     def feed(self, data: bytes) -> list[dict[str, float]]:
         """Return temperature [°C] by topic, one mapping per line."""
         *lines, self._pending = (self._pending + data).replace(b'\r', b'\n').split(b'\n')
-        if len(self._pending) > LONGEST_LINE:
+        if len(self._pending) > MAX_LINE_BYTES:
             self._pending = b''
         return [reading for line in lines if line.strip() and (reading := self._reading(line))]
 
@@ -99,7 +99,7 @@ class ReferenceLoggerPort:
         scheme, _, rest = address.partition('://')
         if scheme not in ('serial', 'tcp') or not rest:
             raise UserError(f'port is {address!r}, expected serial:///dev/… or tcp://HOST:PORT')
-        self.complaint = 'not opened yet'
+        self.fault = 'not opened yet'
         """What is wrong with the port; '' nothing."""
         self.reconnects = -1
         self._url = rest if scheme == 'serial' else f'socket://{rest}'
@@ -116,7 +116,7 @@ class ReferenceLoggerPort:
                 return b''
             return bytes(self._port.read(1) + self._port.read(self._port.in_waiting))
         except (OSError, ValueError, termios.error) as error:
-            self.complaint = why_not_open(self._url, error)
+            self.fault = why_not_open(self._url, error)
             self.close()
             self._retry_at = time.monotonic() + RETRY_S
             return b''
@@ -135,5 +135,5 @@ class ReferenceLoggerPort:
         self._port = serial.serial_for_url(
             self._url, baudrate=self._baudrate, timeout=0.2, **options
         )
-        self.complaint = ''
+        self.fault = ''
         self.reconnects += 1

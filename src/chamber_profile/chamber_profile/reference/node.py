@@ -12,10 +12,10 @@ from imu_recording.ros.parameter import NodeConfig, parameter
 from imu_recording.ros.run_node import run_node
 from sensor_msgs.msg import Temperature
 
-from chamber_profile.periodic_thread import RunThread
+from chamber_profile.periodic_thread import PeriodicThread
 from chamber_profile.reference.logger import ReferenceLines, ReferenceLoggerPort, parse_columns
 
-SILENCE_S = 10.0
+SILENCE_TIMEOUT_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class ReferenceLoggerNode(ConfiguredNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__('reference_logger', **options)
-        self._thread: RunThread | None = None
+        self._thread: PeriodicThread | None = None
 
     def setup(self, config: ReferenceLoggerConfig) -> None:
         """Prepare the port; it is opened at activation."""
@@ -59,7 +59,7 @@ class ReferenceLoggerNode(ConfiguredNode):
     def activated(self) -> None:
         """Begin to read."""
         if self._capture is None:
-            self._thread = RunThread(lambda: self.on_bytes(self._port.read()), 0.0, self.stop)
+            self._thread = PeriodicThread(lambda: self.on_bytes(self._port.read()), 0.0, self.stop)
 
     def deactivated(self) -> None:
         """Stop reading."""
@@ -91,10 +91,10 @@ class ReferenceLoggerNode(ConfiguredNode):
             'reconnects': max(self._port.reconnects, 0),
             **{f'rejected {topic}': count for topic, count in rejected.items()},
         }
-        if silent > SILENCE_S:
-            return 2, self._port.complaint or f'no line for {silent:.0f} s', values
+        if silent > SILENCE_TIMEOUT_S:
+            return 2, self._port.fault or f'no line for {silent:.0f} s', values
         if not self.lines.lines:
-            return 1, self._port.complaint or 'waiting for the first line', values
+            return 1, self._port.fault or 'waiting for the first line', values
         if rejected:
             return 1, f'no temperature in {", ".join(sorted(rejected))}', values
         return 0, 'reading', values

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The link to a chamber under supervision: connect, read, order, retry, give up."""
+"""The link to a chamber: connects, reads and orders, retries, and declares itself lost."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def carry_out(actions: Iterable[Action], chamber: Chamber, note: Callable[[Note]
 
 
 def readings_of(time: float, reading: ChamberReading) -> Readings:
-    """Return the sequencer's view of a chamber reading, all else being well."""
+    """Return a chamber's reading as readings of the sequencer, everything else without fault."""
     return Readings(
         time=time,
         air=reading.air,
@@ -50,44 +50,45 @@ def readings_of(time: float, reading: ChamberReading) -> Readings:
     )
 
 
-TRIES = 3
-WITHIN_S = 15.0
-"""So many failures, or silence, within so long: the link is lost [s of the host]."""
+MAX_FAILURES = 3
+"""The link is lost after so many failures within FAILURE_WINDOW_S …"""
+FAILURE_WINDOW_S = 15.0
+"""… or after so long without an answer [s of the host]."""
 RETRY_S = 5.0
-"""A link that failed is tried again after [s of the host]."""
+"""Time between two tries of a link that failed [s of the host]."""
 FIRST_RETRY_S = 1.0
-"""… or sooner while it has never worked: the chamber may still be starting."""
+"""The same before the first success, while the chamber may still be starting [s of the host]."""
 
 
 class ClockError(UserError):
-    """An accelerated clock on a chamber that is not emulated."""
+    """The clock is accelerated, but the chamber is not emulated."""
 
 
 class ChamberLink:
-    """Keeps a chamber connected. No method raises for a broken link: `status` tells."""
+    """Keeps a chamber connected. A broken link does not raise, it shows in `status`."""
 
     def __init__(
         self, chamber: Chamber, host: Callable[[], float], time_scale: float = 1.0
     ) -> None:
         self.chamber = chamber
         self.identity = ''
-        """What the chamber says it is; '' before it was reached."""
+        """The chamber's description of itself; '' before it was reached."""
         self.status = LINK_FAILING
-        self.complaint = 'not connected yet'
-        """What went wrong last; '' nothing."""
+        self.fault = 'not connected yet'
+        """The last failure; '' while the link works."""
         self.failures = 0
         self._host = host
         self._time_scale = time_scale
-        self._recent: deque[float] = deque(maxlen=TRIES)
+        self._recent: deque[float] = deque(maxlen=MAX_FAILURES)
         self._tried_at = self._good_at = host()
         self._retry_at = float('-inf')
         self._connected = False
 
     def read(self) -> ChamberReading | None:
-        """Return what the chamber says now; None while the link does not work.
+        """Return the chamber's reading; None while the link does not work.
 
-        Raises ClockError where the clock is accelerated and the chamber does not say that it is
-        emulated: nothing has been ordered by then.
+        Raises ClockError, before anything is ordered, where the clock is accelerated and the
+        chamber does not report that it is emulated.
         """
         if self._host() < self._retry_at:
             return None
@@ -101,12 +102,12 @@ class ChamberLink:
         except ChamberError as error:
             self._failed(error)
             return None
-        self.status, self.complaint = LINK_OK, ''
+        self.status, self.fault = LINK_OK, ''
         self._good_at = self._host()
         return reading
 
     def carry_out(self, actions: Iterable[Action], note: Callable[[Note], None]) -> None:
-        """Carry out actions in order; once an order fails only notes are still taken."""
+        """Carry out actions in order; after an order that fails, only notes."""
         rest = list(actions)
         while rest:
             action = rest.pop(0)
@@ -130,11 +131,12 @@ class ChamberLink:
     def _failed(self, error: ChamberError) -> None:
         now = self._host()
         self.failures += 1
-        self.complaint = str(error)
+        self.fault = str(error)
         self._connected = False
-        # An attempt counts from its beginning: waiting for an answer must not stretch the tries.
+        # A try counts from its beginning, so that time-outs do not stretch the window.
         self._recent.append(self._tried_at)
         self._retry_at = self._tried_at + (RETRY_S if self.identity else FIRST_RETRY_S)
-        many = len(self._recent) == TRIES and self._tried_at - self._recent[0] <= WITHIN_S
-        lost = many or now - self._good_at > WITHIN_S or self.status == LINK_LOST
+        full = len(self._recent) == MAX_FAILURES
+        frequent = full and self._tried_at - self._recent[0] <= FAILURE_WINDOW_S
+        lost = frequent or now - self._good_at > FAILURE_WINDOW_S or self.status == LINK_LOST
         self.status = LINK_LOST if lost else LINK_FAILING

@@ -14,7 +14,14 @@ from chamber_profile.profile.values import Step
 from chamber_profile.run.chamber_link import ChamberLink, readings_of
 from chamber_profile.run.journal import Journal
 from chamber_profile.run.sequencer import Sequencer
-from chamber_profile.run.values import FINISHED, LINK_FAILING, LINK_OK, Note, Progress, Readings
+from chamber_profile.run.values import (
+    FINISHED,
+    LINK_FAILING,
+    LINK_OK,
+    Note,
+    Progress,
+    Readings,
+)
 
 
 @dataclass(frozen=True)
@@ -22,29 +29,31 @@ class Clocks:
     """The three clocks of a run."""
 
     host: Callable[[], float]
-    """Monotonic [s]: retries and time-outs of the link."""
+    """Monotonic time for retries and time-outs of the link [s]."""
     chamber: Callable[[], float]
-    """[s] of the profile; host time × time scale."""
+    """Time of the profile: host time × time scale [s]."""
     stamp: Callable[[], int]
     """ROS time [ns]."""
 
 
 @dataclass(frozen=True)
-class Surroundings:
-    """What the chamber itself does not know."""
+class ExternalReadings:
+    """Readings that come from elsewhere than the chamber."""
 
     imu_alive: bool = True
     fault: str = ''
+    """Fault of recorder or reference logger; '' none."""
     air: float | None = None
-    """Air of the reference logger [°C]; counts instead of the chamber's where `referenced`."""
+    """Air of the reference logger [°C]; replaces the chamber's where `referenced`."""
     device: float | None = None
     """Thermocouple of the reference logger [°C]."""
     referenced: bool = False
+    """Whether a reference logger replaces the chamber's own sensors."""
 
 
 @dataclass(frozen=True)
-class Moment:
-    """A run at one moment, for those who show it."""
+class RunSnapshot:
+    """State of a run after one step, for topics and diagnostics."""
 
     stamp: int
     """ROS time of the reading [ns]."""
@@ -54,14 +63,14 @@ class Moment:
     step: Step
     prompt: str
     dwelt_s: float
-    due: bool
-    """Whether it is time to publish and record the chamber's readings."""
-    complaint: str
-    """What the link or the journal complain of; '' nothing."""
+    publish_due: bool
+    """Whether the chamber's readings are to be published and recorded now."""
+    fault: str
+    """Fault of link or journal; '' none."""
 
 
 class Conductor:
-    """Advances a run by `step`, about twice a second; the caller provides clocks and IMU news."""
+    """Advances a run by `step`, about twice a second; the caller provides the clocks."""
 
     def __init__(
         self,
@@ -69,49 +78,56 @@ class Conductor:
         link: ChamberLink,
         directory: Path,
         clocks: Clocks,
-        surroundings: Callable[[], Surroundings],
+        external: Callable[[], ExternalReadings],
     ) -> None:
         self.sequencer = sequencer
         self.link = link
         self.directory = directory
         self.report: Callable[[str], object] = lambda _: None
-        """Told every change in one line."""
+        """Is called with a line for every note."""
         self._clocks = clocks
-        self._surroundings = surroundings
+        self._external = external
         self._journal: Journal | None = None
         self._journal_fault = ''
-        self._simulated_at: float | None = None
-        self._shown_at = float('-inf')
+        self._simulated_until: float | None = None
+        self._published_at = float('-inf')
         self._now = 0.0
 
     @property
     def over(self) -> bool:
-        """Whether the run has ended, one way or the other."""
+        """Whether the run has ended."""
         return self.sequencer.progress.mode in FINISHED
 
-    def step(self) -> Moment:
-        """Read, decide, note, order; return how things stand."""
-        self._let_pass(self._clocks.chamber())
+    def step(self) -> RunSnapshot:
+        """Read the chamber, decide, note, order; return the state after it."""
+        self._advance_simulation(self._clocks.chamber())
         reading = self.link.read()
-        now, stamp = self._clocks.chamber(), self._clocks.stamp()  # when this was read
+        now, stamp = self._clocks.chamber(), self._clocks.stamp()  # time of the reading
         self._now = round(now, 3)
         if reading is not None:
             chamber = self.link.chamber
-            self.sequencer.suit(
+            self.sequencer.set_capabilities(
                 resolution_c=chamber.resolution_c, programs_limits=chamber.programs_limits
             )
         actions = self.sequencer.tick(self._readings(now, reading))
         self.link.carry_out(actions, self._note)
-        return Moment(
+        return RunSnapshot(
             stamp=stamp,
             reading=reading,
             progress=self.sequencer.progress,
             step=self.sequencer.step,
             prompt=self.sequencer.prompt,
             dwelt_s=self.sequencer.dwelt_s,
-            due=reading is not None and self._is_due(now),
-            complaint=self.link.complaint or self._journal_fault,
+            publish_due=reading is not None and self._publish_due(now),
+            fault=self.link.fault or self._journal_fault,
         )
+
+    def stop_at_once(self) -> None:
+        """Put the chamber on stand-by now, without a ramp, and note it."""
+        if self.sequencer.command('standby') == '':
+            self._now = self._clocks.chamber()
+            unread = Readings(time=self._now, link=LINK_FAILING)
+            self.link.carry_out(self.sequencer.tick(unread), self._note)
 
     def close(self) -> None:
         """Release line and journal; the chamber goes on as it is."""
@@ -121,24 +137,23 @@ class Conductor:
             self._journal = None
 
     def _readings(self, now: float, reading: ChamberReading | None) -> Readings:
-        around = self._surroundings()
-        common = {
-            'imu_alive': around.imu_alive,
-            'disk_free': float(free_bytes(self.directory)),
-            'fault': self._journal_fault or around.fault,
-        }
-        if reading is None or self.link.status != LINK_OK:
-            status = self.link.status
-            return Readings(time=now, link=status, **common)  # type: ignore[arg-type]
-        readings = readings_of(now, reading)
-        if around.referenced:
-            readings = replace(readings, air=around.air, device=around.device)
-        elif around.device is not None:
-            readings = replace(readings, device=around.device)
-        return replace(readings, **common)  # type: ignore[arg-type]
+        external = self._external()
+        readings = Readings(time=now, link=self.link.status)
+        if reading is not None and self.link.status == LINK_OK:
+            readings = readings_of(now, reading)
+            if external.referenced:
+                readings = replace(readings, air=external.air, device=external.device)
+            elif external.device is not None:
+                readings = replace(readings, device=external.device)
+        return replace(
+            readings,
+            imu_alive=external.imu_alive,
+            disk_free=float(free_bytes(self.directory)),
+            fault=self._journal_fault or external.fault,
+        )
 
     def _note(self, note: Note) -> None:
-        """Write to the journal; one that cannot be written ends the run, but safely."""
+        """Write to the journal; where that fails, the run goes to the safe state."""
         stamp = self._clocks.stamp()
         step = self.sequencer.steps[note.progress.step]
         facts = {'id': step.id, 'phase': step.phase, 'cycle': step.cycle, 'clock_s': self._now}
@@ -155,24 +170,17 @@ class Conductor:
             + (f', {why}' if why else '')
         )
 
-    def stop_at_once(self) -> None:
-        """Put the chamber on stand-by now, without a ramp, and note it."""
-        if self.sequencer.command('standby') == '':
-            self._now = self._clocks.chamber()
-            lost = Readings(time=self._now, link=LINK_FAILING)
-            self.link.carry_out(self.sequencer.tick(lost), self._note)
-
-    def _is_due(self, now: float) -> bool:
+    def _publish_due(self, now: float) -> bool:
         period = self.sequencer.profile.record.chamber_period_s
-        if now - self._shown_at < 0.95 * period:
+        if now - self._published_at < 0.95 * period:
             return False
-        self._shown_at = now
+        self._published_at = now
         return True
 
-    def _let_pass(self, now: float) -> None:
-        """A chamber simulated in this process has no clock of its own."""
+    def _advance_simulation(self, now: float) -> None:
+        """Advance a chamber that is simulated in this process: it has no clock of its own."""
         advance = getattr(self.link.chamber, 'advance', None)
         if advance is not None:
-            before, self._simulated_at = self._simulated_at, now
+            before, self._simulated_until = self._simulated_until, now
             if before is not None and now > before:
                 advance(now - before)

@@ -16,15 +16,15 @@ from chamber_profile.profile.file import load_profile, profile_names
 from chamber_profile.profile.unroll import signed_axis
 from chamber_profile.profile.values import Profile
 from chamber_profile.run.chamber_link import ChamberLink
-from chamber_profile.run.conductor import Clocks, Conductor, Surroundings
+from chamber_profile.run.conductor import Clocks, Conductor, ExternalReadings
 from chamber_profile.run.journal import holds_run, load_run
 from chamber_profile.run.sequencer import Sequencer
 from chamber_profile.run.values import DONE, FINISHED, IDLE, Progress
 
-TICK_S = 0.5
-"""The run advances so often [s of the chamber]."""
-SHORTEST_TICK_S = 0.02
-"""… but not more often [s of the host]."""
+PERIOD_S = 0.5
+"""Period of a run's steps [s of the chamber] …"""
+MIN_PERIOD_S = 0.02
+"""… and its least value [s of the host]."""
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,13 @@ class Run:
     conductor: Conductor
     directory: Path
     period_s: float
-    """Host seconds between two steps."""
+    """Period of its steps [s of the host]."""
     exits: bool
     """Whether the process ends with the run."""
     resumed: bool
 
     def exit_code(self, progress: Progress) -> int | None:
-        """Return 0 or 1 where the process shall end now, None where it goes on."""
+        """Return 0 or 1 where the process is to end now, None where it goes on."""
         if not self.exits:
             return None
         refused = progress.mode == IDLE and progress.reason.startswith('check failed')
@@ -79,42 +79,41 @@ class Run:
 def open_run(
     config: ChamberConfig,
     now: Callable[[], int],
-    surroundings: Callable[[], Surroundings],
+    external: Callable[[], ExternalReadings],
     *,
     simulated_time: bool,
 ) -> Run:
     """Return the run of the parameters; raise ValueError where they make none."""
     chamber = open_chamber(config.chamber)
+    profile, progress, directory = _profile_and_progress(config)
+    clocks = _clocks(config.time_scale, now, simulated_time=simulated_time)
+    link = ChamberLink(chamber, clocks.host, config.time_scale)
+    sequencer = Sequencer(profile, progress=progress, timeout_factor=max(config.time_scale, 1.0))
+    conductor = Conductor(sequencer, link, directory, clocks, external)
+    period = max(PERIOD_S / config.time_scale, MIN_PERIOD_S)
+    return Run(conductor, directory, period, config.start, progress is not None)
+
+
+def _profile_and_progress(config: ChamberConfig) -> tuple[Profile, Progress | None, Path]:
+    """Return profile, progress (None: a new run) and run directory of the parameters."""
     directory = Path(config.run_directory) if config.run_directory else None
     progress = None
     if directory is not None and holds_run(directory):
         interrupted = load_run(directory)
         profile, progress = interrupted.profile, interrupted.progress
         _check_same(config.profile, profile, directory)
-    else:
-        if not config.profile:
-            raise ParameterError(
-                f'profile is empty: give a file, or one of {", ".join(profile_names())}'
-            )
+    elif config.profile:
         profile = load_profile(config.profile)
+    else:
+        raise ParameterError(
+            f'profile is empty: give a file, or one of {", ".join(profile_names())}'
+        )
     if config.orientation and not profile.orientations:
         profile = replace(profile, orientations=(signed_axis(config.orientation),))
     if directory is None:
         began = datetime.now(UTC).strftime('%Y%m%dT%H%M%SZ')
         directory = Path('runs') / f'{profile.name}_{began}'
-
-    def chamber_time() -> float:
-        seconds = now() * 1e-9 if simulated_time else time.monotonic()
-        return seconds * config.time_scale
-
-    host = (lambda: now() * 1e-9) if simulated_time else time.monotonic
-    link = ChamberLink(chamber, host, config.time_scale)
-    sequencer = Sequencer(profile, progress=progress, patience=max(config.time_scale, 1.0))
-    conductor = Conductor(
-        sequencer, link, directory, Clocks(host, chamber_time, now), surroundings
-    )
-    period = max(TICK_S / config.time_scale, SHORTEST_TICK_S)
-    return Run(conductor, directory, period, config.start, progress is not None)
+    return profile, progress, directory
 
 
 def _check_same(asked: str, profile: Profile, directory: Path) -> None:
@@ -123,3 +122,11 @@ def _check_same(asked: str, profile: Profile, directory: Path) -> None:
             f'{directory} holds a run of another profile ({profile.name}) than {asked}: leave '
             f'profile empty to resume it, or run_directory empty to begin anew'
         )
+
+
+def _clocks(time_scale: float, now: Callable[[], int], *, simulated_time: bool) -> Clocks:
+    def simulated() -> float:
+        return now() * 1e-9
+
+    host = simulated if simulated_time else time.monotonic
+    return Clocks(host, lambda: host() * time_scale, now)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The journal of a run: one JSON object per line, on the disk before what it says happens."""
+"""The journal of a run: one JSON object per line, on disk before the action it announces."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ FORMAT = 1
 
 
 class JournalError(UserError):
-    """A run directory that cannot be used; the message names it and a way out."""
+    """A run directory that cannot be used; the message names it and what to do."""
 
 
 @dataclass(frozen=True)
 class InterruptedRun:
-    """What a run directory says about a run that did not end."""
+    """A run that has not ended, from its directory."""
 
     profile: Profile
     progress: Progress
-    """Where it was, in IDLE: nothing moves before a start."""
+    """Progress of the run, in IDLE: only a start continues it."""
 
 
 class Journal:
@@ -42,12 +42,12 @@ class Journal:
         self.directory = directory
         directory.mkdir(parents=True, exist_ok=True)
         path = directory / JOURNAL_FILE
-        _cut_torn_line(path)
+        _cut_incomplete_line(path)
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
         _sync_directory(directory)
 
     def begin(self, profile: Profile, stamp: int, **facts: Any) -> None:
-        """Write what is run, and a copy of the profile beside the journal."""
+        """Write the entry that identifies the run, and a copy of its profile."""
         path = self.directory / PROFILE_FILE
         if not path.exists():
             part = path.with_suffix('.part')
@@ -70,7 +70,7 @@ class Journal:
         )
 
     def write(self, note: Note, stamp: int, **facts: Any) -> None:
-        """Write a note with the ROS time [ns] it was taken at."""
+        """Write a note with its ROS time [ns]."""
         self._append(
             {
                 'stamp': stamp,
@@ -96,13 +96,13 @@ class Journal:
                 data = data[os.write(self._descriptor, data) :]
             os.fsync(self._descriptor)
         except OSError:
-            with contextlib.suppress(OSError):  # the next entry must not be glued to half a line
+            with contextlib.suppress(OSError):  # the next entry needs a line of its own
                 os.ftruncate(self._descriptor, whole)
             raise
 
 
 def read_journal(directory: Path) -> list[dict[str, Any]]:
-    """Return the journal's entries; a last line torn by a power cut is left out."""
+    """Return the journal's entries without an incomplete last line (power cut)."""
     path = directory / JOURNAL_FILE
     try:
         lines = path.read_bytes().split(b'\n')
@@ -121,12 +121,12 @@ def read_journal(directory: Path) -> list[dict[str, Any]]:
 
 
 def holds_run(directory: Path) -> bool:
-    """Return whether the directory holds the journal of a run already."""
+    """Return whether the directory holds the journal of a run."""
     return (directory / JOURNAL_FILE).is_file() and (directory / PROFILE_FILE).is_file()
 
 
 def load_run(directory: Path) -> InterruptedRun:
-    """Return the run of a directory where it was interrupted; refuse one that is finished."""
+    """Return the interrupted run of a directory; raise JournalError where it is finished."""
     entries = read_journal(directory)
     path = directory / PROFILE_FILE
     try:
@@ -135,11 +135,11 @@ def load_run(directory: Path) -> InterruptedRun:
         raise JournalError(f'{directory}: the run has no usable profile: {error}') from error
     opened = [entry for entry in entries if entry['event'] == 'open']
     if not opened:
-        raise JournalError(f'{directory}: the journal does not say what was run')
+        raise JournalError(f'{directory}: the journal has no entry that identifies the run')
     if opened[0]['sha256'] != profile.sha256:
         raise JournalError(f'{path} was changed since the run began; put the original back')
-    turned = opened[0].get('orientations', profile.orientations)
-    profile = replace(profile, orientations=tuple(turned))
+    orientations = opened[0].get('orientations', profile.orientations)
+    profile = replace(profile, orientations=tuple(orientations))
     progress = _last_progress(entries)
     if progress.mode in FINISHED:
         raise JournalError(
@@ -157,8 +157,8 @@ def _last_progress(entries: list[dict[str, Any]]) -> Progress:
     return Progress()
 
 
-def _cut_torn_line(path: Path) -> None:
-    """A line that a power cut tore is no entry; the next one must not be glued to it."""
+def _cut_incomplete_line(path: Path) -> None:
+    """Remove an incomplete last line (power cut), which the next entry would continue."""
     if not path.exists():
         return
     data = path.read_bytes()

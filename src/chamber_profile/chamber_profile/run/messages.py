@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A moment of a run as ROS messages and as diagnostics, with the time that is left."""
+"""State of a run as ROS messages and as diagnostics, with the time that is left."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import takewhile
-from typing import TYPE_CHECKING, Any
+from itertools import pairwise, takewhile
+from typing import Any
 
 from imu_recording.logging_contract import PHASE_TOPIC
 from imu_recording.recorder.run_announcement import RUN_TOPIC, RunAnnouncement
@@ -19,14 +19,15 @@ from sensor_msgs.msg import RelativeHumidity, Temperature
 from std_msgs.msg import Float64
 
 from chamber_profile.profile.values import Step
-from chamber_profile.run.conductor import Moment
+from chamber_profile.run.conductor import RunSnapshot
+from chamber_profile.run.config import Run
 from chamber_profile.run.values import (
     ABORTED,
     CONFIRM,
+    CONTROLLING,
     DWELL,
     FINISHED,
     HOLD_FAULT,
-    IN_CHARGE,
     MOVE,
     PAUSED,
     RUN,
@@ -34,9 +35,6 @@ from chamber_profile.run.values import (
     STOP,
     Progress,
 )
-
-if TYPE_CHECKING:
-    from chamber_profile.run.config import Run
 
 FRAME = 'chamber'
 OUTPUTS: dict[str, type] = {
@@ -49,13 +47,13 @@ OUTPUTS: dict[str, type] = {
     'chamber/compressor': Float64,
     'chamber/fan': Float64,
 }
-"""Topics a chamber can fill; those it says nothing about stay silent."""
+"""Topics of a chamber's readings; values it does not report are not published."""
 
 
-def chamber_messages(moment: Moment) -> Iterator[tuple[str, Any]]:
-    """Yield topic and message of everything the chamber says at this moment."""
-    reading = moment.reading
-    if reading is None:
+def chamber_messages(snapshot: RunSnapshot) -> Iterator[tuple[str, Any]]:
+    """Yield topic and message of everything the chamber reports, where it is to be published."""
+    reading = snapshot.reading
+    if reading is None or not snapshot.publish_due:
         return
     temperatures = {
         'chamber/setpoint': reading.setpoint,
@@ -65,18 +63,18 @@ def chamber_messages(moment: Moment) -> Iterator[tuple[str, Any]]:
     }
     for topic, value in temperatures.items():
         if value is not None:
-            sample = TemperatureSample(moment.stamp, value, frame_id=FRAME)
+            sample = TemperatureSample(snapshot.stamp, value, frame_id=FRAME)
             yield topic, temperature_from_sample(sample)
     if reading.humidity is not None:
-        yield 'chamber/humidity', humidity_message(moment.stamp, reading.humidity, FRAME)
+        yield 'chamber/humidity', humidity_message(snapshot.stamp, reading.humidity, FRAME)
     states = {'heater': reading.heater, 'compressor': reading.compressor, 'fan': reading.fan}
     for name, state in states.items():
         if state is not None:
             yield f'chamber/{name}', float_message(state)
 
 
-def outputs(*, temperatures: bool) -> dict[str, type]:
-    """Return type by topic of what to publish, with or without the chamber's temperatures."""
+def output_types(*, temperatures: bool) -> dict[str, type]:
+    """Return message type by topic, with or without the chamber's temperatures."""
     return {
         topic: kind
         for topic, kind in OUTPUTS.items()
@@ -85,11 +83,11 @@ def outputs(*, temperatures: bool) -> dict[str, type]:
 
 
 def latched_texts(run: Run) -> dict[str, str]:
-    """Return what chamber/run and chamber/phase say now; no phase before and after the run."""
+    """Return the text of chamber/run and, during the run, of chamber/phase."""
     sequencer = run.conductor.sequencer
     step, mode = sequencer.step, sequencer.progress.mode
-    texts = {RUN_TOPIC: _announcement(run, step, under_way=mode in (*IN_CHARGE, SAFE)).text()}
-    if mode in IN_CHARGE:
+    texts = {RUN_TOPIC: _announcement(run, step, under_way=mode in (*CONTROLLING, SAFE)).text()}
+    if mode in CONTROLLING:
         texts[PHASE_TOPIC] = f'{step.phase} {step.cycle}'
     return texts
 
@@ -110,8 +108,8 @@ def _announcement(run: Run, step: Step, *, under_way: bool) -> RunAnnouncement:
     )
 
 
-def what_to_expect(run: Run, node: str) -> str:
-    """Return what is ready to run, and how it is started."""
+def ready_message(run: Run, node: str) -> str:
+    """Return the line that says which run is ready and how it is started."""
     sequencer = run.conductor.sequencer
     done = f', from step {sequencer.progress.step + 1} on' if run.resumed else ''
     return (
@@ -120,67 +118,59 @@ def what_to_expect(run: Run, node: str) -> str:
     )
 
 
-def run_status(moment: Moment, run: Run) -> tuple[int, str, dict[str, Any]]:
+def run_status(snapshot: RunSnapshot, run: Run) -> tuple[int, str, dict[str, Any]]:
     """Return level, line and values of a run for diagnostics."""
-    progress, link = moment.progress, run.conductor.link
+    progress, link = snapshot.progress, run.conductor.link
     waiting = progress.mode in (PAUSED, HOLD_FAULT) or progress.stage == CONFIRM
-    level = 2 if progress.mode in (SAFE, ABORTED) else int(waiting or bool(moment.complaint))
-    line = progress.mode if progress.mode != RUN else f'{progress.mode} {moment.step.id}'
-    told = moment.prompt or progress.reason or moment.complaint
-    reading = moment.reading
-    phase_left, run_left = time_left(run.conductor.sequencer.steps, progress, moment.dwelt_s)
+    level = 2 if progress.mode in (SAFE, ABORTED) else int(waiting or bool(snapshot.fault))
+    line = progress.mode if progress.mode != RUN else f'{progress.mode} {snapshot.step.id}'
+    detail = snapshot.prompt or progress.reason or snapshot.fault
+    reading = snapshot.reading
+    phase_left, run_left = time_left(run.conductor.sequencer.steps, progress, snapshot.dwelt_s)
     values = {
         'mode': progress.mode,
-        'step': moment.step.id,
+        'step': snapshot.step.id,
         'step_number': f'{progress.step + 1}/{len(run.conductor.sequencer.steps)}',
         'stage': progress.stage,
-        'cycle': moment.step.cycle,
-        'orientation': moment.step.orientation or 'not stated',
+        'cycle': snapshot.step.cycle,
+        'orientation': snapshot.step.orientation or 'not stated',
         'programmed [°C]': progress.setpoint if progress.setpoint is not None else 'none',
         'air [°C]': reading.air if reading else 'unknown',
-        'dwell [s]': f'{moment.dwelt_s:.0f} of {moment.step.dwell_s:.0f}',
+        'dwell [s]': f'{snapshot.dwelt_s:.0f} of {snapshot.step.dwell_s:.0f}',
         'phase_left [s]': f'{phase_left:.0f}',
         'run_left [s]': f'{run_left:.0f}',
-        'prompt': moment.prompt or 'none',
+        'prompt': snapshot.prompt or 'none',
         'reason': progress.reason or 'none',
         'interruptions': progress.interruptions,
         'chamber': link.identity or 'not reached yet',
         'limits_programmed': link.chamber.programs_limits,
         'link': link.status,
         'link_failures': link.failures,
-        'complaint': moment.complaint or 'none',
+        'complaint': snapshot.fault or 'none',
         'run_directory': str(run.directory),
         'resumed': run.resumed,
     }
-    return level, f'{line}: {told}' if told else line, values
+    return level, f'{line}: {detail}' if detail else line, values
 
 
 def time_left(steps: Sequence[Step], progress: Progress, dwelt_s: float) -> tuple[float, float]:
-    """Return what is left of the phase and of the run [s of the chamber].
+    """Return the time left of the phase and of the run by the profile [s of the chamber].
 
-    Before the chamber was ever moved, the run begins at the first step's target.
+    Stabilisation comes on top. A run not yet started begins at its first target.
     """
     if progress.mode in FINISHED or progress.stage == STOP:
         return 0.0, 0.0
-    here = steps[progress.step]
-    parts = [_rest_of(here, progress, dwelt_s)]
-    for before, step in zip(steps[progress.step :], steps[progress.step + 1 :], strict=False):
-        parts.append(_move_s(step, before.target_c) + _stay_s(step))
-    names = [(step.phase, step.cycle) for step in steps[progress.step :]]
-    same = len(list(takewhile(lambda name: name == names[0], names)))
-    return sum(parts[:same]), sum(parts)
+    current, *later = steps[progress.step :]
+    parts = [_step_time_left(current, progress, dwelt_s)]
+    for before, step in pairwise([current, *later]):
+        parts.append(step.ramp_s(before.target_c) + step.hold_s)
+    names = [(step.phase, step.cycle) for step in (current, *later)]
+    in_phase = len(list(takewhile(lambda name: name == names[0], names)))
+    return sum(parts[:in_phase]), sum(parts)
 
 
-def _rest_of(step: Step, progress: Progress, dwelt_s: float) -> float:
-    at = step.target_c if progress.setpoint is None else progress.setpoint
-    move = _move_s(step, at) if progress.stage == MOVE else 0.0
-    spent = dwelt_s if progress.stage == DWELL else 0.0
-    return move + max(_stay_s(step) - spent, 0.0)
-
-
-def _move_s(step: Step, from_c: float) -> float:
-    return abs(step.target_c - from_c) / step.rate_c_per_min * 60.0
-
-
-def _stay_s(step: Step) -> float:
-    return step.expected_s if step.kind == 'operator' else step.dwell_s
+def _step_time_left(step: Step, progress: Progress, dwelt_s: float) -> float:
+    setpoint = step.target_c if progress.setpoint is None else progress.setpoint
+    ramp = step.ramp_s(setpoint) if progress.stage == MOVE else 0.0
+    held = dwelt_s if progress.stage == DWELL else 0.0
+    return ramp + max(step.hold_s - held, 0.0)

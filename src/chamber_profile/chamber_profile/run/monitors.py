@@ -1,37 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What others report about a run: the IMU (alive?), the reference logger, the recorder."""
+"""Monitors of a run: IMU (alive?), reference logger (temperatures), recorder (errors)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import Temperature
 
-from chamber_profile.run.conductor import Surroundings
+from chamber_profile.run.conductor import ExternalReadings
+from chamber_profile.run.config import ChamberConfig
 
-if TYPE_CHECKING:
-    from chamber_profile.run.config import ChamberConfig
-
-SILENCE_S = 10.0
-"""Who says nothing for so long is dead [s]."""
-ERROR = 2
+SILENCE_TIMEOUT_S = 10.0
+"""A source silent for this time has failed [s]."""
+ERROR_LEVEL = 2
+"""DiagnosticStatus.ERROR."""
 
 
-class Witnesses:
-    """Keeps the newest word of each; `look` sums them up."""
+class RunMonitors:
+    """Keep the newest message of each source; `readings` sums them up."""
 
     def __init__(self, config: ChamberConfig, now: Callable[[], int]) -> None:
         self._config = config
         self._now = now
-        self._imu_at = now()
+        self._imu_stamp = now()
         self._air: tuple[int, float] | None = None
         self._device: tuple[int, float] | None = None
-        self._recorder = ''
+        self._recorder_error = ''
 
     def inputs(self) -> Iterator[tuple[type, str, Callable[[Any], None]]]:
-        """Yield type, topic and callback of everything to listen to."""
+        """Yield type, topic and callback of every subscription."""
         for topic in self._config.imu_topics if self._config.require_imu else []:
             yield Temperature, topic, self.on_imu
         if not self._config.publish_temperature:
@@ -39,38 +38,39 @@ class Witnesses:
             yield Temperature, 'chamber/device_temperature', self.on_device
         yield DiagnosticArray, '/diagnostics', self.on_diagnostics
 
-    def excuse_imu(self) -> None:
-        """Give the IMU ten seconds from now."""
-        self._imu_at = self._now()
+    def restart_imu_timeout(self) -> None:
+        """Let the IMU's time-out begin now."""
+        self._imu_stamp = self._now()
 
-    def on_imu(self, _: Any) -> None:
-        """Take a sign of life."""
-        self._imu_at = self._now()
+    def on_imu(self, _: Temperature) -> None:
+        """Take a message of the IMU."""
+        self._imu_stamp = self._now()
 
-    def on_air(self, message: Any) -> None:
+    def on_air(self, message: Temperature) -> None:
         """Take the reference logger's air temperature."""
         self._air = (self._now(), float(message.temperature))
 
-    def on_device(self, message: Any) -> None:
+    def on_device(self, message: Temperature) -> None:
         """Take the reference logger's thermocouple."""
         self._device = (self._now(), float(message.temperature))
 
-    def on_diagnostics(self, message: Any) -> None:
-        """Take the recorder's complaints."""
+    def on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Take the recorder's status."""
         for status in message.status:
             if status.name.rpartition('/')[2] == self._config.recorder:
                 level = status.level[0] if isinstance(status.level, bytes) else status.level
-                self._recorder = status.message if level == ERROR else ''
+                self._recorder_error = status.message if level == ERROR_LEVEL else ''
 
-    def look(self) -> Surroundings:
-        """Return how things stand."""
+    def readings(self) -> ExternalReadings:
+        """Return the readings now, with what is missing or failed as `fault`."""
         referenced = not self._config.publish_temperature
         air, device = self._fresh(self._air), self._fresh(self._device)
-        fault = f'recorder: {self._recorder}' if self._recorder else ''
+        fault = f'recorder: {self._recorder_error}' if self._recorder_error else ''
         if referenced and air is None:
-            fault = f'no chamber/temperature from the reference logger for {SILENCE_S:g} s'
-        return Surroundings(
-            imu_alive=not self._config.require_imu or self._age(self._imu_at) <= SILENCE_S,
+            fault = f'no chamber/temperature from the reference logger for {SILENCE_TIMEOUT_S:g} s'
+        imu_alive = self._age(self._imu_stamp) <= SILENCE_TIMEOUT_S
+        return ExternalReadings(
+            imu_alive=imu_alive or not self._config.require_imu,
             fault=fault,
             air=air,
             device=device,
@@ -78,7 +78,7 @@ class Witnesses:
         )
 
     def _fresh(self, reading: tuple[int, float] | None) -> float | None:
-        return reading[1] if reading and self._age(reading[0]) <= SILENCE_S else None
+        return reading[1] if reading and self._age(reading[0]) <= SILENCE_TIMEOUT_S else None
 
     def _age(self, stamp: int) -> float:
         return (self._now() - stamp) * 1e-9

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A whole run of a simulated chamber as columns, as fast as the machine can."""
+"""A whole run on a simulated chamber as columns, without waiting."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 from imu_recording.recording import PHASES, FloatArray, IntArray
 from imu_recording.user_error import UserError
 
-from chamber_profile.chambers import climate as physics
 from chamber_profile.chambers.simulated_chamber import SimulatedChamber
 from chamber_profile.profile.values import Profile, Step
 from chamber_profile.run.chamber_link import carry_out, readings_of
@@ -18,7 +17,7 @@ from chamber_profile.run.sequencer import Sequencer
 from chamber_profile.run.values import CONFIRM, DONE, FINISHED, IDLE, Note
 
 TICK_S = 5
-"""The sequencer is called so often [s]: as often as it may write a set-point."""
+"""Period of the sequencer: that of set-point writes [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +27,9 @@ class ChamberRun:
     time: FloatArray
     """[s] since the start."""
     setpoint: FloatArray
-    """As programmed into the chamber [°C]."""
+    """Set-point of the chamber [°C]."""
     air: FloatArray
-    """True air temperature at the devices [°C], which nobody measures."""
+    """True air temperature at the devices, which no sensor shows [°C]."""
     temperature: FloatArray
     """First PT100 [°C]."""
     temperature_2: FloatArray
@@ -44,7 +43,7 @@ class ChamberRun:
     humidity: FloatArray
     """Relative, 0 … 1."""
     phase: IntArray
-    """Index into imu_recording's PHASES, −1 while an operator is waited for."""
+    """Index into imu_recording's PHASES; −1 in operator steps."""
     cycle: IntArray
     """1 … within the cycles, 0 outside."""
 
@@ -89,7 +88,7 @@ def _row(second: int, chamber: SimulatedChamber, step: Step | None) -> tuple[flo
     return (
         float(second),
         chamber.setpoint,
-        float(chamber.state[physics.AIR] + chamber.state[physics.EDDY]),
+        chamber.true_air,
         reading.air,
         math.nan if reading.air_2 is None else reading.air_2,
         reading.heater or 0.0,

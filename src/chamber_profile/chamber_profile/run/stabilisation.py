@@ -9,18 +9,18 @@ from chamber_profile.profile.values import Stabilisation, Step
 from chamber_profile.run.values import Readings
 
 RAMP_WINDOW_S = 300.0
-"""Ramp rates are means over this time (IEC 60068-2-14 Nb: at most 5 min) [s]."""
+"""Averaging time of ramp rates (IEC 60068-2-14 Nb: at most 5 min) [s]."""
 RAMP_TOLERANCE = 0.2
-"""… and may differ from the nominal rate by this share."""
-RAMP_EDGE = 0.1
-"""The first and last tenth of a ramp's span do not count."""
+"""Largest relative deviation from the nominal ramp rate (IEC 60068-2-14 Nb)."""
+RAMP_MARGIN = 0.1
+"""Share of a ramp's span left out at either end."""
 
 
-class Settling:
-    """Watch a temperature until it has stayed near the set-point, and hardly moves.
+class StabilisationMonitor:
+    """Whether a temperature has stayed within the band and changes slowly enough.
 
-    >>> settling = Settling(Stabilisation(band_c=0.5, hold_s=60))
-    >>> [settling.settled(t, value, 20.0) for t, value in ((0, 21), (10, 20.4), (70, 20.1))]
+    >>> monitor = StabilisationMonitor(Stabilisation(band_c=0.5, hold_s=60))
+    >>> [monitor.settled(t, value, 20.0) for t, value in ((0, 21), (10, 20.4), (70, 20.1))]
     [False, False, True]
     """
 
@@ -61,11 +61,11 @@ class Settling:
         return abs(rate) <= limit
 
 
-class RampWatch:
-    """Compare the air's mean rate with the nominal one between 10 % and 90 % of a ramp.
+class RampRateMonitor:
+    """Whether the air follows a ramp: its mean rate between 10 % and 90 % of the span.
 
-    >>> watch = RampWatch(20.0, 50.0, 2.0)
-    >>> rates = [watch.deviation(t, 20 + t / 60 * 1.5, 20 + t / 30) for t in range(0, 900, 10)]
+    >>> monitor = RampRateMonitor(20.0, 50.0, 2.0)
+    >>> rates = [monitor.deviation(t, 20 + t / 60 * 1.5, 20 + t / 30) for t in range(0, 900, 10)]
     >>> [rate for rate in rates if rate is not None][0]
     1.5
     """
@@ -73,7 +73,7 @@ class RampWatch:
     def __init__(self, start_c: float, target_c: float, rate_c_per_min: float) -> None:
         span = target_c - start_c
         self.nominal = rate_c_per_min if span > 0 else -rate_c_per_min
-        edges = (start_c + RAMP_EDGE * span, target_c - RAMP_EDGE * span)
+        edges = (start_c + RAMP_MARGIN * span, target_c - RAMP_MARGIN * span)
         self._low, self._high = min(edges), max(edges)
         self._window = min(RAMP_WINDOW_S, 0.75 * abs(edges[1] - edges[0]) / rate_c_per_min * 60.0)
         self._history: deque[tuple[float, float]] = deque()
@@ -86,81 +86,85 @@ class RampWatch:
         self._history.append((time, air))
         while len(self._history) > 1 and self._history[1][0] <= time - self._window:
             self._history.popleft()
-        then, before = self._history[0]
-        if time - then < self._window or self._window < 60.0:
+        first_time, first = self._history[0]
+        if time - first_time < self._window or self._window < 60.0:
             return None
-        rate = (air - before) / (time - then) * 60.0
+        rate = (air - first) / (time - first_time) * 60.0
         if abs(rate - self.nominal) <= RAMP_TOLERANCE * abs(self.nominal):
             return None
         self._reported = True
         return round(rate, 6)
 
 
-class StepClock:
-    """The clock of a step's stage, from `now` on; `here` is the programmed temperature [°C]."""
+class StepTimer:
+    """Times one stage of a step, from `now` on; `setpoint` is the programmed temperature [°C]."""
 
-    def __init__(self, step: Step, here: float | None, now: float) -> None:
+    def __init__(self, step: Step, setpoint: float | None, now: float) -> None:
         self.step = step
         self.since = now
         """When the stage was entered [s]."""
         self.dwelt_s = 0.0
-        """Time on the dwell's clock [s]."""
-        self._settling = Settling(step.stabilise) if step.stabilise else None
-        ramp = step.kind == 'ramp' and here is not None and here != step.target_c
-        self._watch = (
-            RampWatch(here, step.target_c, step.rate_c_per_min)
-            if ramp and here is not None
-            else None
-        )
+        """Time on the dwell clock [s]."""
+        self._stabilisation = StabilisationMonitor(step.stabilise) if step.stabilise else None
+        self._ramp_rate = None
+        if step.kind == 'ramp' and setpoint is not None and setpoint != step.target_c:
+            self._ramp_rate = RampRateMonitor(setpoint, step.target_c, step.rate_c_per_min)
 
     def enter_stage(self, now: float) -> None:
         """Begin another stage of the same step."""
         self.since, self.dwelt_s = now, 0.0
 
-    def after_break(self, here: float | None, now: float, *, settling: bool) -> StepClock:
-        """Return the clock after a pause or a fault: what takes time to measure starts anew."""
-        fresh = StepClock(self.step, here, now if settling else self.since)
+    def after_interruption(
+        self, setpoint: float | None, now: float, *, settling: bool
+    ) -> StepTimer:
+        """Return the timer after a pause or a fault: stabilisation and ramp rate start anew."""
+        fresh = StepTimer(self.step, setpoint, now if settling else self.since)
         fresh.dwelt_s = self.dwelt_s
         return fresh
 
-    def ramp_deviation(self, now: float, readings: Readings, here: float | None) -> float | None:
+    def ramp_deviation(
+        self, now: float, readings: Readings, setpoint: float | None
+    ) -> float | None:
         """Return the ramp's mean rate [°C/min] the first time it is out of tolerance."""
-        if self._watch is None or here is None:
+        if self._ramp_rate is None or setpoint is None:
             return None
-        return self._watch.deviation(now, readings.air, here)
+        return self._ramp_rate.deviation(now, readings.air, setpoint)
 
     def settled(self, now: float, readings: Readings) -> bool:
-        """Take a reading; return whether the dwell may begin."""
-        if self._settling is None:
+        """Take a reading; return whether the stabilisation criterion is met."""
+        if self._stabilisation is None:
             return True
-        return self._settling.settled(now, self._watched(readings), self.step.target_c)
+        return self._stabilisation.settled(now, self._temperature(readings), self.step.target_c)
 
-    def overdue(self, now: float) -> str:
-        """Return what has not settled in time; '' while there is time."""
-        rule = self.step.stabilise
-        if rule is None or now - self.since < rule.timeout_s:
+    def timeout_reason(self, now: float) -> str:
+        """Return what has not stabilised within the time allowed; '' before."""
+        criterion = self.step.stabilise
+        if criterion is None or now - self.since < criterion.timeout_s:
             return ''
         target = f'{self.step.target_c:g} °C'
-        return f'{rule.source} not within {rule.band_c:g} K of {target} after {rule.timeout_s:g} s'
+        return (
+            f'{criterion.source} not within {criterion.band_c:g} K of {target} '
+            f'after {criterion.timeout_s:g} s'
+        )
 
     def dwell(self, elapsed: float, readings: Readings) -> float:
-        """Let the dwell's clock run as its mode says; return what a restart lost [s]."""
+        """Advance the dwell clock as `dwell_mode` says; return the time a restart discards [s]."""
         step = self.step
-        inside = step.dwell_mode == 'free' or self._settling is None
-        if self._settling is not None and not inside:
-            inside = self._settling.in_band(self._watched(readings), step.target_c)
-        if inside:
+        runs = step.dwell_mode == 'free' or self._stabilisation is None
+        if self._stabilisation is not None and not runs:
+            runs = self._stabilisation.in_band(self._temperature(readings), step.target_c)
+        if runs:
             self.dwelt_s += elapsed
         elif step.dwell_mode == 'restart':
-            lost, self.dwelt_s = self.dwelt_s, 0.0
-            return lost
+            discarded, self.dwelt_s = self.dwelt_s, 0.0
+            return discarded
         return 0.0
 
     @property
-    def dwelt_enough(self) -> bool:
-        """Whether the dwell is over."""
+    def dwell_complete(self) -> bool:
+        """Whether the dwell has lasted as long as the step asks for."""
         return self.dwelt_s >= self.step.dwell_s - 1e-6
 
-    def _watched(self, readings: Readings) -> float | None:
+    def _temperature(self, readings: Readings) -> float | None:
         source = self.step.stabilise.source if self.step.stabilise else 'air'
         return readings.air if source == 'air' else readings.device

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What must be true before a run starts, and what ends it in the safe state."""
+"""Conditions of a start, and faults that take a run to the safe state."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from collections.abc import Sequence
 from chamber_profile.profile.values import Profile, Step
 from chamber_profile.run.values import LINK_OK, Readings
 
-LEAST_DISK = 1 << 30
-"""A run needs so much free space where it records [bytes]."""
+MIN_FREE_BYTES = 1 << 30
+"""Least free space where a run is recorded [bytes]."""
 LIMIT_MARGIN_C = 1.0
-"""Air may swing past the profile's limits by so much; the chamber's own limiter is exact [K]."""
+"""Overshoot of the air beyond the profile's limits that is tolerated [K]."""
 
 
 def check_problems(profile: Profile, steps: Sequence[Step], readings: Readings) -> list[str]:
-    """Return everything that forbids a start now; empty: all is well."""
+    """Return everything that prevents a start; empty: nothing does."""
     if readings.link != LINK_OK or readings.air is None:
-        return ['the chamber does not answer', *_surroundings(readings)]
+        return ['the chamber does not answer', *_external_faults(readings)]
     problems = [f'alarm {alarm}' for alarm in readings.alarms]
-    problems += _surroundings(readings)
+    problems += _external_faults(readings)
     limits = profile.limits
     if not limits.air_min_c <= readings.air <= limits.air_max_c:
         problems.append(
@@ -33,15 +33,15 @@ def check_problems(profile: Profile, steps: Sequence[Step], readings: Readings) 
         )
     watched = {step.stabilise.source for step in steps if step.stabilise}
     if watched - {'air'} and readings.device is None:
-        problems.append('the profile waits for the device temperature, which nobody reports')
+        problems.append('the profile needs the device temperature, and no sensor reports it')
     return problems
 
 
-def _surroundings(readings: Readings) -> list[str]:
+def _external_faults(readings: Readings) -> list[str]:
     problems = []
     if not readings.imu_alive:
         problems.append('no data from the IMU for 10 s (require_imu)')
-    if readings.disk_free < LEAST_DISK:
+    if readings.disk_free < MIN_FREE_BYTES:
         problems.append(f'{readings.disk_free / 2**30:.2f} GiB of disk left, 1 GiB needed')
     if readings.fault:
         problems.append(readings.fault)
@@ -49,9 +49,9 @@ def _surroundings(readings: Readings) -> list[str]:
 
 
 def trip_reason(profile: Profile, readings: Readings, *, waiting: bool) -> str:
-    """Return why the run must go to the safe state now; '' where all is well.
+    """Return why the run must go to the safe state; '' where it need not.
 
-    While an operator is `waiting` at the open chamber, devices may be unplugged.
+    While the run is `waiting` for an operator at the open chamber, the IMU may be unplugged.
     """
     if readings.alarms:
         return f'alarm {", ".join(readings.alarms)}'
@@ -63,7 +63,7 @@ def trip_reason(profile: Profile, readings: Readings, *, waiting: bool) -> str:
     low, high = limits.device_min_c, limits.device_max_c
     if device is not None and not low <= device <= high:
         return f'device at {device:.1f} °C, limits {low:g} … {high:g} °C'
-    surroundings = _surroundings(readings)
+    faults = _external_faults(readings)
     if waiting and not readings.imu_alive:
-        surroundings = surroundings[1:]
-    return surroundings[0] if surroundings else ''
+        faults = faults[1:]
+    return faults[0] if faults else ''

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What goes into the sequencer (readings) and what comes out (actions), as plain values."""
+"""Input (readings), state (progress) and output (actions) of the sequencer, as plain values."""
 
 from __future__ import annotations
 
@@ -8,61 +8,62 @@ from typing import Any, TypeAlias
 
 IDLE, CHECK, RUN, PAUSED = 'IDLE', 'CHECK', 'RUN', 'PAUSED'
 HOLD_FAULT, SAFE, DONE, ABORTED = 'HOLD_FAULT', 'SAFE', 'DONE', 'ABORTED'
-"""States of a run."""
+"""Modes of a run."""
 FINISHED = (DONE, ABORTED)
-IN_CHARGE = (RUN, PAUSED, HOLD_FAULT)
-"""States in which the profile moves or holds the chamber."""
+CONTROLLING = (RUN, PAUSED, HOLD_FAULT)
+"""Modes in which the profile controls the chamber."""
 
 MOVE, SETTLE, DWELL, CONFIRM, STOP = 'move', 'settle', 'dwell', 'confirm', 'stop'
-"""Stages of a step: set-point on its way, wait for the temperature, stay, ask, switch off."""
+"""Stages of a step: ramp, stabilise, dwell, ask the operator, switch off."""
 
 LINK_OK, LINK_FAILING, LINK_LOST = 'ok', 'failing', 'lost'
 
 
 @dataclass(frozen=True)
 class Readings:
-    """What is known about the world at one moment."""
+    """Readings of chamber, devices and recording at one moment."""
 
     time: float
-    """[s] of the sequencer's clock, never going back."""
+    """Monotonic time of the sequencer [s]."""
     link: str = LINK_OK
     """'ok', 'failing' (being retried) or 'lost' (retried in vain)."""
     air: float | None = None
-    """[°C]"""
+    """Air temperature [°C]."""
     device: float | None = None
     """Thermocouple on the device [°C]."""
     setpoint: float | None = None
-    """Set-point the chamber says it holds [°C]."""
+    """Set-point the chamber reports [°C]."""
     running: bool | None = None
+    """Whether the chamber reports that it conditions the air."""
     alarms: tuple[str, ...] = ()
     imu_alive: bool = True
-    """False: required and silent for 10 s."""
+    """False: an IMU is required and has been silent for 10 s."""
     disk_free: float = float('inf')
-    """[bytes]"""
+    """Free space where the run is recorded [bytes]."""
     fault: str = ''
-    """What recorder, journal or reference logger complain of; '' nothing."""
+    """Fault of recorder, journal or reference logger; '' none."""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a run is: what the journal keeps, and all a restart needs."""
+    """State of a run, as the journal keeps it; a restart continues from it."""
 
     mode: str = IDLE
     step: int = 0
     stage: str = MOVE
     setpoint: float | None = None
-    """Programmed temperature now [°C]; None before the chamber was ever moved."""
+    """Programmed temperature [°C]; None before the run was first started."""
     reason: str = ''
     """Why PAUSED, HOLD_FAULT, SAFE or ABORTED; '' otherwise."""
     aborting: bool = False
-    """The run was on its way to the safe state: a restart goes there, not on with the run."""
+    """The run was going to the safe state: after a restart it goes there."""
     interruptions: int = 0
-    """How often the run was re-entered after a crash, kill or power cut."""
+    """Number of restarts after a crash, kill or power cut."""
 
 
 @dataclass(frozen=True)
 class Note:
-    """Write a journal line and sync it to disk; nothing after it happens before that."""
+    """Write a line of the journal and sync it to disk before the next action."""
 
     event: str
     progress: Progress
@@ -71,7 +72,7 @@ class Note:
 
 @dataclass(frozen=True)
 class ProgramLimits:
-    """Program the chamber's own limits [°C]."""
+    """Program the limits of the chamber's own protection [°C]."""
 
     low_c: float
     high_c: float
@@ -86,7 +87,7 @@ class WriteSetpoint:
 
 @dataclass(frozen=True)
 class Switch:
-    """Condition the air, or go to stand-by."""
+    """Switch the conditioning of the air on, or go to stand-by."""
 
     on: bool
 

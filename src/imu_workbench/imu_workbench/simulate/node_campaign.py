@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from chamber_profile.chambers import climate
+from chamber_profile.chambers.simulated_chamber import SimulatedChamber
 from chamber_profile.node import ChamberProfileNode
 from chamber_profile.profile.values import OPERATOR_PHASE
 from chamber_profile.run.values import CONFIRM, DONE
@@ -167,13 +167,13 @@ class _Bench:
             if time.monotonic() - flushed > 1.0:
                 self._recorder.flush()
                 flushed = time.monotonic()
-                where = f'{chamber.moment.step.id} at {second / 3600:.1f} h'
+                where = f'{chamber.snapshot.step.id} at {second / 3600:.1f} h'
                 progress(f'{plan.directory.name}: {where}')
             if plan.time_scale:
                 time.sleep(max(0.0, began + second / plan.time_scale - time.monotonic()))
             second += 1
-        if chamber.moment.progress.mode != DONE:
-            raise CampaignError(f'{plan.directory}: {chamber.moment.progress.reason}')
+        if chamber.snapshot.progress.mode != DONE:
+            raise CampaignError(f'{plan.directory}: {chamber.snapshot.progress.reason}')
         return int(self._recorder.recorder.messages)
 
     def close(self) -> None:
@@ -185,20 +185,20 @@ class _Bench:
             node.destroy_node()
 
     def _sample(self, second: int, count: int) -> None:
-        state = self.chamber.run.conductor.link.chamber.state
-        air = float(state[climate.AIR] + state[climate.EDDY])
+        chamber = self.chamber.run.conductor.link.chamber
+        assert isinstance(chamber, SimulatedChamber)  # noqa: S101 (the node's parameter says so)
         for i in range(count):
             self._stamp = self._begin + second * SECOND + i * SECOND // count
             for device in self.devices:
-                device.publish(self._stamp, second + i / count, air)
+                device.publish(self._stamp, second + i / count, chamber.true_air)
 
     def _confirm(self, asked: int) -> int:
         """Play the operator: confirm a prompt after the time the profile expects."""
-        moment = self.chamber.moment
-        if moment.progress.stage != CONFIRM or moment.step.phase != OPERATOR_PHASE:
+        snapshot = self.chamber.snapshot
+        if snapshot.progress.stage != CONFIRM or snapshot.step.phase != OPERATOR_PHASE:
             return 0
-        if asked and self._stamp - asked >= moment.step.expected_s * SECOND:
-            self.chamber.order('confirm')
+        if asked and self._stamp - asked >= snapshot.step.expected_s * SECOND:
+            self.chamber.command('confirm')
         return asked or self._stamp
 
     def _open_recorder(self) -> Any:
