@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
-from thermal_comp.diagnosis.dependence import COHERENT, IN_STEP, coherence
+from thermal_comp.diagnosis.dependence import COMMON_MODE_EVIDENCE, IN_STEP, coherence
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.noise.estimation import fit_noise
@@ -54,18 +54,18 @@ def wander(time: np.ndarray, number: int) -> np.ndarray:
 
 @pytest.mark.parametrize('seed', range(2))
 def test_noise_has_nothing_in_common(seed: int) -> None:
-    assert coherence(bank_with(None, seed)).evidence < 0.5 * COHERENT
+    assert coherence(bank_with(None, seed)).evidence < 0.5 * COMMON_MODE_EVIDENCE
 
 
 def test_a_rhythm_is_common_to_axes_and_runs() -> None:
     found = coherence(bank_with(rhythm, 5))
-    assert found.axes > COHERENT
+    assert found.axes > COMMON_MODE_EVIDENCE
     assert found.runs > IN_STEP
 
 
 def test_a_supply_is_common_to_axes_only() -> None:
     found = coherence(bank_with(wander, 6))
-    assert found.axes > COHERENT
+    assert found.axes > COMMON_MODE_EVIDENCE
     assert found.runs < IN_STEP
 
 
@@ -74,4 +74,4 @@ def test_nothing_is_common_once_the_course_is_known() -> None:
     waves = bank.generic_terms(
         [(lambda r: np.column_stack([rhythm(r.time, 0), rhythm(r.time + 0.9 * HOUR, 0)]), False)]
     )
-    assert coherence(bank, waves).evidence < 0.5 * COHERENT
+    assert coherence(bank, waves).evidence < 0.5 * COMMON_MODE_EVIDENCE

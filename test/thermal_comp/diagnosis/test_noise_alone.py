@@ -10,7 +10,7 @@ import pytest
 from imu_workbench.simulate.hidden_effect import practice_campaign
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.diagnosis.inputs import clock_windows, slope_of_windows
-from thermal_comp.diagnosis.noise_level import judge_noise, shipped_reference
+from thermal_comp.diagnosis.noise_level import noise_above_reference, shipped_reference
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.process import OU_TIME_CONSTANTS
 
@@ -39,11 +39,11 @@ def test_louder_bias_instability_is_found_whatever_the_rows_are() -> None:
 
 
 def test_white_noise_counts_only_where_the_bandwidth_is_known() -> None:
-    assert judge_noise(noise(5.0, 1.0), 'gyroscope') is None
-    known = judge_noise(noise(5.0, 1.0), 'gyroscope', bandwidth_known=True)
+    assert noise_above_reference(noise(5.0, 1.0), 'gyroscope') is None
+    known = noise_above_reference(noise(5.0, 1.0), 'gyroscope', bandwidth_known=True)
     assert known is not None
     assert known.white_ratio == pytest.approx(5.0)
-    coloured = judge_noise(noise(5.0, 2.0), 'gyroscope')
+    coloured = noise_above_reference(noise(5.0, 2.0), 'gyroscope')
     assert coloured is not None
     assert coloured.evidence < known.evidence
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.decision import Outcome
-from thermal_comp.diagnosis.diagnose import Settings, search_sensors
+from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.noise.estimation import fit_noise
 
@@ -44,4 +44,4 @@ def test_a_line_with_one_bend_is_no_curvature(bend: float) -> None:
 def test_a_smooth_curve_is_a_curvature() -> None:
     x = (DIE - 20.0) / 30.0
     (named,) = decided(x**2 - 0.3 * x**3).named
-    assert named.rated.name == 'bias_temperature_curvature'
+    assert named.scored.name == 'bias_temperature_curvature'

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
-from thermal_comp.diagnosis.search import FORM_SHARE, NESTED_SHARE, least_gains
+from thermal_comp.diagnosis.search import FORM_SHARE, NESTED_SHARE, least_delta_chi2
 from thermal_comp.effects import EFFECTS
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.noise.estimation import fit_noise
@@ -20,8 +20,8 @@ def test_a_richer_effect_has_to_gain_a_share_of_the_known_one() -> None:
     noise = fit_noise(runs, 'gyroscope')
     source = ColumnSource(runs)
     line, rate = EFFECTS['bias_temperature'](), EFFECTS['temperature_rate']()
-    assert least_gains(source, 'gyroscope', noise, [line], EFFECTS) == {}
-    least = least_gains(source, 'gyroscope', noise, [line, rate], EFFECTS)
+    assert least_delta_chi2(source, 'gyroscope', noise, [line], EFFECTS) == {}
+    least = least_delta_chi2(source, 'gyroscope', noise, [line, rate], EFFECTS)
     lost = CandidateDesign(source, 'gyroscope', noise, [line]).chi_square
     left = CandidateDesign(source, 'gyroscope', noise, [line, rate]).chi_square
     assert lost > 3.0 * left

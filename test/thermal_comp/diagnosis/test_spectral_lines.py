@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.diagnosis.decision import STEADY, Outcome
-from thermal_comp.diagnosis.diagnose import Settings, search_sensors
+from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
 from thermal_comp.diagnosis.spectral_lines import spectral_lines, steadiness
 from thermal_comp.effects import EFFECTS
 from thermal_comp.noise.estimation import fit_noise
@@ -53,8 +53,8 @@ def moving() -> np.ndarray:
 @pytest.mark.parametrize('line', [steady, gated])
 def test_a_line_that_keeps_its_phase_is_named(line: Callable[[], np.ndarray]) -> None:
     (named,) = decided(runs_with(line)).named
-    assert named.rated.name == 'mains_alias'
-    assert named.rated.form.effect.shape_parameters['frequency'] == pytest.approx(HERTZ, abs=3e-6)
+    assert named.scored.name == 'mains_alias'
+    assert named.scored.form.effect.shape_parameters['frequency'] == pytest.approx(HERTZ, abs=3e-6)
 
 
 def test_a_line_that_moves_with_temperature_is_not() -> None:

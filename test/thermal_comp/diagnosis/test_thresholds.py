@@ -43,8 +43,8 @@ def test_draws_are_rated_as_the_search_rates_them(runs: list[PreparedRun]) -> No
         offered = {
             n: e for n, e in EFFECTS.items() if e.time_only == time_only and n not in drawn_lines
         }
-        for rated in Search(bank, families(bank, offered)).ranking([]):
-            searched[rated.name] = rated.evidence
+        for scored in Search(bank, families(bank, offered)).ranking([]):
+            searched[scored.name] = scored.evidence
     assert {'thermal_lag', 'thermal_hysteresis', 'fixture_tilt', 'bias_step'} <= set(searched)
     for name, evidence in searched.items():
         assert reached[name][0] == pytest.approx(evidence, abs=1e-3), name

@@ -12,8 +12,8 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
-from thermal_comp.diagnosis.generic_regressors import Judge
-from thermal_comp.diagnosis.search import Rated, Search
+from thermal_comp.diagnosis.generic_regressors import GenericRegressor
+from thermal_comp.diagnosis.search import ScoredForm, Search
 from thermal_comp.linear.candidate_design import CandidateDesign, Term
 
 WAVES = 48
@@ -93,8 +93,8 @@ def _dependence(rows: FloatArray) -> float:
     correlation = rows @ rows.T / np.sqrt(np.outer(power, power))
     determinant = max(float(np.linalg.det(correlation)), 1e-300)
     weight = n - 1.0 - (2.0 * p + 5.0) / 6.0
-    price = 0.5 * p * (p - 1) * float(np.log(n))
-    return float(-weight * np.log(determinant) - price)
+    bic_penalty = 0.5 * p * (p - 1) * float(np.log(n))
+    return float(-weight * np.log(determinant) - bic_penalty)
 
 
 BENDS = 15
@@ -110,7 +110,7 @@ class Hinge:
     temperature: float
     """[°C]"""
     evidence: float
-    gain: float
+    delta_chi2: float
 
 
 def best_hinge(search: Search) -> Hinge:
@@ -136,8 +136,8 @@ def _hinges(search: Search, bends: Sequence[float]) -> list[Hinge]:
     terms = search.bank.generic_terms([(_bent_at(bend), False) for bend in bends])
     found = []
     for bend, term in zip(bends, terms, strict=True):
-        gain, rank = search.bank.solve([term])
-        found.append(Hinge(bend, gain - (rank + 1) * search.price, gain))
+        delta_chi2, rank = search.bank.solve([term])
+        found.append(Hinge(bend, delta_chi2 - (rank + 1) * search.bic_penalty, delta_chi2))
     return found
 
 
@@ -148,22 +148,22 @@ def _bent_at(bend: float) -> Callable[[PreparedRun], FloatArray]:
     return column
 
 
-JUDGED = 20.0
-"""Evidence from which a judge's dependence counts."""
-COHERENT = 20.0
+REGRESSOR_EVIDENCE = 20.0
+"""Evidence from which the dependence on a generic regressor counts."""
+COMMON_MODE_EVIDENCE = 20.0
 """Evidence from which a common course of the axes counts."""
 IN_STEP = 8.0
 """Evidence from which the runs share the course, so that time is its variable."""
 ADEQUATE = 0.9
-"""Share of what can be explained from which one variable's judge counts as the law."""
+"""Share of what can be explained from which the regressor of one variable is the law."""
 WHOLLY = 0.95
 """The same where a channel is missing that could act: what hides it is never quite its course."""
 VAGUE = 0.6
 """Share below which no variable that was logged is behind the residual."""
 SIMPLER = 0.9
-"""A judge of fewer columns is preferred where it explains this share of the best one's."""
+"""A regressor of fewer columns is preferred from this share of the best one's Δχ²."""
 PLAINLY = 0.8
-"""Share of its gain a channel has to bring by itself, without products and lags, to be meant."""
+"""Share of its Δχ² a channel has to bring by itself, without products and lags, to be meant."""
 CHANNELS_OF: dict[Sensor, tuple[str, ...]] = {
     'accelerometer': ('supply_voltage', 'vibration', 'humidity'),
     'gyroscope': ('supply_voltage', 'vibration', 'humidity'),
@@ -179,13 +179,13 @@ SWITCHED = ('heater', 'compressor')
 
 
 @dataclass(frozen=True)
-class Left:
-    """The judge that explains most of what effects leave."""
+class RemainingDependence:
+    """The generic regressor that explains most of what effects leave."""
 
-    judge: Judge
+    regressor: GenericRegressor
     evidence: float
-    gain: float
-    """χ² gain beyond what noise gives as many columns."""
+    delta_chi2: float
+    """Δχ² beyond what noise gives as many columns."""
 
 
 @dataclass(frozen=True)
@@ -197,24 +197,24 @@ class Dependence:
     evidence: float
 
 
-def strongest_judge(
-    search: Search, judges: Sequence[Judge], found: Sequence[Rated]
-) -> Left | None:
-    """Return the judge that explains most of what the effects leave, if it counts."""
+def strongest_regressor(
+    search: Search, regressors: Sequence[GenericRegressor], found: Sequence[ScoredForm]
+) -> RemainingDependence | None:
+    """Return the regressor that explains most of what the effects leave, if it counts."""
     terms = [term for r in found for term in r.form.terms]
     before = search.bank.solve(terms)
-    best: Left | None = None
-    for judge in judges:
-        gain, rank = search.bank.solve([*terms, judge.term])
-        gain, rank = gain - before[0], rank - before[1]
-        evidence = gain - rank * search.price
-        if evidence > JUDGED and (best is None or evidence > best.evidence):
-            best = Left(judge, evidence, gain - rank)
+    best: RemainingDependence | None = None
+    for regressor in regressors:
+        delta_chi2, rank = search.bank.solve([*terms, regressor.term])
+        delta_chi2, rank = delta_chi2 - before[0], rank - before[1]
+        evidence = delta_chi2 - rank * search.bic_penalty
+        if evidence > REGRESSOR_EVIDENCE and (best is None or evidence > best.evidence):
+            best = RemainingDependence(regressor, evidence, delta_chi2 - rank)
     return best
 
 
 def common_mode(
-    search: Search, missing: Sequence[str], found: Sequence[Rated] = ()
+    search: Search, missing: Sequence[str], found: Sequence[ScoredForm] = ()
 ) -> Dependence | None:
     """Return what the axes have in common beside the effects found; None where nothing.
 
@@ -222,7 +222,7 @@ def common_mode(
     itself is one of the supply where that was not logged, else of time as well.
     """
     common = coherence(search.bank, [term for r in found for term in r.form.terms])
-    if common.evidence < COHERENT:
+    if common.evidence < COMMON_MODE_EVIDENCE:
         return None
     suspects = [c for c in CHANNELS_OF[search.bank.sensor] if c in missing and c in LOGGED]
     if common.runs < IN_STEP and suspects:
@@ -232,68 +232,81 @@ def common_mode(
 
 
 def dependence(
-    search: Search, judges: Sequence[Judge], missing: Sequence[str], found: Sequence[Rated]
+    search: Search,
+    regressors: Sequence[GenericRegressor],
+    missing: Sequence[str],
+    found: Sequence[ScoredForm],
 ) -> Dependence:
     """Say on which variable the residual depends, or which channel is suspected."""
     bank = search.bank
     terms = [term for r in found for term in r.form.terms]
-    everything, _ = explainable(search, judges, terms)
-    judge, evidence, gain = _law(search, judges)
+    everything, _ = explainable(search, regressors, terms)
+    regressor, evidence, delta_chi2 = _law(search, regressors)
     evidence = max(evidence, search.total([r.form for r in found])[0])
     relevant = [c for c in CHANNELS_OF[bank.sensor] if c in missing]
     suspects = [c for c in relevant if c in LOGGED]
-    if judge.depends_on == 'humidity' and 'humidity' in relevant:
+    if regressor.depends_on == 'humidity' and 'humidity' in relevant:
         if best_hinge(search).evidence > evidence:
             return Dependence('unexplained', 'temperature', evidence)
         return Dependence('unlogged', 'humidity', evidence)
-    adequate = gain >= (WHOLLY if suspects else ADEQUATE) * everything
-    plainly = judge.depends_on in SWITCHED and _plainly(search, judge)
-    if bank.sensor != 'magnetometer' and judge.depends_on in SWITCHED:
+    adequate = delta_chi2 >= (WHOLLY if suspects else ADEQUATE) * everything
+    plainly = regressor.depends_on in SWITCHED and _plainly(search, regressor)
+    if bank.sensor != 'magnetometer' and regressor.depends_on in SWITCHED:
         # A compressor reaches accelerometer and gyroscope by shaking them or through the supply.
-        shaken = judge.depends_on == 'compressor' and plainly
+        shaken = regressor.depends_on == 'compressor' and plainly
         if 'vibration' in missing and (shaken or not adequate):
             return Dependence('unlogged', 'vibration', evidence)
         if suspects:
             return Dependence('unlogged', _suspect(suspects), evidence)
-        return Dependence('unexplained', judge.depends_on, evidence)
-    if suspects and not (adequate and (plainly or judge.depends_on in CHAMBER_FREE)):
+        return Dependence('unexplained', regressor.depends_on, evidence)
+    if suspects and not (adequate and (plainly or regressor.depends_on in CHAMBER_FREE)):
         return Dependence('unlogged', _suspect(suspects), evidence)
-    vague = gain < VAGUE * everything
-    if relevant and (vague or (not adequate and judge.depends_on in {'phase', 'time', 'cycle'})):
+    vague = delta_chi2 < VAGUE * everything
+    if relevant and (
+        vague or (not adequate and regressor.depends_on in {'phase', 'time', 'cycle'})
+    ):
         return Dependence('unlogged', 'chamber', evidence)
-    return Dependence('unexplained', judge.depends_on, evidence)
+    return Dependence('unexplained', regressor.depends_on, evidence)
 
 
-def _law(search: Search, judges: Sequence[Judge]) -> tuple[Judge, float, float]:
-    """Return the judge that stands for the law, its evidence and its variable's χ² gain.
+def _law(
+    search: Search, regressors: Sequence[GenericRegressor]
+) -> tuple[GenericRegressor, float, float]:
+    """Return the regressor that stands for the law, its evidence and its variable's Δχ².
 
     The strongest one, three standard deviations of what noise gives its columns aside, may be
     flexible enough to follow another variable's law: the one of fewest columns that explains
-    nearly as much is preferred. The gain beyond noise is that of the best judge of its variable.
+    nearly as much is preferred. Δχ² beyond noise is that of its variable's best regressor.
     """
-    rated = []
-    for judge in judges:
-        gain, rank = search.bank.solve([judge.term])
-        net = gain - rank - 3.0 * float(np.sqrt(2.0 * rank))
-        rated.append((net, rank, gain - rank * search.price, gain - rank, judge))
-    best = max(net for net, *_ in rated)
-    near = [item for item in rated if item[0] >= min(SIMPLER * best, best)]
-    _, _, evidence, _, judge = min(near, key=lambda item: item[1])
-    return judge, evidence, max(row[3] for row in rated if row[4].depends_on == judge.depends_on)
+    scored = []
+    for regressor in regressors:
+        delta_chi2, rank = search.bank.solve([regressor.term])
+        net = delta_chi2 - rank - 3.0 * float(np.sqrt(2.0 * rank))
+        scored.append(
+            (net, rank, delta_chi2 - rank * search.bic_penalty, delta_chi2 - rank, regressor)
+        )
+    best = max(net for net, *_ in scored)
+    near = [item for item in scored if item[0] >= min(SIMPLER * best, best)]
+    _, _, evidence, _, regressor = min(near, key=lambda item: item[1])
+    return (
+        regressor,
+        evidence,
+        max(row[3] for row in scored if row[4].depends_on == regressor.depends_on),
+    )
 
 
 def explainable(
-    search: Search, judges: Sequence[Judge], terms: Sequence[Term]
+    search: Search, regressors: Sequence[GenericRegressor], terms: Sequence[Term]
 ) -> tuple[float, float]:
-    """Return the χ² gain beyond noise of the terms and all judges, and what noise spreads it."""
-    gain, rank = search.bank.solve([*terms, *(judge.term for judge in judges)])
-    return gain - rank, float(np.sqrt(2.0 * rank))
+    """Return Δχ² beyond noise of the terms and all regressors, and its spread by noise."""
+    delta_chi2, rank = search.bank.solve([*terms, *(regressor.term for regressor in regressors)])
+    return delta_chi2 - rank, float(np.sqrt(2.0 * rank))
 
 
-def _plainly(search: Search, judge: Judge) -> bool:
+def _plainly(search: Search, regressor: GenericRegressor) -> bool:
     """Tell whether the channel by itself, its first column, explains most of what it can."""
-    alone = search.bank.solve([Term(judge.term.columns[:1])])[0]
-    return alone >= PLAINLY * search.bank.solve([judge.term])[0]
+    alone = search.bank.solve([Term(regressor.term.columns[:1])])[0]
+    return alone >= PLAINLY * search.bank.solve([regressor.term])[0]
 
 
 def _suspect(channels: Sequence[str]) -> str:

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from imu_recording.recording import SENSOR_UNITS
@@ -12,8 +12,9 @@ from imu_recording.recording import SENSOR_UNITS
 from thermal_comp.comparison.compare import Comparison
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.quality import QualityFinding
-from thermal_comp.diagnosis.decision import Named, Outcome
-from thermal_comp.diagnosis.noise_level import NEEDED, judge_noise
+from thermal_comp.diagnosis.decision import IdentifiedEffect, Outcome
+from thermal_comp.diagnosis.inputs import ClockFinding
+from thermal_comp.diagnosis.noise_level import NEEDED, noise_above_reference
 from thermal_comp.diagnosis.result import Finding, SensorState
 from thermal_comp.diagnosis.thresholds import threshold_of
 from thermal_comp.effects.effect import LEAST_EVIDENCE, Effect
@@ -43,18 +44,18 @@ def effect_findings(
     findings = []
     seen: set[str] = set()
     for named in outcome.named:
-        if named.rated.name in seen:
+        if named.scored.name in seen:
             continue
-        seen.add(named.rated.name)
-        effect = named.rated.form.effect
+        seen.add(named.scored.name)
+        effect = named.scored.form.effect
         label = '+'.join(effect.sensors) if effect.coupled else sensor
         after = explained.comparison
         findings.append(
             Finding(
                 'effect',
-                named.rated.name,
+                named.scored.name,
                 label,
-                named.rated.evidence,
+                named.scored.evidence,
                 LEAST_EVIDENCE if named.shared else threshold_of(effect, thresholds),
                 ambiguous_with=named.ambiguous_with,
                 error_before=_rms(current.sensors[sensor].held_out_rms),
@@ -69,8 +70,8 @@ def effect_findings(
     return findings
 
 
-def _sentence(named: Named, label: str) -> str:
-    text = f'{label}: {named.rated.name} is missing'
+def _sentence(named: IdentifiedEffect, label: str) -> str:
+    text = f'{label}: {named.scored.name} is missing'
     if named.ambiguous_with:
         verb = 'explain' if len(named.ambiguous_with) > 1 else 'explains'
         text += f'; {" and ".join(named.ambiguous_with)} {verb} it as well'
@@ -80,10 +81,10 @@ def _sentence(named: Named, label: str) -> str:
 
 
 def _parameters(
-    named: Named, sensor: Sensor, explained: Explained
+    named: IdentifiedEffect, sensor: Sensor, explained: Explained
 ) -> dict[str, dict[str, object]]:
     """Return the shape parameters as fitted jointly, with standard deviations."""
-    effect = named.rated.form.effect
+    effect = named.scored.form.effect
     model = explained.model.sensors[sensor] if explained.model else None
     fitted = [e for e in (model.effects if model else ()) if e.name == effect.name]
     found = min(fitted, key=lambda e: _distance(e, effect), default=effect)
@@ -130,44 +131,72 @@ def unnamed_findings(sensor: Sensor, outcome: Outcome, current: Comparison) -> l
     ]
 
 
-def noise_finding(
-    sensor: Sensor,
-    noise: NoiseModel,
+def noise_findings(
+    noise: Mapping[Sensor, NoiseModel],
     current: Comparison,
-    reference: NoiseModel | None,
+    reference: Mapping[str, NoiseModel] | None,
     *,
     bandwidth_known: bool = False,
-) -> Finding | None:
-    """Return what is too high in the noise, if anything is."""
-    above = judge_noise(noise, sensor, reference, bandwidth_known=bandwidth_known)
-    if above is None:
-        return None
-    state = current.sensors[sensor]
-    white = f'white × {above.white_ratio:.2f}, ' if bandwidth_known else ''
-    text = (
-        f'{sensor}: noise above the reference, {white}bias instability × {above.flicker_ratio:.2f}'
-    )
-    return Finding(
-        'noise',
-        above.name,
-        sensor,
-        above.evidence,
-        NEEDED,
-        depends_on=None,
-        error_before=_rms(state.held_out_rms),
-        noise_floor=_rms(state.noise_floor),
-        unit=SENSOR_UNITS[sensor],
-        text=text,
-    )
+) -> dict[Sensor, Finding]:
+    """Return what is too high in the noise, by sensor."""
+    findings = {}
+    for sensor, model in noise.items():
+        above = noise_above_reference(
+            model, sensor, (reference or {}).get(sensor), bandwidth_known=bandwidth_known
+        )
+        if above is None:
+            continue
+        state = current.sensors[sensor]
+        white = f'white × {above.white_ratio:.2f}, ' if bandwidth_known else ''
+        findings[sensor] = Finding(
+            'noise',
+            above.name,
+            sensor,
+            above.evidence,
+            NEEDED,
+            error_before=_rms(state.held_out_rms),
+            noise_floor=_rms(state.noise_floor),
+            unit=SENSOR_UNITS[sensor],
+            text=f'{sensor}: noise above the reference, {white}bias instability × '
+            f'{above.flicker_ratio:.2f}',
+        )
+    return findings
 
 
-def sensor_state(sensor: Sensor, outcome: Outcome, current: Comparison) -> SensorState:
-    """Return how the sensor stands under the model that is diagnosed."""
+def clock_findings(clock: ClockFinding | None) -> list[Finding]:
+    """Return the temperature coefficient of the sampling clock as a finding, if it counts."""
+    if clock is None or clock.evidence <= LEAST_EVIDENCE:
+        return []
+    return [
+        Finding(
+            'effect',
+            'clock_temperature',
+            'all',
+            clock.evidence,
+            LEAST_EVIDENCE,
+            error_before=clock.rms_before,
+            error_after=clock.rms_after,
+            unit='1',
+            parameters={'slope': {'value': clock.slope, 'std': clock.slope_std, 'unit': '1/K'}},
+            text=f'the sampling interval changes by {clock.slope * 1e6:.1f} ppm/K',
+        )
+    ]
+
+
+def ranked(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Return the findings strongest first, those about the noise last."""
+    return tuple(sorted(findings, key=lambda f: (f.kind == 'noise', -f.evidence)))
+
+
+def sensor_state(
+    sensor: Sensor, outcome: Outcome, current: Comparison, *, loud: bool = False
+) -> SensorState:
+    """Return how the sensor stands under the model; `loud`: its noise is above the reference."""
     compared = current.sensors[sensor]
     if outcome.kind == 'named':
         verdict = 'ambiguous' if outcome.named[0].ambiguous_with else 'missing'
     else:
-        verdict = outcome.kind
+        verdict = 'noise_above_reference' if loud and outcome.kind == 'complete' else outcome.kind
     where = [w for w in compared.where if set(w.group) == {'phase', 'cycle'}][:LISTED_WHERE]
     return SensorState(
         verdict,
@@ -179,11 +208,6 @@ def sensor_state(sensor: Sensor, outcome: Outcome, current: Comparison) -> Senso
             {**w.group, 'ratio': float(w.ratio)} for w in where or compared.where[:LISTED_WHERE]
         ),
     )
-
-
-def with_verdict(state: SensorState, verdict: str) -> SensorState:
-    """Return the state with another verdict."""
-    return replace(state, verdict=verdict)
 
 
 def quality_finding(defect: QualityFinding) -> Finding:

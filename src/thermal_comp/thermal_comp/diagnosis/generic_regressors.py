@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Functions without physics that ask on which variable a residual depends."""
+"""Flexible functions of one variable each: on which one does a residual depend?"""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ SETTLING_S = (60.0, 200.0)
 
 
 @dataclass(frozen=True)
-class Judge:
-    """A flexible function of one variable."""
+class GenericRegressor:
+    """A flexible function of one variable, as columns of a design."""
 
     depends_on: str
     name: str
     term: Term
 
 
-def judges(bank: CandidateDesign) -> list[Judge]:
-    """Return the judges for the variables that were logged."""
+def generic_regressors(bank: CandidateDesign) -> list[GenericRegressor]:
+    """Return the generic regressors of the variables that were logged."""
     runs = bank.source.runs
     spans = _spans(runs)
     made: list[tuple[str, str, Callable[[PreparedRun], FloatArray], bool]] = [
@@ -70,7 +70,7 @@ def judges(bank: CandidateDesign) -> list[Judge]:
     if all(run.conditions.has('vibration') for run in runs):
         made.append(('vibration', 'vibration and its square', spans.vibration, False))
     terms = bank.generic_terms([(function, per_run) for _, _, function, per_run in made])
-    return [Judge(row[0], row[1], term) for row, term in zip(made, terms, strict=True)]
+    return [GenericRegressor(row[0], row[1], term) for row, term in zip(made, terms, strict=True)]
 
 
 def _moist(bank: CandidateDesign) -> bool:

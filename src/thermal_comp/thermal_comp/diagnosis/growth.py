@@ -13,9 +13,10 @@ from thermal_comp.comparison.compare import Comparison, compare_prepared
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.candidates import families, missing_channels
-from thermal_comp.diagnosis.diagnose import Listed, Settings, base_effects, diagnose_prepared
+from thermal_comp.diagnosis.diagnose import Settings, base_effects, diagnose_prepared
 from thermal_comp.diagnosis.result import Diagnosis
 from thermal_comp.diagnosis.search import Search
+from thermal_comp.diagnosis.sensor_search import Listed
 from thermal_comp.diagnosis.thresholds import threshold_of
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.fitting.fit import fit_prepared, usable_sensors
@@ -159,22 +160,22 @@ def _placed(
         raise ModelError(
             f'{name} acts on {", ".join(effect.sensors)}, not on {", ".join(sensors or noise)}'
         )
-    rated = {}
+    scored = {}
     for sensor in wanted:
         bank = CandidateDesign(source, sensor, noise[sensor], listed[sensor])
         search = Search(bank, families(bank, {name: effect}), settings.thresholds)
         ranking = search.ranking([])
         if ranking:
-            rated[sensor] = ranking[0]
-    if not rated:
+            scored[sensor] = ranking[0]
+    if not scored:
         raise ModelError(f'{name} leaves no trace in these runs that could be fitted')
     needed = threshold_of(effect, settings.thresholds)
-    strong = [s for s, r in rated.items() if r.evidence >= needed]
-    best = max(rated, key=lambda s: rated[s].evidence)
+    strong = [s for s, r in scored.items() if r.evidence >= needed]
+    best = max(scored, key=lambda s: scored[s].evidence)
     if effect.coupled:
-        return {s: rated[best].form.effect for s in effect.sensors if s in noise}
-    chosen = list(rated) if sensors else strong or [best]
-    return {s: rated[s].form.effect for s in chosen}
+        return {s: scored[best].form.effect for s in effect.sensors if s in noise}
+    chosen = list(scored) if sensors else strong or [best]
+    return {s: scored[s].form.effect for s in chosen}
 
 
 def _grown(
@@ -225,8 +226,8 @@ def _unneeded(
         everything = bank.solve(list(terms.values()))
         for effect in effects:
             others = [term for e, term in terms.items() if e is not effect]
-            gain, rank = bank.solve(others)
-            lost = everything[0] - gain - (everything[1] - rank) * float(np.log(bank.rows))
+            delta_chi2, rank = bank.solve(others)
+            lost = everything[0] - delta_chi2 - (everything[1] - rank) * float(np.log(bank.rows))
             if effect.name != added and lost < 0.0:
                 found.append(f'{sensor}: {effect.name}')
     return tuple(found)

@@ -97,7 +97,7 @@ class DiagnosisInputs:
     defects: list[QualityFinding]
     clock: ClockFinding | None
     bandwidth_known: bool
-    """Whether white noise may be judged."""
+    """Whether the density of white noise is that of the sensor."""
 
 
 def prepare_inputs(

@@ -59,7 +59,7 @@ def bandwidth_known(recordings: Sequence[ImuRecording]) -> bool:
     )
 
 
-def judge_noise(
+def noise_above_reference(
     noise: NoiseModel,
     sensor: Sensor,
     reference: NoiseModel | None = None,
@@ -68,7 +68,7 @@ def judge_noise(
 ) -> NoiseFinding | None:
     """Return what is too high, averaged over the axes; None where nothing is.
 
-    White noise is judged only where `bandwidth_known`: rows that are means, or samples fast
+    White noise is compared only where `bandwidth_known`: rows that are means, or samples fast
     enough. Single samples slower than the sensor's output fold its whole band into theirs, so
     their density exceeds the reference's without more noise. The coloured part is slow and
     stands in either.

@@ -36,20 +36,20 @@ def reached_in_draws(
         single.append([max(_evidence(bank, f, k) for k in range(len(f.forms))) for f in coupled])
     best = np.array(single)
     reached = {family.name: best[:, k] for k, family in enumerate(coupled)}
-    price = float(np.log(bank.rows))
+    bic_penalty = float(np.log(bank.rows))
     stacked = np.stack(rights)
     for family in families:
         if family.name not in reached:
             index = [[c for term in form.terms for c in term.columns] for form in family.forms]
             free = [form.free for form in family.forms]
-            reached[family.name] = best_evidence(bank.normal, stacked, index, free, price)
+            reached[family.name] = best_evidence(bank.normal, stacked, index, free, bic_penalty)
     return reached
 
 
 def _evidence(bank: CandidateDesign, family: Family, k: int) -> float:
     form = family.forms[k]
-    gain, rank = bank.solve(form.terms)
-    return gain - (rank + form.free) * float(np.log(bank.rows)) if rank else -np.inf
+    delta_chi2, rank = bank.solve(form.terms)
+    return delta_chi2 - (rank + form.free) * float(np.log(bank.rows)) if rank else -np.inf
 
 
 def best_evidence(
@@ -57,7 +57,7 @@ def best_evidence(
     rights: FloatArray,
     index: Sequence[Sequence[int]],
     free: Sequence[int],
-    price: float,
+    bic_penalty: float,
 ) -> FloatArray:
     """Return the evidence (n,) of the best of several forms, for right-hand sides (n, 3, w).
 
@@ -76,17 +76,17 @@ def best_evidence(
         scaled = rights[:, :, place] * inverse
         turned = np.einsum('afkj,nafk->nafj', vectors, scaled)
         weight = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
-        gain = np.einsum('nafj,afj->nf', turned**2, weight)
+        delta_chi2 = np.einsum('nafj,afj->nf', turned**2, weight)
         rank = kept.sum(axis=(0, 2))
-        cost = (rank + np.array([free[k] for k in which])) * price
-        evidence = np.where(rank > 0, gain - cost, -np.inf)
+        cost = (rank + np.array([free[k] for k in which])) * bic_penalty
+        evidence = np.where(rank > 0, delta_chi2 - cost, -np.inf)
         best = np.maximum(best, evidence.max(axis=1))
     return best
 
 
 @dataclass(frozen=True, eq=False)
 class SlowEffects:
-    """Effects of time alone, rated on draws whose noise is fitted anew to each of them."""
+    """Effects of time alone, scored on draws whose noise is fitted anew to each of them."""
 
     source: ColumnSource
     catalogue: Mapping[str, type[Effect]]
@@ -102,7 +102,7 @@ class SlowEffects:
         )
         table = _Table.of([self._columns(bank, effect) for effect in effects], effects)
         normal, right = table.equations(bank)
-        price = float(np.log(bank.rows))
+        bic_penalty = float(np.log(bank.rows))
         return {
             name: float(
                 best_evidence(
@@ -110,7 +110,7 @@ class SlowEffects:
                     right[None],
                     [table.index(candidate) for candidate in some],
                     [candidate.effect.free_shapes for candidate in some],
-                    price,
+                    bic_penalty,
                 )[0]
             )
             for name, some in tried.items()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Find the physical effects a residual holds: forward, with swaps and re-naming."""
+"""Search for the effects a residual holds: forward selection with swaps and merges."""
 
 from __future__ import annotations
 
@@ -46,26 +46,26 @@ def held_out_chi_square(bank: CandidateDesign, terms: Sequence[Term], part: int)
 MOST_EFFECTS = 5
 """Effects tried on one sensor before the search gives up."""
 SCREENED = 6
-"""Forms of a family that are rated exactly."""
+"""Forms of a family that are scored exactly."""
 SHAPE_STEPS = (1.25, 1.1, 1.04)
 """Factors by which shape parameters are moved."""
 EDGE_S = 300.0
 """A step this near to a cycle's edge is the cycle's [s]."""
 FORM_SHARE = 0.02
-"""Share of the χ² gain that a flaw in an effect's form may cost without doubting its name."""
+"""Share of Δχ² that a flaw in an effect's form may cost without doubting its name."""
 NESTED_SHARE = 0.005
-"""Share of the χ² gain from which a richer form says more than that every law bends a little."""
+"""Share of Δχ² from which a richer form says more than that every law bends a little."""
 CONFIRMED = 10.0
 """χ² another sensor adds to an effect from which no other stands for it."""
 
 
 @dataclass(frozen=True)
-class Rated:
+class ScoredForm:
     """A form with what it adds to the effects already there."""
 
     form: Form
     evidence: float
-    gain: float
+    delta_chi2: float
     rank: int
 
     @property
@@ -86,19 +86,19 @@ class Search:
     """χ² that another sensor adds to an effect both of them feel."""
     untried: frozenset[str] = frozenset()
     """Effects that act on the sensor but need a channel that was not logged."""
-    least_gains: Mapping[str, float] = field(default_factory=dict)
-    """χ² gain below which an effect is but the form of one that is in the model already."""
+    least_delta_chi2: Mapping[str, float] = field(default_factory=dict)
+    """Δχ² below which an effect is but a flaw in the form of one in the model."""
 
     @property
-    def price(self) -> float:
+    def bic_penalty(self) -> float:
         """Evidence each parameter costs: ln of the number of block means."""
         return float(np.log(self.bank.rows))
 
-    def threshold(self, rated: Rated) -> float:
+    def threshold(self, scored: ScoredForm) -> float:
         """Return the evidence the effect needs before it is named."""
-        return threshold_of(rated.form.effect, self.thresholds)
+        return threshold_of(scored.form.effect, self.thresholds)
 
-    def run(self) -> list[Rated]:
+    def run(self) -> list[ScoredForm]:
         """Return the effects found, strongest first."""
         chosen: list[Form] = []
         while len(chosen) < MOST_EFFECTS:
@@ -108,34 +108,38 @@ class Search:
             chosen = self._refined(self._renamed([*chosen, best.form]))
         chosen = self._pruned(self._simplified(self._pruned(chosen)))
         chosen = self._without_edges(chosen)
-        return sorted((self.rate(chosen, f) for f in chosen), key=lambda r: -r.evidence)
+        return sorted((self.score(chosen, f) for f in chosen), key=lambda r: -r.evidence)
 
     def total(self, forms: Sequence[Form]) -> tuple[float, float, int]:
-        """Return evidence, χ² gain and rank of the forms together."""
+        """Return evidence, Δχ² and rank of the forms together."""
         terms = [term for form in forms for term in form.terms]
-        gain, rank = self.bank.solve(terms)
-        gain += sum(self.support.get(form.effect.name, 0.0) for form in forms)
+        delta_chi2, rank = self.bank.solve(terms)
+        delta_chi2 += sum(self.support.get(form.effect.name, 0.0) for form in forms)
         free = sum(form.free for form in forms)
-        return gain - (rank + free) * self.price, gain, rank
+        return delta_chi2 - (rank + free) * self.bic_penalty, delta_chi2, rank
 
-    def rate(self, chosen: Sequence[Form], form: Form) -> Rated:
+    def score(self, chosen: Sequence[Form], form: Form) -> ScoredForm:
         """Return what a form adds to the others that were chosen."""
         others = [f for f in chosen if f is not form]
         before, with_it = self.total(others), self.total([*others, form])
-        return Rated(form, with_it[0] - before[0], with_it[1] - before[1], with_it[2] - before[2])
+        return ScoredForm(
+            form, with_it[0] - before[0], with_it[1] - before[1], with_it[2] - before[2]
+        )
 
-    def best_form(self, chosen: Sequence[Form], family: Family) -> Rated | None:
+    def best_form(self, chosen: Sequence[Form], family: Family) -> ScoredForm | None:
         """Return the family's form that adds most to those chosen."""
         forms = list(family.forms)
         if len(forms) > SCREENED:
             forms = [forms[k] for k in np.argsort(self._screened(chosen, forms))[-SCREENED:]]
         before = self.total(chosen)
-        best: Rated | None = None
+        best: ScoredForm | None = None
         for form in forms:
-            evidence, gain, rank = self.total([*chosen, form])
-            rated = Rated(form, evidence - before[0], gain - before[1], rank - before[2])
-            if best is None or rated.evidence > best.evidence:
-                best = rated
+            evidence, delta_chi2, rank = self.total([*chosen, form])
+            scored = ScoredForm(
+                form, evidence - before[0], delta_chi2 - before[1], rank - before[2]
+            )
+            if best is None or scored.evidence > best.evidence:
+                best = scored
         return best
 
     def _screened(self, chosen: Sequence[Form], forms: Sequence[Form]) -> FloatArray:
@@ -154,27 +158,27 @@ class Search:
             blocks = blocks + 1e-7 * np.eye(count)
             gains = (rows * np.linalg.solve(blocks, rows[..., None])[..., 0]).sum(axis=(0, 2))
             free = np.array([forms[k].free for k in which])
-            evidence[which] = gains - (3 * count + free) * self.price
+            evidence[which] = gains - (3 * count + free) * self.bic_penalty
         return evidence
 
-    def ranking(self, chosen: Sequence[Form]) -> list[Rated]:
+    def ranking(self, chosen: Sequence[Form]) -> list[ScoredForm]:
         """Return the best form of every family that is not chosen, strongest first."""
         names = {f.effect.name for f in chosen if not f.effect.repeatable}
-        rated = [self.best_form(chosen, f) for f in self.families if f.name not in names]
-        found = [r for r in rated if r is not None and r.rank > 0]
+        scored = [self.best_form(chosen, f) for f in self.families if f.name not in names]
+        found = [r for r in scored if r is not None and r.rank > 0]
         return sorted(found, key=lambda r: -r.evidence)
 
-    def _best_addition(self, chosen: Sequence[Form]) -> Rated | None:
-        for rated in self.ranking(chosen):
-            if rated.evidence <= 0.0:
+    def _best_addition(self, chosen: Sequence[Form]) -> ScoredForm | None:
+        for scored in self.ranking(chosen):
+            if scored.evidence <= 0.0:
                 break
-            if rated.evidence < self.threshold(rated):
+            if scored.evidence < self.threshold(scored):
                 continue
-            if rated.gain < self.least_gains.get(rated.name, 0.0):
+            if scored.delta_chi2 < self.least_delta_chi2.get(scored.name, 0.0):
                 continue
-            if self._confirmed_by_cycles(chosen, rated.form):
-                return rated
-            self.vetoed.append(rated.name)
+            if self._confirmed_by_cycles(chosen, scored.form):
+                return scored
+            self.vetoed.append(scored.name)
         return None
 
     def _renamed(self, chosen: list[Form]) -> list[Form]:
@@ -208,8 +212,8 @@ class Search:
 
     def _pruned(self, chosen: list[Form]) -> list[Form]:
         while chosen:
-            rated = [self.rate(chosen, form) for form in chosen]
-            weakest = min(rated, key=lambda r: r.evidence - self.threshold(r))
+            scored = [self.score(chosen, form) for form in chosen]
+            weakest = min(scored, key=lambda r: r.evidence - self.threshold(r))
             if weakest.evidence >= self.threshold(weakest):
                 break
             chosen = [form for form in chosen if form is not weakest.form]
@@ -221,7 +225,7 @@ class Search:
             if self.support.get(form.effect.name, 0.0) > CONFIRMED:
                 continue
             others = [f for f in chosen if f is not form]
-            here, alone = self.total(chosen)[1], self.rate([], form).gain
+            here, alone = self.total(chosen)[1], self.score([], form).delta_chi2
             taken = {f.effect.name for f in others}
             for family in self.families:
                 if family.name in taken or not family.effect.stands_for(type(form.effect)):
@@ -246,15 +250,15 @@ class Search:
         """Try steps of every shape parameter, ever smaller."""
         if form.free == 0:
             return form
-        best, gain = form, self.total([*others, form])[1]
+        best, delta_chi2 = form, self.total([*others, form])[1]
         for ratio in SHAPE_STEPS:
             moved = True
             while moved:
                 moved = False
                 trials = moved_forms(self.bank, best, ratio)
                 gains = [self.total([*others, trial])[1] for trial in trials]
-                if gains and max(gains) > gain + 0.1:
-                    best, gain, moved = trials[int(np.argmax(gains))], max(gains), True
+                if gains and max(gains) > delta_chi2 + 0.1:
+                    best, delta_chi2, moved = trials[int(np.argmax(gains))], max(gains), True
         return best
 
     def _without_edges(self, chosen: list[Form]) -> list[Form]:
@@ -284,7 +288,7 @@ class Search:
             - held_out_chi_square(bank, [*before, *form.terms], int(part))
             for part in parts
         ]
-        better = sum(gain > 0.0 for gain in gains)
+        better = sum(delta_chi2 > 0.0 for delta_chi2 in gains)
         return sum(gains) > 0.0 and better >= 0.6 * len(gains)
 
 
@@ -293,14 +297,14 @@ def _cycle_edges(run: PreparedRun) -> FloatArray:
     return np.asarray(run.time[np.flatnonzero(np.diff(run.cycle)) + 1])
 
 
-def least_gains(
+def least_delta_chi2(
     source: ColumnSource,
     sensor: Sensor,
     noise: NoiseModel,
     known: Sequence[Effect],
     catalogue: Mapping[str, type[Effect]],
 ) -> dict[str, float]:
-    """Return by effect the χ² gain that a flaw in the form of a known effect may leave to it."""
+    """Return by effect the Δχ² that a flaw in the form of a known effect may leave to it."""
     pairs = [(r, k) for k in known for r in catalogue.values() if k.stands_for(r)]
     if not pairs:
         return {}

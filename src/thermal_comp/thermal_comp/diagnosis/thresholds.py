@@ -77,8 +77,8 @@ def reached_without_effect(
             # How much an effect of time reaches depends on how well slow noise is known.
             slow = {n: e for n, e in catalogue.items() if e.time_only}
             steady = {n: e for n, e in catalogue.items() if not e.time_only}
-            rated = SlowEffects(source, slow, _fixed_columns(bank, slow))
-            tasks = [pool.submit(_reached_once, rated, bank, base[sensor], d) for d in drawn]
+            scored = SlowEffects(source, slow, _fixed_columns(bank, slow))
+            tasks = [pool.submit(_reached_once, scored, bank, base[sensor], d) for d in drawn]
             for name, values in reached_in_draws(bank, families(bank, steady), drawn).items():
                 found.setdefault(name, []).append(values)
             once = [task.result() for task in tasks]
@@ -119,7 +119,7 @@ def _fixed_columns(
 
 
 def _reached_once(
-    rated: SlowEffects, bank: CandidateDesign, base: Sequence[Effect], drawn: Draw
+    scored: SlowEffects, bank: CandidateDesign, base: Sequence[Effect], drawn: Draw
 ) -> dict[str, float]:
     noise = fit_noise_to_values(bank.source.runs, drawn)
-    return rated.reached(CandidateDesign(bank.source, bank.sensor, noise, base, drawn))
+    return scored.reached(CandidateDesign(bank.source, bank.sensor, noise, base, drawn))
