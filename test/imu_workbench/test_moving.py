@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from imu_workbench.__main__ import main
 from imu_workbench.motion_detection import MovingError, motion_of
-from imu_workbench.report.analysis import study_recordings
+from imu_workbench.report.analysis import analyse_recordings
 from imu_workbench.report.content import report_content
 from imu_workbench.report.html.document import report_page, report_text
 
 
 def content_of(recordings):
-    study = study_recordings(recordings, attitudes=False, diagnosis=False)
-    return report_content(study, commands=['report'], versions={})
+    analysis = analyse_recordings(recordings, attitudes=False, diagnosis=False)
+    return report_content(analysis, commands=['report'], versions={})
 
 
 def moved(recording):

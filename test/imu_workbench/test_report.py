@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from imu_workbench.answer import plain
-from imu_workbench.report.analysis import study_recordings
+from imu_workbench.report.analysis import analyse_recordings
 from imu_workbench.report.content import report_content
 from imu_workbench.report.figures.palette import COLOURS, painted
 from imu_workbench.report.html.document import report_page, report_text
@@ -24,8 +24,8 @@ SLOPE = {'gyroscope': (4e-5, -2e-5, 1e-5), 'magnetometer': (2e-7, -1e-7, 3e-7)}
 
 
 def content_of(recordings, **options):
-    study = study_recordings(recordings, **options)
-    return report_content(study, commands=['make demo'], versions={'numpy': '2'})
+    analysis = analyse_recordings(recordings, **options)
+    return report_content(analysis, commands=['make demo'], versions={'numpy': '2'})
 
 
 @pytest.fixture(scope='module')

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from imu_workbench.report.html.diagnosis import growth_section
-from imu_workbench.report.model_growth import StoryTask
+from imu_workbench.report.model_growth import ModelGrowthTask
 
 from imu_recording import write_bag
 
@@ -20,7 +20,7 @@ def story(run, tmp_path_factory: pytest.TempPathFactory):
     error = 0.2 * np.outer(rate, [1.0, -0.7, 0.5])
     moved = replace(recording, linear_acceleration=recording.linear_acceleration + error)
     write_bag(moved, folder / 'z')
-    return StoryTask([folder / 'z']).run()
+    return ModelGrowthTask([folder / 'z']).run()
 
 
 def test_the_hidden_effect_is_named_and_removed(story) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from imu_workbench.answer import plain
 from imu_workbench.commands.report import load_models
-from imu_workbench.report.analysis import study_recordings
+from imu_workbench.report.analysis import analyse_recordings
 from imu_workbench.report.content import report_content
 from imu_workbench.report.html.document import report_page, report_text
 from thermal_comp.data.preparation import prepare
@@ -42,8 +42,8 @@ class Ripple(Effect):
 
 
 def content_of(recordings, **options):
-    study = study_recordings(recordings, attitudes=False, **options)
-    return report_content(study, commands=['report'], versions={})
+    analysis = analyse_recordings(recordings, attitudes=False, **options)
+    return report_content(analysis, commands=['report'], versions={})
 
 
 def test_an_effect_of_the_users_own_is_diagnosed_and_stands_in_models(run, tmp_path) -> None:

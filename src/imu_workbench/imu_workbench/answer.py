@@ -39,7 +39,9 @@ def plain(value: Any) -> Any:
     kind = type(value)
     if kind in SIMPLE or kind is str:
         return None if kind is float and not math.isfinite(value) else value
-    if kind is list and SIMPLE.issuperset(map(type, value)):
+    if kind is list and SIMPLE.issuperset(kinds := set(map(type, value))):
+        if float not in kinds or (type(None) not in kinds and math.isfinite(sum(value))):
+            return value
         return [None if type(x) is float and not math.isfinite(x) else x for x in value]
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}

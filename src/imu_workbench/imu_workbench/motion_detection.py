@@ -97,7 +97,8 @@ def _beside(means: FloatArray) -> FloatArray:
     beside = np.zeros(len(means))
     if known.any():
         values = means[known]
-        usual = median_filter(values, size=(min(AROUND, len(values)), 1), mode='nearest')
+        size = min(AROUND, len(values))
+        usual = np.column_stack([median_filter(c, size=size, mode='nearest') for c in values.T])
         beside[known] = np.linalg.norm(values - usual, axis=1)
     return beside
 

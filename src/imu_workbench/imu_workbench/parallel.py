@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import ctypes
 import multiprocessing
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -54,6 +55,37 @@ def run_tasks(tasks: Sequence[Task], workers: int) -> list[Any]:
     finally:
         _WAITING.clear()
     return [done[i] for i in range(len(tasks))]
+
+
+def start_task(task: Task, workers: int) -> Callable[[], Any]:
+    """Start a task in a forked process of its own; return a function that waits for the result.
+
+    With one worker, or in a process with threads of its own, the task runs when it is waited for.
+    """
+    if workers < 2 or not may_fork():
+        return task.run
+    context = multiprocessing.get_context('fork')
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_send_result, args=(task, sender), daemon=True)
+    process.start()
+    sender.close()
+
+    def result() -> Any:
+        show_progress(f'{task.label} …')
+        found = receiver.recv()
+        process.join()
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    return result
+
+
+def _send_result(task: Task, sender: Connection) -> None:
+    try:
+        sender.send(task.run())
+    except Exception as error:  # noqa: BLE001 (raised again in the process that waits)
+        sender.send(error)
 
 
 def may_fork() -> bool:

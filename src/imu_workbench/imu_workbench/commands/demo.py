@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The demonstration: a device simulated at 50 Hz, the bundled bags for the rest, the report.
 
-It ends with the story of a hidden effect: where the model fails, what is missing, what it brings.
+It ends with a hidden effect: where the model fails, what is missing, what adding it brings.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> Answer:
-    """Simulate, study, write."""
-    from imu_workbench.parallel import keep_memory
-    from imu_workbench.report.analysis import study_recordings
+    """Simulate, analyse, write."""
+    from imu_workbench.parallel import keep_memory, start_task
+    from imu_workbench.report.analysis import analyse_recordings
     from imu_workbench.report.content import report_content
     from imu_workbench.report.html.document import report_page, report_text
-    from imu_workbench.report.model_growth import StoryTask
+    from imu_workbench.report.model_growth import ModelGrowthTask
     from imu_workbench.simulate.campaign import Logging, simulate_run
 
     paths, hidden = (sorted(options.bags.glob(name)) for name in ('dut?_?', 'hidden_effect_?'))
@@ -52,29 +52,27 @@ def run(options: argparse.Namespace) -> Answer:
         )
     keep_memory()
     options.output.mkdir(parents=True, exist_ok=True)
+    workers = os.cpu_count() or 1
+    growth_result = start_task(ModelGrowthTask(hidden), workers)
     show_progress(f'simulating {PROFILE} at 50 Hz …')
     simulated = simulate_run(PROFILE, 'dut1', Logging(50.0), seed=options.seed, orientation='+x')
     bags = [read_bag(path) for path in paths]
-    study = study_recordings(
-        [replace(simulated, run=RUN), *bags],
-        workers=os.cpu_count() or 1,
-        besides=[StoryTask(hidden)],
-    )
+    analysis = analyse_recordings([replace(simulated, run=RUN), *bags], workers=workers)
+    growth = growth_result()
     alone = (
         f'python -m imu_workbench simulate {PROFILE} --device dut1 --orientation x --rate 50 '
         f'--seed {options.seed} -o {RUN}  # the 50 Hz run by itself'
     )
-    story = study.besides[0]
-    found = f'python -m imu_workbench auto {" ".join(story["bags"])} -o better.yaml'
+    found = f'python -m imu_workbench auto {" ".join(growth["bags"])} -o better.yaml'
     show_progress('writing the page …')
     content = report_content(
-        study,
+        analysis,
         commands=[command_line(), alone, f'{found}  # the hidden effect by itself'],
         versions=versions(),
-        story=story,
+        growth=growth,
     )
     page, numbers = options.output / 'report.html', options.output / 'report.json'
     page.write_text(report_page(content), 'utf-8')
     write_json(content, numbers)
-    told = '\n'.join(story['lines'])
+    told = '\n'.join(growth['lines'])
     return Answer(content, f'{report_text(content)}\n\nwrote {page} and {numbers}\n\n{told}')

@@ -47,9 +47,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> Answer:
-    """Study the recordings, write the page."""
+    """Analyse the recordings, write the page."""
     from imu_workbench.parallel import keep_memory
-    from imu_workbench.report.analysis import UNNAMED, named, study_recordings
+    from imu_workbench.report.analysis import UNNAMED, analyse_recordings, named
     from imu_workbench.report.content import report_content
     from imu_workbench.report.html.document import report_page, report_text
 
@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> Answer:
     if devices == [UNNAMED] and len(models) == 1:
         models = {UNNAMED: next(iter(models.values()))}
     check_models(models, devices)
-    study = study_recordings(
+    analysis = analyse_recordings(
         recordings,
         models,
         attitudes=not options.no_attitude,
@@ -72,7 +72,7 @@ def run(options: argparse.Namespace) -> Answer:
         workers=os.cpu_count() or 1,
     )
     show_progress('writing the page …')
-    content = report_content(study, commands=[command_line()], versions=versions())
+    content = report_content(analysis, commands=[command_line()], versions=versions())
     options.output.write_text(report_page(content), 'utf-8')
     return Answer(content, f'{report_text(content)}\n\nwrote {options.output}')
 

@@ -36,7 +36,7 @@ UNNAMED = 'device'
 
 
 @dataclass(frozen=True, eq=False)
-class StudiedRun:
+class RunAnalysis:
     """One recording and what follows from it."""
 
     name: str
@@ -53,7 +53,7 @@ class StudiedRun:
 
 
 @dataclass(frozen=True, eq=False)
-class StudiedDevice:
+class DeviceAnalysis:
     """The model of one device and how well it holds."""
 
     name: str
@@ -68,11 +68,11 @@ class StudiedDevice:
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class Analysis:
     """Results over all recordings."""
 
-    runs: tuple[StudiedRun, ...]
-    devices: tuple[StudiedDevice, ...]
+    runs: tuple[RunAnalysis, ...]
+    devices: tuple[DeviceAnalysis, ...]
     pooling: Mapping[str, PoolingTest]
     """One model for all devices beside one for each, per sensor; empty for a single device."""
     slopes: Mapping[str, Mapping[str, Mapping[str, FloatArray]]]
@@ -81,11 +81,9 @@ class Study:
     """Diagnosis of each device as plain values, with the steps that would follow."""
     left_out: tuple[str, ...] = ()
     """What is said of recordings in which the device moves: nothing here is about them."""
-    besides: tuple[Any, ...] = ()
-    """Results of further tasks that shared the cores."""
 
 
-def study_recordings(
+def analyse_recordings(
     recordings: Sequence[ImuRecording],
     models: Mapping[str, ThermalModel] | None = None,
     *,
@@ -93,64 +91,91 @@ def study_recordings(
     diagnosis: bool = True,
     catalogue: Mapping[str, type[Effect]] = EFFECTS,
     workers: int = 1,
-    besides: Sequence[Task] = (),
-) -> Study:
-    """Return the study of the recordings; a device without a given model is fitted a line.
+) -> Analysis:
+    """Return the analysis of the recordings; a device without a given model is fitted a line.
 
     Recordings of a moving device are left out; MovingError where nothing else is there.
     `attitudes` False leaves the orientation filters out, `diagnosis` False the search for missing
-    effects of the catalogue; `workers` processes share the work, and do the tasks `besides` with
-    it.
+    effects of the catalogue; `workers` processes share the work.
     """
-    doubt = doubt_of(UNNAMED, recordings)
+    unnamed = unnamed_note(recordings)
     recordings, left_out = resting(named(recordings))
     given = models or {}
-    prepared: list[PreparedRun] = []
-    devices: dict[str, StudiedDevice] = {}
-    for device in dict.fromkeys(r.device for r in recordings):
-        show_progress(f'fitting {device} …')
-        own = [r for r in recordings if r.device == device]
-        devices[device], runs = study_device(device, own, given.get(device))
-        prepared += runs
-        if device == UNNAMED:
-            devices[device] = replace(devices[device], note=doubt)
+    devices, prepared = fit_devices(recordings, given, unnamed)
     lines = {d.name: d.model for d in devices.values() if d.model and d.name not in given}
-    filtering: list[Task] = []
-    if attitudes:
-        filtering = [AttitudeTask(r, devices[r.device].model, len(recordings)) for r in recordings]
-    judging: list[Task] = []
-    if diagnosis:
-        judging = [
-            DiagnosisTask(
-                d.name, [r for r in recordings if r.device == d.name], d.model, catalogue
-            )
-            for d in devices.values()
-            if d.model
-        ]
-    tasks = (*filtering, *judging, PoolingTask(prepared, lines), *besides)
-    results = run_tasks(tasks, workers)
-    found = results[: len(filtering)] or [()] * len(recordings)
-    rest = results[len(filtering) :]
-    judged = rest[: len(judging)]
-    for failed in (j for j in judged if 'problem' in j):
-        known = devices[failed['device']]
-        said = '; '.join(filter(None, (known.note, failed['problem'])))
-        devices[known.name] = replace(known, note=said)
-    by_name = {run.name: run for run in prepared}
-    studied = [
-        study_run(recording, devices[recording.device].model, by_name.get(recording.run), angles)
-        for recording, angles in zip(recordings, found, strict=True)
-    ]
+    filtering = attitude_tasks(recordings, devices) if attitudes else []
+    diagnosing = diagnosis_tasks(recordings, devices, catalogue) if diagnosis else []
+    *results, pooling = run_tasks([*filtering, *diagnosing, PoolingTask(prepared, lines)], workers)
     show_progress('')
-    return Study(
-        tuple(studied),
-        tuple(devices.values()),
-        rest[len(judging)],
-        slopes_of(studied),
-        {j['device']: j for j in judged if 'problem' not in j},
-        tuple(left_out),
-        tuple(rest[len(judging) + 1 :]),
+    angles = results[: len(filtering)] or [()] * len(recordings)
+    diagnoses = results[len(filtering) :]
+    by_name = {run.name: run for run in prepared}
+    runs = [
+        analyse_run(recording, devices[recording.device].model, by_name.get(recording.run), found)
+        for recording, found in zip(recordings, angles, strict=True)
+    ]
+    return Analysis(
+        runs=tuple(runs),
+        devices=tuple(with_problems(devices, diagnoses)),
+        pooling=pooling,
+        slopes=slopes_of(runs),
+        diagnoses={d['device']: d for d in diagnoses if 'problem' not in d},
+        left_out=tuple(left_out),
     )
+
+
+def fit_devices(
+    recordings: Sequence[ImuRecording], models: Mapping[str, ThermalModel], unnamed: str
+) -> tuple[dict[str, DeviceAnalysis], list[PreparedRun]]:
+    """Return every device under its model, and the prepared runs of all of them.
+
+    `unnamed` is the note of the device that stands for recordings without a device name.
+    """
+    devices: dict[str, DeviceAnalysis] = {}
+    prepared: list[PreparedRun] = []
+    for name in dict.fromkeys(recording.device for recording in recordings):
+        show_progress(f'fitting {name} …')
+        own = [recording for recording in recordings if recording.device == name]
+        device, runs = analyse_device(name, own, models.get(name))
+        devices[name] = replace(device, note=unnamed) if name == UNNAMED else device
+        prepared += runs
+    return devices, prepared
+
+
+def attitude_tasks(
+    recordings: Sequence[ImuRecording], devices: Mapping[str, DeviceAnalysis]
+) -> list[Task]:
+    """Return a task per recording: run it through the orientation filters."""
+    return [AttitudeTask(r, devices[r.device].model, len(recordings)) for r in recordings]
+
+
+def diagnosis_tasks(
+    recordings: Sequence[ImuRecording],
+    devices: Mapping[str, DeviceAnalysis],
+    catalogue: Mapping[str, type[Effect]],
+) -> list[Task]:
+    """Return a task per device that has a model: search it for missing effects."""
+    return [
+        DiagnosisTask(
+            device.name,
+            [r for r in recordings if r.device == device.name],
+            device.model,
+            catalogue,
+        )
+        for device in devices.values()
+        if device.model
+    ]
+
+
+def with_problems(
+    devices: Mapping[str, DeviceAnalysis], diagnoses: Sequence[Mapping[str, Any]]
+) -> list[DeviceAnalysis]:
+    """Return the devices, with a note where the diagnosis says why there is none."""
+    problems = {found['device']: found['problem'] for found in diagnoses if 'problem' in found}
+    return [
+        replace(device, note='; '.join(filter(None, (device.note, problems.get(device.name)))))
+        for device in devices.values()
+    ]
 
 
 def named(recordings: Sequence[ImuRecording]) -> list[ImuRecording]:
@@ -166,40 +191,40 @@ def named(recordings: Sequence[ImuRecording]) -> list[ImuRecording]:
     return result
 
 
-def doubt_of(name: str, recordings: Sequence[ImuRecording]) -> str:
-    """Return what is said of several bags that name no device: they are taken as one."""
+def unnamed_note(recordings: Sequence[ImuRecording]) -> str:
+    """Return a note where several bags name no device: they are taken as one."""
     unnamed = [r.source or r.run for r in recordings if not r.device and not r.namespace]
     if len(unnamed) < 2:
         return ''
     return (
-        f'{len(unnamed)} bags name no device and are taken as one, {name!r}: right for one '
+        f'{len(unnamed)} bags name no device and are taken as one, {UNNAMED!r}: right for one '
         'device in several runs, wrong for several; then report them one at a time'
     )
 
 
-def study_device(
+def analyse_device(
     name: str, recordings: Sequence[ImuRecording], model: ThermalModel | None
-) -> tuple[StudiedDevice, list[PreparedRun]]:
+) -> tuple[DeviceAnalysis, list[PreparedRun]]:
     """Return model and comparison of one device; what stands in the way is its `problem`."""
     try:
         runs = prepare(recordings)
         model = model or fit_prepared([BiasTemperature()], runs)
         older = tuple(compare_prepared(version, runs) for version in model.history)
-        return StudiedDevice(name, model, compare_prepared(model, runs), older), runs
+        return DeviceAnalysis(name, model, compare_prepared(model, runs), older), runs
     except UserError as error:
         if not isinstance(error, ModelError) and model is not None:
             raise
-        return StudiedDevice(name, None, None, problem=str(error)), []
+        return DeviceAnalysis(name, None, None, problem=str(error)), []
 
 
-def study_run(
+def analyse_run(
     recording: ImuRecording,
     model: ThermalModel | None,
     prepared: PreparedRun | None,
     attitudes: tuple[Attitude, ...],
-) -> StudiedRun:
+) -> RunAnalysis:
     """Return what follows from one recording under a model."""
-    return StudiedRun(
+    return RunAnalysis(
         name=recording.run,
         device=recording.device,
         recording=recording,
@@ -211,7 +236,7 @@ def study_run(
     )
 
 
-def slopes_of(runs: Sequence[StudiedRun]) -> dict[str, dict[str, dict[str, FloatArray]]]:
+def slopes_of(runs: Sequence[RunAnalysis]) -> dict[str, dict[str, dict[str, FloatArray]]]:
     """Return the slopes of every cycle, by device, sensor and orientation."""
     found: dict[str, dict[str, dict[str, list[FloatArray]]]] = {}
     for run in runs:

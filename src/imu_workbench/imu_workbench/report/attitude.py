@@ -138,7 +138,7 @@ def angles_from_start(seconds: FloatArray, orientation: FloatArray, every: int =
     Euler angles are about the sensor's axes at the start, heading and inclination about and away
     from the vertical. NaN where the filter has no attitude.
     """
-    known = np.isfinite(orientation).all(axis=1)
+    known = np.isfinite(orientation @ np.ones(4))
     angles = np.full((len(orientation[::every]), len(COLUMNS)), np.nan, order='F')
     if not known.any():
         return angles
@@ -221,11 +221,11 @@ class AttitudeTask:
 
     def run(self) -> tuple[Attitude, ...]:
         """Return the attitudes; none without a model."""
-        kept = settled(self.recording)
-        if self.model is None or kept.sum() < 2:
+        first = startup_rows(self.recording)[0]
+        if self.model is None or len(self.recording) - first < 2:
             return ()
         slow = is_slow(self.recording)
-        raw = self.recording if kept.all() else self.recording.rows(kept)
+        raw = self.recording.rows(slice(first, None)) if first else self.recording
         found = estimate_attitudes(
             variants(raw, self.model),
             every=round(FILTER_RATE) if slow else 1,

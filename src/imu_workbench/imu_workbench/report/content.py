@@ -14,7 +14,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from imu_workbench.answer import plain
-from imu_workbench.report.analysis import StudiedRun, Study
+from imu_workbench.report.analysis import Analysis, RunAnalysis
 from imu_workbench.report.attitude import Attitude, state_bytes
 from imu_workbench.report.claims.attitude import attitude_claims
 from imu_workbench.report.claims.claim import Claim
@@ -27,7 +27,7 @@ from imu_workbench.report.claims.thermal import (
     range_claim,
     slope_table,
 )
-from imu_workbench.report.error_steps import staircase_content
+from imu_workbench.report.error_steps import error_steps_content
 from imu_workbench.report.measured import (
     PAPER_TABLES,
     cycle_content,
@@ -50,17 +50,17 @@ ALL_POINTS = 6_000
 
 
 def report_content(
-    study: Study,
+    analysis: Analysis,
     *,
     commands: Sequence[str],
     versions: dict[str, str],
-    story: Mapping[str, Any] | None = None,
+    growth: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Return the content of a report; `commands` and `versions` say how it was made.
 
-    `story` is told after everything else.
+    `growth` is what a ModelGrowthTask found.
     """
-    points = int(np.clip(ALL_POINTS / max(1, len(study.runs)), 400, 2000))
+    points = int(np.clip(ALL_POINTS / max(1, len(analysis.runs)), 400, 2000))
     statistics = [
         {
             'name': run.name,
@@ -68,18 +68,18 @@ def report_content(
             'published': published_table(run),
             'sensors': statistics_content(run.recording, run.kept),
         }
-        for run in study.runs
+        for run in analysis.runs
     ]
     ranges = overall_ranges(statistics)
-    overheating = {run.name: overheating_content(run.recording) or {} for run in study.runs}
-    devices = [{'name': d.name, 'problem': d.problem, 'note': d.note} for d in study.devices]
-    pooled = {sensor: test.to_dict() for sensor, test in study.pooling.items()}
+    overheating = {run.name: overheating_content(run.recording) or {} for run in analysis.runs}
+    devices = [{'name': d.name, 'problem': d.problem, 'note': d.note} for d in analysis.devices]
+    pooled = {sensor: test.to_dict() for sensor, test in analysis.pooling.items()}
     content = {
         'schema': 1,
         'title': TITLE,
-        'lead': lead(study),
+        'lead': lead(analysis),
         'devices': devices,
-        'left_out': list(study.left_out),
+        'left_out': list(analysis.left_out),
         'recordings': [
             recording_content(run.recording, run.hash)
             | {
@@ -88,76 +88,76 @@ def report_content(
                 'cycle': cycle_content(run.recording, points=points),
                 'overheating': overheating[run.name],
             }
-            for run in study.runs
+            for run in analysis.runs
         ],
-        'device_of_run': {run.name: run.device for run in study.runs},
+        'device_of_run': {run.name: run.device for run in analysis.runs},
         'statistics': statistics,
         'published_statistics': published_statistics(),
         'ranges': ranges,
         'dependence': {
             device.name: dependence_content(
-                [run.errors for run in study.runs if run.errors and run.device == device.name]
+                [run.errors for run in analysis.runs if run.errors and run.device == device.name]
             )
-            for device in study.devices
+            for device in analysis.devices
             if device.model
         },
-        'slopes': slope_table(study.slopes),
+        'slopes': slope_table(analysis.slopes),
         'pooled': pooled,
-        'fits': {run.name: fit_content(run.errors) for run in study.runs if run.errors},
+        'fits': {run.name: fit_content(run.errors) for run in analysis.runs if run.errors},
         'residuals': {
-            run.name: residual_content(run.errors, floors_of(study, run.device), points=points)
-            for run in study.runs
+            run.name: residual_content(run.errors, floors_of(analysis, run.device), points=points)
+            for run in analysis.runs
             if run.errors
         },
         'comparison': {
             device.name: device.comparison.to_dict()
-            for device in study.devices
+            for device in analysis.devices
             if device.comparison
         },
         'models': {
-            device.name: model_content(device.model) for device in study.devices if device.model
+            device.name: model_content(device.model) for device in analysis.devices if device.model
         },
-        'diagnosis': dict(study.diagnoses),
-        'staircase': staircase_content(study),
-        'attitudes': [attitude_content(run) for run in study.runs if run.attitudes],
+        'diagnosis': dict(analysis.diagnoses),
+        'staircase': error_steps_content(analysis),
+        'attitudes': [attitude_content(run) for run in analysis.runs if run.attitudes],
         'published_attitudes': list(paper.tables_6_7()),
-        'claims': report_claims(study, ranges, overheating, pooled),
+        'claims': report_claims(analysis, ranges, overheating, pooled),
         'paper_notes': list(PAPER_NOTES),
-        'story': story,
+        'story': growth,
         'reproduce': {'commands': list(commands), 'versions': versions},
     }
     result: dict[str, Any] = plain(content)
     return result
 
 
-def floors_of(study: Study, device: str) -> dict[str, FloatArray]:
+def floors_of(analysis: Analysis, device: str) -> dict[str, FloatArray]:
     """Return the noise floor (3,) of each sensor of a device, in SI units."""
-    compared = next(d.comparison for d in study.devices if d.name == device)
+    compared = next(d.comparison for d in analysis.devices if d.name == device)
     parts = compared.sensors.items() if compared else ()
     return {sensor: part.noise_floor for sensor, part in parts}
 
 
 def report_claims(
-    study: Study, ranges: dict[str, Any], overheating: dict[str, Any], pooled: dict[str, Any]
+    analysis: Analysis, ranges: dict[str, Any], overheating: dict[str, Any], pooled: dict[str, Any]
 ) -> list[Claim]:
     """Return every claim of the paper beside these recordings."""
-    filtered = [run for run in study.runs if run.attitudes]
+    filtered = [run for run in analysis.runs if run.attitudes]
     fast = [run for run in filtered if not run.interpolated]
     attitudes = {run.name: run.attitudes for run in fast or filtered}
     memory = {name: state_bytes(name) for name in ('complementary', 'ahrs')}
     return [
         range_claim(ranges),
-        orientation_claim(study.slopes),
-        device_claim(study.slopes),
+        orientation_claim(analysis.slopes),
+        device_claim(analysis.slopes),
         pooled_claim(pooled),
-        linearity_claim(study),
-        gaussianity_claim(study),
+        linearity_claim(analysis),
+        gaussianity_claim(analysis),
         *attitude_claims(attitudes, memory, interpolated=not fast),
         overheating_claim({name: found for name, found in overheating.items() if found}),
     ]
 
 
-def attitude_content(run: StudiedRun) -> dict[str, Any]:
+def attitude_content(run: RunAnalysis) -> dict[str, Any]:
     """Return statistics of every filter and data, and the Euler angles over time."""
     series: dict[str, dict[str, Any]] = {}
     for found in run.attitudes:
@@ -192,16 +192,16 @@ def angle_series(attitude: Attitude) -> dict[str, Any]:
     }
 
 
-def published_table(run: StudiedRun) -> str:
+def published_table(run: RunAnalysis) -> str:
     """Return the paper's table that shows a device in the run's orientation, '' for none."""
     up = run.recording.up_axis.lstrip('+-')
     return next((name for name, (_, axis) in PAPER_TABLES.items() if axis == up), '')
 
 
-def lead(study: Study) -> str:
+def lead(analysis: Analysis) -> str:
     """Return what the report is about, in one sentence."""
-    names = ', '.join(device.name for device in study.devices)
-    profiles = sorted({run.recording.profile for run in study.runs if run.recording.profile})
+    names = ', '.join(device.name for device in analysis.devices)
+    profiles = sorted({run.recording.profile for run in analysis.runs if run.recording.profile})
     plan = f' through {", ".join(profiles)}' if profiles else ''
     return (
         f'{names}{plan}: what temperature does to gyroscope, accelerometer and magnetometer, how '

@@ -10,22 +10,22 @@ import numpy as np
 from thermal_comp.model.values import ThermalModel
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS
 
-from imu_workbench.report.analysis import StudiedDevice, Study
+from imu_workbench.report.analysis import Analysis, DeviceAnalysis
 from imu_workbench.report.attitude import FULL, RAW, Attitude
-from imu_workbench.report.version_names import version_names
+from imu_workbench.report.model_content import version_names
 
 
-def staircase_content(study: Study) -> dict[str, Any]:
+def error_steps_content(analysis: Analysis) -> dict[str, Any]:
     """Return per device and sensor the steps [display unit], and their effect in degrees."""
     found: dict[str, Any] = {}
-    for device in study.devices:
+    for device in analysis.devices:
         if device.comparison and device.model:
             sensors = {
-                sensor: sensor_steps(device, sensor, study.diagnoses.get(device.name, {}))
+                sensor: sensor_steps(device, sensor, analysis.diagnoses.get(device.name, {}))
                 for sensor in SENSORS
                 if sensor in device.comparison.sensors
             }
-            runs = [r for r in study.runs if r.device == device.name and r.attitudes]
+            runs = [r for r in analysis.runs if r.device == device.name and r.attitudes]
             found[device.name] = {
                 'sensors': sensors,
                 'versions': [RAW, *version_names(device.model)],
@@ -38,7 +38,7 @@ def staircase_content(study: Study) -> dict[str, Any]:
     return found
 
 
-def sensor_steps(device: StudiedDevice, sensor: str, diagnosis: Any) -> dict[str, Any]:
+def sensor_steps(device: DeviceAnalysis, sensor: str, diagnosis: Any) -> dict[str, Any]:
     """Return rms over the axes: measured, held out under each version, after proposed effects."""
     assert device.comparison and device.model  # noqa: S101, PT018 (the caller has looked)
     part = device.comparison.to_dict()['sensors'][sensor]

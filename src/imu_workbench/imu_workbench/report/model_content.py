@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from thermal_comp.model.values import SensorModel, ThermalModel
 
-from imu_workbench.report.version_names import version_names
-
 
 def model_content(model: ThermalModel) -> dict[str, Any]:
     """Return the terms of a model in SI units, its range and how it came about."""
@@ -29,7 +27,7 @@ def model_content(model: ThermalModel) -> dict[str, Any]:
         'history': [
             {
                 'name': name,
-                'effects': effects_of(version),
+                'effects': effects_line(version),
                 'bags': len(version.provenance.sources),
                 'package': version.provenance.version,
             }
@@ -76,10 +74,31 @@ def sensor_terms(sensor: str, part: SensorModel) -> list[dict[str, Any]]:
     return rows
 
 
-def effects_of(model: ThermalModel) -> str:
+def effects_line(model: ThermalModel) -> str:
     """Return the effects of a version in one line."""
     parts = []
     for sensor, part in model.sensors.items():
         names = ', '.join(effect.name.replace('_', ' ') for effect in part.effects)
         parts.append(f'{sensor}: {names or "nothing"}')
     return '; '.join(parts)
+
+
+def version_names(model: ThermalModel) -> list[str]:
+    """Return a name for every version, oldest first: `bias temperature`, `+ thermal lag` …"""
+    names: list[str] = []
+    before: list[str] = []
+    for version in (*model.history, model):
+        effects = _effect_names(version)
+        added = [effect for effect in effects if effect not in before]
+        gone = [effect for effect in before if effect not in effects]
+        parts = [*added, *(f'without {effect}' for effect in gone)]
+        text = ' + '.join(parts) or ('refitted' if names else 'levels only')
+        names.append(f'+ {text}' if names and added else text)
+        before = effects
+    return names
+
+
+def _effect_names(model: ThermalModel) -> list[str]:
+    """Return the effects of a version over all sensors, each once."""
+    found = (effect.name for part in model.sensors.values() for effect in part.effects)
+    return [name.replace('_', ' ') for name in dict.fromkeys(found)]

@@ -24,21 +24,21 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, shown, with_uncerta
 from imu_recording import read_bag
 from imu_workbench.report.attitude import AttitudeTask, is_slow
 from imu_workbench.report.error_steps import degree_steps, degrees
+from imu_workbench.report.model_content import version_names
 from imu_workbench.report.modelled import errors_of_run, failure_map_of
-from imu_workbench.report.version_names import version_names
 
 NAMES = {'complementary': 'complementary filter', 'ahrs': 'AHRS'}
 
 
 @dataclass(frozen=True, eq=False)
-class StoryTask:
+class ModelGrowthTask:
     """The bags of one device whose model is to grow until nothing is missing."""
 
     bags: Sequence[Path]
 
     @property
     def label(self) -> str:
-        """What is told."""
+        """What is looked for."""
         return f'looking for the effect hidden in {", ".join(bag.name for bag in self.bags)}'
 
     @property
@@ -47,7 +47,7 @@ class StoryTask:
         return 10.0
 
     def run(self) -> dict[str, Any]:
-        """Return the story as plain values, `lines` for people among them."""
+        """Return the growth as plain values; `lines` are for people."""
         recordings = [read_bag(bag) for bag in self.bags]
         runs = prepare(check_quality(recordings)[0])
         line = fit_prepared([BiasTemperature()], runs)
@@ -69,7 +69,7 @@ class StoryTask:
             'versions': ['raw', *version_names(model)],
             'degrees': attitudes,
         }
-        return content | {'lines': story_lines(content)}
+        return content | {'lines': growth_lines(content)}
 
 
 def _grown(
@@ -125,8 +125,8 @@ def _map(
     return failure_map_of([(error, error.residual(sensor)) for error in errors], floor)
 
 
-def story_lines(content: dict[str, Any]) -> list[str]:
-    """Return the story in at most ten lines."""
+def growth_lines(content: dict[str, Any]) -> list[str]:
+    """Return the growth in at most ten lines."""
     bags = ', '.join(Path(bag).name for bag in content['bags'])
     head = f'A hidden effect, found and removed ({bags}; {content["device"]}):'
     if not content['steps']:

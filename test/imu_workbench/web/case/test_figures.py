@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 from imu_workbench.report.figures.palette import painted
-from imu_workbench.web.case.add_page import staircase_figure
+from imu_workbench.web.case.add_page import error_steps_figure
 from imu_workbench.web.case.compare_page import window_of
 from imu_workbench.web.case.failure_map import failure_figure, failure_map
 from imu_workbench.web.case.next_experiment import profile_figure, setpoint_of
@@ -77,7 +77,7 @@ def test_every_figure_is_plain_data_with_units_on_its_axes(fitted):
         'rate': rate_figure(fitted.line, VIEW),
         'spectrum': spectrum_figure(fitted.line, VIEW),
         'allan': allan_figure(fitted.line, VIEW, fitted.bags),
-        'stairs': staircase_figure([fitted.line, fitted.lag], 1),
+        'stairs': error_steps_figure([fitted.line, fitted.lag], 1),
         'profile': profile_figure(setpoint_of(PAPER)),
     }
     for name, figure in figures.items():

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from thermal_comp.presentation.display import SENSORS, shown
 
-from imu_workbench.report.analysis import Study
+from imu_workbench.report.analysis import Analysis
 from imu_workbench.report.claims.claim import Claim, untestable
 from imu_workbench.report.modelled import RunErrors, binned
 
@@ -19,12 +19,12 @@ LARGEST_DEVIATION = 0.1
 SIGNIFICANCE = 0.01
 
 
-def linearity_claim(study: Study) -> Claim:
+def linearity_claim(analysis: Analysis) -> Claim:
     """Compare what the mean error deviates from the model with the model's span."""
     said = 'The dependence is linear, so that a line per axis is enough (section V, Fig. 5)'
     rows: list[dict[str, Any]] = []
-    for device in study.devices:
-        runs = [run.errors for run in study.runs if run.errors and run.device == device.name]
+    for device in analysis.devices:
+        runs = [run.errors for run in analysis.runs if run.errors and run.device == device.name]
         for sensor in SENSORS:
             found = _linearity([run for run in runs if sensor in run.measured], sensor)
             if found:
@@ -50,14 +50,14 @@ def linearity_claim(study: Study) -> Claim:
     )
 
 
-def gaussianity_claim(study: Study) -> Claim:
+def gaussianity_claim(analysis: Analysis) -> Claim:
     """Count channels whose distribution is Gaussian before and after, and their modes."""
     said = (
         'Raw distributions have two modes, at the cold and the hot dwell; compensated ones are '
         'Gaussian (section V, Fig. 6, χ² test)'
     )
     rows: list[dict[str, Any]] = []
-    for device in study.devices:
+    for device in analysis.devices:
         sensors = device.comparison.sensors.items() if device.comparison else ()
         for sensor, part in sensors:
             modes = part.modes_before

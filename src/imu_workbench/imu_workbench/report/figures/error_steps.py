@@ -13,7 +13,7 @@ from imu_workbench.report.figures.attitude import FILTER_NAMES
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
 
 
-def staircase_figure(parts: Mapping[str, Any]) -> Figure:
+def error_steps_figure(parts: Mapping[str, Any]) -> Figure:
     """Return the error after each step per sensor or filter, with the noise floor.
 
     Proposals are hatched.

@@ -11,7 +11,7 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, shown, with_uncerta
 
 from imu_workbench.report.error_steps import degree_steps
 from imu_workbench.report.figures.attitude import FILTER_NAMES
-from imu_workbench.report.figures.error_steps import staircase_figure
+from imu_workbench.report.figures.error_steps import error_steps_figure
 from imu_workbench.report.figures.modelled import failure_figure
 from imu_workbench.report.html.render import Section
 
@@ -36,7 +36,7 @@ def diagnosis_section(content: Mapping[str, Any]) -> Section | None:
         'filtered': any(found['degrees'] for found in stairs.values()),
     }
     figures = {
-        f'stairs|{name}': staircase_figure(found['sensors'] | degree_steps(found))
+        f'stairs|{name}': error_steps_figure(found['sensors'] | degree_steps(found))
         for name, found in stairs.items()
     }
     title = 'Diagnosis: what the model misses'
@@ -137,6 +137,6 @@ def growth_section(content: Mapping[str, Any]) -> Section | None:
         'degrees': degree_table(growth) if growth['sensors'] else None,
     }
     if growth['sensors']:
-        figures['stairs|story'] = staircase_figure(growth['sensors'] | degree_steps(growth))
+        figures['stairs|story'] = error_steps_figure(growth['sensors'] | degree_steps(growth))
     title = 'A hidden effect, found and removed'
     return Section('story', title, 'model_growth.html', values, figures, 'Hidden effect')

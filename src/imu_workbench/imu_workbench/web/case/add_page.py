@@ -87,7 +87,7 @@ class AddPage:
         state = self._session.state
         ready = state is not None and state.version is not None
         self._staircase.show(
-            staircase_figure(state.versions, state.current) if state and ready else None
+            error_steps_figure(state.versions, state.current) if state and ready else None
         )
         self._undo.set_enabled(bool(state and state.current > 0))
         self._save.set_enabled(ready)
@@ -195,7 +195,7 @@ def parameters_html(terms: Any) -> str:
     return f'<dl class="pairs">{items}</dl>' if items else ''
 
 
-def staircase_figure(versions: Sequence[Version], current: int) -> Figure:
+def error_steps_figure(versions: Sequence[Version], current: int) -> Figure:
     """Return error over version, a panel per sensor; the floor is a dashed line."""
     sensors = [s for s in SENSORS if s in versions[0].comparison['sensors']]
     names = ['none', *(f'v{i + 1}' for i in range(len(versions)))]

@@ -31,7 +31,7 @@ from thermal_comp.model.values import ModelError, ThermalModel
 
 from imu_workbench.answer import plain
 from imu_workbench.commands.options import read_devices
-from imu_workbench.report.analysis import study_recordings
+from imu_workbench.report.analysis import analyse_recordings
 from imu_workbench.report.content import report_content, versions
 from imu_workbench.report.html.document import report_page
 from imu_workbench.web.case.stored_bag import StoredBag, store_recording
@@ -193,12 +193,14 @@ def report_task(
     catalogue = effect_catalogue(effect_files)
     models = {device: model_from_text(text, catalogue) for device, text in model_texts.items()}
     recordings = [bag.recording() for bag in bags]
-    study = study_recordings(recordings, models, catalogue=catalogue, workers=os.cpu_count() or 1)
+    analysis = analyse_recordings(
+        recordings, models, catalogue=catalogue, workers=os.cpu_count() or 1
+    )
     names = ' '.join(bag.source for bag in bags)
     given = [f'--model {device}.yaml' for device in models]
     given += [f'--effects {file.name}' for file in effect_files]
     command = f'python -m imu_workbench report {names} {" ".join(given)} -o report.html'
-    content = report_content(study, commands=[command], versions=versions())
+    content = report_content(analysis, commands=[command], versions=versions())
     target.write_text(report_page(content), 'utf-8')
     return target
 
