@@ -39,10 +39,8 @@ def plain(value: Any) -> Any:
     kind = type(value)
     if kind in SIMPLE or kind is str:
         return None if kind is float and not math.isfinite(value) else value
-    if kind is list and SIMPLE.issuperset(kinds := set(map(type, value))):
-        if float not in kinds or (type(None) not in kinds and math.isfinite(sum(value))):
-            return value
-        return [None if type(x) is float and not math.isfinite(x) else x for x in value]
+    if kind is list and SIMPLE.issuperset(map(type, value)):
+        return _finite(value)
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
@@ -58,6 +56,13 @@ def plain(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
     raise TypeError(f'a value of type {type(value).__name__} has no place in a JSON answer')
+
+
+def _finite(values: list[Any]) -> list[Any]:
+    """Return numbers with NaN and infinity as None; the list itself where there is neither."""
+    if None not in values and math.isfinite(sum(values)):
+        return values
+    return [None if type(x) is float and not math.isfinite(x) else x for x in values]
 
 
 def write_json(content: Mapping[str, Any], path: Path) -> None:
