@@ -26,8 +26,9 @@ import imufusion
 import numpy as np
 from filterpy.kalman import KalmanFilter
 from filters_static import static
-from orientation_filters.ahrs import filterpy_kalman as ahrs_filterpy
+from orientation_filters.ahrs import filterpy_kalman
 from orientation_filters.filters import FILTERS, filter_parameters, run_filter, state_bytes
+from orientation_filters.sample_checks import Sample
 from verdict import Verdict, judge
 from vqf import VQF
 
@@ -90,7 +91,7 @@ def batch(samples: int, rounds: int) -> dict[str, float]:
         'filterpy, predict and update': (len(short), lambda: run_filterpy(len(short))),
         'AHRS on filterpy': (
             len(short),
-            lambda: ahrs_filterpy.run(short, filter_parameters('ahrs').kernel_params()),
+            lambda: filterpy_kalman.run(short, filter_parameters('ahrs').kernel_params()),
         ),
     }
     for name, preset in LIMITS:
@@ -137,7 +138,7 @@ def one_update() -> dict[str, float]:
     """Return µs per `update` called from Python."""
     data = recording(2_000)
     rows = [
-        (int(stamp), tuple(w), tuple(f), tuple(m))
+        Sample(stamp, tuple(w), tuple(f), tuple(m))
         for stamp, w, f, m in zip(
             data.stamp.tolist(),
             data.angular_velocity.tolist(),
@@ -150,10 +151,10 @@ def one_update() -> dict[str, float]:
     for name, preset in LIMITS:
         params = filter_parameters(name, preset=preset).kernel_params()
         update, state = FILTERS[name].update, FILTERS[name].initial_state()
-        state, _ = update(state, params, *rows[0])
+        state, _ = update(state, params, rows[0])
         start = time.process_time()
         for row in rows[1:]:
-            state, _ = update(state, params, *row)
+            state, _ = update(state, params, row)
         spent[f'{name} {preset}'] = (time.process_time() - start) / len(rows) * 1e6
     return spent
 

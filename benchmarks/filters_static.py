@@ -22,6 +22,7 @@ from orientation_filters.rotation.arrays import (
     rotate,
     rotation_angle,
 )
+from orientation_filters.sample_checks import Sample
 from verdict import Verdict
 
 from imu_recording import ImuRecording
@@ -106,15 +107,16 @@ def jam() -> Verdict:
     state = initial_state()
     columns = (recording.angular_velocity, recording.linear_acceleration, recording.magnetic_field)
     for stamp, *row in zip(recording.stamp.tolist(), *columns, strict=True):
-        state, _ = update(state, params, stamp, *map(tuple, row))
+        state, _ = update(state, params, Sample(stamp, *map(tuple, row)))
     w, f, m = (column[-1] for column in columns)
     wrong, tripped = 0, 0
     for extra in np.linspace(0.0, 400e-6, 4001):
         seen = tuple(m + np.array([extra, 0.0, 0.0]))
-        after, flags = update(state, params, stamp + 10_000_000, tuple(w), tuple(f), seen)
+        sample = Sample(stamp + 10_000_000, tuple(w), tuple(f), seen)
+        after, estimate = update(state, params, sample)
         is_long = np.linalg.norm(after.magnetic_disturbance) > 2.0 * params.field_strength
-        wrong += bool(flags & JAMMED) != bool(is_long)
-        tripped += bool(flags & JAMMED)
+        wrong += bool(estimate.flags & JAMMED) != bool(is_long)
+        tripped += bool(estimate.flags & JAMMED)
     return Verdict('jam unlike ‖d‖ > 2B, of 4001 disturbances', wrong if tripped else np.nan, 0)
 
 

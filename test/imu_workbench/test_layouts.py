@@ -204,8 +204,7 @@ def test_the_attitude_panel_shows_the_frames_the_filters_send(
     foxglove: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """tf2_msgs may be absent; which frames are sent does not depend on it."""
-    for module in ('node', 'transform'):
-        monkeypatch.setattr(f'orientation_filters.{module}.transform_class', lambda: Transforms)
+    monkeypatch.setattr('orientation_filters.node.transform_class', lambda: Transforms)
     panel = foxglove['configById']['3D!attitude']
     sent: list[Any] = []
     with quiet_context() as context:

@@ -19,7 +19,8 @@ from imu_recording.ros.messages import (
 from orientation_filters.filters import run_filter
 from orientation_filters.result import SIX_AXIS
 from orientation_filters.rotation.arrays import conjugate, euler_zyx, multiply, rotation_angle
-from static_data import random_attitude, rest
+
+from .recordings import random_attitude, rest
 
 
 @pytest.fixture(params=['complementary', 'ahrs'])

@@ -19,7 +19,8 @@ from orientation_filters.rotation.arrays import (
     rotate,
     rotation_angle,
 )
-from static_data import random_attitude, rest, world_vectors
+
+from .recordings import random_attitude, rest, world_vectors
 
 NAMES = ('complementary', 'ahrs')
 

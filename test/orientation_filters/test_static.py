@@ -17,7 +17,9 @@ from orientation_filters.rotation.arrays import (
     rotate,
     rotation_angle,
 )
-from static_data import random_attitude, rest, world_vectors
+from orientation_filters.sample_checks import Sample
+
+from .recordings import random_attitude, rest, world_vectors
 
 
 @pytest.mark.parametrize('world_frame', ['enu', 'ned'])
@@ -71,21 +73,17 @@ def test_jam_trips_exactly_at_twice_the_field() -> None:
     state, stamp = initial_state(), 0
     for _ in range(2000):
         stamp += 10_000_000
-        state, flags = update(state, params, stamp, (0.0, 0.0, 0.0), tuple(force), tuple(field))
-    assert not flags & JAMMED
+        sample = Sample(stamp, (0.0, 0.0, 0.0), tuple(force), tuple(field))
+        state, estimate = update(state, params, sample)
+    assert not estimate.flags & JAMMED
     lengths = []
     for extra in np.linspace(0.0, 400e-6, 801):
-        after, flags = update(
-            state,
-            params,
-            stamp + 10_000_000,
-            (0.0, 0.0, 0.0),
-            tuple(force),
-            tuple(field + np.array([extra, 0.0, 0.0])),
-        )
+        seen = tuple(field + np.array([extra, 0.0, 0.0]))
+        sample = Sample(stamp + 10_000_000, (0.0, 0.0, 0.0), tuple(force), seen)
+        after, estimate = update(state, params, sample)
         length = np.linalg.norm(after.magnetic_disturbance)
         lengths.append(length)
-        assert bool(flags & JAMMED) == (length > 2 * params.field_strength)
+        assert bool(estimate.flags & JAMMED) == (length > 2 * params.field_strength)
     assert min(lengths) < 2 * params.field_strength < max(lengths)
 
 

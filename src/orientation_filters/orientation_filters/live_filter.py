@@ -26,15 +26,16 @@ from orientation_filters.result import (
     REINITIALISED,
     SIX_AXIS,
 )
-from orientation_filters.rotation.arrays import IDENTITY, euler_zyx, rotate, to_matrix
+from orientation_filters.rotation.arrays import IDENTITY, rotate, to_matrix
+from orientation_filters.rotation.scalars import euler_zyx
+from orientation_filters.sample_checks import GRAVITY, NO_FIELD, Sample
 
 RATE_SAMPLES = 20
 """Intervals after which the sample rate is known well enough to judge the cut-off."""
-NO_FIELD = (nan, nan, nan)
 
 
 @dataclass(frozen=True)
-class Estimate:
+class LiveEstimate:
     """The attitude at one sample."""
 
     sample: ImuSample
@@ -70,12 +71,9 @@ class LiveFilter:
         self._judged_rate = False
 
     def _compile(self) -> None:
-        """Run the kernels once, so that compiling them does not cost the first samples."""
-        state, _ = self._module.update(
-            self._state, self._params, 1, (0.0, 0.0, 0.0), (0.0, 0.0, 9.81), (2e-5, 0.0, -4e-5)
-        )
-        self._module.orientation(state)
-        self._module.covariance(state)
+        """Call the kernel once, so that loading it does not delay the first samples."""
+        sample = Sample(1, (0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY), (2e-5, 0.0, -4e-5))
+        self._module.update(self._state, self._params, sample)
 
     def set_parameters(self, parameters: FilterParameters) -> None:
         """Take over parameters that changed; the state goes on."""
@@ -84,40 +82,42 @@ class LiveFilter:
         self._parameters = parameters
         self._params = parameters.kernel_params()
 
-    def add_imu(self, sample: ImuSample) -> list[Estimate]:
+    def add_imu(self, sample: ImuSample) -> list[LiveEstimate]:
         """Take an IMU sample; return the attitudes that are known now."""
         return self._estimates(self._pairing.add_imu(sample))
 
-    def add_field(self, sample: MagneticSample) -> list[Estimate]:
+    def add_field(self, sample: MagneticSample) -> list[LiveEstimate]:
         """Take a magnetometer sample; return the attitudes that are known now."""
         if not all(isfinite(v) for v in sample.magnetic_field):
             self._counts['invalid_magnetometer'] += 1
             return []
         return self._estimates(self._pairing.add_field(sample))
 
-    def flush(self) -> list[Estimate]:
+    def flush(self) -> list[LiveEstimate]:
         """Return the attitudes of samples that still waited for a magnetometer sample."""
         return self._estimates(self._pairing.flush())
 
-    def _estimates(self, pairs: Iterable[Pair]) -> list[Estimate]:
+    def _estimates(self, pairs: Iterable[Pair]) -> list[LiveEstimate]:
         estimates = (self._estimate(*pair) for pair in pairs)
         return [estimate for estimate in estimates if estimate is not None]
 
-    def _estimate(self, imu: ImuSample, field: MagneticSample | None) -> Estimate | None:
+    def _estimate(self, imu: ImuSample, field: MagneticSample | None) -> LiveEstimate | None:
         m = NO_FIELD if field is None else field.magnetic_field
         if self._mount is not None:
             imu, m = _mounted(imu, m, self._mount)
-        self._state, flags = self._module.update(
-            self._state, self._params, imu.stamp, imu.angular_velocity, imu.linear_acceleration, m
-        )
-        self._note(imu.stamp, flags)
-        if flags & (DROPPED | NOT_STARTED) or self.refusal:
+        sample = Sample(imu.stamp, imu.angular_velocity, imu.linear_acceleration, m)
+        self._state, found = self._module.update(self._state, self._params, sample)
+        self._note(imu.stamp, found.flags)
+        if found.flags & (DROPPED | NOT_STARTED) or self.refusal:
             return None
-        xx, xy, xz, yy, yz, zz = self._module.covariance(self._state)
-        q = self._module.orientation(self._state)
-        roll, pitch, yaw = euler_zyx(np.array(q)).tolist()
-        covariance = (xx, xy, xz, xy, yy, yz, xz, yz, zz)
-        return Estimate(imu, q, covariance, (roll, pitch, yaw), flags)
+        xx, xy, xz, yy, yz, zz = found.covariance
+        return LiveEstimate(
+            sample=imu,
+            orientation=found.orientation,
+            covariance=(xx, xy, xz, xy, yy, yz, xz, yz, zz),
+            euler=euler_zyx(found.orientation),
+            flags=found.flags,
+        )
 
     def _note(self, stamp: int, flags: int) -> None:
         """Count flags, and judge the sample rate once it is known."""

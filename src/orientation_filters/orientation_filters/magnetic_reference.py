@@ -14,10 +14,13 @@ from typing import NamedTuple
 
 from orientation_filters.kernel import inline
 
-SETTLING = 2.0
-"""How long the first reference follows whatever there is: the attitude settles, too [s]."""
-SETTLED = 0.5
-"""Time over which it is a mean then [s]."""
+SETTLING_TIME = 2.0
+"""How long the first reference follows every sample: the attitude settles, too [s]."""
+SETTLING_MEAN = 0.5
+"""Time constant of the mean that the reference is then [s]."""
+
+Parts = tuple[float, float]
+"""Horizontal and vertical part of a field, the vertical one downward positive."""
 
 
 class FieldParams(NamedTuple):
@@ -26,7 +29,7 @@ class FieldParams(NamedTuple):
     tolerance: float
     """Largest distance from the reference, as a part of its norm."""
     hold: float
-    """How long the field must have been right before it is accepted again [s]."""
+    """How long the field must have agreed before it is accepted again [s]."""
     tracking: float
     """Time constant with which the reference follows accepted samples [s]."""
     adoption: float
@@ -34,15 +37,15 @@ class FieldParams(NamedTuple):
     turning: float
     """Angular velocity above which time counts towards adoption [rad/s]."""
     smoothing: float
-    """Time constant of the field's low-pass before it is judged [s]."""
+    """Time constant of the field's low-pass before it is compared [s]."""
 
 
 class FieldState(NamedTuple):
-    """Reference, candidate and smoothed field: (horizontal, vertical) each, unit of the field."""
+    """Reference, candidate for a new one, and smoothed field, in the unit of the field."""
 
-    reference: tuple[float, float]
-    candidate: tuple[float, float]
-    smoothed: tuple[float, float]
+    reference: Parts
+    candidate: Parts
+    smoothed: Parts
     accepted_for: float
     """How long samples have agreed with the reference [s]; 0 while they do not."""
     candidate_for: float
@@ -56,7 +59,7 @@ class FieldState(NamedTuple):
 @inline
 def no_reference() -> FieldState:
     """Return the state before any sample."""
-    return FieldState((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), 0.0, 0.0, 0.0, False)
+    return _first_reference((0.0, 0.0), 0.0, 0.0)
 
 
 @inline
@@ -67,49 +70,85 @@ def norm_of(state: FieldState) -> float:
 
 
 @inline
-def _distance(a: tuple[float, float], b: tuple[float, float]) -> float:
+def is_accepted(state: FieldState, params: FieldParams) -> bool:
+    """Whether the last sample agreed with the reference, and those before it long enough."""
+    return state.accepted_for >= params.hold
+
+
+@inline
+def update_reference(
+    state: FieldState, params: FieldParams, parts: Parts, rate: float, dt: float
+) -> FieldState:
+    """Return the state after a sample in motion of angular velocity `rate` [rad/s]."""
+    if state.reference[0] == 0.0 and state.reference[1] == 0.0:
+        return _first_reference(parts, params.hold, 0.0)
+    known_for = state.known_for + dt
+    if known_for < SETTLING_TIME:
+        mean = _approach(state.reference, parts, dt / min(known_for + dt, SETTLING_MEAN))
+        return _first_reference(mean, params.hold, known_for)
+    smoothed = _approach(state.smoothed, parts, dt / (params.smoothing + dt))
+    reference, accepted_for = _track(state, params, smoothed, dt)
+    candidate, candidate_for = smoothed, 0.0
+    if accepted_for < params.hold:
+        candidate, candidate_for = _follow_candidate(state, params, smoothed, rate, dt)
+    adopted = candidate_for > params.adoption
+    return FieldState(
+        reference=candidate if adopted else reference,
+        candidate=candidate,
+        smoothed=smoothed,
+        accepted_for=params.hold if adopted else accepted_for,
+        candidate_for=0.0 if adopted else candidate_for,
+        known_for=known_for,
+        adopted=adopted,
+    )
+
+
+@inline
+def _first_reference(parts: Parts, accepted_for: float, known_for: float) -> FieldState:
+    """Return the state while the first reference settles."""
+    return FieldState(
+        reference=parts,
+        candidate=parts,
+        smoothed=parts,
+        accepted_for=accepted_for,
+        candidate_for=0.0,
+        known_for=known_for,
+        adopted=False,
+    )
+
+
+@inline
+def _track(
+    state: FieldState, params: FieldParams, smoothed: Parts, dt: float
+) -> tuple[Parts, float]:
+    """Return the reference, following an accepted field, and how long it has agreed."""
+    if not _distance(smoothed, state.reference) < params.tolerance:
+        return state.reference, 0.0
+    accepted_for = state.accepted_for + dt
+    if accepted_for < params.hold:
+        return state.reference, accepted_for
+    return _approach(state.reference, smoothed, dt / (params.tracking + dt)), accepted_for
+
+
+@inline
+def _follow_candidate(
+    state: FieldState, params: FieldParams, smoothed: Parts, rate: float, dt: float
+) -> tuple[Parts, float]:
+    """Return the candidate and how long a rejected field has agreed with it while turning."""
+    if not _distance(smoothed, state.candidate) < params.tolerance:
+        return smoothed, 0.0
+    candidate = _approach(state.candidate, smoothed, dt / (params.tracking + dt))
+    return candidate, state.candidate_for + (dt if rate > params.turning else 0.0)
+
+
+@inline
+def _distance(a: Parts, b: Parts) -> float:
     """Return |a − b| as a part of |b|."""
     gap = (a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])
     return sqrt(gap / (b[0] * b[0] + b[1] * b[1] + 1e-30))
 
 
 @inline
-def _follow(a: tuple[float, float], b: tuple[float, float], gain: float) -> tuple[float, float]:
+def _approach(a: Parts, b: Parts, gain: float) -> Parts:
+    """Return a + gain · (b − a), one step of a first-order low-pass."""
     return a[0] + gain * (b[0] - a[0]), a[1] + gain * (b[1] - a[1])
-
-
-@inline
-def judge_field(
-    state: FieldState, params: FieldParams, parts: tuple[float, float], rate: float, dt: float
-) -> FieldState:
-    """Return the state after a sample `parts` = (horizontal, vertical) at angular rate [rad/s].
-
-    The sample is accepted where `accepted_for` has reached `params.hold`.
-    """
-    if state.reference[0] == 0.0 and state.reference[1] == 0.0:
-        return FieldState(parts, parts, parts, params.hold, 0.0, 0.0, False)
-    known_for = state.known_for + dt
-    if known_for < SETTLING:
-        mean = _follow(state.reference, parts, dt / min(known_for + dt, SETTLED))
-        return FieldState(mean, mean, mean, params.hold, 0.0, known_for, False)
-    smoothed = _follow(state.smoothed, parts, dt / (params.smoothing + dt))
-    reference = state.reference
-    if _distance(smoothed, reference) < params.tolerance:
-        accepted_for = state.accepted_for + dt
-        if accepted_for >= params.hold:
-            reference = _follow(reference, smoothed, dt / (params.tracking + dt))
-    else:
-        accepted_for = 0.0
-    accepted = accepted_for >= params.hold
-    candidate = state.candidate
-    candidate_for = 0.0
-    if not accepted and _distance(smoothed, candidate) < params.tolerance:
-        candidate = _follow(candidate, smoothed, dt / (params.tracking + dt))
-        candidate_for = state.candidate_for + (dt if rate > params.turning else 0.0)
-    else:
-        candidate = smoothed
-    if candidate_for > params.adoption:
-        return FieldState(candidate, candidate, smoothed, params.hold, 0.0, known_for, True)
-    return FieldState(
-        reference, candidate, smoothed, accepted_for, candidate_for, known_for, False
-    )

@@ -27,7 +27,7 @@ from sensor_msgs.msg import Imu, MagneticField
 from orientation_filters.ahrs.parameters import AhrsParameters
 from orientation_filters.complementary.parameters import ComplementaryParameters
 from orientation_filters.filters import PRESETS, preset_changes
-from orientation_filters.live_filter import Estimate, LiveFilter
+from orientation_filters.live_filter import LiveEstimate, LiveFilter
 from orientation_filters.parameters import check_mount
 from orientation_filters.raw_messages import field_from_bytes, imu_from_bytes
 
@@ -64,7 +64,7 @@ def transform_class() -> Any:
     return TFMessage
 
 
-def transform_message(world_frame_id: str, sample: ImuSample, estimate: Estimate) -> Any:
+def transform_message(world_frame_id: str, sample: ImuSample, estimate: LiveEstimate) -> Any:
     """Return a TFMessage with the rotation world → body."""
     from geometry_msgs.msg import TransformStamped
 
@@ -130,7 +130,7 @@ class FilterNode(ConfiguredNode):
         """Return rate, jitter, disturbed fraction, bias, resets and counts."""
         return self.filter.status() if hasattr(self, 'filter') else super().diagnostics()
 
-    def _publish(self, estimates: list[Estimate]) -> None:
+    def _publish(self, estimates: list[LiveEstimate]) -> None:
         if self.filter.refusal:
             self.refuse(self.filter.refusal)
         for found in estimates:

@@ -14,6 +14,7 @@ from imu_recording.ros.parameter import ParameterError, parameter
 
 from orientation_filters.magnetic_reference import FieldParams
 from orientation_filters.rest_detection import RestParams
+from orientation_filters.sample_checks import SampleParams
 
 WORLD_FRAMES = ('enu', 'ned')
 PRESET_NAMES = ('paper', 'robust')
@@ -78,19 +79,34 @@ class FilterParameters:
         """Return what the filter's kernel needs."""
         raise NotImplementedError
 
+    def sample_params(self) -> SampleParams:
+        """Return which samples are used."""
+        return SampleParams(
+            use_magnetometer=self.use_magnetometer,
+            max_gap=round(self.max_gap * 1e9),
+            magnetometer_timeout=round(self.magnetometer_timeout * 1e9),
+        )
+
     def rest_params(self) -> RestParams:
         """Return what rest detection needs."""
         return RestParams(
-            self.rest_angular_velocity,
-            self.rest_linear_acceleration,
-            self.rest_duration,
-            0.5,
-            self.bias_limit,
+            angular_velocity=self.rest_angular_velocity,
+            linear_acceleration=self.rest_linear_acceleration,
+            duration=self.rest_duration,
+            time_constant=0.5,
+            bias_limit=self.bias_limit,
         )
 
     def field_params(self) -> FieldParams:
-        """Return what judging a magnetic field needs."""
-        return FieldParams(self.field_tolerance, 0.5, 20.0, self.field_adoption, 0.35, 0.1)
+        """Return when a magnetic field is accepted."""
+        return FieldParams(
+            tolerance=self.field_tolerance,
+            hold=0.5,
+            tracking=20.0,
+            adoption=self.field_adoption,
+            turning=0.35,
+            smoothing=0.1,
+        )
 
 
 def check_mount(parameters: FilterParameters) -> None:

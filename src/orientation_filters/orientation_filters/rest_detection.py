@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rest: nothing varies, and neither gravity nor the field turns. The rate itself does not matter.
+"""Rest: no sensor's signal varies, and neither gravity nor the field turns; any constant rate.
 
-A thermal offset of the gyroscope must not make a resting sensor look like a moving one, or the
-bias would stop being learned exactly when it is needed. A slow steady turn must not look like an
-offset: it shows in the directions of specific force and field, once it has gone on long enough.
+A thermal bias of the gyroscope must not make a resting sensor look like a moving one, or the
+bias would stop being learned exactly when it is needed. A slow steady turn must not look like a
+bias: it shows in the directions of specific force and field, once it has gone on long enough.
 """
 
 from __future__ import annotations
@@ -12,23 +12,31 @@ from math import sqrt
 from typing import NamedTuple
 
 from orientation_filters.kernel import inline
-from orientation_filters.rotation.scalars import Vector, absent, approach, cross, dot, subtract
+from orientation_filters.rotation.scalars import (
+    ZERO,
+    Vector,
+    absent,
+    approach,
+    cross,
+    dot,
+    subtract,
+)
+from orientation_filters.sample_checks import CheckedSample
 
-TURN = 0.02
+DETECTABLE_TURN = 0.02
 """Angle by which gravity or field has turned where there is no rest [rad]."""
-MARGIN = 1.3
-"""How much farther than `TURN` a rate must have had time to turn before it is a bias."""
-CHANGE = 0.004
-"""By how much the mean rate may change, besides its noise, before rest starts anew [rad/s]."""
-NOISE = 25.0
-"""Multiple of the variance of that change from noise alone."""
-HARMLESS = 0.0026
-"""Rate that is a bias without proof [rad/s]."""
-PATIENCE = 10.0
-"""Rest after which any rate is a bias: nothing that could show a turn has [s]."""
-WAVERING = 0.05
-"""Part of a field that may waver, besides what the rate turns it; more is a magnet nearby."""
-ZERO = (0.0, 0.0, 0.0)
+TURN_MARGIN = 1.3
+"""A rate is a bias once it would have turned the sensor by so many times `DETECTABLE_TURN`."""
+RATE_CHANGE = 0.004
+"""Change of the mean rate, besides its noise, at which rest starts anew [rad/s]."""
+RATE_CHANGE_NOISE = 25.0
+"""Multiple of that change's variance from noise that is allowed."""
+SURE_BIAS_RATE = 0.0026
+"""Smaller rates are a bias at once [rad/s]."""
+SURE_BIAS_DURATION = 10.0
+"""Rest after which any rate is a bias: no turn has shown [s]."""
+FIELD_FLUCTUATION = 0.05
+"""Rms fluctuation of a field, as its part, besides what the rate turns it; above: a magnet."""
 
 
 class RestParams(NamedTuple):
@@ -39,7 +47,7 @@ class RestParams(NamedTuple):
     linear_acceleration: float
     """Largest rms deviation from the running mean [m/s²]."""
     duration: float
-    """How long nothing may vary before it counts [s]."""
+    """Time without variation before it counts as rest [s]."""
     time_constant: float
     """Of the running means and mean squares [s]."""
     bias_limit: float
@@ -47,22 +55,22 @@ class RestParams(NamedTuple):
 
 
 class RestState(NamedTuple):
-    """Running means, what they were when rest began, and for how long nothing has varied."""
+    """Running means and variances, the means when rest began, and its duration."""
 
     angular_velocity: Vector
     linear_acceleration: Vector
     magnetic_field: Vector
     """Zero before the first sample."""
-    turning: float
-    """Mean square deviation of angular velocity [(rad/s)²]."""
-    pushing: float
-    """Mean square deviation of specific force [(m/s²)²]."""
-    wavering: float
-    """Mean square deviation of the magnetic field [T²]."""
+    angular_velocity_variance: float
+    """Mean square deviation [(rad/s)²]."""
+    linear_acceleration_variance: float
+    """Mean square deviation [(m/s²)²]."""
+    magnetic_field_variance: float
+    """Mean square deviation [T²]."""
     duration: float
     """[s]"""
     first_bias: Vector
-    """What the bias was taken for [rad/s]."""
+    """The filter's bias when rest began [rad/s]."""
     first_rate: Vector
     first_force: Vector
     first_field: Vector
@@ -72,105 +80,146 @@ class RestState(NamedTuple):
 def start_rest(w: Vector, f: Vector, m: Vector) -> RestState:
     """Return the state at the first sample; a field of NaN is none."""
     field = ZERO if absent(m) else m
-    return RestState(w, f, field, 0.0, 0.0, 0.0, 0.0, ZERO, w, f, field)
-
-
-@inline
-def watch_rest(  # noqa: PLR0913, PLR0917 (one sample's quantities)
-    state: RestState,
-    params: RestParams,
-    w: Vector,
-    f: Vector,
-    m: Vector,
-    has_field: bool,
-    dt: float,
-    since_field: float,
-    bias: Vector,
-) -> RestState:
-    """Return the state after a sample: rad/s, m/s², T, time since the last one and field [s].
-
-    `bias` [rad/s] is what the filter knows.
-    """
-    gain = dt / (params.time_constant + dt)
-    mean_w = approach(state.angular_velocity, w, gain)
-    mean_f = approach(state.linear_acceleration, f, gain)
-    mean_m, first_m, wavering = state.magnetic_field, state.first_field, state.wavering
-    if has_field:
-        if dot(mean_m, mean_m) == 0.0:
-            mean_m, first_m = m, m
-        field_gain = since_field / (params.time_constant + since_field)
-        mean_m = approach(mean_m, m, field_gain)
-        waver = subtract(m, mean_m)
-        wavering += field_gain * (dot(waver, waver) - wavering)
-    turn = subtract(w, mean_w)
-    push = subtract(f, mean_f)
-    turning = state.turning + gain * (dot(turn, turn) - state.turning)
-    pushing = state.pushing + gain * (dot(push, push) - state.pushing)
-    change = subtract(mean_w, state.first_rate)
-    field_turn = _field_turn(mean_m, first_m, mean_f)
-    allowed = WAVERING + params.time_constant * sqrt(dot(mean_w, mean_w))
-    if wavering > allowed * allowed * dot(mean_m, mean_m):
-        field_turn = -1.0
-    if (
-        turning > params.angular_velocity * params.angular_velocity
-        or pushing > params.linear_acceleration * params.linear_acceleration
-        or dot(change, change) > CHANGE * CHANGE + NOISE * gain * turning
-        or _square_turn(mean_f, state.first_force) > TURN * TURN
-        or field_turn > TURN * TURN
-    ):
-        return RestState(
-            mean_w, mean_f, mean_m, turning, pushing, wavering, 0.0, bias, mean_w, mean_f, mean_m
-        )
-    if field_turn < 0.0:
-        first_m = mean_m
-    duration = state.duration + dt
     return RestState(
-        mean_w,
-        mean_f,
-        mean_m,
-        turning,
-        pushing,
-        wavering,
-        duration,
-        state.first_bias,
-        state.first_rate,
-        state.first_force,
-        first_m,
+        angular_velocity=w,
+        linear_acceleration=f,
+        magnetic_field=field,
+        angular_velocity_variance=0.0,
+        linear_acceleration_variance=0.0,
+        magnetic_field_variance=0.0,
+        duration=0.0,
+        first_bias=ZERO,
+        first_rate=w,
+        first_force=f,
+        first_field=field,
     )
 
 
 @inline
-def _square_turn(now: Vector, first: Vector) -> float:
-    """Return the square of the distance between two vectors as a part of the first's length."""
-    gap = subtract(now, first)
-    return dot(gap, gap) / (dot(first, first) + 1e-300)
+def update_rest(
+    state: RestState, params: RestParams, sample: CheckedSample, bias: Vector
+) -> RestState:
+    """Return the state after a sample; `bias` [rad/s] is the filter's."""
+    means = _update_means(state, params, sample)
+    gain = sample.interval / (params.time_constant + sample.interval)
+    field_turn = _field_turn(means, params)
+    if _is_moving(means, params, gain) or field_turn > DETECTABLE_TURN * DETECTABLE_TURN:
+        return _restart(means, bias)
+    return RestState(
+        angular_velocity=means.angular_velocity,
+        linear_acceleration=means.linear_acceleration,
+        magnetic_field=means.magnetic_field,
+        angular_velocity_variance=means.angular_velocity_variance,
+        linear_acceleration_variance=means.linear_acceleration_variance,
+        magnetic_field_variance=means.magnetic_field_variance,
+        duration=state.duration + sample.interval,
+        first_bias=state.first_bias,
+        first_rate=state.first_rate,
+        first_force=state.first_force,
+        first_field=means.magnetic_field if field_turn < 0.0 else means.first_field,
+    )
 
 
 @inline
-def _field_turn(now: Vector, first: Vector, force: Vector) -> float:
+def _update_means(state: RestState, params: RestParams, sample: CheckedSample) -> RestState:
+    """Return the state with running means and variances after a sample."""
+    gain = sample.interval / (params.time_constant + sample.interval)
+    mean_w = approach(state.angular_velocity, sample.angular_velocity, gain)
+    mean_f = approach(state.linear_acceleration, sample.linear_acceleration, gain)
+    mean_m, first_m = state.magnetic_field, state.first_field
+    variance_m = state.magnetic_field_variance
+    if sample.has_field:
+        m = sample.magnetic_field
+        if dot(mean_m, mean_m) == 0.0:
+            mean_m, first_m = m, m
+        field_gain = sample.field_interval / (params.time_constant + sample.field_interval)
+        mean_m = approach(mean_m, m, field_gain)
+        deviation = subtract(m, mean_m)
+        variance_m += field_gain * (dot(deviation, deviation) - variance_m)
+    deviation_w = subtract(sample.angular_velocity, mean_w)
+    deviation_f = subtract(sample.linear_acceleration, mean_f)
+    variance_w, variance_f = state.angular_velocity_variance, state.linear_acceleration_variance
+    return RestState(
+        angular_velocity=mean_w,
+        linear_acceleration=mean_f,
+        magnetic_field=mean_m,
+        angular_velocity_variance=variance_w + gain * (dot(deviation_w, deviation_w) - variance_w),
+        linear_acceleration_variance=variance_f
+        + gain * (dot(deviation_f, deviation_f) - variance_f),
+        magnetic_field_variance=variance_m,
+        duration=state.duration,
+        first_bias=state.first_bias,
+        first_rate=state.first_rate,
+        first_force=state.first_force,
+        first_field=first_m,
+    )
+
+
+@inline
+def _is_moving(state: RestState, params: RestParams, gain: float) -> bool:
+    """Whether rate or force vary, the mean rate has changed, or gravity has turned."""
+    variance = state.angular_velocity_variance
+    change = subtract(state.angular_velocity, state.first_rate)
+    fall = subtract(state.linear_acceleration, state.first_force)
+    first = state.first_force
+    return (
+        variance > params.angular_velocity * params.angular_velocity
+        or state.linear_acceleration_variance
+        > params.linear_acceleration * params.linear_acceleration
+        or dot(change, change) > RATE_CHANGE * RATE_CHANGE + RATE_CHANGE_NOISE * gain * variance
+        or dot(fall, fall) / (dot(first, first) + 1e-300) > DETECTABLE_TURN * DETECTABLE_TURN
+    )
+
+
+@inline
+def _field_turn(state: RestState, params: RestParams) -> float:
     """Return the square of the angle by which the field's horizontal part turned [rad²].
 
-    Negative where it changed as no turn of the sensor changes it, in strength or dip: a magnet.
+    Negative where no turn of the sensor explains the field's change, in strength, dip or
+    fluctuation: a magnet.
     """
-    gap = subtract(now, first)
-    change = dot(gap, gap)
+    now, first, force = state.magnetic_field, state.first_field, state.linear_acceleration
+    rate = state.angular_velocity
+    allowed = FIELD_FLUCTUATION + params.time_constant * sqrt(dot(rate, rate))
+    if state.magnetic_field_variance > allowed * allowed * dot(now, now):
+        return -1.0
+    difference = subtract(now, first)
+    change = dot(difference, difference)
     across, up = cross(first, force), dot(force, force)
     level = dot(across, across) / up
-    if change <= TURN * TURN * level:
+    if change <= DETECTABLE_TURN * DETECTABLE_TURN * level:
         return 0.0
     strength = sqrt(dot(now, now)) - sqrt(dot(first, first))
-    sunk = dot(gap, force)
+    sunk = dot(difference, force)
     magnet = strength * strength + sunk * sunk / up > 0.25 * change
     return -1.0 if magnet else change / (level + 1e-300)
+
+
+@inline
+def _restart(means: RestState, bias: Vector) -> RestState:
+    """Return the state in motion: rest would begin at the present means."""
+    return RestState(
+        angular_velocity=means.angular_velocity,
+        linear_acceleration=means.linear_acceleration,
+        magnetic_field=means.magnetic_field,
+        angular_velocity_variance=means.angular_velocity_variance,
+        linear_acceleration_variance=means.linear_acceleration_variance,
+        magnetic_field_variance=means.magnetic_field_variance,
+        duration=0.0,
+        first_bias=bias,
+        first_rate=means.angular_velocity,
+        first_force=means.linear_acceleration,
+        first_field=means.magnetic_field,
+    )
 
 
 @inline
 def is_bias(state: RestState, params: RestParams) -> bool:
     """Whether the mean rate can be taken for the bias: as a turn it would have shown by now."""
     rested = state.duration
-    if rested < params.duration or rested >= PATIENCE:
+    if rested < params.duration or rested >= SURE_BIAS_DURATION:
         return rested >= params.duration
-    gap = subtract(state.angular_velocity, state.first_bias)
-    square = dot(gap, gap)
-    proven = square * rested * rested >= (MARGIN * TURN) * (MARGIN * TURN)
-    return proven or square <= HARMLESS * HARMLESS
+    difference = subtract(state.angular_velocity, state.first_bias)
+    square = dot(difference, difference)
+    limit = TURN_MARGIN * DETECTABLE_TURN
+    return square * rested * rested >= limit * limit or square <= SURE_BIAS_RATE * SURE_BIAS_RATE

@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Result of a filter over a recording: one row per row, and the flags of each row.
 
->>> names(SIX_AXIS | AT_REST)
+>>> flag_names(SIX_AXIS | AT_REST)
 ('six_axis', 'at_rest')
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
+
+from orientation_filters.rotation.scalars import Quaternion, Symmetric
 
 NOT_STARTED = 1
 DROPPED = 2
@@ -43,15 +46,37 @@ FLAGS = {
 """Bit → name and meaning."""
 
 
-def names(flags: int) -> tuple[str, ...]:
+def flag_names(flags: int) -> tuple[str, ...]:
     """Return the names of the bits that are set."""
     return tuple(name for bit, (name, _) in FLAGS.items() if flags & bit)
 
 
-def counts(flags: NDArray[np.integer]) -> dict[str, int]:
-    """Return in how many rows each flag is set, flags that never are left out."""
+def flag_counts(flags: NDArray[np.integer]) -> dict[str, int]:
+    """Return the number of rows with each flag that occurs."""
     count = {name: int(np.count_nonzero(flags & bit)) for bit, (name, _) in FLAGS.items()}
     return {name: number for name, number in count.items() if number}
+
+
+class Estimate(NamedTuple):
+    """Attitude after a sample; without meaning where flagged NOT_STARTED."""
+
+    orientation: Quaternion
+    """xyzw of unit length, w ≥ 0, sensor (or body) → world."""
+    covariance: Symmetric
+    """xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
+    flags: int
+
+
+class ResultColumns(NamedTuple):
+    """Columns of a result, to be filled by a compiled loop; those not asked for are empty."""
+
+    orientation: FloatArray
+    compact_covariance: FloatArray
+    bias: FloatArray
+    flags: NDArray[np.int32]
+    linear_acceleration: FloatArray
+    magnetic_disturbance: FloatArray
+    inclination: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,13 +87,12 @@ class OrientationResult:
     """(n,) ROS time [ns]."""
     orientation: FloatArray
     """(n, 4) quaternion xyzw, sensor (or body) → world."""
-    spread: FloatArray
-    """(n, 6) xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²], or
-    (n, 2) its inclination and heading where that is all there is."""
+    compact_covariance: FloatArray
+    """(n, 6) as `packed_covariance`, or (n, 2): variances of inclination and heading [rad²]."""
     bias: FloatArray
     """(n, 3) of the gyroscope [rad/s], sensor frame."""
     flags: NDArray[np.int32]
-    """(n,) bits of `flags`."""
+    """(n,) bits, see `FLAGS`."""
     linear_acceleration: FloatArray | None = None
     """(n, 3) estimated acceleration without gravity [m/s²], sensor frame; AHRS, on request."""
     magnetic_disturbance: FloatArray | None = None
@@ -79,12 +103,13 @@ class OrientationResult:
     @property
     def packed_covariance(self) -> FloatArray:
         """(n, 6) xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
-        if self.spread.shape[1] == 6:
-            return self.spread
-        packed = np.zeros((len(self.spread), 6))
-        packed[:, [0, 3]] = self.spread[:, :1]
-        packed[:, 5] = self.spread[:, 1]
-        packed[np.isnan(self.spread[:, 0])] = np.nan
+        compact = self.compact_covariance
+        if compact.shape[1] == 6:
+            return compact
+        packed = np.zeros((len(compact), 6))
+        packed[:, [0, 3]] = compact[:, :1]
+        packed[:, 5] = compact[:, 1]
+        packed[np.isnan(compact[:, 0])] = np.nan
         return packed
 
     @property
@@ -93,6 +118,19 @@ class OrientationResult:
         full: FloatArray = self.packed_covariance[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
         return full
 
+    def columns(self) -> ResultColumns:
+        """Return the columns for a compiled loop to fill."""
+        none = np.empty((0, 3))
+        return ResultColumns(
+            orientation=self.orientation,
+            compact_covariance=self.compact_covariance,
+            bias=self.bias,
+            flags=self.flags,
+            linear_acceleration=_or(self.linear_acceleration, none),
+            magnetic_disturbance=_or(self.magnetic_disturbance, none),
+            inclination=_or(self.inclination, np.empty(0)),
+        )
+
 
 def empty_result(
     stamp: IntArray, *, covariances: int = 6, details: bool = False
@@ -100,12 +138,16 @@ def empty_result(
     """Return a result whose columns are still to be written; bias and flags start as zero."""
     n = len(stamp)
     return OrientationResult(
-        stamp,
-        np.empty((n, 4)),
-        np.empty((n, covariances)),
-        np.zeros((n, 3)),
-        np.zeros(n, dtype=np.int32),
-        np.empty((n, 3)) if details else None,
-        np.empty((n, 3)) if details else None,
-        np.empty(n) if details else None,
+        stamp=stamp,
+        orientation=np.empty((n, 4)),
+        compact_covariance=np.empty((n, covariances)),
+        bias=np.zeros((n, 3)),
+        flags=np.zeros(n, dtype=np.int32),
+        linear_acceleration=np.empty((n, 3)) if details else None,
+        magnetic_disturbance=np.empty((n, 3)) if details else None,
+        inclination=np.empty(n) if details else None,
     )
+
+
+def _or(column: FloatArray | None, absent: FloatArray) -> FloatArray:
+    return absent if column is None else column

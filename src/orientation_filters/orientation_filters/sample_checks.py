@@ -1,7 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of a sample before a filter uses it: time order, finite values, plausible magnitudes."""
+"""One sample of the three sensors, and the checks before a filter uses it.
+
+Checked are the order in time, gaps, finite values and plausible magnitudes.
+"""
 
 from __future__ import annotations
+
+from math import nan
+from typing import NamedTuple
 
 import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording, IntArray
@@ -13,25 +19,111 @@ from orientation_filters.result import (
     INVALID_GYROSCOPE,
     INVALID_MAGNETOMETER,
     JUMPED_BACK,
+    NOT_STARTED,
     REINITIALISED,
+    SIX_AXIS,
 )
 from orientation_filters.rotation.scalars import Vector, absent, dot
 
-RATE_LIMIT = 1e3
-"""Largest angular velocity taken for a measurement [rad/s]."""
-FORCE_LIMIT = 1e5
-"""Largest specific force taken for a measurement [m/s²]."""
-FIELD_LIMIT = 1.0
-"""Largest magnetic field taken for a measurement [T]."""
+GRAVITY = 9.81
+"""Specific force at rest [m/s²]."""
+LARGEST_ANGULAR_VELOCITY = 1e3
+"""Larger ones are no measurement [rad/s]."""
+LARGEST_SPECIFIC_FORCE = 1e5
+"""Larger ones are no measurement [m/s²]."""
+LARGEST_FIELD = 1.0
+"""Larger ones are no measurement [T]."""
+NO_FIELD = (nan, nan, nan)
+
+
+class Sample(NamedTuple):
+    """What the sensors measured at one time, sensor frame."""
+
+    stamp: int
+    """[ns]"""
+    angular_velocity: Vector
+    """[rad/s]"""
+    linear_acceleration: Vector
+    """Specific force [m/s²]."""
+    magnetic_field: Vector
+    """[T]; NaN: no sample."""
+
+
+class SampleParams(NamedTuple):
+    """Which samples a filter uses."""
+
+    use_magnetometer: bool
+    max_gap: int
+    """Longer pauses set the attitude anew [ns]."""
+    magnetometer_timeout: int
+    """How long a magnetometer sample holds [ns]."""
+
+
+class CheckedSample(NamedTuple):
+    """A sample, which parts of it are usable, and the time since the samples before."""
+
+    stamp: int
+    angular_velocity: Vector
+    linear_acceleration: Vector
+    magnetic_field: Vector
+    """NaN where `has_field` is false."""
+    has_force: bool
+    has_field: bool
+    interval: float
+    """Since the last sample used [s]."""
+    field_interval: float
+    """Since the last magnetometer sample [s]."""
+
+
+class SampleColumns(NamedTuple):
+    """Samples as columns, contiguous and read-only: one compiled version of every loop."""
+
+    stamp: IntArray
+    angular_velocity: FloatArray
+    linear_acceleration: FloatArray
+    magnetic_field: FloatArray
 
 
 @inline
-def check_sample(w: Vector, f: Vector, m: Vector) -> int:
-    """Return INVALID_… and DROPPED bits; a field of NaN only is no sample, not an invalid one."""
+def check_sample(
+    sample: Sample, last: int, last_field: int, params: SampleParams
+) -> tuple[CheckedSample, int]:
+    """Return the checked sample and its flags; `last`, `last_field` [ns], −1 for none.
+
+    A sample flagged DROPPED is not to be used; REINITIALISED: the attitude is to be set anew.
+    """
+    flags = _check_values(sample) | _check_time(sample.stamp, last, params.max_gap)
+    has_field = params.use_magnetometer and is_field(sample.magnetic_field)
+    if flags & DROPPED:
+        if last < 0:
+            flags |= NOT_STARTED
+    elif has_field and last_field < 0:
+        flags |= REINITIALISED
+    elif not has_field and (
+        last_field < 0 or sample.stamp - last_field > params.magnetometer_timeout
+    ):
+        flags |= SIX_AXIS
+    checked = CheckedSample(
+        stamp=sample.stamp,
+        angular_velocity=sample.angular_velocity,
+        linear_acceleration=sample.linear_acceleration,
+        magnetic_field=sample.magnetic_field if has_field else NO_FIELD,
+        has_force=not flags & INVALID_ACCELEROMETER,
+        has_field=has_field,
+        interval=(sample.stamp - last) * 1e-9,
+        field_interval=(sample.stamp - last_field) * 1e-9,
+    )
+    return checked, flags
+
+
+@inline
+def _check_values(sample: Sample) -> int:
+    """Return INVALID_… and DROPPED bits; a field of NaN only is absent, not invalid."""
+    w, f, m = sample.angular_velocity, sample.linear_acceleration, sample.magnetic_field
     flags = 0
-    if not dot(w, w) <= RATE_LIMIT * RATE_LIMIT:  # not, so that NaN is refused as well
+    if not dot(w, w) <= LARGEST_ANGULAR_VELOCITY**2:  # not, so that NaN is refused as well
         flags |= INVALID_GYROSCOPE | DROPPED
-    if not 1e-12 <= dot(f, f) <= FORCE_LIMIT * FORCE_LIMIT:
+    if not 1e-12 <= dot(f, f) <= LARGEST_SPECIFIC_FORCE**2:
         flags |= INVALID_ACCELEROMETER
     if not is_field(m) and not absent(m):
         flags |= INVALID_MAGNETOMETER
@@ -41,12 +133,12 @@ def check_sample(w: Vector, f: Vector, m: Vector) -> int:
 @inline
 def is_field(m: Vector) -> bool:
     """Whether the vector can be a magnetic field [T]: neither zero, nor NaN, nor absurd."""
-    return 1e-20 <= dot(m, m) <= FIELD_LIMIT * FIELD_LIMIT
+    return 1e-20 <= dot(m, m) <= LARGEST_FIELD**2
 
 
 @inline
-def check_time(stamp: int, last: int, max_gap: int) -> int:
-    """Return DROPPED, REINITIALISED, JUMPED_BACK bits for a stamp after `last` [ns] (−1: none)."""
+def _check_time(stamp: int, last: int, max_gap: int) -> int:
+    """Return DROPPED, REINITIALISED, JUMPED_BACK bits for a stamp after `last` [ns]."""
     if last < 0:
         return REINITIALISED
     step = stamp - last
@@ -59,20 +151,29 @@ def check_time(stamp: int, last: int, max_gap: int) -> int:
     return 0
 
 
-def columns(
-    recording: ImuRecording,
-) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-    """Return stamp, angular velocity, specific force and field as kernels are compiled for.
+@inline
+def sample_of(columns: SampleColumns, i: int) -> Sample:
+    """Return row i of the columns."""
+    w, f, m = columns.angular_velocity, columns.linear_acceleration, columns.magnetic_field
+    return Sample(
+        columns.stamp[i],
+        (w[i, 0], w[i, 1], w[i, 2]),
+        (f[i, 0], f[i, 1], f[i, 2]),
+        (m[i, 0], m[i, 1], m[i, 2]),
+    )
 
-    They are contiguous and read-only, wherever the recording has them from: one compiled version.
-    """
-    names = ('angular_velocity', 'linear_acceleration', 'magnetic_field')
-    stamp = _readable(recording.stamp, np.int64)
-    w, f, m = (_readable(getattr(recording, name), np.float64) for name in names)
-    return stamp, w, f, m
+
+def sample_columns(recording: ImuRecording) -> SampleColumns:
+    """Return the columns of a recording as kernels are compiled for."""
+    return SampleColumns(
+        stamp=_read_only(recording.stamp, np.int64),
+        angular_velocity=_read_only(recording.angular_velocity, np.float64),
+        linear_acceleration=_read_only(recording.linear_acceleration, np.float64),
+        magnetic_field=_read_only(recording.magnetic_field, np.float64),
+    )
 
 
-def _readable(column: np.ndarray, dtype: type) -> np.ndarray:
+def _read_only(column: np.ndarray, dtype: type) -> np.ndarray:
     view: np.ndarray = np.ascontiguousarray(column, dtype=dtype).view()
     view.flags.writeable = False
     return view

@@ -12,7 +12,7 @@ import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording, IntArray
 from numpy.typing import NDArray
 from orientation_filters.filters import FILTERS, run_filter, sample_rate
-from orientation_filters.result import counts
+from orientation_filters.result import flag_counts
 from orientation_filters.rotation.arrays import (
     conjugate,
     euler_zyx,
@@ -97,7 +97,7 @@ def estimate_attitudes(
                 hours=hours,
                 lines=lines,
                 nanoseconds_per_sample=1e9 * spent / max(1, len(recording)),
-                flags=counts(result.flags),
+                flags=flag_counts(result.flags),
             )
 
 

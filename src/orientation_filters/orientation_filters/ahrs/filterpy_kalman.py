@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The AHRS's Kalman step on filterpy.kalman.KalmanFilter: matrices as printed, an own check.
+"""The AHRS in matrices as printed, on numpy and filterpy.kalman: the reference of the kernels.
 
-Same module interface as `ahrs_kalman`, whose intake it shares; the 12×12 covariance, the 6×12
-measurement matrix, the innovation and its inverse are filterpy's and numpy's business.
+Same module interface as `filter`, whose sample checks, start and means it shares; the 12×12
+covariance, the 6×12 measurement matrix, the innovation and its inverse are numpy's and filterpy's.
 """
 
 from __future__ import annotations
@@ -15,16 +15,29 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 from imu_recording.recording import FloatArray, ImuRecording
 
-from orientation_filters.ahrs import filter as ahrs_kalman
-from orientation_filters.ahrs.adaptive import Observation, weigh
-from orientation_filters.ahrs.adaptive_step import apply_errors, flags_after, gather_sample
-from orientation_filters.ahrs.joint_covariance import Errors, JointCovariance
-from orientation_filters.ahrs.measurement_update import Symmetric, Variances
-from orientation_filters.ahrs.state import GRAVITY, MICROTESLA, Params, State, initial_state
+from orientation_filters.ahrs import filter as native
+from orientation_filters.ahrs.adaptive import (
+    Means,
+    accumulate,
+    adaptive_flags,
+    is_step_due,
+    remove_errors,
+    take_means,
+)
+from orientation_filters.ahrs.covariance import Errors, JointCovariance
+from orientation_filters.ahrs.state import (
+    MICROTESLA,
+    Params,
+    State,
+    Variances,
+    initial_state,
+)
 from orientation_filters.result import (
-    INVALID_ACCELEROMETER,
+    DROPPED,
     JAMMED,
     NOT_STARTED,
+    REINITIALISED,
+    Estimate,
     OrientationResult,
     empty_result,
 )
@@ -35,93 +48,107 @@ from orientation_filters.rotation.arrays import (
     normalised,
     rotate,
 )
-from orientation_filters.rotation.scalars import Vector
+from orientation_filters.sample_checks import GRAVITY, CheckedSample, Sample, check_sample
+
+__all__ = ['Params', 'State', 'initial_state', 'run', 'update']
 
 
-def update(
-    state: State, params: Params, stamp: int, w: Vector, f: Vector, m: Vector
-) -> tuple[State, int]:
-    """Return state and flags after a sample, as `ahrs_kalman.update`."""
-    flags, has_field = ahrs_kalman.admit(state, params, stamp, w, f, m)
-    if flags & ahrs_kalman.NOT_A_STEP:
-        return ahrs_kalman.update(state, params, stamp, w, f, m)
-    interval = (stamp - state.stamp) * 1e-9
-    q = multiply(
-        np.array(state.orientation),
-        from_rotation_vector((np.array(w) - state.bias) * interval),
-    )
+def update(state: State, params: Params, sample: Sample) -> tuple[State, Estimate]:
+    """Return state and estimate after a sample, as `filter.update`."""
+    state, flags = _update(state, params, sample)
+    return state, native.estimate(state, flags)
+
+
+def _update(state: State, params: Params, sample: Sample) -> tuple[State, int]:
+    """Return state and flags after a sample."""
+    seen, flags = check_sample(sample, state.stamp, state.field_stamp, params.samples)
+    if flags & DROPPED:
+        return state, flags
+    if flags & REINITIALISED:
+        return native.start(state, params, seen, flags)
+    angle = (np.array(seen.angular_velocity) - state.bias) * seen.interval
+    predicted = multiply(np.array(state.orientation), from_rotation_vector(angle))
     if params.adaptive.enabled:
-        start = tuple(q.tolist())
-        state, due, flags = gather_sample(state, params, stamp, start, w, f, m, has_field, flags)
-        if due:
-            seen = weigh(state.adaptive, params.adaptive, state.bias, params.up, params.north)
-            state = apply_errors(state, params, seen, adaptive_errors(seen, params.up))
-        return state, flags_after(state, params, has_field, flags)
-    has_gravity = not flags & INVALID_ACCELEROMETER
-    noise = params.noise
+        state = accumulate(state, params, seen, tuple(predicted.tolist()))
+        if is_step_due(state, params):
+            means = take_means(state, params)
+            errors = adaptive_errors(means, params.up)
+            state = remove_errors(state, params, means, errors)
+        return state, flags | adaptive_flags(state, params, seen)
+    return _kalman_step(state, params, seen, predicted, flags)
+
+
+def _kalman_step(
+    state: State, params: Params, seen: CheckedSample, predicted: FloatArray, flags: int
+) -> tuple[State, int]:
+    """Return state and flags after the technical note's step."""
+    noise, interval = params.noise, seen.interval
     down = np.array([0.0, 0.0, -params.up])
     field = _field_vector(params, atan2(state.dip[1], state.dip[0]))
-    gravity = rotate(conjugate(q), GRAVITY * down)
-    expected = rotate(conjugate(q), field)
+    gravity = rotate(conjugate(predicted), GRAVITY * down)
+    expected = rotate(conjugate(predicted), field)
     acceleration = noise.linear_acceleration_decay * np.array(state.linear_acceleration)
     innovation = np.concatenate(
-        [-np.array(f) + acceleration - gravity, MICROTESLA * np.array(m) - expected]
+        [
+            -np.array(seen.linear_acceleration) + acceleration - gravity,
+            MICROTESLA * np.array(seen.magnetic_field) - expected,
+        ]
     )
     x, p = _kalman_update(
         _prior(state, params, interval),
         _measurement_matrix(gravity, expected, interval),
         _measurement_noise(params, interval),
         innovation,
-        [has_gravity] * 3 + [has_field] * 3,
+        [seen.has_force] * 3 + [seen.has_field] * 3,
         2.0 * params.field_strength,
     )
-    jammed = float(np.sum(x[9:] ** 2)) > 4.0 * params.field_strength**2
-    q = normalised(multiply(q, from_rotation_vector(-x[:3])))
+    q = normalised(multiply(predicted, from_rotation_vector(-x[:3])))
     dip = state.dip
-    if jammed:
+    if float(np.sum(x[9:] ** 2)) > 4.0 * params.field_strength**2:
         flags |= JAMMED
-    elif has_field:
+    elif seen.has_field:
         dip = _dip(params, field - rotate(q, x[9:]), state.dip)
     variances = [(float(v[0]), float(v[1]), float(v[2])) for v in np.diag(p).reshape(4, 3)]
-    if not params.adaptive.learn_bias:
+    if not params.learn_bias:
         variances[1] = state.variances.bias
     return State(
-        stamp,
-        tuple(q.tolist()),
-        tuple((np.array(state.bias) - x[3:6]).tolist()),
-        tuple((acceleration - x[6:9]).tolist()),
-        tuple(x[9:].tolist()) if has_field else state.magnetic_disturbance,
-        dip,
-        Variances(*variances),
-        state.updates + 1,
-        stamp if has_field else state.field_stamp,
-        state.adaptive,
+        stamp=seen.stamp,
+        orientation=tuple(q.tolist()),
+        bias=tuple((np.array(state.bias) - x[3:6]).tolist()),
+        linear_acceleration=tuple((acceleration - x[6:9]).tolist()),
+        magnetic_disturbance=tuple(x[9:].tolist())
+        if seen.has_field
+        else state.magnetic_disturbance,
+        dip=dip,
+        variances=Variances(*variances),
+        updates=state.updates + 1,
+        field_stamp=seen.stamp if seen.has_field else state.field_stamp,
+        adaptive=state.adaptive,
     ), flags
 
 
-def adaptive_errors(seen: Observation, up: float) -> Errors:
-    """Return what `ahrs_adaptive.take_in` returns, by one update of all twelve states.
+def adaptive_errors(means: Means, up: float) -> Errors:
+    """Return what `adaptive.estimate_errors` returns, by one update of all twelve states.
 
     Linear acceleration [m/s²] and the field's turn [rad] are states whose variance is all the
     noise there is.
     """
+    force, field, rest = means.force, means.field, means.rest
     prior = np.zeros((12, 12))
-    prior[:6, :6] = _matrix_of(seen.prior)
-    prior[6:, 6:] = np.diag(
-        [max(seen.force_variance, 0.0)] * 3 + [max(seen.east_variance, 0.0)] * 3
-    )
+    prior[:6, :6] = _matrix_of(means.prior)
+    prior[6:, 6:] = np.diag([max(force.variance, 0.0)] * 3 + [max(field.variance, 0.0)] * 3)
     h, noise, identity = np.zeros((6, 12)), np.zeros(6), np.eye(3)
     pull = up * GRAVITY
     h[0, [1, 6]], h[1, [0, 7]], h[2, [2, 11]] = (pull, 1.0), (-pull, 1.0), (-1.0, 1.0)
     h[3:, 3:6] = identity
-    noise[3:] = seen.rest_variance
-    z = np.array([*seen.acceleration[:2], seen.east, *seen.rest_error])
-    present = (
-        [seen.force_variance > 0] * 2 + [seen.east_variance > 0] + [seen.rest_variance > 0] * 3
-    )
+    noise[3:] = rest.variance
+    z = np.array([*force.acceleration[:2], field.east, *rest.error])
+    present = [force.variance > 0] * 2 + [field.variance > 0] + [rest.variance > 0] * 3
     x, p = _kalman_update(prior, h, np.diag(noise), z, present, np.inf)
     errors = x[:6].tolist()
-    return Errors(tuple(errors[:3]), tuple(errors[3:]), _joint_of(p[:6, :6]))
+    return Errors(
+        orientation=tuple(errors[:3]), bias=tuple(errors[3:]), covariance=_joint_of(p[:6, :6])
+    )
 
 
 @cache
@@ -142,7 +169,7 @@ def _joint_of(p: FloatArray) -> JointCovariance:
     rows, columns = np.triu_indices(3)
     t, b = p[:3, :3][rows, columns].tolist(), p[3:, 3:][rows, columns].tolist()
     c0, c1, c2 = (tuple(row) for row in p[:3, 3:].tolist())
-    return JointCovariance(tuple(t), (c0, c1, c2), tuple(b))
+    return JointCovariance(orientation=tuple(t), cross=(c0, c1, c2), bias=tuple(b))
 
 
 def _kalman_update(
@@ -170,7 +197,7 @@ def _kalman_update(
 def _prior(state: State, params: Params, interval: float) -> FloatArray:
     """Return P⁻ (12, 12) of the note's process noise Q; everything it does not name is zero."""
     t, b, a, d = (np.array(v) for v in state.variances)
-    noise, learns = params.noise, params.adaptive.learn_bias
+    noise, learns = params.noise, params.learn_bias
     b *= learns
     if state.updates == 0:
         return np.diag(np.concatenate([t, b, a, d]))
@@ -225,38 +252,27 @@ def _dip(params: Params, field: FloatArray, before: tuple[float, float]) -> tupl
     return (cos(inclination), sin(inclination)) if np.any(field) else before
 
 
-def orientation(state: State) -> tuple[float, float, float, float]:
-    """Return the attitude, sensor → world, w ≥ 0."""
-    return state.orientation
-
-
-def covariance(state: State) -> Symmetric:
-    """Return xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
-    packed: Symmetric = ahrs_kalman.covariance(state)
-    return packed
-
-
 def run(recording: ImuRecording, params: Params, *, details: bool = False) -> OrientationResult:
-    """Return attitude, covariance, bias and flags of every row, as `ahrs_kalman.run`."""
+    """Return attitude, covariance, bias and flags of every row, as `filter.run`."""
     result = empty_result(recording.stamp, details=details)
     state = initial_state()
     columns = (recording.angular_velocity, recording.linear_acceleration, recording.magnetic_field)
     for i, (stamp, *vectors) in enumerate(
         zip(recording.stamp.tolist(), *(c.tolist() for c in columns), strict=True)
     ):
-        w, f, m = (tuple(v) for v in vectors)
-        state, flags = update(state, params, stamp, w, f, m)
-        started = not flags & NOT_STARTED
-        result.flags[i] = flags
-        result.orientation[i] = state.orientation if started else np.nan
-        result.spread[i] = ahrs_kalman.covariance(state) if started else np.nan
+        state, found = update(state, params, Sample(stamp, *(tuple(v) for v in vectors)))
+        started = not found.flags & NOT_STARTED
+        result.flags[i] = found.flags
+        result.orientation[i] = found.orientation if started else np.nan
+        result.compact_covariance[i] = found.covariance if started else np.nan
         result.bias[i] = state.bias if started else np.nan
-        if details and started:
+        if details:
             _write_details(result, i, state)
     return result
 
 
 def _write_details(result: OrientationResult, i: int, state: State) -> None:
+    """Fill row i of the columns that were asked for."""
     for column, value in (
         (result.linear_acceleration, state.linear_acceleration),
         (result.magnetic_disturbance, np.array(state.magnetic_disturbance) / MICROTESLA),

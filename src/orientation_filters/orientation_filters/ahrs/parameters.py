@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 from imu_recording.ros.parameter import parameter
 
-from orientation_filters.ahrs import filter as ahrs_kalman
-from orientation_filters.ahrs.adaptive import AdaptiveParams
-from orientation_filters.ahrs.measurement_update import Noise
+from orientation_filters.ahrs.state import AdaptiveParams, Noise, Params
 from orientation_filters.parameters import FilterParameters, world_axes
 
 
@@ -113,43 +111,41 @@ class AhrsParameters(FilterParameters):
         dynamic=True,
     )
 
-    def kernel_params(self) -> ahrs_kalman.Params:
+    def kernel_params(self) -> Params:
         """Return what the kernel needs."""
         up, north = world_axes(self.world_frame, self.magnetic_declination)
-        return ahrs_kalman.Params(
-            up,
-            north,
-            self.use_magnetometer,
-            self.expected_field * 1e6,
-            round(self.max_gap * 1e9),
-            round(self.magnetometer_timeout * 1e9),
-            Noise(
-                self.accelerometer_noise,
-                self.magnetometer_noise,
-                self.gyroscope_noise,
-                self.gyroscope_drift_noise,
-                self.linear_acceleration_noise,
-                self.linear_acceleration_decay,
-                self.magnetic_disturbance_noise,
-                self.magnetic_disturbance_decay,
+        return Params(
+            up=up,
+            north=north,
+            field_strength=self.expected_field * 1e6,
+            learn_bias=self.learn_bias,
+            samples=self.sample_params(),
+            noise=Noise(
+                accelerometer=self.accelerometer_noise,
+                magnetometer=self.magnetometer_noise,
+                gyroscope=self.gyroscope_noise,
+                gyroscope_drift=self.gyroscope_drift_noise,
+                linear_acceleration=self.linear_acceleration_noise,
+                linear_acceleration_decay=self.linear_acceleration_decay,
+                magnetic_disturbance=self.magnetic_disturbance_noise,
+                magnetic_disturbance_decay=self.magnetic_disturbance_decay,
             ),
-            AdaptiveParams(
-                self.adaptive,
-                self.learn_bias,
-                self.step_interval,
-                self.angle_random_walk,
-                self.rate_error,
-                self.bias_random_walk,
-                self.acceleration_floor,
-                self.acceleration_weight,
-                self.acceleration_memory,
-                self.acceleration_smoothing,
-                self.heading_noise,
-                self.rest_noise,
-                0.05,
-                0.1,
-                self.initial_bias,
-                self.rest_params(),
-                self.field_params(),
+            adaptive=AdaptiveParams(
+                enabled=self.adaptive,
+                interval=self.step_interval,
+                angle_random_walk=self.angle_random_walk,
+                rate_error=self.rate_error,
+                bias_random_walk=self.bias_random_walk,
+                acceleration_floor=self.acceleration_floor,
+                acceleration_weight=self.acceleration_weight,
+                acceleration_memory=self.acceleration_memory,
+                acceleration_smoothing=self.acceleration_smoothing,
+                heading_noise=self.heading_noise,
+                rest_noise=self.rest_noise,
+                initial_inclination=0.05,
+                initial_heading=0.1,
+                initial_bias=self.initial_bias,
+                rest=self.rest_params(),
+                field=self.field_params(),
             ),
         )

@@ -1,47 +1,57 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the complementary filter is told and what it remembers."""
+"""Complementary filter: gyroscope above the cut-off, accelerometer and magnetometer below.
+
+The gyroscope's attitude is turned, by the gain g = 1 − exp(−2π f_c Δt) of a first-order low-pass,
+towards the attitude at which specific force points up, then about the vertical towards magnetic
+north (quaternion form after Valenti, Dryanovski, Xiao, Sensors 15, 2015). `adaptive` adds a start
+as a mean and rejection of a magnetic field unlike the reference; `learn_bias` rest detection and
+bias learning.
+"""
 
 from __future__ import annotations
 
-from math import exp, sqrt
+from math import exp, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from imu_recording.recording import FloatArray, ImuRecording, IntArray
-from numpy.typing import NDArray
+from imu_recording.recording import ImuRecording
 
 from orientation_filters.kernel import inline, kernel
 from orientation_filters.magnetic_reference import (
     FieldParams,
     FieldState,
-    judge_field,
+    is_accepted,
     no_reference,
+    update_reference,
 )
 from orientation_filters.rest_detection import (
     RestParams,
     RestState,
     is_bias,
     start_rest,
-    watch_rest,
+    update_rest,
 )
 from orientation_filters.result import (
     AT_REST,
     BIAS_LIMITED,
     DISTURBED,
     DROPPED,
-    INVALID_ACCELEROMETER,
     JUMPED_BACK,
     NOT_STARTED,
     REINITIALISED,
     SIX_AXIS,
+    Estimate,
     OrientationResult,
+    ResultColumns,
     empty_result,
 )
 from orientation_filters.rotation.scalars import (
+    IDENTITY,
+    ZERO,
     Matrix,
     Quaternion,
+    Symmetric,
     Vector,
-    absent,
     approach,
     attitude_from_vectors,
     dot,
@@ -54,25 +64,33 @@ from orientation_filters.rotation.scalars import (
     to_sensor,
     transform,
 )
-from orientation_filters.sample_checks import check_sample, check_time, columns, is_field
+from orientation_filters.sample_checks import (
+    GRAVITY,
+    CheckedSample,
+    Sample,
+    SampleColumns,
+    SampleParams,
+    check_sample,
+    sample_columns,
+    sample_of,
+)
+
+PER_GRAVITY = 1.0 / GRAVITY
+NAN3 = (np.nan,) * 3
+NAN4 = (np.nan,) * 4
 
 
 class Params(NamedTuple):
-    """Numbers the kernel needs; `parameters` makes them from named ones with units."""
+    """Numbers the kernel needs; `ComplementaryParameters` names them with units."""
 
     up: float
     """World z of the upward direction: +1 ENU, −1 NED."""
     north: tuple[float, float]
     """World x, y of magnetic north (unit vector)."""
-    use_magnetometer: bool
     inclination_rate: float
     """2π × cut-off of the accelerometer's correction [rad/s]."""
     heading_rate: float
     """2π × cut-off of the magnetometer's correction [rad/s]."""
-    max_gap: int
-    """[ns]"""
-    magnetometer_timeout: int
-    """[ns]"""
     angle_random_walk: float
     """[rad/√s]"""
     bias_sigma: float
@@ -89,6 +107,7 @@ class Params(NamedTuple):
     """Integral gain in motion, as a part of rate² [1]."""
     rest_bias_time: float
     """Time constant of bias learning at rest [s]."""
+    samples: SampleParams
     rest: RestParams
     field: FieldParams
 
@@ -99,7 +118,7 @@ class State(NamedTuple):
     stamp: int
     """Of the last sample used [ns]; −1 before the first."""
     orientation: Quaternion
-    """Of nearly unit length; `orientation` gives it exactly."""
+    """Of nearly unit length; `Estimate` gives it exactly."""
     bias: Vector
     """Of the gyroscope [rad/s], sensor frame."""
     variance: tuple[float, float]
@@ -114,271 +133,269 @@ class State(NamedTuple):
     field: FieldState
 
 
+class InclinationCorrection(NamedTuple):
+    """Rotation about the world's x and y that the accelerometer asks for."""
+
+    x: float
+    """To specific force upward [rad]."""
+    y: float
+    gain: float
+    """Part of the rotation that is done."""
+    sigma: float
+    """Error of the sample as a vertical [rad]."""
+
+
+class HeadingCorrection(NamedTuple):
+    """Rotation about the world's z that the magnetometer asks for."""
+
+    z: float
+    """To magnetic north [rad]."""
+    gain: float
+    """Part of the rotation that is done."""
+
+
 ADAPTIVE_STATE = ('bias', 'rest', 'field')
-"""Fields of the state that the filter makes no use of where it neither adapts nor learns."""
+"""Fields of the state that are unused where the filter neither adapts nor learns."""
 
 
 def initial_state() -> State:
     """Return the state before the first sample."""
-    zero = (0.0, 0.0, 0.0)
-    start = (0.0, 0.0, 0.0, 1.0)
-    rest = start_rest(zero, zero, zero)
-    return State(-1, start, zero, (0.0, 0.0), (0.0, 0.0), 0.0, -1, rest, no_reference())
-
-
-__all__ = ['ADAPTIVE_STATE', 'Params', 'State', 'initial_state', 'run', 'update']
-
-NAN3 = (np.nan,) * 3
-NAN4 = (np.nan,) * 4
-NAN6 = (np.nan,) * 6
+    return State(
+        stamp=-1,
+        orientation=IDENTITY,
+        bias=ZERO,
+        variance=(0.0, 0.0),
+        lag=(0.0, 0.0),
+        age=0.0,
+        field_stamp=-1,
+        rest=start_rest(ZERO, ZERO, ZERO),
+        field=no_reference(),
+    )
 
 
 @kernel
-def update(
-    state: State, params: Params, stamp: int, w: Vector, f: Vector, m: Vector
-) -> tuple[State, int]:
-    """Return state and flags after a sample: stamp [ns], rad/s, m/s², T (NaN: no sample)."""
-    return _step(state, params, stamp, w, f, m, params.adaptive or params.learn_bias)
+def update(state: State, params: Params, sample: Sample) -> tuple[State, Estimate]:
+    """Return state and estimate after a sample."""
+    state, flags = _update(state, params, sample, params.adaptive or params.learn_bias)
+    return state, Estimate(
+        orientation=_orientation(state), covariance=_covariance(state), flags=flags
+    )
 
 
 @inline
-def _step(
-    state: State, params: Params, stamp: int, w: Vector, f: Vector, m: Vector, watchful: bool
-) -> tuple[State, int]:
-    """Do what `update` promises; a constant False leaves what adapts and learns out."""
-    flags = check_sample(w, f, m) | check_time(stamp, state.stamp, params.max_gap)
+def _update(state: State, params: Params, sample: Sample, learns: bool) -> tuple[State, int]:
+    """Return state and flags; the constant False as `learns` leaves adaptation out of the code."""
+    seen, flags = check_sample(sample, state.stamp, state.field_stamp, params.samples)
     if flags & DROPPED:
-        return state, flags if state.stamp >= 0 else flags | NOT_STARTED
-    has_field = params.use_magnetometer and is_field(m)
-    if flags & REINITIALISED or (has_field and state.field_stamp < 0):
-        return _start(state, params, stamp, w, f, m if has_field else NAN3, flags)
-    adaptive = watchful and params.adaptive
-    dt = (stamp - state.stamp) * 1e-9
-    rate = subtract(w, state.bias)
-    before = state.orientation
-    square = before[0] ** 2 + before[1] ** 2 + before[2] ** 2 + before[3] ** 2
-    q = multiply(before, from_rotation_vector(scale(dt, rate)))
-    rows = matrix(q)
-    x, y, tilt_gain, tilt_sigma = correct_inclination(state, params, rows, f, dt, flags, adaptive)
-    known_gain = (dt if tilt_gain > 0.0 else -1.0, tilt_gain)
-    seen = transform(rows, m)
-    z, turn_gain, field, field_flags = correct_heading(
-        state, params, seen, stamp, rate, has_field, known_gain, adaptive
-    )
-    flags |= field_flags
-    q = turn(q, (x, y, z), tilt_gain, turn_gain, square)
-    rest, bias = state.rest, state.bias
-    if watchful:
-        since = (stamp - state.field_stamp) * 1e-9
-        rest = watch_rest(rest, params.rest, w, f, m, has_field, dt, since, bias)
-        turned = (tilt_gain * x, tilt_gain * y, turn_gain * z)
-        bias, rest_flags = learn(bias, params, rest, rows, turned, state.age, dt)
-        flags |= rest_flags
-    variance, lag = spread_errors(state, params, dt, (tilt_gain, turn_gain), tilt_sigma)
-    field_stamp = stamp if has_field else state.field_stamp
-    age = state.age + dt
-    return State(stamp, q, bias, variance, lag, age, field_stamp, rest, field), flags
+        return state, flags
+    if flags & REINITIALISED:
+        return _start(state, params, seen, flags)
+    adaptive = learns and params.adaptive
+    predicted = _integrate(state, seen)
+    rows = matrix(predicted)
+    tilt = _inclination_correction(state, params, seen, rows, adaptive)
+    field, disturbed = _compare_field(state, params, seen, rows, adaptive)
+    turn = _heading_correction(state, params, seen, rows, tilt.gain, disturbed, adaptive)
+    corrected = _correct(state.orientation, predicted, tilt, turn)
+    rest, bias, rest_flags = _learn_bias(state, params, seen, rows, tilt, turn, learns)
+    variance, lag = _propagate_errors(state, params, seen.interval, tilt, turn)
+    return State(
+        stamp=seen.stamp,
+        orientation=corrected,
+        bias=bias,
+        variance=variance,
+        lag=lag,
+        age=state.age + seen.interval,
+        field_stamp=seen.stamp if seen.has_field else state.field_stamp,
+        rest=rest,
+        field=field,
+    ), flags | disturbed | rest_flags
 
 
 @inline
-def _start(
-    state: State, params: Params, stamp: int, w: Vector, f: Vector, m: Vector, flags: int
-) -> tuple[State, int]:
+def _start(state: State, params: Params, seen: CheckedSample, flags: int) -> tuple[State, int]:
     """Set the attitude from one specific force and field; the bias survives all but a jump."""
-    flags |= REINITIALISED
-    bias = (0.0, 0.0, 0.0) if flags & JUMPED_BACK else state.bias
-    field = no_reference() if flags & JUMPED_BACK else state.field
-    variance = (params.inclination_sigma**2, params.heading_sigma**2)
-    field_stamp = stamp
-    if absent(m):
-        field_stamp = -1
+    f, m = seen.linear_acceleration, seen.magnetic_field
+    if not seen.has_field:
         flags |= SIX_AXIS
-        variance = (variance[0], np.pi**2)
-    q = state.orientation
-    if flags & INVALID_ACCELEROMETER:
-        stamp, field_stamp = -1, -1
+    if not seen.has_force:
         flags |= NOT_STARTED
-    else:
-        q = attitude_from_vectors(f, m, params.up, params.north)
-    rest = start_rest(w, f, m)
-    return State(stamp, q, bias, variance, (0.0, 0.0), 0.0, field_stamp, rest, field), flags
-
-
-@kernel
-def orientation(state: State) -> Quaternion:
-    """Return the attitude, sensor → world, of unit length, w ≥ 0."""
-    q = state.orientation
-    excess = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0
-    if abs(excess) > 1e-4:
-        return normalised(q)
-    factor = 1.0 + excess * (0.375 * excess - 0.5)  # 1/√(1 + excess) to 3e-13
-    if q[3] < 0.0:
-        factor = -factor
-    return q[0] * factor, q[1] * factor, q[2] * factor, q[3] * factor
-
-
-@kernel
-def covariance(state: State) -> tuple[float, float, float, float, float, float]:
-    """Return xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
-    tilt = state.variance[0] + state.lag[0] * state.lag[0]
-    turn = state.variance[1] + state.lag[1] * state.lag[1]
-    return tilt, 0.0, 0.0, tilt, 0.0, turn
-
-
-def run(recording: ImuRecording, params: Params) -> OrientationResult:
-    """Return attitude, covariance, bias and flags of every row of the recording."""
-    result = empty_result(recording.stamp, covariances=2)
-    _run(
-        initial_state(),
-        params,
-        *columns(recording),
-        result.orientation,
-        result.spread,
-        result.bias,
-        result.flags,
-    )
-    return result
-
-
-@kernel
-def _run(  # noqa: PLR0913, PLR0917 (one loop over columns, compiled)
-    state: State,
-    params: Params,
-    stamp: IntArray,
-    w: FloatArray,
-    f: FloatArray,
-    m: FloatArray,
-    attitude: FloatArray,
-    spread: FloatArray,
-    bias: FloatArray,
-    row_flags: NDArray[np.int32],
-) -> None:
-    if params.adaptive or params.learn_bias:
-        _loop(state, params, stamp, w, f, m, attitude, spread, bias, row_flags, True)
-    else:
-        _loop(state, params, stamp, w, f, m, attitude, spread, bias, row_flags, False)
+    q = attitude_from_vectors(f, m, params.up, params.north) if seen.has_force else IDENTITY
+    heading_sigma = params.heading_sigma if seen.has_field else pi
+    return State(
+        stamp=seen.stamp if seen.has_force else -1,
+        orientation=q if seen.has_force else state.orientation,
+        bias=ZERO if flags & JUMPED_BACK else state.bias,
+        variance=(params.inclination_sigma**2, heading_sigma**2),
+        lag=(0.0, 0.0),
+        age=0.0,
+        field_stamp=seen.stamp if seen.has_force and seen.has_field else -1,
+        rest=start_rest(seen.angular_velocity, f, m),
+        field=no_reference() if flags & JUMPED_BACK else state.field,
+    ), flags
 
 
 @inline
-def _loop(  # noqa: PLR0913, PLR0917 (as _run)
-    state: State,
-    params: Params,
-    stamp: IntArray,
-    w: FloatArray,
-    f: FloatArray,
-    m: FloatArray,
-    attitude: FloatArray,
-    spread: FloatArray,
-    bias: FloatArray,
-    row_flags: NDArray[np.int32],
-    watchful: bool,
-) -> None:
-    """Go over the rows; compiled once for each constant `watchful`."""
-    for i in range(len(stamp)):
-        state, flags = _step(state, params, stamp[i], _row(w, i), _row(f, i), _row(m, i), watchful)
-        if flags:
-            row_flags[i] = flags
-        q, c, b = orientation(state), covariance(state), state.bias
-        if flags & NOT_STARTED:
-            q, c, b = NAN4, NAN6, NAN3
-        for k in range(4):
-            attitude[i, k] = q[k]
-        spread[i, 0] = c[0]
-        spread[i, 1] = c[5]
-        if watchful or flags:
-            for k in range(3):
-                bias[i, k] = b[k]
+def _integrate(state: State, seen: CheckedSample) -> Quaternion:
+    """Return the attitude carried on by the gyroscope."""
+    rate = subtract(seen.angular_velocity, state.bias)
+    return multiply(state.orientation, from_rotation_vector(scale(seen.interval, rate)))
 
 
 @inline
-def _row(column: FloatArray, i: int) -> Vector:
-    return column[i, 0], column[i, 1], column[i, 2]
-
-
-PER_GRAVITY = 1.0 / 9.81
-
-
-@inline
-def correct_inclination(
-    state: State,
-    params: Params,
-    rows: Matrix,
-    f: Vector,
-    dt: float,
-    flags: int,
-    adaptive: bool,
-) -> tuple[float, float, float, float]:
-    """Return x, y of the rotation to specific force upward, gain, the sample's sigma."""
-    if flags & INVALID_ACCELEROMETER:
-        return 0.0, 0.0, 0.0, 0.0
-    gain = _gain(params.inclination_rate, dt, state.age, params, adaptive)
+def _inclination_correction(
+    state: State, params: Params, seen: CheckedSample, rows: Matrix, adaptive: bool
+) -> InclinationCorrection:
+    """Return the rotation to specific force upward; `rows`: attitude, sensor → world."""
+    if not seen.has_force:
+        return InclinationCorrection(x=0.0, y=0.0, gain=0.0, sigma=0.0)
+    f = seen.linear_acceleration
     length = sqrt(dot(f, f))
     if adaptive:  # accelerations average out only where they are not normalised away
         up = transform(rows, scale(params.up * PER_GRAVITY, f))
         x, y = up[1], -up[0]
     else:
         x, y = _inclination_error(transform(rows, scale(1.0 / length, f)), params.up)
-    return x, y, gain, params.inclination_sigma + abs(length * PER_GRAVITY - 1.0)
+    return InclinationCorrection(
+        x=x,
+        y=y,
+        gain=_gain(params.inclination_rate, seen.interval, state.age, params, adaptive),
+        sigma=params.inclination_sigma + abs(length * PER_GRAVITY - 1.0),
+    )
 
 
 @inline
-def correct_heading(
+def _compare_field(
+    state: State, params: Params, seen: CheckedSample, rows: Matrix, adaptive: bool
+) -> tuple[FieldState, int]:
+    """Return the magnetic reference after the sample, and DISTURBED where they disagree."""
+    if not (adaptive and seen.has_field):
+        return state.field, 0
+    m = transform(rows, seen.magnetic_field)
+    parts = (sqrt(m[0] * m[0] + m[1] * m[1]), -params.up * m[2])
+    rate = subtract(seen.angular_velocity, state.bias)
+    field = update_reference(
+        state.field, params.field, parts, sqrt(dot(rate, rate)), seen.field_interval
+    )
+    return field, 0 if is_accepted(field, params.field) else DISTURBED
+
+
+@inline
+def _heading_correction(
     state: State,
     params: Params,
-    seen: Vector,
-    stamp: int,
-    rate: Vector,
-    has_field: bool,
-    known_gain: tuple[float, float],
+    seen: CheckedSample,
+    rows: Matrix,
+    tilt_gain: float,
+    disturbed: int,
     adaptive: bool,
-) -> tuple[float, float, FieldState, int]:
-    """Return z of the rotation of the field `seen` to magnetic north, gain, field and flags.
-
-    `known_gain` is a time step [s] and the accelerometer's gain for it.
-    """
-    since = (stamp - state.field_stamp) * 1e-9
-    field = state.field
-    if not has_field:
-        late = state.field_stamp < 0 or stamp - state.field_stamp > params.magnetometer_timeout
-        return 0.0, 0.0, field, SIX_AXIS if late else 0
-    level = sqrt(seen[0] * seen[0] + seen[1] * seen[1])
-    if adaptive:
-        parts = (level, -params.up * seen[2])
-        field = judge_field(field, params.field, parts, sqrt(dot(rate, rate)), since)
-        if field.accepted_for < params.field.hold:
-            return 0.0, 0.0, field, DISTURBED
-    if level <= 1e-3 * abs(seen[2]):
-        return 0.0, 0.0, field, 0
-    gain = known_gain[1]
-    if adaptive or since != known_gain[0] or params.heading_rate != params.inclination_rate:
-        gain = _gain(params.heading_rate, since, state.age, params, adaptive)
-    return _heading_error(seen, level, params.north), gain, field, 0
+) -> HeadingCorrection:
+    """Return the rotation of the horizontal field to magnetic north."""
+    m = transform(rows, seen.magnetic_field)
+    level = sqrt(m[0] * m[0] + m[1] * m[1])
+    if disturbed or not seen.has_field or level <= 1e-3 * abs(m[2]):
+        return HeadingCorrection(z=0.0, gain=0.0)
+    gain, interval = tilt_gain, seen.field_interval
+    is_as_tilt = interval == seen.interval and params.heading_rate == params.inclination_rate
+    if adaptive or not (seen.has_force and is_as_tilt):
+        gain = _gain(params.heading_rate, interval, state.age, params, adaptive)
+    return HeadingCorrection(z=_heading_error(m, level, params.north), gain=gain)
 
 
 @inline
-def turn(q: Quaternion, error: Vector, tilt: float, spin: float, square: float) -> Quaternion:
-    """Return q turned in the world by its part of `error`, rescaled by the length² it had before.
+def _correct(
+    before: Quaternion,
+    predicted: Quaternion,
+    tilt: InclinationCorrection,
+    turn: HeadingCorrection,
+) -> Quaternion:
+    """Return the prediction turned in the world by both corrections, of nearly unit length.
 
-    Rescaling by what is known already keeps square root and division out of the way of the next
-    sample; the length stays within the square of half a correction of 1.
+    It is rescaled by the length² of the attitude before, which keeps square root and division out
+    of the way of the next sample; the length stays within the square of half a correction of 1.
     """
+    square = before[0] ** 2 + before[1] ** 2 + before[2] ** 2 + before[3] ** 2
     factor = 1.5 - 0.5 * square
-    tilt, spin = 0.5 * factor * tilt, 0.5 * factor * spin
-    return multiply((tilt * error[0], tilt * error[1], spin * error[2], factor), q)
+    half_tilt, half_turn = 0.5 * factor * tilt.gain, 0.5 * factor * turn.gain
+    return multiply(
+        (half_tilt * tilt.x, half_tilt * tilt.y, half_turn * turn.z, factor), predicted
+    )
 
 
 @inline
-def spread_errors(
-    state: State, params: Params, dt: float, gain: tuple[float, float], tilt_sigma: float
+def _learn_bias(
+    state: State,
+    params: Params,
+    seen: CheckedSample,
+    rows: Matrix,
+    tilt: InclinationCorrection,
+    turn: HeadingCorrection,
+    learns: bool,
+) -> tuple[RestState, Vector, int]:
+    """Return rest, bias and flags: learned from the mean rate at rest, or from the corrections."""
+    if not learns:
+        return state.rest, state.bias, 0
+    rest = update_rest(state.rest, params.rest, seen, state.bias)
+    if rest.duration >= params.rest.duration:
+        bias, flags = _bias_at_rest(state.bias, rest, params, seen.interval)
+        return rest, bias, flags
+    has_settled = state.age * params.inclination_rate >= 1.0
+    if params.learn_bias and params.bias_rate > 0.0 and has_settled:
+        return rest, _bias_in_motion(state.bias, params, rows, tilt, turn), 0
+    return rest, state.bias, 0
+
+
+@inline
+def _bias_at_rest(bias: Vector, rest: RestState, params: Params, dt: float) -> tuple[Vector, int]:
+    """Let the bias approach the mean rate at rest, unless that is more than a bias can be."""
+    mean = rest.angular_velocity
+    if not (params.learn_bias and is_bias(rest, params.rest)):
+        return bias, AT_REST
+    if dot(mean, mean) > params.rest.bias_limit * params.rest.bias_limit:
+        return bias, AT_REST | BIAS_LIMITED
+    return approach(bias, mean, dt / (params.rest_bias_time + dt)), AT_REST
+
+
+@inline
+def _bias_in_motion(
+    bias: Vector,
+    params: Params,
+    rows: Matrix,
+    tilt: InclinationCorrection,
+    turn: HeadingCorrection,
+) -> Vector:
+    """Let the bias take its part of the correction just made (integral action), sensor frame."""
+    inclination = params.bias_rate * params.inclination_rate
+    heading = params.bias_rate * params.heading_rate
+    part = (
+        inclination * (tilt.gain * tilt.x),
+        inclination * (tilt.gain * tilt.y),
+        heading * (turn.gain * turn.z),
+    )
+    corrected = subtract(bias, to_sensor(rows, part))
+    limit = params.rest.bias_limit
+    return corrected if dot(corrected, corrected) < limit * limit else bias
+
+
+@inline
+def _propagate_errors(
+    state: State,
+    params: Params,
+    dt: float,
+    tilt: InclinationCorrection,
+    turn: HeadingCorrection,
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the variances from noise and the errors from a bias, inclination and heading."""
     walk = params.angle_random_walk * params.angle_random_walk * dt
     drift = params.bias_sigma * dt
     variance = (
-        _filtered(state.variance[0] + walk, gain[0], tilt_sigma),
-        _filtered(state.variance[1] + walk, gain[1], params.heading_sigma),
+        _filtered(state.variance[0] + walk, tilt.gain, tilt.sigma),
+        _filtered(state.variance[1] + walk, turn.gain, params.heading_sigma),
     )
-    lag = ((1.0 - gain[0]) * (state.lag[0] + drift), (1.0 - gain[1]) * (state.lag[1] + drift))
+    lag = (
+        (1.0 - tilt.gain) * (state.lag[0] + drift),
+        (1.0 - turn.gain) * (state.lag[1] + drift),
+    )
     return variance, lag
 
 
@@ -393,10 +410,10 @@ def _inclination_error(up: Vector, sign: float) -> tuple[float, float]:
 
 
 @inline
-def _heading_error(seen: Vector, level: float, north: tuple[float, float]) -> float:
+def _heading_error(m: Vector, level: float, north: tuple[float, float]) -> float:
     """Return the sine of the angle from the horizontal field to `north`; ±1 beyond 90°."""
-    sine = (seen[0] * north[1] - seen[1] * north[0]) / level
-    if seen[0] * north[0] + seen[1] * north[1] < 0.0:
+    sine = (m[0] * north[1] - m[1] * north[0]) / level
+    if m[0] * north[0] + m[1] * north[1] < 0.0:
         return -1.0 if sine < 0.0 else 1.0
     return sine
 
@@ -420,40 +437,58 @@ def _filtered(variance: float, gain: float, sigma: float) -> float:
 
 
 @inline
-def learn(
-    bias: Vector,
-    params: Params,
-    rest: RestState,
-    rows: Matrix,
-    turned: Vector,
-    age: float,
-    dt: float,
-) -> tuple[Vector, int]:
-    """Return the bias after a sample that turned the attitude by `turned` [rad], and flags."""
-    if rest.duration >= params.rest.duration:
-        return _learn_at_rest(bias, rest, params, dt)
-    if params.learn_bias and params.bias_rate > 0.0 and age * params.inclination_rate >= 1.0:
-        return _learn_in_motion(bias, params, rows, turned), 0
-    return bias, 0
+def _orientation(state: State) -> Quaternion:
+    """Return the attitude, sensor → world, of unit length, w ≥ 0."""
+    q = state.orientation
+    excess = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0
+    if abs(excess) > 1e-4:
+        return normalised(q)
+    factor = 1.0 + excess * (0.375 * excess - 0.5)  # 1/√(1 + excess) to 3e-13
+    if q[3] < 0.0:
+        factor = -factor
+    return q[0] * factor, q[1] * factor, q[2] * factor, q[3] * factor
 
 
 @inline
-def _learn_at_rest(bias: Vector, rest: RestState, params: Params, dt: float) -> tuple[Vector, int]:
-    """Let the bias approach the mean rate at rest, unless that is more than a bias can be."""
-    mean = rest.angular_velocity
-    if not (params.learn_bias and is_bias(rest, params.rest)):
-        return bias, AT_REST
-    if dot(mean, mean) > params.rest.bias_limit * params.rest.bias_limit:
-        return bias, AT_REST | BIAS_LIMITED
-    return approach(bias, mean, dt / (params.rest_bias_time + dt)), AT_REST
+def _covariance(state: State) -> Symmetric:
+    """Return xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
+    tilt = state.variance[0] + state.lag[0] * state.lag[0]
+    turn = state.variance[1] + state.lag[1] * state.lag[1]
+    return tilt, 0.0, 0.0, tilt, 0.0, turn
+
+
+def run(recording: ImuRecording, params: Params) -> OrientationResult:
+    """Return attitude, covariance, bias and flags of every row of the recording."""
+    result = empty_result(recording.stamp, covariances=2)
+    _run(initial_state(), params, sample_columns(recording), result.columns())
+    return result
+
+
+@kernel
+def _run(state: State, params: Params, samples: SampleColumns, result: ResultColumns) -> None:
+    if params.adaptive or params.learn_bias:
+        _loop(state, params, samples, result, True)
+    else:
+        _loop(state, params, samples, result, False)
 
 
 @inline
-def _learn_in_motion(bias: Vector, params: Params, rows: Matrix, turned: Vector) -> Vector:
-    """Let the bias take its part of the correction just made (integral action), sensor frame."""
-    tilt = params.bias_rate * params.inclination_rate
-    spin = params.bias_rate * params.heading_rate
-    part = (tilt * turned[0], tilt * turned[1], spin * turned[2])
-    corrected = subtract(bias, to_sensor(rows, part))
-    limit = params.rest.bias_limit
-    return corrected if dot(corrected, corrected) < limit * limit else bias
+def _loop(
+    state: State, params: Params, samples: SampleColumns, result: ResultColumns, learns: bool
+) -> None:
+    """Go over the rows; compiled once for each constant `learns`."""
+    for i in range(len(samples.stamp)):
+        state, flags = _update(state, params, sample_of(samples, i), learns)
+        if flags:
+            result.flags[i] = flags
+        started = not flags & NOT_STARTED
+        q = _orientation(state) if started else NAN4
+        b = state.bias if started else NAN3
+        c = _covariance(state)
+        for k in range(4):
+            result.orientation[i, k] = q[k]
+        result.compact_covariance[i, 0] = c[0] if started else np.nan
+        result.compact_covariance[i, 1] = c[5] if started else np.nan
+        if learns or flags:
+            for k in range(3):
+                result.bias[i, k] = b[k]

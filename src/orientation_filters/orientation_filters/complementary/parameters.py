@@ -8,7 +8,7 @@ from math import pi
 
 from imu_recording.ros.parameter import parameter
 
-from orientation_filters.complementary import filter as complementary
+from orientation_filters.complementary.filter import Params
 from orientation_filters.parameters import FilterParameters, world_axes
 
 
@@ -68,27 +68,25 @@ class ComplementaryParameters(FilterParameters):
         dynamic=True,
     )
 
-    def kernel_params(self) -> complementary.Params:
+    def kernel_params(self) -> Params:
         """Return what the kernel needs."""
         up, north = world_axes(self.world_frame, self.magnetic_declination)
         rate = 2.0 * pi * self.cutoff_hz
-        return complementary.Params(
-            up,
-            north,
-            self.use_magnetometer,
-            rate,
-            2.0 * pi * self.heading_cutoff_hz or rate,
-            round(self.max_gap * 1e9),
-            round(self.magnetometer_timeout * 1e9),
-            self.angle_random_walk,
-            self.bias_sigma,
-            self.inclination_sigma,
-            self.heading_sigma,
-            self.adaptive,
-            self.learn_bias,
-            1.0,
-            self.integral_gain,
-            self.rest_bias_time,
-            self.rest_params(),
-            self.field_params(),
+        return Params(
+            up=up,
+            north=north,
+            inclination_rate=rate,
+            heading_rate=2.0 * pi * self.heading_cutoff_hz or rate,
+            angle_random_walk=self.angle_random_walk,
+            bias_sigma=self.bias_sigma,
+            inclination_sigma=self.inclination_sigma,
+            heading_sigma=self.heading_sigma,
+            adaptive=self.adaptive,
+            learn_bias=self.learn_bias,
+            start_time=1.0,
+            bias_rate=self.integral_gain,
+            rest_bias_time=self.rest_bias_time,
+            samples=self.sample_params(),
+            rest=self.rest_params(),
+            field=self.field_params(),
         )

@@ -7,13 +7,18 @@ same algebra on arrays is in `arrays`.
 
 from __future__ import annotations
 
-from math import cos, isfinite, sin, sqrt
+from math import asin, atan2, copysign, cos, isfinite, sin, sqrt
 
 from orientation_filters.kernel import inline
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
+Symmetric = tuple[float, float, float, float, float, float]
+"""xx, xy, xz, yy, yz, zz of a symmetric 3×3 matrix."""
+
+ZERO = (0.0, 0.0, 0.0)
+IDENTITY = (0.0, 0.0, 0.0, 1.0)
 
 SERIES_LIMIT = 0.04
 """Square of the rotation angle [rad²] below which the series is exact to rounding."""
@@ -63,6 +68,12 @@ def approach(a: Vector, b: Vector, gain: float) -> Vector:
 def absent(v: Vector) -> bool:
     """Whether no component holds a number: a row without a sample."""
     return v[0] != v[0] and v[1] != v[1] and v[2] != v[2]
+
+
+@inline
+def times(a: Vector, b: Vector) -> Vector:
+    """Return the product component by component."""
+    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 
 @inline
@@ -127,6 +138,33 @@ def to_sensor(rows: Matrix, v: Vector) -> Vector:
 
 
 @inline
+def apply_symmetric(c: Symmetric, v: Vector) -> Vector:
+    """Return the symmetric matrix times the vector."""
+    return (
+        c[0] * v[0] + c[1] * v[1] + c[2] * v[2],
+        c[1] * v[0] + c[3] * v[1] + c[4] * v[2],
+        c[2] * v[0] + c[4] * v[1] + c[5] * v[2],
+    )
+
+
+@inline
+def inverse_symmetric(a: Symmetric) -> Symmetric:
+    """Return the inverse of a positive definite symmetric 3×3 matrix."""
+    c0 = a[3] * a[5] - a[4] * a[4]
+    c1 = a[2] * a[4] - a[1] * a[5]
+    c2 = a[1] * a[4] - a[2] * a[3]
+    scale = 1.0 / (a[0] * c0 + a[1] * c1 + a[2] * c2)
+    return (
+        c0 * scale,
+        c1 * scale,
+        c2 * scale,
+        (a[0] * a[5] - a[2] * a[2]) * scale,
+        (a[1] * a[2] - a[0] * a[4]) * scale,
+        (a[0] * a[3] - a[1] * a[1]) * scale,
+    )
+
+
+@inline
 def rotation_between(a: Vector, up: float) -> Quaternion:
     """Return the shortest rotation of the unit vector `a` onto (0, 0, up), up = ±1."""
     cosine = a[2] * up
@@ -146,6 +184,18 @@ def heading_rotation(x: float, y: float, north: tuple[float, float]) -> Quaterni
         return 0.0, 0.0, 1.0, 0.0
     w = sqrt(0.5 * (1.0 + cosine))
     return 0.0, 0.0, 0.5 * (x * north[1] - y * north[0]) / (length * w), w
+
+
+@inline
+def euler_zyx(q: Quaternion) -> Vector:
+    """Return roll, pitch, yaw [rad] of R = Rz(yaw) Ry(pitch) Rx(roll), as `arrays.euler_zyx`."""
+    x, y, z, w = q
+    sine = min(max(2.0 * (w * y - x * z), -1.0), 1.0)
+    if abs(sine) > 1.0 - 1e-12:
+        return 0.0, asin(sine), copysign(2.0, -sine) * atan2(x, w) + 0.0
+    roll = atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    yaw = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return roll + 0.0, asin(sine) + 0.0, yaw + 0.0
 
 
 @inline

@@ -12,7 +12,8 @@ from orientation_filters.errors import attitude_errors
 from orientation_filters.filters import run_filter
 from orientation_filters.result import AT_REST
 from orientation_filters.rotation.arrays import conjugate, from_rotation_vector, multiply, rotate
-from static_data import random_attitude, rest, world_vectors
+
+from .recordings import random_attitude, rest, world_vectors
 
 NAMES = ('complementary', 'ahrs')
 

@@ -3,37 +3,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from imu_recording.recording import ImuRecording
 from orientation_filters.filters import run_filter
 from orientation_filters.result import JAMMED
-from orientation_filters.rotation.arrays import conjugate, from_rotation_vector, multiply, rotate
-from static_data import random_attitude, rest, world_vectors
 
-
-def moving(seed: int, seconds: float = 8.0, world_frame: str = 'enu') -> ImuRecording:
-    """Return a recording of smooth rotation with pushes, lost and disturbed fields."""
-    rng = np.random.default_rng(seed)
-    still = rest(random_attitude(seed), seed=seed, seconds=seconds, world_frame=world_frame)
-    time = still.time
-    rate = np.stack([np.sin(time * k + k) * k for k in (0.5, 0.9, 1.3)], axis=1)
-    q = [random_attitude(seed)]
-    for w in rate[1:]:
-        q.append(multiply(q[-1], from_rotation_vector(w * 0.01)))
-    force, field = (rotate(conjugate(np.array(q)), v) for v in world_vectors(world_frame))
-    push = np.where(np.sin(time * 2.0)[:, None] > 0.7, 3.0, 0.0) * rng.normal(size=(len(time), 3))
-    field[400:450] += 300e-6
-    field[::7] = np.nan
-    return replace(
-        still,
-        stamp=still.stamp + rng.integers(0, 2_000_000, len(time)),
-        angular_velocity=rate + 0.01,
-        linear_acceleration=force + push,
-        magnetic_field=field,
-    )
+from ..recordings import moving
 
 
 @pytest.mark.parametrize('world_frame', ['enu', 'ned'])

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Covariance of orientation error θ (world) and gyroscope bias error b (sensor), kept whole.
+"""Joint covariance of orientation error θ (world) and gyroscope bias error b (sensor).
 
-The Kalman filter's prediction and scalar measurements on it, unrolled: independent measurements
+The Kalman filter's prediction and its scalar measurements, unrolled: independent measurements
 taken one after the other give what the matrix form gives.
 """
 
@@ -9,9 +9,17 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from orientation_filters.ahrs.measurement_update import Symmetric, apply_symmetric
 from orientation_filters.kernel import inline
-from orientation_filters.rotation.scalars import Matrix, Vector, dot
+from orientation_filters.rotation.scalars import (
+    ZERO,
+    Matrix,
+    Symmetric,
+    Vector,
+    apply_symmetric,
+    dot,
+)
+
+ZERO6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class JointCovariance(NamedTuple):
@@ -26,11 +34,27 @@ class JointCovariance(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Estimated errors and their covariance while measurements are taken in."""
+    """Estimated errors and their covariance, measurement after measurement."""
 
     orientation: Vector
     bias: Vector
     covariance: JointCovariance
+
+
+@inline
+def no_covariance() -> JointCovariance:
+    """Return the covariance before any sample."""
+    return JointCovariance(orientation=ZERO6, cross=(ZERO, ZERO, ZERO), bias=ZERO6)
+
+
+@inline
+def independent(inclination: float, heading: float, bias: float) -> JointCovariance:
+    """Return a diagonal covariance [rad², rad², (rad/s)²]."""
+    return JointCovariance(
+        orientation=(inclination, 0.0, 0.0, inclination, 0.0, heading),
+        cross=(ZERO, ZERO, ZERO),
+        bias=(bias, 0.0, 0.0, bias, 0.0, bias),
+    )
 
 
 @inline
@@ -40,7 +64,7 @@ def predict(p: JointCovariance, f: Matrix, angle: float, bias: float) -> JointCo
     g = (apply_symmetric(b, f[0]), apply_symmetric(b, f[1]), apply_symmetric(b, f[2]))
     t = p.orientation
     return JointCovariance(
-        (
+        orientation=(
             t[0] + 2.0 * dot(f[0], c[0]) + dot(g[0], f[0]) + angle,
             t[1] + dot(f[0], c[1]) + dot(f[1], c[0]) + dot(g[0], f[1]),
             t[2] + dot(f[0], c[2]) + dot(f[2], c[0]) + dot(g[0], f[2]),
@@ -48,33 +72,32 @@ def predict(p: JointCovariance, f: Matrix, angle: float, bias: float) -> JointCo
             t[4] + dot(f[1], c[2]) + dot(f[2], c[1]) + dot(g[1], f[2]),
             t[5] + 2.0 * dot(f[2], c[2]) + dot(g[2], f[2]) + angle,
         ),
-        (
+        cross=(
             (c[0][0] + g[0][0], c[0][1] + g[0][1], c[0][2] + g[0][2]),
             (c[1][0] + g[1][0], c[1][1] + g[1][1], c[1][2] + g[1][2]),
             (c[2][0] + g[2][0], c[2][1] + g[2][1], c[2][2] + g[2][2]),
         ),
-        (b[0] + bias, b[1], b[2], b[3] + bias, b[4], b[5] + bias),
+        bias=(b[0] + bias, b[1], b[2], b[3] + bias, b[4], b[5] + bias),
     )
 
 
 @inline
-def doubt(p: JointCovariance, inclination: float, heading: float) -> JointCovariance:
+def widen(p: JointCovariance, inclination: float, heading: float) -> JointCovariance:
     """Return the covariance of an attitude that may be wrong by these variances [rad²] more."""
     t = p.orientation
     wider = (t[0] + inclination, t[1], t[2], t[3] + inclination, t[4], t[5] + heading)
-    return JointCovariance(wider, p.cross, p.bias)
+    return JointCovariance(orientation=wider, cross=p.cross, bias=p.bias)
 
 
 @inline
-def uncoupled(p: JointCovariance, bias: Symmetric) -> JointCovariance:
-    """Return the covariance with a bias that is independent; zero: nothing is learned about it."""
-    zero = (0.0, 0.0, 0.0)
-    return JointCovariance(p.orientation, (zero, zero, zero), bias)
+def with_independent_bias(p: JointCovariance, bias: Symmetric) -> JointCovariance:
+    """Return the covariance with an uncorrelated bias; of zero variance it is never learned."""
+    return JointCovariance(orientation=p.orientation, cross=(ZERO, ZERO, ZERO), bias=bias)
 
 
 @inline
 def observe(errors: Errors, h_t: Vector, h_b: Vector, z: float, variance: float) -> Errors:
-    """Take in the measurement z = h_t · θ + h_b · b + noise."""
+    """Return the errors after the measurement z = h_t · θ + h_b · b + noise."""
     p = errors.covariance
     c = p.cross
     t, b = apply_symmetric(p.orientation, h_t), apply_symmetric(p.bias, h_b)
@@ -88,16 +111,16 @@ def observe(errors: Errors, h_t: Vector, h_b: Vector, z: float, variance: float)
     k = weight * (z - dot(h_t, errors.orientation) - dot(h_b, errors.bias))
     x_t, x_b = errors.orientation, errors.bias
     return Errors(
-        (x_t[0] + k * on_t[0], x_t[1] + k * on_t[1], x_t[2] + k * on_t[2]),
-        (x_b[0] + k * on_b[0], x_b[1] + k * on_b[1], x_b[2] + k * on_b[2]),
-        JointCovariance(
-            _less(p.orientation, on_t, weight),
-            (
+        orientation=(x_t[0] + k * on_t[0], x_t[1] + k * on_t[1], x_t[2] + k * on_t[2]),
+        bias=(x_b[0] + k * on_b[0], x_b[1] + k * on_b[1], x_b[2] + k * on_b[2]),
+        covariance=JointCovariance(
+            orientation=_less(p.orientation, on_t, weight),
+            cross=(
                 _row_less(c[0], weight * on_t[0], on_b),
                 _row_less(c[1], weight * on_t[1], on_b),
                 _row_less(c[2], weight * on_t[2], on_b),
             ),
-            _less(p.bias, on_b, weight),
+            bias=_less(p.bias, on_b, weight),
         ),
     )
 
@@ -118,4 +141,5 @@ def _less(s: Symmetric, v: Vector, weight: float) -> Symmetric:
 
 @inline
 def _row_less(row: Vector, factor: float, v: Vector) -> Vector:
+    """Return row − factor · v."""
     return row[0] - factor * v[0], row[1] - factor * v[1], row[2] - factor * v[2]
