@@ -8,9 +8,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 from imu_driver.simulation.devices import DEVICES
+from imu_recording.logging_contract import CHANNEL_FIELDS
 from imu_recording.recording import PHASES, SENSOR_FIELDS, columns_hash
 from imu_workbench.simulate.campaign import (
-    SLOW_TRACKS,
     Logging,
     hold_tracks,
     simulate_campaign,
@@ -37,7 +37,7 @@ def bag_maker() -> ModuleType:
 
 def test_every_track_of_the_logging_contract_is_there() -> None:
     recording = simulate_run(SHORT, 'dut1', Logging(0.5), seed=1, orientation='-y')
-    for name in SLOW_TRACKS:
+    for name in CHANNEL_FIELDS:
         value = getattr(recording, name)
         assert (value is None) == (name == 'vibration'), name
         if value is not None:

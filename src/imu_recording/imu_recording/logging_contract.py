@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which topics make a recording, their types, and where they may stand."""
+"""Which topics make a recording, their types, and where they may stand.
+
+Every list of tracks elsewhere is derived from TRACKS.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,14 @@ VECTOR = 'geometry_msgs/msg/Vector3Stamped'
 QUATERNION = 'geometry_msgs/msg/QuaternionStamped'
 FLOAT = 'std_msgs/msg/Float64'
 STRING = 'std_msgs/msg/String'
+
+VALUE_OF_MESSAGE = {
+    TEMPERATURE: 'temperature',
+    HUMIDITY: 'relative_humidity',
+    VECTOR: 'vector',
+    FLOAT: 'data',
+}
+"""Message types of a single quantity, and the field of the message that holds it."""
 
 METADATA_KEYS = ('device', 'run', 'up_axis', 'profile')
 """Keys of a bag's custom_data that fill the fields of the same name."""
@@ -60,3 +71,17 @@ TRACKS: tuple[Track, ...] = (
 """The logging contract; what is absent from a bag is absent from the recording."""
 
 TRACK_OF_TOPIC = {track.topic: track for track in TRACKS}
+TRACK_OF_FIELD = {field: track for track in TRACKS for field in track.fields}
+
+MEASURED_FIELDS = tuple(name for name, track in TRACK_OF_FIELD.items() if not track.held)
+"""Fields of ImuRecording that the three sensors measure, (n, 3) each."""
+OPTIONAL_FIELDS = tuple(
+    name
+    for name, track in TRACK_OF_FIELD.items()
+    if track.held and track.topic != TEMPERATURE_TOPIC
+)
+"""Fields of ImuRecording that are None where they were not logged."""
+CHANNEL_FIELDS = tuple(
+    name for name in OPTIONAL_FIELDS if TRACK_OF_FIELD[name].message_type in VALUE_OF_MESSAGE
+)
+"""Optional fields that are measured quantities: neither phase nor true attitude."""

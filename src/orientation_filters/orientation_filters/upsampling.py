@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 from imu_recording.jit import njit
+from imu_recording.logging_contract import MEASURED_FIELDS
 from imu_recording.recording import FloatArray, ImuRecording, IntArray
 from numpy.typing import NDArray
 
-LINES = ('angular_velocity', 'linear_acceleration', 'magnetic_field', 'temperature')
-"""Columns that are interpolated."""
+INTERPOLATED_FIELDS = (*MEASURED_FIELDS, 'temperature')
 LARGEST_GAP = 3.0
 """Periods between two samples across which nothing is interpolated."""
 
@@ -41,7 +41,9 @@ def upsample(recording: ImuRecording, rate_hz: float = 50.0) -> ImuRecording:
         if isinstance(values := getattr(recording, track.name), np.ndarray)
     }
     columns: dict[str, Any] = {
-        name: _columns(stamp, recording.stamp, values) if name in LINES else values[newest]
+        name: _columns(stamp, recording.stamp, values)
+        if name in INTERPOLATED_FIELDS
+        else values[newest]
         for name, values in tracks.items()
     }
     return replace(recording, **columns | {'stamp': stamp}).with_notes(

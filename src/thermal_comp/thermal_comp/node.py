@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from geometry_msgs.msg import Vector3Stamped
+from imu_recording.logging_contract import TRACK_OF_FIELD, VALUE_OF_MESSAGE
 from imu_recording.ros.lifecycle_node import ConfiguredNode
+from imu_recording.ros.message_cdr import message_class
 from imu_recording.ros.messages import (
     imu_from_sample,
     magnetic_field_from_sample,
@@ -18,26 +19,13 @@ from imu_recording.ros.messages import (
 )
 from imu_recording.ros.parameter import NodeConfig, parameter
 from imu_recording.ros.run_node import run_node
-from sensor_msgs.msg import Imu, MagneticField, RelativeHumidity, Temperature
-from std_msgs.msg import Float64
+from sensor_msgs.msg import Imu, MagneticField, Temperature
 
 from thermal_comp.compensation.recording import TIMEOUT_S
 from thermal_comp.compensation.state import restore_state, save_state
 from thermal_comp.compensation.stream import Compensator, compensated_field, compensated_imu
 from thermal_comp.model.file import load_model
 from thermal_comp.model.values import ThermalModel
-
-CHANNEL_TOPICS = {
-    'chamber_temperature': ('chamber/temperature', Temperature, 'temperature'),
-    'device_temperature': ('chamber/device_temperature', Temperature, 'temperature'),
-    'humidity': ('chamber/humidity', RelativeHumidity, 'relative_humidity'),
-    'heater': ('chamber/heater', Float64, 'data'),
-    'compressor': ('chamber/compressor', Float64, 'data'),
-    'fan': ('chamber/fan', Float64, 'data'),
-    'supply_voltage': ('imu/supply_voltage', Float64, 'data'),
-    'vibration': ('imu/vibration', Vector3Stamped, 'vector'),
-}
-"""Topic, type and field of the channels an effect can need beyond the die temperature."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +62,10 @@ class ThermalCompNode(ConfiguredNode):
         self._mag = self.output(MagneticField, 'imu_compensated/mag')
         self.input(Temperature, 'imu/temperature', self.on_temperature)
         for channel in sorted(self.compensator.channels):
-            topic, message_type, name = CHANNEL_TOPICS[channel]
-            self.input(message_type, topic, partial(self.on_channel, channel, name))
+            track = TRACK_OF_FIELD[channel]
+            value = VALUE_OF_MESSAGE[track.message_type]
+            callback = partial(self.on_channel, channel, value)
+            self.input(message_class(track.message_type), track.topic, callback)
         self.input(Imu, 'imu/data_raw', self.on_imu)
         self.input(MagneticField, 'imu/mag', self.on_magnetic_field)
         if config.state_file:

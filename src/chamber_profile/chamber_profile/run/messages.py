@@ -7,16 +7,15 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise, takewhile
 from typing import Any
 
-from imu_recording.logging_contract import PHASE_TOPIC
+from imu_recording.logging_contract import PHASE_TOPIC, TRACKS, VALUE_OF_MESSAGE
 from imu_recording.recorder.run_announcement import RUN_TOPIC, RunAnnouncement
+from imu_recording.ros.message_cdr import message_class
 from imu_recording.ros.messages import (
     TemperatureSample,
     float_message,
     humidity_message,
     temperature_from_sample,
 )
-from sensor_msgs.msg import RelativeHumidity, Temperature
-from std_msgs.msg import Float64
 
 from chamber_profile.profile.values import Step
 from chamber_profile.run.conductor import RunSnapshot
@@ -38,14 +37,9 @@ from chamber_profile.run.values import (
 
 FRAME = 'chamber'
 OUTPUTS: dict[str, type] = {
-    'chamber/setpoint': Temperature,
-    'chamber/temperature': Temperature,
-    'chamber/temperature_2': Temperature,
-    'chamber/device_temperature': Temperature,
-    'chamber/humidity': RelativeHumidity,
-    'chamber/heater': Float64,
-    'chamber/compressor': Float64,
-    'chamber/fan': Float64,
+    track.topic: message_class(track.message_type)
+    for track in TRACKS
+    if track.topic.startswith('chamber/') and track.message_type in VALUE_OF_MESSAGE
 }
 """Topics of a chamber's readings; values it does not report are not published."""
 

@@ -25,6 +25,7 @@ from typing import Any
 
 import yaml
 
+from imu_recording.logging_contract import MEASURED_FIELDS
 from imu_recording.recording import GRAVITY, UP_AXES, RecordingError
 
 _RATE = {
@@ -73,7 +74,7 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
 }
 """By field of ImuRecording and unit: (factor, offset) to that field's unit."""
 
-VECTORS = ('angular_velocity', 'linear_acceleration', 'magnetic_field')
+VECTORS = MEASURED_FIELDS
 """Fields that take three columns."""
 
 

@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from imu_recording.logging_contract import OPTIONAL_FIELDS
 from imu_recording.recording import PHASES, SENSOR_FIELDS, FloatArray, ImuRecording
 from numpy.typing import NDArray
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS
@@ -25,11 +26,6 @@ PLAN_TRACKS = {
 }
 """Tracks of the plan's figure and what they are called there."""
 PAPER_TABLES = {'III': ('DUT1', 'x'), 'IV': ('DUT2', 'y'), 'V': ('DUT3', 'z')}
-OPTIONAL_TRACKS = (
-    'chamber_temperature', 'chamber_temperature_2', 'device_temperature', 'setpoint', 'humidity',
-    'heater', 'compressor', 'fan', 'supply_voltage', 'vibration', 'phase', 'cycle',
-    'reference_orientation',
-)  # fmt: skip
 
 
 def recording_content(recording: ImuRecording, digest: str) -> dict[str, Any]:
@@ -49,7 +45,7 @@ def recording_content(recording: ImuRecording, digest: str) -> dict[str, Any]:
         'longest_gap_s': float(period.max()) if len(period) else None,
         'temperature_range': [temperature.min(), temperature.max()] if len(temperature) else None,
         'magnetometer_samples': int(field.sum()),
-        'tracks': [name for name in OPTIONAL_TRACKS if getattr(recording, name) is not None],
+        'tracks': [name for name in OPTIONAL_FIELDS if getattr(recording, name) is not None],
         'sha256': digest,
         'notes': list(recording.notes),
         'unplaced': dict(recording.unplaced),

@@ -16,24 +16,12 @@ from imu_driver.simulation.devices import DeviceParameters, find_device
 from imu_driver.simulation.environment import Environment
 from imu_driver.simulation.read_out import ReadOut, read_out
 from imu_driver.simulation.run import DeviceRun, prepare_run
+from imu_recording.logging_contract import CHANNEL_FIELDS
 
 from imu_recording import ImuRecording
 
 ORIENTATIONS = ('+x', '+y', '+z')
 """The three runs of a campaign (Betta et al. 2022, Fig. 3)."""
-SLOW_TRACKS = (
-    'chamber_temperature',
-    'chamber_temperature_2',
-    'device_temperature',
-    'humidity',
-    'heater',
-    'compressor',
-    'fan',
-    'supply_voltage',
-    'vibration',
-    'setpoint',
-)
-"""Tracks a data logger takes at its own, slower pace."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +149,7 @@ def hold_tracks(recording: ImuRecording, period: float) -> ImuRecording:
     first = np.searchsorted(interval, interval, side='left')
     held: dict[str, Any] = {
         name: getattr(recording, name)[first]
-        for name in SLOW_TRACKS
+        for name in CHANNEL_FIELDS
         if getattr(recording, name) is not None
     }
     return replace(recording, **held)

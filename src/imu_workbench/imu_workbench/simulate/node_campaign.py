@@ -22,7 +22,13 @@ from imu_driver.board.sample import SampleScale
 from imu_driver.node import ImuDriverNode
 from imu_driver.simulation.stream import SimulatedDevice
 from imu_driver.wire.frames import MAGNETOMETER_NEW, TEMPERATURE_NEW, DataFrame
-from imu_recording.logging_contract import STRING
+from imu_recording.logging_contract import (
+    IMU_TOPIC,
+    MAGNETIC_TOPIC,
+    STRING,
+    TEMPERATURE_TOPIC,
+    TRACK_OF_TOPIC,
+)
 from imu_recording.recorder.node import RecorderNode
 from imu_recording.recorder.run_announcement import RUN_TOPIC
 from imu_recording.ros.message_cdr import serialise, type_of
@@ -37,9 +43,8 @@ FIRST_DAY = 1_767_225_600 * SECOND
 """Start of the first run, 2026-01-01 00:00 UTC; each run has a day of its own [ns]."""
 DAY = 86_400 * SECOND
 TYPES = {
-    'imu/data_raw': 'sensor_msgs/msg/Imu',
-    'imu/mag': 'sensor_msgs/msg/MagneticField',
-    'imu/temperature': 'sensor_msgs/msg/Temperature',
+    topic: TRACK_OF_TOPIC[topic].message_type
+    for topic in (IMU_TOPIC, MAGNETIC_TOPIC, TEMPERATURE_TOPIC)
 }
 """What the driver publishes already serialised."""
 

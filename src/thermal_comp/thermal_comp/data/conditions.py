@@ -4,35 +4,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
+from imu_recording.logging_contract import OPTIONAL_FIELDS
 from imu_recording.recording import FloatArray, ImuRecording, IntArray, RecordingError
 from numpy.typing import NDArray
 
 Sensor = Literal['accelerometer', 'gyroscope', 'magnetometer']
-SENSORS: tuple[Sensor, ...] = ('accelerometer', 'gyroscope', 'magnetometer')
+SENSORS: tuple[Sensor, ...] = get_args(Sensor)
 
 REFERENCE_TEMPERATURE = 20.0
 """Die temperature [°C] the coefficients refer to (T_A of Betta et al. 2022, Table I)."""
 
 STANDARD_GRAVITY = 9.80665
 """Specific force at rest [m/s²] where no local value is given."""
-
-CHANNELS = (
-    'chamber_temperature',
-    'device_temperature',
-    'humidity',
-    'heater',
-    'compressor',
-    'fan',
-    'supply_voltage',
-    'vibration',
-    'phase',
-    'cycle',
-    'setpoint',
-)
-"""Tracks beyond the die temperature that an effect can ask for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +94,12 @@ class Conditions:
         """Tell whether a channel was logged: present and finite somewhere."""
         value = getattr(self, channel)
         return value is not None and bool(np.isfinite(value).any())
+
+
+CHANNELS = tuple(
+    name for name in OPTIONAL_FIELDS if name in {item.name for item in fields(Conditions)}
+)
+"""Tracks of a recording, beyond the die temperature, that an effect can ask for."""
 
 
 def field_conditions(

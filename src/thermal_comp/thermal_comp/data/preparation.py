@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from imu_recording.logging_contract import CHANNEL_FIELDS
 from imu_recording.phase import phases_from_setpoint
 from imu_recording.recording import (
     SENSOR_FIELDS,
@@ -261,7 +262,7 @@ def _complete(fine: ImuRecording) -> tuple[ImuRecording, list[str]]:
     """Fill short gaps of the other tracks with the newest value; drop tracks that start late."""
     changed: dict[str, Any] = {}
     notes = []
-    for name in _TRACKS:
+    for name in CHANNEL_FIELDS:
         column = getattr(fine, name)
         if column is None:
             continue
@@ -280,20 +281,6 @@ def _complete(fine: ImuRecording) -> tuple[ImuRecording, list[str]]:
     if fine.cycle is None and setpoint is not None:
         changed['phase'], changed['cycle'] = phases_from_setpoint(fine.time, setpoint)
     return replace(fine, **changed), notes
-
-
-_TRACKS = (
-    'chamber_temperature',
-    'chamber_temperature_2',
-    'device_temperature',
-    'setpoint',
-    'humidity',
-    'heater',
-    'compressor',
-    'fan',
-    'supply_voltage',
-    'vibration',
-)
 
 
 def _blocks(

@@ -13,13 +13,13 @@ from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
-from imu_recording.recording import FloatArray
+from imu_recording.recording import SENSOR_FIELDS, FloatArray
 from imu_recording.user_error import UserError
 
 from imu_driver.simulation.devices import MEAN_STD
 from imu_driver.simulation.run import DeviceRun
 
-ALL = ('accelerometer', 'gyroscope', 'magnetometer')
+ALL = tuple(SENSOR_FIELDS)
 PROOF_MASS = ('accelerometer', 'gyroscope')
 """Sensors with a moving mass."""
 EXCITED_AT_REST = ('accelerometer', 'magnetometer')
