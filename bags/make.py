@@ -14,16 +14,16 @@ import sys
 from functools import lru_cache
 from pathlib import Path
 
-from imu_recording.columns_hash import columns_hash
-from imu_workbench.experiment import Logging, simulate_run
-from imu_workbench.experiment_hidden import (
+from imu_recording.recording import columns_hash
+from imu_workbench.simulate.campaign import Logging, simulate_run
+from imu_workbench.simulate.hidden_campaign import (
     BUNDLED_TRUTH_FILE,
     Campaign,
     Secret,
     hidden_campaign,
     write_truth,
 )
-from imu_workbench.experiment_motion import simulate_motion
+from imu_workbench.simulate.motion import simulate_motion
 
 from imu_recording import ImuRecording, read_bag, write_bag
 
