@@ -16,7 +16,7 @@ from pathlib import Path
 
 from imu_recording.recording import columns_hash
 from imu_workbench.simulate.campaign import Logging, simulate_run
-from imu_workbench.simulate.hidden_campaign import (
+from imu_workbench.simulate.hidden_effect import (
     BUNDLED_TRUTH_FILE,
     Campaign,
     Secret,
