@@ -27,13 +27,15 @@ from imu_driver.replay import BagReader
 from imu_driver.wire.codec import PROTOCOLS
 from imu_driver.wire.frames import CommandCode
 
-DATA_FRAME_BITS = 31 * 10
+DATA_FRAME_BITS: Final = 31 * 10
 """A binary data frame on an 8N1 line."""
+QUEUE_CAPACITY: Final = 10_000
+"""Samples: ten seconds at the highest rate."""
 
 
 @dataclass(frozen=True)
 class DriverParameters:
-    """What a user may set; 0 leaves the device as it is."""
+    """Parameters of the driver; 0 leaves the device as it is."""
 
     transport: str = parameter(
         'serial:///dev/imu',
@@ -82,135 +84,6 @@ class DriverParameters:
     magnetic_field_stddev: float = parameter(
         1.6e-6, 'Noise of one sample', unit='T', bounds=(0, 1), dynamic=True
     )
-
-
-class TransportError(UserError):
-    """A transport that cannot exist; the message names it and the forms there are."""
-
-
-def session_config(parameters: DriverParameters) -> SessionConfig:
-    """Return what the parameters want of the device; raise ValueError naming one it cannot do."""
-    full_scale = {
-        sensor: value
-        for sensor in SENSORS
-        if (value := getattr(parameters, f'{sensor}_full_scale'))
-    }
-    for sensor, value in full_scale.items():
-        scale(sensor, value)
-    on_the_line = DATA_FRAME_BITS / parameters.baudrate
-    return SessionConfig(
-        protocol=parameters.protocol,
-        device=parameters.device,
-        full_scale=full_scale,
-        output_data_rate=parameters.output_data_rate,
-        latency=parameters.latency
-        + (on_the_line if parameters.transport.startswith('serial:') else 0.0),
-        axis_maps={
-            sensor: parse_axis_map(getattr(parameters, f'{sensor}_axis_map')) for sensor in SENSORS
-        },
-    )
-
-
-def transport_opener(url: str, baudrate: int, rate: float = 0.0) -> Callable[[], Transport]:
-    """Return a function that opens the transport; raise TransportError where none can be.
-
-    `rate` [Hz] is what a simulated device samples at from power-on.
-    """
-    parts = urlsplit(url)
-    path = parts.netloc + parts.path
-    if parts.scheme == 'serial' and path:
-        return lambda: SerialTransport(path, baudrate)
-    if parts.scheme == 'tcp':
-        try:
-            host, port = parts.hostname, parts.port
-        except ValueError:
-            host, port = None, None
-        if host and port:
-            return lambda: TcpTransport(host, port)
-    if parts.scheme == 'simulated' and parts.netloc:
-        from imu_driver.emulator.transport import SimulatedTransport  # only now: slow to import
-
-        transport = SimulatedTransport.from_url(url, rate)
-        return lambda: transport
-    raise TransportError(
-        f'transport {url!r}: expected serial:///dev/serial/by-id/NAME, tcp://HOST:PORT, '
-        'simulated://dut1 or bag://PATH'
-    )
-
-
-CAPACITY: Final = 10_000
-"""Samples: ten seconds at the highest rate."""
-
-
-class SampleQueue:
-    """Hands samples to `publish` in a thread of its own, in order, all that wait at once."""
-
-    def __init__(self, publish: Callable[[list[Sample]], None]) -> None:
-        self.fullest = 0
-        """Most samples that ever waited."""
-        self.overflowed = 0
-        """Samples dropped because the publisher did not keep up."""
-        self._publish = publish
-        self._waiting: deque[list[Sample]] = deque()
-        self._fill = 0
-        self._wake = threading.Condition()
-        self._open = True
-        self._thread = threading.Thread(target=self._run, name='imu_publisher', daemon=True)
-
-    @property
-    def fill(self) -> float:
-        """Share of the capacity in use."""
-        return self._fill / CAPACITY
-
-    @property
-    def running(self) -> bool:
-        """Whether the thread lives."""
-        return self._thread.is_alive()
-
-    def start(self) -> None:
-        """Begin to publish."""
-        self._thread.start()
-
-    def put(self, samples: list[Sample]) -> None:
-        """Append samples; the oldest give way where there is no room."""
-        if not samples:
-            return
-        with self._wake:
-            self._waiting.append(samples)
-            self._fill += len(samples)
-            while self._fill > CAPACITY and len(self._waiting) > 1:
-                oldest = self._waiting.popleft()
-                self._fill -= len(oldest)
-                self.overflowed += len(oldest)
-            self.fullest = max(self.fullest, self._fill)
-            self._wake.notify_all()
-
-    def put_when_room(self, samples: list[Sample]) -> None:
-        """Append samples, waiting for the publisher where there is no room."""
-        with self._wake:
-            self._wake.wait_for(lambda: self._fill + len(samples) <= CAPACITY or not self.running)
-        self.put(samples)
-
-    def stop(self) -> None:
-        """Publish what waits and end."""
-        with self._wake:
-            self._open = False
-            self._wake.notify_all()
-        self._thread.join()
-
-    def _run(self) -> None:
-        while True:
-            with self._wake:
-                while not self._waiting and self._open:
-                    self._wake.wait()
-                batches = list(self._waiting)
-                self._waiting.clear()
-                self._fill = 0
-                self._wake.notify_all()
-            if not batches:
-                return
-            for batch in batches:
-                self._publish(batch)
 
 
 class ImuDriver:
@@ -266,14 +139,142 @@ class ImuDriver:
         information = self.session.information if self.session else None
         return information.supply_millivolts * 1e-3 if information else 0.0
 
-    def restart_stream(self) -> None:
-        """Let the device stop and start its stream."""
+    def restart_stream(self) -> str:
+        """Let the device stop and start its stream; return the answer to who asked for it."""
         if self.session is None:
             raise UserError('a bag has no stream to restart')
         self.session.command(CommandCode.STOP)
         self.session.command(CommandCode.START)
+        return 'restarting'
 
     def _publish_batch(self, samples: list[Sample]) -> None:
         for sample in samples:
             self._publish(sample)
             self.statistics.add(sample)
+
+
+class SampleQueue:
+    """Passes samples in order to `publish`, which runs in a thread of its own."""
+
+    def __init__(self, publish: Callable[[list[Sample]], None]) -> None:
+        self.fullest = 0
+        """Most samples that ever waited."""
+        self.overflowed = 0
+        """Samples dropped because the publisher did not keep up."""
+        self._publish = publish
+        self._waiting: deque[list[Sample]] = deque()
+        self._fill = 0
+        self._wake = threading.Condition()
+        self._open = True
+        self._thread = threading.Thread(target=self._run, name='imu_publisher', daemon=True)
+
+    @property
+    def fill(self) -> float:
+        """Share of the capacity in use."""
+        return self._fill / QUEUE_CAPACITY
+
+    @property
+    def running(self) -> bool:
+        """Whether the thread lives."""
+        return self._thread.is_alive()
+
+    def start(self) -> None:
+        """Begin to publish."""
+        self._thread.start()
+
+    def put(self, samples: list[Sample]) -> None:
+        """Append samples; where there is no room the oldest are dropped and counted."""
+        if not samples:
+            return
+        with self._wake:
+            self._waiting.append(samples)
+            self._fill += len(samples)
+            while self._fill > QUEUE_CAPACITY and len(self._waiting) > 1:
+                oldest = self._waiting.popleft()
+                self._fill -= len(oldest)
+                self.overflowed += len(oldest)
+            self.fullest = max(self.fullest, self._fill)
+            self._wake.notify_all()
+
+    def put_when_room(self, samples: list[Sample]) -> None:
+        """Append samples, waiting for the publisher where there is no room."""
+        with self._wake:
+            self._wake.wait_for(
+                lambda: self._fill + len(samples) <= QUEUE_CAPACITY or not self.running
+            )
+        self.put(samples)
+
+    def stop(self) -> None:
+        """Publish what waits and end."""
+        with self._wake:
+            self._open = False
+            self._wake.notify_all()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while True:
+            with self._wake:
+                while not self._waiting and self._open:
+                    self._wake.wait()
+                batches = list(self._waiting)
+                self._waiting.clear()
+                self._fill = 0
+                self._wake.notify_all()
+            if not batches:
+                return
+            for batch in batches:
+                self._publish(batch)
+
+
+class TransportError(UserError):
+    """A transport URL of no known form; the message names the forms."""
+
+
+def session_config(parameters: DriverParameters) -> SessionConfig:
+    """Return the settings wanted of the device; raise UserError where it has no such setting."""
+    full_scale = {
+        sensor: value
+        for sensor in SENSORS
+        if (value := getattr(parameters, f'{sensor}_full_scale'))
+    }
+    for sensor, value in full_scale.items():
+        scale(sensor, value)
+    on_the_line = DATA_FRAME_BITS / parameters.baudrate
+    return SessionConfig(
+        protocol=parameters.protocol,
+        device=parameters.device,
+        full_scale=full_scale,
+        output_data_rate=parameters.output_data_rate,
+        latency=parameters.latency
+        + (on_the_line if parameters.transport.startswith('serial:') else 0.0),
+        axis_maps={
+            sensor: parse_axis_map(getattr(parameters, f'{sensor}_axis_map')) for sensor in SENSORS
+        },
+    )
+
+
+def transport_opener(url: str, baudrate: int, rate: float = 0.0) -> Callable[[], Transport]:
+    """Return a function that opens the transport; raise TransportError where none can be.
+
+    `rate` [Hz]: output data rate of a simulated device after power-on.
+    """
+    parts = urlsplit(url)
+    path = parts.netloc + parts.path
+    if parts.scheme == 'serial' and path:
+        return lambda: SerialTransport(path, baudrate)
+    if parts.scheme == 'tcp':
+        try:
+            host, port = parts.hostname, parts.port
+        except ValueError:
+            host, port = None, None
+        if host and port:
+            return lambda: TcpTransport(host, port)
+    if parts.scheme == 'simulated' and parts.netloc:
+        from imu_driver.emulator.transport import SimulatedTransport  # only now: slow to import
+
+        transport = SimulatedTransport.from_url(url, rate)
+        return lambda: transport
+    raise TransportError(
+        f'transport {url!r}: expected serial:///dev/serial/by-id/NAME, tcp://HOST:PORT, '
+        'simulated://dut1 or bag://PATH'
+    )

@@ -97,12 +97,7 @@ class ImuDriverNode(ConfiguredNode):
 
     def on_restart_stream(self, _: Any, response: Any) -> Any:
         """Stop and start the device's stream."""
-
-        def answer(driver: ImuDriver) -> str:
-            driver.restart_stream()
-            return 'restarting'
-
-        return self._respond(response, answer)
+        return self._respond(response, ImuDriver.restart_stream)
 
     def on_measure_rest(self, _: Any, response: Any) -> Any:
         """Return gyroscope bias and noise over the last seconds as JSON."""
