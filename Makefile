@@ -16,11 +16,11 @@ demo: ## Simulate, fit, compare; writes demo/report.html and demo/report.json
 
 test: ## Run every test
 	@tools/setup_workspace.sh requirements-dev.txt
-	@. ./env.sh && export ROS_PYTHON_CHECK_FIELDS=1 && python -m pytest $(PYTEST_ARGS)
+	@. ./env.sh && export ROS_PYTHON_CHECK_FIELDS=1 && python -m pytest -n 2 --dist worksteal $(PYTEST_ARGS)
 
 test-web: ## Test the web page in headless Chromium (apt install chromium)
 	@tools/setup_workspace.sh requirements-dev.txt
-	@. ./env.sh && python -m pytest test/web -o python_files='*_in_browser.py' $(PYTEST_ARGS)
+	@. ./env.sh && python -m pytest test/web -o python_files='*_in_browser.py' -n 2 --dist worksteal $(PYTEST_ARGS)
 
 lint: ## ruff and mypy
 	@tools/setup_workspace.sh requirements-dev.txt

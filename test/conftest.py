@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,21 @@ import numpy as np
 import pytest
 
 os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
-os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
+
+WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
+"""Number of this process among those of `pytest -n`."""
+DOMAINS_PER_WORKER = 10
+FIRST_DOMAIN = int(os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100)))
+"""That of the first worker; the others inherit it in their environment."""
+
+
+def domain_of_worker(number: int) -> int:
+    """Return the ROS domain of this number, 0 … 9, among those of this worker."""
+    return 1 + (FIRST_DOMAIN + DOMAINS_PER_WORKER * WORKER + number) % 100
+
+
+if WORKER:
+    os.environ['ROS_DOMAIN_ID'] = str(domain_of_worker(0))
 
 ROOT = Path(__file__).resolve().parent.parent
 SHARED = ROOT.parent / 'shared'
@@ -37,6 +52,16 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 _DESELECTED = pytest.StashKey[int]()
+_LAUNCHED = pytest.StashKey[list[str]]()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any) -> None:
+    """Take what a worker of `pytest -n` found into the summary of the whole run."""
+    found = getattr(node, 'workeroutput', {})
+    deselected = node.config.stash.get(_DESELECTED, 0)  # every worker collects all tests
+    node.config.stash[_DESELECTED] = max(deselected, found.get('deselected', 0))
+    node.config.stash.setdefault(_LAUNCHED, []).extend(found.get('launched', []))
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
@@ -48,7 +73,13 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    launched = sorted(m for m in ('launch', 'launch_ros') if m in sys.modules)
+    launched = [m for m in ('launch', 'launch_ros') if m in sys.modules]
+    output = getattr(session.config, 'workeroutput', None)
+    if output is not None:
+        output['deselected'] = session.config.stash.get(_DESELECTED, 0)
+        output['launched'] = launched
+        return
+    launched = sorted({*launched, *session.config.stash.get(_LAUNCHED, [])})
     if launched:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
         print(f'\nERROR: the tests imported {launched}: bags must replay without launch')
@@ -64,6 +95,12 @@ def shared() -> Path:
 def bags() -> Path:
     """Folder of the bags that ship."""
     return ROOT / 'bags'
+
+
+@pytest.fixture(scope='session')
+def ros_domains() -> Iterator[int]:
+    """ROS domains that no other worker uses, for tests whose processes talk to each other."""
+    return itertools.cycle([domain_of_worker(number) for number in range(1, DOMAINS_PER_WORKER)])
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ steps:
 on_abort: {target_c: 22, rate_c_per_min: 3, timeout_s: 600}
 """
 PROGRAM = 'import sys; from {module} import main; sys.exit(main({arguments}))'
-DOMAIN = 215 + os.getpid() % 17
+DOMAIN = 215 + int(os.environ['ROS_DOMAIN_ID']) % 17
 """Of ROS: beside those that other tests choose, and clear of the system's own ports."""
 
 

@@ -18,11 +18,12 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 class Processes:
-    """Real executables under a domain of their own."""
+    """Real executables in one ROS domain."""
 
-    def __init__(self, folder: Path) -> None:
-        domain = str(1 + (os.getpid() + id(self) // 64) % 100)
-        self.environment = {**os.environ, 'ROS_DOMAIN_ID': domain, 'ROS_LOG_DIR': str(folder)}
+    def __init__(self, folder: Path, domain: int) -> None:
+        self.environment = {
+            **os.environ, 'ROS_DOMAIN_ID': str(domain), 'ROS_LOG_DIR': str(folder),
+        }  # fmt: skip
         self.folder = folder
         self.running: list[tuple[str, subprocess.Popen[str], Path]] = []
 
@@ -79,9 +80,9 @@ class Processes:
 
 
 @pytest.fixture
-def processes(tmp_path: Path) -> Iterator[Processes]:
+def processes(tmp_path: Path, ros_domains: Iterator[int]) -> Iterator[Processes]:
     """Start real executables; whatever still runs at the end is killed."""
-    group = Processes(tmp_path)
+    group = Processes(tmp_path, next(ros_domains))
     yield group
     group.kill()
 

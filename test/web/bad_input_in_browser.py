@@ -101,9 +101,8 @@ def test_bags_that_cannot_be_opened_are_explained(serve, watch, folder):
     watched.check()
 
 
-def test_bad_models_and_effects_are_explained(serve, watch, tmp_path):
-    server = serve(*BAGS)
-    watched = watch(server.address)
+def test_bad_models_and_effects_are_explained(hidden_effect_server, watch, tmp_path):
+    watched = watch(hidden_effect_server.address)
     page = watched.page
     page.locator('.tile.bad').first.wait_for()
     page.get_by_role('tab', name='Add').click()
@@ -133,7 +132,7 @@ def test_bad_models_and_effects_are_explained(serve, watch, tmp_path):
     page.locator('tr.on', has_text='+ kink').wait_for()
     page.get_by_role('button', name='Undo').click()
     page.locator('tr.on', has_text='v1').wait_for()
-    assert server.alive
+    assert hidden_effect_server.alive
     watched.check()
 
 

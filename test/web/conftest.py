@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = ('chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable')
-PATIENCE_MS = 90_000
+PATIENCE_MS = 240_000
 """How long the page may take on a machine that is busy."""
 
 
@@ -50,8 +51,9 @@ class Server:
         return self.process.poll() is None
 
 
-@pytest.fixture
-def serve() -> Iterator[Callable[..., Server]]:
+@contextmanager
+def servers() -> Iterator[Callable[..., Server]]:
+    """Provide a function that starts a server on a free port; end them all."""
     started: list[subprocess.Popen[str]] = []
 
     def start(*arguments: str | Path) -> Server:
@@ -68,7 +70,22 @@ def serve() -> Iterator[Callable[..., Server]]:
     yield start
     for process in started:
         process.terminate()
+    for process in started:
         process.wait()
+
+
+@pytest.fixture
+def serve() -> Iterator[Callable[..., Server]]:
+    """Start servers for one test, which have computed nothing yet."""
+    with servers() as start:
+        yield start
+
+
+@pytest.fixture(scope='session')
+def hidden_effect_server() -> Iterator[Server]:
+    """One server with the bags of the hidden effect for all tests that need no fresh one."""
+    with servers() as start:
+        yield start(*(ROOT / 'bags' / f'hidden_effect_{axis}' for axis in 'xyz'))
 
 
 @pytest.fixture(scope='session')

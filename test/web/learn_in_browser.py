@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,8 @@ import pytest
 from chamber_profile.profile.file import load_profile
 
 from imu_recording import read_bag, write_bag
+
+from .conftest import Server, servers
 
 ROOT = Path(__file__).resolve().parents[2]
 RATE = 5e-4
@@ -35,8 +38,13 @@ def ambiguous(tmp_path_factory) -> Path:
     return path
 
 
-def test_an_ambiguous_pair_offers_an_experiment(serve, watch, ambiguous, tmp_path):
-    server = serve(ambiguous)
+@pytest.fixture(scope='module')
+def server(ambiguous) -> Iterator[Server]:
+    with servers() as start:
+        yield start(ambiguous)
+
+
+def test_an_ambiguous_pair_offers_an_experiment(server, watch, tmp_path):
     watched = watch(server.address)
     page = watched.page
     page.locator('.tile.bad').first.wait_for()
@@ -56,8 +64,7 @@ def test_an_ambiguous_pair_offers_an_experiment(serve, watch, ambiguous, tmp_pat
     watched.check()
 
 
-def test_versions_are_compared_and_the_report_is_saved(serve, watch, ambiguous, tmp_path):
-    server = serve(ambiguous)
+def test_versions_are_compared_and_the_report_is_saved(server, watch, tmp_path):
     watched = watch(server.address)
     page = watched.page
     page.locator('.tile.bad').first.wait_for()

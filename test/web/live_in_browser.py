@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -59,9 +58,9 @@ class Board(Node):
 
 
 @pytest.fixture
-def silence(monkeypatch: pytest.MonkeyPatch) -> Iterator[Event]:
+def silence(monkeypatch: pytest.MonkeyPatch, ros_domains: Iterator[int]) -> Iterator[Event]:
     """Publish until the event is set, in a domain that the server inherits."""
-    domain = 1 + os.getpid() % 100
+    domain = next(ros_domains)
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
     context, quiet, ended = Context(), Event(), Event()
     rclpy.init(args=[], context=context, domain_id=domain)

@@ -68,9 +68,8 @@ def test_zooming_brings_the_samples_back(serve, watch):
     watched.check()
 
 
-def test_a_phone_scrolls_down_only_and_a_keyboard_reaches_everything(serve, watch):
-    server = serve(*BAGS)
-    watched = watch(server.address, 390, 844)
+def test_a_phone_scrolls_down_only_and_a_keyboard_reaches_everything(hidden_effect_server, watch):
+    watched = watch(hidden_effect_server.address, 390, 844)
     page = watched.page
     page.locator('.place').first.wait_for()
     for name in ('Compare', 'Learn', 'Add', 'Live'):
@@ -92,9 +91,8 @@ def test_a_phone_scrolls_down_only_and_a_keyboard_reaches_everything(serve, watc
     watched.check()
 
 
-def test_the_map_is_walked_with_arrow_keys_and_enter_goes_there(serve, watch):
-    server = serve(*BAGS)
-    watched = watch(server.address)
+def test_the_map_is_walked_with_arrow_keys_and_enter_goes_there(hidden_effect_server, watch):
+    watched = watch(hidden_effect_server.address)
     page = watched.page
     page.locator('.cells button').first.wait_for()
     page.locator('.place').first.wait_for()
@@ -121,9 +119,8 @@ def test_the_map_is_walked_with_arrow_keys_and_enter_goes_there(serve, watch):
     watched.check()
 
 
-def test_figures_follow_a_window_that_changes_its_width(serve, watch):
-    server = serve(*BAGS)
-    watched = watch(server.address, 390, 844)
+def test_figures_follow_a_window_that_changes_its_width(hidden_effect_server, watch):
+    watched = watch(hidden_effect_server.address, 390, 844)
     page = watched.page
     page.locator('.place').first.wait_for()
     numbers = page.locator('.map .js-plotly-plot .heatmap-label')
@@ -142,9 +139,8 @@ def test_figures_follow_a_window_that_changes_its_width(serve, watch):
     watched.check()
 
 
-def test_a_finger_scrolls_over_figures_and_taps_a_cell(serve, watch):
-    server = serve(*BAGS)
-    watched = watch(server.address, 820, 1180, has_touch=True, is_mobile=True)
+def test_a_finger_scrolls_over_figures_and_taps_a_cell(hidden_effect_server, watch):
+    watched = watch(hidden_effect_server.address, 820, 1180, has_touch=True, is_mobile=True)
     page = watched.page
     cell = page.locator('.cells button[aria-label^="dut2_z, cold dwell, cycle 3"]')
     cell.tap()
