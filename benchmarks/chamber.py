@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from chamber_profile.chambers.simulated_chamber import SimulatedChamber
+from chamber_profile.chambers.simulated import SimulatedChamber
 from chamber_profile.profile.file import load_profile
 from chamber_profile.profile.unroll import campaign_steps
 from chamber_profile.run.chamber_link import carry_out, readings_of

@@ -159,8 +159,8 @@ def emulator(tmp_path: Path):
 
         def serve() -> None:
             def prepare():
-                body.look(clock[0])
-                return plan.look(clock[0])
+                body.advance_to(clock[0])
+                return plan.active_at(clock[0])
 
             while not stop.is_set():
                 endpoint.serve(0.01, prepare)

@@ -71,7 +71,7 @@ def test_all_errors_come_at_once_each_with_its_line() -> None:
         'target_c -100 is outside': 'id: cool',
         'target_c is nan': 'id: heat',
         "no step 'col'": 'cycles:',
-        "'name' stands twice": 'name: twice',
+        "'name' is given twice": 'name: twice',
     }
     assert len(found) == len(expected)
     for words, place in expected.items():
@@ -88,11 +88,11 @@ def test_all_errors_come_at_once_each_with_its_line() -> None:
         (('dwell_s: 1800}', 'dwell_s: -5}'), '-5'),
         (('air_min_c: -15', 'air_min_c: 60'), 'not below'),
         (('device_max_c: 85', 'device_max_c: 30'), 'outside the limits -15 … 30'),
-        (('{id: hot,', '{id: cold,'), "id 'cold' is that of"),
+        (('{id: hot,', '{id: cold,'), "id 'cold' is already that of"),
         (('id: cold, kind: dwell', 'id: cold, kind: dwell, target_c: 0'), 'put a ramp between'),
         (('schema: 1', 'schema: 2'), '1 was expected'),
         (('rate_max_c_per_min: 2', 'rate_max_c_per_min: 1'), 'above the limit 1'),
-        (('steps:', 'steps: ['), 'no valid YAML'),
+        (('steps:', 'steps: ['), 'not valid YAML'),
         ((PAPER.text, ''), 'empty'),
         ((PAPER.text, '- 1'), 'object'),
     ],

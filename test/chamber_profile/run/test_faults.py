@@ -43,15 +43,15 @@ class MemoryLine:
         self.pause_s = 0.0
 
     def open(self) -> None:
-        if 'disconnect' in self.plan.look(self.now):
+        if 'disconnect' in self.plan.active_at(self.now):
             raise ChamberError('connection refused')
 
     def close(self) -> None:
         pass
 
     def ask(self, request: bytes, length) -> bytes:
-        self.body.look(self.now)
-        active = self.plan.look(self.now)
+        self.body.advance_to(self.now)
+        active = self.plan.active_at(self.now)
         self.open()
         answer = b''.join(damaged(part, active) for part in self.server.feed(request))
         size = length(answer)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from chamber_profile.chambers import climate as physics
 from chamber_profile.chambers.chamber import ChamberRefusalError
-from chamber_profile.chambers.simulated_chamber import SimulatedChamber
+from chamber_profile.chambers.simulated import SimulatedChamber
 from chamber_profile.profile.file import load_profile
 from chamber_profile.run.simulation import simulate_chamber
 from imu_recording.phase import phases_from_setpoint

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The catalogue of chambers by protocol, and how an address becomes a chamber."""
+"""The catalogue of chamber protocols, and the parsing of chamber addresses."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from chamber_profile.chambers.line import TIMEOUT_S, Line
 from chamber_profile.chambers.votsch import Ascii2Chamber, Layout, SimservChamber
 
 GROUP = 'chamber_profile.chambers'
-"""Entry points of this group add chambers: a function of (line, options) → Chamber."""
+"""Entry point group of further chambers: functions of (line, options) → Chamber."""
 
 MakeChamber = Callable[[Line, Mapping[str, int]], Chamber]
 
@@ -61,11 +61,11 @@ EXAMPLES = 'simulated, espec+tcp://192.168.0.5:10001, watlow_f4+serial:///dev/tt
 
 
 class ChamberAddressError(UserError):
-    """A `chamber` parameter that names no chamber; the message says what would."""
+    """A `chamber` parameter that names no chamber; the message gives an example."""
 
 
 def known_chambers() -> dict[str, MakeChamber]:
-    """Return the catalogue with what other packages add to it."""
+    """Return the catalogue with the chambers of other packages."""
     return {point.name: point.load() for point in entry_points(group=GROUP)} | CHAMBERS
 
 
@@ -74,7 +74,7 @@ def open_chamber(address: str) -> Chamber:
     head, _, rest = address.partition('://')
     query = dict(parse_qsl(address.partition('?')[2], keep_blank_values=True))
     if head.partition('?')[0] == 'simulated':
-        from chamber_profile.chambers.simulated_chamber import SimulatedChamber  # and numba
+        from chamber_profile.chambers.simulated import SimulatedChamber  # and numba
 
         return SimulatedChamber(seed=_whole(address, query, 'seed', 0))
     protocol, _, transport = head.partition('+')

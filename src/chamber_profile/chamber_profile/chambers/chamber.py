@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every climatic chamber can do, whatever protocol it speaks."""
+"""The interface of a climatic chamber, the same for every protocol."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from typing import Protocol
 
 
 class ChamberError(OSError):
-    """The chamber did not answer, or not in its protocol; trying again may help."""
+    """No answer, or none of the protocol; trying again may help."""
 
 
 class ChamberRefusalError(ChamberError):
-    """The chamber understood and refused; the message holds its reason."""
+    """The chamber refused an order; the message holds its reason."""
 
 
 @dataclass(frozen=True)
 class ChamberReading:
-    """What a chamber says about itself at one moment; None where it does not say."""
+    """Reading of a chamber at one moment; None where the protocol has no such value."""
 
     air: float
     """Air temperature of the chamber's own sensor [°C]."""
     setpoint: float | None
-    """Set-point the chamber holds now [°C]."""
+    """Set-point the chamber reports [°C]."""
     running: bool
     """Whether it conditions the air."""
     alarms: tuple[str, ...] = ()
@@ -44,26 +44,26 @@ class ChamberReading:
 class Chamber(Protocol):
     """A climatic chamber. Calls raise ChamberError when the link fails, and may then be retried.
 
-    `emulated` is True only where the chamber itself said so: an accelerated clock is refused on
-    all others.
+    `emulated` is True only where the chamber itself reported it; on any other an accelerated
+    clock is refused.
     """
 
     emulated: bool
     programs_limits: bool
-    """Whether `set_limits` reaches the chamber; where not, they are set at its panel."""
+    """Whether the protocol can program limits; where not, they are set at the panel."""
 
     @property
     def resolution_c(self) -> float:
-        """Step of the set-point the protocol can express [K]; known once connected."""
+        """Resolution of the set-point in the protocol [K]; known once connected."""
 
     def connect(self) -> str:
-        """Open the link (again) and return what the chamber says it is."""
+        """Open the link (again) and return the chamber's description of itself."""
 
     def read(self) -> ChamberReading:
-        """Return the chamber's state now."""
+        """Return the chamber's reading now."""
 
     def set_limits(self, low_c: float, high_c: float) -> None:
-        """Program the chamber's own limits, its protection independent of this program."""
+        """Program the limits of the chamber's own protection, independent of this program."""
 
     def set_temperature(self, temperature_c: float) -> None:
         """Write the set-point."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Physics of a climatic chamber with its own controller: air, walls, evaporator, vapour, ice.
+"""Physics of a climatic chamber with its own controller: air, walls, evaporator, vapour, frost.
 
 Heat flows between air, walls and evaporator (lumped, differential equations, 1 s explicit steps);
 an electric heater and a refrigerant circuit work against each other, as in chambers with balanced
@@ -20,14 +20,14 @@ AIR, WALL, EVAPORATOR, VAPOUR, FROST, DEVICE = 0, 1, 2, 3, 4, 5
 INTEGRAL, HEATER, COMPRESSOR, SWITCHED, DEMAND = 6, 7, 8, 9, 10
 CONTROL, PROBE, PROBE_2, EDDY, EDDY_2, RATE, LAST_SETPOINT = 11, 12, 13, 14, 15, 16, 17
 STATE_SIZE = 18
-"""Places in the state vector; temperatures [°C], vapour [kg/kg], frost [kg], times [s]."""
+"""Indices into the state vector; temperatures [°C], vapour [kg/kg], frost [kg], times [s]."""
 
 NOISES = 4
-"""Standard normal numbers one second of the chamber takes."""
+"""Number of standard normal variates one second of the chamber takes."""
 
 
 class Climate(NamedTuple):
-    """What a bench-top chamber of about 100 l with a 25 kg inner shell is made of."""
+    """Parameters of a bench-top chamber of about 100 l with an inner shell of 25 kg."""
 
     room_temperature: float = 23.0
     """[°C]"""
@@ -58,15 +58,15 @@ class Climate(NamedTuple):
     device_heating: float = 1.2
     """Self-heating of the device above the air [K]."""
     compressor_on_time: float = 180.0
-    """The compressor runs at least so long [s]."""
+    """Least running time of the compressor [s]."""
     compressor_off_time: float = 180.0
-    """… and rests at least so long [s]."""
+    """Least rest of the compressor [s]."""
     gain: float = 1100.0
     """Proportional gain of the controller [W/K]."""
     integral_time: float = 170.0
     """[s]"""
     feed_forward: float = 26e3
-    """Heat the controller expects per kelvin of programmed change [J/K]."""
+    """Heat capacity of the controller's feed-forward [J/K]."""
     eddy: float = 0.035
     """Standard deviation of the air's own fluctuation [K], correlated over 20 s."""
     probe_time: float = 9.0
@@ -82,11 +82,11 @@ class Climate(NamedTuple):
     vapour_leak: float = 9e-5
     """Share of the air exchanged with the room per second [1/s]."""
     cooling_available: float = 1.0
-    """0: the compressor does not start although told to."""
+    """Factor on the cooling power; 0: a compressor that does not start."""
 
 
 def initial_state(climate: Climate) -> FloatArray:
-    """Return the state of a chamber that has stood switched off in the room for a day."""
+    """Return the state of a chamber in equilibrium with the room, switched off."""
     state = np.full(STATE_SIZE, climate.room_temperature)
     state[VAPOUR] = climate.room_humidity * saturation(climate.room_temperature)
     for place in (FROST, INTEGRAL, HEATER, COMPRESSOR, DEMAND, EDDY, EDDY_2, RATE):
@@ -127,7 +127,7 @@ def _control(state: FloatArray, climate: Climate, setpoint: float) -> None:
             state[COMPRESSOR], state[SWITCHED] = 0.0, 0.0
     elif state[DEMAND] < -60.0 and state[SWITCHED] >= climate.compressor_off_time:
         state[COMPRESSOR], state[SWITCHED] = 1.0, 0.0
-    # What the evaporator takes from the air now is made up for by the heater.
+    # The heater replaces the heat that the evaporator takes from the air.
     taken = climate.air_to_evaporator * (state[AIR] - state[EVAPORATOR])
     duty = min(max((power + taken) / climate.heater_power, 0.0), 1.0)
     state[HEATER] += (duty - state[HEATER]) / climate.heater_time
@@ -153,7 +153,7 @@ def _heat(state: FloatArray, climate: Climate, fan: float) -> None:
 
 @njit(cache=True)
 def _moisten(state: FloatArray, climate: Climate, room_vapour: float) -> None:
-    """One second of vapour: leak, condensation on the evaporator, frost that comes off again."""
+    """One second of vapour: leak, condensation on the evaporator, sublimation of its frost."""
     air_mass = 0.13
     state[VAPOUR] += climate.vapour_leak * (room_vapour - state[VAPOUR])
     surface = saturation(state[EVAPORATOR])

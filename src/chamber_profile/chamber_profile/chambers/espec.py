@@ -47,7 +47,7 @@ class EspecChamber:
         return ChamberReading(air, setpoint, running, alarms, humidity)
 
     def set_limits(self, low_c: float, high_c: float) -> None:
-        """Program both limits (with the set-point there is, brought inside them); read back."""
+        """Program both limits, with the present set-point moved inside them; read them back."""
         _, setpoint, _, _ = self._temperatures()
         inside = min(max(setpoint, low_c), high_c)
         self._order(f'TEMP, S{inside:.1f} H{high_c:.1f} L{low_c:.1f}')
@@ -62,7 +62,7 @@ class EspecChamber:
         self._order(f'TEMP, S{temperature_c:.1f}')
 
     def run(self) -> None:
-        """Condition the air at the set-point; power on first where it is off."""
+        """Condition the air at the set-point; switch the power on first where it is off."""
         if self._ask('MODE?').strip() == 'OFF':
             self._order('POWER,ON')
         self._order('MODE,CONSTANT')

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A request goes out, an answer comes in: serial port, pseudo-terminal or TCP."""
+"""Request and answer over a serial port, a pseudo-terminal or TCP."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from imu_recording.user_error import why_not_open
 from chamber_profile.chambers.chamber import ChamberError
 
 TIMEOUT_S = 3.0
-"""A chamber that has not answered by then does not answer."""
+"""Time a chamber may take to answer [s]."""
 
 
 @dataclass
 class Line:
-    """One request, one answer. Any failure closes the port; `open` opens it anew.
+    """One request, one answer. A failure closes the port; the next request opens it again.
 
     `port` is what `serial.serial_for_url` takes: a device path or `socket://HOST:PORT`.
     """
@@ -28,7 +28,7 @@ class Line:
     baudrate: int = 19200
     timeout_s: float = TIMEOUT_S
     pause_s: float = 0.0
-    """Silence kept between an answer and the next request [s]."""
+    """Pause between an answer and the next request [s]."""
     _serial: serial.SerialBase | None = field(default=None, repr=False)
 
     def open(self) -> None:
@@ -53,7 +53,7 @@ class Line:
     def ask(self, request: bytes, length: Callable[[bytes], int]) -> bytes:
         """Send a request and return its answer.
 
-        `length(received)` says how long the answer is that `received` begins, 0: not yet known.
+        `length(received)` is the length of the answer that begins with `received`; 0: unknown yet.
         """
         if self._serial is None:
             self.open()
@@ -69,7 +69,10 @@ class Line:
                 received += port.read(max(1, wanted))
                 if time.monotonic() > deadline:
                     raise ChamberError(f'{self.port}: no answer to {request!r}, got {received!r}')
-        except (OSError, termios.error) as error:  # termios' is no OSError: a port just gone
+        except (
+            OSError,
+            termios.error,
+        ) as error:  # termios.error, of a port that vanishes, is no OSError
             self.close()
             if isinstance(error, ChamberError):
                 raise
@@ -79,7 +82,7 @@ class Line:
         return received[:size]
 
     def ask_text(self, request: bytes, quiet_s: float = 0.2) -> bytes:
-        """Send a request and return everything that comes until the line is quiet."""
+        """Send a request and return all that comes until nothing came for `quiet_s`."""
         quiet_since, size = time.monotonic(), 0
 
         def length(received: bytes) -> int:
@@ -91,7 +94,7 @@ class Line:
         return self.ask(request, length)
 
     def _drain(self) -> None:
-        """Throw away what an earlier request may still bring."""
+        """Discard late answers to earlier requests."""
         assert self._serial is not None  # noqa: S101 (called by open)
         for _ in range(20):
             if not self._serial.read(256):

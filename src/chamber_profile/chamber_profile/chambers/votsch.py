@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Weiss and Vötsch chambers: SIMPAC ASCII-2 (serial, TCP 2049) and SIMSERV (TCP 2049).
 
-Neither protocol can program limits: they are set at the chamber's panel.
+Neither protocol can program limits: they are set at the panel.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ STATUS_RUNNING, STATUS_ALARM = 2, 8
 
 @dataclass(frozen=True)
 class Layout:
-    """Where ASCII-2 values stand; it differs between models (`$01?` lists it)."""
+    """Positions of the values in ASCII-2, which differ between models (`$01?` lists them)."""
 
     n_set: int = 7
     """Set values of an `E` string."""
     n_read: int = 14
     """Values of an `I` answer before the bits: pairs of nominal and actual."""
     idx_temp: int = 0
-    """Which of the pairs is the temperature."""
+    """Index of the temperature's pair."""
     idx_humidity: int = 1
-    """Which of the pairs is the humidity; −1: none."""
+    """Index of the humidity's pair; −1: none."""
     start_bit: int = 1
     """Digital output that starts the chamber."""
     alarm_bit: int = -1
@@ -38,7 +38,7 @@ class Layout:
 class Ascii2Chamber:
     """A chamber that speaks SIMPAC ASCII-2.
 
-    An `E` string overwrites everything: what shall not change is read first and written back.
+    An `E` string overwrites all values: those that are to stay are read first and written back.
     """
 
     resolution_c = 0.1
@@ -51,7 +51,7 @@ class Ascii2Chamber:
         self.emulated = False
 
     def connect(self) -> str:
-        """Open the line and return what the chamber says about its values."""
+        """Open the line and return the chamber's own list of its values."""
         self._line.open()
         text = self._line.ask_text(f'{self._prefix}?\r'.encode('ascii')).decode('latin-1')
         self.emulated = 'EMULATED CHAMBER' in text
@@ -78,7 +78,7 @@ class Ascii2Chamber:
         """Do nothing: the protocol has no limits (`programs_limits`)."""
 
     def set_temperature(self, temperature_c: float) -> None:
-        """Write the set-point, all else as it is."""
+        """Write the set-point and leave the other values."""
         values, bits = self._values()
         self._write(values, bits, temperature_c)
 

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Watlow F4 (TestEquity and many others) over Modbus RTU or TCP.
 
-A temperature is its signed register / 10^decimals. Register 25 (save to
-EEPROM) is never touched.
+A temperature is its signed register / 10^decimals. Register 25 (save to EEPROM) is never written.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ PROCESS_VALUE, PROFILE_STATUS, SETPOINT = 100, 200, 300
 LIMIT_LOW, LIMIT_HIGH, DECIMALS, UNITS = 602, 603, 606, 901
 TERMINATE_PROFILE = 1217
 EMULATOR_MARK, EMULATED = 9999, 0x454D
-"""A register no F4 has, and what an emulator answers there."""
+"""A register no F4 has, and the value an emulator has there."""
 RUNNING_PROFILE = (2, 3)
 RTU_PAUSE_S = 0.03
 """Silence between two RTU requests [s]."""
@@ -46,7 +45,7 @@ class WatlowF4Chamber:
         return 1.0 / self._scale
 
     def connect(self) -> str:
-        """Open the line, read the scale and see to it that no profile of its own runs."""
+        """Open the line and read scale and limits."""
         self._registers.open()
         (decimals,) = self._registers.read(DECIMALS)
         (units,) = self._registers.read(UNITS)
@@ -84,7 +83,7 @@ class WatlowF4Chamber:
         self._registers.write(SETPOINT, round(temperature_c * self._scale))
 
     def run(self) -> None:
-        """End a profile of the controller's own, then switch the chamber on."""
+        """End the controller's own profile where one runs, then switch the chamber on."""
         if self._registers.read(PROFILE_STATUS)[0] in RUNNING_PROFILE:
             self._registers.write(TERMINATE_PROFILE, 1)
         self._registers.write(self._event, 1)

@@ -5,32 +5,35 @@ from __future__ import annotations
 
 import argparse
 import math
-import signal
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
-from types import FrameType
+from functools import partial
 
 from imu_recording.user_error import UserError
 
-from chamber_profile.emulators.endpoint import PtyEndpoint, Server, TcpEndpoint
+from chamber_profile.emulators.endpoint import (
+    Server,
+    add_endpoint_arguments,
+    caught_signals,
+    open_endpoint,
+)
 from chamber_profile.emulators.espec import EspecServer
 from chamber_profile.emulators.faults import FAULTS, FaultPlan, parse_fault
 from chamber_profile.emulators.plant import EmulatedPlant
 from chamber_profile.emulators.votsch import Ascii2Server, SimservServer
 from chamber_profile.emulators.watlow_f4 import WatlowF4Server
 
-LOOK_S = 0.02
-"""The chamber's clock moves at least so often [s]."""
+CLOCK_PERIOD_S = 0.02
+"""Longest time between two advances of the chamber's clock [s]."""
 
 SERVERS: dict[str, Callable[[EmulatedPlant, int, bool], Server]] = {
-    'espec': lambda body, address, _: EspecServer(body, address),
-    'ascii2': lambda body, address, _: Ascii2Server(body, address or 1),
-    'simserv': lambda body, address, _: SimservServer(body, address or 1),
-    'watlow_f4': lambda body, address, tcp: WatlowF4Server(body, address or 1, tcp=tcp),
+    'espec': lambda plant, address, _: EspecServer(plant, address),
+    'ascii2': lambda plant, address, _: Ascii2Server(plant, address or 1),
+    'simserv': lambda plant, address, _: SimservServer(plant, address or 1),
+    'watlow_f4': lambda plant, address, tcp: WatlowF4Server(plant, address or 1, tcp=tcp),
 }
-"""Protocol → server of a body, an address (0: none given) and whether it is on TCP."""
+"""Protocol → server of a plant, an address (0: none given) and whether it is on TCP."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -42,9 +45,7 @@ def build_parser() -> argparse.ArgumentParser:
         '+DURATION is given: ' + '; '.join(f'{name}: {what}' for name, what in FAULTS.items()),
     )
     parser.add_argument('--protocol', choices=sorted(SERVERS), default='espec')
-    where = parser.add_mutually_exclusive_group(required=True)
-    where.add_argument('--tcp', metavar='PORT', type=int, help='listen on this port; 0: any')
-    where.add_argument('--link', metavar='PATH', type=Path, help='link to a pseudo-terminal')
+    add_endpoint_arguments(parser)
     parser.add_argument('--address', type=int, default=0, help='address on a bus')
     parser.add_argument(
         '--time-scale', metavar='X', type=float, default=1.0, help='chamber seconds per second'
@@ -56,14 +57,37 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def open_endpoint(options: argparse.Namespace, body: EmulatedPlant) -> TcpEndpoint | PtyEndpoint:
-    """Return the port or terminal the options ask for."""
-    tcp = options.tcp is not None
+class EmulatedChamber:
+    """A plant, its faults and the endpoint of its protocol, on the clock of the host."""
 
-    def make_server() -> Server:
-        return SERVERS[options.protocol](body, options.address, tcp)
+    def __init__(self, options: argparse.Namespace) -> None:
+        faults = [parse_fault(text) for text in options.faults]
+        if not options.time_scale > 0.0:
+            raise UserError(f'--time-scale {options.time_scale:g}: expected a positive number')
+        plant = EmulatedPlant(options.seed, options.time_scale)
+        make_server = partial(
+            SERVERS[options.protocol], plant, options.address, options.tcp is not None
+        )
+        self.endpoint = open_endpoint(options, make_server)
+        self._plant = plant
+        self._faults = FaultPlan(faults, plant)
+        plant.advance_to(0.0)
+        plant.chamber.advance(1.0)  # the physics is compiled before the first request
+        self._began = time.monotonic()
+        self._first_contact: float | None = None
 
-    return TcpEndpoint(options.tcp, make_server) if tcp else PtyEndpoint(options.link, make_server)
+    def serve(self) -> None:
+        """Serve requests for CLOCK_PERIOD_S."""
+        self.endpoint.serve(CLOCK_PERIOD_S, self._active_faults)
+
+    def _active_faults(self) -> set[str]:
+        """Advance the plant to now and return its active faults, timed from the first contact."""
+        now = time.monotonic() - self._began
+        self._plant.advance_to(now)
+        if self.endpoint.contacted and self._first_contact is None:
+            self._first_contact = now
+        since = -math.inf if self._first_contact is None else now - self._first_contact
+        return self._faults.active_at(since)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -73,41 +97,19 @@ def main(argv: list[str] | None = None) -> int:
         if '--ros-args' in argv:
             argv = argv[: argv.index('--ros-args')]
     options = build_parser().parse_args(argv)
-    stopped: list[int] = []
-
-    def stop(number: int, _: FrameType | None) -> None:
-        stopped.append(number)
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, stop)
+    interrupted = caught_signals()
     try:
-        faults = [parse_fault(text) for text in options.faults]
-        if not options.time_scale > 0.0:
-            raise UserError(f'--time-scale {options.time_scale:g}: expected a positive number')
-        body = EmulatedPlant(options.seed, options.time_scale)
-        endpoint = open_endpoint(options, body)
+        chamber = EmulatedChamber(options)
     except (ValueError, OSError) as error:
         sys.stderr.write(f'emulated_chamber: {error}\n')
         return 2
-    body.look(0.0)
-    body.chamber.advance(1.0)  # compiled before the first request
-    sys.stdout.write(f'{options.protocol} at {endpoint.name}\n')
+    sys.stdout.write(f'{options.protocol} at {chamber.endpoint.name}\n')
     sys.stdout.flush()
-    plan, began = FaultPlan(faults, body), time.monotonic()
-    met: list[float] = []
-
-    def prepare() -> set[str]:
-        now = time.monotonic() - began
-        body.look(now)
-        if endpoint.contacted and not met:
-            met.append(now)
-        return plan.look(now - met[0] if met else -math.inf)
-
     try:
-        while not stopped:
-            endpoint.serve(LOOK_S, prepare)
+        while not interrupted:
+            chamber.serve()
     finally:
-        endpoint.close()
+        chamber.endpoint.close()
     return 0
 
 

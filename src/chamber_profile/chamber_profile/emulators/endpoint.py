@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where an emulated chamber is reached: a TCP port or a pseudo-terminal behind a link."""
+"""Endpoints of an emulator: a TCP port, or a pseudo-terminal behind a symbolic link."""
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import os
 import selectors
+import signal
 import socket
 import termios
 import tty
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from imu_recording.user_error import UserError
 
@@ -22,15 +24,15 @@ class Server(Protocol):
     """The chamber's side of a protocol."""
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take bytes as they come; return the answers due."""
+        """Take received bytes; return the answers to all whole requests."""
 
 
 class TcpEndpoint:
-    """Listens on a port of this machine; every client has a server of its own."""
+    """A TCP port of this machine; every client has a server of its own."""
 
     def __init__(self, port: int, make_server: Callable[[], Server]) -> None:
         self.contacted = False
-        """Whether anyone has connected yet."""
+        """Whether a client has connected."""
         self._make_server = make_server
         self._selector = selectors.DefaultSelector()
         if not 0 <= port <= 65535:
@@ -42,7 +44,7 @@ class TcpEndpoint:
         self.name = f'tcp://127.0.0.1:{self._listener.getsockname()[1]}'
 
     def serve(self, timeout_s: float, prepare: Callable[[], set[str]]) -> None:
-        """Wait for requests at most so long; `prepare` says which faults act."""
+        """Serve requests for at most `timeout_s`; `prepare` returns the active faults."""
         ready = self._selector.select(timeout_s)
         self.contacted |= bool(ready)
         active = prepare()
@@ -56,7 +58,7 @@ class TcpEndpoint:
                 self._answer(key.fileobj, active)  # type: ignore[arg-type]
 
     def send(self, data: bytes) -> None:
-        """Send to every client, unasked."""
+        """Send to every client."""
         for client in list(self._clients):
             try:
                 client.sendall(data)
@@ -96,19 +98,19 @@ class TcpEndpoint:
 
 
 class PtyEndpoint:
-    """A pseudo-terminal; `link` is a symbolic link to it."""
+    """A pseudo-terminal; `link` becomes a symbolic link to it."""
 
     def __init__(self, link: Path, make_server: Callable[[], Server]) -> None:
         self.link = link
         self.contacted = False
-        """Whether anything was received yet."""
+        """Whether anything was received."""
         self.name = f'serial://{link.absolute()}'
         self._make_server = make_server
         self._master = self._slave = -1
         self._open()
 
     def serve(self, timeout_s: float, prepare: Callable[[], set[str]]) -> None:
-        """Wait for requests at most so long; `prepare` says which faults act."""
+        """Serve requests for at most `timeout_s`; `prepare` returns the active faults."""
         if self._master < 0:
             if 'disconnect' not in prepare():
                 self._open()
@@ -125,7 +127,7 @@ class PtyEndpoint:
                 self.send(damaged(answer, active))
 
     def send(self, data: bytes) -> None:
-        """Send unasked; where nobody reads, what does not fit is lost as on a wire."""
+        """Send; what does not fit because nobody reads is lost, as on a wire."""
         if self._master >= 0:
             with contextlib.suppress(BlockingIOError):
                 os.write(self._master, data)
@@ -147,3 +149,28 @@ class PtyEndpoint:
             self.link.unlink()
         self.link.symlink_to(os.ttyname(self._slave))
         self._server = self._make_server()
+
+
+Endpoint: TypeAlias = TcpEndpoint | PtyEndpoint
+
+
+def add_endpoint_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options that choose an endpoint: --tcp or --link."""
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument('--tcp', metavar='PORT', type=int, help='listen on this port; 0: any')
+    where.add_argument('--link', metavar='PATH', type=Path, help='link to a pseudo-terminal')
+
+
+def open_endpoint(options: argparse.Namespace, make_server: Callable[[], Server]) -> Endpoint:
+    """Return the endpoint the options choose."""
+    if options.link is None:
+        return TcpEndpoint(options.tcp, make_server)
+    return PtyEndpoint(options.link, make_server)
+
+
+def caught_signals() -> list[int]:
+    """Return a list to which SIGINT and SIGTERM are appended instead of ending the process."""
+    caught: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda signum, _: caught.append(signum))
+    return caught

@@ -14,10 +14,10 @@ _SETTING = re.compile(r'([SHL])\s*(-?\d+(?:\.\d+)?)')
 
 
 class EspecServer:
-    """Feed it bytes as they come; it returns the answers to all whole lines."""
+    """Answers one line per line received."""
 
-    def __init__(self, body: EmulatedPlant, address: int = 0) -> None:
-        self._body = body
+    def __init__(self, plant: EmulatedPlant, address: int = 0) -> None:
+        self._plant = plant
         self._prefix = f'{address},' if address else ''
         self._pending = b''
 
@@ -36,15 +36,15 @@ class EspecServer:
             'TEMP?': self._temperatures,
             'MON?': self._monitor,
             'ALARM?': self._alarms,
-            'MODE?': lambda: self._body.mode,
-            'ROM?': lambda: self._body.identity,
+            'MODE?': lambda: self._plant.mode,
+            'ROM?': lambda: self._plant.identity,
             'TYPE?': lambda: 'T,T,S2,180.0',
         }
         if request in queries:
             return queries[request]()
         if request.endswith('?'):
             return 'NA:CMD ERR'
-        if self._body.refuses:
+        if self._plant.refuses:
             return 'NA:PROTECT ON'
         try:
             reason = self._order(request)
@@ -53,23 +53,23 @@ class EspecServer:
         return f'NA:{reason}' if reason else f'OK:{request}'
 
     def _temperatures(self) -> str:
-        chamber = self._body.chamber
+        chamber = self._plant.chamber
         low, high = chamber.limits
         return f'{chamber.read().air:.1f},{chamber.setpoint:.1f},{high:.1f},{low:.1f}'
 
     def _monitor(self) -> str:
-        reading = self._body.chamber.read()
+        reading = self._plant.chamber.read()
         humidity = 100.0 * (reading.humidity or 0.0)
-        return f'{reading.air:.1f},{humidity:.0f},{self._body.mode},{len(reading.alarms)}'
+        return f'{reading.air:.1f},{humidity:.0f},{self._plant.mode},{len(reading.alarms)}'
 
     def _alarms(self) -> str:
-        alarms = self._body.chamber.alarms
+        alarms = self._plant.chamber.alarms
         codes = ['2' if not alarm.isdecimal() else alarm for alarm in alarms]
         return ','.join([str(len(codes)), *codes])
 
     def _order(self, request: str) -> str:
-        """Carry out an order; return the reason it is refused, '' where it is not."""
-        chamber = self._body.chamber
+        """Carry out an order; return why it is refused, '' where it is not."""
+        chamber = self._plant.chamber
         word, _, rest = (part.strip() for part in request.partition(','))
         if word == 'TEMP':
             return self._set(rest)
@@ -87,7 +87,7 @@ class EspecServer:
         found = {key: float(value) for key, value in _SETTING.findall(rest)}
         if not found or _SETTING.sub('', rest).strip():
             return 'PARA ERR'
-        chamber = self._body.chamber
+        chamber = self._plant.chamber
         low, high = found.get('L', chamber.limits[0]), found.get('H', chamber.limits[1])
         if 'S' in found and not low <= found['S'] <= high:
             return 'DATA OUT OF RANGE'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults an emulated chamber can have: NAME@SECONDS[+DURATION]."""
+"""Faults of an emulated chamber, as a command line gives them: NAME@SECONDS[+DURATION]."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ FAULTS = {
     'alarms': 'the chamber reports an alarm',
     'disconnect': 'the connection is closed; for 2 s no new one is accepted',
     'stuck_compressor': 'the compressor does not cool',
-    'operator_stop': 'someone presses STOP at the panel',
+    'operator_stop': 'STOP is pressed at the panel',
 }
-"""Name → what happens."""
+"""Name → effect."""
 
 DISCONNECT_S = 2.0
 _PATTERN = re.compile(r'^([a-z_]+)@(\d+(?:\.\d+)?)(?:\+(\d+(?:\.\d+)?))?$')
@@ -38,7 +38,7 @@ class Fault:
     duration_s: float = math.inf
 
     def active(self, now: float) -> bool:
-        """Return whether it acts now."""
+        """Return whether the fault is active now."""
         return self.start_s <= now < self.start_s + self.duration_s
 
 
@@ -57,21 +57,21 @@ def parse_fault(text: str) -> Fault:
 
 
 class FaultPlan:
-    """Which faults act now; those of the chamber itself are applied to its body."""
+    """The faults over time; those of the chamber itself are applied to the plant."""
 
-    def __init__(self, faults: list[Fault], body: EmulatedPlant) -> None:
+    def __init__(self, faults: list[Fault], plant: EmulatedPlant) -> None:
         self._faults = faults
-        self._body = body
+        self._plant = plant
         self._stopped: set[Fault] = set()
 
-    def look(self, now: float) -> set[str]:
-        """Apply what is due and return the names of the active faults."""
+    def active_at(self, now: float) -> set[str]:
+        """Apply the plant's faults and return the names of all active ones."""
         active = {fault.name for fault in self._faults if fault.active(now)}
         names = {fault.name for fault in self._faults}
-        chamber = self._body.chamber
-        self._body.refuses = 'refusals' in active
+        chamber = self._plant.chamber
+        self._plant.refuses = 'refusals' in active
         if 'stuck_compressor' in names:
-            self._body.stick_compressor(stuck='stuck_compressor' in active)
+            self._plant.stick_compressor(stuck='stuck_compressor' in active)
         if 'alarms' in active:
             chamber.alarms = (_ALARM,)
         elif chamber.alarms == (_ALARM,):
@@ -84,7 +84,7 @@ class FaultPlan:
 
 
 def damaged(answer: bytes, active: set[str]) -> bytes:
-    """Return what of an answer goes over the wire under the active faults."""
+    """Return the bytes of an answer that are sent under the active faults."""
     if 'silence' in active:
         return b''
     if 'garbage' in active:

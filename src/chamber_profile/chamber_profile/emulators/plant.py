@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands behind an emulated chamber's protocol: the simulated physics on a clock."""
+"""The plant behind an emulated chamber's protocol: a simulated chamber that follows a clock."""
 
 from __future__ import annotations
 
 from chamber_profile.chambers import climate as physics
-from chamber_profile.chambers.simulated_chamber import SimulatedChamber
+from chamber_profile.chambers.simulated import SimulatedChamber
 
-OFF, STANDBY, CONSTANT = 'OFF', 'STANDBY', 'CONSTANT'
-LONGEST_S = 3600.0
-"""What passes at most between two looks at the clock [s]; the rest of a longer gap is dropped."""
+STANDBY, CONSTANT = 'STANDBY', 'CONSTANT'
+MAX_ADVANCE_S = 3600.0
+"""Longest time the chamber is advanced at once [s]; the rest of a longer gap is dropped."""
 
 
 class EmulatedPlant:
     """A simulated chamber whose time runs `time_scale` times faster than the clock's.
 
-    `look(now)` brings it up to the clock. Faults act through the plain attributes.
+    `advance_to(now)` follows the clock. Faults act through the plain attributes.
     """
 
     def __init__(self, seed: int = 0, time_scale: float = 1.0) -> None:
@@ -22,21 +22,21 @@ class EmulatedPlant:
         self.time_scale = time_scale
         self.refuses = False
         self.identity = f'EMULATED CHAMBER x{time_scale:g}'
-        self._looked: float | None = None
+        self._time: float | None = None
 
-    def look(self, now: float) -> None:
-        """Let the time pass since the last look [s]."""
-        before, self._looked = self._looked, now
+    def advance_to(self, now: float) -> None:
+        """Advance the chamber to a time of the clock [s]."""
+        before, self._time = self._time, now
         if before is not None and now > before:
-            self.chamber.advance(min((now - before) * self.time_scale, LONGEST_S))
+            self.chamber.advance(min((now - before) * self.time_scale, MAX_ADVANCE_S))
 
     @property
     def mode(self) -> str:
-        """OFF is not emulated: an emulated chamber stands by."""
+        """CONSTANT or STANDBY; an emulated chamber is never OFF."""
         return CONSTANT if self.chamber.running else STANDBY
 
     def stick_compressor(self, *, stuck: bool) -> None:
-        """Take the cooling away, or give it back."""
+        """Switch the cooling power off, or on again."""
         self.chamber.climate = self.chamber.climate._replace(
             cooling_available=0.0 if stuck else 1.0
         )

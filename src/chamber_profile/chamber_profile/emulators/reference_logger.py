@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import signal
 import sys
 import time
 from pathlib import Path
@@ -14,16 +13,22 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from imu_recording.user_error import UserError
 
-from chamber_profile.emulators.endpoint import PtyEndpoint, TcpEndpoint
+from chamber_profile.emulators.endpoint import (
+    add_endpoint_arguments,
+    caught_signals,
+    open_endpoint,
+)
 
 PERIOD_S = 1.0
+"""Time between two lines [s]."""
 DEVICE_TIME_S = 180.0
-"""Lag of a device behind the air [s]."""
+"""Time constant of a device behind the air [s]."""
 SELF_HEATING_C = 1.2
+"""Temperature of a device above the air [K]."""
 
 
 class Listener:
-    """A data logger takes no requests."""
+    """Ignores what clients send: a data logger takes no requests."""
 
     def feed(self, _: bytes) -> list[bytes]:
         """Return nothing."""
@@ -31,7 +36,7 @@ class Listener:
 
 
 class LoggerSensors:
-    """Sensors in air whose temperature follows a table (time [s], temperature [°C])."""
+    """PT100 and thermocouples in air that follows a table (time [s], temperature [°C])."""
 
     def __init__(self, time_s: FloatArray, air_c: FloatArray, devices: int, seed: int) -> None:
         self._time, self._air = time_s, air_c
@@ -78,9 +83,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog='emulated_reference_logger',
         description='Emulate a data logger: a line a second with time, two PT100, thermocouples.',
     )
-    where = parser.add_mutually_exclusive_group(required=True)
-    where.add_argument('--tcp', metavar='PORT', type=int, help='listen on this port; 0: any')
-    where.add_argument('--link', metavar='PATH', type=Path, help='link to a pseudo-terminal')
+    add_endpoint_arguments(parser)
     parser.add_argument('--temperature', metavar='CSV', type=Path, help='as plan --csv writes')
     parser.add_argument('--devices', type=int, default=3, help='number of thermocouples')
     parser.add_argument(
@@ -93,16 +96,10 @@ def build_parser() -> argparse.ArgumentParser:
 def main(argv: list[str] | None = None) -> int:
     """Write lines until interrupted; return the process's exit code."""
     options = build_parser().parse_args(argv)
-    stopped: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda signum, _: stopped.append(signum))
-    endpoint: TcpEndpoint | PtyEndpoint
+    interrupted = caught_signals()
     try:
         sensors = LoggerSensors(*read_table(options.temperature), options.devices, options.seed)
-        if options.link is None:
-            endpoint = TcpEndpoint(options.tcp, Listener)
-        else:
-            endpoint = PtyEndpoint(options.link, Listener)
+        endpoint = open_endpoint(options, Listener)
     except (ValueError, OSError) as error:
         sys.stderr.write(f'emulated_reference_logger: {error}\n')
         return 2
@@ -110,7 +107,7 @@ def main(argv: list[str] | None = None) -> int:
     sys.stdout.flush()
     began = due = time.monotonic()
     try:
-        while not stopped:
+        while not interrupted:
             endpoint.serve(0.05, set)
             if time.monotonic() >= due:
                 due += PERIOD_S

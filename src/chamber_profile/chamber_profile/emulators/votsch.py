@@ -16,8 +16,8 @@ START_BIT = 1
 class Ascii2Server:
     """Requests `$01I`, `$01E …`, `$01U …`, `$01?`, each ended by CR."""
 
-    def __init__(self, body: EmulatedPlant, address: int = 1) -> None:
-        self._body = body
+    def __init__(self, plant: EmulatedPlant, address: int = 1) -> None:
+        self._plant = plant
         self._prefix = f'${address:02d}'
         self._pending = b''
         self._set = [0.0] * SET_VALUES
@@ -38,16 +38,16 @@ class Ascii2Server:
         if kind == 'I':
             return self._image()
         if kind == '?':
-            return f'{self._body.identity}\rASCII description of control string\rCV01 Temperature'
+            return f'{self._plant.identity}\rASCII description of control string\rCV01 Temperature'
         if kind == 'U' and len(rest) == 4:
             return '0'
-        if kind != 'E' or len(rest) != SET_VALUES + 1 or self._body.refuses:
+        if kind != 'E' or len(rest) != SET_VALUES + 1 or self._plant.refuses:
             return '1'
         return self._take(rest)
 
     def _image(self) -> str:
-        chamber = self._body.chamber
-        if chamber.alarms:  # this protocol has no word for it: the chamber just stops
+        chamber = self._plant.chamber
+        if chamber.alarms:  # the protocol reports no alarm: the chamber only stops
             chamber.stop()
         reading = chamber.read()
         self._set[0] = chamber.setpoint
@@ -57,7 +57,7 @@ class Ascii2Server:
         return ' '.join([*(f'{value:06.1f}' for value in values), bits])
 
     def _take(self, rest: list[str]) -> str:
-        chamber = self._body.chamber
+        chamber = self._plant.chamber
         try:
             values = [float(field) for field in rest[:-1]]
             chamber.set_temperature(values[0])
@@ -74,8 +74,8 @@ class Ascii2Server:
 class SimservServer:
     """Requests `CMD¶chamber¶arguments` ended by CR, ¶ being 0xB6."""
 
-    def __init__(self, body: EmulatedPlant, address: int = 1) -> None:
-        self._body = body
+    def __init__(self, plant: EmulatedPlant, address: int = 1) -> None:
+        self._plant = plant
         self._address = str(address).encode('ascii')
         self._pending = b''
 
@@ -88,9 +88,9 @@ class SimservServer:
         command, arguments = parts[0], parts[2:]
         if len(parts) < 2 or parts[1] != self._address:
             return b'-6'
-        chamber = self._body.chamber
+        chamber = self._plant.chamber
         values: dict[bytes, Callable[[], str]] = {
-            b'99997': lambda: self._body.identity,
+            b'99997': lambda: self._plant.identity,
             b'10012': self._status,
             b'11002': lambda: f'{chamber.setpoint:.1f}',
             b'11004': lambda: f'{chamber.read().air:.1f}',
@@ -106,12 +106,12 @@ class SimservServer:
             return b'-6'
 
     def _status(self) -> str:
-        chamber = self._body.chamber
+        chamber = self._plant.chamber
         return str((3 if chamber.running else 1) + (8 if chamber.alarms else 0))
 
     def _order(self, command: bytes, arguments: list[float]) -> bytes:
-        chamber = self._body.chamber
-        if self._body.refuses:
+        chamber = self._plant.chamber
+        if self._plant.refuses:
             return b'-8'
         if len(arguments) != 2:
             return b'-6'

@@ -28,8 +28,8 @@ MAX_FRAME_BYTES = 260
 class F4Registers:
     """The controller's registers on top of a plant; one decimal, °C."""
 
-    def __init__(self, body: EmulatedPlant) -> None:
-        self._body = body
+    def __init__(self, plant: EmulatedPlant) -> None:
+        self._plant = plant
 
     def answer(self, request: ModbusPDU) -> ModbusPDU:
         """Return the answer to a request."""
@@ -57,13 +57,13 @@ class F4Registers:
         return ExceptionResponse(request.function_code, ExcCodes.ILLEGAL_FUNCTION)
 
     def _read(self, request: ReadHoldingRegistersRequest) -> list[int]:
-        chamber = self._body.chamber
+        chamber = self._plant.chamber
         if chamber.alarms:  # no register says so: the controller switches the chamber off
             chamber.stop()
         low, high = chamber.limits
         table = {
             watlow_f4.PROCESS_VALUE: chamber.read().air * SCALE,
-            103: 100.0 * self._body.heater_percent,
+            103: 100.0 * self._plant.heater_percent,
             watlow_f4.PROFILE_STATUS: 0,
             watlow_f4.SETPOINT: chamber.setpoint * SCALE,
             watlow_f4.LIMIT_LOW: low * SCALE,
@@ -76,9 +76,9 @@ class F4Registers:
         return [round(table[request.address + i]) & 0xFFFF for i in range(request.count)]
 
     def _write(self, register: int, unsigned: int) -> None:
-        chamber = self._body.chamber
+        chamber = self._plant.chamber
         value = unsigned - 0x10000 if unsigned & 0x8000 else unsigned
-        if self._body.refuses:
+        if self._plant.refuses:
             raise ChamberRefusalError('locked')
         if register == watlow_f4.SETPOINT:
             chamber.set_temperature(value / SCALE)
@@ -101,8 +101,8 @@ class WatlowF4Server:
     A serial frame with a wrong CRC or another address gets no answer.
     """
 
-    def __init__(self, body: EmulatedPlant, address: int = 1, *, tcp: bool = False) -> None:
-        self._registers = F4Registers(body)
+    def __init__(self, plant: EmulatedPlant, address: int = 1, *, tcp: bool = False) -> None:
+        self._registers = F4Registers(plant)
         self._framer = framer(tcp=tcp, is_server=True)
         self._address = None if tcp else address
         self._pending = b''

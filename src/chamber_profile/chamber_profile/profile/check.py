@@ -19,27 +19,27 @@ Place: TypeAlias = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class LocatedText:
-    """A YAML document: its content and where each value stands."""
+    """A YAML document: its content and the line of each value."""
 
     content: Any
     lines: dict[Place, int]
     """Line (1 …) of the value, or of the key where there is one, by path from the root."""
     problems: tuple[tuple[int, str], ...] = ()
-    """Line and message of what YAML itself does not refuse: duplicate keys, keys of odd type."""
+    """Line and message of duplicate keys, which YAML itself accepts."""
 
     def line(self, place: Place) -> int:
-        """Return the line of the nearest thing known at or above the place."""
+        """Return the line of a place, or of the nearest place above it that has one."""
         while place and place not in self.lines:
             place = place[:-1]
         return self.lines.get(place, 1)
 
 
 class LocatedTextError(UserError):
-    """Text that is no YAML; the message begins with the line."""
+    """Text that is not YAML; the message begins with the line."""
 
 
 def parse_located(text: str) -> LocatedText:
-    """Return the content of a YAML text with the lines of its values (safe types only)."""
+    """Return the content of a YAML text with the lines of its values (plain types only)."""
     loader = yaml.SafeLoader(text)
     try:
         root = loader.get_single_node()
@@ -52,7 +52,7 @@ def parse_located(text: str) -> LocatedText:
         mark = getattr(error, 'problem_mark', None)
         line = mark.line + 1 if mark else 1
         what = getattr(error, 'problem', None) or str(error)
-        raise LocatedTextError(f'line {line}: no valid YAML: {what}') from error
+        raise LocatedTextError(f'line {line}: not valid YAML: {what}') from error
     finally:
         loader.dispose()  # type: ignore[no-untyped-call]
     return LocatedText(content, lines, tuple(problems))
@@ -78,7 +78,7 @@ def _plain(
         line = key_node.start_mark.line + 1
         if key in content:
             first = lines[(*place, key)]
-            problems.append((line, f'key {key!r} stands twice (first on line {first})'))
+            problems.append((line, f'key {key!r} is given twice (first on line {first})'))
             continue
         lines[(*place, key)] = line
         content[key] = _plain(loader, value_node, (*place, key), lines, problems)
@@ -89,7 +89,7 @@ SCHEMA_FILE = Path(__file__).parent / 'profile.schema.json'
 
 
 class ProfileError(UserError):
-    """A profile that cannot be run; one error per line, each with its place."""
+    """A profile that cannot be run; one mistake per line, each with its place in the file."""
 
 
 @cache
@@ -100,7 +100,7 @@ def profile_schema() -> dict[str, Any]:
 
 
 def checked_content(text: str, source: str) -> dict[str, Any]:
-    """Return the content of a profile's YAML text; raise ProfileError with all that is wrong."""
+    """Return the content of a profile's YAML text; raise ProfileError with every mistake."""
     try:
         located = parse_located(text)
     except LocatedTextError as error:
@@ -113,15 +113,17 @@ def checked_content(text: str, source: str) -> dict[str, Any]:
 
 
 def content_problems(located: LocatedText) -> list[tuple[int, str]]:
-    """Return line and message of everything that is wrong, in the order of the file."""
+    """Return line and message of every mistake, in the order of the file."""
     found = list(located.problems)
     found += [(located.line(place), what) for place, what in _schema_problems(located.content)]
     found += [
-        (located.line(place), f'{_shown(place)} is {value}, expected a finite number')
+        (located.line(place), f'{_dotted(place)} is {value}, expected a finite number')
         for place, value in _not_finite(located.content, ())
     ]
     if isinstance(located.content, dict):
-        found += [(located.line(place), what) for place, what in _sense(located.content)]
+        found += [
+            (located.line(place), what) for place, what in _consistency_problems(located.content)
+        ]
     return sorted(set(found))
 
 
@@ -133,26 +135,29 @@ def _schema_problems(content: Any) -> Iterator[tuple[Place, str]]:
         if error.validator == 'additionalProperties':
             known = sorted(error.schema['properties'])
             for key in sorted(set(error.instance) - set(known)):
-                yield (*place, key), f'{_shown((*place, key))}: unknown key; known: {_list(known)}'
+                yield (
+                    (*place, key),
+                    f'{_dotted((*place, key))}: unknown key; known: {_list(known)}',
+                )
         elif error.validator == 'anyOf':
-            yield from _cycle_problems(place, error.instance)
+            yield from _cycle_key_problems(place, error.instance)
         else:
-            yield place, f'{_shown(place)}: {error.message}'
+            yield place, f'{_dotted(place)}: {error.message}'
 
 
-def _cycle_problems(place: Place, cycles: Any) -> Iterator[tuple[Place, str]]:
+def _cycle_key_problems(place: Place, cycles: Any) -> Iterator[tuple[Place, str]]:
     for index, cycle in enumerate(cycles if isinstance(cycles, list) else [cycles]):
         at = (*place, index) if isinstance(cycles, list) else place
         if not isinstance(cycle, dict):
-            yield at, f'{_shown(at)}: expected from, to and count'
+            yield at, f'{_dotted(at)}: expected from, to and count'
             continue
         for key in sorted(set(cycle) - {'from', 'to', 'count'}):
-            yield (*at, key), f'{_shown((*at, key))}: unknown key; known: count, from, to'
+            yield (*at, key), f'{_dotted((*at, key))}: unknown key; known: count, from, to'
         for key in sorted({'from', 'to', 'count'} - set(cycle)):
-            yield at, f'{_shown(at)}: {key!r} is a required property'
+            yield at, f'{_dotted(at)}: {key!r} is a required property'
         count = cycle.get('count', 1)
         if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= 10000:
-            yield (*at, 'count'), f'{_shown((*at, "count"))} is {count!r}, expected 1 … 10000'
+            yield (*at, 'count'), f'{_dotted((*at, "count"))} is {count!r}, expected 1 … 10000'
 
 
 def _not_finite(value: Any, place: Place) -> Iterator[tuple[Place, float]]:
@@ -167,8 +172,8 @@ def _not_finite(value: Any, place: Place) -> Iterator[tuple[Place, float]]:
         yield from _not_finite(item, (*place, key))
 
 
-def _sense(content: Mapping[str, Any]) -> Iterator[tuple[Place, str]]:
-    """What a schema cannot say: limits, order, names. Skips what the schema already refuses."""
+def _consistency_problems(content: Mapping[str, Any]) -> Iterator[tuple[Place, str]]:
+    """Yield mistakes a schema cannot find: limits, order of steps, names."""
     limits = content.get('limits')
     limits = limits if isinstance(limits, dict) else {}
     low, high = _number(limits, 'air_min_c', -math.inf), _number(limits, 'air_max_c', math.inf)
@@ -202,7 +207,7 @@ def _sense(content: Mapping[str, Any]) -> Iterator[tuple[Place, str]]:
             (f'ambient_c {ambient:g} is outside the limits {low:g} … {high:g} °C'),
         )
     yield from _step_problems(named)
-    yield from _loop_problems(content.get('cycles'), [step.get('id') for _, step in named])
+    yield from _cycle_range_problems(content.get('cycles'), [step.get('id') for _, step in named])
 
 
 def _limit_problems(
@@ -212,13 +217,13 @@ def _limit_problems(
     if target < low or target > high:
         yield (
             (*place, 'target_c'),
-            f'{_shown(place)}: target_c {target:g} is outside the limits {low:g} … {high:g} °C',
+            f'{_dotted(place)}: target_c {target:g} is outside the limits {low:g} … {high:g} °C',
         )
     rate = _number(entry, 'rate_c_per_min', math.nan)
     if rate > fastest:
         yield (
             (*place, 'rate_c_per_min'),
-            f'{_shown(place)}: rate_c_per_min {rate:g} is above the limit {fastest:g} °C/min',
+            f'{_dotted(place)}: rate_c_per_min {rate:g} is above the limit {fastest:g} °C/min',
         )
 
 
@@ -230,28 +235,31 @@ def _step_problems(named: list[tuple[int, Mapping[str, Any]]]) -> Iterator[tuple
         identity = step.get('id')
         if identity in seen:
             first = seen[identity]
-            yield (*place, 'id'), f'{_shown(place)}: id {identity!r} is that of steps[{first}]'
+            yield (
+                (*place, 'id'),
+                f'{_dotted(place)}: id {identity!r} is already that of steps[{first}]',
+            )
         seen.setdefault(identity, index)
         kind = step.get('kind')
         target = _number(step, 'target_c', math.nan)
         known = not math.isnan(target)
         if index == 0 and kind in ('ramp', 'dwell', 'operator'):
-            what = f'{_shown(place)}: the first step is a precondition, not {kind}'
+            what = f'{_dotted(place)}: the first step must be a precondition, not {kind}'
             yield (*place, 'kind'), what
         if kind == 'ramp' and known and target == at:
             yield (
                 (*place, 'target_c'),
-                f'{_shown(place)}: ramp to {target:g} °C, where the step before already is',
+                f'{_dotted(place)}: ramp to {target:g} °C, the temperature of the step before',
             )
         if kind == 'dwell' and known and at is not None and target != at:
             yield (
                 (*place, 'target_c'),
-                f'{_shown(place)}: dwell at {target:g} °C after {at:g} °C: put a ramp between',
+                f'{_dotted(place)}: dwell at {target:g} °C after {at:g} °C: put a ramp between',
             )
         at = target if known else at
 
 
-def _loop_problems(cycles: Any, ids: list[Any]) -> Iterator[tuple[Place, str]]:
+def _cycle_range_problems(cycles: Any, ids: list[Any]) -> Iterator[tuple[Place, str]]:
     if cycles is None:
         return
     behind = -1
@@ -267,13 +275,13 @@ def _loop_problems(cycles: Any, ids: list[Any]) -> Iterator[tuple[Place, str]]:
             elif isinstance(name, str):
                 yield (
                     (*place, key),
-                    f'{_shown((*place, key))}: no step {name!r}; there are {_list(ids)}',
+                    f'{_dotted((*place, key))}: no step {name!r}; there are {_list(ids)}',
                 )
         if len(ends) == 2:
             if ends[0] > ends[1]:
-                yield place, f'{_shown(place)}: {cycle["from"]!r} comes after {cycle["to"]!r}'
+                yield place, f'{_dotted(place)}: {cycle["from"]!r} comes after {cycle["to"]!r}'
             elif ends[0] <= behind:
-                yield place, f'{_shown(place)}: overlaps the cycle before it'
+                yield place, f'{_dotted(place)}: overlaps the cycle before it'
             behind = max(behind, ends[1])
 
 
@@ -284,7 +292,7 @@ def _number(entry: Mapping[str, Any], key: str, default: float) -> float:
     return float(value)
 
 
-def _shown(place: Place) -> str:
+def _dotted(place: Place) -> str:
     text = ''
     for part in place:
         text += f'[{part}]' if isinstance(part, int) else f'.{part}' if text else part

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Unroll a profile: cycles into steps with phase and cycle number, orientations into runs."""
+"""Unroll a profile: cycles and orientations become a plain sequence of steps."""
 
 from __future__ import annotations
 
@@ -60,8 +60,10 @@ def closed_steps(profile: Profile) -> tuple[Step, ...]:
     if abs(last.target_c - safe.target_c) <= REFERENCE_BAND_C:
         return steps
     phase = _phase('ramp', last.target_c, safe.target_c, safe.target_c)
-    there = Stabilisation(band_c=REFERENCE_BAND_C, timeout_s=safe.timeout_s, on_timeout='continue')
-    closing = Step('to_safe', 'final', safe.target_c, safe.rate_c_per_min, stabilise=there)
+    criterion = Stabilisation(
+        band_c=REFERENCE_BAND_C, timeout_s=safe.timeout_s, on_timeout='continue'
+    )
+    closing = Step('to_safe', 'final', safe.target_c, safe.rate_c_per_min, stabilise=criterion)
     return (*steps, replace(closing, phase=phase, orientation=last.orientation))
 
 
@@ -118,9 +120,9 @@ def _slowest_rate(steps: list[Step]) -> float:
     return min((step.rate_c_per_min for step in steps), default=1.0)
 
 
-def _phase(kind: str, at: float, target: float, reference: float) -> str:
+def _phase(kind: str, before: float, target: float, reference: float) -> str:
     if kind == 'ramp':
-        return 'ramp_up' if target > at else 'ramp_down'
+        return 'ramp_up' if target > before else 'ramp_down'
     if kind != 'dwell':
         return OPERATOR_PHASE if kind == 'operator' else kind
     if abs(target - reference) <= REFERENCE_BAND_C:

@@ -13,11 +13,11 @@ import serial
 from imu_recording.user_error import UserError, why_not_open
 
 MAX_LINE_BYTES = 4096
-"""More bytes without an end of line are not a line."""
+"""Longest line; more bytes without an end of line are dropped."""
 
 
 class ColumnError(UserError):
-    """A column map that maps nothing; the message says how one looks."""
+    """A column map that is not one; the message gives an example."""
 
 
 def parse_columns(entries: Sequence[str]) -> dict[int, str]:
@@ -44,10 +44,10 @@ _EXAMPLE = "'1=chamber/temperature'"
 
 @dataclass
 class ReferenceLines:
-    """Feed it bytes as they come; it returns the temperatures of all whole lines.
+    """Parses received bytes into temperatures, line by line.
 
-    A field that is no number, or a temperature outside `plausible_c` (a broken sensor), is left
-    out and counted; so is a line that has too few fields.
+    A field that is missing, not a number or outside `plausible_c` (a broken sensor) is left out
+    and counted.
     """
 
     columns: dict[int, str]
@@ -55,7 +55,7 @@ class ReferenceLines:
     plausible_c: tuple[float, float] = (-100.0, 300.0)
     lines: int = 0
     rejected: dict[str, int] = field(default_factory=dict)
-    """What was left out, by topic."""
+    """Number of fields left out, by topic."""
     _pending: bytes = b''
     _first: bool = True
 
@@ -70,7 +70,7 @@ class ReferenceLines:
         fields = line.decode('ascii', 'replace').split(self.delimiter)
         first, self._first = self._first, False
         if first and len(fields) <= max(self.columns):
-            return {}  # the line that was under way when the port was opened
+            return {}  # the line that was being sent when the port was opened
         self.lines += 1
         reading = {}
         for column, topic in self.columns.items():
@@ -90,17 +90,18 @@ def _number(text: str) -> float:
 
 
 RETRY_S = 1.0
+"""Time between two tries to open the port [s]."""
 
 
 class ReferenceLoggerPort:
-    """Reads what comes; a port that is missing or breaks is tried again every second."""
+    """Reads a port; one that is missing or breaks is opened again every second."""
 
     def __init__(self, address: str, baudrate: int) -> None:
         scheme, _, rest = address.partition('://')
         if scheme not in ('serial', 'tcp') or not rest:
             raise UserError(f'port is {address!r}, expected serial:///dev/… or tcp://HOST:PORT')
         self.fault = 'not opened yet'
-        """What is wrong with the port; '' nothing."""
+        """Fault of the port; '' none."""
         self.reconnects = -1
         self._url = rest if scheme == 'serial' else f'socket://{rest}'
         self._baudrate = baudrate
@@ -108,7 +109,7 @@ class ReferenceLoggerPort:
         self._retry_at = 0.0
 
     def read(self) -> bytes:
-        """Return what has come, b'' after a fifth of a second without anything."""
+        """Return the bytes received, b'' after 0.2 s without any."""
         try:
             if self._port is None:
                 self._open()

@@ -16,6 +16,7 @@ from chamber_profile.periodic_thread import PeriodicThread
 from chamber_profile.reference.logger import ReferenceLines, ReferenceLoggerPort, parse_columns
 
 SILENCE_TIMEOUT_S = 10.0
+"""A logger silent for this time is an error [s]."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class ReferenceLoggerConfig(NodeConfig):
 
 
 class ReferenceLoggerNode(ConfiguredNode):
-    """Publishes each line of a data logger as temperatures, stamped when it was received."""
+    """Publishes each line of a data logger as temperatures, stamped with the time of receipt."""
 
     config_class = ReferenceLoggerConfig
     logs_status = True
@@ -68,7 +69,7 @@ class ReferenceLoggerNode(ConfiguredNode):
             self._thread = None
 
     def stop(self) -> None:
-        """Release the port after an error nobody has thought of."""
+        """Release the port after an unexpected error."""
         self._port.close()
 
     def on_bytes(self, data: bytes) -> None:
@@ -80,7 +81,7 @@ class ReferenceLoggerNode(ConfiguredNode):
                 self._outputs[topic].publish(temperature_from_sample(sample))
 
     def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
-        """Tell whether lines come, and what in them was no temperature."""
+        """State of the port: silence, and fields that were no temperatures."""
         if not hasattr(self, 'lines'):
             return 0, self.state, {}
         silent = (self.now() - self._newest) * 1e-9

@@ -10,7 +10,7 @@ import numpy as np
 from imu_recording.recording import PHASES, FloatArray, IntArray
 from imu_recording.user_error import UserError
 
-from chamber_profile.chambers.simulated_chamber import SimulatedChamber
+from chamber_profile.chambers.simulated import SimulatedChamber
 from chamber_profile.profile.values import Profile, Step
 from chamber_profile.run.chamber_link import carry_out, readings_of
 from chamber_profile.run.sequencer import Sequencer

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from chamber_profile.chambers.simulated_chamber import SimulatedChamber
+from chamber_profile.chambers.simulated import SimulatedChamber
 from chamber_profile.node import ChamberProfileNode
 from chamber_profile.profile.values import OPERATOR_PHASE
 from chamber_profile.run.values import CONFIRM, DONE

@@ -12,12 +12,12 @@ from chamber_profile.chambers.chamber import ChamberReading, ChamberRefusalError
 from chamber_profile.chambers.climate import Climate
 
 RANGE_C = (-70.0, 180.0)
-"""What the simulated chamber can reach [°C]."""
-_BLOCK = 4096
+"""Temperature range of the simulated chamber [°C]."""
+_NOISE_ROWS = 4096
 
 
 def drawn_climate(rng: np.random.Generator) -> Climate:
-    """Return a chamber with its own calibration errors and room, as no two are alike."""
+    """Return a chamber with calibration errors and a room drawn at random."""
     return Climate(
         room_temperature=23.0 + rng.uniform(-1.5, 1.5),
         room_humidity=rng.uniform(0.35, 0.55),
@@ -53,13 +53,13 @@ class SimulatedChamber:
         self._elapsed = 0.0
 
     def advance(self, seconds: float) -> None:
-        """Let `seconds` pass in the chamber; the physics takes whole seconds, the rest waits."""
+        """Advance the chamber; the physics takes whole seconds, the rest is carried over."""
         self._elapsed += seconds
         steps = int(self._elapsed + 1e-9)
         self._elapsed -= steps
         while steps > 0:
             if self._used == len(self._noise):
-                self._noise = self._rng.standard_normal((_BLOCK, physics.NOISES))
+                self._noise = self._rng.standard_normal((_NOISE_ROWS, physics.NOISES))
                 self._used = 0
             take = min(steps, len(self._noise) - self._used)
             noise = self._noise[self._used : self._used + take]
@@ -74,11 +74,11 @@ class SimulatedChamber:
         return float(self.state[physics.AIR] + self.state[physics.EDDY])
 
     def connect(self) -> str:
-        """Return what this chamber is."""
+        """Return the description of this chamber."""
         return f'simulated chamber, seed {self.seed}'
 
     def read(self) -> ChamberReading:
-        """Return what the chamber's sensors show now."""
+        """Return the readings of the chamber's sensors now."""
         state, climate = self.state, self.climate
         noise = climate.probe_noise * self._noise[self._used - 1, 2:] if self._used else (0.0, 0.0)
         air = float(state[physics.AIR])
@@ -124,7 +124,7 @@ class SimulatedChamber:
         """Nothing is open."""
 
     def _protect(self) -> None:
-        """Trip as a chamber's own limiter does: 5 K beyond the limits, latched."""
+        """Stop with an alarm 5 K beyond the limits, as a chamber's own limiter does."""
         air = self.state[physics.AIR]
         if self.running and not self.limits[0] - 5.0 <= air <= self.limits[1] + 5.0:
             self.alarms = ('temperature limit',)
