@@ -52,6 +52,17 @@ def test_a_slow_turn_is_not_taken_for_a_bias(
 
 
 @pytest.mark.parametrize('name', NAMES)
+def test_one_unusable_force_does_not_hide_a_slow_turn(name: str) -> None:
+    recording, truth = turntable(2.0, [0.0, 0.0, 1.0], seed=2)
+    force = recording.linear_acceleration.copy()
+    force[100] = np.nan
+    broken = replace(recording, linear_acceleration=force)
+    result = run_filter(name, broken, preset='robust')
+    error = np.degrees(attitude_errors(result.orientation[500:], truth[500:]).rms()['total'])
+    assert error < (2.5 if name == 'ahrs' else 4.0)
+
+
+@pytest.mark.parametrize('name', NAMES)
 def test_a_field_that_never_stands_still_does_not_stop_learning(name: str) -> None:
     bias = np.radians([3.0, -2.0, 1.0])
     recording = rest(random_attitude(3), seed=3, seconds=40, bias=bias)

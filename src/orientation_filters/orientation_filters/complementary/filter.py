@@ -335,7 +335,9 @@ def _learn_bias(
     """Return rest, bias and flags: learned from the mean rate at rest, or from the corrections."""
     if not learns:
         return state.rest, state.bias, 0
-    rest = update_rest(state.rest, params.rest, seen, state.bias)
+    rest = state.rest
+    if seen.has_force:
+        rest = update_rest(rest, params.rest, seen, state.bias)
     if rest.duration >= params.rest.duration:
         bias, flags = _bias_at_rest(state.bias, rest, params, seen.interval)
         return rest, bias, flags
