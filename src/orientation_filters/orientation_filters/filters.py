@@ -6,14 +6,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from imu_recording.recording import ImuRecording
 from imu_recording.ros.parameter import ParameterError, checked, default_of
 from imu_recording.user_error import UserError
 
-from orientation_filters.ahrs import filter as ahrs_kalman
+from orientation_filters.ahrs import filter as ahrs
 from orientation_filters.ahrs.parameters import AhrsParameters
 from orientation_filters.complementary import filter as complementary
 from orientation_filters.complementary.parameters import ComplementaryParameters
@@ -21,66 +21,14 @@ from orientation_filters.parameters import FilterParameters, check_mount
 from orientation_filters.result import OrientationResult
 from orientation_filters.rotation.arrays import rotate
 
-P = TypeVar('P', bound=FilterParameters)
+FILTERS: dict[str, ModuleType] = {'complementary': complementary, 'ahrs': ahrs}
+"""Name → module with Params, State, initial_state, update, run."""
 
 PARAMETERS: dict[str, type[FilterParameters]] = {
     'complementary': ComplementaryParameters,
     'ahrs': AhrsParameters,
 }
-"""Filter → the dataclass of its named parameters."""
-
-PRESETS: dict[str, dict[str, dict[str, Any]]] = {
-    'complementary': {
-        'paper': {},
-        'robust': {
-            'adaptive': True,
-            'learn_bias': True,
-            'cutoff_hz': 0.03,
-            'heading_cutoff_hz': 0.015,
-            'integral_gain': 0.0,
-        },
-    },
-    'ahrs': {'paper': {}, 'robust': {'adaptive': True}},
-}
-"""What each preset sets beside the defaults, per filter."""
-
-
-def with_preset(parameters: P, filter_name: str, **values: Any) -> P:
-    """Return the parameters with the preset's values, then the given ones, checked.
-
-    >>> with_preset(ComplementaryParameters(), 'complementary', cutoff_hz=5).cutoff_hz
-    5.0
-    """
-    items = {item.name: item for item in fields(parameters)}
-    unknown = sorted(set(values) - set(items))
-    if unknown:
-        raise ParameterError(
-            f'unknown parameter {unknown[0]}; {filter_name} has {", ".join(sorted(items))}'
-        )
-    preset = checked(items['preset'], values.get('preset', parameters.preset))
-    chosen = {**PRESETS[filter_name][preset], **values, 'preset': preset}
-    made = replace(parameters, **{k: checked(items[k], v) for k, v in chosen.items()})
-    check_mount(made)
-    return made
-
-
-def preset_changes(
-    parameters_class: type[FilterParameters],
-    before: Mapping[str, Any],
-    preset: Mapping[str, Any],
-    values: Mapping[str, Any],
-) -> dict[str, Any]:
-    """Return what a preset after another one sets, where nobody has set a value by hand."""
-    defaults = {item.name: default_of(item) for item in fields(parameters_class)}
-    return {
-        name: preset.get(name, defaults[name])
-        for name in before.keys() | preset.keys()
-        if values[name] == before.get(name, defaults[name])
-    }
-
-
-FILTERS: dict[str, ModuleType] = {'complementary': complementary, 'ahrs': ahrs_kalman}
-"""Name → module with Params, State, initial_state, update, run."""
+"""Name → dataclass of the filter's named parameters, with its presets."""
 
 
 class FilterError(UserError):
@@ -88,10 +36,47 @@ class FilterError(UserError):
 
 
 def filter_parameters(name: str, **values: Any) -> FilterParameters:
-    """Return the named parameters of a filter, e.g. preset='robust', world_frame='ned'."""
+    """Return the named parameters of a filter: the preset's values, then the given ones, checked.
+
+    >>> filter_parameters('complementary', preset='robust').cutoff_hz
+    0.03
+    >>> filter_parameters('complementary', preset='robust', cutoff_hz=5).cutoff_hz
+    5.0
+    """
     if name not in FILTERS:
         raise FilterError(f'no filter {name!r}; there are {", ".join(FILTERS)}')
-    return with_preset(PARAMETERS[name](), name, **values)
+    defaults = PARAMETERS[name]()
+    items = {item.name: item for item in fields(defaults)}
+    unknown = sorted(set(values) - set(items))
+    if unknown:
+        raise ParameterError(
+            f'unknown parameter {unknown[0]}; {name} has {", ".join(sorted(items))}'
+        )
+    preset = checked(items['preset'], values.get('preset', defaults.preset))
+    chosen = {**defaults.presets[preset], **values, 'preset': preset}
+    parameters = replace(defaults, **{k: checked(items[k], v) for k, v in chosen.items()})
+    check_mount(parameters)
+    return parameters
+
+
+def preset_changes(
+    filter_name: str, before: str, after: str, values: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the values a change of preset sets; what was set by hand stays.
+
+    >>> preset_changes('ahrs', 'paper', 'robust', {'adaptive': False})
+    {'adaptive': True}
+    """
+    kind = PARAMETERS[filter_name]
+    if after not in kind.presets:
+        return {}
+    old, new = kind.presets[before], kind.presets[after]
+    defaults = {item.name: default_of(item) for item in fields(kind)}
+    return {
+        name: new.get(name, defaults[name])
+        for name in old.keys() | new.keys()
+        if values[name] == old.get(name, defaults[name])
+    }
 
 
 def run_filter(
@@ -112,16 +97,16 @@ def run_filter(
 
 
 def module(name: str, parameters: FilterParameters) -> ModuleType:
-    """Return the module that runs a filter: the native one, or filterpy's formulation."""
+    """Return the module that runs a filter: the compiled one, or the one on filterpy."""
     if getattr(parameters, 'implementation', 'native') == 'filterpy':
-        from orientation_filters.ahrs import filterpy_kalman as ahrs_filterpy
+        from orientation_filters.ahrs import filterpy_kalman
 
-        return ahrs_filterpy
+        return filterpy_kalman
     return FILTERS[name]
 
 
 def state_bytes(name: str, preset: str = 'paper') -> int:
-    """Return the memory of a filter's state, eight bytes per number the preset makes use of."""
+    """Return the memory of a filter's state: eight bytes per number that the preset uses."""
     filter_module = FILTERS[name]
     unused = filter_module.ADAPTIVE_STATE if preset == 'paper' else ()
     state = filter_module.initial_state()._asdict()
@@ -133,7 +118,7 @@ def _numbers(value: Any) -> int:
 
 
 def sample_rate(recording: ImuRecording) -> float:
-    """Return the rate of most samples [Hz]; NaN for fewer than two."""
+    """Return the median sample rate [Hz]; NaN for fewer than two samples."""
     if len(recording) < 2:
         return float('nan')
     return 1e9 / float(np.median(np.diff(recording.stamp)))

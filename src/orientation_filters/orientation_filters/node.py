@@ -26,9 +26,9 @@ from sensor_msgs.msg import Imu, MagneticField
 
 from orientation_filters.ahrs.parameters import AhrsParameters
 from orientation_filters.complementary.parameters import ComplementaryParameters
-from orientation_filters.filters import PRESETS, preset_changes
+from orientation_filters.filters import preset_changes
 from orientation_filters.live_filter import LiveEstimate, LiveFilter
-from orientation_filters.parameters import check_mount
+from orientation_filters.parameters import PRESET_NAMES, FilterParameters, check_mount
 from orientation_filters.raw_messages import field_from_bytes, imu_from_bytes
 
 
@@ -81,19 +81,20 @@ class FilterNode(ConfiguredNode):
     filter_name: ClassVar[str]
     event_driven = True
     expects = 'imu/data_raw'
-    _preset: ClassVar[dict[str, Any]] = {}
+    config: OutputConfig
 
     def __init__(self, **options: Any) -> None:
+        self._preset = FilterParameters.preset
         super().__init__(f'{self.filter_name}_filter', **options)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Give parameters that nobody set the values of the preset."""
-        named = self.get_parameter('preset').value  # one that does not exist is refused below
-        preset = PRESETS[self.filter_name].get(named, {})
-        changes = preset_changes(self.config_class, self._preset, preset, self._values())
+        preset = self.get_parameter('preset').value  # one that does not exist is refused below
+        changes = preset_changes(self.filter_name, self._preset, preset, self._values())
         for name in changes.keys() - self._parameter_overrides.keys():
             self.set_parameters([Parameter(name, value=changes[name])])
-        self._preset = preset
+        if preset in PRESET_NAMES:
+            self._preset = preset
         return super().on_configure(state)
 
     def setup(self, config: Any) -> None:

@@ -6,9 +6,10 @@ The defaults are the preset `paper`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, isclose, pi, sin
-from typing import Any
+from typing import Any, ClassVar
 
 from imu_recording.ros.parameter import ParameterError, parameter
 
@@ -18,11 +19,15 @@ from orientation_filters.sample_checks import SampleParams
 
 WORLD_FRAMES = ('enu', 'ned')
 PRESET_NAMES = ('paper', 'robust')
+Presets = Mapping[str, Mapping[str, Any]]
+"""Preset → values that differ from the defaults."""
 
 
 @dataclass(frozen=True)
 class FilterParameters:
     """Parameters both filters have."""
+
+    presets: ClassVar[Presets] = {name: {} for name in PRESET_NAMES}
 
     preset: str = parameter(
         'paper', 'Values of all that is not set: as the paper, or robust', choices=PRESET_NAMES

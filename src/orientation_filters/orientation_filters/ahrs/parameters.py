@@ -4,17 +4,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from imu_recording.ros.parameter import parameter
 
 from orientation_filters.ahrs.state import AdaptiveParams, Noise, Params
-from orientation_filters.parameters import FilterParameters, world_axes
+from orientation_filters.parameters import FilterParameters, Presets, world_axes
 
 
 @dataclass(frozen=True)
 class AhrsParameters(FilterParameters):
     """Parameters of the AHRS; noises are variances per step at 100 Hz, as ahrsfilter's."""
 
+    presets: ClassVar[Presets] = {'paper': {}, 'robust': {'adaptive': True}}
     implementation: str = parameter(
         'native', 'Kalman step: compiled, or filterpy.kalman', choices=('native', 'filterpy')
     )

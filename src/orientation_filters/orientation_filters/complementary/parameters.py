@@ -5,17 +5,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
+from typing import ClassVar
 
 from imu_recording.ros.parameter import parameter
 
 from orientation_filters.complementary.filter import Params
-from orientation_filters.parameters import FilterParameters, world_axes
+from orientation_filters.parameters import FilterParameters, Presets, world_axes
 
 
 @dataclass(frozen=True)
 class ComplementaryParameters(FilterParameters):
     """Parameters of the complementary filter."""
 
+    presets: ClassVar[Presets] = {
+        'paper': {},
+        'robust': {
+            'adaptive': True,
+            'learn_bias': True,
+            'cutoff_hz': 0.03,
+            'heading_cutoff_hz': 0.015,
+            'integral_gain': 0.0,
+        },
+    }
     cutoff_hz: float = parameter(
         3.0,
         'Cut-off between gyroscope and accelerometer',
