@@ -14,6 +14,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
+from thermal_comp.linear.columns import orthonormal
 from thermal_comp.linear.design import Design
 from thermal_comp.linear.normal_equations import Solution, solve
 from thermal_comp.linear.whitening import apply_transposed
@@ -144,10 +145,7 @@ def _local_basis(
 ) -> FloatArray:
     """Return an orthonormal basis (m, q) of the columns only the held-out part can tell."""
     index, columns = design.raw_columns(run, sensor, axis)
-    local = columns[:, np.isin(index, unseen)]
-    left, weights, _ = np.linalg.svd(local, full_matrices=False)
-    basis: FloatArray = left[:, weights > 1e-9 * weights.max(initial=1e-300)]
-    return basis
+    return orthonormal(columns[:, np.isin(index, unseen)])
 
 
 def _expected(

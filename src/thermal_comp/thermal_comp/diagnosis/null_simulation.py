@@ -15,7 +15,6 @@ from thermal_comp.diagnosis.candidates import Family, campaign_of, candidates
 from thermal_comp.diagnosis.spectral_lines import spectral_lines
 from thermal_comp.effects.effect import Candidate, Effect
 from thermal_comp.linear.candidate_design import RANK_TOLERANCE, CandidateDesign, ColumnSource
-from thermal_comp.linear.whitening import apply_gains, innovation_gains
 
 ABSORBED = 1e-10
 """A column of which less than this share of its power is left says nothing beside the base."""
@@ -180,14 +179,8 @@ class _Table:
         normal, right = np.zeros((3, self.width, self.width)), np.zeros((3, self.width))
         for axis in range(3):
             cross = np.zeros((bank.base[axis].shape[1], self.width))
-            at = 0
-            for run, ok, columns, unknown in zip(
-                bank.source.runs, bank.valid, self.columns, self.unknown, strict=True
-            ):
-                gains = innovation_gains(run.slot[ok], bank.noise, axis, run.period)
-                white = apply_gains(columns[ok], gains)
-                rows = slice(at, at + len(white))
-                at += len(white)
+            for run, (columns, unknown) in enumerate(zip(self.columns, self.unknown, strict=True)):
+                white, rows = bank.whitened_in_run(columns, run, axis)
                 normal[axis][np.ix_(unknown, unknown)] += white.T @ white
                 cross[:, unknown] += bank.base[axis][rows].T @ white
                 right[axis, unknown] += white.T @ bank.target[axis, rows]

@@ -12,11 +12,14 @@ from imu_recording.recording import FloatArray, IntArray
 from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.effects.effect import Effect
 from thermal_comp.experiment.plan import PERIOD_S
-from thermal_comp.linear.whitening import apply_gains, innovation_gains
+from thermal_comp.linear.columns import orthonormal, project_out, stack_runs
+from thermal_comp.linear.whitening import RowWhitening
 from thermal_comp.model.values import NoiseModel, ThermalModel
 
-SHAPES = 5
+SHAPE_GRID_POINTS = 5
 """Points of the grid over each shape parameter of a rival."""
+ABSORBED = 1e-9
+"""Share of a column's length that is rounding where the rest of the model takes it up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +37,7 @@ class Rival:
     ) -> Rival:
         """Return the effect as the model has it, else in its default shape without a size."""
         part = model.sensors[sensor]
-        grid = catalogue[name].shape_grid(SHAPES)
+        grid = catalogue[name].shape_grid(SHAPE_GRID_POINTS)
         for effect, coefficients in zip(part.effects, part.coefficients, strict=True):
             if effect.name == name:
                 return cls(effect, _per_axis(effect, coefficients), (effect, *grid))
@@ -62,7 +65,7 @@ def _per_axis(effect: Effect, fitted: FloatArray) -> FloatArray:
 
 
 class PredictedDesign:
-    """Whitened columns of predicted runs."""
+    """Whitened columns of predicted runs, orthogonal to levels and the rest of a model."""
 
     def __init__(
         self,
@@ -74,86 +77,45 @@ class PredictedDesign:
         self.runs = [run.of(sensor) for run in runs]
         self.noise = noise
         slot: IntArray = np.arange(len(runs[0]), dtype=np.int64)
-        self._gains = [innovation_gains(slot, noise, axis, PERIOD_S) for axis in range(3)]
-        known = np.concatenate([self._levels(), *(self._columns(e) for e in base)], axis=2)
-        self._base = [_orthonormal(known[axis]) for axis in range(3)]
+        self._whitening = RowWhitening([slot] * len(runs), noise, [PERIOD_S] * len(runs))
+        levels = stack_runs([np.ones((len(run), 3, 1)) for run in runs], per_run=True)
+        known = np.concatenate([levels, *(self.raw(effect) for effect in base)], axis=2)
+        self._base = [orthonormal(columns) for columns in self._whitening.whitened(known)]
+
+    def raw(self, effect: Effect) -> FloatArray:
+        """(rows, 3, p) columns of all runs below each other."""
+        parts = [effect.columns(run)[0] for run in self.runs]
+        three = [np.repeat(c[:, None], 3, axis=1) if c.ndim == 2 else c for c in parts]
+        return stack_runs(three, per_run=effect.per_run)
 
     def evidence(self, truth: Rival, rival: Rival) -> float:
         """Return what of the truth the rival's best form leaves, in whitened sum of squares."""
         raw = self.raw(truth.effect)
         assert truth.coefficients is not None  # noqa: S101 (sized before)
         sizes = np.resize(truth.coefficients, (raw.shape[2], 3))
-        signal = np.einsum('nap,pa->na', raw, sizes)
-        whitened = self._whitened(signal[:, :, None])[:, :, 0]
-        left = [self._without_base(whitened[a][:, None], a)[:, 0] for a in range(3)]
-        signal = np.stack(left)
+        signal = self._beyond_base(np.einsum('nap,pa->na', raw, sizes)[:, :, None])[:, :, 0]
         return min(self._left(signal, form) for form in rival.forms)
 
     def size(self, signal: FloatArray) -> float:
         """Return the rms (rows, 3) has beyond levels of the runs and a line in temperature."""
-        rows = len(self.runs[0])
-        parts = [signal[k * rows : (k + 1) * rows] for k in range(len(self.runs))]
+        parts = np.split(signal, self._whitening.edges[1:-1])
         centred = np.concatenate([part - part.mean(axis=0) for part in parts])
         x = np.concatenate([run.temperature - run.temperature.mean() for run in self.runs])
         rest = centred - np.outer(x, x @ centred / (x @ x))
         return float(np.sqrt((rest**2).mean()))
 
     def _left(self, signal: FloatArray, form: Effect) -> float:
-        columns = self._columns(form)
-        if form.columns(self.runs[0])[0].ndim == 3:
-            stacked = np.concatenate([self._without_base(columns[a], a) for a in range(3)])
-            basis = _orthonormal(stacked)
-            flat = signal.ravel()
-            return float(((flat - basis @ (basis.T @ flat)) ** 2).sum())
-        left = 0.0
-        for axis in range(3):
-            basis = _orthonormal(self._without_base(columns[axis], axis))
-            rest = signal[axis] - basis @ (basis.T @ signal[axis])
-            left += float((rest**2).sum())
-        return left
+        """Return the sum of squares of a signal (3, rows) that a form leaves."""
+        columns = self._beyond_base(self.raw(form))
+        if form.columns(self.runs[0])[0].ndim == 3:  # the axes share its coefficients
+            signal, columns = signal.reshape(1, -1), columns.reshape(1, signal.size, -1)
+        pairs = zip(signal, columns, strict=True)
+        return sum(float((project_out(orthonormal(c), s) ** 2).sum()) for s, c in pairs)
 
-    def _without_base(self, columns: FloatArray, axis: int) -> FloatArray:
-        basis = self._base[axis]
-        return np.asarray(columns - basis @ (basis.T @ columns))
-
-    def _levels(self) -> FloatArray:
-        runs, rows = len(self.runs), len(self.runs[0])
-        levels = np.kron(np.eye(runs), np.ones((rows, 1)))
-        return self._whitened(np.repeat(levels[:, None, :], 3, axis=1))
-
-    def _columns(self, effect: Effect) -> FloatArray:
-        return self._whitened(self.raw(effect))
-
-    def raw(self, effect: Effect) -> FloatArray:
-        """(rows, 3, p) columns of all runs below each other."""
-        parts = []
-        for number, run in enumerate(self.runs):
-            columns: FloatArray = effect.columns(run)[0]
-            if columns.ndim == 2:
-                columns = np.repeat(columns[:, None, :], 3, axis=1)
-            if effect.per_run:
-                place = np.zeros((len(self.runs), 1))
-                place[number] = 1.0
-                spread = np.kron(place.T, columns.reshape(len(columns) * 3, -1))
-                columns = np.asarray(spread.reshape(len(columns), 3, -1), dtype=np.float64)
-            parts.append(np.asarray(columns, dtype=np.float64))
-        return np.concatenate(parts)
-
-    def _whitened(self, columns: FloatArray) -> FloatArray:
-        rows = len(self.runs[0])
-        parts = [columns[k * rows : (k + 1) * rows] for k in range(len(self.runs))]
-        return np.stack(
-            [
-                np.concatenate([apply_gains(part[:, axis], self._gains[axis]) for part in parts])
-                for axis in range(3)
-            ]
-        )
-
-
-def _orthonormal(columns: FloatArray) -> FloatArray:
-    size = np.linalg.norm(columns, axis=0)
-    kept = columns[:, size > 1e-9 * max(float(size.max(initial=0.0)), 1e-300)]
-    if not kept.shape[1]:
-        return np.zeros((len(columns), 0))
-    left, weights, _ = np.linalg.svd(kept / np.linalg.norm(kept, axis=0), full_matrices=False)
-    return np.asarray(left[:, weights > 1e-7 * weights[0]])
+    def _beyond_base(self, columns: FloatArray) -> FloatArray:
+        """(3, rows, p) columns (rows, 3, p) whitened, zero where the base takes them up."""
+        whitened = self._whitening.whitened(columns)
+        rest = np.stack([project_out(*pair) for pair in zip(self._base, whitened, strict=True)])
+        taken_up = np.linalg.norm(rest, axis=1) <= ABSORBED * np.linalg.norm(whitened, axis=1)
+        rest[np.broadcast_to(taken_up[:, None], rest.shape)] = 0.0
+        return rest

@@ -13,20 +13,9 @@ from scipy.ndimage import gaussian_filter1d
 from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.normal_equations import (
-    RANK_TOLERANCE,
-    block_diagonal,
-    orthonormal,
-    per_axis,
-    pseudo_solve,
-)
-from thermal_comp.linear.whitening import (
-    Gains,
-    apply_gains,
-    apply_gains_in_place,
-    apply_transposed,
-    innovation_gains,
-)
+from thermal_comp.linear.columns import orthonormal, per_axis, project_out, stack_runs
+from thermal_comp.linear.normal_equations import RANK_TOLERANCE, pseudo_solve
+from thermal_comp.linear.whitening import RowWhitening, apply_gains, apply_transposed
 from thermal_comp.model.values import NoiseModel
 
 SMOOTHING_S = 20.0
@@ -125,36 +114,29 @@ class CandidateDesign:
         runs = source.runs
         measured = [run.measured[sensor] for run in runs] if values is None else list(values)
         self.valid = [np.isfinite(rows).all(axis=1) for rows in measured]
-        sizes = [int(ok.sum()) for ok in self.valid]
-        self._edges = np.concatenate([[0], np.cumsum(sizes)])
-        self.rows = int(self._edges[-1])
-        self.run_of_row: IntArray = np.repeat(np.arange(len(sizes)), sizes)
+        slots = [run.slot[ok] for run, ok in zip(runs, self.valid, strict=True)]
+        self.whitening = RowWhitening(slots, noise, [run.period for run in runs])
+        self.rows = len(self.whitening)
         self.cv_group: IntArray = np.concatenate(
             [run.cv_group[ok] for run, ok in zip(runs, self.valid, strict=True)]
         )
-        self._gains: list[list[Gains]] = [
-            [innovation_gains(run.slot[ok], noise, axis, run.period) for axis in range(3)]
-            for run, ok in zip(runs, self.valid, strict=True)
-        ]
         self._terms: dict[Effect, Term] = {}
         self._columns = np.zeros((3, self.rows, ROOM))
         self.normal = np.zeros((3, ROOM, ROOM))
         self.right = np.zeros((3, ROOM))
         self._size = np.zeros(0)
         self.width = 0
-        levels = np.repeat(block_diagonal([np.ones((m, 1)) for m in sizes])[:, None], 3, axis=1)
-        known = [levels, self._thermometer_noise()]
+        levels = stack_runs([np.ones((len(slot), 1)) for slot in slots], per_run=True)
+        known = [per_axis(levels)[0], self._thermometer_noise()]
         known += [per_axis(self._evaluated(effect))[0] for effect in base]
-        whitened = self._whitened(np.concatenate(known, axis=2))
-        self.base = [orthonormal(whitened[axis]) for axis in range(3)]
+        whitened = self.whitening.whitened(np.concatenate(known, axis=2))
+        self.base = [orthonormal(columns) for columns in whitened]
         self.base_rank = sum(q.shape[1] for q in self.base)
-        target = np.concatenate([rows[ok] for rows, ok in zip(measured, self.valid, strict=True)])
-        self.target = self._projected(self._whitened(target[:, :, None]))[:, :, 0]
+        self.target = self._residual(measured)
 
     def retarget(self, values: Sequence[FloatArray]) -> None:
         """Take other values (m, 3) per run as what was measured; all rows must be valid."""
-        target = np.concatenate([rows[ok] for rows, ok in zip(values, self.valid, strict=True)])
-        self.target = self._projected(self._whitened(target[:, :, None]))[:, :, 0]
+        self.target = self._residual(values)
         for axis in range(3):
             filled = self._columns[axis, :, : self.width]
             self.right[axis, : self.width] = filled.T @ self.target[axis]
@@ -188,7 +170,7 @@ class CandidateDesign:
         made = []
         for function, per_run in functions:
             parts = [function(run)[ok] for run, ok in zip(runs, self.valid, strict=True)]
-            made.append(block_diagonal(parts) if per_run else np.concatenate(parts))
+            made.append(stack_runs(parts, per_run=per_run))
         place = self._append([per_axis(columns)[0] for columns in made])
         stops = place + np.cumsum([columns.shape[1] for columns in made])
         starts = [place, *stops[:-1].tolist()]
@@ -263,9 +245,9 @@ class CandidateDesign:
 
     def transposed(self, run: int) -> FloatArray:
         """Return (m, 3) Wᵀ of the residual of one run; W whitens, m are its valid rows."""
-        rows = slice(self._edges[run], self._edges[run + 1])
+        rows = self.whitening.rows_of(run)
         columns = [
-            apply_transposed(self.target[axis, rows, None], self._gains[run][axis])
+            apply_transposed(self.target[axis, rows, None], self.whitening.gains_of(run, axis))
             for axis in range(3)
         ]
         return np.concatenate(columns, axis=1)
@@ -274,8 +256,8 @@ class CandidateDesign:
         self, columns: FloatArray, run: int, axis: int
     ) -> tuple[FloatArray, slice]:
         """Return the columns (m, q) of one run's blocks, whitened where valid, and their rows."""
-        rows = slice(self._edges[run], self._edges[run + 1])
-        return apply_gains(columns[self.valid[run]], self._gains[run][axis]), rows
+        gains = self.whitening.gains_of(run, axis)
+        return apply_gains(columns[self.valid[run]], gains), self.whitening.rows_of(run)
 
     def split_sizes(self, terms: Sequence[Term]) -> tuple[int, int]:
         """Return how many columns each axis has of its own and how many are shared."""
@@ -292,7 +274,7 @@ class CandidateDesign:
         """Return the effect's (rows, p) or (rows, 3, p) columns; per run, p of each run."""
         columns = self.source.columns(effect, self.sensor)
         parts = [part[ok] for part, ok in zip(columns, self.valid, strict=True)]
-        return block_diagonal(parts) if effect.per_run else np.concatenate(parts)
+        return stack_runs(parts, per_run=effect.per_run)
 
     def _thermometer_noise(self) -> FloatArray:
         """(rows, 3, 1) smoothed minus measured temperature: times the slope it is error."""
@@ -300,18 +282,13 @@ class CandidateDesign:
         parts = [noise[ok] for noise, ok in zip(noises, self.valid, strict=True)]
         return np.repeat(np.concatenate(parts)[:, None, None], 3, axis=1)
 
-    def _whitened(self, columns: FloatArray) -> FloatArray:
-        """(rows, 3, p) → (3, rows, p), whitened by each axis's noise."""
-        whitened = np.empty((3, self.rows, columns.shape[2]))
-        for k, gains in enumerate(self._gains):
-            rows = slice(self._edges[k], self._edges[k + 1])
-            for axis in range(3):
-                whitened[axis, rows] = apply_gains(columns[rows, axis], gains[axis])
-        return whitened
-
-    def _projected(self, whitened: FloatArray) -> FloatArray:
-        pairs = zip(whitened, self.base, strict=True)
-        return np.stack([columns - q @ (q.T @ columns) for columns, q in pairs])
+    def _residual(self, values: Sequence[FloatArray]) -> FloatArray:
+        """(3, rows) values (m, 3) per run, whitened, the base model taken out."""
+        valid = [rows[ok] for rows, ok in zip(values, self.valid, strict=True)]
+        whitened = self.whitening.whitened(np.concatenate(valid)[:, :, None])
+        return np.stack(
+            [project_out(*pair)[:, 0] for pair in zip(self.base, whitened, strict=True)]
+        )
 
     def _append(self, parts: Sequence[FloatArray]) -> int:
         """Whiten, project and keep columns (rows, 3, p) of several parts; return their start."""
@@ -321,11 +298,9 @@ class CandidateDesign:
         before, size = np.zeros((2, stop - start))
         for axis in range(3):
             columns = np.concatenate([part[:, axis] for part in parts], axis=1)
-            for k, gains in enumerate(self._gains):
-                apply_gains_in_place(columns[self._edges[k] : self._edges[k + 1]], gains[axis])
+            self.whitening.whiten_in_place(columns, axis)
             before += np.einsum('np,np->p', columns, columns)
-            base = self.base[axis]
-            columns -= base @ (base.T @ columns)
+            columns = project_out(self.base[axis], columns)
             size += np.einsum('np,np->p', columns, columns)
             self._columns[axis, :, start:stop] = columns
         before, size = np.sqrt(before), np.sqrt(size)

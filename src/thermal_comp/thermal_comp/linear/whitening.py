@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,6 +73,47 @@ def apply_transposed(values: FloatArray, gains: Gains) -> FloatArray:
     after = np.zeros((len(gains.decay), turned.shape[1]))
     _turn(turned, after, gains.decay, gains.weight, gains.missed, gains.gain, gains.deviation)
     return turned
+
+
+class RowWhitening:
+    """Whitening of rows of several runs that stand below each other, by each axis's noise."""
+
+    def __init__(
+        self, slots: Sequence[IntArray], noise: NoiseModel, periods: Sequence[float]
+    ) -> None:
+        """`slots` are the places of each run's rows; runs may share an array of them."""
+        self.edges = np.concatenate([[0], np.cumsum([len(slot) for slot in slots])])
+        gains: dict[tuple[int, float], list[Gains]] = {}
+        for slot, period in zip(slots, periods, strict=True):
+            if (id(slot), period) not in gains:
+                axes = [innovation_gains(slot, noise, axis, period) for axis in range(3)]
+                gains[id(slot), period] = axes
+        self._gains = [gains[id(s), p] for s, p in zip(slots, periods, strict=True)]
+
+    def __len__(self) -> int:
+        return int(self.edges[-1])
+
+    def rows_of(self, run: int) -> slice:
+        """Return where the rows of a run stand."""
+        return slice(int(self.edges[run]), int(self.edges[run + 1]))
+
+    def gains_of(self, run: int, axis: int) -> Gains:
+        """Return the filter of one axis of a run."""
+        return self._gains[run][axis]
+
+    def whitened(self, columns: FloatArray) -> FloatArray:
+        """Return columns (rows, 3, p) whitened, (3, rows, p)."""
+        whitened = np.empty((3, len(self), columns.shape[2]))
+        for run, gains in enumerate(self._gains):
+            rows = self.rows_of(run)
+            for axis in range(3):
+                whitened[axis, rows] = apply_gains(columns[rows, axis], gains[axis])
+        return whitened
+
+    def whiten_in_place(self, columns: FloatArray, axis: int) -> None:
+        """Whiten columns (rows, p) of one axis that lie contiguously."""
+        for run, gains in enumerate(self._gains):
+            apply_gains_in_place(columns[self.rows_of(run)], gains[axis])
 
 
 # The kernels are plain loops over scalars that fill arrays made outside: what numpy does inside

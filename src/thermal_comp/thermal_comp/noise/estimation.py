@@ -22,7 +22,7 @@ from thermal_comp.noise.process import (
     project_spectra,
     toeplitz_product,
 )
-from thermal_comp.noise.saturated_model import orthonormal, saturated_basis
+from thermal_comp.noise.saturated_model import joined_basis, saturated_basis
 
 JUMP_DEVIATIONS = 12.0
 """Difference of neighbouring blocks, in standard deviations, that noise does not reach."""
@@ -178,13 +178,13 @@ def _spectrum_of(
         basis = _basis_of(run)
         if further:
             columns = [basis, *(c.reshape(len(run), -1) for c in further.values())]
-            basis = orthonormal(np.concatenate(columns, axis=1))
+            basis = joined_basis(columns)
         if not valid.all():
             basis, _ = np.linalg.qr(basis[valid])
         kept[key] = project_spectra(slot, basis, OU_TIME_CONSTANTS, run.period)
     jumps = jump_columns(values[valid], slot, kept[key].basis)
     if jumps.shape[1]:
-        basis = orthonormal(np.concatenate([kept[key].basis, jumps], axis=1))
+        basis = joined_basis([kept[key].basis, jumps])
         return project_spectra(slot, basis, OU_TIME_CONSTANTS, run.period).spectrum_of(
             values[valid]
         )

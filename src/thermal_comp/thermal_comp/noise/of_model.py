@@ -26,7 +26,7 @@ from thermal_comp.noise.process import (
     ResidualSpectrum,
     project_spectra,
 )
-from thermal_comp.noise.saturated_model import orthonormal, repeatable_basis
+from thermal_comp.noise.saturated_model import joined_basis, repeatable_basis
 
 MOST_SPREAD_RATIO = 1.15
 """Rms about a run's mean, in that of the extrapolated noise, beyond which what is left in cycles
@@ -86,7 +86,7 @@ def _spectrum(
     key: Key = (valid.tobytes(), sensor if further else None, tuple(further))
     if key not in kept:
         if further:
-            basis = orthonormal(np.concatenate([basis, *further.values()], axis=1))
+            basis = joined_basis([basis, *further.values()])
         if not valid.all():
             basis, _ = np.linalg.qr(basis[valid])
         slot = run.slot[valid] - run.slot[valid][0]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ from imu_recording.recording import FloatArray
 from scipy.interpolate import BSpline
 
 from thermal_comp.effects.operators import grow_and_melt, play
+from thermal_comp.linear.columns import orthonormal
 
 if TYPE_CHECKING:
     from thermal_comp.data.preparation import PreparedRun
@@ -23,6 +25,10 @@ HALF_WIDTHS = (1.5, 4.0, 8.0, 16.0)
 ICE = ((900.0, 400.0), (3600.0, 400.0), (900.0, 1600.0))
 """Growth and melt times [s] of the ice it offers."""
 
+WEAKEST_DIRECTION = 1e-5
+"""Columns of unit length: a direction weaker than this is the thermometer's noise between two of
+them, and would take noise out of what is left for no effect."""
+
 CHANNELS = ('heater', 'compressor', 'fan', 'supply_voltage', 'humidity', 'chamber_temperature')
 
 
@@ -31,12 +37,17 @@ def saturated_basis(run: PreparedRun) -> FloatArray:
 
     Fitted per run and axis it takes up every effect of the catalogue to first order.
     """
-    return orthonormal(np.concatenate([*_repeatable(run), *_slow(run)], axis=1))
+    return joined_basis([*_repeatable(run), *_slow(run)])
 
 
 def repeatable_basis(run: PreparedRun) -> FloatArray:
     """Return an orthonormal basis (m, p) of what temperature and channels lead to, not time."""
-    return orthonormal(np.concatenate(_repeatable(run), axis=1))
+    return joined_basis(_repeatable(run))
+
+
+def joined_basis(columns: Sequence[FloatArray]) -> FloatArray:
+    """Return an orthonormal basis of columns (m, …) beside each other, without weak directions."""
+    return orthonormal(np.concatenate(columns, axis=1), WEAKEST_DIRECTION)
 
 
 def _repeatable(run: PreparedRun) -> list[FloatArray]:
@@ -82,13 +93,6 @@ def lagged(time: FloatArray, values: FloatArray, time_constant: float) -> FloatA
         level = values[i] + (level - values[i]) * keep[i]
         followed[i] = level
     return followed
-
-
-def orthonormal(columns: FloatArray, tolerance: float = 1e-5) -> FloatArray:
-    """Return an orthonormal basis of the columns' span; directions below `tolerance` drop."""
-    size = np.linalg.norm(columns, axis=0)
-    left, weights, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
-    return np.asarray(left[:, weights > tolerance * weights[0]])
 
 
 def _spline(temperature: FloatArray, pieces: int = 6) -> FloatArray:

@@ -18,6 +18,7 @@ from thermal_comp.diagnosis.thresholds import threshold_of
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
+from thermal_comp.linear.columns import orthonormal, project_out, stack_runs
 from thermal_comp.model.values import ModelError
 from thermal_comp.noise.of_runs import noise_of_runs
 from thermal_comp.presentation.display import DISPLAY_UNITS
@@ -88,18 +89,15 @@ def explained_by(
     measured = [run.measured[sensor] for run in runs]
     edges = np.cumsum([0, *(len(rows) for rows in measured)])
     stacked = np.concatenate(measured)
-    levels = np.zeros((len(stacked), len(runs)))
-    for r in range(len(runs)):
-        levels[edges[r] : edges[r + 1], r] = 1.0
+    levels = stack_runs([np.ones((len(rows), 1)) for rows in measured], per_run=True)
     curves = np.full_like(stacked, np.nan)
     share = []
     for axis in range(3):
         known = [levels, *(_columns(e, runs, sensor, axis) for e in base)]
         own = _columns(effect, runs, sensor, axis)
         good = np.isfinite(stacked[:, axis])
-        basis = _orthonormal(np.column_stack(known)[good])
-        left = stacked[good, axis] - basis @ (basis.T @ stacked[good, axis])
-        new = own[good] - basis @ (basis.T @ own[good])
+        basis = orthonormal(np.column_stack(known)[good])
+        left, new = project_out(basis, stacked[good, axis]), project_out(basis, own[good])
         weights = np.linalg.lstsq(new, left, rcond=1e-9)[0]
         curves[good, axis] = new @ weights
         total = float((left**2).sum())
@@ -109,24 +107,9 @@ def explained_by(
 
 
 def _columns(effect: Effect, runs: Sequence[PreparedRun], sensor: Sensor, axis: int) -> FloatArray:
-    parts = []
-    for r, run in enumerate(runs):
-        columns = run.columns(effect, sensor)
-        part = columns[:, axis] if columns.ndim == 3 else columns
-        if effect.per_run:
-            wide = np.zeros((len(part), part.shape[1] * len(runs)))
-            wide[:, r * part.shape[1] : (r + 1) * part.shape[1]] = part
-            part = wide
-        parts.append(part)
-    stacked: FloatArray = np.concatenate(parts)
-    return stacked
-
-
-def _orthonormal(columns: FloatArray) -> FloatArray:
-    scale = np.linalg.norm(columns, axis=0)
-    left, weights, _ = np.linalg.svd(columns / np.where(scale > 0.0, scale, 1.0), False)
-    basis: FloatArray = left[:, weights > 1e-9 * weights.max(initial=1e-300)]
-    return basis
+    parts = [run.columns(effect, sensor) for run in runs]
+    parts = [part[:, axis] if part.ndim == 3 else part for part in parts]
+    return stack_runs(parts, per_run=effect.per_run)
 
 
 def preview_figure(
