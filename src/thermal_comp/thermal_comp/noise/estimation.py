@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
-from weakref import WeakKeyDictionary
+from collections.abc import Sequence
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
@@ -16,11 +14,16 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.process import (
     OU_TIME_CONSTANTS,
-    Projection,
     ResidualSpectrum,
     mean_autocovariance,
     project_spectra,
     toeplitz_product,
+)
+from thermal_comp.noise.projection import (
+    LEAST_BLOCKS,
+    FurtherColumns,
+    not_followed,
+    projection_of,
 )
 from thermal_comp.noise.saturated_model import joined_basis, saturated_basis
 
@@ -61,18 +64,11 @@ def jump_columns(values: FloatArray, slot: IntArray, basis: FloatArray) -> Float
     return np.zeros((len(values), 0))
 
 
-SMOOTHNESS = 1.2
-"""Standard deviation of the log-variance step between neighbours of the ladder."""
+LOG_VARIANCE_STEP = 1.2
+"""Standard deviation of the log-variance step between neighbouring processes."""
 
-FLOOR = 1e-9
+LEAST_VARIANCE = 1e-9
 """Least variance of a process, as a share of the residual's."""
-
-
-LEAST_BLOCKS = 30
-"""Blocks a run needs for a spectrum of its noise."""
-
-BEYOND = 0.01
-"""Share of an effect outside the saturated model from which on it counts as not followed."""
 
 
 def fit_noise(
@@ -85,12 +81,10 @@ def fit_noise(
     to the last (a step, a spectral line; a hysteresis nearly).
     """
     beyond = effects_beyond(runs, sensor, effects)
-    spectra = [
-        _spectrum_of(
-            run, run.measured[sensor], {(sensor, e): run.columns(e, sensor) for e in beyond}
-        )
-        for run in runs
-    ]
+    spectra = []
+    for run in runs:
+        further = {(sensor, e): run.columns(e, sensor) for e in beyond}
+        spectra.append(_spectrum(run, run.measured[sensor], further))
     return fit_noise_to_spectra([s for s in spectra if s is not None])
 
 
@@ -98,12 +92,12 @@ def effects_beyond(
     runs: Sequence[PreparedRun], sensor: Sensor, effects: Sequence[Effect]
 ) -> tuple[Effect, ...]:
     """Return the effects the saturated model cannot follow in some run."""
-    return tuple(e for e in effects if any(_share_beyond(run, sensor, e) > BEYOND for run in runs))
+    return not_followed(runs, sensor, effects, saturated_basis)
 
 
 def fit_noise_to_values(runs: Sequence[PreparedRun], values: Sequence[FloatArray]) -> NoiseModel:
     """Return the noise of values (m, 3) per run, measured or drawn under the runs' conditions."""
-    spectra = [_spectrum_of(run, v) for run, v in zip(runs, values, strict=True)]
+    spectra = [_spectrum(run, v, {}) for run, v in zip(runs, values, strict=True)]
     return fit_noise_to_spectra([s for s in spectra if s is not None])
 
 
@@ -135,60 +129,22 @@ def expected_square(noise: NoiseModel, run: PreparedRun, axis: int, operator: Fl
     return float(np.einsum('mq,mq->', operator, product))
 
 
-Key = tuple[bytes, tuple[tuple[Sensor, Effect], ...]]
-_PROJECTIONS: WeakKeyDictionary[PreparedRun, dict[Key, Projection]] = WeakKeyDictionary()
-"""Projections of runs by valid rows and further effects: mostly the same for all sensors."""
-_BASES: WeakKeyDictionary[PreparedRun, FloatArray] = WeakKeyDictionary()
-
-
-def _basis_of(run: PreparedRun) -> FloatArray:
-    if run not in _BASES:
-        _BASES[run] = saturated_basis(run)
-    return _BASES[run]
-
-
-def _share_beyond(run: PreparedRun, sensor: Sensor, effect: Effect) -> float:
-    """Return the largest share of a column's rms that stands outside the saturated model."""
-    columns = run.columns(effect, sensor).reshape(len(run), -1)
-    columns = columns - columns.mean(axis=0)
-    size = np.linalg.norm(columns, axis=0)
-    moving = size > 1e-9 * size.max(initial=1e-300)
-    basis = _basis_of(run)
-    outside = columns - basis @ (basis.T @ columns)
-    share = np.linalg.norm(outside[:, moving], axis=0) / size[moving]
-    return float(share.max(initial=0.0))
-
-
-def _spectrum_of(
-    run: PreparedRun,
-    values: FloatArray,
-    further: Mapping[tuple[Sensor, Effect], FloatArray] = MappingProxyType({}),
+def _spectrum(
+    run: PreparedRun, values: FloatArray, further: FurtherColumns
 ) -> ResidualSpectrum | None:
-    """Return the spectrum of what the basis and `further` columns (m, …) leave of values (m, 3).
+    """Return the spectrum of what a saturated model, `further` columns and jumps leave of values.
 
-    An effect's columns are another sensor's where they hold the sensor's input.
+    Values are (m, 3); None where the run is too short.
     """
     valid = np.isfinite(values).all(axis=1)
     if valid.sum() < LEAST_BLOCKS:
         return None
-    slot = run.slot[valid] - run.slot[valid][0]
-    kept = _PROJECTIONS.setdefault(run, {})
-    key = (valid.tobytes(), tuple(further))
-    if key not in kept:
-        basis = _basis_of(run)
-        if further:
-            columns = [basis, *(c.reshape(len(run), -1) for c in further.values())]
-            basis = joined_basis(columns)
-        if not valid.all():
-            basis, _ = np.linalg.qr(basis[valid])
-        kept[key] = project_spectra(slot, basis, OU_TIME_CONSTANTS, run.period)
-    jumps = jump_columns(values[valid], slot, kept[key].basis)
+    projection = projection_of(run, valid, saturated_basis, further)
+    jumps = jump_columns(values[valid], projection.slot, projection.basis)
     if jumps.shape[1]:
-        basis = joined_basis([kept[key].basis, jumps])
-        return project_spectra(slot, basis, OU_TIME_CONSTANTS, run.period).spectrum_of(
-            values[valid]
-        )
-    return kept[key].spectrum_of(values[valid])
+        basis = joined_basis([projection.basis, jumps])
+        projection = project_spectra(projection.slot, basis, OU_TIME_CONSTANTS, run.period)
+    return projection.spectrum_of(values[valid])
 
 
 def _whittle(
@@ -216,7 +172,7 @@ def _whittle(
         gradient += precision @ (log_variance - centre)
         curvature = (share * weight) @ share.T + precision
         step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), gradient)
-        trial = np.clip(log_variance - np.clip(step, -2.0, 2.0), np.log(FLOOR), 25.0)
+        trial = np.clip(log_variance - np.clip(step, -2.0, 2.0), np.log(LEAST_VARIANCE), 25.0)
         new = _objective(trial, periodogram, expected, weight, precision, centre)
         if new <= value:
             settled = value - new < 1e-7 * max(abs(value), 1.0)
@@ -246,6 +202,6 @@ def _objective(
 
 
 def _smoothness_precision(order: int) -> FloatArray:
-    """Precision of the steps between neighbours of the ladder; white noise stands free."""
+    """Precision of the steps between neighbouring processes; white noise stands free."""
     steps = np.diff(np.eye(order)[1:], axis=0)
-    return np.asarray(steps.T @ steps) / SMOOTHNESS**2 + 1e-6 * np.eye(order)
+    return np.asarray(steps.T @ steps) / LOG_VARIANCE_STEP**2 + 1e-6 * np.eye(order)

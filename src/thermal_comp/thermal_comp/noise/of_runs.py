@@ -12,7 +12,8 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import ModelError, NoiseModel
-from thermal_comp.noise.estimation import LEAST_BLOCKS, effects_beyond, fit_noise
+from thermal_comp.noise.estimation import effects_beyond, fit_noise
+from thermal_comp.noise.projection import LEAST_BLOCKS
 
 SMALLEST = 1e-12
 """Least noise of a mean, as a share of the largest value: no measurement is better resolved."""
