@@ -8,7 +8,7 @@ import pytest
 
 SRC = Path(__file__).resolve().parents[2] / 'src'
 CAUGHT_INSIDE = {
-    'ClockError', 'FrameError', 'ModbusError', 'ModbusRefusalError', 'OddMessageError',
+    'ClockError', 'FrameError', 'ModbusError', 'ModbusRefusalError', 'DecodeError',
     'UserError',
 }  # fmt: skip
 """Errors of a protocol or a message; whoever calls the function that raises them handles them."""

@@ -56,7 +56,7 @@ def test_blocks_do_not_show(block: int, monkeypatch: pytest.MonkeyPatch) -> None
     rows = np.cumsum(rng.integers(5, 15, 200))
     taken = samples(np.cumsum(rng.integers(1, 20, 200)).tolist())
     whole = join_next('x', rows, taken), hold_newest('x', rows, taken)
-    monkeypatch.setattr(synchronise, 'BLOCK', block)
+    monkeypatch.setattr(synchronise, 'ROWS_PER_BLOCK', block)
     parts = join_next('x', rows, taken), hold_newest('x', rows, taken)
     for one, other in zip(whole, parts, strict=True):
         assert np.array_equal(one.values[0], other.values[0], equal_nan=True)

@@ -10,7 +10,7 @@ from imu_recording.recording import PHASES, FloatArray, IntArray, RecordingError
 UNKNOWN = -1
 RAMP_RATE_C_PER_MIN = 0.2
 """A set-point that moves faster is a ramp [°C/min]; IEC 60068-2-14 Nb ramps start at 1."""
-EVEN_C = 2.0
+SAME_LEVEL_C = 2.0
 """Dwells whose temperatures differ by less are at the same level [°C]."""
 
 
@@ -109,7 +109,7 @@ def _moves(time: FloatArray, setpoint: FloatArray) -> list[tuple[int, int]]:
     lasts = changes[np.concatenate((~steady, [True]))]
     moves: list[tuple[int, int]] = []
     for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True):
-        if abs(setpoint[last] - setpoint[first - 1]) >= EVEN_C:
+        if abs(setpoint[last] - setpoint[first - 1]) >= SAME_LEVEL_C:
             moves.append((first, last + 1 if last > first else first))
     return moves
 
@@ -120,13 +120,13 @@ def _reference_level(levels: list[float], lengths: list[float]) -> float:
     That is the first or second level (the first may be the room, before the approach to the
     reference); where neither recurs, the level between the extremes that was held longest.
     """
-    low, high = min(levels), max(levels)
-    inner = [k for k, level in enumerate(levels) if low + EVEN_C < level < high - EVEN_C]
+    low, high = min(levels) + SAME_LEVEL_C, max(levels) - SAME_LEVEL_C
+    inner = [k for k, level in enumerate(levels) if low < level < high]
     if not inner:
         return levels[0]
 
     def visits(k: int) -> list[int]:
-        return [i for i in inner if abs(levels[i] - levels[k]) <= EVEN_C]
+        return [i for i in inner if abs(levels[i] - levels[k]) <= SAME_LEVEL_C]
 
     for k in inner:
         if k < 2 and len(visits(k)) > 1:
@@ -135,7 +135,7 @@ def _reference_level(levels: list[float], lengths: list[float]) -> float:
 
 
 def _dwell_kind(level: float, reference: float) -> str:
-    if abs(level - reference) <= EVEN_C:
+    if abs(level - reference) <= SAME_LEVEL_C:
         return 'dwell_reference'
     return 'dwell_cold' if level < reference else 'dwell_hot'
 

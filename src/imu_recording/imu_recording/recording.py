@@ -44,9 +44,24 @@ SENSOR_FIELDS = {
 SENSOR_UNITS = {'accelerometer': 'm/s²', 'gyroscope': 'rad/s', 'magnetometer': 'T'}
 """SI unit of each sensor's field."""
 
+GRAVITY = 9.80665
+"""Standard gravity [m/s²], ISO 80000-3."""
+GRAVITY_SHARE = 0.9
+"""The axis must carry at least this share of the specific force, in most of the recording."""
+LONGEST_MESSAGE = 1000
+"""A message is one line of at most this many characters."""
+
 
 class RecordingError(UserError):
     """Measurements that cannot be used as they are; the message names the value and a way out."""
+
+
+class BagError(RecordingError):
+    """A bag that cannot be read or written; the message names the file and a way out."""
+
+    def __init__(self, message: str) -> None:
+        line = ' '.join(message.splitlines())  # names in damaged files hold anything
+        super().__init__(line[:LONGEST_MESSAGE])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -185,23 +200,6 @@ _SHAPES: dict[str, tuple[int, ...]] = {
 }
 
 
-LONGEST = 1000
-"""A message is one line of at most this many characters."""
-
-
-class BagError(RecordingError):
-    """A bag that cannot be read or written; the message names the file and a way out."""
-
-    def __init__(self, message: str) -> None:
-        super().__init__(' '.join(message.splitlines())[:LONGEST])  # damaged names hold anything
-
-
-GRAVITY = 9.80665
-"""Standard gravity [m/s²], ISO 80000-3."""
-DOMINANT = 0.9
-"""The axis must carry at least this share of the specific force, in most of the recording."""
-
-
 def infer_up_axis(linear_acceleration: FloatArray) -> str:
     """Return the entry of UP_AXES that carries gravity throughout, or '' where none does.
 
@@ -221,13 +219,10 @@ def infer_up_axis(linear_acceleration: FloatArray) -> str:
     middle = np.median(sample, axis=0)
     axis = int(np.argmax(np.abs(middle)))
     sign = np.sign(middle[axis])
-    share = np.mean(sign * sample[:, axis] > DOMINANT * norm)
-    if share < DOMINANT:
+    share = np.mean(sign * sample[:, axis] > GRAVITY_SHARE * norm)
+    if share < GRAVITY_SHARE:
         return ''
     return UP_AXES[2 * axis + int(sign < 0)]
-
-
-NAN = np.array(np.nan)
 
 
 def columns_hash(recording: ImuRecording) -> str:
@@ -252,4 +247,4 @@ def _canonical(column: np.ndarray) -> np.ndarray:
         return column.astype('<i8', copy=False)
     column = column.astype('<f8', copy=False)
     missing = np.isnan(column)
-    return np.where(missing, NAN, column) if missing.any() else column
+    return np.where(missing, np.nan, column) if missing.any() else column

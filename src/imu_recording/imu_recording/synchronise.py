@@ -11,9 +11,9 @@ import numpy as np
 
 from imu_recording.recording import FloatArray, IntArray
 
-BLOCK = 1 << 18
+ROWS_PER_BLOCK = 1 << 18
 """Rows joined at a time."""
-EDGE = 2
+LOST_AT_AN_END = 2
 """So few samples lost at an end are a matter of where recording stopped, worth no note."""
 STALE_S = 60.0
 """A track that ended longer before the last row is worth a note [s]."""
@@ -122,7 +122,7 @@ def hold_newest(name: str, rows: IntArray, samples: Samples, *, event: bool = Fa
     late = total - int(np.searchsorted(samples.stamp, rows[-1], side='right'))
     early = int(np.searchsorted(rows, samples.stamp[0], side='left'))
     notes = [*_lost(name, late, total)]
-    if early > EDGE:
+    if early > LOST_AT_AN_END:
         notes.append(f'{name}: {early} rows lie before its first sample')
     silence = (rows[-1] - samples.stamp[-1]) * 1e-9
     if silence > _allowed(samples.stamp):
@@ -131,13 +131,13 @@ def hold_newest(name: str, rows: IntArray, samples: Samples, *, event: bool = Fa
 
 
 def _lost(name: str, lost: int, total: int) -> tuple[str, ...]:
-    return (f'{name}: {lost} of {total} samples found no row',) if lost > EDGE else ()
+    return (f'{name}: {lost} of {total} samples found no row',) if lost > LOST_AT_AN_END else ()
 
 
 def _blocks(length: int) -> Iterator[slice]:
     """Cut a length into blocks, so that what is computed on the way stays small."""
-    for at in range(0, length, BLOCK):
-        yield slice(at, min(at + BLOCK, length))
+    for at in range(0, length, ROWS_PER_BLOCK):
+        yield slice(at, min(at + ROWS_PER_BLOCK, length))
 
 
 def _allowed(stamp: IntArray) -> float:

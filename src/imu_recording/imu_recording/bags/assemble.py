@@ -79,8 +79,8 @@ def _topic_notes(column: TopicColumns) -> list[str]:
     notes = []
     if column.undecodable:
         notes.append(f'{name}: {column.undecodable} damaged messages left out')
-    if column.odd:
-        notes.append(f'{name}: {column.odd} messages of unusual layout decoded one by one')
+    if column.slow:
+        notes.append(f'{name}: {column.slow} messages of unusual layout decoded one by one')
     if column.unreported:
         notes.append(f'{name}: {column.unreported} vectors marked as not reported are NaN')
     if column.unstamped and column.track.message_type != 'std_msgs/msg/Float64':

@@ -1,20 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels that find message records in a chunk and copy their numbers into columns."""
+"""Kernels that copy the numbers of serialised messages into columns."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from imu_recording.jit import njit
-
-RECORD_END = 0
-"""The bytes given are used up."""
-RECORD_OTHER = 1
-"""A record that is not a message follows."""
-RECORD_CUT = 2
-"""A record continues behind the last byte given."""
-RECORD_FULL = 3
-"""The output arrays are full."""
 
 MINUS_ONE = np.array([-1.0]).view(np.int64)[0]
 NOT_A_NUMBER = np.array([np.nan]).view(np.int64)[0]
@@ -44,37 +35,6 @@ def little64(buffer, at):  # type: ignore[no-untyped-def]
         | (np.int64(buffer[at + 6]) << 48)
         | (np.int64(buffer[at + 7]) << 56)
     )
-
-
-@njit(cache=True, nogil=True)
-def find_messages(buffer, at, end, slot_of_channel, offset, length, received, slot):  # type: ignore[no-untyped-def]
-    """Find the mcap message records (opcode 5) from byte `at` on.
-
-    Records of channels whose slot is −1 are passed over. Fills `offset` and `length` of the
-    serialised message, `received` (log time [ns]) and `slot`; returns how many, the byte where it
-    stopped, and why (RECORD_…).
-    """
-    found = 0
-    while at < end:
-        if end - at < 9:
-            return found, at, RECORD_CUT
-        if buffer[at] != 5:
-            return found, at, RECORD_OTHER
-        size = little64(buffer, at + 1)
-        if size < 22 or size > end - at - 9:
-            return found, at, RECORD_CUT
-        channel = np.int64(buffer[at + 9]) | (np.int64(buffer[at + 10]) << 8)
-        wanted = slot_of_channel[channel]
-        if wanted >= 0:
-            if found == offset.shape[0]:
-                return found, at, RECORD_FULL
-            offset[found] = at + 31
-            length[found] = size - 22
-            received[found] = little64(buffer, at + 15)
-            slot[found] = wanted
-            found += 1
-        at += 9 + size
-    return found, at, RECORD_END
 
 
 @njit(cache=True, nogil=True)
@@ -118,11 +78,11 @@ def copy_group(buffer, at, first, mark, out, row):  # type: ignore[no-untyped-de
 def decode_messages(buffer, messages, span, wanted, frame, shape, out, row):  # type: ignore[no-untyped-def]
     """Copy the numbers of one slot's messages into columns, until one has another layout.
 
-    `messages` are the arrays of `find_messages`, `span` (from, to) those to look at; `frame` holds
-    the bytes of the expected frame_id; `shape` (stamped, doubles, first group: index, mark, second
-    group: index, mark). `out` (stamp (m,), receipt (m,), first group (m, k), second group (m, k))
-    receives 64-bit words from row `row` on. Returns the next row, the message it stopped at (`to`
-    when none), and how many groups were not reported.
+    `messages` are a block's arrays offset, length, received and slot, `span` (from, to) those to
+    look at; `frame` holds the bytes of the expected frame_id; `shape` (stamped, doubles, first
+    group: index, mark, second group: index, mark). `out` (stamp (m,), receipt (m,), first group
+    (m, k), second group (m, k)) receives 64-bit words from row `row` on. Returns the next row,
+    the message it stopped at (`to` when none), and how many groups were not reported.
     """
     offset, length, received, slot = messages
     stamp, receipt, first, second = out

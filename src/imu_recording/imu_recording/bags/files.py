@@ -11,8 +11,7 @@ from typing import Any
 
 import yaml
 
-from imu_recording.bags import mcap_writer as mcap_records
-from imu_recording.bags import sqlite as sqlite_scan
+from imu_recording.bags import mcap_writer, sqlite
 from imu_recording.bags.compression import ZSTD_MAGIC
 from imu_recording.recording import BagError
 
@@ -131,8 +130,8 @@ def _identified(file: Path, *, per_message: bool) -> BagFile:
         storage = 'sqlite3' if '.db3' in file.name else 'mcap'
         return BagFile(file, storage, file_compressed=True)
     for magic, storage in (
-        (mcap_records.MAGIC, 'mcap'),
-        (sqlite_scan.MAGIC, 'sqlite3'),
+        (mcap_writer.MAGIC, 'mcap'),
+        (sqlite.MAGIC, 'sqlite3'),
         (ROS1_MAGIC, 'ros1'),
     ):
         if head.startswith(magic):

@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from imu_recording.bags.cdr_decode import RECORD_END, RECORD_FULL, RECORD_OTHER, find_messages
+from imu_recording.bags.cdr_decode import little64
 from imu_recording.bags.compression import decompress_chunk
 from imu_recording.bags.mcap_writer import (
     CHANNEL,
@@ -29,13 +29,27 @@ from imu_recording.bags.mcap_writer import (
     STATISTICS,
 )
 from imu_recording.bags.topic_columns import MessageBlock, empty_block
+from imu_recording.jit import njit
 from imu_recording.recording import BagError
 
-BLOCK = 1 << 22
+RECORD_END = 0
+"""The bytes given are used up."""
+RECORD_OTHER = 1
+"""A record that is not a message follows."""
+RECORD_CUT = 2
+"""A record continues behind the last byte given."""
+RECORD_FULL = 3
+"""The output arrays are full."""
+
+BLOCK_BYTES = 1 << 22
 """Messages that stand outside chunks are read in blocks of this many bytes."""
-LARGEST = 1 << 32
+LARGEST_CHUNK = 1 << 32
 """A chunk that claims to be larger is damage [bytes]."""
+LARGEST_SUMMARY = 256 << 20
+"""A summary that claims to be larger is damage [bytes]."""
 _CHUNK_HEAD = struct.Struct('<QQQII')
+_FOOTER = struct.Struct('<BQQQI8s')
+_COUNTS_AT = 8 + 2 + 4 + 4 + 4 + 4 + 8 + 8
 
 
 @dataclass(frozen=True)
@@ -69,7 +83,7 @@ class McapScan:
         """Scan a file from its first byte on; raise BagError where it is no mcap file."""
         if stream.read(len(MAGIC)) != MAGIC:
             raise BagError(f'{name}: not an mcap file (its first bytes are wrong)')
-        buffer = bytearray(BLOCK)
+        buffer = bytearray(BLOCK_BYTES)
         place = len(MAGIC)
         while True:
             head = stream.read(9)
@@ -84,7 +98,7 @@ class McapScan:
                 if place < 0:
                     return
                 continue
-            if size > LARGEST:
+            if size > LARGEST_CHUNK:
                 break
             buffer, got = _fill(stream, buffer, size)
             self._record(opcode, memoryview(buffer)[:got], size, place)
@@ -164,7 +178,7 @@ class McapScan:
         rest = bytearray(head)
         start = place
         while True:
-            block = stream.read(BLOCK)
+            block = stream.read(BLOCK_BYTES)
             rest += block
             used = self._records(np.frombuffer(bytes(rest), np.uint8))
             place += used
@@ -176,7 +190,7 @@ class McapScan:
             if opcode == DATA_END:
                 self.complete = (bytes(rest) + stream.read()).endswith(MAGIC)
                 return -1
-            too_long = len(rest) > 9 and int.from_bytes(rest[1:9], 'little') > LARGEST
+            too_long = len(rest) > 9 and int.from_bytes(rest[1:9], 'little') > LARGEST_CHUNK
             if not block or (not opcode) or too_long:
                 self.problems.append(f'loose messages from byte {start} end at byte {place}')
                 return -1
@@ -190,7 +204,7 @@ def _fill(stream: BinaryIO, buffer: bytearray, size: int) -> tuple[bytearray, in
     got = 0
     while got < size:
         if got == len(buffer):
-            buffer = buffer + bytearray(min(size - got, max(len(buffer), BLOCK)))
+            buffer = buffer + bytearray(min(size - got, max(len(buffer), BLOCK_BYTES)))
         view = memoryview(buffer)[got:size]
         count = stream.readinto(view)  # type: ignore[attr-defined]
         if not count:
@@ -228,10 +242,35 @@ def _parse_map(content: bytes) -> dict[str, str]:
     return values
 
 
-LARGEST_SUMMARY = 256 << 20
-"""A summary that claims to be larger is damage [bytes]."""
-_FOOTER = struct.Struct('<BQQQI8s')
-_COUNTS_AT = 8 + 2 + 4 + 4 + 4 + 4 + 8 + 8
+@njit(cache=True, nogil=True)
+def find_messages(buffer, at, end, slot_of_channel, offset, length, received, slot):  # type: ignore[no-untyped-def]
+    """Find the mcap message records (opcode 5) from byte `at` on.
+
+    Records of channels whose slot is −1 are passed over. Fills `offset` and `length` of the
+    serialised message, `received` (log time [ns]) and `slot`; returns how many, the byte where it
+    stopped, and why (RECORD_…).
+    """
+    found = 0
+    while at < end:
+        if end - at < 9:
+            return found, at, RECORD_CUT
+        if buffer[at] != 5:
+            return found, at, RECORD_OTHER
+        size = little64(buffer, at + 1)
+        if size < 22 or size > end - at - 9:
+            return found, at, RECORD_CUT
+        channel = np.int64(buffer[at + 9]) | (np.int64(buffer[at + 10]) << 8)
+        wanted = slot_of_channel[channel]
+        if wanted >= 0:
+            if found == offset.shape[0]:
+                return found, at, RECORD_FULL
+            offset[found] = at + 31
+            length[found] = size - 22
+            received[found] = little64(buffer, at + 15)
+            slot[found] = wanted
+            found += 1
+        at += 9 + size
+    return found, at, RECORD_END
 
 
 def read_summary(path: Path) -> dict[str, tuple[str, int]] | None:

@@ -21,7 +21,7 @@ METADATA_INDEX, SUMMARY_OFFSET, DATA_END = 0x0D, 0x0E, 0x0F
 
 
 LIBRARY = 'imu_recording'
-FOREVER = 2**63 - 1
+LATEST_STAMP = 2**63 - 1
 _MESSAGE = struct.Struct('<BQHIQQ')
 
 
@@ -30,7 +30,7 @@ class _OpenChunk:
     """Messages not yet flushed."""
 
     records: bytearray = field(default_factory=bytearray)
-    first: int = FOREVER
+    first: int = LATEST_STAMP
     last: int = 0
     index: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
 
@@ -51,7 +51,7 @@ class McapStream:
         self._sequence: list[int] = []
         self._chunk_index: list[bytes] = []
         self._metadata_index: list[bytes] = []
-        self._first, self._last = FOREVER, 0
+        self._first, self._last = LATEST_STAMP, 0
 
     @property
     def pending(self) -> int:
@@ -66,7 +66,7 @@ class McapStream:
     @property
     def span(self) -> tuple[int, int]:
         """First and last time of receipt [ns]; (0, 0) before the first message."""
-        return (self._first, self._last) if self._last or self._first < FOREVER else (0, 0)
+        return (self._first, self._last) if self._last or self._first < LATEST_STAMP else (0, 0)
 
     def begin(self) -> bytes:
         """Return the start of the file."""

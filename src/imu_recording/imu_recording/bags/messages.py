@@ -8,18 +8,17 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import cast
-
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.rosbag1 import ReaderError
 
 from imu_recording.bags.files import BagFile, locate_bag
 from imu_recording.bags.mcap_writer import McapStream
+from imu_recording.bags.message_types import definition_of
 from imu_recording.bags.metadata import RecordedFile, qos_profile, qos_text, write_metadata
-from imu_recording.bags.scan import scan_file, topics_of_file
-from imu_recording.bags.slow_decode import definition_of
-from imu_recording.bags.topic_columns import MessageBlock, TopicColumns
+from imu_recording.bags.scan import open_ros1, scan_messages, topics_of_file
+from imu_recording.bags.topic_columns import MessageBlock
 from imu_recording.recording import BagError
+
+CHUNK_BYTES = 1 << 20
+"""Bytes of messages after which a chunk is closed."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,7 @@ class BagMessage:
 
 @dataclass
 class _Collector:
-    """Takes a topic's messages as they are, in the place of columns."""
+    """Keeps a topic's messages as they are."""
 
     topic: str
     into: list[BagMessage]
@@ -67,27 +66,19 @@ def read_messages(path: str | PathLike[str], topics: Collection[str]) -> list[Ba
         if file.storage == 'ros1':
             found += _ros1_messages(file, topics)
             continue
-        collectors = {topic: _Collector(topic, found) for topic in topics}
-        scan_file(file, cast('dict[str, TopicColumns]', collectors), {}, '')
+        scan_messages(file, {topic: _Collector(topic, found) for topic in topics}, {}, '')
     rank = {topic: place for place, topic in enumerate(topics)}
     return sorted(found, key=lambda message: (message.received, rank[message.topic]))
 
 
 def _ros1_messages(file: BagFile, topics: Collection[str]) -> list[BagMessage]:
     """Return a ROS 1 bag's messages in ROS 2's serialisation."""
-    try:
-        with AnyReader([Path(file.path)]) as reader:
-            wanted = [c for c in reader.connections if c.topic in topics]
-            return [
-                BagMessage(received, c.topic, bytes(reader.typestore.ros1_to_cdr(raw, c.msgtype)))
-                for c, received, raw in reader.messages(wanted)
-            ]
-    except (AnyReaderError, ReaderError) as error:
-        raise BagError(f'{file.path}: cannot be read as a ROS 1 bag ({error})') from None
-
-
-CHUNK = 1 << 20
-"""Bytes of messages after which a chunk is closed."""
+    with open_ros1(file.path) as reader:
+        wanted = [c for c in reader.connections if c.topic in topics]
+        return [
+            BagMessage(received, c.topic, bytes(reader.typestore.ros1_to_cdr(raw, c.msgtype)))
+            for c, received, raw in reader.messages(wanted)
+        ]
 
 
 def write_messages(
@@ -111,7 +102,7 @@ def write_messages(
         for message in messages:
             stream.add_message(channels[message.topic], message.received, message.data)
             counts[message.topic] += 1
-            if stream.pending > CHUNK:
+            if stream.pending > CHUNK_BYTES:
                 file.write(stream.flush())
         file.write(stream.end())
     first, last = stream.span

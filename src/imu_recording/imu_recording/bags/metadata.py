@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
-from imu_recording.bags.slow_decode import hash_of
+from imu_recording.bags.message_types import hash_of
 from imu_recording.recording import BagError
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def inspect_file(path: Path) -> tuple[RecordedFile, dict[str, str]]:
 
 Qos = dict[str, Any]
 """One offered QoS profile as rosbag2 writes it: history, depth, reliability, durability …"""
-FOREVER = {'sec': 9223372036, 'nsec': 854775807}
+INFINITE_DURATION = {'sec': 9223372036, 'nsec': 854775807}
 """rmw's infinite duration."""
 
 
@@ -74,10 +74,10 @@ def qos_profile(*, reliable: bool, latched: bool, depth: int) -> Qos:
         'depth': depth,
         'reliability': 'reliable' if reliable else 'best_effort',
         'durability': 'transient_local' if latched else 'volatile',
-        'deadline': dict(FOREVER),
-        'lifespan': dict(FOREVER),
+        'deadline': dict(INFINITE_DURATION),
+        'lifespan': dict(INFINITE_DURATION),
         'liveliness': 'automatic',
-        'liveliness_lease_duration': dict(FOREVER),
+        'liveliness_lease_duration': dict(INFINITE_DURATION),
         'avoid_ros_namespace_conventions': False,
     }
 

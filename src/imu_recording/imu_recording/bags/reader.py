@@ -9,8 +9,8 @@ from pathlib import Path
 
 from imu_recording.bags.assemble import assemble_recording
 from imu_recording.bags.files import Bag, locate_bag
-from imu_recording.bags.scan import scan_file, topics_of_file
-from imu_recording.bags.slow_decode import OddMessageError
+from imu_recording.bags.message_types import DecodeError
+from imu_recording.bags.scan import scan_columns, topics_of_file
 from imu_recording.bags.topic_columns import TopicColumns
 from imu_recording.logging_contract import (
     IMU,
@@ -48,8 +48,8 @@ def read_bag(
     for bag in bags:
         for file in bag.files:
             try:
-                notes += scan_file(file, columns, metadata, space)
-            except OddMessageError as error:
+                notes += scan_columns(file, columns, metadata, space)
+            except DecodeError as error:
                 raise BagError(f'{file.path}: {error}') from None
             except OSError as error:
                 raise BagError(f'{file.path}: {error.strerror or error}') from None

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Protocol
 
 import numpy as np
 import yaml
@@ -48,10 +49,20 @@ Deliver = Callable[[MessageBlock], None]
 UNCLOSED = 'was not closed: read as far as it goes'
 
 
+class MessageSink(Protocol):
+    """Takes the messages of one topic."""
+
+    def define(self, definition: str) -> None:
+        """Take the definition of the message type that the bag carries."""
+
+    def take(self, block: MessageBlock, slot: int) -> None:
+        """Take those messages of a block that belong to a slot."""
+
+
 def topics_of_file(file: BagFile) -> dict[str, tuple[str, int]]:
     """Return the file's topics: message type, number of messages (0 where only a scan tells)."""
     if file.storage == 'ros1':
-        with _ros1(file.path) as reader:
+        with open_ros1(file.path) as reader:
             return {c.topic: (c.msgtype, c.msgcount) for c in reader.connections}
     if file.storage == 'sqlite3':
         with _plain(file) as path:
@@ -66,7 +77,7 @@ def topics_of_file(file: BagFile) -> dict[str, tuple[str, int]]:
     return {c.topic: (c.message_type, 0) for c in scan.channels.values()}
 
 
-def scan_file(
+def scan_columns(
     file: BagFile, columns: Mapping[str, TopicColumns], metadata: dict[str, str], space: str
 ) -> list[str]:
     """Append a file's messages to the columns; return notes.
@@ -75,22 +86,28 @@ def scan_file(
     """
     if file.storage == 'ros1':
         return _scan_ros1(file.path, columns)
-    names = list(columns)
-    ordered = [columns[name] for name in names]
+    return scan_messages(file, columns, metadata, space)
+
+
+def scan_messages(
+    file: BagFile, sinks: Mapping[str, MessageSink], metadata: dict[str, str], space: str
+) -> list[str]:
+    """Hand the messages of a ROS 2 file to the sink of their topic; return notes."""
+    names = list(sinks)
 
     def deliver(block: MessageBlock) -> None:
-        for slot, column in enumerate(ordered):
-            column.take(block, slot)
+        for slot, sink in enumerate(sinks.values()):
+            sink.take(block, slot)
 
     def select(channel: Channel) -> int:
-        if channel.topic not in columns:
+        if channel.topic not in sinks:
             return -1
         if channel.encoding not in ('cdr', ''):
             raise BagError(
                 f'{file.path}: {channel.topic} is serialised as {channel.encoding!r}, '
                 'expected cdr (ROS 2)'
             )
-        columns[channel.topic].define(channel.definition)
+        sinks[channel.topic].define(channel.definition)
         return names.index(channel.topic)
 
     if file.storage == 'sqlite3':
@@ -166,7 +183,8 @@ def _plain(file: BagFile) -> Iterator[Path]:
 
 
 @contextmanager
-def _ros1(path: Path) -> Iterator[AnyReader]:
+def open_ros1(path: Path) -> Iterator[AnyReader]:
+    """Open a ROS 1 bag; BagError where it is damaged, also while it is read."""
     try:
         with AnyReader([path]) as reader:
             yield reader
@@ -178,7 +196,7 @@ def _ros1(path: Path) -> Iterator[AnyReader]:
 
 
 def _scan_ros1(path: Path, columns: Mapping[str, TopicColumns]) -> list[str]:
-    with _ros1(path) as reader:
+    with open_ros1(path) as reader:
         wanted = [c for c in reader.connections if c.topic in columns]
         for connection, received, raw in reader.messages(wanted):
             message = reader.deserialize(raw, connection.msgtype)

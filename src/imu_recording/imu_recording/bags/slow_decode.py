@@ -4,20 +4,14 @@
 from __future__ import annotations
 
 import struct
-from functools import cache
 from typing import Any
 
 from rosbags.serde import SerdeError
-from rosbags.typesys import (
-    Stores,
-    TypesysError,
-    get_types_from_idl,
-    get_types_from_msg,
-    get_typestore,
-)
+from rosbags.typesys import TypesysError
 from rosbags.typesys.store import Typestore
 
 from imu_recording.bags.cdr import LAYOUTS, NANOSECONDS
+from imu_recording.bags.message_types import DecodeError
 from imu_recording.logging_contract import STRING
 
 Values = tuple[tuple[float, ...], ...]
@@ -38,73 +32,21 @@ _VALUES: dict[str, Any] = {
 }
 
 
-_FOREIGN = (IndexError, AttributeError, TypeError, ValueError, KeyError)
+_OTHER_DEFINITION = (IndexError, AttributeError, TypeError, ValueError, KeyError)
 """What a message of another definition under the same name raises."""
 
 
-class OddMessageError(ValueError):
-    """A message whose bytes are not a message of its type."""
-
-
-@cache
-def standard_types() -> Typestore:
-    """Return the message types of ROS 2 Jazzy."""
-    return get_typestore(Stores.ROS2_JAZZY)
-
-
-@cache
-def types_of(message_type: str, definition: str) -> Typestore:
-    """Return the types to decode a topic by: the bag's own definition where it differs."""
-    standard = standard_types()
-    if not definition:
-        return standard
-    try:
-        own = get_typestore(Stores.EMPTY)
-        own.register(_parsed(message_type, definition))
-        own.get_msgdef(message_type)
-    except (TypesysError, LookupError, ValueError, AttributeError, TypeError) as error:
-        kind = type(error).__name__
-        raise OddMessageError(f'definition of {message_type} is damaged ({kind})') from None
-    if own.hash_rihs01(message_type) == standard.hash_rihs01(message_type):
-        return standard
-    return own
-
-
-@cache
-def definition_of(message_type: str) -> str:
-    """Return the text of a standard type's definition, '' for a type that is not standard."""
-    types = standard_types()
-    if message_type not in types.fielddefs:
-        return ''
-    return str(types.generate_msgdef(message_type, ros_version=2)[0])
-
-
-@cache
-def hash_of(message_type: str) -> str:
-    """Return the RIHS01 hash of a standard type, '' for a type that is not standard."""
-    types = standard_types()
-    return str(types.hash_rihs01(message_type)) if message_type in types.fielddefs else ''
-
-
-def _parsed(message_type: str, definition: str) -> Any:
-    separator = '=' * 80 + '\n'
-    if not definition.startswith(f'{separator}IDL: '):
-        return get_types_from_msg(definition, message_type)
-    types: dict[str, Any] = {}
-    for part in definition.split(separator)[1:]:
-        types.update(get_types_from_idl(part.split('\n', 1)[1]))
-    return types
-
-
-def decode_odd(raw: bytes, message_type: str, types: Typestore) -> tuple[int | None, Values, str]:
+def decode_message(
+    raw: bytes, message_type: str, types: Typestore
+) -> tuple[int | None, Values, str]:
     """Return stamp [ns] (None without header), column groups and frame_id of one message."""
     if raw[:2] in (b'\x00\x06', b'\x00\x07') and message_type in LAYOUTS:
         return _decode_version_2(raw, message_type)
     try:
         message: Any = types.deserialize_cdr(raw, message_type)
         return values_of(message, message_type)
-    except (SerdeError, TypesysError, struct.error, *_FOREIGN) as error:
-        raise OddMessageError(str(error)) from None
+    except (SerdeError, TypesysError, struct.error, *_OTHER_DEFINITION) as error:
+        raise DecodeError(str(error)) from None
 
 
 def values_of(message: Any, message_type: str) -> tuple[int | None, Values, str]:
@@ -138,9 +80,9 @@ def _decode_version_2(raw: bytes, message_type: str) -> tuple[int | None, Values
             at = 4 + -(-(12 + length) // 4) * 4
         numbers = struct.unpack_from(f'{order}{layout.doubles}d', raw, at)
     except (struct.error, UnicodeDecodeError) as error:
-        raise OddMessageError(str(error)) from None
+        raise DecodeError(str(error)) from None
     if at + 8 * layout.doubles != len(raw):
-        raise OddMessageError(f'{len(raw)} bytes are no {message_type} in XCDR version 2')
+        raise DecodeError(f'{len(raw)} bytes are no {message_type} in XCDR version 2')
     values = []
     for group in layout.columns:
         taken = numbers[group.first : group.first + group.count]

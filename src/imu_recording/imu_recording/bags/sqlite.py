@@ -17,15 +17,15 @@ import numpy as np
 
 from imu_recording.bags.compression import decompress_message
 from imu_recording.bags.mcap_reader import Channel
-from imu_recording.bags.sqlite_pages import MOST_COLUMNS, MessagesTable, scan_pages
+from imu_recording.bags.sqlite_pages import LARGEST_COLUMN_COUNT, MessagesTable, scan_pages
 from imu_recording.bags.topic_columns import MessageBlock
 from imu_recording.recording import BagError
 
 MAGIC = b'SQLite format 3\x00'
-ROWS = 8192
+ROWS_PER_BLOCK = 8192
 DAMAGE = (sqlite3.Error, UnicodeDecodeError)
 """What sqlite3 raises on damaged files."""
-MOST_TOPICS = 1 << 20
+LARGEST_TOPIC_ID = 1 << 20
 """A topic with a larger number is damage."""
 
 
@@ -48,7 +48,7 @@ def sqlite_channels(path: Path) -> dict[int, Channel]:
     return {
         key: Channel(str(topic), str(kind), str(encoding), definitions.get(str(kind), ''))
         for key, topic, kind, encoding in topics
-        if isinstance(key, int) and 0 <= key < MOST_TOPICS
+        if isinstance(key, int) and 0 <= key < LARGEST_TOPIC_ID
     }
 
 
@@ -115,7 +115,7 @@ def _messages_table(connection: sqlite3.Connection, problems: list[str]) -> Mess
     key = [column[1] for column in columns if column[5]]
     if not found or key != ['id'] or 'WITHOUT' in found[0][1].upper():
         return None
-    if len(names) > MOST_COLUMNS or not {'topic_id', 'timestamp', 'data'} <= set(names):
+    if len(names) > LARGEST_COLUMN_COUNT or not {'topic_id', 'timestamp', 'data'} <= set(names):
         return None
     places = [names.index(name) for name in ('topic_id', 'timestamp', 'data')]
     return MessagesTable(found[0][0], *places)
@@ -130,7 +130,7 @@ def _blocks(
         'SELECT id, topic_id, timestamp, data FROM messages '  # noqa: S608
         f'WHERE id > ? AND topic_id IN ({marks}) ORDER BY id LIMIT ?'
     )
-    limit, damage, done = ROWS, '', False
+    limit, damage, done = ROWS_PER_BLOCK, '', False
     while not done:
         rows: list[Any] = []
         try:

@@ -19,15 +19,15 @@ from imu_recording.jit import njit
 from imu_recording.recording import IntArray
 
 INTERIOR, LEAF = 0x05, 0x0D
-GROUP = 512
+PAGES_PER_READ = 512
 """Leaf pages decoded at a time."""
-SPARSE = 3
+LARGEST_SPREAD = 3
 """Pages of a group are read one by one where they spread over more than this many groups."""
-SIBLINGS = ('-wal', '-journal')
-MOST_COLUMNS = 16
-BEYOND = 64
+JOURNAL_SUFFIXES = ('-wal', '-journal')
+LARGEST_COLUMN_COUNT = 16
+PADDING_BYTES = 64
 """Bytes behind the last page, so that a number cut by the end of its page reads as something."""
-LONGEST = 1 << 31
+LARGEST_COLUMN = 1 << 31
 """A column that claims to be longer is damage [bytes]."""
 _WIDTHS = np.array([0, 1, 2, 3, 4, 6, 8, 8, 0, 0], np.int64)
 
@@ -55,7 +55,7 @@ def scan_pages(
 
     Returns the number of the last row that was looked at; what follows is for sqlite.
     """
-    if any(_size(Path(f'{path}{ending}')) for ending in SIBLINGS):
+    if any(_size(Path(f'{path}{ending}')) for ending in JOURNAL_SUFFIXES):
         return -1
     last = -1
     descriptor = os.open(path, os.O_RDONLY)
@@ -138,7 +138,7 @@ def _groups(pages: Iterator[int]) -> Iterator[list[int]]:
             failed, page = True, None
         if page is not None:
             group.append(page)
-        if group and (page is None or len(group) == GROUP):
+        if group and (page is None or len(group) == PAGES_PER_READ):
             yield group
             group = []
         if page is None:
@@ -153,14 +153,14 @@ def _read(
     """Return the pages' bytes in one buffer and where each starts."""
     numbers = np.array(pages, np.int64) - 1
     first, last = int(numbers.min()), int(numbers.max())
-    if last - first < SPARSE * max(len(pages), 64):
+    if last - first < LARGEST_SPREAD * max(len(pages), 64):
         reads = [(first, last - first + 1)]
         starts = (numbers - first) * page_size
     else:
         reads = [(number, 1) for number in numbers.tolist()]
         starts = np.arange(len(pages), dtype=np.int64) * page_size
     length = sum(count for _, count in reads) * page_size
-    buffer = np.zeros(length + BEYOND, np.uint8)
+    buffer = np.zeros(length + PADDING_BYTES, np.uint8)
     at = 0
     for number, count in reads:
         view = memoryview(buffer)[at : at + count * page_size]
@@ -205,7 +205,7 @@ def read_record(buffer, at, end, places, widths):  # type: ignore[no-untyped-def
     column = 0
     while head < stop:
         kind, head = varint(buffer, head)
-        if kind < 0 or kind > LONGEST or body > end:
+        if kind < 0 or kind > LARGEST_COLUMN or body > end:
             return topic, moment, data, np.int64(-1)
         blob = kind >= 12
         width = (kind - 12) // 2 if blob else widths[min(kind, 9)]

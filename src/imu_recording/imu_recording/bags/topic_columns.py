@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 from imu_recording.bags.cdr import ENCAPSULATION, LAYOUTS, Bytes
 from imu_recording.bags.cdr_decode import decode_messages
 from imu_recording.bags.compression import ZSTD_MAGIC, decompress_message
+from imu_recording.bags.message_types import DecodeError, standard_types, types_of
 from imu_recording.bags.slow_decode import (
-    OddMessageError,
     Values,
-    decode_odd,
-    standard_types,
-    types_of,
+    decode_message,
 )
 from imu_recording.logging_contract import STRING, Track
 from imu_recording.recording import FloatArray, IntArray
@@ -55,8 +53,8 @@ class TopicColumns:
     count: int = 0
     frames: Counter[str] = field(default_factory=Counter)
     texts: list[str] = field(default_factory=list)
-    odd: int = 0
-    """Messages that went through rosbags."""
+    slow: int = 0
+    """Messages decoded one at a time."""
     undecodable: int = 0
     unreported: int = 0
 
@@ -109,7 +107,7 @@ class TopicColumns:
                 behind = np.flatnonzero(block.slot[first : block.count] == slot)
                 first = first + int(behind[0]) if behind.size else block.count
             if first < block.count:
-                self._take_odd(block.bytes_of(first), int(block.received[first]))
+                self._take_slowly(block.bytes_of(first), int(block.received[first]))
                 first += 1
 
     def append(self, stamp: int | None, values: Values, text: str, received: int) -> None:
@@ -144,15 +142,15 @@ class TopicColumns:
         self.unreported += unreported
         return int(stopped)
 
-    def _take_odd(self, raw: bytes, received: int) -> None:
+    def _take_slowly(self, raw: bytes, received: int) -> None:
         if raw.startswith(ZSTD_MAGIC):  # compressed one by one, where no metadata said so
             raw = decompress_message(raw)
         try:
-            stamp, values, text = decode_odd(raw, self.track.message_type, self._types)
-        except OddMessageError:
+            stamp, values, text = decode_message(raw, self.track.message_type, self._types)
+        except DecodeError:
             self.undecodable += 1
             return
-        self.odd += self.track.message_type != STRING
+        self.slow += self.track.message_type != STRING
         self.append(stamp, values, text, received)
         if stamp is not None and raw[:2] == ENCAPSULATION[:2]:
             self._frame = np.frombuffer(text.encode(), np.uint8)

@@ -16,7 +16,7 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer, WriterError
 
 from imu_recording.bags.cdr import ENCAPSULATION, LAYOUTS, NANOSECONDS, encode_messages
-from imu_recording.bags.slow_decode import standard_types
+from imu_recording.bags.message_types import standard_types
 from imu_recording.logging_contract import (
     IMU,
     IMU_TOPIC,
@@ -38,7 +38,7 @@ COMPRESSIONS = {
 }
 END_OF_STAMPS = (1 << 31) * 1_000_000_000
 """builtin_interfaces/Time counts seconds in 31 bits [ns]."""
-ROWS = 1 << 14
+ROWS_PER_STRETCH = 1 << 14
 """Rows serialised at a time, so that memory stays bounded."""
 
 
@@ -136,13 +136,13 @@ def _write(writer: Writer, parts: Sequence[ImuRecording]) -> None:
 
 
 def _stretches(parts: Sequence[ImuRecording]) -> Iterator[list[tuple[int, int, int]]]:
-    """Cut all recordings at common times, into stretches of at most ROWS rows each."""
+    """Cut all recordings at common times, into stretches of at most ROWS_PER_STRETCH rows each."""
     at = [0] * len(parts)
     while True:
         open_parts = [k for k, part in enumerate(parts) if at[k] < len(part)]
         if not open_parts:
             return
-        limit = min(int(parts[k].stamp[at[k] : at[k] + ROWS][-1]) for k in open_parts)
+        limit = min(int(parts[k].stamp[at[k] : at[k] + ROWS_PER_STRETCH][-1]) for k in open_parts)
         stretch = []
         for k in open_parts:
             last = int(np.searchsorted(parts[k].stamp, limit, side='right'))
@@ -177,7 +177,7 @@ def _write_merged(writer: Writer, parts: Iterable[_Part]) -> None:
 
 REPEAT_NS = 10 * NANOSECONDS
 """A track that does not change is repeated at this interval [ns]."""
-ORDER = {TEMPERATURE_TOPIC: 1, IMU_TOPIC: 2, MAGNETIC_TOPIC: 3}
+RANK_OF_TOPIC = {TEMPERATURE_TOPIC: 1, IMU_TOPIC: 2, MAGNETIC_TOPIC: 3}
 """Order among equal stamps; chamber tracks come first."""
 NO_ORIENTATION = {4: -1.0}
 """orientation_covariance[0] of an Imu that reports no orientation (REP-145)."""
@@ -213,7 +213,7 @@ def encode_tracks(recording: ImuRecording, first: int, last: int) -> list[Encode
 
 
 def _encoded(track: Track, recording: ImuRecording, first: int, last: int) -> EncodedTrack:
-    rank = ORDER.get(track.topic, 0)
+    rank = RANK_OF_TOPIC.get(track.topic, 0)
     if track.topic == PHASE_TOPIC:
         rows = _phase_rows(recording, first, last)
         messages: Sequence[Any] = _phase_messages(recording, rows)

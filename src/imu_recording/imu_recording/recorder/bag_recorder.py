@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from imu_recording.bags.mcap_writer import McapStream
+from imu_recording.bags.message_types import definition_of
 from imu_recording.bags.metadata import Qos, RecordedFile, inspect_file, qos_text, write_metadata
-from imu_recording.bags.slow_decode import definition_of
 from imu_recording.logging_contract import PHASE_TOPIC, STRING
 from imu_recording.recording import BagError
 

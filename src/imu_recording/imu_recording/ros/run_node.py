@@ -30,7 +30,7 @@ from imu_recording.ros.lifecycle_node import ConfiguredNode
 from imu_recording.ros.parameter import NodeConfig, default_of, listed
 from imu_recording.user_error import UserError
 
-ONE_PRESS_S = 0.4
+DEBOUNCE_S = 0.4
 """Ctrl-C reaches a launched node twice within this time: still one interrupt [s]."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -51,12 +51,12 @@ class Interrupts:
 
     def _on_signal(self, *_: object) -> None:
         now = time.monotonic()
-        if now - self._last > ONE_PRESS_S:
+        if now - self._last > DEBOUNCE_S:
             self.count += 1
         self._last = now
 
 
-LOOK_S = 0.05
+SPIN_TIMEOUT_S = 0.05
 """An interrupt is seen at most this long after it came [s]."""
 REFUSED = 2
 """Exit code where the arguments or the configuration are refused."""
@@ -134,7 +134,7 @@ def _executor(node: ConfiguredNode) -> Callable[[], None]:
     else:
         executor = SingleThreadedExecutor()
     executor.add_node(node)
-    return partial(executor.spin_once, timeout_sec=LOOK_S)
+    return partial(executor.spin_once, timeout_sec=SPIN_TIMEOUT_S)
 
 
 def _until_interrupted(_: Any, look: Callable[[], None], interrupts: Interrupts) -> int:
@@ -143,7 +143,7 @@ def _until_interrupted(_: Any, look: Callable[[], None], interrupts: Interrupts)
     return 0
 
 
-WIDTH = 96
+HELP_WIDTH = 96
 
 
 def asks_for_help(arguments: Sequence[str]) -> bool:
@@ -180,7 +180,7 @@ def _parameter(item: Field[Any]) -> str:
     mark = ' *' if about['dynamic'] else ''
     text = f'{about["description"]}{unit}{allowed}{choices}'
     indent = ' ' * 6
-    told = textwrap.fill(text, WIDTH, initial_indent=indent, subsequent_indent=indent)
+    told = textwrap.fill(text, HELP_WIDTH, initial_indent=indent, subsequent_indent=indent)
     return f'  {item.name}:={_shown(default_of(item))}{mark}\n{told}'
 
 

@@ -24,7 +24,7 @@ from imu_recording.tables.mapping import (
     mapping_from,
 )
 
-LATEST_NS = 9.2e18
+LATEST_STAMP = 9.2e18
 """Stamps are int64 nanoseconds."""
 
 
@@ -72,7 +72,7 @@ def _stamps(
     unit = 1e9 if told.time_unit == ISO_TIME else TIME_UNITS[told.time_unit]
     taken = time[kept]
     worst = float(np.abs(taken).max())
-    if worst * unit > LATEST_NS:
+    if worst * unit > LATEST_STAMP:
         raise BagError(
             f'{path}, column {told.time_column!r}: {worst:g} {told.time_unit} is no time; '
             'is its unit right?'

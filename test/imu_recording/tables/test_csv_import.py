@@ -15,7 +15,7 @@ from recording_samples import assert_same
 
 from imu_recording import read_bag, write_bag
 
-EXAMPLES = Path(__file__).parents[2] / 'examples'
+EXAMPLES = Path(__file__).parents[3] / 'examples'
 MAPPING: dict[str, Any] = {
     'schema': 1,
     'device': 'board',

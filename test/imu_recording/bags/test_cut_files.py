@@ -71,7 +71,7 @@ def test_cut_mcap(tmp_path: Path, compression: str) -> None:
 
 
 def test_cut_sqlite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sqlite_scan, 'ROWS', 64)
+    monkeypatch.setattr(sqlite_scan, 'ROWS_PER_BLOCK', 64)
     recording = make_recording(500)
     write_bag(recording, tmp_path / 'b', storage='sqlite3')
     assert_same(recording, read_bag(tmp_path / 'b'))

@@ -124,7 +124,7 @@ def test_stretches_do_not_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     parts[1] = replace(parts[1], stamp=parts[1].stamp + 777_777_777)
     contents = []
     for rows in (7, 1 << 14):
-        monkeypatch.setattr(bag_writer, 'ROWS', rows)
+        monkeypatch.setattr(bag_writer, 'ROWS_PER_STRETCH', rows)
         write_bag(parts, tmp_path / str(rows) / 'b')
         contents.append((tmp_path / str(rows) / 'b' / 'b.mcap').read_bytes())
     assert contents[0] == contents[1]
