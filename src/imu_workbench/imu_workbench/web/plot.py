@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A Plotly figure on a page: the theme's colours, the phone's layout, a name to read out."""
+"""A Plotly figure: colours of the theme, layout for phones, label for screen readers."""
 
 from __future__ import annotations
 
@@ -96,13 +96,13 @@ class Plot:
     def on(
         self, event: str, handler: Callable[..., Any] | None = None, *, js_handler: str = ''
     ) -> None:
-        """Call the handler on a plotly event, or a function in the browser."""
+        """Call a handler on a Plotly event: of the server, or JavaScript in the browser."""
         self._handlers.append(
             (event, {'js_handler': js_handler} if js_handler else {'handler': handler})
         )
 
     def replace_lines(self, lines: dict[str, dict[str, Any]]) -> None:
-        """Put other points into the traces, in order, where the figure stands."""
+        """Replace the points of the traces, in order, without drawing the figure anew."""
         if self._figure is None or self._element is None:
             return
         for trace, line in zip(self._figure['data'], lines.values(), strict=True):

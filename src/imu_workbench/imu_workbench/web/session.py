@@ -35,7 +35,7 @@ class DeviceState:
     prepared: Path
     versions: list[Version] = field(default_factory=list)
     current: int = 0
-    """Version the plots show."""
+    """The version the plots show."""
     earlier: int | None = None
     """Version whose residual is drawn for comparison."""
     problem: str = ''

@@ -11,11 +11,11 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 from imu_workbench.web.session import Session
 
 AT_FLOOR_RATIO = 1.05
-"""Times the noise floor up to which an error counts as explained."""
+"""An error up to this ratio to the noise floor counts as explained."""
 
 
 class ChannelSelector:
-    """Three sensors with their held-out error, three axes; what is shown has the frame."""
+    """Three sensors with their held-out error, three axes; the chosen ones are framed."""
 
     def __init__(self, session: Session, choose: Callable[[str, int], Awaitable[None]]) -> None:
         self._session = session

@@ -19,7 +19,7 @@ from imu_workbench.web.plot import Look, Plot, figure_card
 from imu_workbench.web.session import Session
 
 LISTED_PLACES = 6
-"""Places offered as buttons."""
+"""Number of worst places listed as buttons."""
 
 
 class ComparePage:
@@ -184,7 +184,7 @@ def window_of(change: dict[str, Any]) -> tuple[float, ...] | None:
 
 
 CellLabels = dict[Place, tuple[str, bool]]
-"""What is read out of a place, and whether it is the one looked at."""
+"""Place → its label for screen readers, and whether it is the chosen one."""
 
 
 class CellGrid:
@@ -199,7 +199,7 @@ class CellGrid:
         self._place.props('role=grid aria-label="Where it fails: arrow keys move, Enter goes to"')
 
     def show(self, found: FailureMap | None, chosen: Place | None) -> None:
-        """Offer the cells of a map; what has the focus keeps it where the cells are the same."""
+        """Show the cells of a map; the focus stays where the cells have not changed."""
         known = cell_labels(found, chosen)
         shape = found.places if found is not None and known else ()
         if shape != self._shape or known.keys() != self._labels.keys():
@@ -236,7 +236,7 @@ class CellGrid:
 
 
 def cell_labels(found: FailureMap | None, chosen: Place | None) -> CellLabels:
-    """Return the places that hold a number."""
+    """Return the label of every place that has a ratio."""
     if found is None:
         return {}
     return {
@@ -248,6 +248,6 @@ def cell_labels(found: FailureMap | None, chosen: Place | None) -> CellLabels:
 
 
 def first_cell(found: FailureMap | None, chosen: Place | None) -> Place | None:
-    """Return the place the keyboard comes to first: the one looked at, else the worst."""
+    """Return the place that the Tab key reaches first: the chosen one, else the worst."""
     worst = found.worst(1) if found else []
     return chosen or (worst[0][0] if worst else None)

@@ -15,7 +15,7 @@ from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import PHASE_LABELS, Place, View
 
 MIN_BLOCKS = 3
-"""Blocks that make a cell."""
+"""Blocks a cell needs at least."""
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Spectrum and Allan deviation of the residual beside what its noise model leads to expect."""
+"""Spectrum and Allan deviation of the residual beside those of its noise model."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import View
 
 MIN_OCTAVES = 4
-"""Octaves that make a line."""
+"""Octaves a line needs at least."""
 MAX_ALLAN_SAMPLES = 2**20
-"""Samples at most from the beginning of a bag for averaging times below a block."""
+"""Samples used at most, from the beginning of a bag, for averaging times below a block."""
 
 
 def spectrum_figure(version: Version, view: View) -> Figure:

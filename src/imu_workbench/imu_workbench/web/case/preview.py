@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one more effect would explain of these very data, and the figure of it."""
+"""The part of the residual that one more effect would explain, and its figure."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def preview_task(
     sensor: Sensor,
     effect_files: Sequence[Path],
 ) -> EffectPreview:
-    """Return the fingerprint of an effect of the catalogue on one sensor."""
+    """Return what an effect of the catalogue would explain of one sensor's residual."""
     progress(f'drawing {effect.replace("_", " ")}')
     catalogue = effect_catalogue(effect_files)
     runs = load_runs(prepared)
@@ -115,7 +115,7 @@ def _columns(effect: Effect, runs: Sequence[PreparedRun], sensor: Sensor, axis: 
 def preview_figure(
     found: EffectPreview, version: Version, view: View, timeline: Timeline
 ) -> Figure:
-    """Return residual and fingerprint against temperature and over time."""
+    """Return residual and explained part against temperature and over time."""
     unit, factor = DISPLAY_UNITS[view.sensor].unit, DISPLAY_UNITS[view.sensor].factor
     data: list[dict[str, Any]] = []
     x, y, t, fitted = [], [], [], []

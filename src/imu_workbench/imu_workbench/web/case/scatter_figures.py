@@ -19,9 +19,9 @@ from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import View
 
 POINTS = 900
-"""Points of one cloud."""
+"""Points drawn at most of one set."""
 STEADY_RATE_C_PER_MIN = 0.2
-"""Below this rate of the die temperature a block is on no branch [°C/min]."""
+"""A block whose die temperature changes more slowly is neither heating nor cooling."""
 BRANCHES = {'heating': '@hot', 'cooling': '@cold', 'steady': '@raw'}
 SYMBOLS = ('circle', 'square', 'diamond', 'triangle-up', 'cross', 'star')
 PHASE_SHORT = {
@@ -31,7 +31,7 @@ PHASE_SHORT = {
 
 
 class _Rows:
-    """Blocks of all runs below each other."""
+    """Block means of all runs, concatenated."""
 
     def __init__(self, version: Version, view: View) -> None:
         blocks = version.blocks

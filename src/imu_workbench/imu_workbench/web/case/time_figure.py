@@ -173,9 +173,9 @@ def _middle(values: FloatArray) -> float:
 
 
 POINTS = 2400
-"""Points of one line on the whole width."""
+"""Points of one line over the whole width of the figure."""
 MAX_CACHED_LINES = 512
-"""Lines over whole bags that are remembered."""
+"""Lines over whole bags kept in memory."""
 
 
 def sample_line(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is looked at: sensor, axis, one place in the runs; and the runs laid on one time axis."""
+"""The view of a tab: sensor, axis, a place in the runs; and all runs on one time axis."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def projected(points: FloatArray) -> FloatArray:
 
 
 def _board(matrix: FloatArray, colour: str, paint: dict[str, str]) -> list[str]:
-    """Draw what is behind the board, the board, what is in front of it."""
+    """Draw the axes behind the board, the board, the axes before it."""
     arms = [(matrix[:, i] @ VIEWPOINT, i) for i in range(3)]
     behind = [_arm(matrix, i, paint) for toward, i in arms if toward < 0.0]
     before = [_arm(matrix, i, paint) for toward, i in arms if toward >= 0.0]
@@ -67,7 +67,7 @@ def _board(matrix: FloatArray, colour: str, paint: dict[str, str]) -> list[str]:
 
 
 def _faces(matrix: FloatArray, colour: str) -> list[str]:
-    """Draw the faces that are seen; the top, where the sensor sits, bears a mark."""
+    """Draw the faces that are seen; the top, where the sensor sits, has a mark."""
     drawn = []
     for axis in range(3):
         for sign in (-1.0, 1.0):

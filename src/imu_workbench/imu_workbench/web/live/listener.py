@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Listens to a running ROS system, in a context and a thread of its own.
+"""Subscriptions to a running ROS system, in a context and a thread of their own.
 
-Messages of the IMU stay bytes: the thread only puts them aside and has them sorted in a few times
-a second, so that 1 kHz of several topics does not hold up the page.
+Messages of the IMU stay bytes: the thread only queues them; they are decoded a few times a second,
+so that 1 kHz of several topics does not hold up the page.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from imu_workbench.web.live.state import LiveState, Status
 from imu_workbench.web.live.topics import DIAGNOSTICS, ROLES, Topic, assign
 
 ABSORB_PERIOD_S = 0.05
-"""How often what arrived is sorted in [s]."""
+"""Period at which queued messages are decoded [s]."""
 GRAPH_PERIOD_S = 1.0
-"""How often the graph is looked at [s]."""
+"""Period at which the ROS graph is read [s]."""
 QUEUE_DEPTH = 1000
 SUBSCRIBED_TYPES = {role.message_type for role in ROLES.values()} | {DIAGNOSTICS}
 
@@ -52,7 +52,7 @@ class Listener:
 
     def __init__(self, domain_id: int | None = None) -> None:
         self.topics: tuple[Topic, ...] = ()
-        """What is published, as of the last look."""
+        """Topics that were published when the graph was read last."""
         self._watches: dict[tuple[str, tuple[tuple[str, str], ...]], Watch] = {}
         self._subscriptions: dict[str, Any] = {}
         self._targets: dict[str, list[tuple[LiveState, str]]] = {}
@@ -78,7 +78,7 @@ class Listener:
         return self._thread.is_alive()
 
     def watch(self, namespace: str, chosen: Mapping[str, str] | None = None) -> Watch:
-        """Return the device in `namespace`; what was heard of it before is still there."""
+        """Return the device in `namespace` with the history heard so far."""
         key = (namespace, tuple(sorted((chosen or {}).items())))
         if key not in self._watches:
             self._watches[key] = Watch(namespace, dict(chosen or {}))
@@ -92,16 +92,16 @@ class Listener:
     def _listen(self) -> None:
         executor = EventsExecutor(context=self._context)
         executor.add_node(self._node)
-        sort_at = look_at = 0.0
+        absorb_at = read_graph_at = 0.0
         try:
             while not self._ended.is_set() and self._context.ok():
                 executor.spin_once(timeout_sec=ABSORB_PERIOD_S / 2)
                 now = time.monotonic()
-                if now >= look_at:
-                    look_at = now + GRAPH_PERIOD_S
-                    self._look()
-                if now >= sort_at:
-                    sort_at = now + ABSORB_PERIOD_S
+                if now >= read_graph_at:
+                    read_graph_at = now + GRAPH_PERIOD_S
+                    self._read_graph()
+                if now >= absorb_at:
+                    absorb_at = now + ABSORB_PERIOD_S
                     for watch in tuple(self._watches.values()):
                         watch.state.absorb()
         finally:
@@ -109,8 +109,8 @@ class Listener:
             self._node.destroy_node()
             rclpy.try_shutdown(context=self._context)
 
-    def _look(self) -> None:
-        """Look at the graph; subscribe to what the devices have now."""
+    def _read_graph(self) -> None:
+        """Read the ROS graph; subscribe to the topics that the devices have now."""
         self.topics = tuple(self._published())
         types = {topic.name: topic for topic in self.topics}
         for watch in tuple(self._watches.values()):

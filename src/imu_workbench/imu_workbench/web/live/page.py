@@ -69,15 +69,15 @@ STYLE = """
 
 
 PERIOD_S = 0.05
-"""How often the page is brought up to date where the browser keeps up [s]."""
+"""Period of the updates where the browser keeps up [s]."""
 REST_SHARE = 0.15
-"""How long the browser is left alone after it has drawn, in the time that took."""
+"""Pause after the browser has drawn, in units of the time that took."""
 AWAIT_DRAWN = 'return new Promise(done => requestAnimationFrame(() => setTimeout(done)))'
 DRAW_TIMEOUT_S = 5.0
 """How long the browser may take to draw [s]."""
 WINDOWS = {20.0: '20 s', 120.0: '2 min', 900.0: '15 min', 3600.0: '1 h', 43_200.0: '12 h'}
 NO_ROS = (
-    'ROS 2 is not here. Source your ROS installation (or install requirements-ros.txt) in the '
+    'ROS 2 was not found. Source your ROS installation (or install requirements-ros.txt) in the '
     'shell that starts `serve`, then start it again; everything else on this page works without.'
 )
 NO_IMU_HEARD = 'No IMU is heard in ROS_DOMAIN_ID {domain}: start a driver, or play a bag.'
@@ -162,7 +162,7 @@ class LivePage:
                         for name in ROLES
                     }
 
-    # What the user does -----------------------------------------------------------------------
+    # Actions of the user ----------------------------------------------------------------------
 
     def _on_device(self) -> None:
         if self._listener is not None and self._device.value is not None:
@@ -176,7 +176,7 @@ class LivePage:
                 self._zero = zero_second(self._watch.state)
             self._drawn = ()
 
-    # What the system does ---------------------------------------------------------------------
+    # Updates ----------------------------------------------------------------------------------
 
     async def _tick(self) -> None:
         """Bring the page up to date, then wait until the browser has drawn it and rested.
@@ -222,7 +222,11 @@ class LivePage:
         if silent:
             return f'Silent: {", ".join(silent)}'
         restarts = self._watch.state.restarts
-        return f'The stamps went back {restarts}×: history began anew.' if restarts else ''
+        return (
+            f'The time stamps jumped back {restarts}×: the history was cleared.'
+            if restarts
+            else ''
+        )
 
     def _offer(self, found: list[str]) -> None:
         """Bring the choices up to date; take the first device that is heard."""
@@ -261,7 +265,7 @@ class LivePage:
             plot.update_figure(painted(figure, theme))
 
     def _is_new(self, figures: str, step: int) -> bool:
-        """Tell whether what was drawn of so many figures is older than `step` [ns], or another."""
+        """Tell whether a group of figures is due: after `step` [ns], or when a choice changed."""
         newest_sample, *choices = self._drawn
         shown = (newest_sample // step, *choices)
         before, self._plotted[figures] = self._plotted.get(figures), shown
@@ -312,7 +316,7 @@ def _listener() -> Any:
             [sys.executable, '-c', 'import rclpy'], capture_output=True, text=True, check=False
         )
         if trial.returncode:
-            lines = trial.stderr.strip().splitlines() or ['it ends without a word']
+            lines = trial.stderr.strip().splitlines() or ['it ends without a message']
             raise RuntimeError(lines[-1])
     from imu_workbench.web.live.listener import close_listener, shared_listener
 

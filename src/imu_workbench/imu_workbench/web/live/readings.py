@@ -14,21 +14,21 @@ from imu_workbench.web.live.state import FILTERS, LiveState, Status
 from imu_workbench.web.live.track import SECOND
 
 ZERO_SECONDS = 10
-"""The static residual counts from the mean of so many seconds."""
+"""The static residual counts from the mean of this many seconds."""
 MAX_TILT_DEG = 3.0
-"""From this tilt on the device was turned since the zero: what changed is not an error."""
+"""From this tilt on, the device was turned since the zero: the change is no error."""
 FULL_RATE_S = 30.0
-"""Up to this window every sample is looked at, beyond it means of seconds."""
+"""Up to this window every sample is drawn, beyond it means of seconds."""
 MAX_LAG_NS = 5 * SECOND
-"""Raw and compensated samples further apart than this are each shown as they are [ns]."""
+"""Raw and compensated samples further apart are not shown for the same second [ns]."""
 MAX_EULER_ROWS = 1000
-"""So many attitudes of a window are turned into angles."""
+"""Attitudes of a window converted to angles at most."""
 TEMPERATURES = ('temperature', 'device', 'air', 'setpoint')
 
 
 @dataclass(frozen=True)
 class SensorTracks:
-    """Where the samples of a sensor stand."""
+    """Tracks and columns that hold the samples of a sensor."""
 
     raw: str
     compensated: str
@@ -71,7 +71,7 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Attitude:
-    """What a filter says now."""
+    """Newest orientation of a filter."""
 
     orientation: FloatArray
     """(4,) xyzw, sensor → world."""
@@ -135,7 +135,7 @@ def tilt_since_zero_deg(state: LiveState, zero: int) -> float:
 
 
 def attitude(state: LiveState, name: str) -> Attitude | None:
-    """Return what a filter said last; None where it says nothing."""
+    """Return the newest orientation of a filter; None where it publishes none."""
     values = state.tracks[name].recent.since(state.tracks[name].newest - SECOND).values
     known = values[np.isfinite(values).all(1)]
     if not len(known) or not np.linalg.norm(known[-1]) > 0.0:
@@ -190,7 +190,7 @@ def silence_s(state: LiveState, name: str) -> float:
 
 
 def chamber_times(statuses: dict[str, Status]) -> tuple[float, float]:
-    """Return what is left of the phase and of the run [s], NaN where no chamber node says so."""
+    """Return the time left of the phase and of the run [s]; NaN where no chamber node runs."""
     for status in statuses.values():
         if 'run_left [s]' in status.values and status.values.get('mode') not in ('', 'IDLE'):
             return float(status.values['phase_left [s]']), float(status.values['run_left [s]'])
@@ -198,7 +198,7 @@ def chamber_times(statuses: dict[str, Status]) -> tuple[float, float]:
 
 
 def orientation_names(state: LiveState) -> list[str]:
-    """Return the filters that say something."""
+    """Return the filters that publish."""
     return [name for name in FILTERS if state.tracks[name].newest >= 0]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a running system says of one device, kept for a page to look at. Knows nothing of ROS.
+"""State of one running device, made from the messages heard of it; independent of ROS.
 
 A listener's thread puts serialised messages in and calls `absorb` a few times a second; pages
 read under the same lock. Raw and compensated samples are subtracted stamp by stamp.
@@ -44,7 +44,7 @@ ORIENTATION_UNKNOWN = 4
 
 @dataclass(frozen=True)
 class Status:
-    """What one node says of itself."""
+    """Diagnostic status of one node."""
 
     name: str
     level: int
@@ -65,7 +65,7 @@ class LiveState:
         self.statuses: dict[str, Status] = {}
         self.phase = ''
         self.unreadable = 0
-        """Messages whose bytes made no sense."""
+        """Messages that could not be decoded."""
         self.restarts = 0
         """How often the stamps went back: a bag that starts again."""
         self._inbox: dict[str, deque[bytes]] = {
@@ -76,16 +76,16 @@ class LiveState:
         self._clear()
 
     def put(self, role: str, data: bytes) -> None:
-        """Take a serialised message; cheap, from any thread."""
+        """Queue a serialised message; cheap, from any thread."""
         self._inbox[role].append(data)
 
     def put_status(self, status: Status) -> None:
-        """Take what a node says of itself."""
+        """Take the status of a node."""
         with self.lock:
             self.statuses[status.name] = status
 
     def absorb(self) -> None:
-        """Sort in what has arrived."""
+        """Decode the messages that have arrived and add them to the tracks."""
         with self.lock:
             for role in COLUMNS:
                 rows = self._arrived(role)
@@ -102,7 +102,7 @@ class LiveState:
                 self.phase = text_of(data)
 
     def forget(self, role: str) -> None:
-        """Drop what was heard of a role: another topic plays it now."""
+        """Drop what was heard of a role: another topic has it now."""
         with self.lock:
             self._inbox[role].clear()
             if role == 'phase':
@@ -142,7 +142,7 @@ class LiveState:
         return Rows(rows.stamp, values)
 
     def _subtract(self, name: str) -> None:
-        """Subtract what has its partner; wait a second for the others, then pass them over."""
+        """Subtract samples of equal stamp; one without a partner is dropped after a second."""
         waiting, raw = self._waiting[name], self.tracks[PAIRS[name][0]]
         if not len(waiting.stamp):
             return
@@ -166,7 +166,7 @@ def text_of(data: bytes) -> str:
 
 
 def one_signed(quaternion: FloatArray, before: FloatArray | None) -> FloatArray:
-    """Return quaternions (n, 4), of the two of equal meaning the one nearer to `before` (4,)."""
+    """Return quaternions (n, 4), each with the sign that is nearer to `before` (4,)."""
     if before is None:
         return quaternion
     return np.where((quaternion @ before)[:, None] < 0.0, -quaternion, quaternion)

@@ -28,7 +28,7 @@ from imu_workbench.web.live.topics import DEVICE_ROLES, ROLES
 DECIMALS = {'gyroscope': 4, 'accelerometer': 4, 'magnetometer': 2}
 """Decimals in display units: a tenth of the noise of a second's mean."""
 SILENT_S = 3.0
-"""From this silence on a topic counts as silent."""
+"""A topic counts as silent after this time without a message."""
 LEVELS = ('ok', 'warning', 'error', 'stale')
 PHASES = {
     'precondition': 'preconditioning', 'ramp_down': 'ramp down', 'dwell_cold': 'cold dwell',
@@ -53,7 +53,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str) -> s
 
 
 def values_table(state: LiveState, zero: int) -> str:
-    """Return what the sensors say, a row an axis."""
+    """Return the readings of all sensors, one row per axis."""
     rows = []
     for sensor in SENSORS:
         unit, decimals = DISPLAY_UNITS[sensor], DECIMALS[sensor]
@@ -70,8 +70,8 @@ def _advice(state: LiveState, zero: int) -> str:
     tilt = tilt_since_zero_deg(state, zero)
     if tilt > MAX_TILT_DEG:
         return (
-            f'<p role="status">The device has been turned by {tilt:.0f}° since the zero: take a '
-            'new one, the static residual counts from there.</p>'
+            f'<p role="status">The device has been turned by {tilt:.0f}° since the zero was '
+            'taken: take a new zero, the static residual counts from there.</p>'
         )
     return (
         '<p>Static residual: what compensation leaves, counted from its mean over the first ten '

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which topic of a running system plays which role: by who publishes it, then by its name.
+"""Roles of the topics of a running system: by the node that publishes them, then by name.
 
 Nodes keep their names where their topics are remapped, so a publisher's name says more than a
 topic's: with the driver on `imu/uncompensated` and the compensation on `imu/data_raw`, both are
@@ -27,7 +27,7 @@ DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 
 @dataclass(frozen=True)
 class Role:
-    """What a topic is for."""
+    """Purpose of a topic."""
 
     name: str
     topic: str
@@ -62,7 +62,7 @@ MARKERS = tuple(role.topic for role in ROLES.values() if role.message_type == IM
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic somebody publishes."""
+    """A topic that is published."""
 
     name: str
     message_type: str
