@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A filter fed with samples as they arrive: pairing, mounting, statistics; knows no ROS."""
+"""A filter fed with samples as they arrive: pairing, mounting, statistics; without ROS."""
 
 from __future__ import annotations
 
@@ -31,7 +31,9 @@ from orientation_filters.rotation.scalars import euler_zyx
 from orientation_filters.sample_checks import GRAVITY, NO_FIELD, Sample
 
 RATE_SAMPLES = 20
-"""Intervals after which the sample rate is known well enough to judge the cut-off."""
+"""Intervals after which the sample rate is known well enough to check the cut-off."""
+RECENT_SAMPLES = 500
+"""Samples over which rate, jitter and disturbed fraction are taken."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +51,57 @@ class LiveEstimate:
     flags: int
 
 
+class SampleStatistics:
+    """Counts of flags, recent flags, and intervals between samples."""
+
+    def __init__(self) -> None:
+        self.counts: Counter[str] = Counter()
+        self._recent: deque[int] = deque(maxlen=RECENT_SAMPLES)
+        self._intervals: deque[int] = deque(maxlen=RECENT_SAMPLES)
+        self._last_stamp: int | None = None
+
+    def add(self, stamp: int, flags: int) -> None:
+        """Count a sample and its flags."""
+        self._recent.append(flags)
+        self.counts['samples'] += 1
+        for bit, (name, _) in FLAGS.items():
+            if flags & bit:
+                self.counts[name] += 1
+        if flags & DROPPED:
+            return
+        if self._last_stamp is not None and not flags & JUMPED_BACK:
+            self._intervals.append(stamp - self._last_stamp)
+        self._last_stamp = stamp
+
+    @property
+    def last_flags(self) -> int | None:
+        """Flags of the last sample; None before the first."""
+        return self._recent[-1] if self._recent else None
+
+    @property
+    def knows_rate(self) -> bool:
+        """Whether there are intervals enough to compare the sample rate with a cut-off."""
+        return len(self._intervals) >= RATE_SAMPLES
+
+    @property
+    def rate_hz(self) -> float:
+        """Median sample rate [Hz]."""
+        return 1e9 / float(np.median(self._intervals)) if self._intervals else nan
+
+    @property
+    def jitter_ms(self) -> float:
+        """Standard deviation of the intervals [ms]."""
+        return float(np.std(self._intervals)) * 1e-6 if self._intervals else nan
+
+    @property
+    def disturbed_fraction(self) -> float:
+        """Fraction of recent samples whose magnetic field was rejected."""
+        disturbed = [flags & (DISTURBED | JAMMED) != 0 for flags in self._recent]
+        return float(np.mean(disturbed)) if disturbed else 0.0
+
+
 class LiveFilter:
-    """Feeds `update` of one filter and counts what happens."""
+    """Feeds `update` of one filter, sample by sample, and keeps statistics."""
 
     def __init__(self, name: str, parameters: FilterParameters) -> None:
         self.name = name
@@ -64,11 +115,8 @@ class LiveFilter:
         self._pairing = MagnetometerPairing(use_magnetometer=parameters.use_magnetometer)
         mount = np.array(parameters.mount)
         self._mount = None if np.array_equal(mount, IDENTITY) else mount / np.linalg.norm(mount)
-        self._counts: Counter[str] = Counter()
-        self._recent: deque[int] = deque(maxlen=500)
-        self._last_stamp: int | None = None
-        self._intervals: deque[int] = deque(maxlen=500)
-        self._judged_rate = False
+        self._statistics = SampleStatistics()
+        self._is_cutoff_checked = False
 
     def _compile(self) -> None:
         """Call the kernel once, so that loading it does not delay the first samples."""
@@ -77,8 +125,8 @@ class LiveFilter:
 
     def set_parameters(self, parameters: FilterParameters) -> None:
         """Take over parameters that changed; the state goes on."""
-        if len(self._intervals) >= RATE_SAMPLES:
-            check_cutoff(parameters, self.rate_hz)
+        if self._statistics.knows_rate:
+            check_cutoff(parameters, self._statistics.rate_hz)
         self._parameters = parameters
         self._params = parameters.kernel_params()
 
@@ -89,7 +137,7 @@ class LiveFilter:
     def add_field(self, sample: MagneticSample) -> list[LiveEstimate]:
         """Take a magnetometer sample; return the attitudes that are known now."""
         if not all(isfinite(v) for v in sample.magnetic_field):
-            self._counts['invalid_magnetometer'] += 1
+            self._statistics.counts['invalid_magnetometer'] += 1
             return []
         return self._estimates(self._pairing.add_field(sample))
 
@@ -102,12 +150,14 @@ class LiveFilter:
         return [estimate for estimate in estimates if estimate is not None]
 
     def _estimate(self, imu: ImuSample, field: MagneticSample | None) -> LiveEstimate | None:
+        """Return the attitude after a pair of samples, None where there is none."""
         m = NO_FIELD if field is None else field.magnetic_field
         if self._mount is not None:
             imu, m = _mounted(imu, m, self._mount)
         sample = Sample(imu.stamp, imu.angular_velocity, imu.linear_acceleration, m)
         self._state, found = self._module.update(self._state, self._params, sample)
-        self._note(imu.stamp, found.flags)
+        self._statistics.add(imu.stamp, found.flags)
+        self._check_cutoff()
         if found.flags & (DROPPED | NOT_STARTED) or self.refusal:
             return None
         xx, xy, xz, yy, yz, zz = found.covariance
@@ -119,56 +169,39 @@ class LiveFilter:
             flags=found.flags,
         )
 
-    def _note(self, stamp: int, flags: int) -> None:
-        """Count flags, and judge the sample rate once it is known."""
-        self._recent.append(flags)
-        self._counts['samples'] += 1
-        for bit, (name, _) in FLAGS.items():
-            if flags & bit:
-                self._counts[name] += 1
-        if flags & DROPPED:
+    def _check_cutoff(self) -> None:
+        """Refuse a cut-off above half the sample rate, once the rate is known."""
+        if self._is_cutoff_checked or not self._statistics.knows_rate:
             return
-        if self._last_stamp is not None and not flags & JUMPED_BACK:
-            self._intervals.append(stamp - self._last_stamp)
-        self._last_stamp = stamp
-        if not self._judged_rate and len(self._intervals) >= RATE_SAMPLES:
-            self._judged_rate = True
-            try:
-                check_cutoff(self._parameters, self.rate_hz)
-            except FilterError as error:
-                self.refusal = str(error)
-
-    @property
-    def rate_hz(self) -> float:
-        """Rate of most samples [Hz]."""
-        return 1e9 / float(np.median(self._intervals)) if self._intervals else nan
+        self._is_cutoff_checked = True
+        try:
+            check_cutoff(self._parameters, self._statistics.rate_hz)
+        except FilterError as error:
+            self.refusal = str(error)
 
     def status(self) -> tuple[int, str, dict[str, Any]]:
         """Return level (0 ok, 1 warn, 2 error), one line, and values."""
-        recent = np.array(self._recent, dtype=np.int64)
-        last = int(recent[-1]) if len(recent) else 0
+        statistics = self._statistics
         values = {
             'filter': self.name,
             'preset': self._parameters.preset,
-            'rate_hz': self.rate_hz,
-            'jitter_ms': float(np.std(self._intervals)) * 1e-6 if self._intervals else nan,
-            'disturbed_fraction': float(np.mean(recent & (DISTURBED | JAMMED) != 0))
-            if len(recent)
-            else 0.0,
+            'rate_hz': statistics.rate_hz,
+            'jitter_ms': statistics.jitter_ms,
+            'disturbed_fraction': statistics.disturbed_fraction,
             **dict(zip(('bias_x', 'bias_y', 'bias_z'), self._state.bias, strict=True)),
-            'resets': max(self._counts['reinitialised'] - 1, 0),
+            'resets': max(statistics.counts['reinitialised'] - 1, 0),
             'exact_pairs': self._pairing.exact,
             'unused_magnetometer_samples': self._pairing.unused,
-            **{name: self._counts[name] for _, (name, _) in FLAGS.items()},
+            **{name: statistics.counts[name] for _, (name, _) in FLAGS.items()},
         }
         if self.refusal:
             return 2, self.refusal, values
-        if not len(recent):
+        if statistics.last_flags is None:
             return 0, 'waiting for samples', values
-        return *_verdict(last, self._parameters.use_magnetometer), values
+        return *_status_of(statistics.last_flags, self._parameters.use_magnetometer), values
 
 
-def _verdict(flags: int, use_magnetometer: bool) -> tuple[int, str]:
+def _status_of(flags: int, use_magnetometer: bool) -> tuple[int, str]:
     """Return level and line for the flags of the last sample."""
     if flags & NOT_STARTED:
         return 1, 'no usable specific force yet'
@@ -177,7 +210,7 @@ def _verdict(flags: int, use_magnetometer: bool) -> tuple[int, str]:
     if flags & (DISTURBED | JAMMED):
         return 1, 'magnetic disturbance: heading from the gyroscope alone'
     if flags & BIAS_LIMITED:
-        return 1, 'rate at rest above bias_limit: not learned'
+        return 1, 'rate at rest above bias_limit: not learned as bias'
     if flags & DROPPED:
         return 1, 'last sample dropped'
     if flags & REINITIALISED:

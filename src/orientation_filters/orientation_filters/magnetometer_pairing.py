@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Brings the magnetometer sample of a stamp to the IMU sample of that stamp, in any order.
+"""Pairs of IMU and magnetometer samples of one stamp, whichever arrives first.
 
 A sample between two IMU stamps goes to the later one, as in `ImuRecording`. An IMU sample waits
-for a magnetometer sample only where one of its very stamp is due, and no longer than `wait`.
+for a magnetometer sample only where one of the same stamp is due, and no longer than `wait`.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from imu_recording.ros.messages import ImuSample, MagneticSample
 
 Pair = tuple[ImuSample, MagneticSample | None]
 
-START = 100_000_000
+FIRST_FIELD_WAIT = 100_000_000
 """How long the first IMU samples wait for a first magnetometer sample [ns]."""
-KEPT = 1000
+KEPT_FIELDS = 1000
 """Magnetometer samples kept for IMU samples still to come."""
 
 
 class MagnetometerPairing:
-    """Queues of what waits for its counterpart; calls return pairs in order of IMU stamps."""
+    """Queues of samples that wait for their counterpart; pairs come in order of IMU stamps."""
 
     def __init__(self, *, use_magnetometer: bool = True, wait: int = 20_000_000) -> None:
         self.exact = 0
@@ -30,7 +30,7 @@ class MagnetometerPairing:
         self._use = use_magnetometer
         self._wait = wait
         self._pending: deque[ImuSample] = deque()
-        self._fields: deque[MagneticSample] = deque(maxlen=KEPT)
+        self._fields: deque[MagneticSample] = deque(maxlen=KEPT_FIELDS)
         self._first_stamp: int | None = None
         self._released: int | None = None
         self._last_field: int | None = None
@@ -51,12 +51,15 @@ class MagnetometerPairing:
 
     def add_field(self, sample: MagneticSample) -> list[Pair]:
         """Take a magnetometer sample; return the pairs that are complete now."""
-        if self._last_field is not None and sample.stamp <= self._last_field - START:
+        if self._last_field is not None and sample.stamp <= self._last_field - FIRST_FIELD_WAIT:
             self._fields.clear()
             self._interval = 0
         elif self._last_field is not None and sample.stamp > self._last_field:
             self._interval = sample.stamp - self._last_field
-        if self._released is not None and self._released - START < sample.stamp <= self._released:
+        if (
+            self._released is not None
+            and self._released - FIRST_FIELD_WAIT < sample.stamp <= self._released
+        ):
             self.unused += 1
         else:
             self._fields.append(sample)
@@ -64,16 +67,16 @@ class MagnetometerPairing:
         return self._release()
 
     def flush(self) -> list[Pair]:
-        """Return what still waits: nothing more will come."""
+        """Return the samples that still wait: the input has ended."""
         return self._release(flush=True)
 
     def _restart(self, sample: ImuSample, newest: int) -> list[Pair]:
-        """Pass on a sample that is not later than the last; a jump back starts all over."""
-        if sample.stamp > newest - START:
+        """Pass on a sample that is not later than the last; a jump back resets the queues."""
+        if sample.stamp > newest - FIRST_FIELD_WAIT:
             return [*self.flush(), (sample, None)]
         pairs = self.flush()
         early = [field for field in self._fields if field.stamp <= sample.stamp]
-        self._fields = deque(early, maxlen=KEPT)
+        self._fields = deque(early, maxlen=KEPT_FIELDS)
         self._first_stamp, self._released = sample.stamp, None
         if not early:
             self._last_field = None
@@ -110,13 +113,13 @@ class MagnetometerPairing:
         return found
 
     def _is_due(self, head: ImuSample) -> bool:
-        """Whether a magnetometer sample of this very stamp may still come."""
+        """Whether a magnetometer sample of this stamp may still come."""
         age = self._pending[-1].stamp - head.stamp
         if self._last_field is None:
             first = head.stamp if self._first_stamp is None else self._first_stamp
-            return self._pending[-1].stamp - first < START
+            return self._pending[-1].stamp - first < FIRST_FIELD_WAIT
         if not self._synchronous or age >= self._wait or self._last_field > head.stamp:
             return False
         since = head.stamp - self._last_field
         period = since if self._released is None else head.stamp - self._released
-        return 2 * (self._interval - since) <= period and since < self._interval + START
+        return 2 * (self._interval - since) <= period and since < self._interval + FIRST_FIELD_WAIT

@@ -30,10 +30,14 @@ class FilterParameters:
     presets: ClassVar[Presets] = {name: {} for name in PRESET_NAMES}
 
     preset: str = parameter(
-        'paper', 'Values of all that is not set: as the paper, or robust', choices=PRESET_NAMES
+        'paper',
+        'Values of the parameters that are not set: as in the paper, or robust',
+        choices=PRESET_NAMES,
     )
     world_frame: str = parameter('enu', 'Axes of the world', choices=WORLD_FRAMES)
-    use_magnetometer: bool = parameter(True, 'Nine axes; false: heading from the gyroscope alone')
+    use_magnetometer: bool = parameter(
+        True, 'Heading from the magnetometer; false: from the gyroscope'
+    )
     magnetic_declination: float = parameter(
         0.0, 'Of magnetic north from true north, east positive', unit='rad', bounds=(-pi, pi)
     )
@@ -41,7 +45,7 @@ class FilterParameters:
         [0.0, 0.0, 0.0, 1.0], 'Rotation sensor → body, quaternion xyzw', bounds=(-1.0, 1.0)
     )
     max_gap: float = parameter(
-        1.0, 'Longer pauses set the attitude anew', unit='s', bounds=(1e-3, 3600.0)
+        1.0, 'The attitude is set anew after a longer pause', unit='s', bounds=(1e-3, 3600.0)
     )
     magnetometer_timeout: float = parameter(
         0.5, 'How long a magnetometer sample holds', unit='s', bounds=(1e-3, 3600.0)
@@ -51,30 +55,38 @@ class FilterParameters:
     )
     learn_bias: bool = parameter(True, 'Learn the gyroscope bias', dynamic=True)
     rest_angular_velocity: float = parameter(
-        0.035, 'At rest: largest rms change', unit='rad/s', bounds=(0.0, 10.0), dynamic=True
+        0.035,
+        'At rest: largest rms deviation from the mean',
+        unit='rad/s',
+        bounds=(0.0, 10.0),
+        dynamic=True,
     )
     rest_linear_acceleration: float = parameter(
-        0.3, 'At rest: largest rms change', unit='m/s²', bounds=(0.0, 100.0), dynamic=True
+        0.3,
+        'At rest: largest rms deviation from the mean',
+        unit='m/s²',
+        bounds=(0.0, 100.0),
+        dynamic=True,
     )
     rest_duration: float = parameter(
-        1.5, 'At rest: for at least', unit='s', bounds=(0.0, 3600.0), dynamic=True
+        1.5, 'At rest: after so long without change', unit='s', bounds=(0.0, 3600.0), dynamic=True
     )
     bias_limit: float = parameter(
         0.2,
-        'Larger rates are not taken for a bias',
+        'Larger rates at rest are not taken for a bias',
         unit='rad/s',
         bounds=(0.0, 10.0),
         dynamic=True,
     )
     field_tolerance: float = parameter(
         0.14,
-        'Disturbed: distance from the reference as part of its norm',
+        'Field disturbed: distance from the reference, as a part of its norm',
         bounds=(0.0, 10.0),
         dynamic=True,
     )
     field_adoption: float = parameter(
         20.0,
-        'A steady new field becomes the reference after',
+        'A new field becomes the reference after staying the same for',
         unit='s',
         bounds=(0.0, 1e6),
         dynamic=True,

@@ -32,13 +32,19 @@ INVALID_MAGNETOMETER = 2048
 FLAGS = {
     NOT_STARTED: ('not_started', 'no attitude yet: no usable specific force so far'),
     DROPPED: ('dropped', 'row not used: stamp not later than the last, or unusable gyroscope'),
-    REINITIALISED: ('reinitialised', 'attitude set anew: start, gap, or first heading'),
-    JUMPED_BACK: ('jumped_back', 'time jumped back (a bag looped): everything was forgotten'),
+    REINITIALISED: (
+        'reinitialised',
+        'attitude set anew: start, gap, or first magnetometer sample',
+    ),
+    JUMPED_BACK: (
+        'jumped_back',
+        'time jumped back (a bag looped): bias and reference field reset',
+    ),
     SIX_AXIS: ('six_axis', 'heading from the gyroscope: no magnetometer sample for too long'),
     DISTURBED: ('disturbed', 'magnetometer rejected: field unlike the reference'),
     JAMMED: ('jammed', 'magnetic disturbance larger than twice the field: magnetometer ignored'),
-    AT_REST: ('at_rest', 'no motion: the gyroscope shows its bias'),
-    BIAS_LIMITED: ('bias_limited', 'at rest with a rate above the bias limit: not learned'),
+    AT_REST: ('at_rest', 'no motion: the mean angular velocity is the bias'),
+    BIAS_LIMITED: ('bias_limited', 'at rest with a rate above bias_limit: not learned as bias'),
     INVALID_GYROSCOPE: ('invalid_gyroscope', 'angular velocity not finite or absurd: ignored'),
     INVALID_ACCELEROMETER: ('invalid_accelerometer', 'specific force zero, not finite or absurd'),
     INVALID_MAGNETOMETER: ('invalid_magnetometer', 'magnetic field zero, not finite or absurd'),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Slow recordings for filters that need a fast one: measured columns joined by straight lines."""
+"""Linear interpolation of slow recordings onto a faster grid, for filters that need one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from imu_recording.recording import FloatArray, ImuRecording, IntArray
 from numpy.typing import NDArray
 
 INTERPOLATED_FIELDS = (*MEASURED_FIELDS, 'temperature')
-LARGEST_GAP = 3.0
+LARGEST_GAP_PERIODS = 3.0
 """Periods between two samples across which nothing is interpolated."""
 
 
@@ -29,11 +29,7 @@ def upsample(recording: ImuRecording, rate_hz: float = 50.0) -> ImuRecording:
     period = float(np.median(np.diff(recording.stamp)))
     if period <= 1.02e9 / rate_hz:
         return recording
-    first, last = int(recording.stamp[0]), int(recording.stamp[-1])
-    rows = int((last - first) * 1e-9 * rate_hz) + 1
-    stamp = first + np.round(np.arange(rows) * (1e9 / rate_hz)).astype(np.int64)
-    inside = _between(stamp, recording.stamp)
-    stamp = stamp if inside.all() else stamp[inside]
+    stamp = _grid(recording.stamp, rate_hz)
     newest = np.searchsorted(recording.stamp, stamp, side='right') - 1
     tracks = {
         track.name: values
@@ -50,6 +46,15 @@ def upsample(recording: ImuRecording, rate_hz: float = 50.0) -> ImuRecording:
         f'interpolated linearly from {1e9 / period:.3g} Hz to {rate_hz:g} Hz for the filters; '
         'angles say little about fast errors'
     )
+
+
+def _grid(known: IntArray, rate_hz: float) -> IntArray:
+    """Return stamps of that rate on or between the known ones, gaps left out."""
+    first, last = int(known[0]), int(known[-1])
+    rows = int((last - first) * 1e-9 * rate_hz) + 1
+    stamp = first + np.round(np.arange(rows) * (1e9 / rate_hz)).astype(np.int64)
+    inside = _between(stamp, known)
+    return stamp if inside.all() else stamp[inside]
 
 
 def _columns(stamp: IntArray, known: IntArray, values: FloatArray) -> FloatArray:
@@ -90,6 +95,6 @@ def _between(stamp: IntArray, known: IntArray) -> NDArray[np.bool_]:
     """Return which stamps lie on a known one or between two at most three periods apart."""
     inside: NDArray[np.bool_] = (stamp >= known[0]) & (stamp <= known[-1])
     gap = np.diff(known)
-    for hole in np.flatnonzero(gap > LARGEST_GAP * float(np.median(gap))):
+    for hole in np.flatnonzero(gap > LARGEST_GAP_PERIODS * float(np.median(gap))):
         inside &= (stamp <= known[hole]) | (stamp >= known[hole + 1])
     return inside

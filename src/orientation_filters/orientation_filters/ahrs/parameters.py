@@ -24,44 +24,52 @@ class AhrsParameters(FilterParameters):
         50e-6, 'Strength of the magnetic field', unit='T', bounds=(1e-6, 1e-3), dynamic=True
     )
     accelerometer_noise: float = parameter(
-        1.9247e-4, 'Variance', unit='(m/s²)²', bounds=(1e-12, 1e6), dynamic=True
+        1.9247e-4, 'Variance of a sample', unit='(m/s²)²', bounds=(1e-12, 1e6), dynamic=True
     )
     magnetometer_noise: float = parameter(
-        0.1, 'Variance', unit='µT²', bounds=(1e-9, 1e9), dynamic=True
+        0.1, 'Variance of a sample', unit='µT²', bounds=(1e-9, 1e9), dynamic=True
     )
     gyroscope_noise: float = parameter(
-        9.1385e-5, 'Variance', unit='(rad/s)²', bounds=(0.0, 1e3), dynamic=True
+        9.1385e-5, 'Variance of a sample', unit='(rad/s)²', bounds=(0.0, 1e3), dynamic=True
     )
     gyroscope_drift_noise: float = parameter(
         3.0462e-13, 'Variance of the bias step', unit='(rad/s)²', bounds=(0.0, 1e3), dynamic=True
     )
     linear_acceleration_noise: float = parameter(
-        9.6236e-3, 'Variance', unit='(m/s²)²', bounds=(0.0, 1e6), dynamic=True
+        9.6236e-3,
+        'Variance of its change in a step',
+        unit='(m/s²)²',
+        bounds=(0.0, 1e6),
+        dynamic=True,
     )
     linear_acceleration_decay: float = parameter(
-        0.5, 'Part left after a step', bounds=(0.0, 1.0), dynamic=True
+        0.5, 'Part of it left after a step', bounds=(0.0, 1.0), dynamic=True
     )
     magnetic_disturbance_noise: float = parameter(
-        0.5, 'Variance', unit='µT²', bounds=(0.0, 1e9), dynamic=True
+        0.5, 'Variance of its change in a step', unit='µT²', bounds=(0.0, 1e9), dynamic=True
     )
     magnetic_disturbance_decay: float = parameter(
-        0.5, 'Part left after a step', bounds=(0.0, 1.0), dynamic=True
+        0.5, 'Part of it left after a step', bounds=(0.0, 1.0), dynamic=True
     )
 
     step_interval: float = parameter(
-        0.1, 'Adaptive: between Kalman steps', unit='s', bounds=(0.0, 1.0), dynamic=True
+        0.1, 'Adaptive: time between Kalman steps', unit='s', bounds=(0.0, 1.0), dynamic=True
     )
     angle_random_walk: float = parameter(
-        1e-3, 'Adaptive: of the gyroscope', unit='rad/√s', bounds=(0.0, 1.0), dynamic=True
+        1e-3,
+        'Adaptive: angle random walk of the gyroscope',
+        unit='rad/√s',
+        bounds=(0.0, 1.0),
+        dynamic=True,
     )
     rate_error: float = parameter(
         0.004,
-        'Adaptive: error of the rate as its part, random over 1 s',
+        'Adaptive: error of the rate as a part of it, random over 1 s',
         bounds=(0.0, 1.0),
         dynamic=True,
     )
     bias_random_walk: float = parameter(
-        1e-5, 'Adaptive: of the bias', unit='rad/s/√s', bounds=(0.0, 1.0), dynamic=True
+        1e-5, 'Adaptive: random walk of the bias', unit='rad/s/√s', bounds=(0.0, 1.0), dynamic=True
     )
     acceleration_floor: float = parameter(
         0.05,
@@ -72,21 +80,21 @@ class AhrsParameters(FilterParameters):
     )
     acceleration_weight: float = parameter(
         0.04,
-        'Adaptive: part of the acceleration power that counts',
+        'Adaptive: error density of specific force per power of the acceleration',
         unit='s',
         bounds=(0.0, 1e3),
         dynamic=True,
     )
     acceleration_memory: float = parameter(
         1.0,
-        'Adaptive: time over which that power is averaged',
+        'Adaptive: time constant of the mean of that power',
         unit='s',
         bounds=(0.0, 1e3),
         dynamic=True,
     )
     acceleration_smoothing: float = parameter(
         1.5,
-        'Adaptive: low-pass of specific force in the world',
+        'Adaptive: time constant of the low-pass of specific force',
         unit='s',
         bounds=(0.0, 1e3),
         dynamic=True,

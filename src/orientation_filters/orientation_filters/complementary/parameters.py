@@ -45,7 +45,10 @@ class ComplementaryParameters(FilterParameters):
         False, 'Learn the gyroscope bias: at rest, and in motion by integral_gain', dynamic=True
     )
     integral_gain: float = parameter(
-        0.1, 'Of bias learning in motion, part of cut-off²', bounds=(0.0, 10.0), dynamic=True
+        0.1,
+        'Gain of bias learning in motion, as a part of cut-off²',
+        bounds=(0.0, 10.0),
+        dynamic=True,
     )
     rest_bias_time: float = parameter(
         2.0,
@@ -56,13 +59,17 @@ class ComplementaryParameters(FilterParameters):
     )
     angle_random_walk: float = parameter(
         2e-4,
-        'Of the gyroscope, for the covariance',
+        'Angle random walk of the gyroscope, for the covariance',
         unit='rad/√s',
         bounds=(0.0, 1.0),
         dynamic=True,
     )
     bias_sigma: float = parameter(
-        5e-3, 'Bias left over, for the covariance', unit='rad/s', bounds=(0.0, 1.0), dynamic=True
+        5e-3,
+        'Remaining bias, standard deviation, for the covariance',
+        unit='rad/s',
+        bounds=(0.0, 1.0),
+        dynamic=True,
     )
     inclination_sigma: float = parameter(
         0.02,

@@ -66,7 +66,7 @@ def approach(a: Vector, b: Vector, gain: float) -> Vector:
 
 @inline
 def absent(v: Vector) -> bool:
-    """Whether no component holds a number: a row without a sample."""
+    """Whether every component is NaN: a row without a sample."""
     return v[0] != v[0] and v[1] != v[1] and v[2] != v[2]
 
 
