@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from imu_recording.recording import PHASES, ImuRecording
-from imu_workbench.attitude_budget import attribute, content_of, remarks
+from imu_workbench.attitude_budget import attitude_budget, budget_content, remarks_of
 
 SECONDS, RATE = 120.0, 50.0
 
@@ -41,7 +41,7 @@ def warmed(true: ImuRecording) -> ImuRecording:
 
 def test_each_sensor_is_charged_with_its_own_error() -> None:
     true = device()
-    result = attribute(warmed(true), true)
+    result = attitude_budget(warmed(true), true)
     costs = {(c.filter, c.data): c for c in result.costs}
     grows = 1 / np.sqrt(3)  # rms of a straight line that ends at 1
     heading = np.degrees(np.arctan(5 / 25)) * grows
@@ -63,7 +63,7 @@ def test_each_sensor_is_charged_with_its_own_error() -> None:
 
 def test_errors_are_given_per_phase_and_temperature() -> None:
     true = device()
-    result = attribute(warmed(true), true, filters=['complementary'])
+    result = attitude_budget(warmed(true), true, filters=['complementary'])
     groups = result.groups['complementary paper raw']
     assert [g.label for g in groups] == ['ramp_up', '20 … 30 °C', '30 … 40 °C', '40 … 50 °C']
     assert groups[1].rms['heading'] < groups[2].rms['heading'] < groups[3].rms['heading']
@@ -71,21 +71,21 @@ def test_errors_are_given_per_phase_and_temperature() -> None:
 
 def test_sweep_covers_the_papers_range_below_half_the_rate() -> None:
     true = device()
-    sweep = attribute(warmed(true), true, filters=[]).sweep
+    sweep = attitude_budget(warmed(true), true, filters=[]).sweep
     assert sorted({c.cutoff_hz for c in sweep}) == [2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0]
     assert {c.data for c in sweep} == {'raw', 'compensated'}
 
 
 def test_slow_recordings_are_interpolated_and_it_is_said() -> None:
     true = device(rate_hz=2.0)
-    result = attribute(warmed(true), true, filters=['complementary'])
+    result = attitude_budget(warmed(true), true, filters=['complementary'])
     assert len(result.recording) == pytest.approx(SECONDS * 50, abs=60)
     assert any('interpolated' in note for note in result.recording.notes)
 
 
 def test_without_truth_the_compensated_run_stands_for_it() -> None:
     true = replace(device(), reference_orientation=None)
-    result = attribute(warmed(true), true, filters=['ahrs'])
+    result = attitude_budget(warmed(true), true, filters=['ahrs'])
     assert result.against == 'compensated run'
     costs = {c.data: c for c in result.costs}
     assert costs['compensated'].rms['total'] < 1e-9
@@ -94,8 +94,8 @@ def test_without_truth_the_compensated_run_stands_for_it() -> None:
 
 def test_remarks_carry_our_numbers() -> None:
     true = device()
-    result = attribute(warmed(true), true)
-    found = {(r['remark'], r['unit']): r for r in remarks(result)}
+    result = attitude_budget(warmed(true), true)
+    found = {(r['remark'], r['unit']): r for r in remarks_of(result)}
     assert found['because of the magnetometer', 'deg']['holds']
     assert found['AHRS costs more', 'B']['holds']
-    assert content_of(result, true)['remarks'] == remarks(result)
+    assert budget_content(result, true)['remarks'] == remarks_of(result)

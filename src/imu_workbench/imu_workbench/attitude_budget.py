@@ -8,7 +8,7 @@ compared with the true one where the recording has it, else with the fully compe
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -24,6 +24,7 @@ from orientation_filters.errors import (
 from orientation_filters.filters import FILTERS, run_filter, sample_rate, state_bytes
 from orientation_filters.rotation.arrays import enu_from_ned
 from orientation_filters.upsampling import upsample
+from thermal_comp.presentation.display import FILTER_LABELS
 
 CUTOFFS_HZ = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 """The paper's typical range, with its choice of 3 Hz."""
@@ -60,8 +61,8 @@ class Effort:
 
 
 @dataclass(frozen=True, eq=False)
-class Attribution:
-    """Everything `orient` answers about one recording."""
+class AttitudeBudget:
+    """Attitude errors of one recording by filter and by what is compensated."""
 
     recording: ImuRecording
     against: str
@@ -83,7 +84,7 @@ def variants(raw: ImuRecording, compensated: ImuRecording) -> dict[str, ImuRecor
     return made
 
 
-def attribute(
+def attitude_budget(
     raw: ImuRecording,
     compensated: ImuRecording,
     *,
@@ -92,7 +93,7 @@ def attribute(
     cutoffs_hz: Sequence[float] = CUTOFFS_HZ,
     progress: Callable[[str], None] = lambda _: None,
     **parameters: Any,
-) -> Attribution:
+) -> AttitudeBudget:
     """Return what temperature costs each filter and what compensation gives back.
 
     Recordings slower than 50 Hz are interpolated; `notes` of the result's recording say so.
@@ -117,7 +118,7 @@ def attribute(
             efforts.append(_effort(name, preset, measured, options))
     sweep = list(_sweep(fast, cutoffs_hz, progress, parameters))
     against = 'compensated run' if truth is None else 'reference orientation'
-    return Attribution(measured, against, costs, sweep, efforts, groups)
+    return AttitudeBudget(measured, against, costs, sweep, efforts, groups)
 
 
 def _estimate(name: str, recording: ImuRecording, options: dict[str, Any]) -> FloatArray:
@@ -178,8 +179,8 @@ def _degrees(rms: dict[str, float]) -> dict[str, float]:
     return {kind: float(np.degrees(value)) for kind, value in rms.items()}
 
 
-def content_of(result: Attribution, recording: ImuRecording) -> dict[str, Any]:
-    """Return the attribution as plain values, angles in degrees."""
+def budget_content(result: AttitudeBudget, recording: ImuRecording) -> dict[str, Any]:
+    """Return the budget as plain values, angles in degrees."""
     return {
         'bag': recording.source,
         'device': recording.device,
@@ -190,7 +191,7 @@ def content_of(result: Attribution, recording: ImuRecording) -> dict[str, Any]:
         'costs': [asdict(cost) for cost in result.costs],
         'cutoff_sweep': [asdict(cost) for cost in result.sweep],
         'effort': [asdict(effort) for effort in result.efforts],
-        'remarks': remarks(result),
+        'remarks': remarks_of(result),
         'groups': {
             name: [_group(group) for group in groups] for name, groups in result.groups.items()
         },
@@ -202,49 +203,65 @@ def _group(group: ErrorGroup) -> dict[str, Any]:
     return {'label': group.label, 'rows': group.rows, 'rms': rms}
 
 
-def remarks(result: Attribution) -> list[dict[str, Any]]:
+def remarks_of(result: AttitudeBudget) -> list[dict[str, Any]]:
     """Return the paper's remarks about the filters, each with our number."""
-    by = {(c.filter, c.preset, c.data): c for c in result.costs}
-    efforts = {(e.filter, e.preset): e for e in result.efforts}
+    moved = {
+        (cost.filter, cost.data): cost.moved['total']
+        for cost in result.costs
+        if cost.preset == 'paper'
+    }
+    effort = {effort.filter: effort for effort in result.efforts if effort.preset == 'paper'}
     rows: list[dict[str, Any]] = []
-    ahrs, complementary = (
-        by.get(('ahrs', 'paper', 'raw')),
-        by.get(('complementary', 'paper', 'raw')),
-    )
-    if ahrs and complementary:
-        both = [by[name, 'paper', 'compensated'] for name in ('ahrs', 'complementary')]
-        rows.append(
-            {
-                'remark': 'AHRS suffers more from temperature',
-                'ours': {'ahrs': both[0].moved['total'], 'complementary': both[1].moved['total']},
-                'unit': 'deg',
-                'holds': both[0].moved['total'] > both[1].moved['total'],
-            }
-        )
-    singles = [c for (f, p, d), c in by.items() if f == 'ahrs' and p == 'paper' and ' ' in d]
-    if singles:
-        most = max(singles, key=lambda cost: cost.moved['total'])
-        rows.append(
-            {
-                'remark': 'because of the magnetometer',
-                'ours': {c.data.split()[0]: c.moved['total'] for c in singles},
-                'unit': 'deg',
-                'holds': most.data.startswith('magnetometer') and most.moved['total'] > 0,
-            }
-        )
-    if ('ahrs', 'paper') in efforts and ('complementary', 'paper') in efforts:
-        a, c = efforts['ahrs', 'paper'], efforts['complementary', 'paper']
-        for unit, attribute_name in (('ns', 'nanoseconds_per_sample'), ('B', 'state_bytes')):
-            ours = {
-                'ahrs': getattr(a, attribute_name),
-                'complementary': getattr(c, attribute_name),
-            }
-            rows.append(
-                {
-                    'remark': 'AHRS costs more',
-                    'ours': ours,
-                    'unit': unit,
-                    'holds': ours['ahrs'] > ours['complementary'],
-                }
-            )
+    if {('ahrs', 'raw'), ('complementary', 'raw')} <= moved.keys():
+        ours = {name: moved[name, 'compensated'] for name in ('ahrs', 'complementary')}
+        rows.append(_remark('AHRS suffers more from temperature', ours, 'deg', 'ahrs'))
+    single = {
+        data.split()[0]: angle
+        for (name, data), angle in moved.items()
+        if name == 'ahrs' and ' ' in data
+    }
+    if single:
+        rows.append(_remark('because of the magnetometer', single, 'deg', 'magnetometer'))
+    if {'ahrs', 'complementary'} <= effort.keys():
+        for unit, figure in (('ns', 'nanoseconds_per_sample'), ('B', 'state_bytes')):
+            ours = {name: getattr(effort[name], figure) for name in ('ahrs', 'complementary')}
+            rows.append(_remark('AHRS costs more', ours, unit, 'ahrs'))
     return rows
+
+
+def _remark(text: str, ours: dict[str, float], unit: str, largest: str) -> dict[str, Any]:
+    """Return a remark that holds where our number of `largest` exceeds all others."""
+    holds = all(ours[largest] > value for name, value in ours.items() if name != largest)
+    return {'remark': text, 'ours': ours, 'unit': unit, 'holds': holds}
+
+
+def budget_text(content: Mapping[str, Any]) -> str:
+    """Return the budget (the dictionary that --json writes) as the terminal shows it."""
+    lines = [
+        f'{content["bag"] or content["device"]}: rms error [°] against the {content["against"]}'
+    ]
+    lines += [f'  note: {note}' for note in content['notes']]
+    lines += ['', f'{"":46}{"total":>9}{"heading":>9}{"inclin.":>9}{"gained":>9}{"moved":>9}']
+    for cost in content['costs']:
+        lines.append(_row(f'{_label(cost["filter"])} {cost["preset"]}, {cost["data"]}', cost))
+    lines += ['', 'complementary over its cut-off:']
+    lines += [_row(f'{c["cutoff_hz"]:g} Hz, {c["data"]}', c) for c in content['cutoff_sweep']]
+    lines += ['', f'{"":46}{"ns/sample":>11}{"state [B]":>11}']
+    for effort in content['effort']:
+        label = f'{_label(effort["filter"])} {effort["preset"]}'
+        nanoseconds, size = effort['nanoseconds_per_sample'], effort['state_bytes']
+        lines.append(f'{label:46}{nanoseconds:11.0f}{size:11d}')
+    lines += ['', "the paper's remarks:"]
+    for row in content['remarks']:
+        ours = ', '.join(f'{_label(k)} {v:.3g} {row["unit"]}' for k, v in row['ours'].items())
+        lines.append(f'  {row["remark"]}: {"yes" if row["holds"] else "no"} ({ours})')
+    return '\n'.join(lines)
+
+
+def _label(name: str) -> str:
+    return FILTER_LABELS.get(name, name)
+
+
+def _row(label: str, cost: Mapping[str, Any]) -> str:
+    kinds = ''.join(f'{cost["rms"][kind]:9.3f}' for kind in ('total', 'heading', 'inclination'))
+    return f'{label:46}{kinds}{cost["gain"]["total"]:9.3f}{cost["moved"]["total"]:9.3f}'

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from thermal_comp.data.conditions import SENSORS
 from thermal_comp.data.preparation import prepare
@@ -15,8 +14,13 @@ from thermal_comp.model.file import load_model, save_model
 from thermal_comp.presentation.growth import growth_text
 
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.commands.diagnose import add_effects_argument
-from imu_workbench.commands.options import add_bag_arguments, read_recordings
+from imu_workbench.commands.options import (
+    add_bag_arguments,
+    add_effects_argument,
+    add_model_argument,
+    add_output_argument,
+    read_recordings,
+)
 
 HELP = 'Add an effect to the model, refit it jointly, show how far the error falls.'
 EPILOG = 'example:\n  python -m imu_workbench add thermal_lag bags/dut1_? -o dut1_lag.yaml'
@@ -26,9 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     parser.add_argument('effect', metavar='EFFECT', help='name in the catalogue')
     add_bag_arguments(parser)
-    parser.add_argument(
-        '--model', metavar='MODEL', type=Path, help='model to add to; else a line per axis'
-    )
+    add_model_argument(parser, 'model to add to; else a line per axis')
     parser.add_argument(
         '--sensor',
         choices=SENSORS,
@@ -36,9 +38,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help='sensor that gets it; else those in which there is evidence',
     )
-    parser.add_argument(
-        '-o', '--output', metavar='MODEL', type=Path, required=True, help='model file to write'
-    )
+    add_output_argument(parser, 'MODEL', 'model file to write')
     add_effects_argument(parser)
 
 

@@ -12,7 +12,13 @@ from thermal_comp.model.file import check_device, load_model
 
 from imu_recording import write_bag
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.commands.options import add_bag_arguments, read_recordings, refuse_existing
+from imu_workbench.commands.options import (
+    add_bag_arguments,
+    add_model_argument,
+    add_output_argument,
+    read_recordings,
+    refuse_existing,
+)
 
 HELP = 'Subtract the modelled error from bags; write compensated bags.'
 EPILOG = (
@@ -24,12 +30,8 @@ EPILOG = (
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     add_bag_arguments(parser)
-    parser.add_argument(
-        '--model', metavar='MODEL', type=Path, required=True, help='model file of `fit`'
-    )
-    parser.add_argument(
-        '-o', '--output', metavar='DIR', type=Path, required=True, help='bag to write'
-    )
+    add_model_argument(parser, 'model file of `fit`', required=True)
+    add_output_argument(parser, 'DIR', 'bag to write')
     parser.add_argument(
         '--temperature-timeout',
         metavar='SECONDS',

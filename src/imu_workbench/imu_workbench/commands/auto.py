@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from thermal_comp.data.preparation import prepare
 from thermal_comp.data.quality import check_quality
@@ -16,8 +15,13 @@ from thermal_comp.presentation.diagnosis import undecided_lines, verdict_line
 from thermal_comp.presentation.growth import growth_text
 
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.commands.diagnose import add_effects_argument
-from imu_workbench.commands.options import add_bag_arguments, read_recordings
+from imu_workbench.commands.options import (
+    add_bag_arguments,
+    add_effects_argument,
+    add_model_argument,
+    add_output_argument,
+    read_recordings,
+)
 
 HELP = 'Diagnose and add, again and again, until the model is complete or nothing can be decided.'
 EPILOG = 'example:\n  python -m imu_workbench auto bags/hidden_effect_? -o model.yaml'
@@ -26,12 +30,8 @@ EPILOG = 'example:\n  python -m imu_workbench auto bags/hidden_effect_? -o model
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     add_bag_arguments(parser)
-    parser.add_argument(
-        '--model', metavar='MODEL', type=Path, help='model to start from; else a line per axis'
-    )
-    parser.add_argument(
-        '-o', '--output', metavar='MODEL', type=Path, required=True, help='model file to write'
-    )
+    add_model_argument(parser, 'model to start from; else a line per axis')
+    add_output_argument(parser, 'MODEL', 'model file to write')
     add_effects_argument(parser)
 
 

@@ -17,6 +17,7 @@ from imu_recording.user_error import UserError
 from thermal_comp.presentation.display import duration
 
 from imu_workbench.answer import Answer, show_progress
+from imu_workbench.commands.options import add_output_argument
 
 HELP = 'Run a profile with simulated chamber and devices through the real nodes; record it.'
 EPILOG = """\
@@ -28,11 +29,9 @@ ORIENTATIONS = ('+x', '+y', '+z')
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+    """Add the verb's arguments."""
     parser.add_argument('profile', metavar='PROFILE', help='a profile file or name (see plan)')
-    parser.add_argument(
-        '-o', '--output', metavar='DIR', type=Path, required=True, help='folder of the bags'
-    )
+    add_output_argument(parser, 'DIR', 'folder of the bags')
     parser.add_argument(
         '--devices', metavar='N', type=int, default=3, help='how many devices (1 … 3)'
     )

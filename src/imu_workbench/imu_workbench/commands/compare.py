@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from thermal_comp.comparison.compare import compare_prepared
 from thermal_comp.data.preparation import prepare
@@ -14,7 +13,7 @@ from thermal_comp.model.file import check_device, load_model
 from thermal_comp.presentation.comparison import comparison_text
 
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.commands.options import add_bag_arguments, read_recordings
+from imu_workbench.commands.options import add_bag_arguments, add_model_argument, read_recordings
 
 HELP = 'Compare measured and modelled error per axis: rms, held out, noise floor, worst phase.'
 EPILOG = 'example:\n  python -m imu_workbench compare bags/dut1_? --model dut1.yaml'
@@ -23,11 +22,8 @@ EPILOG = 'example:\n  python -m imu_workbench compare bags/dut1_? --model dut1.y
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     add_bag_arguments(parser)
-    parser.add_argument(
-        '--model',
-        metavar='MODEL',
-        type=Path,
-        help='model file of `fit`; without it a line per axis is fitted to these bags',
+    add_model_argument(
+        parser, 'model file of `fit`; without it a line per axis is fitted to these bags'
     )
 
 

@@ -13,7 +13,12 @@ from thermal_comp.model.file import load_model
 from thermal_comp.presentation.diagnosis import diagnosis_text
 
 from imu_workbench.answer import Answer
-from imu_workbench.commands.options import add_bag_arguments, stream_recordings
+from imu_workbench.commands.options import (
+    add_bag_arguments,
+    add_effects_argument,
+    add_model_argument,
+    stream_recordings,
+)
 
 HELP = 'Name the missing physical effect, or say that nothing is missing or nothing explains it.'
 EPILOG = 'example:\n  python -m imu_workbench diagnose bags/hidden_effect_? --json diagnosis.json'
@@ -22,11 +27,8 @@ EPILOG = 'example:\n  python -m imu_workbench diagnose bags/hidden_effect_? --js
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     add_bag_arguments(parser)
-    parser.add_argument(
-        '--model',
-        metavar='MODEL',
-        type=Path,
-        help='model file to judge; without it a line per axis is fitted to these bags',
+    add_model_argument(
+        parser, 'model file to judge; without it a line per axis is fitted to these bags'
     )
     parser.add_argument(
         '--calibrate',
@@ -42,18 +44,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help='model file whose noise counts as normal; else the shipped table of the LSM9DS1',
     )
     add_effects_argument(parser)
-
-
-def add_effects_argument(parser: argparse.ArgumentParser) -> None:
-    """Add --effects."""
-    parser.add_argument(
-        '--effects',
-        metavar='FILE',
-        type=Path,
-        action='append',
-        default=[],
-        help='Python file with further effects; repeatable',
-    )
 
 
 def run(options: argparse.Namespace) -> Answer:

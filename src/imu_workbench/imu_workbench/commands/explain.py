@@ -13,7 +13,7 @@ from thermal_comp.effects.explanation import explain_all, explanation, explanati
 from thermal_comp.effects.user_effects import effect_catalogue
 
 from imu_workbench.answer import Answer
-from imu_workbench.commands.diagnose import add_effects_argument
+from imu_workbench.commands.options import add_effects_argument
 
 HELP = 'Explain an effect or a finding; --all writes the whole catalogue as Markdown.'
 EPILOG = 'example:\n  python -m imu_workbench explain thermal_lag'

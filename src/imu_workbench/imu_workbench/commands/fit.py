@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 from thermal_comp.comparison.compare import compare_prepared
@@ -17,7 +16,7 @@ from thermal_comp.model.file import save_model
 from thermal_comp.presentation.comparison import comparison_text
 
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.commands.options import add_bag_arguments, read_recordings
+from imu_workbench.commands.options import add_bag_arguments, add_output_argument, read_recordings
 
 HELP = 'Fit a line per axis against die temperature to the runs of one device; save the model.'
 EPILOG = 'example:\n  python -m imu_workbench fit bags/dut1_? -o dut1.yaml --json dut1.json'
@@ -31,9 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         action='store_true',
         help='one model for several devices, tested against a model for each',
     )
-    parser.add_argument(
-        '-o', '--output', metavar='MODEL', type=Path, required=True, help='model file to write'
-    )
+    add_output_argument(parser, 'MODEL', 'model file to write')
 
 
 def run(options: argparse.Namespace) -> Answer:

@@ -11,7 +11,7 @@ from thermal_comp.presentation.display import duration, shown
 
 from imu_recording import write_bag
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.commands.options import refuse_existing
+from imu_workbench.commands.options import add_output_argument, refuse_existing
 
 HELP = 'Turn a CSV file into a bag; a YAML file maps columns to channels, scales, units, offsets.'
 EPILOG = (
@@ -26,9 +26,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--mapping', metavar='YAML', type=Path, required=True, help='what its columns are'
     )
-    parser.add_argument(
-        '-o', '--output', metavar='DIR', type=Path, required=True, help='bag to write'
-    )
+    add_output_argument(parser, 'DIR', 'bag to write')
 
 
 def run(options: argparse.Namespace) -> Answer:

@@ -4,19 +4,23 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 import yaml
 from chamber_profile.profile.file import load_profile
 from imu_recording.user_error import UserError
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.experiment.design import SEPARABLE, Limits, Proposal, design_experiment
-from thermal_comp.experiment.plan import FINAL_S, PRECONDITION_S, REFERENCE_C
+from thermal_comp.experiment.design import SEPARABLE, Limits, design_experiment
+from thermal_comp.experiment.plan import REFERENCE_C
 from thermal_comp.model.file import load_model
 
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.commands.diagnose import add_effects_argument
+from imu_workbench.commands.options import (
+    add_effects_argument,
+    add_model_argument,
+    add_output_argument,
+)
+from imu_workbench.proposed_profile import profile_content
 
 HELP = 'Find the chamber profile that best separates two rival effects; write it as a profile.'
 EPILOG = (
@@ -29,9 +33,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     parser.add_argument('effects_a', metavar='A', help='one effect')
     parser.add_argument('effects_b', metavar='B', help='its rival')
-    parser.add_argument(
-        '--model', metavar='MODEL', type=Path, required=True, help='model of the device'
-    )
+    add_model_argument(parser, 'model of the device', required=True)
     parser.add_argument(
         '--range',
         metavar=('LOW', 'HIGH'),
@@ -45,9 +47,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--hours', type=float, default=12.0, help='longest run [h]')
     parser.add_argument('--seed', type=int, default=0, help='seed of the search')
-    parser.add_argument(
-        '-o', '--output', metavar='PROFILE', type=Path, required=True, help='profile to write'
-    )
+    add_output_argument(parser, 'PROFILE', 'profile to write')
     add_effects_argument(parser)
 
 
@@ -83,65 +83,6 @@ def run(options: argparse.Namespace) -> Answer:
         'profile': str(options.output),
     }
     return Answer(content, proposal_text(content))
-
-
-def profile_content(proposal: Proposal, names: tuple[str, str], limits: Limits) -> dict[str, Any]:
-    """Return the proposal in the profile format of chamber_profile."""
-    steps: list[dict[str, Any]] = [
-        {
-            'id': 'precondition',
-            'kind': 'precondition',
-            'target_c': REFERENCE_C,
-            'rate_c_per_min': limits.max_rate,
-            'dwell_s': PRECONDITION_S,
-        }
-    ]
-    ids = []
-    for number, segment in enumerate(proposal.plan.cycle, 1):
-        ramp = {
-            'id': f'ramp_{number}',
-            'kind': 'ramp',
-            'target_c': segment.target,
-            'rate_c_per_min': segment.rate,
-        }
-        steps += [ramp, {'id': f'dwell_{number}', 'kind': 'dwell', 'dwell_s': segment.dwell}]
-        ids += [f'ramp_{number}', f'dwell_{number}']
-    steps.append(
-        {
-            'id': 'final',
-            'kind': 'final',
-            'target_c': REFERENCE_C,
-            'rate_c_per_min': limits.max_rate,
-            'dwell_s': FINAL_S,
-        }
-    )
-    return {
-        'schema': 1,
-        'name': f'{names[0]}_or_{names[1]}',
-        'description': f'Tells {names[0]} from {names[1]}, three or more equal cycles',
-        'limits': {
-            'air_min_c': limits.low - 5.0,
-            'air_max_c': limits.high + 5.0,
-            'device_min_c': -40.0,
-            'device_max_c': 85.0,
-            'rate_max_c_per_min': limits.max_rate,
-        },
-        'stabilise': {
-            'source': 'air',
-            'band_c': 0.5,
-            'hold_s': 0,
-            'timeout_s': 7200,
-            'on_timeout': 'abort',
-        },
-        'dwell_mode': 'free',
-        'steps': steps,
-        'cycles': {'from': ids[0], 'to': ids[-1], 'count': proposal.plan.repeats},
-        'on_abort': {
-            'target_c': REFERENCE_C,
-            'rate_c_per_min': limits.max_rate,
-            'timeout_s': 3600,
-        },
-    }
 
 
 def proposal_text(content: dict[str, Any]) -> str:

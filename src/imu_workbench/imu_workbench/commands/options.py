@@ -35,6 +35,30 @@ def add_bag_arguments(parser: argparse.ArgumentParser, *, optional: bool = False
     )
 
 
+def add_effects_argument(parser: argparse.ArgumentParser) -> None:
+    """Add --effects, which names files with effects of the user's own."""
+    parser.add_argument(
+        '--effects',
+        metavar='FILE',
+        type=Path,
+        action='append',
+        default=[],
+        help='Python file with further effects; repeatable',
+    )
+
+
+def add_model_argument(
+    parser: argparse.ArgumentParser, what: str, *, required: bool = False
+) -> None:
+    """Add --model; `what` says what it is for, and what happens without it."""
+    parser.add_argument('--model', metavar='MODEL', type=Path, required=required, help=what)
+
+
+def add_output_argument(parser: argparse.ArgumentParser, metavar: str, what: str) -> None:
+    """Add -o, which a verb cannot do without."""
+    parser.add_argument('-o', '--output', metavar=metavar, type=Path, required=True, help=what)
+
+
 def topic_remap(rules: list[str]) -> dict[str, str]:
     """Return the --topic rules as a mapping.
 

@@ -5,19 +5,16 @@ from __future__ import annotations
 
 import argparse
 import math
-from pathlib import Path
 
-from imu_recording.recording import ImuRecording
 from imu_recording.user_error import UserError
 from orientation_filters.filters import FILTERS
 from orientation_filters.parameters import PRESET_NAMES, WORLD_FRAMES
 from thermal_comp.compensation.stream import compensate
 from thermal_comp.model.file import check_device, load_model
-from thermal_comp.presentation.display import FILTER_LABELS
 
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.attitude_budget import Attribution, Cost, attribute, content_of, remarks
-from imu_workbench.commands.options import add_bag_arguments, stream_recordings
+from imu_workbench.attitude_budget import attitude_budget, budget_content, budget_text
+from imu_workbench.commands.options import add_bag_arguments, add_model_argument, stream_recordings
 
 HELP = 'Orientation raw, compensated, and with one sensor compensated at a time.'
 EPILOG = (
@@ -32,9 +29,7 @@ EPILOG = (
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     add_bag_arguments(parser)
-    parser.add_argument(
-        '--model', metavar='MODEL', type=Path, required=True, help='model file of `fit`'
-    )
+    add_model_argument(parser, 'model file of `fit`', required=True)
     parser.add_argument(
         '--preset',
         action='append',
@@ -55,13 +50,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> Answer:
-    """Attribute every bag."""
+    """Estimate the attitudes of every bag and their errors."""
     model = load_model(options.model)
-    bags, texts = [], []
+    bags = []
     for recording in stream_recordings(options):
         if not model.pooled:
             check_device(model, recording.device)
-        result = attribute(
+        budget = attitude_budget(
             recording,
             compensate(recording, model),
             filters=options.filters or tuple(FILTERS),
@@ -70,44 +65,12 @@ def run(options: argparse.Namespace) -> Answer:
             world_frame=options.world_frame,
             use_magnetometer=not options.six_axis,
         )
-        if not any(math.isfinite(cost.rms['total']) for cost in result.costs):
+        if not any(math.isfinite(cost.rms['total']) for cost in budget.costs):
             raise UserError(
                 f'{recording.source}: no attitude: no row has finite angular_velocity and '
                 'linear_acceleration'
             )
-        bags.append(content_of(result, recording))
-        texts.append(text_of(result, recording))
+        bags.append(budget_content(budget, recording))
     show_progress('')
     content = {'schema': 1, 'model': options.model, 'unit': 'deg', 'bags': bags}
-    return Answer(content, '\n\n'.join(texts))
-
-
-def text_of(result: Attribution, recording: ImuRecording) -> str:
-    """Return the attribution as the terminal shows it."""
-    name = recording.source or recording.run or recording.device
-    lines = [f'{name}: rms error [°] against the {result.against}']
-    lines += [f'  note: {note}' for note in result.recording.notes]
-    lines += ['', f'{"":46}{"total":>9}{"heading":>9}{"inclin.":>9}{"gained":>9}{"moved":>9}']
-    lines += [_row(f'{_label(c.filter)} {c.preset}, {c.data}', c) for c in result.costs]
-    lines += ['', 'complementary over its cut-off:']
-    lines += [_row(f'{c.cutoff_hz:g} Hz, {c.data}', c) for c in result.sweep]
-    lines += ['', f'{"":46}{"ns/sample":>11}{"state [B]":>11}']
-    lines += [
-        f'{_label(e.filter) + " " + e.preset:46}'
-        f'{e.nanoseconds_per_sample:11.0f}{e.state_bytes:11d}'
-        for e in result.efforts
-    ]
-    lines += ['', "the paper's remarks:"]
-    for row in remarks(result):
-        ours = ', '.join(f'{_label(k)} {v:.3g} {row["unit"]}' for k, v in row['ours'].items())
-        lines.append(f'  {row["remark"]}: {"yes" if row["holds"] else "no"} ({ours})')
-    return '\n'.join(lines)
-
-
-def _label(name: str) -> str:
-    return FILTER_LABELS.get(name, name)
-
-
-def _row(label: str, cost: Cost) -> str:
-    kinds = ''.join(f'{cost.rms[kind]:9.3f}' for kind in ('total', 'heading', 'inclination'))
-    return f'{label:46}{kinds}{cost.gain["total"]:9.3f}{cost.moved["total"]:9.3f}'
+    return Answer(content, '\n\n'.join(map(budget_text, bags)))

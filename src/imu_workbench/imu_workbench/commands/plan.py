@@ -23,7 +23,7 @@ CSV_PERIOD_S = 10.0
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+    """Add the verb's arguments."""
     parser.add_argument('profile', metavar='PROFILE', help='a profile file, or a name (below)')
     parser.add_argument('--html', metavar='FILE', type=Path, help='write timetable and figure')
     parser.add_argument(

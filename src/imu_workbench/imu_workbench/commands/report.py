@@ -15,8 +15,12 @@ from thermal_comp.model.file import load_model
 from thermal_comp.model.values import ModelError, ThermalModel
 
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.commands.diagnose import add_effects_argument
-from imu_workbench.commands.options import add_bag_arguments, read_recordings
+from imu_workbench.commands.options import (
+    add_bag_arguments,
+    add_effects_argument,
+    add_output_argument,
+    read_recordings,
+)
 from imu_workbench.report.content import command_line, versions
 
 HELP = 'Write the report of one or several devices as one HTML page: figures, tables, claims.'
@@ -40,9 +44,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--no-diagnosis', action='store_true', help='leave the search for missing effects out'
     )
-    parser.add_argument(
-        '-o', '--output', metavar='HTML', type=Path, required=True, help='page to write'
-    )
+    add_output_argument(parser, 'HTML', 'page to write')
     add_effects_argument(parser)
 
 

@@ -1,22 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""reveal: run diagnose on a campaign with a secret, open the truth, compare."""
+"""Diagnose a campaign with a hidden effect, then compare with the truth."""
 
 from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from thermal_comp.diagnosis.diagnose import diagnose
+
+from imu_recording import read_bag
 from imu_workbench.answer import Answer
+from imu_workbench.motion_detection import with_motion_noted
 from imu_workbench.simulate.hidden_effect import VERDICTS, describe_truth, find_truth, judge
 
 HELP = 'diagnose a campaign made by `simulate --hide`, then open the truth and compare'
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of reveal."""
+    """Add the verb's arguments."""
     parser.add_argument(
         'folder', type=Path, metavar='DIR', help='the folder `simulate … --hide` wrote'
     )
@@ -25,7 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> Answer:
     """Diagnose first, then look."""
     bags = find_truth(options.folder)[1]
-    diagnosis = _diagnosed(bags)
+    diagnosis = diagnose(with_motion_noted(read_bag(bag)) for bag in bags).to_dict()
     truth = find_truth(options.folder)[0]
     judgement = judge(truth, diagnosis)
     reported = '; '.join(judgement.reported) or 'nothing'
@@ -43,12 +46,3 @@ def run(options: argparse.Namespace) -> Answer:
     }
     text = f'hidden:   {describe_truth(truth)}\nreported: {reported}\n{verdict}'
     return Answer(content, text)
-
-
-def _diagnosed(bags: list[Path]) -> dict[str, Any]:
-    """Return the JSON answer of `diagnose` for the bags."""
-    diagnose: Any = import_module('imu_workbench.commands.diagnose')
-    parser = argparse.ArgumentParser()
-    diagnose.arguments(parser)
-    answer: Answer = diagnose.run(parser.parse_args([str(bag) for bag in bags]))
-    return answer.content

@@ -12,6 +12,7 @@ from pathlib import Path
 from imu_recording.user_error import UserError
 
 from imu_workbench.answer import Answer
+from imu_workbench.commands.options import add_model_argument
 
 HELP = 'Serve the workbench, a local web page: see where a model fails, add what is missing.'
 EPILOG = 'example:\n  python -m imu_workbench serve bags/hidden_effect_? --port 8080'
@@ -22,9 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         'bags', nargs='*', metavar='BAG', type=Path, help='bags every tab opens with'
     )
-    parser.add_argument(
-        '--model', metavar='M', type=Path, help='model file to begin with; else a line per axis'
-    )
+    add_model_argument(parser, 'model file to begin with; else a line per axis')
     parser.add_argument(
         '--root',
         metavar='DIR',

@@ -15,6 +15,7 @@ from imu_recording.user_error import UserError
 
 from imu_recording import ImuRecording, write_bag
 from imu_workbench.answer import Answer, show_progress
+from imu_workbench.commands.options import add_output_argument
 from imu_workbench.simulate.campaign import ORIENTATIONS, Logging, simulate_campaign, simulate_run
 from imu_workbench.simulate.hidden_effect import TRUTH_FILE, Secret, hidden_campaign, write_truth
 
@@ -25,7 +26,7 @@ SENSORS = ('accelerometer', 'gyroscope', 'magnetometer', 'accelerometer+magnetom
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of simulate."""
+    """Add the verb's arguments."""
     # argparse takes '-x' for an option unless it counts as a negative number.
     parser._negative_number_matcher = re.compile(r'^-(\d+|\d*\.\d+|[xyz])$')
     parser.add_argument('profile', metavar='PROFILE', help='name or YAML file of a profile')
@@ -39,9 +40,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         '--rate', type=float, default=0.5, metavar='HZ', help='rows per second (default 0.5)'
     )
     parser.add_argument('--seed', type=int, default=1, metavar='N', help='seed of all randomness')
-    parser.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='DIR', help='folder to write'
-    )
+    add_output_argument(parser, 'DIR', 'folder to write')
     parser.add_argument(
         '--mean',
         action='store_true',

@@ -12,7 +12,7 @@ from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.experiment.design import Limits, design_experiment
 from thermal_comp.experiment.plan import FINAL_S, PRECONDITION_S, REFERENCE_C, Plan
 
-from imu_workbench.commands.next_experiment import profile_content
+from imu_workbench.proposed_profile import profile_content
 from imu_workbench.report.figures.measured import curve
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
 from imu_workbench.web.case.version import model_from_text
