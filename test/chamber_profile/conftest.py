@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bench for the sequencer, the plainest chamber there can be; emulators on a wire."""
+"""A harness for the sequencer, the plainest chamber there can be; emulators on a wire."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from chamber_profile.run.values import (
 sys.path.insert(0, str(Path(__file__).parent))  # modules the tests of this folder share
 
 
-class Bench:
+class SequencerHarness:
     """Air follows the set-point with a lag while the chamber runs; every order is logged."""
 
     def __init__(self, profile, *, progress=None, air: float = 23.0, lag_s: float = 30.0) -> None:
@@ -119,15 +119,15 @@ class Bench:
 
 
 @pytest.fixture
-def bench():
-    """Make a bench for a profile (name, content or Profile), started and run to a place `at`."""
+def harness():
+    """Make a harness for a profile (name, content or Profile), started and run to a place `at`."""
 
-    def make(profile='short_20min', *, at: tuple[str, ...] = (), **options) -> Bench:
+    def make(profile='short_20min', *, at: tuple[str, ...] = (), **options) -> SequencerHarness:
         if isinstance(profile, str):
             profile = load_profile(profile)
         elif isinstance(profile, dict):
             profile = profile_from_content(profile)
-        made = Bench(profile, **options)
+        made = SequencerHarness(profile, **options)
         if at:
             made.start()
             made.to_step(*at)

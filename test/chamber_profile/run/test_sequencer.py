@@ -32,15 +32,15 @@ def changed(**changes) -> dict:
 # The plan -------------------------------------------------------------------------------------
 
 
-def test_nothing_moves_before_start(bench) -> None:
-    it = bench()
+def test_nothing_moves_before_start(harness) -> None:
+    it = harness()
     for _ in range(1000):
         assert it.tick() == []
     assert it.mode == IDLE
 
 
-def test_a_run_visits_all_steps_and_ends_done_with_the_chamber_off(bench) -> None:
-    it = bench()
+def test_a_run_visits_all_steps_and_ends_done_with_the_chamber_off(harness) -> None:
+    it = harness()
     it.start()
     it.run_to_the_end()
     assert it.mode == DONE
@@ -49,8 +49,10 @@ def test_a_run_visits_all_steps_and_ends_done_with_the_chamber_off(bench) -> Non
     assert visited == list(range(len(campaign_steps(it.profile))))
 
 
-def test_limits_are_programmed_before_the_first_setpoint_and_that_before_the_start(bench) -> None:
-    it = bench()
+def test_limits_come_before_the_first_setpoint_and_that_before_the_start(
+    harness,
+) -> None:
+    it = harness()
     it.start()
     it.run_until(lambda: it.running)
     order = [type(action) for _, action in it.log if not isinstance(action, Note)]
@@ -59,8 +61,8 @@ def test_limits_are_programmed_before_the_first_setpoint_and_that_before_the_sta
     assert it.writes[0][1] == pytest.approx(23.0)  # from where the air is
 
 
-def test_every_change_is_noted_before_it_takes_effect(bench) -> None:
-    it = bench()
+def test_every_change_is_noted_before_it_takes_effect(harness) -> None:
+    it = harness()
     before = it.sequencer.progress
     it.start()
     while it.mode != DONE:
@@ -76,8 +78,10 @@ def test_every_change_is_noted_before_it_takes_effect(bench) -> None:
 
 
 @pytest.mark.parametrize('tick_s', [0.5, 1.0])
-def test_setpoints_keep_to_the_ideal_ramp_within_rate_and_resolution(bench, tick_s: float) -> None:
-    it = bench('paper_betta2022')
+def test_setpoints_follow_the_ideal_ramp_within_rate_and_resolution(
+    harness, tick_s: float
+) -> None:
+    it = harness('paper_betta2022')
     it.start()
     it.to_step('cool')
     began = it.time
@@ -91,8 +95,8 @@ def test_setpoints_keep_to_the_ideal_ramp_within_rate_and_resolution(bench, tick
     assert time[-1] - began == pytest.approx(900, rel=0.01)
 
 
-def test_setpoints_are_written_at_most_every_five_seconds_and_only_on_change(bench) -> None:
-    it = bench()
+def test_setpoints_are_written_at_most_every_five_seconds_and_only_on_change(harness) -> None:
+    it = harness()
     it.start()
     it.run_to_the_end()
     time, value = np.array(it.writes).T
@@ -100,8 +104,8 @@ def test_setpoints_are_written_at_most_every_five_seconds_and_only_on_change(ben
     assert np.abs(np.diff(value)).min() > 0.0
 
 
-def test_dwells_last_as_the_profile_says_from_when_the_air_is_there(bench) -> None:
-    it = bench()
+def test_dwells_last_as_the_profile_says_from_when_the_air_is_there(harness) -> None:
+    it = harness()
     it.start()
     it.run_to_the_end()
     began = None
@@ -117,9 +121,9 @@ def test_dwells_last_as_the_profile_says_from_when_the_air_is_there(bench) -> No
     np.testing.assert_allclose(lengths, wanted, rtol=0.01)
 
 
-def test_a_run_that_ends_away_from_the_safe_temperature_goes_there_first(bench) -> None:
+def test_a_run_that_ends_away_from_the_safe_temperature_goes_there_first(harness) -> None:
     content = changed(steps=SHORT['steps'][:3], cycles=[])
-    it = bench(content)
+    it = harness(content)
     it.start()
     it.run_to_the_end()
     assert it.mode == DONE
@@ -129,9 +133,9 @@ def test_a_run_that_ends_away_from_the_safe_temperature_goes_there_first(bench) 
 # Settling and dwelling ---------------------------------------------------------------------
 
 
-def test_a_dwell_waits_for_the_device_where_the_profile_says_so(bench) -> None:
+def test_a_dwell_waits_for_the_device_where_the_profile_says_so(harness) -> None:
     rule = {'source': 'device', 'band_c': 0.5, 'hold_s': 60, 'timeout_s': 3600}
-    it = bench(changed(stabilise=rule))
+    it = harness(changed(stabilise=rule))
     it.start()
     it.to_step('cold', DWELL)
     assert abs(it.device - 15.0) <= 0.5
@@ -141,9 +145,9 @@ def test_a_dwell_waits_for_the_device_where_the_profile_says_so(bench) -> None:
 @pytest.mark.parametrize(
     ('on_timeout', 'mode'), [('abort', SAFE), ('hold', PAUSED), ('continue', RUN)]
 )
-def test_a_temperature_that_never_settles(bench, on_timeout: str, mode: str) -> None:
+def test_a_temperature_that_never_settles(harness, on_timeout: str, mode: str) -> None:
     rule = {'band_c': 0.01, 'timeout_s': 300, 'on_timeout': on_timeout, 'hold_s': 3600}
-    it = bench(changed(stabilise=rule))
+    it = harness(changed(stabilise=rule))
     it.start()
     it.to_step('precondition', SETTLE)
     for _ in range(302):
@@ -158,8 +162,8 @@ def test_a_temperature_that_never_settles(bench, on_timeout: str, mode: str) -> 
 
 
 @pytest.mark.parametrize(('mode', 'extra'), [('free', 0), ('guaranteed', 60), ('restart', 110)])
-def test_the_dwell_clock_while_out_of_band(bench, mode: str, extra: int) -> None:
-    it = bench(changed(dwell_mode=mode))
+def test_the_dwell_clock_while_out_of_band(harness, mode: str, extra: int) -> None:
+    it = harness(changed(dwell_mode=mode))
     it.start()
     it.to_step('cold', DWELL)
     began = it.time
@@ -184,8 +188,8 @@ def with_operator_after(name: str) -> dict:
     return changed(steps=[*steps[:place], POWER_CYCLE, *steps[place:]])
 
 
-def test_below_ambient_the_chamber_warms_up_before_it_asks_to_be_opened(bench) -> None:
-    it = bench(with_operator_after('cold'))
+def test_below_ambient_the_chamber_warms_up_before_it_asks_to_be_opened(harness) -> None:
+    it = harness(with_operator_after('cold'))
     it.start()
     it.to_step('switch')
     assert it.air < 16
@@ -201,8 +205,8 @@ def test_below_ambient_the_chamber_warms_up_before_it_asks_to_be_opened(bench) -
     assert it.mode == DONE
 
 
-def test_a_pause_stops_the_ramp_and_the_dwell_clock(bench) -> None:
-    it = bench(at=('heat',))
+def test_a_pause_stops_the_ramp_and_the_dwell_clock(harness) -> None:
+    it = harness(at=('heat',))
     for _ in range(100):
         it.tick()
     it.sequencer.command('pause')
@@ -218,8 +222,8 @@ def test_a_pause_stops_the_ramp_and_the_dwell_clock(bench) -> None:
     assert it.mode == DONE
 
 
-def test_commands_that_make_no_sense_are_refused_with_the_state(bench) -> None:
-    it = bench()
+def test_commands_that_make_no_sense_are_refused_with_the_state(harness) -> None:
+    it = harness()
     for name in ('pause', 'resume', 'confirm'):
         assert 'IDLE' in it.sequencer.command(name)
     it.start()

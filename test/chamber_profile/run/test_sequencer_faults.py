@@ -32,8 +32,8 @@ FAULTS = {
 
 @pytest.mark.parametrize('fault', FAULTS)
 @pytest.mark.parametrize('where', ['heat', 'hot'])
-def test_every_fault_leads_to_the_safe_state(bench, fault: str, where: str) -> None:
-    it = bench(at=(where,))
+def test_every_fault_leads_to_the_safe_state(harness, fault: str, where: str) -> None:
+    it = harness(at=(where,))
     it.tick()
     it.world.update(FAULTS[fault])
     it.tick()
@@ -54,8 +54,8 @@ def test_every_fault_leads_to_the_safe_state(bench, fault: str, where: str) -> N
         assert abs(it.air - 20.0) <= 2.1
 
 
-def test_the_way_to_the_safe_temperature_keeps_the_safe_rate(bench) -> None:
-    it = bench(at=('hot', DWELL))
+def test_the_way_to_the_safe_temperature_keeps_the_safe_rate(harness) -> None:
+    it = harness(at=('hot', DWELL))
     it.sequencer.command('abort')
     it.run_to_the_end()
     writes = [(t, v) for t, v in it.writes if v < 30.0][-60:]
@@ -65,8 +65,8 @@ def test_the_way_to_the_safe_temperature_keeps_the_safe_rate(bench) -> None:
     assert it.mode == ABORTED
 
 
-def test_a_short_fault_of_the_link_holds_and_goes_on(bench) -> None:
-    it = bench(at=('heat',))
+def test_a_short_fault_of_the_link_holds_and_goes_on(harness) -> None:
+    it = harness(at=('heat',))
     for _ in range(60):
         it.tick()
     before = it.sequencer.progress.setpoint
@@ -83,8 +83,8 @@ def test_a_short_fault_of_the_link_holds_and_goes_on(bench) -> None:
     assert {'hold', 'recovered'} <= set(it.events)
 
 
-def test_a_write_that_was_lost_is_repeated(bench) -> None:
-    it = bench(at=('hot', DWELL))
+def test_a_write_that_was_lost_is_repeated(harness) -> None:
+    it = harness(at=('hot', DWELL))
     it.setpoint = 12.0  # someone else's hand
     it.run_until(lambda: it.setpoint == 30.0, longest_s=30)
     it.obeys = False
@@ -93,8 +93,8 @@ def test_a_write_that_was_lost_is_repeated(bench) -> None:
     assert '12' in it.sequencer.progress.reason
 
 
-def test_a_chamber_that_does_not_start_is_given_up(bench) -> None:
-    it = bench()
+def test_a_chamber_that_does_not_start_is_given_up(harness) -> None:
+    it = harness()
     it.obeys = False
     it.start()
     it.run_to_the_end()
@@ -102,8 +102,8 @@ def test_a_chamber_that_does_not_start_is_given_up(bench) -> None:
     assert 'does not start' in it.sequencer.progress.reason
 
 
-def test_a_chamber_out_of_reach_in_the_safe_state_is_given_up_in_time(bench) -> None:
-    it = bench(at=('hot',))
+def test_a_chamber_out_of_reach_in_the_safe_state_is_given_up_in_time(harness) -> None:
+    it = harness(at=('hot',))
     it.world['link'] = 'lost'
     began = it.time
     it.run_to_the_end()
@@ -123,8 +123,8 @@ def test_a_chamber_out_of_reach_in_the_safe_state_is_given_up_in_time(bench) -> 
         ({'link': 'failing'}, 'does not answer'),
     ],
 )
-def test_a_start_is_refused_while_something_is_wrong(bench, world: dict, words: str) -> None:
-    it = bench()
+def test_a_start_is_refused_while_something_is_wrong(harness, world: dict, words: str) -> None:
+    it = harness()
     it.world.update(world)
     it.start()
     it.run_until(lambda: it.mode != CHECK, longest_s=60)
@@ -134,16 +134,16 @@ def test_a_start_is_refused_while_something_is_wrong(bench, world: dict, words: 
     assert not it.running
 
 
-def test_standby_at_once_stops_without_a_ramp(bench) -> None:
-    it = bench(at=('hot',))
+def test_standby_at_once_stops_without_a_ramp(harness) -> None:
+    it = harness(at=('hot',))
     it.sequencer.command('standby')
     it.tick()
     assert it.mode == ABORTED
     assert not it.running
 
 
-def test_a_ramp_that_is_too_slow_is_reported_but_goes_on(bench) -> None:
-    it = bench('paper_betta2022', lag_s=30.0)
+def test_a_ramp_that_is_too_slow_is_reported_but_goes_on(harness) -> None:
+    it = harness('paper_betta2022', lag_s=30.0)
     it.start()
     it.to_step('cool')
     it.lag_s = 2500.0  # the compressor is weak
@@ -153,12 +153,12 @@ def test_a_ramp_that_is_too_slow_is_reported_but_goes_on(bench) -> None:
     assert it.mode == RUN
 
 
-def test_a_restart_reenters_the_step_settles_again_and_dwells_in_full(bench) -> None:
-    it = bench(at=('hot', DWELL))
+def test_a_restart_reenters_the_step_settles_again_and_dwells_in_full(harness) -> None:
+    it = harness(at=('hot', DWELL))
     for _ in range(100):
         it.tick()
     last = it.notes[-1].progress
-    again = bench(it.profile, progress=replace(last, mode=IDLE), air=26.0)
+    again = harness(it.profile, progress=replace(last, mode=IDLE), air=26.0)
     again.setpoint, again.running = 30.0, True
     for _ in range(10):
         assert again.tick() == []
@@ -178,12 +178,12 @@ def test_a_restart_reenters_the_step_settles_again_and_dwells_in_full(bench) -> 
     assert (np.abs(np.diff(value)) <= limit + 1e-9).all()
 
 
-def test_a_run_that_was_going_to_safety_does_so_after_a_restart(bench) -> None:
-    it = bench(at=('hot', DWELL))
+def test_a_run_that_was_going_to_safety_does_so_after_a_restart(harness) -> None:
+    it = harness(at=('hot', DWELL))
     it.sequencer.command('abort')
     it.tick()
     last = it.sequencer.progress
-    again = bench(it.profile, progress=replace(last, mode=IDLE), air=30.0)
+    again = harness(it.profile, progress=replace(last, mode=IDLE), air=30.0)
     again.setpoint, again.running = 30.0, True
     again.start()
     assert again.mode == SAFE
@@ -192,8 +192,8 @@ def test_a_run_that_was_going_to_safety_does_so_after_a_restart(bench) -> None:
     assert not again.running
 
 
-def test_a_clock_that_jumps_does_not_make_the_setpoint_jump(bench) -> None:
-    it = bench(at=('heat',))
+def test_a_clock_that_jumps_does_not_make_the_setpoint_jump(harness) -> None:
+    it = harness(at=('heat',))
     for _ in range(30):
         it.tick()
     before = it.sequencer.progress.setpoint
@@ -205,8 +205,8 @@ def test_a_clock_that_jumps_does_not_make_the_setpoint_jump(bench) -> None:
     assert it.sequencer.progress.setpoint == here
 
 
-def test_a_chamber_without_limits_of_its_own_is_not_said_to_have_them(bench) -> None:
-    it = bench()
+def test_a_chamber_without_limits_of_its_own_is_not_said_to_have_them(harness) -> None:
+    it = harness()
     it.sequencer.set_capabilities(resolution_c=0.1, programs_limits=False)
     it.start()
     it.run_until(lambda: it.running)
@@ -219,8 +219,8 @@ def test_a_chamber_without_limits_of_its_own_is_not_said_to_have_them(bench) -> 
     assert it.mode == SAFE
 
 
-def test_the_time_of_a_pause_is_no_time_of_the_dwell(bench) -> None:
-    it = bench(at=('hot', DWELL))
+def test_the_time_of_a_pause_is_no_time_of_the_dwell(harness) -> None:
+    it = harness(at=('hot', DWELL))
     it.sequencer.command('pause')
     it.tick()
     dwelt = it.sequencer.dwelt_s
@@ -234,9 +234,9 @@ def test_the_time_of_a_pause_is_no_time_of_the_dwell(bench) -> None:
 @pytest.mark.parametrize('later', ['pause', 'resume', 'confirm', 'start', 'abort'])
 @pytest.mark.parametrize('ending', ['abort', 'standby'])
 def test_an_order_to_end_the_run_is_not_taken_back_by_a_later_one(
-    bench, ending: str, later: str
+    harness, ending: str, later: str
 ) -> None:
-    it = bench(at=('hot', DWELL))
+    it = harness(at=('hot', DWELL))
     assert it.sequencer.command(ending) == ''
     assert (it.sequencer.command(later) == '') == (later == 'abort')
     it.tick()

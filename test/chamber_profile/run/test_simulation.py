@@ -5,9 +5,6 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from chamber_profile.chambers import climate as physics
-from chamber_profile.chambers.chamber import ChamberRefusalError
-from chamber_profile.chambers.simulated import SimulatedChamber
 from chamber_profile.profile.file import load_profile
 from chamber_profile.run.simulation import simulate_chamber
 from imu_recording.phase import phases_from_setpoint
@@ -95,22 +92,3 @@ def test_a_longer_period_picks_the_same_rows() -> None:
     np.testing.assert_array_equal(fine.temperature[::10][: len(coarse.time)], coarse.temperature)
     with pytest.raises(ValueError, match='whole number'):
         simulate_chamber(short, seed=3, period_s=0.5)
-
-
-def test_the_chamber_refuses_what_is_outside_its_limits_and_trips_on_its_own() -> None:
-    chamber = SimulatedChamber(seed=1)
-    chamber.set_limits(10, 30)
-    with pytest.raises(ChamberRefusalError, match='40'):
-        chamber.set_temperature(40)
-    chamber.run()
-    chamber.state[physics.AIR] = 36.0
-    chamber.advance(1.0)
-    assert chamber.read().alarms
-    assert not chamber.read().running
-
-
-def test_a_chamber_that_stands_off_goes_to_room_temperature() -> None:
-    chamber = SimulatedChamber(seed=1)
-    chamber.state[[physics.AIR, physics.WALL, physics.EVAPORATOR]] = -10.0
-    chamber.advance(24 * 3600.0)
-    assert chamber.read().air == pytest.approx(chamber.climate.room_temperature, abs=1.0)

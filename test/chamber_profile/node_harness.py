@@ -10,7 +10,7 @@ from std_srvs.srv import Trigger
 SECOND = 1_000_000_000
 
 
-class Bench:
+class NodeHarness:
     """A node, what it published, and its clock."""
 
     def __init__(self, directory: Path, **parameters) -> None:
