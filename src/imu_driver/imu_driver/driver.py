@@ -87,7 +87,7 @@ class DriverParameters:
 
 
 class ImuDriver:
-    """Reads samples from where the parameters say and publishes them in order."""
+    """Reads samples from the transport of the parameters and publishes them in order."""
 
     def __init__(
         self,
@@ -124,7 +124,7 @@ class ImuDriver:
         self._reader.start()
 
     def stop(self) -> None:
-        """Stop reading, publish what waits."""
+        """Stop reading, publish the rest of the queue."""
         self._reader.stop()
         self.queue.stop()
 
@@ -205,7 +205,7 @@ class SampleQueue:
         self.put(samples)
 
     def stop(self) -> None:
-        """Publish what waits and end."""
+        """Publish the rest and end the thread."""
         with self._wake:
             self._open = False
             self._wake.notify_all()

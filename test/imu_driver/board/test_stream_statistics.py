@@ -47,7 +47,7 @@ def test_a_device_at_rest() -> None:
     report = json.loads(rest_report(statistics))
     assert report['gyroscope_bias'] == [0.01, 0.0, 0.0]
     assert SixPositionCheck().take(statistics) == (
-        '+z is up, reads [0.00, 0.00, 9.81] m/s²; still to come: +x, -x, +y, -y, -z'
+        '+z is up, reads [0.00, 0.00, 9.81] m/s²; missing: +x, -x, +y, -y, -z'
     )
 
 

@@ -155,7 +155,7 @@ def test_a_sketch_that_only_prints_is_read(bench: Any) -> None:
     assert run.session.sequence.lost == 0
     assert len(run.samples) == pytest.approx(200, abs=3)
     np.testing.assert_allclose(accelerations(run)[-1], [0.5, -0.3, 9.79], atol=0.006)
-    assert any('tells nothing about itself' in event for event in run.events)
+    assert any('sends no information' in event for event in run.events)
     refused = bench(options=options, config=SessionConfig(device='DUT1'))
     refused.run(until=4.0)
     assert 'DUT1 is wanted' in refused.session.refusal

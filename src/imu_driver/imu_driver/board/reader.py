@@ -22,7 +22,7 @@ REOPEN_AFTER_SILENCE: Final = 5.0
 
 
 class DeviceReader:
-    """Reads a device into `deliver(samples)` and tells what happened through `report(event)`."""
+    """Reads a device: samples go to `deliver`, events for the operator to `report`."""
 
     def __init__(
         self,
@@ -103,7 +103,7 @@ class DeviceReader:
                 if session.events:
                     self._report_events()
             elif now - heard > REOPEN_AFTER_SILENCE * 1e9:
-                raise TimeoutError(f'nothing came for {REOPEN_AFTER_SILENCE:g} s')
+                raise TimeoutError(f'no byte received for {REOPEN_AFTER_SILENCE:g} s')
             elif now - heard > ASK_AFTER_SILENCE * 1e9:
                 session.ask(now)
             outgoing = session.outgoing(now)

@@ -37,7 +37,7 @@ Vector: TypeAlias = tuple[float, float, float]
 
 
 class Sample(NamedTuple):
-    """What one stamp measured; None where nothing new was measured."""
+    """Measurements of all sensors at one stamp; None where a sensor has no new value."""
 
     stamp: int
     """ROS time of measurement [ns]."""

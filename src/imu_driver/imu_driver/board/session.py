@@ -2,7 +2,7 @@
 """The driver's side of the conversation with one device, sans-I/O: bytes in, stamped samples out.
 
 The session identifies the device, sets it up, starts it, follows restarts and exchanges, and
-accounts for every sample. A data frame waits until the device has told its full scales.
+accounts for every sample. A data frame waits until the device has reported its full scales.
 
 >>> count = SequenceCount()
 >>> count.take(65534), count.take(65535), count.take(1)
@@ -49,7 +49,7 @@ class WarningEvent(str):
 
 @dataclass(frozen=True)
 class SessionConfig:
-    """What is wanted of the device."""
+    """Settings wanted of the device."""
 
     protocol: str = 'auto'
     device: str = ''
@@ -74,9 +74,9 @@ class DeviceSession:
         self.refusal = ''
         """Why nothing is published although data may come; '' if nothing stands against it."""
         self.events: list[str] = []
-        """What an operator should read, in order; the caller takes and clears them."""
+        """Messages for the operator, in order; the caller takes and clears them."""
         self.discarded = 0
-        """Samples received and not published: refused device, or scale never told."""
+        """Samples received, not published: device refused, or its full scales never reported."""
         self.duplicates = 0
         self.restarts = 0
         self.exchanges = 0
@@ -115,7 +115,7 @@ class DeviceSession:
 
     @property
     def nominal_rate(self) -> float:
-        """Rate the device says it samples at [Hz]; 0 unknown."""
+        """Output data rate the device reports [Hz]; 0 unknown."""
         return self.information.output_data_rate / 1e3 if self.information else 0.0
 
     # Traffic ----------------------------------------------------------------------------------
@@ -129,7 +129,7 @@ class DeviceSession:
         return self._take_stamped()
 
     def outgoing(self, now: int) -> bytes:
-        """Return what to send to the device at ROS time `now` [ns]; often nothing."""
+        """Return the bytes to send to the device at ROS time `now` [ns], often none."""
         return self.set_up.outgoing(now, self.decoder.protocol, known=self._scale is not None)
 
     def ask(self, now: int) -> None:
@@ -194,7 +194,7 @@ class DeviceSession:
         return samples
 
     def _hold(self, frame: DataFrame, arrival: int) -> None:
-        """Keep a frame until the device has told which full scales it was measured with."""
+        """Keep a frame until the device has reported the full scales of its configuration."""
         if self._scale is not None:
             self._stamp()
             self._scale = None
@@ -210,13 +210,11 @@ class DeviceSession:
     def _accept_silent_board(self) -> None:
         """Read a board that sends no information with the full scales wanted, or its default."""
         if self.config.device:
-            self._refuse(
-                f'the device does not tell its serial number, {self.config.device} is wanted'
-            )
+            self._refuse(f'the device sends no serial number, {self.config.device} is wanted')
             return
         full_scale = {**DEFAULT_FULL_SCALE, **self.config.full_scale}
         told = ', '.join(f'{sensor} {full_scale[sensor]:g}' for sensor in SENSORS)
-        self.events.append(f'the device tells nothing about itself: full scales taken: {told}')
+        self.events.append(f'the device sends no information: full scales assumed: {told}')
         self.set_up.give_up()
         self._identified = True
         self._set_scale(full_scale, self._held[-1][0].configuration)

@@ -108,7 +108,7 @@ class DeviceSetUp:
         return sentence
 
     def outgoing(self, now: int, protocol: str, *, known: bool) -> bytes:
-        """Return the bytes due now. `known`: the device has told its full scales."""
+        """Return the bytes due now. `known`: whether the device has reported its full scales."""
         if self._gave_up:
             return b''
         if now >= self._ask_at and (self._asked or not known):

@@ -32,7 +32,7 @@ BIAS_LIMIT: Final = 0.6
 
 
 class RestError(UserError):
-    """The device is not at rest, or too little was received; the message says which."""
+    """The device is not at rest, or too few samples were received."""
 
 
 class StreamStatistics:
@@ -129,14 +129,14 @@ class SixPositionCheck:
         self._readings: dict[str, list[float]] = {}
 
     def take(self, statistics: StreamStatistics) -> str:
-        """Take the position the device is in; return which axis is up and what is still to do."""
+        """Add the present position; return its axis, and the missing ones or the result."""
         axis, mean = statistics.up_axis()
         self._readings[axis] = [float(value) for value in mean]
         reading = ', '.join(f'{value:.2f}' for value in mean)
         told = f'{axis} is up, reads [{reading}] m/s²'
         missing = [name for name in UP_AXES if name not in self._readings]
         if missing:
-            return f'{told}; still to come: {", ".join(missing)}'
+            return f'{told}; missing: {", ".join(missing)}'
         faults = check_six_positions(self._readings)
         self._readings = {}
         return f'{told}; all six positions: {"; ".join(faults) or "right"}'
@@ -151,7 +151,7 @@ def up_axis(linear_acceleration: Sequence[float]) -> str:
 def check_six_positions(
     linear_acceleration: Mapping[str, Sequence[float]], tolerance: float = 1.5
 ) -> list[str]:
-    """Return what is wrong with six readings at rest, one sentence each; empty if nothing is.
+    """Return the faults of six readings at rest, one sentence each; empty if there are none.
 
     `linear_acceleration` maps the marked axis that pointed up (UP_AXES) to the mean reading
     [m/s²]. Each must read +g along that axis within `tolerance` [m/s²]. One wrong sign or one

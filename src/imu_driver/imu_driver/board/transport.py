@@ -26,7 +26,7 @@ class Transport(Protocol):
     """An open line."""
 
     def read(self) -> bytes:
-        """Return what has come, b'' after TIMEOUT; raise OSError where the line is gone."""
+        """Return the bytes received, b'' after TIMEOUT; raise OSError where the line is gone."""
 
     def write(self, data: bytes) -> None:
         """Send; raise OSError where the line is gone."""
@@ -47,7 +47,7 @@ class SerialTransport:
             raise OSError(why_not_open(path, error)) from None
 
     def read(self) -> bytes:
-        """Return what has come."""
+        """Return the bytes received."""
         first: bytes = self._port.read(1)
         waiting = self._port.in_waiting if first else 0
         return first + self._port.read(waiting) if waiting else first
@@ -76,7 +76,7 @@ class TcpTransport:
         self._socket.settimeout(TIMEOUT)
 
     def read(self) -> bytes:
-        """Return what has come."""
+        """Return the bytes received."""
         if not select.select([self._socket], [], [], TIMEOUT)[0]:
             return b''
         chunk = self._socket.recv(65536)

@@ -95,7 +95,7 @@ class EmulatedBoard:
         self.configuration = 0
         self.output_data_rate = self.options.output_data_rate
         self.rate_error = 1.0
-        """Actual over nominal rate, beyond what the sensor itself is off."""
+        """Actual over nominal rate, on top of the sensor's own error."""
         self._source = source
         self._ambient = ambient
         self._device_time = device_time

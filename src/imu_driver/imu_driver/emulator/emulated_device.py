@@ -169,7 +169,7 @@ def arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='emulated_device',
         description='An IMU board that speaks the wire protocol (doc/wire_protocol.md).',
-        epilog=f'Faults last {DEFAULT_DURATION:g} s unless told otherwise. {faults}.',
+        epilog=f'Faults last {DEFAULT_DURATION:g} s unless given otherwise. {faults}.',
     )
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument('--link', type=Path, metavar='PATH', help='pseudo-terminal under this name')
@@ -194,21 +194,26 @@ def arguments() -> argparse.ArgumentParser:
         help='temperatures run X times faster; samples keep their rate',
     )
     parser.add_argument('--seed', type=int, default=1)
-    parser.add_argument('--log', type=Path, metavar='FILE', help='what was sent and damaged, JSON')
+    parser.add_argument(
+        '--log',
+        type=Path,
+        metavar='FILE',
+        help='counts of samples sent, dropped and damaged, JSON',
+    )
     parser.add_argument(
         '--fault', action='append', default=[], metavar='NAME@SECONDS[+DURATION]', dest='faults'
     )
     parser.add_argument(
         '--minimal',
         action='store_true',
-        help='send data from power-on and understand nothing, as a first sketch does',
+        help='send data from power-on and take no commands, as a first sketch does',
     )
     parser.add_argument('--version-byte', type=int, default=1, help='protocol version to claim')
     return parser
 
 
 def build(options: argparse.Namespace) -> Emulator:
-    """Return the emulator the options describe; raise ValueError naming what is wrong."""
+    """Return the emulator of the options; raise UserError naming a wrong one."""
     schedule = FaultSchedule([parse_fault(text) for text in options.faults])
     if not (options.rate > 0 and options.time_scale > 0):
         raise UserError('--rate and --time-scale must be above 0')
@@ -236,7 +241,7 @@ def build(options: argparse.Namespace) -> Emulator:
 
 
 def run(emulator: Emulator, stop: threading.Event) -> None:
-    """Run until `stop` is set; then let the host read what was sent."""
+    """Run until `stop` is set; then let the host read the last bytes."""
     try:
         while not stop.is_set():
             wait = emulator.step()

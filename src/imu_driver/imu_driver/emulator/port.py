@@ -30,7 +30,7 @@ class Port(Protocol):
         """Return the file descriptors to wait for input on."""
 
     def read(self) -> bytes:
-        """Return what the host sent."""
+        """Return the bytes the host sent."""
 
     def write(self, data: bytes) -> int:
         """Send without waiting; return how many bytes were taken."""
@@ -74,11 +74,11 @@ class PtyPort:
         return [self._board] if self._board >= 0 else []
 
     def read(self) -> bytes:
-        """Return what the host sent."""
+        """Return the bytes the host sent."""
         return _read(self._board)
 
     def write(self, data: bytes) -> int:
-        """Send what the terminal takes."""
+        """Send as many bytes as the terminal takes."""
         return _write(self._board, data)
 
     @property
@@ -116,7 +116,7 @@ class TcpPort:
         return [end.fileno() for end in (self._client or self._server,) if end]
 
     def read(self) -> bytes:
-        """Return what the client sent; accept one where there is none."""
+        """Return the bytes the client sent; accept a client where there is none."""
         if self._client is None:
             if self._server is not None:
                 with contextlib.suppress(BlockingIOError):
@@ -136,7 +136,7 @@ class TcpPort:
         return b''
 
     def write(self, data: bytes) -> int:
-        """Send what the connection takes; without a client it goes nowhere."""
+        """Send as many bytes as the connection takes; without a client they are lost."""
         if self._client is None:
             return len(data)
         return _write(self._client.fileno(), data)

@@ -48,7 +48,7 @@ class SimulatedTransport:
 
     @classmethod
     def from_url(cls, url: str, rate: float = 0.0) -> SimulatedTransport:
-        """Return the transport an URL describes; raise ValueError naming what is wrong in it."""
+        """Return the transport of an URL; raise UserError naming a wrong option or value."""
         parts = urlsplit(url)
         # A plus sign is a sign here, not a space.
         options = {**OPTIONS, **dict(parse_qsl(parts.query.replace('+', '%2B')))}

@@ -120,4 +120,4 @@ FAULTS: dict[str, Fault] = {
     'orientation_flip': flip,
     'unit_mismatch': mismatch,
 }
-"""Name → what it does to finished recordings."""
+"""Name → change of finished recordings."""

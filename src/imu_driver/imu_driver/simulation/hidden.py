@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a campaign can hide: a physical effect, an unlogged channel, a clock, a data fault."""
+"""Everything a campaign can hide: physical effects, unlogged channels, a clock, data faults."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Hidden:
     runs: list[DeviceRun]
     truth: Truth
     finish: Finish = field(default=_unchanged)
-    """What still happens to the finished recordings."""
+    """Applied to the finished recordings."""
     startup_time: float = 0.0
     """Start-up transient of the read-out [s]."""
 

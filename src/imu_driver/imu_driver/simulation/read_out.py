@@ -79,7 +79,7 @@ def simulate_device(
     motion: Motion | None = None,
     mean: bool = False,
 ) -> ImuRecording:
-    """Return what a device records in an environment: single samples, or means over intervals.
+    """Return the recording of a device in an environment: single samples, or means over intervals.
 
     Rows below DIRECT_RATE come at the host's even pace, others at the pace of the sensor's own
     clock, which drifts with temperature. The same arguments give the same recording.

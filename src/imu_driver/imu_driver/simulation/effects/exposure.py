@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hidden effects of what the device is exposed to: supply, vibration, moisture, ice."""
+"""Hidden effects of exposure: supply, vibration, moisture, ice."""
 
 from __future__ import annotations
 

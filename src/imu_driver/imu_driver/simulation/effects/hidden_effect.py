@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One hidden effect of the simulated device: what a hidden effect is, and how it is added to runs.
+"""A hidden effect of the simulated device, and how it is added to runs.
 
 The effects use the simulated device's own nodes, fields and processes, finer than thermal_comp's
 catalogue writes them and without sharing an equation with it: only so does it prove something
@@ -53,8 +53,8 @@ class HiddenEffect:
     """Sensors it can be hidden in; two names joined by + mean both at once."""
     shape: ShapeFunction
     kind: str = 'effect'
-    """What a diagnosis has to call it: 'effect', 'noise', or 'unexplained' where no effect of
-    the catalogue describes it."""
+    """The right answer of a diagnosis: 'effect', 'noise', or 'unexplained' where no effect of the
+    catalogue describes it."""
     depends_on: tuple[str, ...] = ()
     """Variables an unexplained effect depends on; any of them is a right answer."""
     logged_as: tuple[str, ...] = ()
