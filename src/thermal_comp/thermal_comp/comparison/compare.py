@@ -20,7 +20,7 @@ from thermal_comp.fitting.inputs import device_of, sensor_groups, usable_sensors
 from thermal_comp.linear.design import Design
 from thermal_comp.linear.normal_equations import solve
 from thermal_comp.model.file import check_device
-from thermal_comp.model.values import ModelError, NoiseModel, SensorModel, ThermalModel
+from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel
 from thermal_comp.noise.of_model import noise_of_model
 from thermal_comp.noise.of_runs import noise_of_runs
 from thermal_comp.presentation.notebook import Presented
@@ -128,59 +128,71 @@ def compare_prepared(
     device = device_of(runs, pooled=model.pooled)
     for run in runs:
         check_device(model, run.device)
-    measured, notes = usable_sensors(runs)
-    sensors = [s for s in measured if s in model.sensors]
-    if not sensors:
-        raise ModelError(
-            f'sensors: the model has {", ".join(model.sensors)}, the recordings have '
-            f'{", ".join(measured)}'
-        )
+    sensors, left_out = _compared_sensors(model, runs)
+    listed, not_applied = _applicable_effects(model, runs, sensors)
     seen = {run.hash for run in runs} <= set(model.provenance.sources.values())
-    if not seen:
-        notes.append('the model has not seen these recordings: its residual is itself held out')
-    listed = {s: _present(model.sensors[s], runs, s, notes) for s in sensors}
-    known = {
-        s: noise[s] if noise and s in noise else _noise(model, s, runs, seen) for s in sensors
-    }
-    known = {s: noise_of_model(runs, s, listed[s], known[s]) for s in sensors}
+    weights = {s: (noise or {}).get(s) or _noise(model, s, runs, seen=seen) for s in sensors}
+    weights = {s: noise_of_model(runs, s, listed[s], weights[s]) for s in sensors}
     compared: dict[Sensor, SensorComparison] = {}
+    relearned: list[str] = []
     for group in sensor_groups(listed):
-        held = hold_out(runs, {s: listed[s] for s in group}, known)
+        effects = {s: listed[s] for s in group}
+        held = hold_out(runs, effects, weights)
+        residuals = _residuals(model, runs, effects, weights)
+        compared |= {s: _compare_sensor(runs, s, residuals[s], held) for s in group}
         if held.relearned:
-            notes.append(
+            relearned.append(
                 f'{"+".join(group)}: {", ".join(held.relearned)} of a held-out part can only be '
                 'told by itself and was taken from it, like a level'
             )
-        residuals = _residuals(model, runs, {s: listed[s] for s in group}, known)
-        for sensor in group:
-            compared[sensor] = _compare_sensor(runs, sensor, residuals[sensor], held)
+    unseen = 'the model has not seen these recordings: its residual is itself held out'
+    own = [note for run in runs for note in run.notes]
     cycles = all(run.has_cycles for run in runs)
     return Comparison(
         device=model.device or device,
         sensors={s: compared[s] for s in sensors},
         period=runs[0].period,
         folds='one thermal cycle at a time' if cycles else 'one contiguous block at a time',
-        notes=(*(note for run in runs for note in run.notes), *notes),
+        notes=(*own, *left_out, *([] if seen else [unseen]), *not_applied, *relearned),
     )
 
 
-def _present(
-    model: SensorModel, runs: Sequence[PreparedRun], sensor: Sensor, notes: list[str]
-) -> tuple[Effect, ...]:
-    """Return the model's effects whose channels all runs have logged."""
-    present = []
-    for effect in model.effects:
-        missing = [c for c in effect.channels if not all(r.conditions.has(c) for r in runs)]
-        if missing:
-            notes.append(f'{sensor}: {effect.name} not applied, {missing[0]} is not logged')
-        else:
-            present.append(effect)
-    return tuple(present)
+def _compared_sensors(
+    model: ThermalModel, runs: Sequence[PreparedRun]
+) -> tuple[list[Sensor], list[str]]:
+    """Return the sensors that runs and model have, and why others are left out."""
+    measured, left_out = usable_sensors(runs)
+    sensors = [s for s in measured if s in model.sensors]
+    if not sensors:
+        raise ModelError(
+            f'sensors: the model has {", ".join(model.sensors)}, the recordings have '
+            f'{", ".join(measured)}'
+        )
+    return sensors, left_out
+
+
+def _applicable_effects(
+    model: ThermalModel, runs: Sequence[PreparedRun], sensors: Sequence[Sensor]
+) -> tuple[dict[Sensor, tuple[Effect, ...]], list[str]]:
+    """Return the model's effects whose channels all runs have logged, and what is not applied."""
+    listed: dict[Sensor, tuple[Effect, ...]] = {}
+    notes = []
+    for sensor in sensors:
+        present = []
+        for effect in model.sensors[sensor].effects:
+            missing = [c for c in effect.channels if not all(r.conditions.has(c) for r in runs)]
+            if missing:
+                notes.append(f'{sensor}: {effect.name} not applied, {missing[0]} is not logged')
+            else:
+                present.append(effect)
+        listed[sensor] = tuple(present)
+    return listed, notes
 
 
 def _noise(
-    model: ThermalModel, sensor: Sensor, runs: Sequence[PreparedRun], seen: bool
+    model: ThermalModel, sensor: Sensor, runs: Sequence[PreparedRun], *, seen: bool
 ) -> NoiseModel:
+    """Return the model's noise where it has seen the runs, else that of the runs."""
     part = model.sensors[sensor]
     if seen and part.noise is not None:
         return part.noise

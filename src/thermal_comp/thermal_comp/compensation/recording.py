@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +12,7 @@ from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording, Rec
 from numpy.typing import NDArray
 
 from thermal_comp.data.binning import vibration_of
-from thermal_comp.data.conditions import SENSORS, Conditions, field_conditions
+from thermal_comp.data.conditions import SENSORS, Conditions, Sensor, field_conditions
 from thermal_comp.effects.effect import Effect, State
 from thermal_comp.model.file import check_device
 from thermal_comp.model.values import SensorModel, ThermalModel
@@ -175,42 +176,70 @@ def compensate(
     check_device(model, recording.device)
     recording = _with_held_temperature(recording)
     known = _fresh(recording, temperature_timeout)
-    stale = int((np.isfinite(recording.temperature) & ~known).sum())
+    conditions = _conditions(recording, model).rows(known)
+    found = {s: _sensor(model, conditions.of(s)) for s in SENSORS if s in model.sensors}
+    compensated: dict[str, Any] = {}
+    for sensor, part in found.items():
+        values = getattr(recording, SENSOR_FIELDS[sensor]).copy()
+        values[known] -= part.error
+        compensated[SENSOR_FIELDS[sensor]] = values
+    notes = [
+        *_device_notes(recording, model),
+        *_passed_on_notes(recording, known, temperature_timeout),
+        *_applied_notes(model, found),
+    ]
+    return replace(recording, **compensated).with_notes(*notes)
+
+
+def _conditions(recording: ImuRecording, model: ThermalModel) -> Conditions:
+    """Return the conditions of all rows, vibration computed where the model needs it."""
     conditions = field_conditions(recording, model.reference_temperature)
-    if recording.vibration is None and _needs_vibration(model) and len(recording):
-        vibration = vibration_of(
-            recording.stamp, recording.linear_acceleration, int(recording.stamp[0])
-        )
-        conditions = replace(conditions, vibration=vibration)
-    conditions = conditions.rows(known)
-    notes = ['compensated with a thermal model' + (f' of {model.device}' if model.device else '')]
-    if model.device and not recording.device:
+    if recording.vibration is not None or not _needs_vibration(model) or not len(recording):
+        return conditions
+    start = int(recording.stamp[0])
+    vibration = vibration_of(recording.stamp, recording.linear_acceleration, start)
+    return replace(conditions, vibration=vibration)
+
+
+def _device_notes(recording: ImuRecording, model: ThermalModel) -> list[str]:
+    if not model.device:
+        return ['compensated with a thermal model']
+    notes = [f'compensated with a thermal model of {model.device}']
+    if not recording.device:
         notes.append(f'the recording does not name its device: taken to be {model.device}')
-    if missing := int((~known).sum()) - stale:
+    return notes
+
+
+def _passed_on_notes(
+    recording: ImuRecording, known: NDArray[np.bool_], timeout: float
+) -> list[str]:
+    """Return why rows are passed on as they are."""
+    stale = int((np.isfinite(recording.temperature) & ~known).sum())
+    missing = int((~known).sum()) - stale
+    notes = []
+    if missing:
         notes.append(f'{missing} rows without a die temperature are passed on')
     if stale:
         notes.append(
-            f'{stale} rows whose die temperature is older than {temperature_timeout:g} s are '
+            f'{stale} rows whose die temperature is older than {timeout:g} s are '
             'passed on (temperature_timeout)'
         )
-    changed: dict[str, Any] = {}
-    outside = np.zeros(int(known.sum()), dtype=bool)
-    for sensor in SENSORS:
-        name = SENSOR_FIELDS[sensor]
-        if sensor in model.sensors:
-            found = _sensor(model, conditions.of(sensor))
-            values = getattr(recording, name).copy()
-            values[known] -= found.error
-            changed[name] = values
-            outside |= found.outside
-            needed = {e.name: ', '.join(e.channels) for e in model.sensors[sensor].effects}
-            notes += [
-                f'{sensor}: {effect} not applied in {rows} rows, {needed[effect]} is not known'
-                for effect, rows in found.skipped.items()
-            ]
+    return notes
+
+
+def _applied_notes(model: ThermalModel, found: Mapping[Sensor, _Found]) -> list[str]:
+    """Return which effects could not be applied, and where the temperature was clamped."""
+    notes = []
+    for sensor, part in found.items():
+        channels = {e.name: ', '.join(e.channels) for e in model.sensors[sensor].effects}
+        notes += [
+            f'{sensor}: {effect} not applied in {rows} rows, {channels[effect]} is not known'
+            for effect, rows in part.skipped.items()
+        ]
+    outside = np.any([part.outside for part in found.values()], axis=0) if found else np.zeros(1)
     if outside.any():
         notes.append(f'{int(outside.sum())} rows outside the fitted temperatures are clamped')
-    return replace(recording, **changed).with_notes(*notes)
+    return notes
 
 
 def _with_held_temperature(recording: ImuRecording) -> ImuRecording:
@@ -249,9 +278,14 @@ def _fresh(recording: ImuRecording, timeout: float) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, eq=False)
 class _Found:
+    """The error of one sensor in the rows with a fresh die temperature."""
+
     error: FloatArray
-    outside: np.ndarray
+    """(n, 3) [unit]."""
+    outside: NDArray[np.bool_]
+    """(n,) temperature outside the fitted range."""
     skipped: dict[str, int]
+    """Rows in which an effect was not applied, by effect."""
 
 
 def _sensor(model: ThermalModel, conditions: Conditions) -> _Found:

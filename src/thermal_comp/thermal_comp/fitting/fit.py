@@ -69,28 +69,16 @@ def fit_prepared(
     `noise` saves estimating it again where it is known.
     """
     device = device_of(runs, pooled=pooled)
-    low, high = check_temperature(runs)
-    sensors, notes = usable_sensors(runs)
+    temperature_range = check_temperature(runs)
+    sensors, left_out = usable_sensors(runs)
     listed = effects_by_sensor(effects, sensors, runs)
-    known = noise or {}
-    found = {
-        s: (known[s], '') if s in known else noise_of_runs(runs, s, listed[s]) for s in sensors
-    }
-    noise = {s: model for s, (model, _) in found.items()}
-    notes += [note for _, note in found.values() if note]
-    models: dict[Sensor, SensorModel] = {}
-    for group in sensor_groups(listed):
-        design = Design(runs, {s: listed[s] for s in group}, noise)
-        if refine:
-            design = refine_shapes(design)
-            notes += bound_notes(design)
-        beside = noise_beside(runs, design.effects, design.noise)
-        if any(beside[s] is not design.noise[s] for s in beside):
-            design = Design(runs, design.effects, beside)
-        fitted = fitted_group(design)
-        notes += fitted.notes
-        for sensor in group:
-            models[sensor] = fitted.sensor_model(sensor, (low, high))
+    weights, guessed = _noise_by_sensor(runs, listed, noise or {})
+    groups = [
+        _fit_group(Design(runs, {s: listed[s] for s in group}, weights), refine=refine)
+        for group in sensor_groups(listed)
+    ]
+    models = {s: g.sensor_model(s, temperature_range) for g in groups for s in g.design.sensors}
+    notes = [note for run in runs for note in run.notes] + left_out + guessed
     return ThermalModel(
         device=device,
         sensors={s: models[s] for s in sensors},
@@ -99,9 +87,33 @@ def fit_prepared(
         provenance=Provenance(
             sources={run.name: run.hash for run in runs},
             version=package_version(),
-            notes=(*(note for run in runs for note in run.notes), *notes),
+            notes=(*notes, *(note for group in groups for note in group.notes)),
         ),
     )
+
+
+def _noise_by_sensor(
+    runs: Sequence[PreparedRun],
+    effects: Mapping[Sensor, Sequence[Effect]],
+    known: Mapping[Sensor, NoiseModel],
+) -> tuple[dict[Sensor, NoiseModel], list[str]]:
+    """Return the noise of each sensor, as known or fitted, and what is said of guesses."""
+    found = {
+        s: (known[s], '') if s in known else noise_of_runs(runs, s, effects[s]) for s in effects
+    }
+    return {s: noise for s, (noise, _) in found.items()}, [n for _, n in found.values() if n]
+
+
+def _fit_group(design: Design, *, refine: bool) -> FittedGroup:
+    """Return the fit of sensors that share coefficients: shapes, noise beside them, the rest."""
+    if refine:
+        design = refine_shapes(design)
+    at_bounds = bound_notes(design) if refine else []
+    beside = noise_beside(design.runs, design.effects, design.noise)
+    if any(beside[s] is not design.noise[s] for s in beside):
+        design = Design(design.runs, design.effects, beside)
+    fitted = fitted_group(design)
+    return replace(fitted, notes=[*at_bounds, *fitted.notes])
 
 
 @dataclass(frozen=True, eq=False)
