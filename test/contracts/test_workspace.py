@@ -127,3 +127,19 @@ def test_all_packages_are_of_one_version() -> None:
     }
     assert len(stated) == 1
     assert f'## {stated.pop()} ' in (ROOT / 'CHANGELOG.md').read_text()
+
+
+NAMED_FILE = re.compile(r'`([\w./-]+\.(?:py|sh|yaml|md|toml))`')
+MADE_BY_USERS = {'metadata.yaml', 'my_effect.py'}
+
+
+def test_files_that_documents_name_exist() -> None:
+    present = [f'/{path.relative_to(ROOT)}' for path in tracked('') if path.exists()]
+    missing = [
+        f'{document.relative_to(ROOT)}: {name}'
+        for document in tracked('.md')
+        for name in NAMED_FILE.findall(document.read_text())
+        if Path(name).name not in MADE_BY_USERS
+        and not any(path.endswith(f'/{name.removeprefix("../")}') for path in present)
+    ]
+    assert not missing
