@@ -45,6 +45,7 @@ class ThermalCompNode(ConfiguredNode):
     What is left goes out on imu_compensated/data_raw and imu_compensated/mag.
     """
 
+    config: ThermalCompConfig
     config_class = ThermalCompConfig
     event_driven = True
     expects = 'imu/data_raw'
