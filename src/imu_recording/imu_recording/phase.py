@@ -143,7 +143,7 @@ def _dwell_kind(level: float, reference: float) -> str:
 def _split_final(
     phase: IntArray, cycle: IntArray, time: FloatArray, start: int, earlier: list[float]
 ) -> None:
-    """What the last reference dwell lasts longer than the `earlier` dwells is the final phase."""
+    """Mark as final what the last reference dwell lasts longer than the `earlier` ones [s]."""
     if not earlier:
         return
     usual = float(np.median(earlier))

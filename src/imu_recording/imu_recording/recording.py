@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """IMU samples as columns, the value every other module takes or returns.
 
-Also the errors of measurements that cannot be used, the up axis told by gravity, and one hash of
-what was measured.
+Also the errors of measurements that cannot be used, the up axis inferred from gravity, and one
+hash of what was measured.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ PHASES = (
 """Phases of a thermal cycle, in order; `ImuRecording.phase` holds indices into this tuple."""
 
 UP_AXES = ('+x', '-x', '+y', '-y', '+z', '-z')
-"""What `ImuRecording.up_axis` may be: the sensor axis that points away from the ground."""
+"""Values of `ImuRecording.up_axis`: the sensor axis that points away from the ground."""
 
 SENSOR_FIELDS = {
     'accelerometer': 'linear_acceleration',
@@ -121,7 +121,7 @@ class ImuRecording:
     run: str = ''
     """Name of the run: one recording in one orientation."""
     up_axis: str = ''
-    """One of UP_AXES, or '' where neither told nor inferable from gravity."""
+    """One of UP_AXES, or '' where neither stated nor inferable from gravity."""
     profile: str = ''
     """Name of the thermal profile."""
     namespace: str = ''

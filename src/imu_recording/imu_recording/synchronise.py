@@ -14,7 +14,7 @@ from imu_recording.recording import FloatArray, IntArray
 ROWS_PER_BLOCK = 1 << 18
 """Rows joined at a time."""
 LOST_AT_AN_END = 2
-"""So few samples lost at an end are a matter of where recording stopped, worth no note."""
+"""Samples without a row up to which there is no note: topics do not end at the same instant."""
 STALE_S = 60.0
 """A track that ended longer before the last row is worth a note [s]."""
 

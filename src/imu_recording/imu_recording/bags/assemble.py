@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the columns of each topic to one recording."""
+"""Join the columns of each topic to one recording."""
 
 from __future__ import annotations
 
@@ -35,30 +35,10 @@ def assemble_recording(
     for column in columns.values():
         notes += _topic_notes(column)
     samples = {name: _samples(name, column, notes) for name, column in by_name.items()}
-    rows = samples.pop(IMU_TOPIC)
-    stamp = rows.stamp
-    tracks: dict[str, Any] = dict(zip(TRACK_OF_TOPIC[IMU_TOPIC].fields, rows.values, strict=True))
-    unplaced: dict[str, int] = {}
-    for name in list(samples):
-        joined, found = _joined(name, stamp, samples.pop(name))
-        tracks |= found
-        notes += joined.notes
-        if joined.unplaced:
-            unplaced[name] = joined.unplaced
-    measured = tracks.get('temperature_stamp')
-    if measured is not None and ((measured == stamp) | (measured < 0)).all():
-        del tracks['temperature_stamp']  # every temperature is of its row
-    for name, field, shape in (
-        (MAGNETIC_TOPIC, 'magnetic_field', (len(stamp), 3)),
-        (TEMPERATURE_TOPIC, 'temperature', (len(stamp),)),
-    ):
-        if field not in tracks:
-            tracks[field] = np.full(shape, np.nan)
-            notes.append(f'no samples on {name}: {field} is NaN')
-    if 'phase' not in tracks and 'setpoint' in tracks:
-        time = (stamp - stamp[0]) * 1e-9
-        tracks['phase'], tracks['cycle'] = phases_from_setpoint(time, tracks['setpoint'])
-        notes.append('phase and cycle are derived from chamber/setpoint')
+    stamp = samples[IMU_TOPIC].stamp
+    tracks, unplaced = _tracks(samples, notes)
+    _fill_absent(tracks, len(stamp), notes)
+    _derive_phase(tracks, stamp, notes)
     return ImuRecording(
         stamp=stamp,
         **tracks,
@@ -72,6 +52,47 @@ def assemble_recording(
         notes=tuple(notes),
         unplaced=unplaced,
     )
+
+
+def _tracks(
+    samples: dict[str, Samples], notes: list[str]
+) -> tuple[dict[str, Any], dict[str, int]]:
+    """Return the recording's columns by field, and topic → samples without a row.
+
+    Takes the samples out one by one, so that no more than one topic is in memory twice.
+    """
+    rows = samples.pop(IMU_TOPIC)
+    tracks: dict[str, Any] = dict(zip(TRACK_OF_TOPIC[IMU_TOPIC].fields, rows.values, strict=True))
+    unplaced: dict[str, int] = {}
+    for name in list(samples):
+        joined, found = _joined(name, rows.stamp, samples.pop(name))
+        tracks |= found
+        notes += joined.notes
+        if joined.unplaced:
+            unplaced[name] = joined.unplaced
+    measured = tracks.get('temperature_stamp')
+    if measured is not None and ((measured == rows.stamp) | (measured < 0)).all():
+        del tracks['temperature_stamp']  # every temperature is of its row
+    return tracks, unplaced
+
+
+def _fill_absent(tracks: dict[str, Any], rows: int, notes: list[str]) -> None:
+    """Fill what every recording has with NaN where its topic has no samples."""
+    for name, field, shape in (
+        (MAGNETIC_TOPIC, 'magnetic_field', (rows, 3)),
+        (TEMPERATURE_TOPIC, 'temperature', (rows,)),
+    ):
+        if field not in tracks:
+            tracks[field] = np.full(shape, np.nan)
+            notes.append(f'no samples on {name}: {field} is NaN')
+
+
+def _derive_phase(tracks: dict[str, Any], stamp: IntArray, notes: list[str]) -> None:
+    """Add phase and cycle from the set-point where they were not logged."""
+    if 'phase' not in tracks and 'setpoint' in tracks:
+        time = (stamp - stamp[0]) * 1e-9
+        tracks['phase'], tracks['cycle'] = phases_from_setpoint(time, tracks['setpoint'])
+        notes.append('phase and cycle are derived from chamber/setpoint')
 
 
 def _topic_notes(column: TopicColumns) -> list[str]:

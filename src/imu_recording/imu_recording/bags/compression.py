@@ -66,7 +66,7 @@ def _as_far_as_possible(data: memoryview, compression: str) -> bytes:
 
 
 def decompress_message(data: bytes) -> bytes:
-    """Return a zstd-compressed message; b'' where it is damaged, which no message is."""
+    """Return a zstd-compressed message; b'' (no message is empty) where it is damaged."""
     try:
         return zstd.decompress(data)
     except zstd.ZstdError:

@@ -34,7 +34,7 @@ class BagFile:
 
 @dataclass
 class Bag:
-    """A bag on disk: its files in order, its metadata, what is amiss."""
+    """A bag on disk: its files in order, its metadata, notes on what is missing or unreadable."""
 
     path: Path
     files: list[BagFile] = field(default_factory=list)

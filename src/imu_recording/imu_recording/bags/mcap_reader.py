@@ -64,7 +64,7 @@ class Channel:
 
 @dataclass
 class McapScan:
-    """What a scan met; `select` maps a channel to a slot or −1, `deliver` gets the messages."""
+    """One mcap file: `select` maps a channel to a slot or −1, `deliver` gets the messages."""
 
     select: Callable[[Channel], int]
     deliver: Callable[[MessageBlock], None]

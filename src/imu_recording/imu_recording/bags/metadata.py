@@ -68,7 +68,7 @@ INFINITE_DURATION = {'sec': 9223372036, 'nsec': 854775807}
 
 
 def qos_profile(*, reliable: bool, latched: bool, depth: int) -> Qos:
-    """Return an offered QoS profile in rosbag2's words."""
+    """Return an offered QoS profile under rosbag2's keys."""
     return {
         'history': 'keep_last',
         'depth': depth,

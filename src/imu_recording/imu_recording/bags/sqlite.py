@@ -147,7 +147,7 @@ def _blocks(
 
 
 def _open(path: Path) -> sqlite3.Connection:
-    """Open read only; a file that died with a journal is read with it where that is allowed.
+    """Open read only; a file left with a journal is read with it where that is allowed.
 
     A file that is shorter than its header says is refused by sqlite unless the schema is
     writable; what is left of it can then be read up to the cut.

@@ -75,7 +75,7 @@ class TopicColumns:
             self._shape = tuple(shape + [0, -1] * (2 - len(groups)))
 
     def define(self, definition: str) -> None:
-        """Take the definition the bag carries; a type that is not standard goes the slow way."""
+        """Take the definition the bag carries; a type that is not standard is decoded slowly."""
         self._types = types_of(self.track.message_type, definition)
 
     @property
@@ -84,7 +84,7 @@ class TopicColumns:
         return self.count > 0 and not self._stamp[: self.count].any()
 
     def hand_over(self) -> tuple[IntArray, list[FloatArray]]:
-        """Give away stamps (n,) of the headers, else times of receipt [ns], and (n, k) numbers.
+        """Return stamps (n,) of the headers, else times of receipt [ns], and (n, k) numbers.
 
         Nothing is kept, so that whoever reorders them holds the only copy.
         """

@@ -44,7 +44,7 @@ ROWS_PER_STRETCH = 1 << 14
 
 @dataclass(frozen=True)
 class _Part:
-    """A stretch of one recording's rows and where they go."""
+    """A stretch of one recording's rows and the connections they are written to."""
 
     tracks: list[EncodedTrack]
     connections: dict[str, Connection]

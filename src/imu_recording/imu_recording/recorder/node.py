@@ -108,7 +108,7 @@ class RecorderNode(ConfiguredNode):
     # Topics -----------------------------------------------------------------------------------
 
     def discover(self) -> None:
-        """Subscribe to wanted topics that have appeared; latched ones speak at once."""
+        """Subscribe to wanted topics that have appeared; latched ones send at once."""
         if self.state != ACTIVE or self._capture:
             return
         for topic, types in self.get_topic_names_and_types():

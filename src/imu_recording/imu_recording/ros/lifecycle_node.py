@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The shell every node of this workspace shares: parameters, lifecycle, diagnostics, shutdown.
+"""What all nodes of this workspace share: parameters, lifecycle, diagnostics, shutdown.
 
 A node subclasses `ConfiguredNode`, names its frozen config dataclass and writes `setup`; it then
 configures and activates itself under plain `ros2 run` (parameter `autostart`). Replay and tests

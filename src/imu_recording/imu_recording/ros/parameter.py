@@ -33,10 +33,10 @@ KINDS = {
     str: 'a text; digits alone are one in double quotes: "\'123\'"',
     list: 'a list such as [a, b]',
 }
-"""How a type is called before a user."""
+"""Name of each type in messages to the user."""
 
 ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
-"""Parameters every node has of ROS's own, or beginnings of their names."""
+"""Parameters that ROS gives every node, or the beginnings of their names."""
 
 
 class ParameterError(UserError):

@@ -88,7 +88,7 @@ def run_node(
             return REFUSED
         return (spin or _until_interrupted)(node, _executor(node), interrupts)
     except UserError as error:
-        sys.stderr.write(f'{error}; --help tells what can be given\n')
+        sys.stderr.write(f'{error}; --help lists what can be given\n')
         return REFUSED
     except ExternalShutdownException:
         return 0
@@ -147,7 +147,7 @@ HELP_WIDTH = 96
 
 
 def asks_for_help(arguments: Sequence[str]) -> bool:
-    """Tell whether a command line (program first) asks what can be given.
+    """Tell whether a command line (program first) asks for help.
 
     >>> asks_for_help(['ahrs_filter_node', '-h']), asks_for_help(['ahrs_filter_node'])
     (True, False)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the columns of a CSV file mean, told by a small YAML file.
+"""The mapping of a CSV file's columns to the fields of a recording, a small YAML file.
 
     schema: 1
     device: freeimu
-    up_axis: +z                      # optional; otherwise told by gravity
+    up_axis: +z                      # optional; otherwise inferred from gravity
     time: {column: Time, unit: ms}   # s, ms, us, ns, min, h or iso8601
     columns:
       linear_acceleration: {columns: [Ax, Ay, -Az], scale: 1/16384, unit: g}
