@@ -26,7 +26,7 @@ SHORT = 'short_20min'
 
 @pytest.fixture(scope='module')
 def bag_maker() -> ModuleType:
-    path = Path(__file__).resolve().parents[2] / 'bags' / 'make.py'
+    path = Path(__file__).resolve().parents[3] / 'bags' / 'make.py'
     spec = importlib.util.spec_from_file_location('make_bags', path)
     assert spec is not None
     assert spec.loader is not None
