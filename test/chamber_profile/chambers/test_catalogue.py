@@ -2,8 +2,9 @@
 """Addresses of chambers: a wrong one is refused with what would be right."""
 
 import pytest
-from chamber_profile.chambers.catalogue import ChamberAddressError, open_chamber
+from chamber_profile.chambers.catalogue import open_chamber
 from chamber_profile.chambers.chamber import ChamberError
+from chamber_profile.chambers.protocol import ChamberAddressError
 
 
 @pytest.mark.parametrize(
@@ -32,3 +33,19 @@ def test_address_options_reach_the_driver() -> None:
     assert chamber._line.port == '/dev/ttyUSB7'
     with pytest.raises(ChamberError, match='ttyUSB7'):
         chamber.connect()
+
+
+def test_another_package_adds_a_protocol_by_its_entry_point(monkeypatch) -> None:
+    made = []
+
+    class Point:
+        name = 'thermotron'
+
+        def load(self):
+            return lambda line, options: made.append((line.port, line.baudrate, dict(options)))
+
+    monkeypatch.setattr('chamber_profile.chambers.catalogue.entry_points', lambda group: [Point()])
+    open_chamber('thermotron+tcp://h:1?channel=2&baudrate=4800')
+    assert made == [('socket://h:1', 4800, {'channel': 2, 'tcp': 1})]
+    with pytest.raises(ChamberAddressError, match='thermotron'):
+        open_chamber('coffee+tcp://h:1')

@@ -4,9 +4,10 @@
 import sys
 
 import pytest
-from chamber_profile.chambers.catalogue import ChamberAddressError, open_chamber
+from chamber_profile.chambers.catalogue import open_chamber
 from chamber_profile.chambers.chamber import ChamberError, ChamberRefusalError
 from chamber_profile.chambers.modbus import ModbusRegisters
+from chamber_profile.chambers.protocol import ChamberAddressError
 from chamber_profile.emulators.plant import EmulatedPlant
 from chamber_profile.emulators.watlow_f4 import WatlowF4Server
 

@@ -69,7 +69,7 @@ class Trial:
 
     def __init__(self, folder: Path, protocol: str, *faults: str) -> None:
         self.line = MemoryLine(protocol, *faults)
-        chamber = CHAMBERS[protocol](self.line, {'tcp': 1})
+        chamber = CHAMBERS[protocol].make(self.line, {'tcp': 1})
 
         def clock() -> float:
             return self.line.now

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from chamber_profile.chambers.chamber import ChamberError, ChamberReading, ChamberRefusalError
 from chamber_profile.chambers.line import Line, until
+from chamber_profile.chambers.protocol import ChamberProtocol
 
 END = b'\r\n'
 RUNNING = ('CONSTANT', 'RUN')
@@ -105,3 +106,10 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError as error:
         raise ChamberError(f'ESPEC: {text!r} is no number') from error
+
+
+ESPEC = ChamberProtocol(
+    make=lambda line, options: EspecChamber(line, options.get('address', 0)),
+    options=('address',),
+    baudrate=19200,
+)

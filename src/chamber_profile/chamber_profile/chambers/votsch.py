@@ -6,10 +6,12 @@ Neither protocol can program limits: they are set at the panel.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from chamber_profile.chambers.chamber import ChamberError, ChamberReading, ChamberRefusalError
 from chamber_profile.chambers.line import Line, until
+from chamber_profile.chambers.protocol import ChamberProtocol
 
 BITS = 32
 SEPARATOR = b'\xb6'
@@ -187,3 +189,18 @@ class SimservChamber:
             raise ChamberRefusalError(f'SIMSERV refused {command}: {code.decode("ascii")}')
         self._line.close()
         raise ChamberError(f'SIMSERV: {command} answered {raw!r}')
+
+
+def _make_ascii2(line: Line, options: Mapping[str, int]) -> Ascii2Chamber:
+    layout = {key: value for key, value in options.items() if key not in ('address', 'tcp')}
+    return Ascii2Chamber(line, options.get('address', 1), Layout(**layout))
+
+
+ASCII2 = ChamberProtocol(
+    make=_make_ascii2, options=('address', *Layout.__dataclass_fields__), baudrate=9600
+)
+SIMSERV = ChamberProtocol(
+    make=lambda line, options: SimservChamber(line, options.get('address', 1)),
+    options=('address',),
+    baudrate=19200,
+)

@@ -6,8 +6,15 @@ A temperature is its signed register / 10^decimals. Register 25 (save to EEPROM)
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
 from chamber_profile.chambers.chamber import ChamberReading, ChamberRefusalError
-from chamber_profile.chambers.modbus import ModbusRegisters
+from chamber_profile.chambers.line import Line
+from chamber_profile.chambers.protocol import ChamberAddressError, ChamberProtocol
+
+if TYPE_CHECKING:
+    from chamber_profile.chambers.modbus import ModbusRegisters
 
 PROCESS_VALUE, PROFILE_STATUS, SETPOINT = 100, 200, 300
 LIMIT_LOW, LIMIT_HIGH, DECIMALS, UNITS = 602, 603, 606, 901
@@ -95,3 +102,21 @@ class WatlowF4Chamber:
     def close(self) -> None:
         """Close the line."""
         self._registers.close()
+
+
+def _make_watlow(line: Line, options: Mapping[str, int]) -> WatlowF4Chamber:
+    try:
+        from chamber_profile.chambers.modbus import ModbusRegisters  # and pymodbus, 0.1 s
+    except ImportError as error:
+        raise ChamberAddressError(
+            f'chamber watlow_f4 needs pymodbus 3.11 or later (pip install "pymodbus>=3.11,<4"): '
+            f'{error}'
+        ) from error
+    tcp = bool(options['tcp'])
+    if not tcp:
+        line.pause_s = RTU_PAUSE_S
+    registers = ModbusRegisters(line, options.get('address', 1), tcp=tcp)
+    return WatlowF4Chamber(registers, cond_event=options.get('cond_event', 1))
+
+
+WATLOW_F4 = ChamberProtocol(make=_make_watlow, options=('address', 'cond_event'), baudrate=19200)
