@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Message bytes to numbers: kernels, their plain Python and rosbags agree."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from imu_recording.bags import cdr_decode
+from imu_recording.bags.cdr import LAYOUTS, encode_messages
+from imu_recording.bags.message_types import (
+    DecodeError,
+    definition_of,
+    hash_of,
+    standard_types,
+    types_of,
+)
+from imu_recording.bags.slow_decode import decode_message
+from imu_recording.bags.topic_columns import MessageBlock, TopicColumns
+from imu_recording.logging_contract import IMU, STRING, TEMPERATURE, TRACKS
+from recording_samples import START
+
+TRACK_OF_TYPE = {track.message_type: track for track in TRACKS}
+
+
+def block_of(message_type: str, n: int = 5, frame: str = 'imu_link') -> MessageBlock:
+    rng = np.random.default_rng(3)
+    layout = LAYOUTS[message_type]
+    stamp = START + 10_000_000 * np.arange(n)
+    groups = tuple(rng.normal(size=(n, group.count)) for group in layout.columns)
+    records = encode_messages(message_type, stamp, frame, groups)
+    size = records.shape[1]
+    return MessageBlock(
+        records.ravel(),
+        size * np.arange(n),
+        np.full(n, size),
+        stamp + 7,
+        np.zeros(n, np.int64),
+        n,
+    )
+
+
+@pytest.mark.parametrize('message_type', LAYOUTS)
+def test_kernels_give_what_rosbags_gives(message_type: str) -> None:
+    block = block_of(message_type)
+    columns = TopicColumns(TRACK_OF_TYPE[message_type], '/topic')
+    columns.take(block, 0)
+    assert (columns.count, columns.slow) == (block.count, 0)
+    stamp, groups = columns.hand_over()
+    for row in range(block.count):
+        found = decode_message(block.bytes_of(row), message_type, standard_types())
+        slow_stamp, values, _ = found
+        assert stamp[row] == (block.received[row] if slow_stamp is None else slow_stamp)
+        for group, numbers in zip(groups, values, strict=True):
+            assert tuple(group[row]) == numbers
+
+
+def test_compiled_and_plain_python_agree(monkeypatch: pytest.MonkeyPatch) -> None:
+    def columns() -> Any:
+        taken = TopicColumns(TRACK_OF_TYPE[IMU], '/imu')
+        taken.take(block_of(IMU), 0)
+        return taken.hand_over()
+
+    compiled_stamp, compiled = columns()
+    for name in ('little32', 'little64', 'is_expected', 'header_stamp', 'copy_group'):
+        monkeypatch.setattr(cdr_decode, name, getattr(cdr_decode, name).py_func)
+    plain = cdr_decode.decode_messages.py_func
+    monkeypatch.setattr('imu_recording.bags.topic_columns.decode_messages', plain)
+    stamp, groups = columns()
+    assert np.array_equal(stamp, compiled_stamp)
+    assert all(np.array_equal(a, b) for a, b in zip(groups, compiled, strict=True))
+
+
+def test_another_frame_id_is_decoded_slowly_once() -> None:
+    columns = TopicColumns(TRACK_OF_TYPE[TEMPERATURE], '/imu/temperature')
+    columns.take(block_of(TEMPERATURE, frame='first'), 0)
+    columns.take(block_of(TEMPERATURE, frame='second_frame'), 0)
+    assert columns.count == 10
+    assert columns.slow == 1
+    assert columns.frames == {'first': 5, 'second_frame': 5}
+
+
+def test_bytes_that_are_no_message_are_refused() -> None:
+    with pytest.raises(DecodeError):
+        decode_message(b'\x00\x01\x00\x00\x01', IMU, standard_types())
+    with pytest.raises(DecodeError, match='no std_msgs/msg/Float64 in XCDR version 2'):
+        decode_message(b'\x00\x07\x00\x00' + bytes(12), 'std_msgs/msg/Float64', standard_types())
+
+
+def test_a_bags_own_definition() -> None:
+    standard = definition_of(TEMPERATURE)
+    assert types_of(TEMPERATURE, standard) is standard_types()
+    other = standard.replace('float64 variance', 'float32 variance')
+    assert types_of(TEMPERATURE, other) is not standard_types()
+    with pytest.raises(DecodeError, match=f'definition of {TEMPERATURE} is damaged'):
+        types_of(TEMPERATURE, 'Header')
+    assert hash_of(STRING).startswith('RIHS01_')
+    assert definition_of('none_msgs/msg/Such') == hash_of('none_msgs/msg/Such') == ''
