@@ -13,7 +13,7 @@ from thermal_comp.effects.effect import Effect
 
 from imu_recording import ImuRecording
 
-from .test_compensator import columns, model_of, stream
+from .test_stream import columns, model_of, stream
 
 DEVICE = sorted(name for name, effect in EFFECTS.items() if effect.kind == 'device')
 NEEDING = sorted(name for name in DEVICE if EFFECTS[name].channels)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from thermal_comp.data.quality import STUCK_ROWS, check_recording, stuck_rows
 
-from .campaign import run
+from ..campaign import run
 
 PERIOD = 2.0
 

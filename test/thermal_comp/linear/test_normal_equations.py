@@ -11,7 +11,7 @@ from thermal_comp.linear import normal_equations as gram_module
 from thermal_comp.linear.normal_equations import gram, solve
 from thermal_comp.model.values import ModelError
 
-from .campaign import run
+from ..campaign import run
 
 NAMES = ('bias_temperature', 'bias_temperature_curvature', 'thermal_lag', 'thermal_hysteresis')
 

@@ -9,7 +9,7 @@ from thermal_comp.data.quality import check_quality
 
 from imu_recording import ImuRecording
 
-from .campaign import run
+from ..campaign import run
 
 FIELDS = {
     'accelerometer': 'linear_acceleration',

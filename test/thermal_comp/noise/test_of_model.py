@@ -13,7 +13,7 @@ from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.estimation import fit_noise
 from thermal_comp.noise.of_model import noise_of_model
 
-from .campaign import PERIOD, WHITE, coloured, run
+from ..campaign import PERIOD, WHITE, coloured, run
 
 SENSOR = 'gyroscope'
 DENSITY = WHITE['angular_velocity']

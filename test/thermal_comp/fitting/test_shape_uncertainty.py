@@ -10,7 +10,7 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.model.values import NoiseModel, SensorModel
 
-from .campaign import PERIOD, WHITE, chamber, lagging, run
+from ..campaign import PERIOD, WHITE, chamber, lagging, run
 
 DENSITY = WHITE['angular_velocity']
 AXES = np.array([1.0, -0.6, 0.8])

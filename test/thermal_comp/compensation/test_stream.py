@@ -14,8 +14,8 @@ from thermal_comp.model.values import ModelError, SensorModel, ThermalModel
 
 from imu_recording import ImuRecording, RecordingError, read_bag, write_bag
 
-from .campaign import run
-from .models import line_model
+from ..campaign import run
+from ..models import line_model
 
 CHANNELS = ('supply_voltage', 'chamber_temperature', 'humidity', 'vibration')
 

@@ -6,7 +6,7 @@ import pytest
 from thermal_comp.fitting.pooling import examine_pooling
 from thermal_comp.model.values import ModelError
 
-from .campaign import SLOPES, run
+from ..campaign import SLOPES, run
 
 
 def test_opposite_slopes_forbid_pooling_and_the_text_says_so() -> None:

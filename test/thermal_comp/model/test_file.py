@@ -12,7 +12,7 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.model.file import check_device, load_model, save_model
 from thermal_comp.model.values import ModelError, SensorModel, ThermalModel
 
-from .models import line_model
+from ..models import line_model
 
 
 def rich_model() -> ThermalModel:

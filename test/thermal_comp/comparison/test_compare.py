@@ -15,7 +15,7 @@ from thermal_comp.model.values import ModelError
 
 from imu_recording import read_bag
 
-from .campaign import chamber, lagging, run
+from ..campaign import chamber, lagging, run
 
 LINE = (EFFECTS['bias_temperature'](),)
 

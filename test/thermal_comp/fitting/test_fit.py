@@ -16,7 +16,7 @@ from thermal_comp.model.values import ModelError
 
 from imu_recording import read_bag
 
-from .campaign import SLOPES, WHITE, chamber, lagging, run
+from ..campaign import SLOPES, WHITE, chamber, lagging, run
 
 LINE = (EFFECTS['bias_temperature'](),)
 
@@ -178,7 +178,7 @@ def test_bad_input_is_refused_in_one_line_or_left_out_and_said() -> None:
 @pytest.mark.shared_data
 def test_a_board_warming_up_without_cycles_is_fitted_and_compared(shared: Path) -> None:
     csv = shared / 'data' / 'freeimu_freezer' / 'Tempdata01-02-14.csv'
-    mapping = Path(__file__).resolve().parents[2] / 'examples' / 'freeimu_mapping.yaml'
+    mapping = Path(__file__).resolve().parents[3] / 'examples' / 'freeimu_mapping.yaml'
     recording = import_csv(csv, mapping)
     model = fit(LINE, [recording])
     comparison = compare(model, [recording])
