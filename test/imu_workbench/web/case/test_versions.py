@@ -4,8 +4,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from imu_workbench.web.case.tasks import Change, change_task, first_version_task
-from imu_workbench.web.case.view import View
-from imu_workbench.web.session import DeviceState, Session
 from thermal_comp.model.values import ModelError
 
 from imu_recording import read_bag
@@ -47,33 +45,3 @@ def test_the_model_of_another_device_is_refused(fitted):
     text = fitted.line.model_text.replace('device: dut2', 'device: dut9', 1)
     with pytest.raises(ModelError, match='dut9'):
         first_version_task(lambda _: None, fitted.bags, fitted.prepared, text, [])
-
-
-def test_versions_are_a_line_that_undo_walks_back(fitted):
-    state = DeviceState('dut2', fitted.bags, fitted.prepared, [fitted.line])
-    state.append(fitted.lag)
-    assert (state.current, state.earlier_version) == (1, fitted.line)
-    state.current = 0
-    state.append(fitted.line)
-    assert len(state.versions) == 2
-    state.undo()
-    state.undo()
-    assert (state.versions, state.current, state.earlier) == ([fitted.line], 0, None)
-
-
-def test_a_tab_says_why_there_is_no_model(fitted):
-    session = Session()
-    assert 'Open bags' in session.nothing_yet
-    session.devices['dut2'] = DeviceState('dut2', fitted.bags, fitted.prepared)
-    session.device = 'dut2'
-    assert 'being fitted' in session.nothing_yet
-    session.devices['dut2'].problem = 'There is none.'
-    assert session.nothing_yet == 'There is none.'
-
-
-def test_a_tab_begins_where_the_model_fails_most(fitted):
-    state = DeviceState('dut2', fitted.bags, fitted.prepared, [fitted.line])
-    session = Session({'dut2': state}, 'dut2', View('gyroscope'))
-    session.look_at_worst()
-    assert session.view.sensor == 'accelerometer'
-    assert session.sensors() == ['gyroscope', 'accelerometer', 'magnetometer']

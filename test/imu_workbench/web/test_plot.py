@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import json
+
+from imu_workbench.report.figures.panels import Panel, figure, trace_axes
+from imu_workbench.web.plot import Look, options_of
+
+LINE = {
+    'type': 'scatter', 'x': [0, 1], 'y': [0, 1], 'texttemplate': '%{y}', 'line': {'color': '@x'},
+    **trace_axes(0),
+}  # fmt: skip
+FIGURE = figure([LINE], [Panel('time [h]', 'residual [°/s]')])
+
+
+def test_colours_are_those_of_the_theme():
+    light, dark = (json.dumps(options_of(FIGURE, Look(dark=dark))) for dark in (False, True))
+    assert '@' not in light
+    assert '@' not in dark
+    assert light != dark
+
+
+def test_a_phone_gets_its_own_layout_and_its_finger_scrolls():
+    wide, phone = (options_of(FIGURE, Look(narrow=narrow)) for narrow in (False, True))
+    assert 'texttemplate' in wide['data'][0]
+    assert 'texttemplate' not in phone['data'][0]
+    assert phone['layout']['dragmode'] is False
+    assert phone['config']['displayModeBar'] is False
+    touch = options_of(FIGURE, Look(touch=True))
+    assert touch['layout']['dragmode'] is False
+    assert touch['config']['displayModeBar'] is True
+    assert FIGURE['layout'].get('dragmode') is not False, 'the figure itself has changed'
