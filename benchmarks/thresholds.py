@@ -28,7 +28,11 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.diagnosis.candidates import families
 from thermal_comp.diagnosis.search import Search
-from thermal_comp.diagnosis.thresholds import QUANTILE, reached_without_effect, tail_quantile
+from thermal_comp.diagnosis.thresholds import (
+    THRESHOLD_QUANTILE,
+    reached_without_effect,
+    tail_quantile,
+)
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.fit import usable_sensors
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
@@ -37,7 +41,7 @@ from thermal_comp.noise.estimation import fit_noise
 
 FACTORS = (0.5, 1.0, 2.0)
 """On the bias instability."""
-MARGIN = 5.0
+EVIDENCE_MARGIN = 5.0
 MEAN_S = 20.0
 FOLDER = Path('.benchmarks')
 LINE = (EFFECTS['bias_temperature'](),)
@@ -102,8 +106,8 @@ def thresholds(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
             largest[name] = max(largest[name], *values)
     table: dict[str, float] = {}
     for name, values in drawn_.items():
-        tail = tail_quantile(np.array(values), QUANTILE)
-        table[name] = MARGIN + max(tail, largest[name])
+        tail = tail_quantile(np.array(values), THRESHOLD_QUANTILE)
+        table[name] = EVIDENCE_MARGIN + max(tail, largest[name])
     return table
 
 

@@ -7,7 +7,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
-from thermal_comp.diagnosis.dependence import COMMON_MODE_EVIDENCE, IN_STEP, coherence
+from thermal_comp.diagnosis.dependence import (
+    COMMON_MODE_EVIDENCE,
+    RUNS_IN_STEP_EVIDENCE,
+    coherence,
+)
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.noise.estimation import fit_noise
@@ -60,13 +64,13 @@ def test_noise_has_nothing_in_common(seed: int) -> None:
 def test_a_rhythm_is_common_to_axes_and_runs() -> None:
     found = coherence(bank_with(rhythm, 5))
     assert found.axes > COMMON_MODE_EVIDENCE
-    assert found.runs > IN_STEP
+    assert found.runs > RUNS_IN_STEP_EVIDENCE
 
 
 def test_a_supply_is_common_to_axes_only() -> None:
     found = coherence(bank_with(wander, 6))
     assert found.axes > COMMON_MODE_EVIDENCE
-    assert found.runs < IN_STEP
+    assert found.runs < RUNS_IN_STEP_EVIDENCE
 
 
 def test_nothing_is_common_once_the_course_is_known() -> None:

@@ -10,7 +10,7 @@ import yaml
 from chamber_profile.profile.file import load_profile
 from imu_recording.user_error import UserError
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.experiment.design import SEPARABLE, Limits, design_experiment
+from thermal_comp.experiment.design import SEPARATING_EVIDENCE, Limits, design_experiment
 from thermal_comp.experiment.plan import REFERENCE_C
 from thermal_comp.model.file import load_model
 
@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> Answer:
         'sensor': proposal.sensor,
         'evidence_before': proposal.evidence_before,
         'evidence_after': proposal.evidence_after,
-        'evidence_needed': SEPARABLE,
+        'evidence_needed': SEPARATING_EVIDENCE,
         'separable': proposal.separable,
         'actions': list(proposal.actions),
         'hours': proposal.plan.hours,

@@ -17,31 +17,10 @@ from thermal_comp.diagnosis.spectral_lines import spectral_lines
 from thermal_comp.effects.effect import COUNT, Campaign, Candidate, Effect
 from thermal_comp.linear.candidate_design import CandidateDesign, Term
 
-CANDIDATES = 2
+STEPS_PER_RUN = 2
 """Steps per run that are handed on."""
-APART_S = 1200.0
+STEP_DISTANCE_S = 1200.0
 """Least distance of two of them [s]."""
-
-
-def step_times(bank: CandidateDesign) -> list[tuple[int, float]]:
-    """Return run and time [s] of the likeliest steps, each run's strongest first.
-
-    A step at row t is the column H_t = (0 … 0, 1 … 1); with W the whitening filter its product
-    with the residual r is H_tᵀ Wᵀ W r, a sum over the rows from t on. Its norm hardly depends on
-    t, as a whitening filter soon forgets a step.
-    """
-    found = []
-    for number, run in enumerate(bank.source.runs):
-        time = run.time[bank.valid[number]]
-        response = np.cumsum(bank.transposed(number)[::-1], axis=0)[::-1]
-        strength: FloatArray = (response**2).sum(axis=1)
-        for _ in range(CANDIDATES):
-            at = int(np.argmax(strength))
-            if not 0 < at < len(time) or strength[at] <= 0.0:
-                break
-            found.append((number, float(0.5 * (time[at - 1] + time[at]))))
-            strength[np.abs(time - time[at]) < APART_S] = 0.0
-    return found
 
 
 @dataclass(frozen=True)
@@ -101,6 +80,27 @@ def campaign_of(bank: CandidateDesign) -> Campaign:
         spectral_lines=partial(spectral_lines, runs, bank.sensor),
         step_times=partial(step_times, bank),
     )
+
+
+def step_times(bank: CandidateDesign) -> list[tuple[int, float]]:
+    """Return run and time [s] of the likeliest steps, each run's strongest first.
+
+    A step at row t is the column H_t = (0 … 0, 1 … 1); with W the whitening filter its product
+    with the residual r is H_tᵀ Wᵀ W r, a sum over the rows from t on. Its norm hardly depends on
+    t, as a whitening filter soon forgets a step.
+    """
+    found = []
+    for number, run in enumerate(bank.source.runs):
+        time = run.time[bank.valid[number]]
+        response = np.cumsum(bank.transposed(number)[::-1], axis=0)[::-1]
+        strength: FloatArray = (response**2).sum(axis=1)
+        for _ in range(STEPS_PER_RUN):
+            at = int(np.argmax(strength))
+            if not 0 < at < len(time) or strength[at] <= 0.0:
+                break
+            found.append((number, float(0.5 * (time[at - 1] + time[at]))))
+            strength[np.abs(time - time[at]) < STEP_DISTANCE_S] = 0.0
+    return found
 
 
 def _form(bank: CandidateDesign, candidate: Candidate) -> Form:

@@ -49,6 +49,8 @@ STEADY = 0.43
 """Share of a line's power that is steady at least: a line that a current gates keeps half."""
 COURSE_SHARE = 0.012
 """Evidence of a common course beside the effects, as a share of their Δχ², that doubts them."""
+MOST_REJECTED = 8
+"""Effects refused before the sensor is left without a name."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,35 @@ class Outcome:
     """Effects that together came closest where none is named."""
     rejected: tuple[Rejected, ...] = ()
     """Effects refused because what was held out contradicts them."""
+
+
+def decide_confirmed(
+    search: Search,
+    regressors: Sequence[GenericRegressor],
+    missing: Sequence[str],
+    base: Sequence[Effect],
+) -> Outcome:
+    """Return what is said about the sensor; no effect whose held-out error is above the base's.
+
+    Where cycles repeat, leaving one out confirms an effect while it is searched. Without them any
+    curve follows a single sweep, and only blocks left out tell which one foresees the rest.
+    """
+    outcome = decide(search, regressors, missing)
+    if all(run.has_cycles for run in search.bank.source.runs) or outcome.kind != 'named':
+        return outcome
+    before = _held_out(search, base)
+    rejected: list[Rejected] = []
+    while outcome.kind == 'named' and len(rejected) < MOST_REJECTED:
+        named = [n.scored.form.effect for n in outcome.named]
+        after = _held_out(search, [*base, *named])
+        if after <= before:
+            break
+        worst = outcome.named[0].scored
+        rejected.append(Rejected(worst.name, worst.evidence, after, before))
+        families = [f for f in search.families if f.name not in {r.name for r in rejected}]
+        search = replace(search, families=families)
+        outcome = decide(search, regressors, missing)
+    return replace(outcome, rejected=tuple(rejected))
 
 
 def decide(
@@ -264,39 +295,6 @@ def _without_name(
     said = dependence(search, regressors, missing, found)
     tried = tuple(dict.fromkeys(r.name for r in found))
     return Outcome(said.kind, (), said.depends_on, said.evidence, tried)
-
-
-MOST_REJECTED = 8
-"""Effects refused before the sensor is left without a name."""
-
-
-def decide_confirmed(
-    search: Search,
-    regressors: Sequence[GenericRegressor],
-    missing: Sequence[str],
-    base: Sequence[Effect],
-) -> Outcome:
-    """Return what is said about the sensor; no effect whose held-out error is above the base's.
-
-    Where cycles repeat, leaving one out confirms an effect while it is searched. Without them any
-    curve follows a single sweep, and only blocks left out tell which one foresees the rest.
-    """
-    outcome = decide(search, regressors, missing)
-    if all(run.has_cycles for run in search.bank.source.runs) or outcome.kind != 'named':
-        return outcome
-    before = _held_out(search, base)
-    rejected: list[Rejected] = []
-    while outcome.kind == 'named' and len(rejected) < MOST_REJECTED:
-        named = [n.scored.form.effect for n in outcome.named]
-        after = _held_out(search, [*base, *named])
-        if after <= before:
-            break
-        worst = outcome.named[0].scored
-        rejected.append(Rejected(worst.name, worst.evidence, after, before))
-        families = [f for f in search.families if f.name not in {r.name for r in rejected}]
-        search = replace(search, families=families)
-        outcome = decide(search, regressors, missing)
-    return replace(outcome, rejected=tuple(rejected))
 
 
 def _held_out(search: Search, effects: Sequence[Effect]) -> float:

@@ -16,153 +16,31 @@ from thermal_comp.diagnosis.generic_regressors import GenericRegressor
 from thermal_comp.diagnosis.search import ScoredForm, Search
 from thermal_comp.linear.candidate_design import CandidateDesign, Term
 
-WAVES = 48
+HALF_WAVES = 48
 """Half waves over a run that are looked at."""
-SPANS = (4, 8, 16, 32, 48)
+HALF_WAVE_COUNTS = (4, 8, 16, 32, 48)
 """Numbers of the slowest of them that are taken together."""
-ABSORBED = 1e-9
+ABSORBED_POWER_SHARE = 1e-9
 """A half wave of which less than this share of its power is left beside the base says nothing."""
-
-
-@dataclass(frozen=True)
-class Coherence:
-    """What speaks for a common course; 2 ln of the Bayes factor, about −5 for noise alone."""
-
-    axes: float
-    """The axes share it."""
-    runs: float
-    """The runs share it too, at the same time since their beginning."""
-
-    @property
-    def evidence(self) -> float:
-        """Both together."""
-        return self.axes + max(self.runs, 0.0)
-
-
-def coherence(bank: CandidateDesign, found: Sequence[Term] = ()) -> Coherence:
-    """Return the evidence for a course common to the axes in what the found effects leave.
-
-    A course over time hides in a noise model that is rich enough to follow it, but noise is
-    independent between axes and between runs. The slow half waves of each run, whitened and made
-    orthogonal, are compared: −(n − 1 − (2 p + 5) / 6) ln det R − p (p − 1) / 2 · ln n, where R
-    (p, p) correlates n waves of p axes, or of p runs along the axes' common direction (Bartlett's
-    test of independence). The strongest over the SPANS counts.
-    """
-    waves = _waves(bank, found)
-    axes = runs = -np.inf
-    for span in SPANS:
-        part = waves[:, :, :span]
-        rows = part.reshape(len(part), -1)
-        axes = max(axes, _dependence(rows))
-        direction = np.linalg.eigh(rows @ rows.T)[1][:, -1]
-        runs = max(runs, _dependence(np.einsum('a,ark->rk', direction, part)))
-    return Coherence(float(axes), float(runs))
-
-
-def _waves(bank: CandidateDesign, found: Sequence[Term]) -> FloatArray:
-    """(3, runs, WAVES) amplitudes of the half waves, of unit variance for noise alone.
-
-    With V the whitened half waves of a run, Q the base and r the residual, they are R⁻ᵀ Vᵀ r,
-    Rᵀ R = Vᵀ V − (Qᵀ V)ᵀ Qᵀ V (Cholesky): as if V were made orthogonal to Q, then in itself.
-    """
-    runs = bank.source.runs
-    longest = max(float(run.time[-1]) for run in runs)
-    known = bank.design(list(found))
-    amplitudes = np.empty((3, len(runs), WAVES))
-    for axis in range(3):
-        target = bank.target[axis]
-        if found:
-            target = target - known[axis] @ np.linalg.lstsq(known[axis], target, rcond=1e-9)[0]
-        for number, run in enumerate(runs):
-            half_turns = np.multiply.outer(run.time / longest, np.arange(1, WAVES + 1))
-            white, rows = bank.whitened_in_run(np.cos(np.pi * half_turns), number, axis)
-            cross = bank.base[axis][rows].T @ white
-            normal = white.T @ white
-            normal -= cross.T @ cross - ABSORBED * np.diag(np.diag(normal))
-            triangle = np.linalg.cholesky(normal)
-            amplitudes[axis, number] = np.linalg.solve(triangle, white.T @ target[rows])
-    return amplitudes
-
-
-def _dependence(rows: FloatArray) -> float:
-    """Return the evidence that the (p, n) rows depend on each other."""
-    p, n = rows.shape
-    power = (rows**2).sum(axis=1)
-    if p < 2 or n < p + 1 or not (power > 0.0).all():
-        return -np.inf
-    correlation = rows @ rows.T / np.sqrt(np.outer(power, power))
-    determinant = max(float(np.linalg.det(correlation)), 1e-300)
-    weight = n - 1.0 - (2.0 * p + 5.0) / 6.0
-    bic_penalty = 0.5 * p * (p - 1) * float(np.log(n))
-    return float(-weight * np.log(determinant) - bic_penalty)
-
-
-BENDS = 15
+BEND_COUNT = 15
 """Temperatures tried at first, evenly over the range."""
-HALVINGS = 2
+BEND_REFINEMENTS = 2
 """How often the neighbourhood of the best one is searched more finely."""
-
-
-@dataclass(frozen=True)
-class Hinge:
-    """The bend that explains most."""
-
-    temperature: float
-    """[°C]"""
-    evidence: float
-    delta_chi2: float
-
-
-def best_hinge(search: Search) -> Hinge:
-    """Return the bend that explains most of the sensor's residual by itself.
-
-    One coefficient per axis and one temperature: error = a · max(0, T − T_bend). A law of two
-    coefficients that explains less is not the law.
-    """
-    runs = search.bank.source.runs
-    low = min(float(run.temperature.min()) for run in runs)
-    high = max(float(run.temperature.max()) for run in runs)
-    spacing = (high - low) / (BENDS + 1)
-    even = [low + spacing * k for k in range(1, BENDS + 1)]
-    best = max(_hinges(search, even), key=lambda h: h.evidence)
-    for _ in range(HALVINGS):
-        spacing *= 0.5
-        beside = [best.temperature - spacing, best.temperature + spacing]
-        best = max([best, *_hinges(search, beside)], key=lambda h: h.evidence)
-    return best
-
-
-def _hinges(search: Search, bends: Sequence[float]) -> list[Hinge]:
-    terms = search.bank.generic_terms([(_bent_at(bend), False) for bend in bends])
-    found = []
-    for bend, term in zip(bends, terms, strict=True):
-        delta_chi2, rank = search.bank.solve([term])
-        found.append(Hinge(bend, delta_chi2 - (rank + 1) * search.bic_penalty, delta_chi2))
-    return found
-
-
-def _bent_at(bend: float) -> Callable[[PreparedRun], FloatArray]:
-    def column(run: PreparedRun) -> FloatArray:
-        return run.block_mean(np.maximum(run.conditions.temperature - bend, 0.0))[:, None]
-
-    return column
-
-
 REGRESSOR_EVIDENCE = 20.0
 """Evidence from which the dependence on a generic regressor counts."""
 COMMON_MODE_EVIDENCE = 20.0
 """Evidence from which a common course of the axes counts."""
-IN_STEP = 8.0
+RUNS_IN_STEP_EVIDENCE = 8.0
 """Evidence from which the runs share the course, so that time is its variable."""
 ADEQUATE = 0.9
 """Share of what can be explained from which the regressor of one variable is the law."""
-WHOLLY = 0.95
+WHOLE_SHARE = 0.95
 """The same where a channel is missing that could act: what hides it is never quite its course."""
-VAGUE = 0.6
+VAGUE_SHARE = 0.6
 """Share below which no variable that was logged is behind the residual."""
-SIMPLER = 0.9
+SIMPLER_SHARE = 0.9
 """A regressor of fewer columns is preferred from this share of the best one's Δχ²."""
-PLAINLY = 0.8
+PLAIN_SHARE = 0.8
 """Share of its Δχ² a channel has to bring by itself, without products and lags, to be meant."""
 CHANNELS_OF: dict[Sensor, tuple[str, ...]] = {
     'accelerometer': ('supply_voltage', 'vibration', 'humidity'),
@@ -197,6 +75,31 @@ class Dependence:
     evidence: float
 
 
+@dataclass(frozen=True)
+class Hinge:
+    """The bend that explains most."""
+
+    temperature: float
+    """[°C]"""
+    evidence: float
+    delta_chi2: float
+
+
+@dataclass(frozen=True)
+class Coherence:
+    """What speaks for a common course; 2 ln of the Bayes factor, about −5 for noise alone."""
+
+    axes: float
+    """The axes share it."""
+    runs: float
+    """The runs share it too, at the same time since their beginning."""
+
+    @property
+    def evidence(self) -> float:
+        """Both together."""
+        return self.axes + max(self.runs, 0.0)
+
+
 def strongest_regressor(
     search: Search, regressors: Sequence[GenericRegressor], found: Sequence[ScoredForm]
 ) -> RemainingDependence | None:
@@ -225,7 +128,7 @@ def common_mode(
     if common.evidence < COMMON_MODE_EVIDENCE:
         return None
     suspects = [c for c in CHANNELS_OF[search.bank.sensor] if c in missing and c in LOGGED]
-    if common.runs < IN_STEP and suspects:
+    if common.runs < RUNS_IN_STEP_EVIDENCE and suspects:
         name = 'supply' if 'supply_voltage' in suspects else _suspect(suspects)
         return Dependence('unlogged', name, common.evidence)
     return Dependence('unexplained', 'time', common.evidence)
@@ -249,7 +152,7 @@ def dependence(
         if best_hinge(search).evidence > evidence:
             return Dependence('unexplained', 'temperature', evidence)
         return Dependence('unlogged', 'humidity', evidence)
-    adequate = delta_chi2 >= (WHOLLY if suspects else ADEQUATE) * everything
+    adequate = delta_chi2 >= (WHOLE_SHARE if suspects else ADEQUATE) * everything
     plainly = regressor.depends_on in SWITCHED and _plainly(search, regressor)
     if bank.sensor != 'magnetometer' and regressor.depends_on in SWITCHED:
         # A compressor reaches accelerometer and gyroscope by shaking them or through the supply.
@@ -261,7 +164,7 @@ def dependence(
         return Dependence('unexplained', regressor.depends_on, evidence)
     if suspects and not (adequate and (plainly or regressor.depends_on in CHAMBER_FREE)):
         return Dependence('unlogged', _suspect(suspects), evidence)
-    vague = delta_chi2 < VAGUE * everything
+    vague = delta_chi2 < VAGUE_SHARE * everything
     if relevant and (
         vague or (not adequate and regressor.depends_on in {'phase', 'time', 'cycle'})
     ):
@@ -286,7 +189,7 @@ def _law(
             (net, rank, delta_chi2 - rank * search.bic_penalty, delta_chi2 - rank, regressor)
         )
     best = max(net for net, *_ in scored)
-    near = [item for item in scored if item[0] >= min(SIMPLER * best, best)]
+    near = [item for item in scored if item[0] >= min(SIMPLER_SHARE * best, best)]
     _, _, evidence, _, regressor = min(near, key=lambda item: item[1])
     return (
         regressor,
@@ -306,8 +209,101 @@ def explainable(
 def _plainly(search: Search, regressor: GenericRegressor) -> bool:
     """Tell whether the channel by itself, its first column, explains most of what it can."""
     alone = search.bank.solve([Term(regressor.term.columns[:1])])[0]
-    return alone >= PLAINLY * search.bank.solve([regressor.term])[0]
+    return alone >= PLAIN_SHARE * search.bank.solve([regressor.term])[0]
 
 
 def _suspect(channels: Sequence[str]) -> str:
     return channels[0].removesuffix('_voltage') if len(channels) == 1 else 'chamber'
+
+
+def best_hinge(search: Search) -> Hinge:
+    """Return the bend that explains most of the sensor's residual by itself.
+
+    One coefficient per axis and one temperature: error = a · max(0, T − T_bend). A law of two
+    coefficients that explains less is not the law.
+    """
+    runs = search.bank.source.runs
+    low = min(float(run.temperature.min()) for run in runs)
+    high = max(float(run.temperature.max()) for run in runs)
+    spacing = (high - low) / (BEND_COUNT + 1)
+    even = [low + spacing * k for k in range(1, BEND_COUNT + 1)]
+    best = max(_hinges(search, even), key=lambda h: h.evidence)
+    for _ in range(BEND_REFINEMENTS):
+        spacing *= 0.5
+        beside = [best.temperature - spacing, best.temperature + spacing]
+        best = max([best, *_hinges(search, beside)], key=lambda h: h.evidence)
+    return best
+
+
+def _hinges(search: Search, bends: Sequence[float]) -> list[Hinge]:
+    terms = search.bank.generic_terms([(_bent_at(bend), False) for bend in bends])
+    found = []
+    for bend, term in zip(bends, terms, strict=True):
+        delta_chi2, rank = search.bank.solve([term])
+        found.append(Hinge(bend, delta_chi2 - (rank + 1) * search.bic_penalty, delta_chi2))
+    return found
+
+
+def _bent_at(bend: float) -> Callable[[PreparedRun], FloatArray]:
+    def column(run: PreparedRun) -> FloatArray:
+        return run.block_mean(np.maximum(run.conditions.temperature - bend, 0.0))[:, None]
+
+    return column
+
+
+def coherence(bank: CandidateDesign, found: Sequence[Term] = ()) -> Coherence:
+    """Return the evidence for a course common to the axes in what the found effects leave.
+
+    A course over time hides in a noise model that is rich enough to follow it, but noise is
+    independent between axes and between runs. The slow half waves of each run, whitened and made
+    orthogonal, are compared: −(n − 1 − (2 p + 5) / 6) ln det R − p (p − 1) / 2 · ln n, where R
+    (p, p) correlates n waves of p axes, or of p runs along the axes' common direction (Bartlett's
+    test of independence). The strongest of HALF_WAVE_COUNTS counts.
+    """
+    waves = _waves(bank, found)
+    axes = runs = -np.inf
+    for span in HALF_WAVE_COUNTS:
+        part = waves[:, :, :span]
+        rows = part.reshape(len(part), -1)
+        axes = max(axes, _dependence(rows))
+        direction = np.linalg.eigh(rows @ rows.T)[1][:, -1]
+        runs = max(runs, _dependence(np.einsum('a,ark->rk', direction, part)))
+    return Coherence(float(axes), float(runs))
+
+
+def _waves(bank: CandidateDesign, found: Sequence[Term]) -> FloatArray:
+    """(3, runs, HALF_WAVES) amplitudes of the half waves, of unit variance for noise alone.
+
+    With V the whitened half waves of a run, Q the base and r the residual, they are R⁻ᵀ Vᵀ r,
+    Rᵀ R = Vᵀ V − (Qᵀ V)ᵀ Qᵀ V (Cholesky): as if V were made orthogonal to Q, then in itself.
+    """
+    runs = bank.source.runs
+    longest = max(float(run.time[-1]) for run in runs)
+    known = bank.design(list(found))
+    amplitudes = np.empty((3, len(runs), HALF_WAVES))
+    for axis in range(3):
+        target = bank.target[axis]
+        if found:
+            target = target - known[axis] @ np.linalg.lstsq(known[axis], target, rcond=1e-9)[0]
+        for number, run in enumerate(runs):
+            half_turns = np.multiply.outer(run.time / longest, np.arange(1, HALF_WAVES + 1))
+            white, rows = bank.whitened_in_run(np.cos(np.pi * half_turns), number, axis)
+            cross = bank.base[axis][rows].T @ white
+            normal = white.T @ white
+            normal -= cross.T @ cross - ABSORBED_POWER_SHARE * np.diag(np.diag(normal))
+            triangle = np.linalg.cholesky(normal)
+            amplitudes[axis, number] = np.linalg.solve(triangle, white.T @ target[rows])
+    return amplitudes
+
+
+def _dependence(rows: FloatArray) -> float:
+    """Return the evidence that the (p, n) rows depend on each other."""
+    p, n = rows.shape
+    power = (rows**2).sum(axis=1)
+    if p < 2 or n < p + 1 or not (power > 0.0).all():
+        return -np.inf
+    correlation = rows @ rows.T / np.sqrt(np.outer(power, power))
+    determinant = max(float(np.linalg.det(correlation)), 1e-300)
+    weight = n - 1.0 - (2.0 * p + 5.0) / 6.0
+    bic_penalty = 0.5 * p * (p - 1) * float(np.log(n))
+    return float(-weight * np.log(determinant) - bic_penalty)

@@ -14,7 +14,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.quality import QualityFinding
 from thermal_comp.diagnosis.decision import IdentifiedEffect, Outcome
 from thermal_comp.diagnosis.inputs import ClockFinding
-from thermal_comp.diagnosis.noise_level import NEEDED, noise_above_reference
+from thermal_comp.diagnosis.noise_level import REPORTED_EVIDENCE, noise_above_reference
 from thermal_comp.diagnosis.result import Finding, SensorState
 from thermal_comp.diagnosis.thresholds import threshold_of
 from thermal_comp.effects.effect import LEAST_EVIDENCE, Effect
@@ -153,7 +153,7 @@ def noise_findings(
             above.name,
             sensor,
             above.evidence,
-            NEEDED,
+            REPORTED_EVIDENCE,
             error_before=_rms(state.held_out_rms),
             noise_floor=_rms(state.noise_floor),
             unit=SENSOR_UNITS[sensor],

@@ -18,11 +18,11 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import NoiseModel
 
-ALIKE = 0.9
+SIMILAR_SHARE = 0.9
 """Share of an effect's χ² that a rival takes over, from which they cannot be told apart."""
-SAME_INPUT = 0.05
+POSE_SHARE = 0.05
 """A sensor's true input that varies by less than this share over the runs is one pose."""
-ONE_WAY = 0.95
+SWEEP_SHARE = 0.95
 """Share of the temperature's travel in one direction that makes a sweep."""
 
 
@@ -60,7 +60,7 @@ def _poses(
     for sensor in sensors:
         inputs = np.array([_true_input(run, sensor) for run in runs])
         size = float(np.abs(inputs).max())
-        if np.ptp(inputs, axis=0).max() <= SAME_INPUT * size:
+        if np.ptp(inputs, axis=0).max() <= POSE_SHARE * size:
             for effect in catalogue.values():
                 if sensor in effect.separated_by_poses:
                     single.setdefault((BiasTemperature.name, effect.name), []).append(sensor)
@@ -106,7 +106,7 @@ def _shapes(
     ]
     for one, other in pairs:
         share = max(_similarity(bank, one, other), _similarity(bank, other, one))
-        if share >= ALIKE:
+        if share >= SIMILAR_SHARE:
             found.append(
                 Undecided(
                     (one.name, other.name),
@@ -126,7 +126,7 @@ def _history(runs: Sequence[PreparedRun]) -> str:
     ways = (float(steps[steps > 0.0].sum()) / travel if travel else 0.0, 'warming'), (
         float(-steps[steps < 0.0].sum()) / travel if travel else 0.0, 'cooling')  # fmt: skip
     share, way = max(ways)
-    if share >= ONE_WAY:
+    if share >= SWEEP_SHARE:
         return f'one {way} sweep passes each temperature once'
     return 'no thermal cycle repeats'
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Is the noise higher than the sensor's reference, and does it walk?"""
+"""Noise above the reference of the sensor: by how much, and whether it is a random walk."""
 
 from __future__ import annotations
 
@@ -16,18 +16,16 @@ from imu_recording.recording import ImuRecording
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.model.values import NoiseModel
 
-HIGHER = 1.5
+REPORTED_RATIO = 1.5
 """Ratio to the reference from which noise is reported."""
-WALK = 3.0
+WALK_RATIO = 3.0
 """A random walk's slow processes exceed the reference by this much more than its fast ones."""
-SPREAD = 0.1
+LOG_RATIO_STD = 0.1
 """Standard deviation of the logarithm of a ratio over identical campaigns."""
-
-
 SLOWEST_SAMPLES_S = 0.1
 """Single samples further apart than this may fold the sensor's band into theirs [s]."""
-NEEDED = (np.log(HIGHER) / SPREAD) ** 2
-"""Evidence of a ratio of HIGHER."""
+REPORTED_EVIDENCE = (np.log(REPORTED_RATIO) / LOG_RATIO_STD) ** 2
+"""Evidence of a ratio of REPORTED_RATIO."""
 
 
 @dataclass(frozen=True)
@@ -90,11 +88,11 @@ def noise_above_reference(
     white_ratio = _rms(noise.white) / white
     flicker_ratio = _rms(ratios)
     highest = max(white_ratio, flicker_ratio) if bandwidth_known else flicker_ratio
-    if highest < HIGHER:
+    if highest < REPORTED_RATIO:
         return None
     fast, slow = _rms(ratios[:3]), _rms(ratios[-3:])
-    name = 'random_walk' if slow > WALK * max(fast, 0.5) else None
-    return NoiseFinding(name, white_ratio, flicker_ratio, (np.log(highest) / SPREAD) ** 2)
+    name = 'random_walk' if slow > WALK_RATIO * max(fast, 0.5) else None
+    return NoiseFinding(name, white_ratio, flicker_ratio, (np.log(highest) / LOG_RATIO_STD) ** 2)
 
 
 def _rms(values: np.ndarray) -> float:

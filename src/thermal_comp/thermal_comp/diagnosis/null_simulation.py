@@ -16,7 +16,7 @@ from thermal_comp.diagnosis.spectral_lines import spectral_lines
 from thermal_comp.effects.effect import Candidate, Effect
 from thermal_comp.linear.candidate_design import RANK_TOLERANCE, CandidateDesign, ColumnSource
 
-ABSORBED = 1e-10
+ABSORBED_POWER_SHARE = 1e-10
 """A column of which less than this share of its power is left says nothing beside the base."""
 
 Draw = Sequence[FloatArray]
@@ -186,6 +186,6 @@ class _Table:
                 right[axis, unknown] += white.T @ bank.target[axis, rows]
             power = np.diag(normal[axis]).copy()
             normal[axis] -= cross.T @ cross
-            absorbed = np.diag(normal[axis]) <= ABSORBED * power
+            absorbed = np.diag(normal[axis]) <= ABSORBED_POWER_SHARE * power
             normal[axis][absorbed] = normal[axis][:, absorbed] = right[axis, absorbed] = 0.0
         return normal, right

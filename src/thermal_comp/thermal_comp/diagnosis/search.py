@@ -18,31 +18,6 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource, Term
 from thermal_comp.model.values import NoiseModel
 
-
-def held_out_chi_square(bank: CandidateDesign, terms: Sequence[Term], part: int) -> float:
-    """Return χ² of one part, predicted from the others, in whitened rows."""
-    kept = bank.cv_group != part
-    own, common = bank.split_sizes(terms)
-    designs = bank.design(terms)
-    blocks, targets, tests, wanted = [], [], [], []
-    for axis in range(3):
-        base = bank.base[axis]
-        columns = np.zeros((len(base), 3 * (base.shape[1] + own) + common))
-        start = axis * (base.shape[1] + own)
-        columns[:, start : start + base.shape[1]] = base
-        columns[:, start + base.shape[1] : start + base.shape[1] + own] = designs[axis][:, :own]
-        columns[:, columns.shape[1] - common :] = designs[axis][:, own:]
-        blocks.append(columns[kept])
-        targets.append(bank.target[axis][kept])
-        tests.append(columns[~kept])
-        wanted.append(bank.target[axis][~kept])
-    train = np.concatenate(blocks)
-    normal = train.T @ train
-    right = train.T @ np.concatenate(targets)
-    answer = np.linalg.lstsq(normal, right, rcond=1e-10)[0]
-    return float(((np.concatenate(wanted) - np.concatenate(tests) @ answer) ** 2).sum())
-
-
 MOST_EFFECTS = 5
 """Effects tried on one sensor before the search gives up."""
 SCREENED = 6
@@ -292,9 +267,28 @@ class Search:
         return sum(gains) > 0.0 and better >= 0.6 * len(gains)
 
 
-def _cycle_edges(run: PreparedRun) -> FloatArray:
-    """Return the times [s] at which a cycle begins or the last one ends."""
-    return np.asarray(run.time[np.flatnonzero(np.diff(run.cycle)) + 1])
+def held_out_chi_square(bank: CandidateDesign, terms: Sequence[Term], part: int) -> float:
+    """Return χ² of one part, predicted from the others, in whitened rows."""
+    kept = bank.cv_group != part
+    own, common = bank.split_sizes(terms)
+    designs = bank.design(terms)
+    blocks, targets, tests, wanted = [], [], [], []
+    for axis in range(3):
+        base = bank.base[axis]
+        columns = np.zeros((len(base), 3 * (base.shape[1] + own) + common))
+        start = axis * (base.shape[1] + own)
+        columns[:, start : start + base.shape[1]] = base
+        columns[:, start + base.shape[1] : start + base.shape[1] + own] = designs[axis][:, :own]
+        columns[:, columns.shape[1] - common :] = designs[axis][:, own:]
+        blocks.append(columns[kept])
+        targets.append(bank.target[axis][kept])
+        tests.append(columns[~kept])
+        wanted.append(bank.target[axis][~kept])
+    train = np.concatenate(blocks)
+    normal = train.T @ train
+    right = train.T @ np.concatenate(targets)
+    answer = np.linalg.lstsq(normal, right, rcond=1e-10)[0]
+    return float(((np.concatenate(wanted) - np.concatenate(tests) @ answer) ** 2).sum())
 
 
 def least_delta_chi2(
@@ -316,3 +310,8 @@ def least_delta_chi2(
         share = FORM_SHARE if richer.name in effect.flaw_resembles else NESTED_SHARE
         least[richer.name] = max(least.get(richer.name, 0.0), share * gains[effect.name])
     return least
+
+
+def _cycle_edges(run: PreparedRun) -> FloatArray:
+    """Return the times [s] at which a cycle begins or the last one ends."""
+    return np.asarray(run.time[np.flatnonzero(np.diff(run.cycle)) + 1])

@@ -21,13 +21,12 @@ from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.of_runs import noise_beside
 
-REFUTED = 20.0
+REFUTING_CHI2 = 20.0
 """χ² against an effect of several sensors from which no flaw in its form excuses it …"""
-REFUTED_SHARE = 2e-4
+REFUTING_SHARE = 2e-4
 """… or this share of what it explains: the larger it is, the more a flaw in its form costs."""
-CHANGED = 0.8
+CHANGED_VARIANCE_SHARE = 0.8
 """Share of its variance below which noise is another one."""
-
 Listed = dict[Sensor, tuple[Effect, ...]]
 Found = tuple[CandidateDesign, Outcome]
 
@@ -156,7 +155,7 @@ def coupled_support(effect: Effect, searched: Sequence[Found]) -> float:
     alone = _explained_by(*equations[0])
     normals, rights = zip(*equations, strict=True)
     support = _explained_by(np.sum(normals, axis=0), np.sum(rights, axis=0)) - alone
-    return support if support > -max(REFUTED, REFUTED_SHARE * alone) else -np.inf
+    return support if support > -max(REFUTING_CHI2, REFUTING_SHARE * alone) else -np.inf
 
 
 def _may_be(effect: type[Effect], outcome: Outcome) -> bool:
@@ -182,7 +181,8 @@ def _quieter(noise: NoiseModel, before: NoiseModel) -> bool:
     (means, slow), (means_before, slow_before) = parts
     total = slow_before.sum(axis=0)
     return bool(
-        (means < CHANGED * means_before).any() or (slow.sum(axis=0) < CHANGED * total).any()
+        (means < CHANGED_VARIANCE_SHARE * means_before).any()
+        or (slow.sum(axis=0) < CHANGED_VARIANCE_SHARE * total).any()
     )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 
-LINES = 3
+MOST_LINES = 3
 """Most lines that are handed on."""
 PROMINENCE = 8.0
 """Least ratio of a line's power, summed over runs and axes, to the spectrum around it."""
@@ -20,9 +20,9 @@ LOWEST_HZ = 1.0 / 900.0
 """Slower waves belong to the thermal cycle."""
 WINDOW_S = 300.0
 """A line is steady or not over windows of this length [s], three of its periods at least."""
-FEWEST = 4
+FEWEST_WINDOWS = 4
 """A run of fewer windows says nothing about steadiness."""
-BESIDE = (-3.0, -2.0, 2.0, 3.0)
+NOISE_OFFSETS = (-3.0, -2.0, 2.0, 3.0)
 """Where the noise beside a line is taken, in frequencies that a window resolves."""
 
 
@@ -42,7 +42,7 @@ def spectral_lines(runs: Sequence[PreparedRun], sensor: Sensor) -> list[float]:
     frequency = np.fft.rfftfreq(size, step)
     prominence = np.where(frequency > LOWEST_HZ, power / _surroundings(power), 0.0)
     found: list[float] = []
-    for _ in range(LINES):
+    for _ in range(MOST_LINES):
         peak = int(np.argmax(prominence))
         if prominence[peak] < PROMINENCE:
             break
@@ -64,10 +64,10 @@ def steadiness(runs: Sequence[PreparedRun], sensor: Sensor, frequency: float) ->
         time = run.conditions.time
         residual = _detrended(run.fine_measured[sensor], run.conditions.temperature)
         size = max(round(length / float(np.median(np.diff(time)))), 2)
-        if len(time) < FEWEST * size:
+        if len(time) < FEWEST_WINDOWS * size:
             continue
         line = _phasors(residual, time, frequency, size)
-        beside = [_phasors(residual, time, frequency + k / length, size) for k in BESIDE]
+        beside = [_phasors(residual, time, frequency + k / length, size) for k in NOISE_OFFSETS]
         # The median of a power distributed exponentially is ln 2 of its mean.
         noise = np.median(np.abs(np.concatenate(beside)) ** 2, axis=0) / np.log(2.0)
         noise = np.maximum(noise, 1e-300)

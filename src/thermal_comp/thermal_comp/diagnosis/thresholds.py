@@ -21,11 +21,10 @@ from thermal_comp.noise.estimation import fit_noise_to_values
 from thermal_comp.noise.of_runs import determined_noise
 from thermal_comp.noise.process import draw_noise
 
-MARGIN = 5.0
-QUANTILE = 0.995
-TAIL = 0.9
+EVIDENCE_MARGIN = 5.0
+THRESHOLD_QUANTILE = 0.995
+TAIL_QUANTILE = 0.9
 """Quantile from which on the tail is taken as exponential."""
-
 Listed = Mapping[Sensor, tuple[Effect, ...]]
 
 
@@ -50,7 +49,10 @@ def calibrated_thresholds(
     noise, _ = determined_noise(runs, {s: base[s] for s in usable_sensors(runs)[0]})
     reached = reached_without_effect(runs, noise, base, catalogue, draws, seed)
     return {
-        name: max(catalogue[name].least_evidence, tail_quantile(found, QUANTILE) + MARGIN)
+        name: max(
+            catalogue[name].least_evidence,
+            tail_quantile(found, THRESHOLD_QUANTILE) + EVIDENCE_MARGIN,
+        )
         for name, found in reached.items()
     }
 
@@ -91,12 +93,12 @@ def reached_without_effect(
 def tail_quantile(values: FloatArray, share: float) -> float:
     """Return the quantile of a sample, at least that of an exponential fitted to its tail.
 
-    Beyond the quantile TAIL the excess has mean s: q(p) = q(TAIL) + s · ln((1 − TAIL) / (1 − p)).
+    Beyond TAIL_QUANTILE, q₀, the excess has mean s: q(p) = q(q₀) + s · ln((1 − q₀) / (1 − p)).
     """
-    start = float(np.quantile(values, TAIL))
+    start = float(np.quantile(values, TAIL_QUANTILE))
     beyond = values[values > start]
     scale = float((beyond - start).mean()) if len(beyond) else 0.0
-    extrapolated = start + scale * float(np.log((1.0 - TAIL) / (1.0 - share)))
+    extrapolated = start + scale * float(np.log((1.0 - TAIL_QUANTILE) / (1.0 - share)))
     return max(extrapolated, float(np.quantile(values, share)))
 
 

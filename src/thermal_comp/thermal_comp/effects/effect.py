@@ -35,8 +35,11 @@ def shape_parameter(
     """Declare a nonlinear parameter of an effect: default, unit and bounds of every value.
 
     `searched` are bounds of the search where they are closer. A search moves a value by a share
-    of itself (a quarter first), or by `step` where zero means nothing: an instant, a frequency.
+    of itself (a quarter first), or by `step` where zero means nothing: an instant, a frequency;
+    by default where the bounds include negative values.
     """
+    if step is None and bounds[0] < 0.0:
+        step = (bounds[1] - bounds[0]) / 32.0
     metadata = {'unit': unit, 'bounds': bounds, 'searched': searched, 'step': step}
     return field(default=default, metadata=metadata)
 
@@ -163,13 +166,21 @@ class Effect:
 
     @classmethod
     def shape_grid(cls, points: int = 9) -> list[Self]:
-        """Return the effect on a grid of its shape parameters, geometric between their bounds."""
+        """Return the effect on a grid of its shape parameters between their bounds.
+
+        Geometric where a parameter is positive, else even.
+        """
         forms = [cls()]
         for item in fields(cls):
             low, high = item.metadata['bounds']
             if item.metadata['unit'] == COUNT or isinstance(item.default, tuple):
                 continue
-            values = np.geomspace(max(low, 1e-4 * high), high, points)
+            even = low < 0.0
+            values = (
+                np.linspace(low, high, points)
+                if even
+                else np.geomspace(max(low, 1e-4 * high), high, points)
+            )
             forms = [replace(form, **{item.name: float(v)}) for form in forms for v in values]
         return forms
 

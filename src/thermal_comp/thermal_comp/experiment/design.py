@@ -13,15 +13,25 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.effects.effect import FLIP, Effect
 from thermal_comp.experiment.plan import PAPER, REFERENCE_C, Plan, Segment, predict_runs
 from thermal_comp.experiment.predicted_design import PredictedDesign, Rival
-from thermal_comp.model.values import ModelError, ThermalModel
+from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel
 
 LEAST_REPEATS = 3
 """Cycles that stay, so that one can be left out."""
 MOST_REPEATS = 8
 SHORTEST_DWELL_S = 120.0
-STARTS = 4
-WORTH_IT = 1.02
+SEARCH_STARTS = 4
+WORTHWHILE_RATIO = 1.02
 """Ratio of evidence below which the plan one knows is kept."""
+__all__ = ['Limits', 'Proposal', 'design_experiment']
+SEPARATING_EVIDENCE = 20.0
+"""Evidence from which two effects count as told apart."""
+UP_AXES = ('+x', '+y', '+z')
+FLIPPED_AXES = (*UP_AXES, '-z')
+FLIP_Z = 'flip: add a run with the z axis down'
+FAST_RATE = 5.0
+"""What a fast chamber ramps [°C/min]; evidence for what follows rates grows with their square."""
+MOST_CAMPAIGNS = 6
+"""More campaigns than this are no advice."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +43,125 @@ class Limits:
     max_rate: float = 2.0
     """[°C/min]."""
     hours: float = 12.0
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """The plan that separates best, with the evidence it promises."""
+
+    plan: Plan
+    sensor: Sensor
+    evidence_before: float
+    """Promised by the paper's plan."""
+    evidence_after: float
+    separable: bool
+    actions: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Separation:
+    """The evidence that plans promise between two effects of the size they are expected to have.
+
+    The smaller one of what either leaves unexplained by the other and by the rest of the model.
+    """
+
+    rivals: tuple[Rival, Rival]
+    sensor: Sensor
+    noise: NoiseModel
+    base: tuple[Effect, ...]
+
+    def evidence(self, plan: Plan, up_axes: Sequence[str] = UP_AXES) -> float:
+        """Return the whitened sum of squares that runs of the plan would show."""
+        design = PredictedDesign(predict_runs(plan, up_axes), self.sensor, self.noise, self.base)
+        one, other = self.rivals
+        return min(
+            design.evidence(truth, rival)
+            for truth, rival in ((one, other), (other, one))
+            if not _is_part_of(truth.effect, rival.effect)
+        )
+
+
+def design_experiment(
+    names: tuple[str, str],
+    model: ThermalModel,
+    limits: Limits,
+    catalogue: dict[str, type[Effect]],
+    *,
+    seed: int = 0,
+    evaluations: int = 160,
+) -> Proposal:
+    """Return the plan within the limits that best tells two effects apart."""
+    separation = separation_of(names, model, catalogue)
+    before = separation.evidence(within(PAPER, limits))
+    rng = np.random.default_rng(seed)
+    plan, after = best_plan(separation.evidence, limits, rng, evaluations)
+    separable = after >= SEPARATING_EVIDENCE
+    actions = [] if separable else _actions(separation, plan, after, limits)
+    return Proposal(plan, separation.sensor, before, after, separable, tuple(actions))
+
+
+def separation_of(
+    names: tuple[str, str], model: ThermalModel, catalogue: dict[str, type[Effect]]
+) -> Separation:
+    """Return what plans are compared by: the effects as the model has them, and its noise."""
+    unknown = [name for name in names if name not in catalogue]
+    if unknown:
+        raise ModelError(f'effect {unknown[0]!r} is not known; known: {", ".join(catalogue)}')
+    if names[0] == names[1]:
+        raise ModelError(f'{names[0]} and {names[1]} are the same effect')
+    sensor = _sensor(names, model, catalogue)
+    noise = model.sensors[sensor].noise
+    if noise is None:
+        raise ModelError(f'sensors.{sensor}.noise: the model has none; fit it again')
+    base = tuple(e for e in model.sensors[sensor].effects if e.name not in names)
+    usual = PredictedDesign(predict_runs(PAPER, UP_AXES), sensor, noise, base)
+    one, other = (Rival.of(name, model, sensor, catalogue).sized(usual) for name in names)
+    return Separation((one, other), sensor, noise, base)
+
+
+def _actions(separation: Separation, plan: Plan, reached: float, limits: Limits) -> list[str]:
+    """Return what helps where the best plan does not separate the effects."""
+    told = (rival.effect.separating_action for rival in separation.rivals)
+    actions = [action for action in told if action]
+    # A fourth run is more data in any orientation: turning it has to bring more than that.
+    upright = separation.evidence(plan, (*UP_AXES, '+z'))
+    if separation.evidence(plan, FLIPPED_AXES) >= max(SEPARATING_EVIDENCE, 2.0 * upright):
+        actions = [FLIP_Z, *(action for action in actions if action != FLIP)]
+    if (
+        limits.max_rate < FAST_RATE
+        and separation.evidence(_faster(plan, limits)) >= SEPARATING_EVIDENCE
+    ):
+        actions.append(f'ramp at {FAST_RATE:g} °C/min, if the chamber can')
+    if reached >= SEPARATING_EVIDENCE / MOST_CAMPAIGNS:
+        actions.append(
+            f'repeat it: {ceil(SEPARATING_EVIDENCE / reached)} campaigns like this one add up'
+        )
+    return list(dict.fromkeys(actions))
+
+
+def _is_part_of(effect: Effect, richer: Effect) -> bool:
+    """Tell whether a rival holds the effect wholly: then only what it has beyond can be seen."""
+    return any(type(part) is type(effect) for part in richer.parts() if part is not richer)
+
+
+def _faster(plan: Plan, limits: Limits) -> Plan:
+    """Return the plan with every ramp that is at the limit as fast as FAST_RATE."""
+    cycle = tuple(
+        replace(s, rate=FAST_RATE if s.rate >= limits.max_rate else s.rate) for s in plan.cycle
+    )
+    return within(Plan(cycle, plan.repeats), replace(limits, max_rate=FAST_RATE))
+
+
+def _sensor(
+    names: tuple[str, str], model: ThermalModel, catalogue: dict[str, type[Effect]]
+) -> Sensor:
+    """Return the sensor whose model holds one of the effects, else one both can act on."""
+    both = [s for s in catalogue[names[0]].sensors if s in catalogue[names[1]].sensors]
+    both = [s for s in both if s in model.sensors]
+    if not both:
+        raise ModelError(f'{names[0]} and {names[1]} act on no common sensor of the model')
+    holding = [s for s in both if {e.name for e in model.sensors[s].effects} & set(names)]
+    return (holding or both)[0]
 
 
 def within(plan: Plan, limits: Limits) -> Plan:
@@ -80,17 +209,17 @@ def best_plan(
     """Exchange search: change, insert or drop one segment at a time, several starts."""
     best = within(PAPER, limits)
     best_value = promise(best)
-    for start in range(STARTS):
+    for start in range(SEARCH_STARTS):
         plan = best if start == 0 else within(Plan(_random_cycle(limits, rng), 4), limits)
         value = promise(plan)
-        for _ in range(evaluations // STARTS):
+        for _ in range(evaluations // SEARCH_STARTS):
             trial = _changed(plan, limits, rng)
             if trial is None:
                 continue
             reached = promise(trial)
             if reached > value:
                 plan, value = trial, reached
-        if value > WORTH_IT * best_value + 1e-3:
+        if value > WORTHWHILE_RATIO * best_value + 1e-3:
             best, best_value = plan, value
     return best, best_value
 
@@ -130,106 +259,3 @@ def _changed(plan: Plan, limits: Limits, rng: np.random.Generator) -> Plan | Non
         return within(Plan(_closed(tuple(inner), limits), 4), limits)
     except ModelError:
         return None
-
-
-__all__ = ['Limits', 'Proposal', 'design_experiment']
-
-SEPARABLE = 20.0
-"""Evidence from which two effects count as told apart."""
-UP_AXES = ('+x', '+y', '+z')
-FLIPPED_AXES = (*UP_AXES, '-z')
-FLIP_Z = 'flip: add a run with the z axis down'
-FAST = 5.0
-"""What a fast chamber ramps [°C/min]; evidence for what follows rates grows with their square."""
-MOST_CAMPAIGNS = 6
-"""More campaigns than this are no advice."""
-
-
-@dataclass(frozen=True, eq=False)
-class Proposal:
-    """The plan that separates best, with the evidence it promises."""
-
-    plan: Plan
-    sensor: Sensor
-    evidence_before: float
-    """Promised by the paper's plan."""
-    evidence_after: float
-    separable: bool
-    actions: tuple[str, ...]
-
-
-def design_experiment(
-    names: tuple[str, str],
-    model: ThermalModel,
-    limits: Limits,
-    catalogue: dict[str, type[Effect]],
-    *,
-    seed: int = 0,
-    evaluations: int = 160,
-) -> Proposal:
-    """Return the plan within the limits that best tells two effects apart."""
-    unknown = [name for name in names if name not in catalogue]
-    if unknown:
-        raise ModelError(f'effect {unknown[0]!r} is not known; known: {", ".join(catalogue)}')
-    if names[0] == names[1]:
-        raise ModelError(f'{names[0]} and {names[1]} are the same effect')
-    sensor = _sensor(names, model, catalogue)
-    noise = model.sensors[sensor].noise
-    if noise is None:
-        raise ModelError(f'sensors.{sensor}.noise: the model has none; fit it again')
-    base = [e for e in model.sensors[sensor].effects if e.name not in names]
-
-    def bench(plan: Plan, up_axes: Sequence[str] = UP_AXES) -> PredictedDesign:
-        return PredictedDesign(predict_runs(plan, up_axes), sensor, noise, base)
-
-    usual = bench(PAPER)
-    one, other = (Rival.of(name, model, sensor, catalogue).sized(usual) for name in names)
-
-    def promise(plan: Plan, up_axes: Sequence[str] = UP_AXES) -> float:
-        runs = bench(plan, up_axes)
-        return min(
-            runs.evidence(truth, rival)
-            for truth, rival in ((one, other), (other, one))
-            if not _is_part_of(truth.effect, rival.effect)
-        )
-
-    before = promise(within(PAPER, limits))
-    plan, after = best_plan(promise, limits, np.random.default_rng(seed), evaluations)
-    separable = after >= SEPARABLE
-    if separable:
-        return Proposal(plan, sensor, before, after, separable, ())
-    told = (catalogue[name].separating_action for name in names)
-    actions = [action for action in told if action]
-    # A fourth run is more data in any orientation: turning it has to bring more than that.
-    if promise(plan, FLIPPED_AXES) >= max(SEPARABLE, 2.0 * promise(plan, (*UP_AXES, '+z'))):
-        actions = [FLIP_Z, *(action for action in actions if action != FLIP)]
-    if limits.max_rate < FAST and promise(_faster(plan, limits)) >= SEPARABLE:
-        actions.append(f'ramp at {FAST:g} °C/min, if the chamber can')
-    if after >= SEPARABLE / MOST_CAMPAIGNS:
-        actions.append(f'repeat it: {ceil(SEPARABLE / after)} campaigns like this one add up')
-    return Proposal(plan, sensor, before, after, separable, tuple(dict.fromkeys(actions)))
-
-
-def _is_part_of(effect: Effect, richer: Effect) -> bool:
-    """Tell whether a rival holds the effect wholly: then only what it has beyond can be seen."""
-    return any(type(part) is type(effect) for part in richer.parts() if part is not richer)
-
-
-def _faster(plan: Plan, limits: Limits) -> Plan:
-    """Return the plan with every ramp that is at the limit as fast as FAST."""
-    cycle = tuple(
-        replace(s, rate=FAST if s.rate >= limits.max_rate else s.rate) for s in plan.cycle
-    )
-    return within(Plan(cycle, plan.repeats), replace(limits, max_rate=FAST))
-
-
-def _sensor(
-    names: tuple[str, str], model: ThermalModel, catalogue: dict[str, type[Effect]]
-) -> Sensor:
-    """Return the sensor whose model holds one of the effects, else one both can act on."""
-    both = [s for s in catalogue[names[0]].sensors if s in catalogue[names[1]].sensors]
-    both = [s for s in both if s in model.sensors]
-    if not both:
-        raise ModelError(f'{names[0]} and {names[1]} act on no common sensor of the model')
-    holding = [s for s in both if {e.name for e in model.sensors[s].effects} & set(names)]
-    return (holding or both)[0]

@@ -10,7 +10,7 @@ from math import log
 from typing import Any
 
 from nicegui import ui
-from thermal_comp.experiment.design import SEPARABLE
+from thermal_comp.experiment.design import SEPARATING_EVIDENCE
 from thermal_comp.presentation.diagnosis import VERDICTS
 from thermal_comp.presentation.display import DISPLAY_UNITS, fixed, shown, with_uncertainty
 
@@ -329,7 +329,7 @@ def proposal_html(proposal: Mapping[str, Any]) -> str:
     before, after = proposal['evidence_before'], proposal['evidence_after']
     evidence = (
         f'{shown(before)} with the plan of the paper, {shown(after)} with this one '
-        f'(needed {fixed(SEPARABLE, 0)})'
+        f'(needed {fixed(SEPARATING_EVIDENCE, 0)})'
     )
     verdict = 'separable' if proposal['separable'] else 'not separable by temperature alone'
     rows = [
