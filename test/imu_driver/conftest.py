@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A board and a driver on one bench, for the tests of this folder."""
+"""The test bench of board and session, for the tests of this folder."""
 
 import sys
 from pathlib import Path
@@ -13,6 +13,6 @@ sys.path.insert(0, str(Path(__file__).parent))
 @pytest.fixture
 def bench() -> Any:
     """Class Bench."""
-    from board_on_a_bench import Bench
+    from bench import Bench
 
     return Bench

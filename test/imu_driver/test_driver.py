@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nothing is lost between reader and publisher but what cannot be kept, and that is counted."""
+"""The queue between reader and publisher keeps the order and counts the samples it drops."""
 
 import threading
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stamps against true sampling times under what USB, schedulers and crystals do."""
+"""Stamps against true sampling times under delays of USB and schedulers and crystal drift."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The session takes any frames in any order, and keeps its books."""
+"""The session takes any frames in any order and accounts for every sample."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st

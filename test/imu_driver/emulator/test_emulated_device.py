@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The emulator as a program: its line, its log, its end, and what it says to mistakes."""
+"""The emulator as a process: its line, its log, its end, and its messages for wrong options."""
 
 import json
 import os

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every fault: the session survives, resumes, loses only what was destroyed, and says so."""
+"""Every fault: the session survives, resumes, loses only destroyed samples, and reports them."""
 
 from typing import Any
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The temperature of the emulated board's surroundings."""
+"""The simulated transport: its options, and the ambient temperature of its board."""
 
 from pathlib import Path
 

@@ -92,7 +92,7 @@ def test_magnitude_is_as_asked_for(runs: list[DeviceRun], name: str, sensor: str
 def test_magnitude_ignores_levels_and_a_line_in_temperature(runs: list[DeviceRun]) -> None:
     shape = HIDDEN_EFFECTS['mode_crossing'].shape(runs, 'gyroscope', np.random.default_rng(1))
     plus = [
-        {'gyroscope': wave['gyroscope'] + k + 3.0 * run.warmth[:, None]}
+        {'gyroscope': wave['gyroscope'] + k + 3.0 * run.temperature_difference[:, None]}
         for k, (run, wave) in enumerate(zip(runs, shape.errors, strict=True))
     ]
     assert magnitude(runs, plus) == pytest.approx(magnitude(runs, shape.errors), rel=1e-6)

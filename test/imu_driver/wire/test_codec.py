@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The decoder takes any bytes and accepts only what was sent."""
+"""The decoder takes any bytes and returns only frames that were sent."""
 
 from itertools import pairwise
 

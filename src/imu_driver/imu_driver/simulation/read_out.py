@@ -128,7 +128,7 @@ def sample_times(run: DeviceRun, how: ReadOut) -> FloatArray:
         first = 1 if how.mean else 0
         time: FloatArray = np.arange(first, grid[-1] * how.rate_hz + 1e-9) / how.rate_hz
         return time
-    pace = how.rate_hz * (1.0 + run.device.rate_error) * (1.0 + slope * run.warmth)
+    pace = how.rate_hz * (1.0 + run.device.rate_error) * (1.0 + slope * run.temperature_difference)
     count = np.concatenate(
         [[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * run.environment.period)]
     )
@@ -193,14 +193,14 @@ def _triad(
     values = generator.standard_normal((len(time), 3))
     values *= noise_std(parameters, how)
     slow = run.errors[sensor]
-    warmth = run.warmth
+    difference = run.temperature_difference
     if how.mean:
-        slow, warmth = sampled(run, slow, time, how), sampled(run, warmth, time, how)
+        slow, difference = sampled(run, slow, time, how), sampled(run, difference, time, how)
         place, step = np.arange(len(time), dtype=np.float64), 1.0
     else:
         place, step = time - run.environment.time[0], run.environment.period
     _add_slow(values, place, step, slow)
-    _add_input(values, place, step, inputs[sensor], matrix, parameters.scale_slope * warmth)
+    _add_input(values, place, step, inputs[sensor], matrix, parameters.scale_slope * difference)
     if sensor == 'gyroscope':
         values += run.device.g_sensitivity * inputs['accelerometer'] @ G_PATTERN
     if sensor == 'accelerometer' and not how.mean:

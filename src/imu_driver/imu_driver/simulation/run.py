@@ -58,8 +58,8 @@ class DeviceRun:
         return turned
 
     @property
-    def warmth(self) -> FloatArray:
-        """(n,) die above the reference temperature [K]."""
+    def temperature_difference(self) -> FloatArray:
+        """(n,) temperature of the die minus the reference temperature [K]."""
         above: FloatArray = self.nodes[:, DIE] - REFERENCE_TEMPERATURE
         return above
 
@@ -151,16 +151,16 @@ def prepare_run(
     if field_jumps:
         errors['magnetometer'] += _field_jumps(parameters, environment)
     return DeviceRun(
-        parameters,
-        environment,
-        orientation,
-        placement,
-        nodes,
-        supply,
-        vibration,
-        errors,
-        motion,
-        key,
+        device=parameters,
+        environment=environment,
+        orientation=orientation,
+        placement=placement,
+        nodes=nodes,
+        supply=supply,
+        vibration=vibration,
+        errors=errors,
+        motion=motion,
+        seed=key,
     )
 
 

@@ -82,15 +82,15 @@ def fixture_tilt(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     bend = 50e-6 * _direction(generator)
     errors = []
     for run in runs:
-        warmth = run.nodes[:, BOARD] - run.nodes[:, BOARD].mean()
-        levels = np.linspace(warmth.min() - 1.0, warmth.max() + 1.0, 13)
+        bracket = run.nodes[:, BOARD] - run.nodes[:, BOARD].mean()
+        levels = np.linspace(bracket.min() - 1.0, bracket.max() + 1.0, 13)
         error = {}
         for name in sensor.split('+'):
             world = world_vector(run.environment, name)
             turned = np.array(
                 [run.matrix @ (rotation_vector_matrix(-bend * level) @ world) for level in levels]
             ) - run.true_input(name)
-            error[name] = np.column_stack([np.interp(warmth, levels, t) for t in turned.T])
+            error[name] = np.column_stack([np.interp(bracket, levels, t) for t in turned.T])
         errors.append(error)
     return ErrorShape(errors)
 

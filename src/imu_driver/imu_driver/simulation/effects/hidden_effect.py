@@ -101,14 +101,15 @@ def magnitude(runs: Runs, errors: Sequence[Errors]) -> float:
     Per-run constants and one line in temperature per axis are projected out; the unit is the
     standard deviation of a one-second mean of each sensor (MEAN_STD).
     """
-    warmth = [run.warmth - run.warmth.mean() for run in runs]
-    spread = sum(float(w @ w) for w in warmth)
+    differences = [run.temperature_difference for run in runs]
+    centred = [values - values.mean() for values in differences]
+    spread = sum(float(t @ t) for t in centred)
     total, count = 0.0, 0
     for sensor in errors[0]:
         parts = [(run[sensor] - run[sensor].mean(axis=0)) / MEAN_STD[sensor] for run in errors]
-        slope = np.sum([w @ part for w, part in zip(warmth, parts, strict=True)], axis=0) / spread
-        for w, part in zip(warmth, parts, strict=True):
-            left = part - np.multiply.outer(w, slope)
+        slope = np.sum([t @ part for t, part in zip(centred, parts, strict=True)], axis=0) / spread
+        for t, part in zip(centred, parts, strict=True):
+            left = part - np.multiply.outer(t, slope)
             total += float(np.sum(left * left))
             count += left.size
     return float(np.sqrt(total / count))

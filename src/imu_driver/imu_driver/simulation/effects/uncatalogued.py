@@ -39,9 +39,11 @@ def mode_crossing(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
 def ageing_slope(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """The temperature coefficient itself ages: temperature times time."""
     gains = axis_gains(generator)
-    return in_sensor(
-        sensor, [along_axes(run.warmth * run.environment.time / 43200.0, gains) for run in runs]
-    )
+    errors = [
+        along_axes(run.temperature_difference * run.environment.time / 43200.0, gains)
+        for run in runs
+    ]
+    return in_sensor(sensor, errors)
 
 
 @hidden_effect(ALL, kind='unexplained', depends_on=('temperature',))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An emulator and a driver's session on one clock that tests turn: no thread, no waiting."""
+"""Test bench: emulator, line and session on one simulated clock, without threads or waiting."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class MemoryPort:
 
 @dataclass
 class Bench:
-    """Board, line and session; `run` turns the clock."""
+    """Board, line and session; `run` advances the clock."""
 
     options: BoardOptions = field(default_factory=BoardOptions)
     config: SessionConfig = field(default_factory=SessionConfig)
