@@ -84,15 +84,14 @@ def run_filter(
 ) -> OrientationResult:
     """Run a filter over a recording: preset='paper' | 'robust', cutoff_hz=…, world_frame=….
 
-    Returns the attitude of the body (the sensor's where no `mount` is given) in the world. The
-    complementary filter refuses a cut-off above half the sample rate.
+    Returns the attitude of the body (the sensor's where no `mount` is given) in the world, and
+    with `details` the filter's other states. A cut-off above half the sample rate is refused.
     """
     parameters = filter_parameters(name, **values)
     check_cutoff(parameters, sample_rate(recording))
     mounted = mount(recording, parameters)
-    options = {'details': True} if details and name == 'ahrs' else {}
-    kernel_params = parameters.kernel_params()
-    result: OrientationResult = module(name, parameters).run(mounted, kernel_params, **options)
+    run = module(name, parameters).run
+    result: OrientationResult = run(mounted, parameters.kernel_params(), details=details)
     return result
 
 
@@ -108,7 +107,7 @@ def module(name: str, parameters: FilterParameters) -> ModuleType:
 def state_bytes(name: str, preset: str = 'paper') -> int:
     """Return the memory of a filter's state: eight bytes per number that the preset uses."""
     filter_module = FILTERS[name]
-    unused = filter_module.ADAPTIVE_STATE if preset == 'paper' else ()
+    unused = getattr(filter_module, 'ADAPTIVE_STATE', ()) if preset == 'paper' else ()
     state = filter_module.initial_state()._asdict()
     return 8 * sum(_numbers(value) for field, value in state.items() if field not in unused)
 

@@ -17,7 +17,7 @@ F = TypeVar('F', bound=Callable[..., Any])
 
 def kernel(function: F) -> F:
     """Compile a kernel for Python to call."""
-    compiled: F = jit.njit(cache=True, error_model='numpy', forceinline=True)(function)
+    compiled: F = jit.njit(error_model='numpy', forceinline=True)(function)
     return compiled
 
 

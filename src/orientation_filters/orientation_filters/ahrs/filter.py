@@ -138,7 +138,7 @@ def _covariance(state: State) -> Symmetric:
 
 
 def run(recording: ImuRecording, params: Params, *, details: bool = False) -> OrientationResult:
-    """Return attitude, covariance, bias and flags of every row; `details`: more states."""
+    """Return attitude, covariance, bias and flags of every row; `details`: other states."""
     result = empty_result(recording.stamp, details=details)
     _run(initial_state(), params, sample_columns(recording), result.columns())
     return result

@@ -108,9 +108,9 @@ def _kalman_step(
         flags |= JAMMED
     elif seen.has_field:
         dip = _dip(params, field - rotate(q, x[9:]), state.dip)
-    variances = [(float(v[0]), float(v[1]), float(v[2])) for v in np.diag(p).reshape(4, 3)]
+    t, b, a, d = ((v[0], v[1], v[2]) for v in np.diag(p).reshape(4, 3).tolist())
     if not params.learn_bias:
-        variances[1] = state.variances.bias
+        b = state.variances.bias
     return State(
         stamp=seen.stamp,
         orientation=tuple(q.tolist()),
@@ -120,7 +120,7 @@ def _kalman_step(
         if seen.has_field
         else state.magnetic_disturbance,
         dip=dip,
-        variances=Variances(*variances),
+        variances=Variances(orientation=t, bias=b, acceleration=a, disturbance=d),
         updates=state.updates + 1,
         field_stamp=seen.stamp if seen.has_field else state.field_stamp,
         adaptive=state.adaptive,

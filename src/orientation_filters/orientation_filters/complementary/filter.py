@@ -459,8 +459,13 @@ def _covariance(state: State) -> Symmetric:
     return tilt, 0.0, 0.0, tilt, 0.0, turn
 
 
-def run(recording: ImuRecording, params: Params) -> OrientationResult:
-    """Return attitude, covariance, bias and flags of every row of the recording."""
+def run(
+    recording: ImuRecording,
+    params: Params,
+    *,
+    details: bool = False,  # noqa: ARG001 (every filter's interface)
+) -> OrientationResult:
+    """Return attitude, covariance, bias and flags of every row; there are no `details`."""
     result = empty_result(recording.stamp, covariances=2)
     _run(initial_state(), params, sample_columns(recording), result.columns())
     return result
