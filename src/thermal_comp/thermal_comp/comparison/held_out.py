@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.columns import orthonormal
+from thermal_comp.linear.columns import orthonormal, project_out
 from thermal_comp.linear.design import Design
 from thermal_comp.linear.normal_equations import Solution, solve
 from thermal_comp.linear.whitening import apply_transposed
@@ -65,39 +65,53 @@ def hold_out(
     Levels come from the rest of the run, shape parameters stay as given.
     """
     design = Design(runs, effects, noise)
-    everywhere = solve(design.equations())
+    held, power = solve(design.equations()).held, _power(design)
     errors, variances = _empty(design), _empty(design)
-    least = np.full(design.size, SEEN)
-    for term in design.terms:
-        if term.effect.per_run:
-            least[term.unknowns] = LEVEL_SEEN
     relearned: set[str] = set()
-    for part in sorted(
-        {int(k) for run in runs for k in np.unique(run.cv_group[run.cv_group > 0])}
-    ):
-        training = replace(
-            design, rows=[run.cv_group != part for run in runs], white={}, gains={}, taken={}
-        )
+    for part in sorted({int(k) for run in runs for k in run.cv_group if k > 0}):
+        training = _without_part(design, part)
         solution = solve(training.equations())
         line = replace(training, effects={s: _levels_and_line(effects[s]) for s in effects})
         line_solution = solve(line.equations())
-        seen = _power(training) / np.maximum(_power(design), 1e-300)
-        unseen = [j for j in np.flatnonzero(seen < least).tolist() if j not in everywhere.held]
+        unseen = [j for j in _unseen(training, power) if j not in held]
         relearned |= {training.describe(j).partition(' ')[0].partition('[')[0] for j in unseen}
-        for run in range(len(runs)):
-            for sensor in design.sensors:
-                rows = (runs[run].cv_group == part) & design.valid(run, sensor)
-                if not rows.any() or not training.valid(run, sensor).any():
-                    continue
-                error = _errors(training, solution, run, sensor)[rows]
-                for axis in range(3):
-                    basis = _local_basis(training, unseen, run, sensor, axis)[rows]
-                    error[:, axis] -= basis @ (basis.T @ error[:, axis])
-                    variances[run, sensor][rows, axis] = _expected(
-                        line, line_solution, (run, sensor, axis), rows, basis
-                    )
-                errors[run, sensor][rows] = error
+        for run, sensor, rows in _held_out_rows(design, training, part):
+            error = _errors(training, solution, run, sensor)[rows]
+            for axis in range(3):
+                basis = _local_basis(training, unseen, run, sensor, axis)[rows]
+                error[:, axis] = project_out(basis, error[:, axis])
+                variances[run, sensor][rows, axis] = _expected(
+                    line, line_solution, (run, sensor, axis), rows, basis
+                )
+            errors[run, sensor][rows] = error
     return HeldOut(errors, variances, tuple(sorted(relearned)))
+
+
+def _without_part(design: Design, part: int) -> Design:
+    """Return the design over all blocks but those of one part."""
+    rows = [run.cv_group != part for run in design.runs]
+    return replace(design, rows=rows, white={}, gains={}, taken={})
+
+
+def _held_out_rows(
+    design: Design, training: Design, part: int
+) -> Iterator[tuple[int, Sensor, NDArray[np.bool_]]]:
+    """Yield run, sensor and (m,) blocks of a part, where the rest of the run tells its level."""
+    for number, run in enumerate(design.runs):
+        for sensor in design.sensors:
+            rows = (run.cv_group == part) & design.valid(number, sensor)
+            if rows.any() and training.valid(number, sensor).any():
+                yield number, sensor, rows
+
+
+def _unseen(training: Design, power: FloatArray) -> list[int]:
+    """Return the unknowns of which the training parts hold too small a share of the power."""
+    least = np.full(training.size, SEEN)
+    for term in training.terms:
+        if term.effect.per_run:
+            least[term.unknowns] = LEVEL_SEEN
+    seen = _power(training) / np.maximum(power, 1e-300)
+    return [int(j) for j in np.flatnonzero(seen < least)]
 
 
 def _levels_and_line(effects: Sequence[Effect]) -> tuple[Effect, ...]:

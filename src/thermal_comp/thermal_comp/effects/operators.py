@@ -14,17 +14,23 @@ LagState = tuple[float, float, float]
 
 
 def follow(
-    time: FloatArray, values: FloatArray, time_constant: float, state: LagState | None = None
+    time: FloatArray,
+    values: FloatArray,
+    time_constant: float,
+    state: LagState | None = None,
+    *,
+    held: bool = False,
 ) -> tuple[FloatArray, LagState | None]:
     """Return the lagged values (n,) and the state after them; without a state it starts settled.
 
-    y₁ = u₁ − s τ + (y₀ − u₀ + s τ) e^{−Δt/τ},  s = (u₁ − u₀) / Δt.
+    y₁ = u₁ − s τ + (y₀ − u₀ + s τ) e^{−Δt/τ},  s = (u₁ − u₀) / Δt: the input is linear between
+    samples. `held`: it has its new value since the sample before, y₁ = u₁ + (y₀ − u₁) e^{−Δt/τ}.
     """
     if not len(values):
         return np.empty(0), state
     if state is None:
         state = (float(time[0]), float(values[0]), float(values[0]))
-    lagged = _follow(time, values, time_constant, state[0], state[1], state[2])
+    lagged = _follow(time, values, time_constant, *state, held)
     return lagged, (float(time[-1]), float(values[-1]), float(lagged[-1]))
 
 
@@ -36,15 +42,15 @@ def _follow(
     last_time: float,
     last_input: float,
     output: float,
+    held: bool,
 ) -> FloatArray:
     lagged = np.empty(len(values))
     for i in range(len(values)):
         step = time[i] - last_time
         if step > 0.0:
-            lead = (values[i] - last_input) / step * time_constant
-            output = (
-                values[i] - lead + (output - last_input + lead) * np.exp(-step / time_constant)
-            )
+            before = values[i] if held else last_input
+            lead = (values[i] - before) / step * time_constant
+            output = values[i] - lead + (output - before + lead) * np.exp(-step / time_constant)
         last_time = time[i]
         last_input = values[i]
         lagged[i] = output

@@ -28,15 +28,15 @@ class ModelError(UserError):
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    """White noise plus a ladder of Ornstein-Uhlenbeck processes, per axis.
+    """White noise plus Ornstein-Uhlenbeck processes of fixed correlation times, per axis.
 
-    The ladder approximates flicker noise (bias instability); see the noise fit for its estimation.
+    Their sum approximates flicker noise (bias instability); see the noise fit for its estimation.
     """
 
     white: FloatArray
     """(3,) noise density: standard deviation of a one-second mean [unit·√s]."""
     time_constants: FloatArray
-    """(k,) correlation times of the ladder [s]."""
+    """(k,) correlation times of the processes [s]."""
     amplitudes: FloatArray
     """(k, 3) stationary standard deviation of each process [unit]."""
 

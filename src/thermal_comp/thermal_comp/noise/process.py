@@ -14,7 +14,7 @@ OU_TIME_CONSTANTS = np.geomspace(30.0, 40_000.0, 7)
 """Correlation times [s] of the processes whose sum approximates flicker noise."""
 
 
-def ladder_autocovariance(time_constants: FloatArray, period: float, lags: int) -> FloatArray:
+def process_autocovariance(time_constants: FloatArray, period: float, lags: int) -> FloatArray:
     """(k, lags) autocovariance of means over `period` of processes of unit variance.
 
     γ(0) = 2 (r − 1 + e^{−r}) / r²,  γ(m) = ((1 − e^{−r}) / r)² e^{−r (m − 1)},  r = period / τ.
@@ -28,8 +28,8 @@ def ladder_autocovariance(time_constants: FloatArray, period: float, lags: int) 
 
 def mean_autocovariance(noise: NoiseModel, axis: int, period: float, lags: int) -> FloatArray:
     """(lags,) autocovariance of means over `period` seconds of one axis [unit²]."""
-    ladder = ladder_autocovariance(noise.time_constants, period, lags)
-    covariance: FloatArray = noise.amplitudes[:, axis] ** 2 @ ladder
+    each = process_autocovariance(noise.time_constants, period, lags)
+    covariance: FloatArray = noise.amplitudes[:, axis] ** 2 @ each
     covariance[0] += noise.white[axis] ** 2 / period
     return covariance
 
@@ -105,11 +105,11 @@ def project_spectra(
     present[slot] = 1.0
     overlap = _autocorrelation(present)
     basis_spectrum = _spectrum(basis, slot, length)
-    ladder = ladder_autocovariance(time_constants, period, length)
+    coloured = process_autocovariance(time_constants, period, length)
     white = np.zeros(length)
     white[0] = 1.0 / period
     expected = []
-    for covariance in (white, *ladder):
+    for covariance in (white, *coloured):
         turned = toeplitz_product(covariance, slot, basis)
         turned_spectrum = _spectrum(turned, slot, length)
         plain = _even_spectrum(covariance * overlap)

@@ -10,7 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from scipy.interpolate import BSpline
 
-from thermal_comp.effects.operators import grow_and_melt, play
+from thermal_comp.effects.operators import follow, grow_and_melt, play
 from thermal_comp.linear.columns import orthonormal
 
 if TYPE_CHECKING:
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 LAGS = (60.0, 180.0, 540.0, 1620.0)
 """Time constants [s] of the lagged temperatures it offers."""
+
+BRANCH_LAG_S = 120.0
+"""The temperature rises where it is above itself through this lag [s]."""
 
 HALF_WIDTHS = (1.5, 4.0, 8.0, 16.0)
 """Half-widths [K] of the plays it offers."""
@@ -53,11 +56,11 @@ def joined_basis(columns: Sequence[FloatArray]) -> FloatArray:
 def _repeatable(run: PreparedRun) -> list[FloatArray]:
     temperature = run.temperature
     time = run.time
-    rising = lagged(time, temperature, 120.0)
-    branch = np.sign(temperature - rising)
+    branch = np.sign(temperature - follow(time, temperature, BRANCH_LAG_S, held=True)[0])
     spline = _spline(temperature)
     blocks = [np.ones((len(time), 1)), spline, spline * branch[:, None]]
-    blocks += [(temperature - lagged(time, temperature, lag))[:, None] for lag in LAGS]
+    lagged = [follow(time, temperature, lag, held=True)[0] for lag in LAGS]
+    blocks += [(temperature - followed)[:, None] for followed in lagged]
     blocks += [play(temperature, width)[0][:, None] for width in HALF_WIDTHS]
     ice = [grow_and_melt(time, temperature, grow, melt)[0] for grow, melt in ICE]
     blocks.append(np.stack(ice, axis=1))
@@ -82,17 +85,6 @@ def _slow(run: PreparedRun) -> list[FloatArray]:
         levels = [run.cycle == number for number in np.unique(run.cycle)]
         blocks.append(np.stack(levels, axis=1).astype(float))
     return blocks
-
-
-def lagged(time: FloatArray, values: FloatArray, time_constant: float) -> FloatArray:
-    """Return the values (m,) seen through a first-order lag that starts settled."""
-    followed = np.empty_like(values)
-    level = followed[0] = values[0]
-    keep = np.exp(-np.diff(time, prepend=time[0]) / time_constant)
-    for i in range(1, len(values)):
-        level = values[i] + (level - values[i]) * keep[i]
-        followed[i] = level
-    return followed
 
 
 def _spline(temperature: FloatArray, pieces: int = 6) -> FloatArray:
