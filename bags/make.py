@@ -19,7 +19,7 @@ from imu_workbench.simulate.campaign import Logging, simulate_run
 from imu_workbench.simulate.hidden_effect import (
     BUNDLED_TRUTH_FILE,
     Campaign,
-    Secret,
+    HiddenEffect,
     hidden_campaign,
     write_truth,
 )
@@ -71,7 +71,7 @@ def secret_campaign() -> Campaign:
         PROFILE,
         SECRET_DEVICE,
         Logging(SECRET_RATE, True, CHAMBER_PERIOD),
-        Secret('random', SECRET_MAGNITUDE),
+        HiddenEffect('random', SECRET_MAGNITUDE),
         seed=SECRET_SEED,
     )
 

@@ -16,7 +16,7 @@ from imu_recording.recording import FloatArray, IntArray
 from imu_recording.user_error import UserError
 
 SCHEMA = 1
-LEFT_OUT = '/diagnostics'
+UNCOMPARED_TOPIC = '/diagnostics'
 
 
 class GoldenError(UserError):
@@ -75,7 +75,7 @@ def columns_of(messages: Iterable[Message]) -> dict[str, Columns]:
     """Return the numbers of every topic but diagnostics."""
     rows: dict[str, list[tuple[int, dict[str, float]]]] = {}
     for message in messages:
-        if message.topic != LEFT_OUT:
+        if message.topic != UNCOMPARED_TOPIC:
             rows.setdefault(message.topic, []).append((message.received, message.numbers()))
     return {
         topic: Columns(

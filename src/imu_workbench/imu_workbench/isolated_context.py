@@ -15,7 +15,7 @@ DISCOVERY = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
 @contextmanager
 def quiet_context() -> Iterator[Context]:
-    """Provide a context that looks for nobody and is found by nobody, and shut it down.
+    """Provide a context whose participants are outside of discovery, and shut it down.
 
     Contexts of one process would otherwise meet each other; Fast DDS can lock up when such
     participants leave while others still hear them.

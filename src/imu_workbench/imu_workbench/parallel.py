@@ -15,20 +15,20 @@ from imu_workbench.answer import show_progress
 
 
 class Task(Protocol):
-    """Something that can be done by itself; its result should be small."""
+    """Work that depends on no other task; its result is sent from process to process: small."""
 
     @property
     def label(self) -> str:
-        """What it is, for people."""
+        """What the progress line says of it."""
         ...
 
     @property
     def size(self) -> float:
-        """How long it takes, in any unit."""
+        """How long it takes, relative to other tasks."""
         ...
 
     def run(self) -> Any:
-        """Do it and return the result."""
+        """Return the result."""
         ...
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags through the very callbacks of a node: in-process, nothing spun, no message over DDS."""
+"""Replay a bag through a node's own callbacks: in this process, without executor and DDS."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ NODES: dict[str, tuple[str, str]] = {
     'complementary_filter': ('orientation_filters.node', 'ComplementaryFilterNode'),
     'ahrs_filter': ('orientation_filters.node', 'AhrsFilterNode'),
 }
-"""Nodes that turn bags into something: name → module and class."""
+"""Nodes that can be replayed: name → module and class."""
 
-RANK = ('imu/temperature', 'imu/mag', 'imu/data_raw')
+LAST_AT_ONE_TIME = ('imu/temperature', 'imu/mag', 'imu/data_raw')
 """Among messages received at one time these come last, in this order."""
 SECOND = 1_000_000_000
 
@@ -130,7 +130,8 @@ def _topics(
     """Return callback by the bag's topic, in the order of equal times, and the bag's types."""
     types = bag_topics(bag)
     chosen: dict[str, Callable[[Any], None]] = {}
-    ordered = sorted(node.inputs, key=lambda name: RANK.index(name) if name in RANK else -1)
+    first = [name for name in node.inputs if name not in LAST_AT_ONE_TIME]
+    ordered = [*first, *(name for name in LAST_AT_ONE_TIME if name in node.inputs)]
     for name in ordered:
         wanted = remap.get(name, name)
         for topic in (f'{namespace}/{wanted}', wanted, f'/{wanted}'):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns with a secret, the commands that make and reveal them, and how they are judged."""
+"""Campaigns with a hidden effect: made, revealed, and a diagnosis scored against the truth."""
 
 import json
 from pathlib import Path
@@ -13,10 +13,10 @@ from imu_workbench.__main__ import main
 from imu_workbench.simulate.campaign import Logging
 from imu_workbench.simulate.hidden_effect import (
     Campaign,
-    Secret,
+    HiddenEffect,
     find_truth,
     hidden_campaign,
-    judge,
+    score_diagnosis,
 )
 
 from imu_recording import read_bag
@@ -26,7 +26,7 @@ MEANS = Logging(0.2, mean=True, chamber_period=5.0)
 
 
 def campaign(name: str, size: float = 3.0, sensor: str | None = None) -> Campaign:
-    return hidden_campaign(SHORT, 'dut2', MEANS, Secret(name, size, sensor), seed=2)
+    return hidden_campaign(SHORT, 'dut2', MEANS, HiddenEffect(name, size, sensor), seed=2)
 
 
 @pytest.fixture(scope='module')
@@ -121,8 +121,8 @@ def test_simulate_hides_and_keeps_the_truth_apart(
     )
     assert [path.name for path in found] == ['x', 'y', 'z']
     assert read_bag(found[2]).up_axis == '+z'
-    assert main(command) == 2  # a second secret in the same folder
-    assert 'holds a secret already' in capsys.readouterr().err
+    assert main(command) == 2  # a second one in the same folder
+    assert 'holds a hidden effect already' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('axis', ['x', '-x'])
@@ -260,9 +260,9 @@ LAG = {'kind': 'effect', 'name': 'thermal_lag', 'sensor': 'gyroscope', 'depends_
 def test_a_diagnosis_is_judged_by_the_truth(
     truth: dict[str, Any], findings: list[dict[str, Any]], outcome: str, right: bool
 ) -> None:
-    judgement = judge(truth, {'findings': findings})
-    assert judgement.outcome == outcome
-    assert judgement.right == (right and outcome != 'wrong')
+    score = score_diagnosis(truth, {'findings': findings})
+    assert score.outcome == outcome
+    assert score.right == (right and outcome != 'wrong')
 
 
 def test_reveal_diagnoses_first_and_then_opens_the_truth(

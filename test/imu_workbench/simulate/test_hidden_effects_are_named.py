@@ -5,7 +5,7 @@ A campaign hides one in each sensor: what is said of a sensor must not depend on
 """
 
 import pytest
-from imu_workbench.simulate.hidden_effect import Secret, practice_campaign
+from imu_workbench.simulate.hidden_effect import HiddenEffect, practice_campaign
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.diagnosis.result import Finding
 
@@ -26,8 +26,8 @@ def acted_on(recordings: list[ImuRecording]) -> list[Finding]:
 
 @pytest.mark.parametrize('hidden', HIDDEN, ids=lambda hidden: ' '.join(hidden.values()))
 def test_hidden_effects_are_named(hidden: dict[str, str]) -> None:
-    secrets = [Secret(name, 3.0, sensor) for sensor, name in hidden.items()]
-    recordings, _ = practice_campaign(secrets, seed=11, mean_s=20.0)
+    hidden_effects = [HiddenEffect(name, 3.0, sensor) for sensor, name in hidden.items()]
+    recordings, _ = practice_campaign(hidden_effects, seed=11, mean_s=20.0)
     acted = acted_on(recordings)
     assert {f.sensor: f.name for f in acted} == hidden
     assert len(acted) == len(hidden)
@@ -37,8 +37,8 @@ def test_hidden_effects_are_named(hidden: dict[str, str]) -> None:
 
 def test_a_law_beyond_the_catalogue_is_not_given_a_name() -> None:
     laws = {G: 'ageing_slope', M: 'mode_crossing'}
-    secrets = [Secret(law, 3.0, sensor) for sensor, law in laws.items()]
-    recordings, truths = practice_campaign(secrets, seed=13, mean_s=20.0)
+    hidden_effects = [HiddenEffect(law, 3.0, sensor) for sensor, law in laws.items()]
+    recordings, truths = practice_campaign(hidden_effects, seed=13, mean_s=20.0)
     acted = {f.sensor: f for f in acted_on(recordings)}
     assert set(acted) == set(laws)
     for truth in truths:
@@ -48,7 +48,7 @@ def test_a_law_beyond_the_catalogue_is_not_given_a_name() -> None:
 
 
 def test_heater_that_was_not_logged_is_suspected() -> None:
-    recordings, _ = practice_campaign([Secret('unlogged_heater', 3.0)], seed=14, mean_s=20.0)
+    recordings, _ = practice_campaign([HiddenEffect('unlogged_heater', 3.0)], seed=14, mean_s=20.0)
     (finding,) = acted_on(recordings)
     assert (finding.kind, finding.depends_on) == ('unlogged', 'heater')
 

@@ -42,7 +42,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         '--time-scale', metavar='X', default='max', help="seconds per second, or 'max'"
     )
     parser.add_argument(
-        '--seed', metavar='N', type=int, default=0, help='of all noise (default 0)'
+        '--seed', metavar='N', type=int, default=0, help='seed of all noise (default 0)'
     )
 
 

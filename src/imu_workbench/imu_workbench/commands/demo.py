@@ -31,7 +31,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         '--bags', metavar='DIR', type=Path, default=Path('bags'), help='folder of the bundled bags'
     )
     parser.add_argument(
-        '--seed', metavar='N', type=int, default=50, help='of the simulated device (default 50)'
+        '--seed',
+        metavar='N',
+        type=int,
+        default=50,
+        help='seed of the simulated device (default 50)',
     )
 
 

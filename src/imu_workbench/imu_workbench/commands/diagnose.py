@@ -28,7 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     add_bag_arguments(parser)
     add_model_argument(
-        parser, 'model file to judge; without it a line per axis is fitted to these bags'
+        parser, 'model file to examine; without it a line per axis is fitted to these bags'
     )
     parser.add_argument(
         '--calibrate',

@@ -25,7 +25,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         'effect', metavar='EFFECT', nargs='?', help='name in the catalogue, or of a finding'
     )
     parser.add_argument('--all', action='store_true', help='the whole catalogue as Markdown')
-    parser.add_argument('-o', '--output', metavar='FILE', type=Path, help='write it there')
+    parser.add_argument(
+        '-o',
+        '--output',
+        metavar='FILE',
+        type=Path,
+        help='file to write instead of showing the text',
+    )
     add_effects_argument(parser)
 
 

@@ -13,9 +13,14 @@ from thermal_comp.diagnosis.diagnose import diagnose
 from imu_recording import read_bag
 from imu_workbench.answer import Answer
 from imu_workbench.motion_detection import with_motion_noted
-from imu_workbench.simulate.hidden_effect import VERDICTS, describe_truth, find_truth, judge
+from imu_workbench.simulate.hidden_effect import (
+    VERDICTS,
+    describe_truth,
+    find_truth,
+    score_diagnosis,
+)
 
-HELP = 'diagnose a campaign made by `simulate --hide`, then open the truth and compare'
+HELP = 'Diagnose a campaign of `simulate --hide`, then open the truth and compare.'
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,18 +35,18 @@ def run(options: argparse.Namespace) -> Answer:
     bags = find_truth(options.folder)[1]
     diagnosis = diagnose(with_motion_noted(read_bag(bag)) for bag in bags).to_dict()
     truth = find_truth(options.folder)[0]
-    judgement = judge(truth, diagnosis)
-    reported = '; '.join(judgement.reported) or 'nothing'
-    verdict = VERDICTS[judgement.outcome]
-    if judgement.outcome in ('named', 'in_set') and not judgement.sensor_right:
+    score = score_diagnosis(truth, diagnosis)
+    reported = '; '.join(score.reported) or 'nothing'
+    verdict = VERDICTS[score.outcome]
+    if score.outcome in ('named', 'in_set') and not score.sensor_right:
         verdict += ', but in the wrong sensor'
     if truth['kind'] == 'nothing':
-        verdict = 'right: no alarm' if judgement.right else 'wrong: nothing was hidden'
+        verdict = 'right: no alarm' if score.right else 'wrong: nothing was hidden'
     content: dict[str, Any] = {
         'schema': 1,
         'truth': truth,
-        **asdict(judgement),
-        'right': judgement.right,
+        **asdict(score),
+        'right': score.right,
         'diagnosis': diagnosis,
     }
     text = f'hidden:   {describe_truth(truth)}\nreported: {reported}\n{verdict}'

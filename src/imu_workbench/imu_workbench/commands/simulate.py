@@ -17,9 +17,14 @@ from imu_recording import ImuRecording, write_bag
 from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.options import add_output_argument
 from imu_workbench.simulate.campaign import ORIENTATIONS, Logging, simulate_campaign, simulate_run
-from imu_workbench.simulate.hidden_effect import TRUTH_FILE, Secret, hidden_campaign, write_truth
+from imu_workbench.simulate.hidden_effect import (
+    TRUTH_FILE,
+    HiddenEffect,
+    hidden_campaign,
+    write_truth,
+)
 
-HELP = 'simulate a device in a chamber that runs a thermal profile, and write the bags'
+HELP = 'Simulate a device in a chamber that runs a thermal profile; write the bags.'
 EPILOG = 'What --hide can hide: ' + ', '.join(HIDEABLE)
 AXES = ('x', 'y', 'z', '-x', '-y', '-z')
 SENSORS = ('accelerometer', 'gyroscope', 'magnetometer', 'accelerometer+magnetometer')
@@ -110,7 +115,7 @@ def _hidden(options: argparse.Namespace, logging: Logging) -> Answer:
         options.profile,
         options.device,
         logging,
-        Secret(options.hide, options.magnitude, options.sensor),
+        HiddenEffect(options.hide, options.magnitude, options.sensor),
         seed=options.seed,
     )
     answer = _written(_paths(options), campaign.recordings)
@@ -181,4 +186,4 @@ def _check_hidden(options: argparse.Namespace) -> None:
     if options.rate > 10.0:
         raise UserError(f'--rate {options.rate:g}: with --hide rows are means, at most 10 Hz')
     if (options.output / TRUTH_FILE).exists():
-        raise UserError(f'{options.output}: holds a secret already; name another folder')
+        raise UserError(f'{options.output}: holds a hidden effect already; name another folder')

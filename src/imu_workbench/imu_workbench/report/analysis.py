@@ -27,7 +27,7 @@ from imu_recording import ImuRecording
 from imu_workbench.answer import show_progress
 from imu_workbench.motion_detection import resting
 from imu_workbench.parallel import Task, run_tasks
-from imu_workbench.report.attitude import Attitude, AttitudeTask, is_slow, settled
+from imu_workbench.report.attitude import Attitude, AttitudeTask, after_startup, is_slow
 from imu_workbench.report.modelled import RunErrors, errors_of_run
 from imu_workbench.report.slopes import block_slopes
 
@@ -228,7 +228,7 @@ def analyse_run(
         name=recording.run,
         device=recording.device,
         recording=recording,
-        kept=settled(recording),
+        kept=after_startup(recording),
         hash=prepared.hash if prepared else columns_hash(recording),
         errors=errors_of_run(prepared, model) if prepared and model else None,
         attitudes=attitudes,

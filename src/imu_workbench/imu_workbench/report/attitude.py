@@ -34,7 +34,7 @@ START_S = 60.0
 EULER = ('yaw', 'pitch', 'roll')
 COLUMNS = (*EULER, 'rotation', 'heading', 'inclination')
 """Columns of `Attitude.angles`: ZYX Euler angles (the paper's α, β, γ), then what never wraps."""
-CHUNK = 50_000
+CHUNK_ROWS = 50_000
 """Rows whose angles are computed at a time: they stay in the cache."""
 RAW, HALF, FULL = 'raw', 'magnetometer compensated', 'compensated'
 """What the filters are fed with; earlier versions of a model are `version 1` …"""
@@ -147,8 +147,8 @@ def angles_from_start(seconds: FloatArray, orientation: FloatArray, every: int =
     signs = np.sign(early @ early[0])[:, None]
     start = conjugate(normalised((early * np.where(signs == 0, 1.0, signs)).mean(axis=0)))
     kept, rows = orientation[::every], np.flatnonzero(known[::every])
-    for begin in range(0, len(rows), CHUNK):
-        part = rows[begin : begin + CHUNK]
+    for begin in range(0, len(rows), CHUNK_ROWS):
+        part = rows[begin : begin + CHUNK_ROWS]
         q = kept[part]
         angles[part, :3] = euler_zyx(multiply(start, q))[:, ::-1]
         world = multiply(q, start)
@@ -262,7 +262,7 @@ def is_slow(recording: ImuRecording) -> bool:
     return not sample_rate(recording) >= 0.98 * FILTER_RATE
 
 
-def settled(recording: ImuRecording) -> NDArray[np.bool_]:
+def after_startup(recording: ImuRecording) -> NDArray[np.bool_]:
     """Return (n,) the rows after the start-up transient."""
     kept = np.ones(len(recording), dtype=bool)
     kept[: startup_rows(recording)[0]] = False

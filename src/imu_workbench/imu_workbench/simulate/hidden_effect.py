@@ -39,8 +39,8 @@ class Campaign:
 
 
 @dataclass(frozen=True)
-class Secret:
-    """What to hide."""
+class HiddenEffect:
+    """Name, size and sensor of what is hidden."""
 
     name: str
     """An effect, a fault, 'nothing', or 'random'."""
@@ -53,28 +53,30 @@ def hidden_campaign(
     profile: str | Profile,
     device: str | DeviceParameters,
     logging: Logging,
-    secret: Secret,
+    hidden_effect: HiddenEffect,
     *,
     seed: int,
     orientations: Sequence[str] = ORIENTATIONS,
 ) -> Campaign:
-    """Return a campaign with a secret in it."""
+    """Return a campaign with a hidden effect."""
     runs = prepare_campaign(profile, device, seed=seed, orientations=orientations)
-    return record_hidden(runs, logging, secret, seed=seed)
+    return record_hidden(runs, logging, hidden_effect, seed=seed)
 
 
 def record_hidden(
-    runs: Sequence[DeviceRun], logging: Logging, secret: Secret, *, seed: int
+    runs: Sequence[DeviceRun], logging: Logging, hidden_effect: HiddenEffect, *, seed: int
 ) -> Campaign:
-    """Hide the secret in prepared runs and read them out."""
-    name = random_name(seed) if secret.name == 'random' else secret.name
-    hidden = hide_anything(runs, name, magnitude=secret.magnitude, seed=seed, sensor=secret.sensor)
+    """Hide the effect in prepared runs and read them out."""
+    name = random_name(seed) if hidden_effect.name == 'random' else hidden_effect.name
+    hidden = hide_anything(
+        runs, name, magnitude=hidden_effect.magnitude, seed=seed, sensor=hidden_effect.sensor
+    )
     recordings = record_campaign(hidden.runs, logging, startup_time=hidden.startup_time)
     return Campaign(hidden.finish(recordings), hidden.truth)
 
 
 def practice_campaign(
-    secrets: Sequence[Secret],
+    hidden_effects: Sequence[HiddenEffect],
     *,
     seed: int,
     mean_s: float = 5.0,
@@ -83,30 +85,30 @@ def practice_campaign(
 ) -> tuple[list[ImuRecording], list[Truth]]:
     """Return a campaign of a device drawn from the class, for studies over hundreds of them.
 
-    `secrets` are hidden on top of each other (none: nothing is hidden); rows are means over
+    `hidden_effects` are hidden on top of each other (none: nothing is hidden); rows are means over
     `mean_s`; `bias_instability` multiplies the class's flicker noise. The chambers of
     `chamber_seed` (default: one of eight by the seed) are computed once and kept.
     """
-    device = louder(draw_device(seed), bias_instability)
+    device = scale_bias_instability(draw_device(seed), bias_instability)
     place = seed % 8 if chamber_seed is None else chamber_seed
     runs = prepare_campaign(PLAN, device, seed=seed, chamber_seed=place)
     truths = []
     finishes = []
     startup_time = 0.0
     names = [
-        random_name(seed + number) if secret.name == 'random' else secret.name
-        for number, secret in enumerate(secrets)
+        random_name(seed + number) if hidden_effect.name == 'random' else hidden_effect.name
+        for number, hidden_effect in enumerate(hidden_effects)
     ]
     # Where the device stands is settled before anything acts on it.
     for settle in (HIDDEN_EFFECTS[name].mounting for name in names if name in HIDDEN_EFFECTS):
         runs = [settle(run) for run in runs] if settle else runs
-    for number, (name, secret) in enumerate(zip(names, secrets, strict=True)):
+    for number, (name, hidden_effect) in enumerate(zip(names, hidden_effects, strict=True)):
         hidden = hide_anything(
             runs,
             name,
-            magnitude=secret.magnitude,
+            magnitude=hidden_effect.magnitude,
             seed=seed + 1000 * number,
-            sensor=secret.sensor,
+            sensor=hidden_effect.sensor,
         )
         runs = hidden.runs
         truths.append(hidden.truth)
@@ -120,7 +122,7 @@ def practice_campaign(
     return recordings, truths
 
 
-def louder(device: DeviceParameters, factor: float) -> DeviceParameters:
+def scale_bias_instability(device: DeviceParameters, factor: float) -> DeviceParameters:
     """Return the device with its bias instability multiplied."""
     changed: dict[str, Any] = {
         name: replace(part, bias_instability=factor * part.bias_instability)
@@ -165,8 +167,8 @@ VERDICTS = {
 
 
 @dataclass(frozen=True)
-class Judgement:
-    """How a diagnosis did."""
+class Score:
+    """A diagnosis compared with the truth."""
 
     outcome: str
     """One of VERDICTS."""
@@ -181,29 +183,29 @@ class Judgement:
         return self.outcome in ('named', 'in_set') and self.sensor_right
 
 
-def judge(truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> Judgement:
+def score_diagnosis(truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> Score:
     """Return how the JSON answer of `diagnose` compares with the truth of a campaign.
 
     >>> truth = {'kind': 'effect', 'name': 'thermal_lag', 'sensor': 'gyroscope'}
     >>> finding = {'kind': 'effect', 'name': 'thermal_lag', 'sensor': 'gyroscope'}
-    >>> judge(truth, {'findings': [finding]}).outcome
+    >>> score_diagnosis(truth, {'findings': [finding]}).outcome
     'named'
-    >>> judge(truth, {'findings': []}).outcome
+    >>> score_diagnosis(truth, {'findings': []}).outcome
     'missed'
     """
     findings: Sequence[Mapping[str, Any]] = diagnosis['findings']
     reported = tuple(describe(finding) for finding in findings)
     if truth['kind'] == 'nothing':
         alarms = [finding for finding in findings if finding['kind'] in ALARMS]
-        return Judgement('wrong' if alarms else 'named', True, reported)
+        return Score('wrong' if alarms else 'named', True, reported)
     fitting = [k for k, finding in enumerate(findings) if fits(truth, finding)]
     if not fitting:
         others = any(finding['kind'] in (*ALARMS, 'data_quality') for finding in findings)
-        return Judgement('wrong' if others else 'missed', False, reported)
+        return Score('wrong' if others else 'missed', False, reported)
     best = fitting[0]
     first = best == 0 and not _only_as_rival(truth, findings[best])
     right_sensor = any(same_sensor(truth['sensor'], findings[k]['sensor']) for k in fitting)
-    return Judgement('named' if first else 'in_set', right_sensor, reported)
+    return Score('named' if first else 'in_set', right_sensor, reported)
 
 
 def fits(truth: Mapping[str, Any], finding: Mapping[str, Any]) -> bool:
@@ -254,5 +256,5 @@ def _only_as_rival(truth: Mapping[str, Any], finding: Mapping[str, Any]) -> bool
 
 
 def _close_to(variables: Sequence[str]) -> tuple[str, ...]:
-    """Return other names of the same variables: the cycle is time seen coarsely."""
+    """Return variables that stand for the same: the cycle number grows with time."""
     return ('cycle',) if 'time' in variables else ()

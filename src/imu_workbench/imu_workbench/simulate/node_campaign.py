@@ -74,18 +74,18 @@ class RunPlan:
 def run_in_lock_step(plan: RunPlan, progress: Callable[[str], None] = lambda _: None) -> int:
     """Run one orientation; return the number of messages recorded."""
     with quiet_context() as context:
-        bench = _Bench(plan, context)
+        nodes = _NodeRun(plan, context)
         try:
-            return bench.run(progress)
+            return nodes.run(progress)
         finally:
-            bench.close()
+            nodes.close()
 
 
 class _Device:
     """A simulated device and the driver node that publishes for it."""
 
-    def __init__(self, bench: _Bench, name: str, number: int) -> None:
-        plan = bench.plan
+    def __init__(self, nodes: _NodeRun, name: str, number: int) -> None:
+        plan = nodes.plan
         self.source = SimulatedDevice(
             name,
             seed=1000 * plan.seed + 10 * plan.number + number,
@@ -95,11 +95,11 @@ class _Device:
         self._scale = SampleScale(DEFAULT_FULL_SCALE)
         namespace = f'/{name}'
         self.node = ImuDriverNode(
-            capture=lambda topic, message: bench.take(f'{namespace}/{topic}', topic, message),
-            now=bench.now,
+            capture=lambda topic, message: nodes.take(f'{namespace}/{topic}', topic, message),
+            now=nodes.now,
             parameters={'transport': f'simulated://{name}', 'frame_id': f'{name}_imu_link'},
             namespace=namespace,
-            **bench.options,
+            **nodes.options,
         )
         self.node.trigger_configure()
 
@@ -111,7 +111,7 @@ class _Device:
         self.node.publish(self._scale.sample(stamp, frame))
 
 
-class _Bench:
+class _NodeRun:
     """The nodes of one run and the clock they share."""
 
     def __init__(self, plan: RunPlan, context: Context) -> None:
@@ -148,7 +148,7 @@ class _Bench:
         return self._stamp
 
     def take(self, topic: str, name: str, message: Any) -> None:
-        """Hand what a node publishes to the recorder, and to the chamber what it listens to."""
+        """Pass a published message to the recorder, and to the chamber node if it listens."""
         if topic in self._listeners:
             self._listeners[topic](message)
         if isinstance(message, bytes):
@@ -198,7 +198,7 @@ class _Bench:
                 device.publish(self._stamp, second + i / count, chamber.true_air)
 
     def _confirm(self, asked: int) -> int:
-        """Play the operator: confirm a prompt after the time the profile expects."""
+        """Confirm an operator prompt after the time the profile expects."""
         snapshot = self.chamber.snapshot
         if snapshot.progress.stage != CONFIRM or snapshot.step.phase != OPERATOR_PHASE:
             return 0

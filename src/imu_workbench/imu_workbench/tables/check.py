@@ -92,9 +92,9 @@ def extremes(rows: Iterable[Row]) -> list[TableFinding]:
 Key = tuple[str, str, str]
 Pair = tuple[Key, Key, int, int]
 """Two columns (quantity, device, segment), numbers that are the same, numbers compared."""
-NUMBERS = 6
+LEAST_NUMBERS = 6
 """Mean and σ of three axes: fewer agree by chance."""
-LIVELY = 5.0
+LEAST_SPREAD_DIGITS = 5.0
 """A column says something where its numbers spread over this many last digits."""
 
 
@@ -111,11 +111,11 @@ def repeated_columns(rows: Sequence[Row]) -> list[TableFinding]:
     exact: list[Pair] = []
     near: list[Pair] = []
     for (a, one), (b, other) in combinations(columns.items(), 2):
-        if a[0] != b[0] or a[1] == b[1] or len(one) != len(other) or len(one) < NUMBERS:
+        if a[0] != b[0] or a[1] == b[1] or len(one) != len(other) or len(one) < LEAST_NUMBERS:
             continue
         last = digit[a[0]]
         differences = np.abs(np.array(one) - np.array(other))
-        if differences.max() > 1.1 * last or np.ptp(one) < LIVELY * last:
+        if differences.max() > 1.1 * last or np.ptp(one) < LEAST_SPREAD_DIGITS * last:
             continue
         same = int((differences < 0.1 * last).sum())
         (exact if same == len(one) else near).append((a, b, same, len(one)))

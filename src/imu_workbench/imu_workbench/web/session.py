@@ -14,7 +14,7 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.experiment.design import Limits
 from thermal_comp.presentation.display import SENSORS
 
-from imu_workbench.motion_detection import refusal
+from imu_workbench.motion_detection import left_out_note
 from imu_workbench.web.case import tasks
 from imu_workbench.web.case.next_experiment import next_profile_task
 from imu_workbench.web.case.preview import EffectPreview, preview_task
@@ -166,7 +166,7 @@ class WorkbenchTab:
             known = {bag.folder for state in self.session.devices.values() for bag in state.bags}
             moving = [bag for bag in found if bag.motion]
             for bag in moving:
-                self._display.say(refusal(bag.run, bag.motion))
+                self._display.say(left_out_note(bag.run, bag.motion))
             found = [bag for bag in found if bag not in moving]
             new = [bag for bag in found if bag.folder not in known]
             for device in dict.fromkeys(bag.device for bag in new):

@@ -17,7 +17,7 @@ TRACK_LOOK = {
 }
 TRACE_KEYS = ('showlegend', 'legendgroup', 'opacity', 'hoverinfo', 'hovertemplate')
 """What `curve` takes for the trace; everything else is the line's."""
-NARROWEST_MARK = 0.04
+LEAST_MARK_WIDTH = 0.04
 """Part of the width that a label above the plan needs."""
 PHASE_NAMES = {
     'precondition': 'preconditioning (reference)',
@@ -82,7 +82,7 @@ def plan_figure(plan: Mapping[str, Any]) -> Figure:
 def _leg_marks(phases: list[dict[str, Any]]) -> list[tuple[str, float]]:
     """Return a label and its hour for every new part of the run that has room for one."""
     marks: list[tuple[str, float]] = []
-    room = NARROWEST_MARK * max((leg['to_h'] for leg in phases), default=0.0)
+    room = LEAST_MARK_WIDTH * max((leg['to_h'] for leg in phases), default=0.0)
     latest = ''
     for leg in phases:
         names = {'precondition': 'Ref.', 'final': 'Final'}

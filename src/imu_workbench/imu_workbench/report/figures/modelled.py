@@ -16,11 +16,11 @@ from imu_workbench.report.figures.measured import PHASE_NAMES, curve
 from imu_workbench.report.figures.palette import AXES, device_colour
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
 
-LOUDEST = 10.0
+LARGEST_SHOWN_RATIO = 10.0
 """Times the noise floor from which a heat map does not get darker."""
 FAILURE_SCALE = {
     'cmin': 0.0,
-    'cmax': math.log10(LOUDEST),
+    'cmax': math.log10(LARGEST_SHOWN_RATIO),
     'colorscale': [[0.0, '@calm'], [0.11, '@calm'], [0.5, '@raised'], [1.0, '@loud']],
     'colorbar': {
         'title': {'text': 'times the<br>noise floor'}, 'thickness': 12, 'outlinewidth': 0,
@@ -161,7 +161,7 @@ def failure_panel(title: str) -> Panel:
 def failure_trace(where: Mapping[str, Any], index: int) -> dict[str, Any]:
     """Return a heat map in the index-th panel, coloured by FAILURE_SCALE."""
     colours = [
-        [None if v is None else math.log10(min(max(v, 1.0), LOUDEST)) for v in row]
+        [None if v is None else math.log10(min(max(v, 1.0), LARGEST_SHOWN_RATIO)) for v in row]
         for row in where['ratio']
     ]
     return {
