@@ -60,6 +60,12 @@ def test_no_answer_and_half_an_answer_are_named_with_what_came(connect) -> None:
         line.ask(b'TEMP?', until(b'\r\n'))
 
 
+def test_bytes_that_are_no_text_are_shown_in_hexadecimal(connect) -> None:
+    line = connect(lambda client, request: None, timeout_s=0.1)
+    with pytest.raises(ChamberError, match='no answer to 01 03 00 64, got nothing'):
+        line.ask(bytes.fromhex('01 03 00 64'), len)
+
+
 def test_a_late_answer_is_not_taken_for_the_next_one(connect) -> None:
     count = []
 

@@ -68,7 +68,10 @@ class Line:
                 wanted = size - len(received) if size else port.in_waiting
                 received += port.read(max(1, wanted))
                 if time.monotonic() > deadline:
-                    raise ChamberError(f'{self.port}: no answer to {request!r}, got {received!r}')
+                    got = shown_bytes(received)
+                    raise ChamberError(
+                        f'{self.port}: no answer to {shown_bytes(request)}, got {got}'
+                    )
         except (
             OSError,
             termios.error,
@@ -113,3 +116,15 @@ def until(terminator: bytes) -> Callable[[bytes], int]:
         return 0 if place < 0 else place + len(terminator)
 
     return length
+
+
+def shown_bytes(data: bytes) -> str:
+    """Return bytes as a message shows them: ASCII lines as text, others in hexadecimal.
+
+    >>> shown_bytes(b'TEMP?'), shown_bytes(bytes([1, 3, 2])), shown_bytes(b'')
+    ("b'TEMP?'", '01 03 02', 'nothing')
+    """
+    if not data:
+        return 'nothing'
+    is_text = all(32 <= byte < 127 for byte in data.rstrip(b'\r\n'))
+    return repr(data) if is_text else data.hex(' ')
