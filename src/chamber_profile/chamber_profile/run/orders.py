@@ -134,7 +134,7 @@ class ChamberOrders:
         return [WriteSetpoint(value)]
 
     def keep_running(self, now: float, readings: Readings) -> list[Action]:
-        """Start the chamber once its set-point is written; once it has run, never start it again."""
+        """Start the chamber once its set-point is written; never once it has run."""
         if self.started or self.writer.written is None:
             return []
         if readings.running:
