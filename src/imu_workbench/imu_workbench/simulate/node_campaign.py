@@ -206,10 +206,9 @@ class _NodeRun:
             self.chamber.command('confirm')
         return asked or self._stamp
 
-    def _open_recorder(self) -> Any:
+    def _open_recorder(self) -> RecorderNode:
         plan = self.plan
-        recorder_node: Any = RecorderNode
-        recorder = recorder_node(
+        recorder = RecorderNode(
             capture=lambda *_: None,
             now=self.now,
             parameters={'output': str(plan.directory), 'run': plan.directory.name},
@@ -226,7 +225,7 @@ class _NodeRun:
         if message_type == STRING and topic == f'/{RUN_TOPIC}':
             recorder.inputs[RUN_TOPIC](message)
         if topic not in recorder.inputs:
-            if not recorder.is_wanted(topic):
+            if not recorder.recorder.needs(topic):
                 return
             recorder.subscribe(topic, message_type)
         recorder.inputs[topic](message if isinstance(message, bytes) else serialise(message))
