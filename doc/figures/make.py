@@ -12,7 +12,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from imu_recording.recording import PHASES, SENSOR_FIELDS
-from imu_workbench.report.figures.modelled import LOUDEST
+from imu_workbench.report.figures.modelled import LARGEST_SHOWN_RATIO
 from imu_workbench.report.figures.palette import COLOURS
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, LogNorm
@@ -55,7 +55,7 @@ def residual(recording: ImuRecording, model: ThermalModel, sensor: str) -> dict[
     }
 
 
-def loudest_axis(growth: Growth, sensor: str) -> int:
+def worst_axis(growth: Growth, sensor: str) -> int:
     """Axis on which the linear model fails most."""
     return int(np.argmax(growth.before.sensors[sensor].held_out_rms))  # type: ignore[index]
 
@@ -83,7 +83,7 @@ def draw_loop(axes: Axes, before: dict[str, np.ndarray], axis: int, unit: str) -
     axes.legend(frameon=False, markerscale=3, loc=(0.1, 0.5))
 
 
-def draw_staircase(axes: Axes, growth: Growth, sensor: str, measured: float) -> None:
+def draw_error_steps(axes: Axes, growth: Growth, sensor: str, measured: float) -> None:
     """Held-out error with every term added."""
     unit, factor = shown(sensor)
     steps = [s for s in growth.steps if sensor in s.sensors]
@@ -112,11 +112,14 @@ def draw_map(axes: Axes, found: dict[str, np.ndarray], axis: int, floor: float) 
     places = ((0.0, 'calm'), (0.11, 'calm'), (0.5, 'raised'), (1.0, 'loud'))
     colours = LinearSegmentedColormap.from_list('floor', [(x, light[c]) for x, c in places])
     image = axes.imshow(
-        table.clip(1.0, LOUDEST), cmap=colours, norm=LogNorm(1.0, LOUDEST), aspect='auto'
+        table.clip(1.0, LARGEST_SHOWN_RATIO),
+        cmap=colours,
+        norm=LogNorm(1.0, LARGEST_SHOWN_RATIO),
+        aspect='auto',
     )
     for (phase, cycle), value in np.ndenumerate(table):
         if np.isfinite(value):
-            colour = 'white' if value > 0.6 * LOUDEST else 'black'
+            colour = 'white' if value > 0.6 * LARGEST_SHOWN_RATIO else 'black'
             axes.text(cycle, phase, f'{value:.2g} ×', ha='center', va='center', color=colour)
     axes.set_yticks(range(len(PHASES)), [name.replace('_', ' ') for name in PHASES])
     axes.set_xticks(range(5), ['outside', 'R1', 'R2', 'R3', 'R4'])
@@ -147,14 +150,14 @@ def main(bags: Sequence[Path] = BAGS) -> None:
     growth = grow(None, prepare(recordings), Settings(dict(EFFECTS)))
     sensor = growth.steps[0].sensors[0]
     unit, _ = shown(sensor)
-    axis = loudest_axis(growth, sensor)
+    axis = worst_axis(growth, sensor)
     before = residual(recordings[0], line, sensor)
     after = residual(recordings[0], growth.model, sensor)
     measured = float(np.sqrt(np.mean(np.square(growth.before.sensors[sensor].measured_rms))))
     figure, axes = plt.subplots(1, 3, figsize=(13, 3.6), layout='constrained')
     draw_time(axes[0], before, axis, unit)
     draw_loop(axes[1], before, axis, unit)
-    draw_staircase(axes[2], growth, sensor, measured)
+    draw_error_steps(axes[2], growth, sensor, measured)
     figure.suptitle(f'{growth.model.device} {sensor} {"xyz"[axis]}, {SENSOR_FIELDS[sensor]}')
     save(figure, 'overview.png')
     floor = float(growth.after.sensors[sensor].noise_floor[axis]) * shown(sensor)[1]
@@ -164,7 +167,7 @@ def main(bags: Sequence[Path] = BAGS) -> None:
         image = draw_map(place, found, axis, floor)
         place.set_title(title)
     bar = figure.colorbar(image, ax=axes, label='residual, times the noise floor')
-    bar.set_ticks([1.0, 2.0, 5.0, LOUDEST], labels=['1', '2', '5', '≥ 10'])
+    bar.set_ticks([1.0, 2.0, 5.0, LARGEST_SHOWN_RATIO], labels=['1', '2', '5', '≥ 10'])
     bar.minorticks_off()
     save(figure, 'where.png')
     figure, axes_after = plt.subplots(figsize=(9, 3), layout='constrained')
