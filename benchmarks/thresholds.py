@@ -76,8 +76,8 @@ def simulated(seed: int, factor: float) -> Reached:
     source = ColumnSource(runs)
     reached: Reached = defaultdict(list)
     for sensor in usable_sensors(runs)[0]:
-        bank = CandidateDesign(source, sensor, fit_noise(runs, sensor), LINE)
-        for rated in Search(bank, families(bank, EFFECTS)).ranking([]):
+        design = CandidateDesign(source, sensor, fit_noise(runs, sensor), LINE)
+        for rated in Search(design, families(design, EFFECTS)).ranking([]):
             reached[rated.name].append(round(rated.evidence, 2))
     return dict(reached)
 

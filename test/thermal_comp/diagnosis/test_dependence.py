@@ -23,10 +23,10 @@ GAINS = np.array([1.2, -0.7, 0.9])
 
 
 @lru_cache
-def bank_with(
+def design_with(
     course: Callable[[np.ndarray, int], np.ndarray] | None, seed: int
 ) -> CandidateDesign:
-    """Return the gyroscope's bank of three runs with a course of twice the noise of 1 s means."""
+    """Return the design of three runs with a course of twice the gyroscope's noise of 1 s."""
     size = 2.0 * WHITE['angular_velocity']
     runs = []
     for number, up in enumerate(('+x', '+y', '+z')):
@@ -58,24 +58,24 @@ def wander(time: np.ndarray, number: int) -> np.ndarray:
 
 @pytest.mark.parametrize('seed', range(2))
 def test_noise_has_nothing_in_common(seed: int) -> None:
-    assert coherence(bank_with(None, seed)).evidence < 0.5 * COMMON_MODE_EVIDENCE
+    assert coherence(design_with(None, seed)).evidence < 0.5 * COMMON_MODE_EVIDENCE
 
 
 def test_a_rhythm_is_common_to_axes_and_runs() -> None:
-    found = coherence(bank_with(rhythm, 5))
+    found = coherence(design_with(rhythm, 5))
     assert found.axes > COMMON_MODE_EVIDENCE
     assert found.runs > RUNS_IN_STEP_EVIDENCE
 
 
 def test_a_supply_is_common_to_axes_only() -> None:
-    found = coherence(bank_with(wander, 6))
+    found = coherence(design_with(wander, 6))
     assert found.axes > COMMON_MODE_EVIDENCE
     assert found.runs < RUNS_IN_STEP_EVIDENCE
 
 
 def test_nothing_is_common_once_the_course_is_known() -> None:
-    bank = bank_with(rhythm, 5)
-    waves = bank.generic_terms(
+    design = design_with(rhythm, 5)
+    waves = design.generic_terms(
         [(lambda r: np.column_stack([rhythm(r.time, 0), rhythm(r.time + 0.9 * HOUR, 0)]), False)]
     )
-    assert coherence(bank, waves).evidence < 0.5 * COMMON_MODE_EVIDENCE
+    assert coherence(design, waves).evidence < 0.5 * COMMON_MODE_EVIDENCE

@@ -39,11 +39,11 @@ def test_draws_are_rated_as_the_search_rates_them(runs: list[PreparedRun]) -> No
     slow = CandidateDesign(source, sensor, fit_noise_to_values(runs, drawn), LINE, drawn)
     searched = {}
     drawn_lines = {name for name, effect in EFFECTS.items() if effect().line_frequency is not None}
-    for bank, time_only in ((steady, False), (slow, True)):
+    for design, time_only in ((steady, False), (slow, True)):
         offered = {
             n: e for n, e in EFFECTS.items() if e.time_only == time_only and n not in drawn_lines
         }
-        for scored in Search(bank, families(bank, offered)).ranking([]):
+        for scored in Search(design, families(design, offered)).ranking([]):
             searched[scored.name] = scored.evidence
     assert {'thermal_lag', 'thermal_hysteresis', 'fixture_tilt', 'bias_step'} <= set(searched)
     for name, evidence in searched.items():

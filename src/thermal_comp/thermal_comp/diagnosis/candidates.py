@@ -15,7 +15,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.spectral_lines import spectral_lines
 from thermal_comp.effects.effect import COUNT, Campaign, Candidate, Effect
-from thermal_comp.linear.candidate_design import CandidateDesign, Term
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 
 STEPS_PER_RUN = 2
 """Steps per run that are handed on."""
@@ -25,10 +25,10 @@ STEP_DISTANCE_S = 1200.0
 
 @dataclass(frozen=True)
 class Form:
-    """One effect with given shape parameters, as terms of a bank."""
+    """One effect with given shape parameters, as terms of a design."""
 
     effect: Effect
-    terms: tuple[Term, ...]
+    terms: tuple[ColumnGroup, ...]
 
     @property
     def free(self) -> int:
@@ -49,40 +49,40 @@ class Family:
         return self.effect.name
 
 
-def families(bank: CandidateDesign, catalogue: Mapping[str, type[Effect]]) -> list[Family]:
+def families(design: CandidateDesign, catalogue: Mapping[str, type[Effect]]) -> list[Family]:
     """Return the families of the catalogue whose channels were logged in every run."""
-    tried = candidates(bank, catalogue, campaign_of(bank))
-    bank.terms([part for some in tried.values() for c in some for part in c.effect.parts()])
+    tried = candidates(design, catalogue, campaign_of(design))
+    design.terms([part for some in tried.values() for c in some for part in c.effect.parts()])
     return [
-        Family(catalogue[name], tuple(_form(bank, candidate) for candidate in some))
+        Family(catalogue[name], tuple(_form(design, candidate) for candidate in some))
         for name, some in tried.items()
     ]
 
 
 def candidates(
-    bank: CandidateDesign, catalogue: Mapping[str, type[Effect]], campaign: Campaign
+    design: CandidateDesign, catalogue: Mapping[str, type[Effect]], campaign: Campaign
 ) -> dict[str, list[Candidate]]:
     """Return the forms of each effect before their columns are computed; none is empty."""
     tried = {
         name: effect.search_grid(campaign)
         for name, effect in catalogue.items()
-        if effect.searched and usable(effect, bank.sensor, bank.source.runs)
+        if effect.searched and usable(effect, design.sensor, design.source.runs)
     }
     return {name: some for name, some in tried.items() if some}
 
 
-def campaign_of(bank: CandidateDesign) -> Campaign:
-    """Return what the runs and the residual of a bank offer to choose forms from."""
-    runs = bank.source.runs
+def campaign_of(design: CandidateDesign) -> Campaign:
+    """Return what the runs and the residual of a design offer to choose forms from."""
+    runs = design.source.runs
     return Campaign(
         cycles=max(int(run.cycle.max()) for run in runs),
         durations=tuple(float(run.time[-1]) for run in runs),
-        spectral_lines=partial(spectral_lines, runs, bank.sensor),
-        step_times=partial(step_times, bank),
+        spectral_lines=partial(spectral_lines, runs, design.sensor),
+        step_times=partial(step_times, design),
     )
 
 
-def step_times(bank: CandidateDesign) -> list[tuple[int, float]]:
+def step_times(design: CandidateDesign) -> list[tuple[int, float]]:
     """Return run and time [s] of the likeliest steps, each run's strongest first.
 
     A step at row t is the column H_t = (0 … 0, 1 … 1); with W the whitening filter its product
@@ -90,9 +90,9 @@ def step_times(bank: CandidateDesign) -> list[tuple[int, float]]:
     t, as a whitening filter soon forgets a step.
     """
     found = []
-    for number, run in enumerate(bank.source.runs):
-        time = run.time[bank.valid[number]]
-        response = np.cumsum(bank.transposed(number)[::-1], axis=0)[::-1]
+    for number, run in enumerate(design.source.runs):
+        time = run.time[design.valid[number]]
+        response = np.cumsum(design.transposed(number)[::-1], axis=0)[::-1]
         strength: FloatArray = (response**2).sum(axis=1)
         for _ in range(STEPS_PER_RUN):
             at = int(np.argmax(strength))
@@ -103,10 +103,10 @@ def step_times(bank: CandidateDesign) -> list[tuple[int, float]]:
     return found
 
 
-def _form(bank: CandidateDesign, candidate: Candidate) -> Form:
-    terms = tuple(bank.terms(candidate.effect.parts()))
+def _form(design: CandidateDesign, candidate: Candidate) -> Form:
+    terms = tuple(design.terms(candidate.effect.parts()))
     if candidate.run is not None:
-        terms = tuple(Term((term.columns[candidate.run],)) for term in terms)
+        terms = tuple(ColumnGroup((term.columns[candidate.run],)) for term in terms)
     return Form(candidate.effect, terms)
 
 
@@ -120,14 +120,14 @@ def missing_channels(effect: type[Effect], runs: Sequence[PreparedRun]) -> list[
     return [c for c in effect.channels if not all(run.conditions.has(c) for run in runs)]
 
 
-def moved_forms(bank: CandidateDesign, form: Form, ratio: float) -> list[Form]:
+def moved_forms(design: CandidateDesign, form: Form, ratio: float) -> list[Form]:
     """Return the form with each shape parameter moved up and down, within its bounds."""
     effects = list(_moved(form.effect, ratio))
-    terms = bank.terms(effects)
+    terms = design.terms(effects)
     single = len(form.terms) == 1 and len(form.terms[0].columns) < len(terms[0].columns)
     if single:
-        first = bank.term(form.effect).columns.index(form.terms[0].columns[0])
-        terms = [Term((term.columns[first],)) for term in terms]
+        first = design.term(form.effect).columns.index(form.terms[0].columns[0])
+        terms = [ColumnGroup((term.columns[first],)) for term in terms]
     return [Form(e, (t,)) for e, t in zip(effects, terms, strict=True)]
 
 

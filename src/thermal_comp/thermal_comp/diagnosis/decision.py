@@ -104,7 +104,7 @@ def decide_confirmed(
     curve follows a single sweep, and only blocks left out tell which one foresees the rest.
     """
     outcome = decide(search, regressors, missing)
-    if all(run.has_cycles for run in search.bank.source.runs) or outcome.kind != 'named':
+    if all(run.has_cycles for run in search.design.source.runs) or outcome.kind != 'named':
         return outcome
     before = _held_out(search, base)
     rejected: list[Rejected] = []
@@ -137,13 +137,13 @@ def decide(
     if wandering:
         tried = tuple(dict.fromkeys(r.name for r in found))
         return Outcome('unexplained', (), 'frequency', wandering[0].evidence, tried)
-    relevant = [c for c in CHANNELS_OF[search.bank.sensor] if c in missing and c in LOGGED]
+    relevant = [c for c in CHANNELS_OF[search.design.sensor] if c in missing and c in LOGGED]
     fits = left is None or left.delta_chi2 < FORM_SHARE * total or share >= DOMINANT
     doubtful = (
         len(names) >= CHAIN
         or (relevant and len(names) > 1)
         or (len(names) > 1 and _one_curve(search, regressors, major))
-        or sum(r.form.effect.repeatable for r in major) > len(search.bank.source.runs)
+        or sum(r.form.effect.repeatable for r in major) > len(search.design.source.runs)
         or not _suffices(search, regressors, major)
         or _leaves_a_course(search, found)
         or _bends_plainly(search, major)
@@ -186,7 +186,7 @@ def _suffices(
 ) -> bool:
     """Tell whether the effects explain most of what anything could, noise allowed for."""
     terms = [term for r in major for term in r.form.terms]
-    delta_chi2, rank = search.bank.solve(terms)
+    delta_chi2, rank = search.design.solve(terms)
     everything, spread = explainable(search, regressors, terms)
     return delta_chi2 - rank >= ADEQUATE * everything - 3.0 * spread
 
@@ -197,11 +197,11 @@ def _wanders(search: Search, regressors: Sequence[GenericRegressor], scored: Sco
     What repeats with the thermal cycle has lines as well: then a variable explains more.
     """
     frequency = scored.form.effect.line_frequency
-    bank = search.bank
-    if frequency is None or steadiness(bank.source.runs, bank.sensor, frequency) >= STEADY:
+    design = search.design
+    if frequency is None or steadiness(design.source.runs, design.sensor, frequency) >= STEADY:
         return False
     alone = search.score([], scored.form).delta_chi2
-    return all(bank.solve([regressor.term])[0] < alone for regressor in regressors)
+    return all(design.solve([regressor.term])[0] < alone for regressor in regressors)
 
 
 def _bends_plainly(search: Search, major: Sequence[ScoredForm]) -> bool:
@@ -214,8 +214,8 @@ def _bends_plainly(search: Search, major: Sequence[ScoredForm]) -> bool:
 def _leaves_a_course(search: Search, found: Sequence[ScoredForm]) -> bool:
     """Tell whether the axes still have much in common beside what was found."""
     terms = [term for r in found for term in r.form.terms]
-    left = coherence(search.bank, terms).evidence
-    return left > max(COMMON_MODE_EVIDENCE, COURSE_SHARE * search.bank.solve(terms)[0])
+    left = coherence(search.design, terms).evidence
+    return left > max(COMMON_MODE_EVIDENCE, COURSE_SHARE * search.design.solve(terms)[0])
 
 
 def _one_curve(
@@ -225,8 +225,8 @@ def _one_curve(
     kin = {r.form.effect.kin for r in major}
     if len(kin) > 1 or '' in kin:
         return False
-    delta_chi2, rank = search.bank.solve([term for r in major for term in r.form.terms])
-    curves = (search.bank.solve([j.term]) for j in regressors if j.depends_on == 'temperature')
+    delta_chi2, rank = search.design.solve([term for r in major for term in r.form.terms])
+    curves = (search.design.solve([j.term]) for j in regressors if j.depends_on == 'temperature')
     return any(g - r >= delta_chi2 - rank for g, r in curves)
 
 
@@ -299,11 +299,13 @@ def _without_name(
 
 def _held_out(search: Search, effects: Sequence[Effect]) -> float:
     """Return the rms over the axes of the error on blocks the fit has not seen [unit]."""
-    bank = search.bank
-    noise = {bank.sensor: bank.noise}
+    design = search.design
+    noise = {design.sensor: design.noise}
     try:
-        model = fit_prepared({bank.sensor: joined_effects(effects)}, bank.source.runs, noise=noise)
+        model = fit_prepared(
+            {design.sensor: joined_effects(effects)}, design.source.runs, noise=noise
+        )
     except ModelError:
         return float('inf')
-    compared = compare_prepared(model, bank.source.runs, noise=noise).sensors[bank.sensor]
+    compared = compare_prepared(model, design.source.runs, noise=noise).sensors[design.sensor]
     return float(np.sqrt(np.mean(np.square(compared.held_out_rms))))

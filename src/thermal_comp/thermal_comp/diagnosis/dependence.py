@@ -14,7 +14,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.generic_regressors import GenericRegressor
 from thermal_comp.diagnosis.search import ScoredForm, Search
-from thermal_comp.linear.candidate_design import CandidateDesign, Term
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 
 HALF_WAVES = 48
 """Half waves over a run that are looked at."""
@@ -105,10 +105,10 @@ def strongest_regressor(
 ) -> RemainingDependence | None:
     """Return the regressor that explains most of what the effects leave, if it counts."""
     terms = [term for r in found for term in r.form.terms]
-    before = search.bank.solve(terms)
+    before = search.design.solve(terms)
     best: RemainingDependence | None = None
     for regressor in regressors:
-        delta_chi2, rank = search.bank.solve([*terms, regressor.term])
+        delta_chi2, rank = search.design.solve([*terms, regressor.term])
         delta_chi2, rank = delta_chi2 - before[0], rank - before[1]
         evidence = delta_chi2 - rank * search.bic_penalty
         if evidence > REGRESSOR_EVIDENCE and (best is None or evidence > best.evidence):
@@ -124,10 +124,10 @@ def common_mode(
     A course that all runs repeat from their start is one of time; one that every run has for
     itself is one of the supply where that was not logged, else of time as well.
     """
-    common = coherence(search.bank, [term for r in found for term in r.form.terms])
+    common = coherence(search.design, [term for r in found for term in r.form.terms])
     if common.evidence < COMMON_MODE_EVIDENCE:
         return None
-    suspects = [c for c in CHANNELS_OF[search.bank.sensor] if c in missing and c in LOGGED]
+    suspects = [c for c in CHANNELS_OF[search.design.sensor] if c in missing and c in LOGGED]
     if common.runs < RUNS_IN_STEP_EVIDENCE and suspects:
         name = 'supply' if 'supply_voltage' in suspects else _suspect(suspects)
         return Dependence('unlogged', name, common.evidence)
@@ -141,12 +141,12 @@ def dependence(
     found: Sequence[ScoredForm],
 ) -> Dependence:
     """Say on which variable the residual depends, or which channel is suspected."""
-    bank = search.bank
+    design = search.design
     terms = [term for r in found for term in r.form.terms]
     everything, _ = explainable(search, regressors, terms)
     regressor, evidence, delta_chi2 = _law(search, regressors)
     evidence = max(evidence, search.total([r.form for r in found])[0])
-    relevant = [c for c in CHANNELS_OF[bank.sensor] if c in missing]
+    relevant = [c for c in CHANNELS_OF[design.sensor] if c in missing]
     suspects = [c for c in relevant if c in LOGGED]
     if regressor.depends_on == 'humidity' and 'humidity' in relevant:
         if best_hinge(search).evidence > evidence:
@@ -154,7 +154,7 @@ def dependence(
         return Dependence('unlogged', 'humidity', evidence)
     adequate = delta_chi2 >= (WHOLE_SHARE if suspects else ADEQUATE) * everything
     plainly = regressor.depends_on in SWITCHED and _plainly(search, regressor)
-    if bank.sensor != 'magnetometer' and regressor.depends_on in SWITCHED:
+    if design.sensor != 'magnetometer' and regressor.depends_on in SWITCHED:
         # A compressor reaches accelerometer and gyroscope by shaking them or through the supply.
         shaken = regressor.depends_on == 'compressor' and plainly
         if 'vibration' in missing and (shaken or not adequate):
@@ -183,7 +183,7 @@ def _law(
     """
     scored = []
     for regressor in regressors:
-        delta_chi2, rank = search.bank.solve([regressor.term])
+        delta_chi2, rank = search.design.solve([regressor.term])
         net = delta_chi2 - rank - 3.0 * float(np.sqrt(2.0 * rank))
         scored.append(
             (net, rank, delta_chi2 - rank * search.bic_penalty, delta_chi2 - rank, regressor)
@@ -199,17 +199,17 @@ def _law(
 
 
 def explainable(
-    search: Search, regressors: Sequence[GenericRegressor], terms: Sequence[Term]
+    search: Search, regressors: Sequence[GenericRegressor], terms: Sequence[ColumnGroup]
 ) -> tuple[float, float]:
     """Return Δχ² beyond noise of the terms and all regressors, and its spread by noise."""
-    delta_chi2, rank = search.bank.solve([*terms, *(regressor.term for regressor in regressors)])
+    delta_chi2, rank = search.design.solve([*terms, *(regressor.term for regressor in regressors)])
     return delta_chi2 - rank, float(np.sqrt(2.0 * rank))
 
 
 def _plainly(search: Search, regressor: GenericRegressor) -> bool:
     """Tell whether the channel by itself, its first column, explains most of what it can."""
-    alone = search.bank.solve([Term(regressor.term.columns[:1])])[0]
-    return alone >= PLAIN_SHARE * search.bank.solve([regressor.term])[0]
+    alone = search.design.solve([ColumnGroup(regressor.term.columns[:1])])[0]
+    return alone >= PLAIN_SHARE * search.design.solve([regressor.term])[0]
 
 
 def _suspect(channels: Sequence[str]) -> str:
@@ -222,7 +222,7 @@ def best_hinge(search: Search) -> Hinge:
     One coefficient per axis and one temperature: error = a · max(0, T − T_bend). A law of two
     coefficients that explains less is not the law.
     """
-    runs = search.bank.source.runs
+    runs = search.design.source.runs
     low = min(float(run.temperature.min()) for run in runs)
     high = max(float(run.temperature.max()) for run in runs)
     spacing = (high - low) / (BEND_COUNT + 1)
@@ -236,10 +236,10 @@ def best_hinge(search: Search) -> Hinge:
 
 
 def _hinges(search: Search, bends: Sequence[float]) -> list[Hinge]:
-    terms = search.bank.generic_terms([(_bent_at(bend), False) for bend in bends])
+    terms = search.design.generic_terms([(_bent_at(bend), False) for bend in bends])
     found = []
     for bend, term in zip(bends, terms, strict=True):
-        delta_chi2, rank = search.bank.solve([term])
+        delta_chi2, rank = search.design.solve([term])
         found.append(Hinge(bend, delta_chi2 - (rank + 1) * search.bic_penalty, delta_chi2))
     return found
 
@@ -251,7 +251,7 @@ def _bent_at(bend: float) -> Callable[[PreparedRun], FloatArray]:
     return column
 
 
-def coherence(bank: CandidateDesign, found: Sequence[Term] = ()) -> Coherence:
+def coherence(design: CandidateDesign, found: Sequence[ColumnGroup] = ()) -> Coherence:
     """Return the evidence for a course common to the axes in what the found effects leave.
 
     A course over time hides in a noise model that is rich enough to follow it, but noise is
@@ -260,7 +260,7 @@ def coherence(bank: CandidateDesign, found: Sequence[Term] = ()) -> Coherence:
     (p, p) correlates n waves of p axes, or of p runs along the axes' common direction (Bartlett's
     test of independence). The strongest of HALF_WAVE_COUNTS counts.
     """
-    waves = _waves(bank, found)
+    waves = _waves(design, found)
     axes = runs = -np.inf
     for span in HALF_WAVE_COUNTS:
         part = waves[:, :, :span]
@@ -271,24 +271,24 @@ def coherence(bank: CandidateDesign, found: Sequence[Term] = ()) -> Coherence:
     return Coherence(float(axes), float(runs))
 
 
-def _waves(bank: CandidateDesign, found: Sequence[Term]) -> FloatArray:
+def _waves(design: CandidateDesign, found: Sequence[ColumnGroup]) -> FloatArray:
     """(3, runs, HALF_WAVES) amplitudes of the half waves, of unit variance for noise alone.
 
     With V the whitened half waves of a run, Q the base and r the residual, they are R⁻ᵀ Vᵀ r,
     Rᵀ R = Vᵀ V − (Qᵀ V)ᵀ Qᵀ V (Cholesky): as if V were made orthogonal to Q, then in itself.
     """
-    runs = bank.source.runs
+    runs = design.source.runs
     longest = max(float(run.time[-1]) for run in runs)
-    known = bank.design(list(found))
+    known = design.whitened_columns(list(found))
     amplitudes = np.empty((3, len(runs), HALF_WAVES))
     for axis in range(3):
-        target = bank.target[axis]
+        target = design.target[axis]
         if found:
             target = target - known[axis] @ np.linalg.lstsq(known[axis], target, rcond=1e-9)[0]
         for number, run in enumerate(runs):
             half_turns = np.multiply.outer(run.time / longest, np.arange(1, HALF_WAVES + 1))
-            white, rows = bank.whitened_in_run(np.cos(np.pi * half_turns), number, axis)
-            cross = bank.base[axis][rows].T @ white
+            white, rows = design.whitened_in_run(np.cos(np.pi * half_turns), number, axis)
+            cross = design.base[axis][rows].T @ white
             normal = white.T @ white
             normal -= cross.T @ cross - ABSORBED_POWER_SHARE * np.diag(np.diag(normal))
             triangle = np.linalg.cholesky(normal)

@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.operators import follow, play
-from thermal_comp.linear.candidate_design import CandidateDesign, Term
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 
 SMOOTHING_S = 60.0
 """Standard deviation of the filter before the temperature's rate is taken [s]."""
@@ -35,12 +35,12 @@ class GenericRegressor:
 
     depends_on: str
     name: str
-    term: Term
+    term: ColumnGroup
 
 
-def generic_regressors(bank: CandidateDesign) -> list[GenericRegressor]:
+def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
     """Return the generic regressors of the variables that were logged."""
-    runs = bank.source.runs
+    runs = design.source.runs
     spans = _spans(runs)
     made: list[tuple[str, str, Callable[[PreparedRun], FloatArray], bool]] = [
         ('temperature', 'curve over temperature', spans.temperature, False),
@@ -65,20 +65,20 @@ def generic_regressors(bank: CandidateDesign) -> list[GenericRegressor]:
             made.append(
                 (label, f'{label}, its lags and products', partial(spans.channel, name), False)
             )
-    if _moist(bank):
+    if _moist(design):
         made.append(('humidity', 'moisture guessed from the air temperature', moisture, False))
     if all(run.conditions.has('vibration') for run in runs):
         made.append(('vibration', 'vibration and its square', spans.vibration, False))
-    terms = bank.generic_terms([(function, per_run) for _, _, function, per_run in made])
+    terms = design.generic_terms([(function, per_run) for _, _, function, per_run in made])
     return [GenericRegressor(row[0], row[1], term) for row, term in zip(made, terms, strict=True)]
 
 
-def _moist(bank: CandidateDesign) -> bool:
+def _moist(design: CandidateDesign) -> bool:
     """Tell whether humidity may act unseen: not logged anywhere, the air's temperature is."""
-    runs = bank.source.runs
+    runs = design.source.runs
     logged = any(run.conditions.has('humidity') for run in runs)
     air = all(run.conditions.has('chamber_temperature') for run in runs)
-    return bank.sensor != 'magnetometer' and air and not logged
+    return design.sensor != 'magnetometer' and air and not logged
 
 
 def moisture(run: PreparedRun) -> FloatArray:

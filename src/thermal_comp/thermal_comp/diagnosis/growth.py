@@ -162,8 +162,8 @@ def _placed(
         )
     scored = {}
     for sensor in wanted:
-        bank = CandidateDesign(source, sensor, noise[sensor], listed[sensor])
-        search = Search(bank, families(bank, {name: effect}), settings.thresholds)
+        design = CandidateDesign(source, sensor, noise[sensor], listed[sensor])
+        search = Search(design, families(design, {name: effect}), settings.thresholds)
         ranking = search.ranking([])
         if ranking:
             scored[sensor] = ranking[0]
@@ -221,13 +221,13 @@ def _unneeded(
         effects = model.sensors[sensor].effects
         if added not in {e.name for e in effects}:
             continue
-        bank = CandidateDesign(source, sensor, noise[sensor], [])
-        terms = dict(zip(effects, bank.terms(effects), strict=True))
-        everything = bank.solve(list(terms.values()))
+        design = CandidateDesign(source, sensor, noise[sensor], [])
+        terms = dict(zip(effects, design.terms(effects), strict=True))
+        everything = design.solve(list(terms.values()))
         for effect in effects:
             others = [term for e, term in terms.items() if e is not effect]
-            delta_chi2, rank = bank.solve(others)
-            lost = everything[0] - delta_chi2 - (everything[1] - rank) * float(np.log(bank.rows))
+            delta_chi2, rank = design.solve(others)
+            lost = everything[0] - delta_chi2 - (everything[1] - rank) * float(np.log(design.rows))
             if effect.name != added and lost < 0.0:
                 found.append(f'{sensor}: {effect.name}')
     return tuple(found)

@@ -97,7 +97,7 @@ def _shapes(
     sensor = next((s for s in SENSORS if s in base), None)
     if sensor is None:
         return []
-    bank = CandidateDesign(ColumnSource(runs), sensor, noise[sensor], base[sensor])
+    design = CandidateDesign(ColumnSource(runs), sensor, noise[sensor], base[sensor])
     reason = _history(runs)
     found = []
     offered = {n: e for n, e in catalogue.items() if usable(e, sensor, runs)}
@@ -105,7 +105,7 @@ def _shapes(
         (e, offered[n]) for e in offered.values() for n in e.separated_by_cycles if n in offered
     ]
     for one, other in pairs:
-        share = max(_similarity(bank, one, other), _similarity(bank, other, one))
+        share = max(_similarity(design, one, other), _similarity(design, other, one))
         if share >= SIMILAR_SHARE:
             found.append(
                 Undecided(
@@ -131,15 +131,15 @@ def _history(runs: Sequence[PreparedRun]) -> str:
     return 'no thermal cycle repeats'
 
 
-def _similarity(bank: CandidateDesign, truth: type[Effect], rival: type[Effect]) -> float:
+def _similarity(design: CandidateDesign, truth: type[Effect], rival: type[Effect]) -> float:
     """Return the share of the trace of an effect that a rival would explain at its best shape."""
-    wanted = bank.term(truth()).columns
+    wanted = design.term(truth()).columns
     best = 0.0
     for form in rival.sample_forms():
-        known = list(bank.term(form).columns)
+        known = list(design.term(form).columns)
         before, after = 0.0, 0.0
-        normal, _ = bank.reduced([], wanted)
-        reduced, _ = bank.reduced(known, wanted)
+        normal, _ = design.reduced([], wanted)
+        reduced, _ = design.reduced(known, wanted)
         before += float(np.trace(normal, axis1=1, axis2=2).sum())
         after += float(np.trace(reduced, axis1=1, axis2=2).sum())
         best = max(best, 1.0 - after / before if before > 0.0 else 0.0)

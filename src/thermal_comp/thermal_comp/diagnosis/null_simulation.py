@@ -24,31 +24,31 @@ Draw = Sequence[FloatArray]
 
 
 def reached_in_draws(
-    bank: CandidateDesign, families: Sequence[Family], draws: Sequence[Draw]
+    design: CandidateDesign, families: Sequence[Family], draws: Sequence[Draw]
 ) -> dict[str, FloatArray]:
-    """Return the evidence (draws,) of each family's best form; the bank's noise is the draws'."""
+    """Return the evidence (draws,) of each family's best form under the design's noise."""
     coupled = [f for f in families if any(t.shared for t in f.forms[0].terms)]
     rights, single = [], []
     for draw in draws:
-        bank.retarget(draw)
-        rights.append(bank.right.copy())
-        single.append([max(_evidence(bank, f, k) for k in range(len(f.forms))) for f in coupled])
+        design.retarget(draw)
+        rights.append(design.right.copy())
+        single.append([max(_evidence(design, f, k) for k in range(len(f.forms))) for f in coupled])
     best = np.array(single)
     reached = {family.name: best[:, k] for k, family in enumerate(coupled)}
-    bic_penalty = float(np.log(bank.rows))
+    bic_penalty = float(np.log(design.rows))
     stacked = np.stack(rights)
     for family in families:
         if family.name not in reached:
             index = [[c for term in form.terms for c in term.columns] for form in family.forms]
             free = [form.free for form in family.forms]
-            reached[family.name] = best_evidence(bank.normal, stacked, index, free, bic_penalty)
+            reached[family.name] = best_evidence(design.normal, stacked, index, free, bic_penalty)
     return reached
 
 
-def _evidence(bank: CandidateDesign, family: Family, k: int) -> float:
+def _evidence(design: CandidateDesign, family: Family, k: int) -> float:
     form = family.forms[k]
-    delta_chi2, rank = bank.solve(form.terms)
-    return delta_chi2 - (rank + form.free) * float(np.log(bank.rows)) if rank else -np.inf
+    delta_chi2, rank = design.solve(form.terms)
+    return delta_chi2 - (rank + form.free) * float(np.log(design.rows)) if rank else -np.inf
 
 
 def best_evidence(
@@ -92,16 +92,16 @@ class SlowEffects:
     known: dict[Effect, list[FloatArray]]
     """Columns per run of the forms that do not depend on a draw."""
 
-    def reached(self, bank: CandidateDesign) -> dict[str, float]:
-        """Return the evidence of each family's best form in the draw that is the bank's target."""
-        campaign = replace(campaign_of(bank), spectral_lines=partial(_lines, bank))
-        tried = candidates(bank, self.catalogue, campaign)
+    def reached(self, design: CandidateDesign) -> dict[str, float]:
+        """Return the evidence of each family's best form in the draw the design holds."""
+        campaign = replace(campaign_of(design), spectral_lines=partial(_lines, design))
+        tried = candidates(design, self.catalogue, campaign)
         effects = list(
             dict.fromkeys(p for some in tried.values() for c in some for p in c.effect.parts())
         )
-        table = _Table.of([self._columns(bank, effect) for effect in effects], effects)
-        normal, right = table.equations(bank)
-        bic_penalty = float(np.log(bank.rows))
+        table = _Table.of([self._columns(design, effect) for effect in effects], effects)
+        normal, right = table.equations(design)
+        bic_penalty = float(np.log(design.rows))
         return {
             name: float(
                 best_evidence(
@@ -115,25 +115,25 @@ class SlowEffects:
             for name, some in tried.items()
         }
 
-    def _columns(self, bank: CandidateDesign, effect: Effect) -> list[FloatArray]:
+    def _columns(self, design: CandidateDesign, effect: Effect) -> list[FloatArray]:
         columns = self.known.get(effect)
         if columns is None:
-            columns = [run.columns(effect, bank.sensor) for run in self.source.runs]
+            columns = [run.columns(effect, design.sensor) for run in self.source.runs]
         return columns
 
 
-def _lines(bank: CandidateDesign) -> list[float]:
+def _lines(design: CandidateDesign) -> list[float]:
     """Return the most prominent lines of a draw, which has no finer rows than its blocks."""
-    runs, at = bank.source.runs, 0
+    runs, at = design.source.runs, 0
     coarse: list[PreparedRun] = []
-    for run, ok in zip(runs, bank.valid, strict=True):
+    for run, ok in zip(runs, design.valid, strict=True):
         values = np.full((len(run), 3), np.nan)
-        values[ok] = bank.target[:, at : at + int(ok.sum())].T
+        values[ok] = design.target[:, at : at + int(ok.sum())].T
         at += int(ok.sum())
         coarse.append(
-            replace(run, conditions=run.block_conditions, fine_measured={bank.sensor: values})
+            replace(run, conditions=run.block_conditions, fine_measured={design.sensor: values})
         )
-    return spectral_lines(coarse, bank.sensor)
+    return spectral_lines(coarse, design.sensor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,16 +174,16 @@ class _Table:
             found += [start + r * count + k for r in wanted for k in range(count)]
         return found
 
-    def equations(self, bank: CandidateDesign) -> tuple[FloatArray, FloatArray]:
+    def equations(self, design: CandidateDesign) -> tuple[FloatArray, FloatArray]:
         """Return normal matrices (3, w, w) and right-hand sides (3, w), the base taken out."""
         normal, right = np.zeros((3, self.width, self.width)), np.zeros((3, self.width))
         for axis in range(3):
-            cross = np.zeros((bank.base[axis].shape[1], self.width))
+            cross = np.zeros((design.base[axis].shape[1], self.width))
             for run, (columns, unknown) in enumerate(zip(self.columns, self.unknown, strict=True)):
-                white, rows = bank.whitened_in_run(columns, run, axis)
+                white, rows = design.whitened_in_run(columns, run, axis)
                 normal[axis][np.ix_(unknown, unknown)] += white.T @ white
-                cross[:, unknown] += bank.base[axis][rows].T @ white
-                right[axis, unknown] += white.T @ bank.target[axis, rows]
+                cross[:, unknown] += design.base[axis][rows].T @ white
+                right[axis, unknown] += white.T @ design.target[axis, rows]
             power = np.diag(normal[axis]).copy()
             normal[axis] -= cross.T @ cross
             absorbed = np.diag(normal[axis]) <= ABSORBED_POWER_SHARE * power

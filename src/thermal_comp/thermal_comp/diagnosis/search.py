@@ -15,7 +15,7 @@ from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.candidates import Family, Form, moved_forms
 from thermal_comp.diagnosis.thresholds import threshold_of
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource, Term
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup, ColumnSource
 from thermal_comp.model.values import NoiseModel
 
 MOST_EFFECTS = 5
@@ -53,7 +53,7 @@ class ScoredForm:
 class Search:
     """The search over one sensor's families."""
 
-    bank: CandidateDesign
+    design: CandidateDesign
     families: Sequence[Family]
     thresholds: Mapping[str, float] | None = None
     vetoed: list[str] = field(default_factory=list)
@@ -67,7 +67,7 @@ class Search:
     @property
     def bic_penalty(self) -> float:
         """Evidence each parameter costs: ln of the number of block means."""
-        return float(np.log(self.bank.rows))
+        return float(np.log(self.design.rows))
 
     def threshold(self, scored: ScoredForm) -> float:
         """Return the evidence the effect needs before it is named."""
@@ -88,7 +88,7 @@ class Search:
     def total(self, forms: Sequence[Form]) -> tuple[float, float, int]:
         """Return evidence, Δχ² and rank of the forms together."""
         terms = [term for form in forms for term in form.terms]
-        delta_chi2, rank = self.bank.solve(terms)
+        delta_chi2, rank = self.design.solve(terms)
         delta_chi2 += sum(self.support.get(form.effect.name, 0.0) for form in forms)
         free = sum(form.free for form in forms)
         return delta_chi2 - (rank + free) * self.bic_penalty, delta_chi2, rank
@@ -122,7 +122,7 @@ class Search:
         columns = [[c for term in form.terms for c in term.columns] for form in forms]
         known = [c for form in chosen for term in form.terms for c in term.columns]
         every = sorted({c for some in columns for c in some})
-        normal, right = self.bank.reduced(known, every)
+        normal, right = self.design.reduced(known, every)
         place = {c: k for k, c in enumerate(every)}
         evidence = np.full(len(forms), -np.inf)
         for count in {len(some) for some in columns}:
@@ -230,7 +230,7 @@ class Search:
             moved = True
             while moved:
                 moved = False
-                trials = moved_forms(self.bank, best, ratio)
+                trials = moved_forms(self.design, best, ratio)
                 gains = [self.total([*others, trial])[1] for trial in trials]
                 if gains and max(gains) > delta_chi2 + 0.1:
                     best, delta_chi2, moved = trials[int(np.argmax(gains))], max(gains), True
@@ -244,7 +244,7 @@ class Search:
         """
         if not any(form.effect.levels_per_cycle for form in chosen):
             return chosen
-        edges = np.concatenate([[-np.inf], *(_cycle_edges(r) for r in self.bank.source.runs)])
+        edges = np.concatenate([[-np.inf], *(_cycle_edges(r) for r in self.design.source.runs)])
         return [
             form
             for form in chosen
@@ -253,37 +253,39 @@ class Search:
 
     def _confirmed_by_cycles(self, chosen: Sequence[Form], form: Form) -> bool:
         """Leave one part out at a time: the effect must help to predict most of them."""
-        bank = self.bank
-        parts = np.unique(bank.cv_group[bank.cv_group > 0])
+        design = self.design
+        parts = np.unique(design.cv_group[design.cv_group > 0])
         if not form.effect.confirmed_by_cycles or len(parts) < 3:
             return True
         before = [term for f in chosen for term in f.terms]
         gains = [
-            held_out_chi_square(bank, before, int(part))
-            - held_out_chi_square(bank, [*before, *form.terms], int(part))
+            held_out_chi_square(design, before, int(part))
+            - held_out_chi_square(design, [*before, *form.terms], int(part))
             for part in parts
         ]
         better = sum(delta_chi2 > 0.0 for delta_chi2 in gains)
         return sum(gains) > 0.0 and better >= 0.6 * len(gains)
 
 
-def held_out_chi_square(bank: CandidateDesign, terms: Sequence[Term], part: int) -> float:
+def held_out_chi_square(design: CandidateDesign, terms: Sequence[ColumnGroup], part: int) -> float:
     """Return χ² of one part, predicted from the others, in whitened rows."""
-    kept = bank.cv_group != part
-    own, common = bank.split_sizes(terms)
-    designs = bank.design(terms)
+    kept = design.cv_group != part
+    own, common = design.split_sizes(terms)
+    own_columns = design.whitened_columns(terms)
     blocks, targets, tests, wanted = [], [], [], []
     for axis in range(3):
-        base = bank.base[axis]
+        base = design.base[axis]
         columns = np.zeros((len(base), 3 * (base.shape[1] + own) + common))
         start = axis * (base.shape[1] + own)
         columns[:, start : start + base.shape[1]] = base
-        columns[:, start + base.shape[1] : start + base.shape[1] + own] = designs[axis][:, :own]
-        columns[:, columns.shape[1] - common :] = designs[axis][:, own:]
+        columns[:, start + base.shape[1] : start + base.shape[1] + own] = own_columns[axis][
+            :, :own
+        ]
+        columns[:, columns.shape[1] - common :] = own_columns[axis][:, own:]
         blocks.append(columns[kept])
-        targets.append(bank.target[axis][kept])
+        targets.append(design.target[axis][kept])
         tests.append(columns[~kept])
-        wanted.append(bank.target[axis][~kept])
+        wanted.append(design.target[axis][~kept])
     train = np.concatenate(blocks)
     normal = train.T @ train
     right = train.T @ np.concatenate(targets)
@@ -303,8 +305,8 @@ def least_delta_chi2(
     if not pairs:
         return {}
     simpler = {effect.name for _, effect in pairs}
-    bank = CandidateDesign(source, sensor, noise, [e for e in known if e.name not in simpler])
-    gains = {e.name: bank.solve([bank.term(e)])[0] for e in known if e.name in simpler}
+    design = CandidateDesign(source, sensor, noise, [e for e in known if e.name not in simpler])
+    gains = {e.name: design.solve([design.term(e)])[0] for e in known if e.name in simpler}
     least: dict[str, float] = {}
     for richer, effect in pairs:
         share = FORM_SHARE if richer.name in effect.flaw_resembles else NESTED_SHARE

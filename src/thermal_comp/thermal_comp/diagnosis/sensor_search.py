@@ -144,14 +144,14 @@ def coupled_support(effect: Effect, searched: Sequence[Found]) -> float:
     all axes is a tilt to the accelerometer in three orientations, but not to the magnetometer.
     """
     equations = []
-    for bank, outcome in searched:
+    for design, outcome in searched:
         known = [
             term
             for named in outcome.named
             if effect.name not in (named.scored.name, *named.ambiguous_with)
             for term in named.scored.form.terms
         ]
-        equations.append(bank.shared_equations(known, bank.term(effect)))
+        equations.append(design.shared_equations(known, design.term(effect)))
     alone = _explained_by(*equations[0])
     normals, rights = zip(*equations, strict=True)
     support = _explained_by(np.sum(normals, axis=0), np.sum(rights, axis=0)) - alone

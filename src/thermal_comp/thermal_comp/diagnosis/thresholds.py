@@ -75,13 +75,13 @@ def reached_without_effect(
         for number, (sensor, model) in enumerate(noise.items()):
             rng = np.random.default_rng([seed, number])
             drawn = [_draw(runs, sensor, model, rng) for _ in range(draws)]
-            bank = CandidateDesign(source, sensor, model, base[sensor])
+            design = CandidateDesign(source, sensor, model, base[sensor])
             # How much an effect of time reaches depends on how well slow noise is known.
             slow = {n: e for n, e in catalogue.items() if e.time_only}
             steady = {n: e for n, e in catalogue.items() if not e.time_only}
-            scored = SlowEffects(source, slow, _fixed_columns(bank, slow))
-            tasks = [pool.submit(_reached_once, scored, bank, base[sensor], d) for d in drawn]
-            for name, values in reached_in_draws(bank, families(bank, steady), drawn).items():
+            scored = SlowEffects(source, slow, _fixed_columns(design, slow))
+            tasks = [pool.submit(_reached_once, scored, design, base[sensor], d) for d in drawn]
+            for name, values in reached_in_draws(design, families(design, steady), drawn).items():
                 found.setdefault(name, []).append(values)
             once = [task.result() for task in tasks]
             for name in {n for some in once for n in some}:
@@ -113,15 +113,15 @@ def _draw(
 
 
 def _fixed_columns(
-    bank: CandidateDesign, catalogue: Mapping[str, type[Effect]]
+    design: CandidateDesign, catalogue: Mapping[str, type[Effect]]
 ) -> dict[Effect, list[FloatArray]]:
-    tried = candidates(bank, catalogue, campaign_of(bank))
+    tried = candidates(design, catalogue, campaign_of(design))
     effects = {part for some in tried.values() for c in some for part in c.effect.parts()}
-    return {e: [run.columns(e, bank.sensor) for run in bank.source.runs] for e in effects}
+    return {e: [run.columns(e, design.sensor) for run in design.source.runs] for e in effects}
 
 
 def _reached_once(
-    scored: SlowEffects, bank: CandidateDesign, base: Sequence[Effect], drawn: Draw
+    scored: SlowEffects, design: CandidateDesign, base: Sequence[Effect], drawn: Draw
 ) -> dict[str, float]:
-    noise = fit_noise_to_values(bank.source.runs, drawn)
-    return scored.reached(CandidateDesign(bank.source, bank.sensor, noise, base, drawn))
+    noise = fit_noise_to_values(design.source.runs, drawn)
+    return scored.reached(CandidateDesign(design.source, design.sensor, noise, base, drawn))

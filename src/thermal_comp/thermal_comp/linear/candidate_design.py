@@ -37,7 +37,7 @@ class ColumnSource:
 
     They are those of the smoothed temperature: a diagnosis has the whole run before it and need
     not be causal, and what the thermometer's noise does to rates, short lags and plays would make
-    one of them look better than the other. The noise itself is a column of every bank.
+    one of them look better than the other. The noise itself is a column of every design.
     """
 
     def __init__(self, runs: Sequence[PreparedRun]) -> None:
@@ -78,7 +78,7 @@ def smoothing_width(temperature: FloatArray, step: float) -> float:
     return float(np.clip(width, NARROWEST, WIDEST))
 
 
-__all__ = ['RANK_TOLERANCE', 'CandidateDesign', 'ColumnSource', 'Term']
+__all__ = ['RANK_TOLERANCE', 'CandidateDesign', 'ColumnSource', 'ColumnGroup']
 
 
 ROOM = 640
@@ -86,8 +86,8 @@ ROOM = 640
 
 
 @dataclass(frozen=True)
-class Term:
-    """Columns of the bank that belong together: one effect in one form."""
+class ColumnGroup:
+    """Columns of the design that belong together: one effect in one form."""
 
     columns: tuple[int, ...]
     shared: bool = False
@@ -120,7 +120,7 @@ class CandidateDesign:
         self.cv_group: IntArray = np.concatenate(
             [run.cv_group[ok] for run, ok in zip(runs, self.valid, strict=True)]
         )
-        self._terms: dict[Effect, Term] = {}
+        self._terms: dict[Effect, ColumnGroup] = {}
         self._columns = np.zeros((3, self.rows, ROOM))
         self.normal = np.zeros((3, ROOM, ROOM))
         self.right = np.zeros((3, ROOM))
@@ -146,11 +146,11 @@ class CandidateDesign:
         """χ² of the residual of the base model."""
         return float((self.target**2).sum())
 
-    def term(self, effect: Effect) -> Term:
-        """Return the effect's columns in the bank, computed on first use."""
+    def term(self, effect: Effect) -> ColumnGroup:
+        """Return the effect's columns in the design, computed on first use."""
         return self.terms([effect])[0]
 
-    def terms(self, effects: Sequence[Effect]) -> list[Term]:
+    def terms(self, effects: Sequence[Effect]) -> list[ColumnGroup]:
         """Return the columns of several effects, computed together where they are new."""
         new = [effect for effect in dict.fromkeys(effects) if effect not in self._terms]
         if new:
@@ -158,13 +158,13 @@ class CandidateDesign:
             place = self._append([columns for columns, _ in evaluated])
             for effect, (columns, shared) in zip(new, evaluated, strict=True):
                 stop = place + columns.shape[2]
-                self._terms[effect] = Term(tuple(range(place, stop)), shared)
+                self._terms[effect] = ColumnGroup(tuple(range(place, stop)), shared)
                 place = stop
         return [self._terms[effect] for effect in effects]
 
     def generic_terms(
         self, functions: Sequence[tuple[Callable[[PreparedRun], FloatArray], bool]]
-    ) -> list[Term]:
+    ) -> list[ColumnGroup]:
         """Return the columns (m, p) each function makes of a run's block means; True: per run."""
         runs = self.source.runs
         made = []
@@ -175,9 +175,9 @@ class CandidateDesign:
         stops = place + np.cumsum([columns.shape[1] for columns in made])
         starts = [place, *stops[:-1].tolist()]
         pairs = zip(starts, stops.tolist(), strict=True)
-        return [Term(tuple(range(start, stop))) for start, stop in pairs]
+        return [ColumnGroup(tuple(range(start, stop))) for start, stop in pairs]
 
-    def solve(self, terms: Sequence[Term]) -> tuple[float, int]:
+    def solve(self, terms: Sequence[ColumnGroup]) -> tuple[float, int]:
         """Return the χ² the terms explain together and the rank they use."""
         own, common = self._split(terms)
         gain, rank, shared_normal, shared_right = self._eliminated(own, common)
@@ -188,7 +188,9 @@ class CandidateDesign:
             rank += used
         return gain, rank
 
-    def shared_equations(self, known: Sequence[Term], term: Term) -> tuple[FloatArray, FloatArray]:
+    def shared_equations(
+        self, known: Sequence[ColumnGroup], term: ColumnGroup
+    ) -> tuple[FloatArray, FloatArray]:
         """Return normal matrix and right-hand side of a shared term beside known ones.
 
         They are those of its coefficients in their own units: equations of several sensors that
@@ -238,7 +240,7 @@ class CandidateDesign:
             right[axis] = self.right[axis][list(columns)] - cross.T @ answer[:, 0]
         return normal, right
 
-    def design(self, terms: Sequence[Term]) -> list[FloatArray]:
+    def whitened_columns(self, terms: Sequence[ColumnGroup]) -> list[FloatArray]:
         """Return per axis the (rows, p) whitened columns, those shared last."""
         own, common = self._split(terms)
         return [self._columns[axis][:, [*own, *common]] for axis in range(3)]
@@ -259,13 +261,13 @@ class CandidateDesign:
         gains = self.whitening.gains_of(run, axis)
         return apply_gains(columns[self.valid[run]], gains), self.whitening.rows_of(run)
 
-    def split_sizes(self, terms: Sequence[Term]) -> tuple[int, int]:
+    def split_sizes(self, terms: Sequence[ColumnGroup]) -> tuple[int, int]:
         """Return how many columns each axis has of its own and how many are shared."""
         own, common = self._split(terms)
         return len(own), len(common)
 
     @staticmethod
-    def _split(terms: Sequence[Term]) -> tuple[list[int], list[int]]:
+    def _split(terms: Sequence[ColumnGroup]) -> tuple[list[int], list[int]]:
         own = [c for term in terms if not term.shared for c in term.columns]
         common = [c for term in terms if term.shared for c in term.columns]
         return own, common

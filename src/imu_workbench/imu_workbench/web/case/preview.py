@@ -64,8 +64,8 @@ def preview_task(
     model = model_from_text(model_text, catalogue)
     base = tuple(e for e in model.sensors[sensor].effects if e.name != effect)
     noise = model.sensors[sensor].noise or noise_of_runs(runs, sensor)[0]
-    bank = CandidateDesign(ColumnSource(runs), sensor, noise, base)
-    found = Search(bank, families(bank, {effect: catalogue[effect]})).ranking([])
+    design = CandidateDesign(ColumnSource(runs), sensor, noise, base)
+    found = Search(design, families(design, {effect: catalogue[effect]})).ranking([])
     if not found:
         raise ModelError(f'{effect} leaves no trace in these runs that could be fitted')
     best = found[0].form.effect
