@@ -7,8 +7,8 @@ from imu_workbench.web.case.learn_page import (
     error_bars_html,
     evidence_text,
     finding_text,
-    parameter_text,
 )
+from imu_workbench.web.case.version import parameter_text
 
 
 def test_bars_grow_with_the_error_and_say_it_with_its_unit():

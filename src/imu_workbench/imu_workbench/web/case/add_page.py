@@ -12,8 +12,7 @@ from nicegui import events, ui
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
-from imu_workbench.web.case.learn_page import parameter_text
-from imu_workbench.web.case.version import Version
+from imu_workbench.web.case.version import Version, parameter_text
 from imu_workbench.web.plot import Look, Plot
 from imu_workbench.web.session import Session
 

@@ -12,10 +12,11 @@ from typing import Any
 from nicegui import ui
 from thermal_comp.experiment.design import SEPARATING_EVIDENCE
 from thermal_comp.presentation.diagnosis import VERDICTS
-from thermal_comp.presentation.display import DISPLAY_UNITS, fixed, shown, with_uncertainty
+from thermal_comp.presentation.display import DISPLAY_UNITS, fixed, shown
 
 from imu_workbench.web.case.next_experiment import profile_figure
 from imu_workbench.web.case.preview import EffectPreview, preview_figure
+from imu_workbench.web.case.version import parameter_text
 from imu_workbench.web.case.view import timeline_of
 from imu_workbench.web.plot import Look, Plot
 from imu_workbench.web.session import Session
@@ -282,16 +283,6 @@ def error_bars_html(values: Mapping[str, float | None], unit: str) -> str:
             f'<span class="number">{shown(value)} {unit}</span>'
         )
     return f'<div class="error-bars">{rows}</div>'
-
-
-def parameter_text(value: Any, std: Any) -> str:
-    """Return value ± standard deviation, or a list of them."""
-    if isinstance(value, list):
-        spread = std if isinstance(std, list) else [None] * len(value)
-        return ', '.join(with_uncertainty(v, s) for v, s in zip(value, spread, strict=True))
-    if isinstance(std, list):
-        std = std[0] if std else None
-    return with_uncertainty(value, std)
 
 
 def explanation_html(told: Mapping[str, Any]) -> str:

@@ -14,6 +14,7 @@ from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.file import load_model, save_model
 from thermal_comp.model.values import NoiseModel, ThermalModel
+from thermal_comp.presentation.display import with_uncertainty
 
 from imu_workbench.answer import plain
 from imu_workbench.web.case.run_blocks import RunBlocks, blocks_of_runs
@@ -86,6 +87,16 @@ def model_from_text(text: str, catalogue: Mapping[str, type[Effect]]) -> Thermal
         path = Path(folder) / 'model.yaml'
         path.write_text(text, 'utf-8')
         return load_model(path, catalogue)
+
+
+def parameter_text(value: Any, std: Any) -> str:
+    """Return value ± standard deviation, or a list of them."""
+    if isinstance(value, list):
+        spread = std if isinstance(std, list) else [None] * len(value)
+        return ', '.join(with_uncertainty(v, s) for v, s in zip(value, spread, strict=True))
+    if isinstance(std, list):
+        std = std[0] if std else None
+    return with_uncertainty(value, std)
 
 
 def _terms(model: ThermalModel) -> list[dict[str, Any]]:
