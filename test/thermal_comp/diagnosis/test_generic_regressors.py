@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A residual that follows one variable is explained best by the regressor of that variable."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from thermal_comp.data.preparation import prepare
+from thermal_comp.diagnosis.dependence import strongest_regressor
+from thermal_comp.diagnosis.generic_regressors import generic_regressors, moisture
+from thermal_comp.diagnosis.search import Search
+from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
+from thermal_comp.noise.estimation import fit_noise
+
+from ..campaign import WHITE, chamber, run
+
+TIME, DIE, _, CYCLE = chamber(3, 20.0)
+SIZE = 20.0 * WHITE['angular_velocity'] * np.array([1.0, -0.6, 0.8])
+LAWS = {
+    'temperature': np.abs(np.abs((DIE - 20.0) / 10.0) - 1.5),
+    'rate': np.gradient(DIE, TIME) * 100.0,
+    'cycle': (CYCLE == 2).astype(float),
+}
+
+
+@pytest.mark.parametrize('variable', LAWS)
+def test_the_regressor_of_the_variable_explains_most(variable: str) -> None:
+    error = {'angular_velocity': np.multiply.outer(LAWS[variable], SIZE)}
+    runs = prepare([run(up, seed=3, cycles=3, period=20.0, error=error) for up in ('+x', '+z')])
+    base = [BiasTemperature()]
+    noise = fit_noise(prepare([run(seed=3, cycles=3, period=20.0)]), 'gyroscope')
+    design = CandidateDesign(ColumnSource(runs), 'gyroscope', noise, base)
+    strongest = strongest_regressor(Search(design, []), generic_regressors(design), [])
+    assert strongest is not None
+    assert strongest.regressor.depends_on == variable
+    assert strongest.evidence > 100.0
+
+
+def test_channels_have_a_regressor_only_where_they_were_logged() -> None:
+    runs = prepare([run(seed=1, cycles=3, period=20.0)])
+    noise = fit_noise(runs, 'gyroscope')
+    design = CandidateDesign(ColumnSource(runs), 'gyroscope', noise, [BiasTemperature()])
+    asked = {regressor.depends_on for regressor in generic_regressors(design)}
+    assert {'temperature', 'branch', 'rate', 'time', 'orientation', 'phase', 'cycle'} == asked
+
+
+def test_cold_air_holds_no_more_water_than_its_saturation() -> None:
+    (plain,) = prepare([run(cycles=1, period=20.0)])
+    air = np.array(plain.conditions.temperature)
+    logged = replace(plain, conditions=replace(plain.conditions, chamber_temperature=air))
+    humidity = moisture(logged)
+    assert humidity.shape == (len(logged), 9)
+    assert humidity.max() <= 1.0
+    assert humidity.min() > 0.0
