@@ -6,7 +6,7 @@ import threading
 from imu_driver.board.sample import Sample
 from imu_driver.driver import QUEUE_CAPACITY, SampleQueue
 
-DEADLINE = 20.0
+DEADLINE = 120.0
 
 
 def samples(first: int, count: int) -> list[Sample]:

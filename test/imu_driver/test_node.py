@@ -22,7 +22,7 @@ from std_srvs.srv import Trigger
 from imu_recording import ImuRecording, write_bag
 
 TYPES = {'imu/data_raw': Imu, 'imu/mag': MagneticField, 'imu/temperature': Temperature}
-DEADLINE = 20.0
+DEADLINE = 120.0
 
 
 class Captured:

@@ -74,7 +74,7 @@ def test_a_broken_serial_line_heals(emulator, fault: str) -> None:
         chamber.read()
     clock[0] = 16.0
     wire_of(chamber).timeout_s = 1.0
-    deadline = time.monotonic() + 10.0
+    deadline = time.monotonic() + 60.0
     while time.monotonic() < deadline:
         try:
             chamber.connect()

@@ -20,7 +20,7 @@ from imu_driver.emulator.emulated_device import Emulator
 from imu_driver.emulator.faults import Fault, FaultSchedule
 from imu_driver.emulator.port import PtyPort, TcpPort
 
-DEADLINE = 10.0
+DEADLINE = 120.0
 
 
 class Running:

@@ -18,7 +18,7 @@ from imu_driver.wire.frames import CommandCode, CommandFrame, DataFrame, Frame, 
 
 PROGRAM = 'import sys; from imu_driver.emulator.emulated_device import main; sys.exit(main())'
 COMMAND = [sys.executable, '-c', PROGRAM]
-DEADLINE = 30.0
+DEADLINE = 120.0
 
 
 def frames_from(handle: int, decoder: FrameDecoder) -> Iterator[Frame]:
