@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects import EFFECTS
-from thermal_comp.linear.candidate_design import NARROWEST, WIDEST, smoothing_width
+from thermal_comp.linear.candidate_design import NARROWEST_S, WIDEST_S, smoothing_width
 
 STEP = 5.0
 TIME = np.arange(4000) * STEP
@@ -31,8 +31,8 @@ def test_noisier_thermometers_are_smoothed_wider() -> None:
     widths = [smoothing_width(noisy(noise), STEP) for noise in (0.005, 0.023, 0.06)]
     assert widths == sorted(widths)
     assert widths[1] == pytest.approx(20.0, rel=0.05)
-    assert smoothing_width(ramps(), STEP) == NARROWEST
-    assert smoothing_width(noisy(5.0), STEP) == WIDEST
+    assert smoothing_width(ramps(), STEP) == NARROWEST_S
+    assert smoothing_width(noisy(5.0), STEP) == WIDEST_S
 
 
 def test_ramps_are_not_taken_for_noise() -> None:

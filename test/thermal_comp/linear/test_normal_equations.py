@@ -19,7 +19,7 @@ NAMES = ('bias_temperature', 'bias_temperature_curvature', 'thermal_lag', 'therm
 def test_piecewise_normal_equations_give_numpys_least_squares(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(gram_module, 'PIECE', 333)
+    monkeypatch.setattr(gram_module, 'SAMPLES_AT_A_TIME', 333)
     recording = run()
     conditions = static_conditions(recording)
     effects = [EFFECTS[name]() for name in NAMES]

@@ -21,10 +21,10 @@ from thermal_comp.linear.whitening import apply_transposed
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.process import mean_autocovariance, toeplitz_product
 
-SEEN = 0.02
+LEAST_POWER_SHARE = 0.02
 """Share of a column's power below which the rest does not tell its coefficient: a block that
 straddles two cycles shows a little of both."""
-LEVEL_SEEN = 0.2
+LEAST_LEVEL_POWER_SHARE = 0.2
 """The same for what is a level in a part of a run: half an hour after the last cycle hardly tells
 the level of that cycle."""
 
@@ -106,10 +106,10 @@ def _held_out_rows(
 
 def _unseen(training: Design, power: FloatArray) -> list[int]:
     """Return the unknowns of which the training parts hold too small a share of the power."""
-    least = np.full(training.size, SEEN)
+    least = np.full(training.size, LEAST_POWER_SHARE)
     for term in training.terms:
         if term.effect.per_run:
-            least[term.unknowns] = LEVEL_SEEN
+            least[term.unknowns] = LEAST_LEVEL_POWER_SHARE
     seen = _power(training) / np.maximum(power, 1e-300)
     return [int(j) for j in np.flatnonzero(seen < least)]
 

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from thermal_comp.data.preparation import PreparedRun
 
-BIN_C = 10.0
+TEMPERATURE_BIN_C = 10.0
 """Width of a temperature bin [°C]."""
-STEADY_C_PER_MIN = 0.2
+STEADY_RATE_C_PER_MIN = 0.2
 """Below this rate of the die temperature a block is on no branch [°C/min]."""
-SMALLEST_GROUP = 5
+LEAST_BLOCKS_IN_GROUP = 5
 """Fewer blocks make no group."""
-LISTED = 16
+GROUPS_LISTED = 16
 """Groups kept, worst first."""
 
 
@@ -61,12 +61,12 @@ def rank_where(
         group = member[seen][inside]
         blocks = np.bincount(group, minlength=len(labels))
         sums = [np.bincount(group, w, len(labels)) for w in (*squares[inside].T, weighed[inside])]
-        for k in np.flatnonzero(blocks >= SMALLEST_GROUP):
+        for k in np.flatnonzero(blocks >= LEAST_BLOCKS_IN_GROUP):
             *rms, ratio = (float(np.sqrt(total[k] / blocks[k])) for total in sums)
             names = dict(zip(keys, labels[k], strict=True))
             found.append(Where(names, np.array(rms), ratio, int(blocks[k])))
     found.sort(key=lambda where: -where.ratio)
-    return tuple(found[:LISTED])
+    return tuple(found[:GROUPS_LISTED])
 
 
 Grouping = tuple[tuple[str, ...], list[tuple[Any, ...]], IntArray]
@@ -78,7 +78,8 @@ def groupings(runs: Sequence[PreparedRun]) -> list[Grouping]:
     phase = np.concatenate([run.phase for run in runs])
     cycle = np.concatenate([run.cycle for run in runs])
     both = np.where((phase >= 0) & (cycle > 0), cycle * len(PHASES) + phase, -1)
-    low = np.floor(np.concatenate([run.temperature for run in runs]) / BIN_C).astype(np.int64)
+    temperature = np.concatenate([run.temperature for run in runs])
+    low = np.floor(temperature / TEMPERATURE_BIN_C).astype(np.int64)
     ways = [
         _grouped(('phase',), phase, phase >= 0, lambda k: (PHASES[k],)),
         _grouped(('cycle',), cycle, cycle > 0, lambda k: (k,)),
@@ -120,7 +121,7 @@ def branches(run: PreparedRun) -> IntArray:
     if len(run) < 2:
         return np.zeros(len(run), dtype=np.int64)
     rate = np.gradient(run.temperature, run.time) * 60.0
-    return np.where(np.abs(rate) > STEADY_C_PER_MIN, np.sign(rate), 0.0).astype(np.int64)
+    return np.where(np.abs(rate) > STEADY_RATE_C_PER_MIN, np.sign(rate), 0.0).astype(np.int64)
 
 
 def _bin_name(number: int) -> str:
@@ -129,8 +130,8 @@ def _bin_name(number: int) -> str:
     >>> _bin_name(-1)
     '-10 … 0 °C'
     """
-    low = int(number * BIN_C)
-    return f'{low} … {low + int(BIN_C)} °C'
+    low = int(number * TEMPERATURE_BIN_C)
+    return f'{low} … {low + int(TEMPERATURE_BIN_C)} °C'
 
 
 def orientation(run: PreparedRun) -> str:

@@ -159,7 +159,7 @@ def _fill(jacobian: FloatArray, columns: FloatArray) -> None:
 
 TIMEOUT_S = 10.0
 """Age from which a die temperature is not used [s]."""
-PIECE = 50_000
+ROWS_AT_A_TIME = 50_000
 """Rows taken at a time, to bound memory."""
 
 
@@ -294,8 +294,8 @@ def _sensor(model: ThermalModel, conditions: Conditions) -> _Found:
     skipped: dict[str, int] = {}
     plan = plan_of(model.sensors[conditions.sensor])
     states: tuple[State | None, ...] | None = None
-    for start in range(0, len(conditions), PIECE):
-        rows = slice(start, start + PIECE)
+    for start in range(0, len(conditions), ROWS_AT_A_TIME):
+        rows = slice(start, start + ROWS_AT_A_TIME)
         part = sensor_error(plan, conditions.rows(rows), states, uncertain=False)
         error[rows], outside[rows], states = part.error, part.clamped, part.states
         for name, missing in part.skipped.items():

@@ -14,11 +14,11 @@ from thermal_comp.data.preparation import PreparedRun
 TOLD_BY: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
 """Sensors whose temperature slopes differ from device to device far more than from run to run
 (Betta et al. 2022, Tables III and IV); a magnetometer's follow the field around it."""
-UNLIKE = 0.5
+SLOPE_DIFFERENCE_SHARE = 0.5
 """Slopes further apart than this share of the larger are not of one device …"""
-MOST_AXES = 0.6
+UNLIKE_AXES_SHARE = 0.6
 """… where more than this share of the axes says so."""
-SIGNIFICANT = 10.0
+SLOPE_DIFFERENCE_SIGMA = 10.0
 """Standard errors of independent residuals that a difference must exceed."""
 
 
@@ -32,10 +32,10 @@ def unnamed_warning(runs: Sequence[PreparedRun]) -> str:
     for run, (slope, error) in zip(unnamed[1:], slopes[1:], strict=True):
         first, first_error = slopes[0]
         apart = np.abs(slope - first)
-        unlike = apart > UNLIKE * np.maximum(np.abs(slope), np.abs(first))
-        unlike &= apart > SIGNIFICANT * np.hypot(error, first_error)
+        unlike = apart > SLOPE_DIFFERENCE_SHARE * np.maximum(np.abs(slope), np.abs(first))
+        unlike &= apart > SLOPE_DIFFERENCE_SIGMA * np.hypot(error, first_error)
         axes = int(np.isfinite(apart).sum())
-        if axes and unlike.sum() > MOST_AXES * axes:
+        if axes and unlike.sum() > UNLIKE_AXES_SHARE * axes:
             return (
                 f'runs {unnamed[0].name} and {run.name} name no device and look like two: '
                 f'{int(unlike.sum())} of {axes} axes change differently with temperature; fit '

@@ -15,7 +15,7 @@ from thermal_comp.model.values import ModelError
 Effects = Sequence[Effect] | Mapping[Sensor, Sequence[Effect]]
 """One list for all sensors (each takes those that can act on it), or one per sensor."""
 
-SMALLEST_SPAN = 2.0
+LEAST_SPAN_K = 2.0
 """Least span of die temperature [K] a model can be fitted to."""
 
 
@@ -42,10 +42,10 @@ def check_temperature(runs: Sequence[PreparedRun]) -> tuple[float, float]:
     """Return the range of die temperature [°C]; refuse one that shows no dependence."""
     low = min(float(run.conditions.temperature.min()) for run in runs)
     high = max(float(run.conditions.temperature.max()) for run in runs)
-    if high - low < SMALLEST_SPAN:
+    if high - low < LEAST_SPAN_K:
         raise ModelError(
             f'the die temperature stays within {low:.2f} … {high:.2f} °C; '
-            f'a thermal model needs a span of at least {SMALLEST_SPAN:g} K'
+            f'a thermal model needs a span of at least {LEAST_SPAN_K:g} K'
         )
     return low, high
 

@@ -14,9 +14,9 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.design import Design, Term
 from thermal_comp.linear.normal_equations import solve
 
-GRID = 13
+GRID_POINTS = 13
 """Points of the first search along one logarithmic parameter; linear ones take three times."""
-SWEEPS = 3
+GRID_SWEEPS = 3
 """Rounds over all parameters before all are refined together."""
 
 
@@ -44,7 +44,7 @@ class ShapeScale:
 
     def grid(self) -> FloatArray:
         """Return points on the search scale over the whole range."""
-        count = GRID if self.logarithmic else 3 * GRID
+        count = GRID_POINTS if self.logarithmic else 3 * GRID_POINTS
         return np.linspace(self.forward(self.low), self.forward(self.high), count)
 
 
@@ -128,7 +128,7 @@ def _refine(design: Design, term: Term, duration: float, *, globally: bool) -> D
 
     values = shape_values(term.effect, scales)
     if globally:
-        for _ in range(1 if len(scales) == 1 else SWEEPS):
+        for _ in range(1 if len(scales) == 1 else GRID_SWEEPS):
             for k, scale in enumerate(scales):
                 values = _along(cost, values, k, scale.grid())
     if len(scales) == 1:
@@ -165,7 +165,7 @@ def _by_rows(
         if not scale.logarithmic:
             spacing = float(np.diff(scale.grid()[:2])[0])
             for near in (0.2, 0.02):
-                nearby = values[k] + near * spacing * np.linspace(-1.0, 1.0, GRID)
+                nearby = values[k] + near * spacing * np.linspace(-1.0, 1.0, GRID_POINTS)
                 values = _along(cost, values, k, np.clip(nearby, *scale.grid()[[0, -1]]))
     return values
 

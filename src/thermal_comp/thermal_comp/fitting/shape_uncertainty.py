@@ -21,15 +21,15 @@ from thermal_comp.fitting.shape_search import ShapeScale, shape_scales, shape_va
 from thermal_comp.linear.design import Design, Term
 from thermal_comp.linear.normal_equations import Solution, solve
 
-FIRST, WIDEST = 0.01, 0.1
+FIRST_HALF_SECANT, WIDEST_HALF_SECANT = 0.01, 0.1
 """Half a secant, as a share of the range that is searched: at first, and at most."""
-SETTLED = 1.5
+SETTLED_RATIO = 1.5
 """Ratio of standard deviation and half secant that counts as one."""
-ROUNDS = 6
-SURFACE = 'device_temperature'
+MOST_ROUNDS = 6
+SURFACE_CHANNEL = 'device_temperature'
 SURFACE_STD = 0.3
 """How well a thermometer on the device tells the temperature of its surface [K]."""
-ROOT = 3.0**0.5
+UNIFORM_HALF_WIDTH = 3.0**0.5
 """Half width of a uniform distribution, in standard deviations."""
 
 
@@ -83,7 +83,7 @@ class Direction:
     def fitted(self, std: float) -> Direction:
         """Return the direction with a secant as wide as its standard deviation, within bounds."""
         grid = self.scales[self.k].grid()
-        most = WIDEST * float(grid[-1] - grid[0])
+        most = WIDEST_HALF_SECANT * float(grid[-1] - grid[0])
         return replace(self, width=min(max(self.on_scale(std), self.least), most))
 
 
@@ -92,7 +92,7 @@ def solve_with_shapes(design: Design, estimate: FloatArray) -> tuple[Design, Sol
     directions = _directions(design)
     if not directions:
         return design, solve(design.equations())
-    for _ in range(ROUNDS):
+    for _ in range(MOST_ROUNDS):
         wider = _with_columns(design, directions, estimate)
         solution = solve(wider.equations())
         starts = {term.effect: term.start for term in wider.terms}
@@ -100,7 +100,7 @@ def solve_with_shapes(design: Design, estimate: FloatArray) -> tuple[Design, Sol
         std = np.sqrt(solution.covariance[at, at])
         after = [d.fitted(s) if s > 0.0 else d for d, s in zip(directions, std, strict=True)]
         ratios = [a.width / b.width for a, b in zip(after, directions, strict=True)]
-        if all(1.0 / SETTLED < ratio < SETTLED for ratio in ratios):
+        if all(1.0 / SETTLED_RATIO < ratio < SETTLED_RATIO for ratio in ratios):
             break
         directions = after
     return wider, _with_surface_doubt(wider, solution, estimate)
@@ -114,9 +114,9 @@ def _with_surface_doubt(design: Design, solution: Solution, estimate: FloatArray
     """
     covariance = solution.covariance
     for term in design.terms:
-        if SURFACE not in term.effect.optional_channels:
+        if SURFACE_CHANNEL not in term.effect.optional_channels:
             continue
-        column = ShapeDirection(term.effect.name, SURFACE)
+        column = ShapeDirection(term.effect.name, SURFACE_CHANNEL)
         raw = dict(design.raw)
         for run in range(len(design.runs)):
             ends = [_with_surface_offset(design.runs[run], sign) for sign in (-0.5, 0.5)]
@@ -155,9 +155,10 @@ def resolution_std(design: Design, column: ShapeDirection) -> float:
     radian over a run, as the clock it beats against wanders.
     """
     direction = next(d for d in _directions(design) if d.column == column)
-    if direction.scales[direction.k].unit == 'Hz':
-        return float(direction.scales[direction.k].back(direction.value)) * direction.least / ROOT
-    return 1.5 * direction.least / ROOT if _by_rows(design, direction) else 0.0
+    scale = direction.scales[direction.k]
+    if scale.unit == 'Hz':
+        return scale.back(direction.value) * direction.least / UNIFORM_HALF_WIDTH
+    return 1.5 * direction.least / UNIFORM_HALF_WIDTH if _by_rows(design, direction) else 0.0
 
 
 def _directions(design: Design) -> list[Direction]:
@@ -168,7 +169,7 @@ def _directions(design: Design) -> list[Direction]:
         scales = shape_scales(term.effect, duration)
         for k, scale in enumerate(scales):
             span = float(scale.grid()[-1] - scale.grid()[0])
-            start = Direction(term, scales, k, FIRST * span, 1e-9 * span)
+            start = Direction(term, scales, k, FIRST_HALF_SECANT * span, 1e-9 * span)
             if scale.unit == 'Hz':
                 least = start.on_scale(1.0 / (2.0 * np.pi * duration))
                 start = replace(start, least=least)

@@ -20,15 +20,15 @@ from thermal_comp.model.values import NoiseModel
 
 SMOOTHING_S = 20.0
 """Standard deviation of the filter that tells the thermometer's noise from temperature [s] …"""
-SMOOTHED_NOISE = 0.023
+SMOOTHED_NOISE_K = 0.023
 """… where rows have this noise [K] …"""
-SMOOTHED_PERIOD = 5.0
+SMOOTHED_PERIOD_S = 5.0
 """… and this distance [s].
 
 A derivative through a Gaussian of width w carries noise of variance noise² · period / w³, corners
 of the profile are blurred in proportion to w: the least sum lies at w⁴ ∝ noise² · period.
 """
-NARROWEST, WIDEST = 5.0, 40.0
+NARROWEST_S, WIDEST_S = 5.0, 40.0
 """Bounds of the filter's width [s]."""
 
 
@@ -74,14 +74,14 @@ def smoothing_width(temperature: FloatArray, step: float) -> float:
     """Return the standard deviation of the filter [s] for rows `step` [s] apart."""
     bends = np.abs(np.diff(temperature, 2))
     noise = float(bends.mean() * np.sqrt(np.pi / 2.0 / 6.0)) if len(bends) else 0.0
-    width = SMOOTHING_S * (noise / SMOOTHED_NOISE) ** 0.5 * (step / SMOOTHED_PERIOD) ** 0.25
-    return float(np.clip(width, NARROWEST, WIDEST))
+    width = SMOOTHING_S * (noise / SMOOTHED_NOISE_K) ** 0.5 * (step / SMOOTHED_PERIOD_S) ** 0.25
+    return float(np.clip(width, NARROWEST_S, WIDEST_S))
 
 
 __all__ = ['RANK_TOLERANCE', 'CandidateDesign', 'ColumnSource', 'ColumnGroup']
 
 
-ROOM = 640
+FIRST_COLUMN_CAPACITY = 640
 """Columns there is room for at first; memory that is not written to costs nothing."""
 
 
@@ -121,9 +121,9 @@ class CandidateDesign:
             [run.cv_group[ok] for run, ok in zip(runs, self.valid, strict=True)]
         )
         self._terms: dict[Effect, ColumnGroup] = {}
-        self._columns = np.zeros((3, self.rows, ROOM))
-        self.normal = np.zeros((3, ROOM, ROOM))
-        self.right = np.zeros((3, ROOM))
+        self._columns = np.zeros((3, self.rows, FIRST_COLUMN_CAPACITY))
+        self.normal = np.zeros((3, FIRST_COLUMN_CAPACITY, FIRST_COLUMN_CAPACITY))
+        self.right = np.zeros((3, FIRST_COLUMN_CAPACITY))
         self._size = np.zeros(0)
         self.width = 0
         levels = stack_runs([np.ones((len(slot), 1)) for slot in slots], per_run=True)

@@ -36,7 +36,7 @@ def pseudo_solve(
     return answer, int(kept.sum())
 
 
-DEPENDENT = 1e-10
+LEAST_NEW_POWER = 1e-10
 """A column of which less than this share of its power is new depends on the columns before it."""
 
 
@@ -117,7 +117,7 @@ def _independent(
         k = len(kept)
         row = solve_triangular(factor[:k, :k], gram[kept, j], lower=True) if k else np.zeros(0)
         pivot = gram[j, j] - row @ row
-        if pivot > DEPENDENT:
+        if pivot > LEAST_NEW_POWER:
             factor[k, :k] = row
             factor[k, k] = np.sqrt(pivot)
             kept.append(j)
@@ -127,7 +127,7 @@ def _independent(
     return np.asarray(kept, dtype=np.int64), factor, held
 
 
-PIECE = 16_384
+SAMPLES_AT_A_TIME = 16_384
 """Samples taken at a time; columns of a piece stay in the processor's cache."""
 
 
@@ -167,10 +167,10 @@ def gram(
     total = np.zeros((0, 0))
     states: list[State | None] = [None] * len(effects)
     # A level the run's own takes up anyway: without it small residuals drown in large sums.
-    medians = [np.nanmedian(values[:PIECE], axis=0) for values in measured]
+    medians = [np.nanmedian(values[:SAMPLES_AT_A_TIME], axis=0) for values in measured]
     shift = np.nan_to_num(np.concatenate(medians))[:, None]
-    for start in range(0, len(conditions), PIECE):
-        rows = slice(start, start + PIECE)
+    for start in range(0, len(conditions), SAMPLES_AT_A_TIME):
+        rows = slice(start, start + SAMPLES_AT_A_TIME)
         part = conditions.rows(rows)
         stacked = [np.ones((len(part), 1))]
         for k, effect in enumerate(effects):

@@ -15,7 +15,7 @@ from thermal_comp.model.values import ModelError, NoiseModel
 from thermal_comp.noise.estimation import effects_beyond, fit_noise
 from thermal_comp.noise.projection import LEAST_BLOCKS
 
-SMALLEST = 1e-12
+FINEST_RESOLUTION = 1e-12
 """Least noise of a mean, as a share of the largest value: no measurement is better resolved."""
 
 
@@ -93,4 +93,4 @@ def _scatter(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray:
         degrees += max(len(values) - 2, 0)
         largest = max(largest, float(np.abs(values).max()))
     scatter: FloatArray = np.sqrt(squares / max(degrees, 1))
-    return np.maximum(scatter, max(SMALLEST * largest, 1e-300))
+    return np.maximum(scatter, max(FINEST_RESOLUTION * largest, 1e-300))

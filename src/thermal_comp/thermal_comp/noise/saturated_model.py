@@ -16,16 +16,16 @@ from thermal_comp.linear.columns import orthonormal
 if TYPE_CHECKING:
     from thermal_comp.data.preparation import PreparedRun
 
-LAGS = (60.0, 180.0, 540.0, 1620.0)
+LAGS_S = (60.0, 180.0, 540.0, 1620.0)
 """Time constants [s] of the lagged temperatures it offers."""
 
 BRANCH_LAG_S = 120.0
 """The temperature rises where it is above itself through this lag [s]."""
 
-HALF_WIDTHS = (1.5, 4.0, 8.0, 16.0)
+HALF_WIDTHS_K = (1.5, 4.0, 8.0, 16.0)
 """Half-widths [K] of the plays it offers."""
 
-ICE = ((900.0, 400.0), (3600.0, 400.0), (900.0, 1600.0))
+ICE_TIMES_S = ((900.0, 400.0), (3600.0, 400.0), (900.0, 1600.0))
 """Growth and melt times [s] of the ice it offers."""
 
 WEAKEST_DIRECTION = 1e-5
@@ -59,10 +59,10 @@ def _repeatable(run: PreparedRun) -> list[FloatArray]:
     branch = np.sign(temperature - follow(time, temperature, BRANCH_LAG_S, held=True)[0])
     spline = _spline(temperature)
     blocks = [np.ones((len(time), 1)), spline, spline * branch[:, None]]
-    lagged = [follow(time, temperature, lag, held=True)[0] for lag in LAGS]
+    lagged = [follow(time, temperature, lag, held=True)[0] for lag in LAGS_S]
     blocks += [(temperature - followed)[:, None] for followed in lagged]
-    blocks += [play(temperature, width)[0][:, None] for width in HALF_WIDTHS]
-    ice = [grow_and_melt(time, temperature, grow, melt)[0] for grow, melt in ICE]
+    blocks += [play(temperature, width)[0][:, None] for width in HALF_WIDTHS_K]
+    ice = [grow_and_melt(time, temperature, grow, melt)[0] for grow, melt in ICE_TIMES_S]
     blocks.append(np.stack(ice, axis=1))
     for name in CHANNELS:
         values = getattr(run.block_conditions, name)
