@@ -333,13 +333,13 @@ def check_recording(
     for sensor, name in SENSOR_FIELDS.items():
         values = getattr(recording, name)
         bad = np.zeros(len(values), dtype=bool)
-        for defect, judge in (
+        for defect, rows_with in (
             ('stuck_value', partial(stuck_rows, period=period)),
             ('saturation', rail_rows),
             ('spikes', partial(spike_rows, period=period)),
         ):
             # The edges of what is stuck or clipped are no spikes.
-            rows = judge(np.where(bad[:, None], np.nan, values) if bad.any() else values)
+            rows = rows_with(np.where(bad[:, None], np.nan, values) if bad.any() else values)
             rows[:cut] = False
             if defect == 'spikes' and rows.any():
                 rows &= ~_switched(recording)

@@ -44,15 +44,15 @@ class Rival:
         effect = catalogue[name]()
         return cls(effect, None, (effect, *grid))
 
-    def sized(self, bench: PredictedDesign) -> Rival:
-        """Return it with a size: without one M = 1 in the runs of the bench."""
+    def sized(self, design: PredictedDesign) -> Rival:
+        """Return it with a size: without one M = 1 in the design's runs."""
         if self.coefficients is not None:
             return self
-        columns = bench.raw(self.effect)
+        columns = design.raw(self.effect)
         rms: FloatArray = np.sqrt((columns**2).mean(axis=(0, 1)))
         share = np.repeat((1.0 / np.maximum(rms, 1e-300))[:, None], 3, axis=1)
-        size = bench.size(np.einsum('nap,pa->na', columns, share))
-        one = float(np.sqrt(bench.noise.variance_of_means(1.0).mean()))
+        size = design.size(np.einsum('nap,pa->na', columns, share))
+        one = float(np.sqrt(design.noise.variance_of_means(1.0).mean()))
         return replace(self, coefficients=share * one / max(size, 1e-300))
 
 
