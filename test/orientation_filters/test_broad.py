@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Real motion with optical truth (BROAD): the claims of the presets on four of the nine trials."""
+"""Real motion with optical truth (BROAD): the errors of the presets on four of the trials."""
 
 from __future__ import annotations
 
