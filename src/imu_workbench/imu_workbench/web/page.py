@@ -28,6 +28,8 @@ from imu_workbench.web.session import Display, WorkbenchTab
 
 PHONE_WIDTH_PX = 640
 """Width [px] below which figures stand below each other."""
+BROWSER_TIMEOUT_S = 60.0
+"""How long a browser may take to answer before its page is given up [s]."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,7 @@ class Page:
 
     async def _start_up(self) -> None:
         await ui.context.client.connected()
-        look = await ui.run_javascript(f'watchLook({PHONE_WIDTH_PX})')
+        look = await ui.run_javascript(f'watchLook({PHONE_WIDTH_PX})', timeout=BROWSER_TIMEOUT_S)
         self._look.dark, self._look.narrow, self._look.touch = map(bool, look)
         self._colours()
         if self._start.bags:
