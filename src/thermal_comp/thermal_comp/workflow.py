@@ -107,7 +107,8 @@ def add(
     """Return the model with an effect added and refitted, and how far the held-out error fell.
 
     `effect` may be a diagnosis: its strongest named effect is added where it was found. Without
-    `sensors` an effect goes where its evidence is above its threshold.
+    `sensors` an effect goes where its evidence is above its threshold. Shape parameters are
+    searched, whatever values an effect comes with. Raises ModelError where it cannot be added.
     """
     if isinstance(effect, Diagnosis):
         effect, sensors = _strongest(effect, sensors, catalogue)
