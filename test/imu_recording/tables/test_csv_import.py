@@ -66,6 +66,24 @@ def test_units_signs_and_offsets(tmp_path: Path) -> None:
     assert (recording.device, recording.up_axis) == ('board', '+z')
 
 
+def test_a_tab_separated_log_in_si_units_that_lies_on_its_back(tmp_path: Path) -> None:
+    header = 'timestamp\timu.gyro.x\timu.gyro.y\timu.gyro.z\timu.acc.x\timu.acc.y\timu.acc.z'
+    rows = [
+        f'{256551281491968 + 505630 * k}\t-0.047\t0.0156\t0.0226\t0.178\t-0.107\t-9.55\t0\t{t}'
+        for k, t in enumerate((51.615, 52.106, 52.089))
+    ]
+    file = written(
+        tmp_path / 'imu.csv', '\n'.join(rows), f'{header}\timu.status\timu.temperature\n'
+    )
+    recording = import_csv(file, EXAMPLES / 'tofupilot_mapping.yaml')
+    assert (recording.device, recording.up_axis) == ('tofupilot', '-z')
+    np.testing.assert_allclose(recording.time, [0.0, 0.50563, 1.01126])
+    np.testing.assert_array_equal(recording.angular_velocity, [[-0.047, 0.0156, 0.0226]] * 3)
+    np.testing.assert_array_equal(recording.linear_acceleration, [[0.178, -0.107, -9.55]] * 3)
+    np.testing.assert_array_equal(recording.temperature, [51.615, 52.106, 52.089])
+    assert np.isnan(recording.magnetic_field).all()
+
+
 def test_missing_values_gaps_and_times_out_of_order(tmp_path: Path) -> None:
     rows = [f'{t},0,0,1,0,0,0,20' for t in (0, 10, 30, 20, 20, 40, 50, 900)]
     rows[1] = '10,,nan,1,inf,0,0,20'
