@@ -71,7 +71,7 @@ def secret_campaign() -> Campaign:
         PROFILE,
         SECRET_DEVICE,
         Logging(SECRET_RATE, True, CHAMBER_PERIOD),
-        HiddenEffect('random', SECRET_MAGNITUDE),
+        [HiddenEffect('random', SECRET_MAGNITUDE)],
         seed=SECRET_SEED,
     )
 
@@ -123,7 +123,7 @@ def make(names: list[str], output: Path) -> None:
         if name in SECRET:
             write_truth(
                 output / BUNDLED_TRUTH_FILE,
-                secret_campaign().truth,
+                secret_campaign(),
                 device=SECRET_DEVICE,
                 seed=SECRET_SEED,
                 profile=PROFILE,

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from imu_driver.simulation.devices import MEAN_STD
 from imu_driver.simulation.hidden import UNLOGGED
-from imu_recording.recording import SENSOR_FIELDS
+from imu_recording.recording import SENSOR_FIELDS, columns_hash
 from imu_workbench.__main__ import main
 from imu_workbench.simulate.campaign import Logging
 from imu_workbench.simulate.hidden_effect import (
@@ -17,6 +18,7 @@ from imu_workbench.simulate.hidden_effect import (
     find_truth,
     hidden_campaign,
     score_diagnosis,
+    score_each,
 )
 
 from imu_recording import read_bag
@@ -26,7 +28,7 @@ MEANS = Logging(0.2, mean=True, chamber_period=5.0)
 
 
 def campaign(name: str, size: float = 3.0, sensor: str | None = None) -> Campaign:
-    return hidden_campaign(SHORT, 'dut2', MEANS, HiddenEffect(name, size, sensor), seed=2)
+    return hidden_campaign(SHORT, 'dut2', MEANS, [HiddenEffect(name, size, sensor)], seed=2)
 
 
 @pytest.fixture(scope='module')
@@ -35,14 +37,14 @@ def plain() -> Campaign:
 
 
 def test_nothing_hidden_is_the_campaign_itself(plain: Campaign) -> None:
-    assert plain.truth.kind == 'nothing'
+    assert plain.truths[0].kind == 'nothing'
     assert [run.up_axis for run in plain.recordings] == ['+x', '+y', '+z']
 
 
 @pytest.mark.parametrize('sensor', SENSOR_FIELDS)
 def test_an_effect_changes_its_sensor_and_no_other(plain: Campaign, sensor: str) -> None:
     found = campaign('thermal_lag', sensor=sensor)
-    assert (found.truth.name, found.truth.sensor) == ('thermal_lag', sensor)
+    assert (found.truths[0].name, found.truths[0].sensor) == ('thermal_lag', sensor)
     for run, other in zip(found.recordings, plain.recordings, strict=True):
         for part, name in SENSOR_FIELDS.items():
             same = np.array_equal(getattr(run, name), getattr(other, name))
@@ -52,15 +54,15 @@ def test_an_effect_changes_its_sensor_and_no_other(plain: Campaign, sensor: str)
 @pytest.mark.parametrize('name', UNLOGGED)
 def test_an_unlogged_cause_leaves_no_track(name: str) -> None:
     found = campaign(name)
-    assert (found.truth.name, found.truth.kind) == (None, 'unlogged')
-    assert 'chamber' in found.truth.depends_on
+    assert (found.truths[0].name, found.truths[0].kind) == (None, 'unlogged')
+    assert 'chamber' in found.truths[0].depends_on
     for run in found.recordings:
         assert getattr(run, name.removeprefix('unlogged_')) is None
 
 
 def test_a_drifting_clock_stretches_the_stamps_with_temperature() -> None:
     found = campaign('clock_temperature')
-    slope = found.truth.parameters['relative_rate_per_kelvin']
+    slope = found.truths[0].parameters['relative_rate_per_kelvin']
     assert abs(slope) == pytest.approx(60e-6)
     run = found.recordings[0]
     pace = 5.0 / (np.diff(run.stamp) * 1e-9) - 1.0
@@ -125,6 +127,90 @@ def test_simulate_hides_and_keeps_the_truth_apart(
     assert 'holds a hidden effect already' in capsys.readouterr().err
 
 
+def magnitude_of_difference(plain: Campaign, other: Campaign, sensor: str) -> float:
+    """Size of what was added in one-second means: rms beyond level and a line in temperature."""
+    left = []
+    for run, bare in zip(other.recordings, plain.recordings, strict=True):
+        name = SENSOR_FIELDS[sensor]
+        difference = getattr(run, name) - getattr(bare, name)
+        line = np.column_stack([bare.temperature, np.ones(len(bare))])
+        left.append(difference - line @ np.linalg.lstsq(line, difference, rcond=None)[0])
+    return float(np.sqrt(np.mean(np.concatenate(left) ** 2)) / MEAN_STD[sensor])
+
+
+def test_several_effects_each_have_their_own_magnitude(plain: Campaign) -> None:
+    asked = [
+        HiddenEffect('thermal_lag', 5.0, 'gyroscope'),
+        HiddenEffect('warm_up', 3.0, 'accelerometer'),
+    ]
+    both = hidden_campaign(SHORT, 'dut2', MEANS, asked, seed=2)
+    assert [(t.name, t.sensor, t.magnitude) for t in both.truths] == [
+        ('thermal_lag', 'gyroscope', 5.0),
+        ('warm_up', 'accelerometer', 3.0),
+    ]
+    for truth in both.truths:  # a line per run takes a little more than the common one
+        assert truth.sensor is not None
+        size = magnitude_of_difference(plain, both, truth.sensor)
+        assert 0.8 * truth.magnitude < size < 1.05 * truth.magnitude
+    alone = campaign('thermal_lag', 5.0, 'gyroscope')
+    assert alone.truths[0] == both.truths[0]
+
+
+def test_two_effects_in_one_sensor_add_up(plain: Campaign) -> None:
+    effects = [HiddenEffect(name, 3.0, 'gyroscope') for name in ('warm_up', 'thermal_lag')]
+    one = hidden_campaign(SHORT, 'dut2', MEANS, effects[:1], seed=2)
+    both = hidden_campaign(SHORT, 'dut2', MEANS, effects, seed=2)
+    assert both.truths[0] == one.truths[0]
+    assert magnitude_of_difference(one, both, 'gyroscope') == pytest.approx(3.0, rel=0.2)
+    assert magnitude_of_difference(plain, both, 'accelerometer') == 0.0
+
+
+def test_a_year_changes_slope_offset_and_lag_of_the_same_device(plain: Campaign) -> None:
+    lag = [HiddenEffect('thermal_lag', 5.0, 'gyroscope')]
+    later = hidden_campaign(SHORT, 'dut2', MEANS, lag, seed=2, aged=True)
+    first = campaign('thermal_lag', 5.0, 'gyroscope')
+    again = hidden_campaign(SHORT, 'dut2', MEANS, lag, seed=2, aged=True)
+    assert columns_hash(later.recordings[0]) == columns_hash(again.recordings[0])
+    assert {run.device for run in later.recordings} == {'dut2'}
+    changes = later.changes
+    assert changes is not None
+    slopes = [
+        np.polyfit(c.recordings[2].temperature, c.recordings[2].linear_acceleration[:, 0], 1)[0]
+        for c in (plain, later)
+    ]
+    assert slopes[1] / slopes[0] == pytest.approx(
+        changes['slope_ratio']['accelerometer'], rel=0.03
+    )
+    (old,), (new,) = first.truths, later.truths
+    for key, ratio in (('scale', 'effect_ratio'), ('time_constant', 'time_constant_ratio')):
+        assert new.parameters[key] / old.parameters[key] == pytest.approx(changes[ratio])
+
+
+def test_simulate_tells_reveal_what_a_year_has_changed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / 'later'
+    options = ['--hide', 'thermal_lag,warm_up', '--magnitude', '5,3', '--sensor', 'gyroscope']
+    command = ['simulate', SHORT, *options, '--aged', '--rate', '0.1', '-o', str(folder)]
+    assert main(command) == 0
+    assert 'slope' not in capsys.readouterr().out
+    assert main(['reveal', str(folder), '--json', str(tmp_path / 'answer.json')]) == 0
+    said = capsys.readouterr().out
+    content = json.loads((tmp_path / 'answer.json').read_text())
+    assert [one['name'] for one in content['outcomes']] == ['thermal_lag', 'warm_up']
+    ratio = content['truth']['changes']['slope_ratio']['gyroscope']
+    assert f'gyroscope: slope × {ratio:.3g}' in said
+    assert said.count('hidden:') == 2
+
+
+def test_what_is_found_of_one_effect_does_not_count_against_another() -> None:
+    lag = {'kind': 'effect', 'name': 'thermal_lag', 'sensor': 'gyroscope', 'depends_on': []}
+    ice = lag | {'name': 'icing'}
+    walk = lag | {'name': 'warm_up'}
+    scores = score_each([lag, ice, walk], {'findings': [ice, lag]})
+    assert [score.outcome for score in scores] == ['named', 'named', 'missed']
+
+
 @pytest.mark.parametrize('axis', ['x', '-x'])
 def test_simulate_makes_one_bag_of_one_orientation(tmp_path: Path, axis: str) -> None:
     answer = tmp_path / 'answer.json'
@@ -160,6 +246,11 @@ def test_simulate_makes_one_bag_of_one_orientation(tmp_path: Path, axis: str) ->
         (['--sensor', 'gyroscope'], 'needs --hide'),
         (['--hide', 'thermal_lag', '--orientation', 'x'], 'all three orientations'),
         (['--hide', 'thermal_lag', '--magnitude', '-1'], '--magnitude'),
+        (['--hide', 'icing,warm_up', '--magnitude', '1,2,3'], 'has 3 values for 2 effects'),
+        (['--hide', 'icing,warm_up', '--magnitude', '1,big'], '--magnitude big'),
+        (['--hide', 'icing,tea'], "cannot hide 'tea'"),
+        (['--hide', 'icing', '--sensor', 'barometer'], '--sensor barometer'),
+        (['--aged', '--orientation', 'x'], '--aged makes all three orientations'),
         (['--hide', 'thermal_lag', '--rate', '50'], 'at most 10 Hz'),
         (['--hide', 'turn_on_bias'], 'at least two cycles'),
         (['--hide', 'tea'], "cannot hide 'tea'"),

@@ -110,6 +110,8 @@ class DeviceParameters:
     """[V]"""
     g_sensitivity: float = 1e-5
     """Change of angular rate per specific force, every axis pair [rad/s per m/s²]."""
+    glue_conductance: float = 1.0
+    """Conductance of the glue under the elements relative to a new device's: lags go with 1/it."""
     field_levels: FloatArray = field(default_factory=lambda: np.zeros((4, 3)))
     """(cycles, 3) level of the magnetic field in R1 … R4 above R1 [T], for --field-jumps."""
 

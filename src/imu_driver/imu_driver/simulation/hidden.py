@@ -107,17 +107,23 @@ def hide_anything(
     magnitude: float,
     seed: int,
     sensor: str | None = None,
+    measured_on: Sequence[DeviceRun] | None = None,
 ) -> Hidden:
-    """Return the campaign with `name` hidden in it; without `sensor` the seed chooses one."""
+    """Return the campaign with `name` hidden in it; without `sensor` the seed chooses one.
+
+    The magnitude is that in `measured_on` where given: runs of the device before it aged.
+    """
     check_hideable(name)
     if name == NOTHING:
         return Hidden(list(runs), Truth(None, 'nothing', law=name))
     if name in HIDDEN_EFFECTS:
-        return _hide_effect(runs, HIDDEN_EFFECTS[name], magnitude, seed, sensor)
+        effect = HIDDEN_EFFECTS[name]
+        return _hide_effect(runs, effect, magnitude, seed, sensor, measured_on)
     if name == CLOCK:
         return _hide_clock(runs, magnitude, seed)
     if name in UNLOGGED:
-        return _hide_unlogged(runs, name, magnitude, seed, sensor)
+        effect = UNLOGGED[name]
+        return _unlogged(effect, _hide_effect(runs, effect, magnitude, seed, sensor, measured_on))
     return _hide_fault(runs, name, magnitude, seed, sensor)
 
 
@@ -150,6 +156,7 @@ def _hide_effect(
     magnitude: float,
     seed: int,
     sensor: str | None,
+    measured_on: Sequence[DeviceRun] | None,
 ) -> Hidden:
     changed, truth = add_hidden_effect(
         runs,
@@ -157,6 +164,7 @@ def _hide_effect(
         sensor=_chosen(effect.sensors, sensor, seed),
         magnitude_wanted=magnitude,
         seed=seed,
+        measured_on=measured_on,
     )
     return Hidden(changed, truth)
 
@@ -171,12 +179,8 @@ def _hide_clock(runs: Sequence[DeviceRun], magnitude: float, seed: int) -> Hidde
     return Hidden([replace(run, rate_slope=slope) for run in runs], truth)
 
 
-def _hide_unlogged(
-    runs: Sequence[DeviceRun], name: str, magnitude: float, seed: int, sensor: str | None
-) -> Hidden:
-    """Hide an effect together with the tracks that show its cause."""
-    effect = UNLOGGED[name]
-    hidden = _hide_effect(runs, effect, magnitude, seed, sensor)
+def _unlogged(effect: HiddenEffect, hidden: Hidden) -> Hidden:
+    """Return the campaign without the tracks that show the hidden effect's cause."""
     blank: dict[str, Any] = dict.fromkeys(effect.logged_as)
     truth = replace(
         hidden.truth,

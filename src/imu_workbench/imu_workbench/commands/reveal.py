@@ -4,20 +4,27 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from thermal_comp.diagnosis.diagnose import diagnose
+from thermal_comp.model.file import load_model
 
 from imu_recording import read_bag
 from imu_workbench.answer import Answer
+from imu_workbench.commands.options import add_model_argument
 from imu_workbench.motion_detection import with_motion_noted
 from imu_workbench.simulate.hidden_effect import (
     VERDICTS,
+    Score,
+    all_hidden,
+    describe,
+    describe_changes,
     describe_truth,
     find_truth,
-    score_diagnosis,
+    score_each,
 )
 
 HELP = 'Diagnose a campaign of `simulate --hide`, then open the truth and compare.'
@@ -28,26 +35,43 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         'folder', type=Path, metavar='DIR', help='the folder `simulate … --hide` wrote'
     )
+    add_model_argument(parser, 'model of an earlier campaign, for what `simulate … --aged` wrote')
 
 
 def run(options: argparse.Namespace) -> Answer:
     """Diagnose first, then look."""
     bags = find_truth(options.folder)[1]
-    diagnosis = diagnose(with_motion_noted(read_bag(bag)) for bag in bags).to_dict()
+    model = load_model(options.model) if options.model else None
+    found = diagnose((with_motion_noted(read_bag(bag)) for bag in bags), model)
+    diagnosis = found.to_dict()
     truth = find_truth(options.folder)[0]
-    score = score_diagnosis(truth, diagnosis)
-    reported = '; '.join(score.reported) or 'nothing'
-    verdict = VERDICTS[score.outcome]
-    if score.outcome in ('named', 'in_set') and not score.sensor_right:
-        verdict += ', but in the wrong sensor'
-    if truth['kind'] == 'nothing':
-        verdict = 'right: no alarm' if score.right else 'wrong: nothing was hidden'
+    truths = all_hidden(truth)
+    scores = score_each(truths, diagnosis)
     content: dict[str, Any] = {
         'schema': 1,
         'truth': truth,
-        **asdict(score),
-        'right': score.right,
+        **asdict(scores[0]),
+        'reported': [describe(finding) for finding in diagnosis['findings']],
+        'right': all(score.right for score in scores),
+        'outcomes': [
+            {'name': one['law'], **asdict(score), 'right': score.right}
+            for one, score in zip(truths, scores, strict=True)
+        ],
         'diagnosis': diagnosis,
     }
-    text = f'hidden:   {describe_truth(truth)}\nreported: {reported}\n{verdict}'
-    return Answer(content, text)
+    lines = []
+    for one, score in zip(truths, scores, strict=True):
+        lines += [f'hidden:   {describe_truth(one)}', f'          {_verdict(one, score)}']
+    if 'changes' in truth:
+        lines += [f'changed:  {line}' for line in describe_changes(truth['changes'])]
+    reported = '; '.join(content['reported']) or 'nothing'
+    lines.append(f'reported: {reported} (verdict: {diagnosis["verdict"]})')
+    return Answer(content, '\n'.join(lines))
+
+
+def _verdict(truth: Mapping[str, Any], score: Score) -> str:
+    if truth['kind'] == 'nothing':
+        return 'right: no alarm' if score.right else 'wrong: nothing was hidden'
+    if score.outcome in ('named', 'in_set') and not score.sensor_right:
+        return f'{VERDICTS[score.outcome]}, but in the wrong sensor'
+    return VERDICTS[score.outcome]

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import argparse
+import math
 import re
 from pathlib import Path
 from typing import Any
 
 from imu_driver.simulation.devices import DEVICES
-from imu_driver.simulation.hidden import HIDEABLE, check_hideable
+from imu_driver.simulation.hidden import HIDEABLE, NOTHING, check_hideable
 from imu_recording.recording import columns_hash
 from imu_recording.user_error import UserError
 
@@ -65,26 +66,35 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--hide',
-        metavar='EFFECT',
-        help='hide one effect or fault, or a random one; rows are means then, and the truth goes '
+        metavar='EFFECT[,…]',
+        help='hide effects or faults, or random ones; rows are means then, and the truth goes '
         f'to DIR/{TRUTH_FILE}, which only `reveal DIR` opens',
     )
     parser.add_argument(
         '--magnitude',
-        type=float,
-        default=2.0,
-        metavar='M',
-        help='rms of the hidden effect beyond a line in temperature, in standard deviations of a '
-        'one-second mean (default 2)',
+        default='2',
+        metavar='M[,…]',
+        help='rms of a hidden effect beyond a line in temperature, in standard deviations of a '
+        'one-second mean: one for each, or one for all (default 2)',
     )
-    parser.add_argument('--sensor', choices=SENSORS, help='where to hide it (default: by seed)')
+    parser.add_argument(
+        '--sensor',
+        metavar='SENSOR[,…]',
+        help=f'where to hide each, or all: {", ".join(SENSORS)} (default: by seed)',
+    )
+    parser.add_argument(
+        '--aged',
+        action='store_true',
+        help='the same device a year later, on another day: slopes, offsets and what --hide hides '
+        'have changed, by how much only `reveal DIR` tells',
+    )
 
 
 def run(options: argparse.Namespace) -> Answer:
     """Simulate, write, and say what was written."""
     _check(options)
     logging = Logging(options.rate, options.mean or bool(options.hide), options.chamber_period)
-    if options.hide:
+    if options.hide or options.aged:
         return _hidden(options, logging)
     if options.orientation:
         axis = options.orientation if options.orientation[0] == '-' else f'+{options.orientation}'
@@ -115,20 +125,61 @@ def _hidden(options: argparse.Namespace, logging: Logging) -> Answer:
         options.profile,
         options.device,
         logging,
-        HiddenEffect(options.hide, options.magnitude, options.sensor),
+        _hidden_effects(options),
         seed=options.seed,
+        aged=options.aged,
     )
     answer = _written(_paths(options), campaign.recordings)
     write_truth(
         options.output / TRUTH_FILE,
-        campaign.truth,
+        campaign,
         device=options.device,
         seed=options.seed,
         profile=options.profile,
         bags=[path.name for path in _paths(options)],
     )
-    hint = f'hidden: see whether `diagnose` finds it, then `reveal {options.output}`'
+    finder = '`diagnose --model` of an earlier campaign' if options.aged else '`diagnose`'
+    hint = f'hidden: see whether {finder} finds it, then `reveal {options.output}`'
     return Answer(answer.content, f'{answer.text}\n{hint}')
+
+
+def _hidden_effects(options: argparse.Namespace) -> list[HiddenEffect]:
+    """Return what to hide where, as large as told for each or for all."""
+    names = (options.hide or NOTHING).split(',')
+    for name in names:
+        if name != 'random':
+            check_hideable(name)
+    magnitudes = [_magnitude(text) for text in _for_each('magnitude', options.magnitude, names)]
+    sensors = _for_each('sensor', options.sensor or '', names)
+    for sensor in sensors:
+        if sensor not in ('', *SENSORS):
+            raise UserError(f'--sensor {sensor}: choose from {", ".join(SENSORS)}')
+    return [
+        HiddenEffect(name, magnitude, sensor or None)
+        for name, magnitude, sensor in zip(names, magnitudes, sensors, strict=True)
+    ]
+
+
+def _for_each(option: str, text: str, names: list[str]) -> list[str]:
+    given = text.split(',')
+    if len(given) == 1:
+        return given * len(names)
+    if len(given) != len(names):
+        raise UserError(
+            f'--{option} {text}: has {len(given)} values for {len(names)} effects of --hide; '
+            'give one for each, or one for all'
+        )
+    return given
+
+
+def _magnitude(text: str) -> float:
+    try:
+        magnitude = float(text)
+    except ValueError:
+        magnitude = math.nan
+    if not 0.0 < magnitude < math.inf:
+        raise UserError(f'--magnitude {text}: it must be a number above 0')
+    return magnitude
 
 
 def _paths(options: argparse.Namespace) -> list[Path]:
@@ -167,23 +218,20 @@ def _check(options: argparse.Namespace) -> None:
         raise UserError(f'--chamber-period {options.chamber_period:g}: it must be above 0')
     if options.seed < 0:
         raise UserError(f'--seed {options.seed}: it must not be negative')
-    if options.hide:
-        _check_hidden(options)
-    elif options.sensor:
+    if options.sensor and not options.hide:
         raise UserError('--sensor says where to hide something: it needs --hide')
+    if options.hide or options.aged:
+        _check_hidden(options)
 
 
 def _check_hidden(options: argparse.Namespace) -> None:
-    if options.hide != 'random':
-        check_hideable(options.hide)
+    _hidden_effects(options)
     if options.orientation or options.field_jumps:
         raise UserError(
-            '--hide makes all three orientations and nothing beside the effect: leave '
-            '--orientation and --field-jumps away'
+            f'{"--hide" if options.hide else "--aged"} makes all three orientations and nothing '
+            'beside what it hides: leave --orientation and --field-jumps away'
         )
-    if not options.magnitude > 0.0:
-        raise UserError(f'--magnitude {options.magnitude:g}: it must be above 0')
-    if options.rate > 10.0:
+    if options.hide and options.rate > 10.0:
         raise UserError(f'--rate {options.rate:g}: with --hide rows are means, at most 10 Hz')
     if (options.output / TRUTH_FILE).exists():
         raise UserError(f'{options.output}: holds a hidden effect already; name another folder')

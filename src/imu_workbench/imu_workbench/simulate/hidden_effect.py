@@ -9,10 +9,12 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from chamber_profile.profile.values import Profile
-from imu_driver.simulation.devices import DeviceParameters, draw_device
+from imu_driver.simulation.ageing import draw_ageing
+from imu_driver.simulation.devices import DeviceParameters, draw_device, find_device
 from imu_driver.simulation.effects.hidden_effect import Truth
-from imu_driver.simulation.hidden import HIDDEN_EFFECTS, hide_anything, random_name
+from imu_driver.simulation.hidden import HIDDEN_EFFECTS, NOTHING, hide_anything, random_name
 from imu_driver.simulation.run import DeviceRun
 from imu_recording.user_error import UserError
 
@@ -28,6 +30,7 @@ TRUTH_FILE = '.truth.json'
 BUNDLED_TRUTH_FILE = '.hidden_effect_truth.json'
 """The truth of the bags that ship with the repository."""
 PLAN = 'paper_betta2022'
+NOTHING_HIDDEN = Truth(None, 'nothing', law=NOTHING)
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,10 @@ class Campaign:
     """Recordings of one device in several orientations, and what is hidden in them."""
 
     recordings: list[ImuRecording]
-    truth: Truth
+    truths: tuple[Truth, ...]
+    """In the order asked for; one of kind 'nothing' where nothing is hidden."""
+    changes: dict[str, Any] | None = None
+    """What has changed since an earlier campaign of the device."""
 
 
 @dataclass(frozen=True)
@@ -53,26 +59,74 @@ def hidden_campaign(
     profile: str | Profile,
     device: str | DeviceParameters,
     logging: Logging,
-    hidden_effect: HiddenEffect,
+    hidden_effects: Sequence[HiddenEffect],
     *,
     seed: int,
     orientations: Sequence[str] = ORIENTATIONS,
+    aged: bool = False,
 ) -> Campaign:
-    """Return a campaign with a hidden effect."""
+    """Return a campaign with hidden effects, or the same device's a year later.
+
+    Then device and hidden effects are those of the seed, older by a seeded `changes`; chamber,
+    noise and placement are those of another day.
+    """
     runs = prepare_campaign(profile, device, seed=seed, orientations=orientations)
-    return record_hidden(runs, logging, hidden_effect, seed=seed)
+    if not aged:
+        return record_hidden(runs, logging, hidden_effects, seed=seed)
+    ageing = draw_ageing(find_device(device), seed)
+    later = prepare_campaign(
+        profile,
+        ageing.of(find_device(device)),
+        seed=int(np.random.default_rng((seed, 47)).integers(2**31)),
+        orientations=orientations,
+    )
+    grown = [
+        replace(effect, magnitude=ageing.effect_ratio * effect.magnitude)
+        for effect in hidden_effects
+    ]
+    campaign = record_hidden(later, logging, grown, seed=seed, measured_on=runs)
+    return replace(campaign, changes=ageing.to_dict())
 
 
 def record_hidden(
-    runs: Sequence[DeviceRun], logging: Logging, hidden_effect: HiddenEffect, *, seed: int
+    runs: Sequence[DeviceRun],
+    logging: Logging,
+    hidden_effects: Sequence[HiddenEffect],
+    *,
+    seed: int,
+    measured_on: Sequence[DeviceRun] | None = None,
 ) -> Campaign:
-    """Hide the effect in prepared runs and read them out."""
-    name = random_name(seed) if hidden_effect.name == 'random' else hidden_effect.name
-    hidden = hide_anything(
-        runs, name, magnitude=hidden_effect.magnitude, seed=seed, sensor=hidden_effect.sensor
-    )
-    recordings = record_campaign(hidden.runs, logging, startup_time=hidden.startup_time)
-    return Campaign(hidden.finish(recordings), hidden.truth)
+    """Hide the effects in prepared runs, on top of each other, and read them out.
+
+    Magnitudes are those in `measured_on` where given: runs of the device before it aged.
+    """
+    names = [
+        random_name(seed + number) if hidden_effect.name == 'random' else hidden_effect.name
+        for number, hidden_effect in enumerate(hidden_effects)
+    ]
+    # Where the device stands is settled before anything acts on it.
+    for settle in (HIDDEN_EFFECTS[name].mounting for name in names if name in HIDDEN_EFFECTS):
+        if settle:
+            runs = [settle(run) for run in runs]
+            measured_on = measured_on and [settle(run) for run in measured_on]
+    done = []
+    for number, (name, hidden_effect) in enumerate(zip(names, hidden_effects, strict=True)):
+        hidden = hide_anything(
+            runs,
+            name,
+            magnitude=hidden_effect.magnitude,
+            seed=seed + 1000 * number,
+            sensor=hidden_effect.sensor,
+            measured_on=measured_on,
+        )
+        runs = hidden.runs
+        done.append(hidden)
+    startup_time = max((hidden.startup_time for hidden in done), default=0.0)
+    recordings = record_campaign(runs, logging, startup_time=startup_time)
+    for hidden in done:
+        recordings = hidden.finish(recordings)
+    truths = tuple(hidden.truth for hidden in done if hidden.truth.kind != 'nothing')
+    return Campaign(recordings, truths or (NOTHING_HIDDEN,))
 
 
 def practice_campaign(
@@ -92,34 +146,9 @@ def practice_campaign(
     device = scale_bias_instability(draw_device(seed), bias_instability)
     place = seed % 8 if chamber_seed is None else chamber_seed
     runs = prepare_campaign(PLAN, device, seed=seed, chamber_seed=place)
-    truths = []
-    finishes = []
-    startup_time = 0.0
-    names = [
-        random_name(seed + number) if hidden_effect.name == 'random' else hidden_effect.name
-        for number, hidden_effect in enumerate(hidden_effects)
-    ]
-    # Where the device stands is settled before anything acts on it.
-    for settle in (HIDDEN_EFFECTS[name].mounting for name in names if name in HIDDEN_EFFECTS):
-        runs = [settle(run) for run in runs] if settle else runs
-    for number, (name, hidden_effect) in enumerate(zip(names, hidden_effects, strict=True)):
-        hidden = hide_anything(
-            runs,
-            name,
-            magnitude=hidden_effect.magnitude,
-            seed=seed + 1000 * number,
-            sensor=hidden_effect.sensor,
-        )
-        runs = hidden.runs
-        truths.append(hidden.truth)
-        finishes.append(hidden.finish)
-        startup_time = max(startup_time, hidden.startup_time)
-    recordings = record_campaign(
-        runs, Logging(1.0 / mean_s, mean=True, chamber_period=mean_s), startup_time=startup_time
-    )
-    for finish in finishes:
-        recordings = finish(recordings)
-    return recordings, truths
+    logging = Logging(1.0 / mean_s, mean=True, chamber_period=mean_s)
+    campaign = record_hidden(runs, logging, hidden_effects, seed=seed)
+    return campaign.recordings, list(campaign.truths)
 
 
 def scale_bias_instability(device: DeviceParameters, factor: float) -> DeviceParameters:
@@ -132,9 +161,14 @@ def scale_bias_instability(device: DeviceParameters, factor: float) -> DevicePar
     return replace(device, **changed)
 
 
-def write_truth(path: Path, truth: Truth, **context: Any) -> None:
-    """Write the truth beside the bags."""
-    content = {'schema': 1, **asdict(truth), **context}
+def write_truth(path: Path, campaign: Campaign, **context: Any) -> None:
+    """Write the truth beside the bags: what is hidden first at the top, the rest below it."""
+    first, *others = [asdict(truth) for truth in campaign.truths]
+    content = {'schema': 1, **first, **context}
+    if others:
+        content['also_hidden'] = others
+    if campaign.changes:
+        content['changes'] = campaign.changes
     path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + '\n', 'utf-8')
 
 
@@ -156,10 +190,15 @@ def _read_truth(path: Path) -> tuple[dict[str, Any], list[Path]]:
         raise UserError(f'{path}: not what `simulate … --hide` writes ({error})') from None
 
 
+def all_hidden(truth: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the truth of every hidden effect, as read from a truth file."""
+    return [truth, *truth.get('also_hidden', ())]
+
+
 ALARMS = ('effect', 'unexplained', 'unlogged')
 """Kinds of finding that must not appear where nothing is hidden."""
 VERDICTS = {
-    'named': 'right: it is the first thing named',
+    'named': 'right: it is named first',
     'in_set': 'right: it is in the reported set, not in first place',
     'missed': 'missed: nothing of the kind was reported',
     'wrong': 'wrong: something else was reported',
@@ -181,6 +220,27 @@ class Score:
     def right(self) -> bool:
         """Whether the truth is among what was reported, in its sensor."""
         return self.outcome in ('named', 'in_set') and self.sensor_right
+
+
+def score_each(truths: Sequence[Mapping[str, Any]], diagnosis: Mapping[str, Any]) -> list[Score]:
+    """Return the score of every hidden effect, without the findings that are another's alone.
+
+    >>> lag = {'kind': 'effect', 'name': 'thermal_lag', 'sensor': 'gyroscope'}
+    >>> ice = {'kind': 'effect', 'name': 'icing', 'sensor': 'gyroscope'}
+    >>> [s.outcome for s in score_each([ice, lag], {'findings': [lag, ice]})]
+    ['named', 'named']
+    """
+    scores = []
+    for truth in truths:
+        others = [other for other in truths if other is not truth]
+        findings = [
+            finding
+            for finding in diagnosis['findings']
+            if fits_in_sensor(truth, finding)
+            or not any(fits_in_sensor(other, finding) for other in others)
+        ]
+        scores.append(score_diagnosis(truth, {**diagnosis, 'findings': findings}))
+    return scores
 
 
 def score_diagnosis(truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> Score:
@@ -219,6 +279,11 @@ def fits(truth: Mapping[str, Any], finding: Mapping[str, Any]) -> bool:
     return finding['kind'] == truth['kind'] and truth['name'] in names
 
 
+def fits_in_sensor(truth: Mapping[str, Any], finding: Mapping[str, Any]) -> bool:
+    """Tell whether a finding is what was hidden, where it was hidden."""
+    return fits(truth, finding) and same_sensor(truth.get('sensor'), finding.get('sensor'))
+
+
 def same_sensor(true: str | None, reported: str | None) -> bool:
     """Tell whether a reported sensor covers the true one.
 
@@ -249,6 +314,22 @@ def describe_truth(truth: Mapping[str, Any]) -> str:
         return f'{truth["law"]} in {truth["sensor"]}, {size}, without the log of its cause'
     beyond = ', beyond the catalogue' if truth['kind'] == 'unexplained' else ''
     return f'{truth["law"]} in {truth["sensor"]}, {size}{beyond}'
+
+
+def describe_changes(changes: Mapping[str, Any]) -> list[str]:
+    """Return what a year has changed, a line per sensor and one for hidden effects."""
+    lines = [
+        f'{sensor}: slope × {ratio:.3g}, offset '
+        + ', '.join(f'{change:+.3g}' for change in changes['offset'][sensor])
+        + ' (SI units)'
+        for sensor, ratio in changes['slope_ratio'].items()
+    ]
+    amplitude, time_constant = changes['effect_ratio'], changes['time_constant_ratio']
+    lines.append(
+        f'hidden effects: amplitude × {amplitude:.3g}, time constant of a lag × '
+        f'{time_constant:.3g}'
+    )
+    return lines
 
 
 def _only_as_rival(truth: Mapping[str, Any], finding: Mapping[str, Any]) -> bool:

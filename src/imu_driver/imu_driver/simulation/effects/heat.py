@@ -148,7 +148,7 @@ def follow(
 @hidden_effect(ALL)
 def thermal_lag(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """The stressed glue under the element warms later than the thermometer."""
-    time = log_uniform(generator, 60.0, 400.0)
+    time = log_uniform(generator, 60.0, 400.0) / runs[0].device.glue_conductance
     gains = axis_gains(generator)
     errors = []
     for run in runs:
@@ -161,7 +161,7 @@ def thermal_lag(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
 @hidden_effect(ALL)
 def thermal_lag_two_stage(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """Two nodes in a row: glue, then a heavy part of the board."""
-    fast = log_uniform(generator, 40.0, 100.0)
+    fast = log_uniform(generator, 40.0, 100.0) / runs[0].device.glue_conductance
     slow = log_uniform(generator, 800.0, 1500.0)
     fast_gains, slow_gains = axis_gains(generator), 0.5 * axis_gains(generator)
     errors = []

@@ -122,16 +122,25 @@ def add_hidden_effect(
     sensor: str,
     magnitude_wanted: float,
     seed: int,
+    measured_on: Runs | None = None,
 ) -> tuple[list[DeviceRun], Truth]:
-    """Return the runs with the effect added at exactly the magnitude wanted, and the truth."""
+    """Return the runs with the effect added at exactly the magnitude wanted, and the truth.
+
+    The magnitude is that in these runs, or in `measured_on`: runs of the device before it aged.
+    """
     if sensor not in effect.sensors:
         raise UserError(
             f'{effect.name} cannot be hidden in {sensor!r}; choose from '
             f'{", ".join(effect.sensors)}'
         )
-    runs = [effect.mounting(run) for run in runs] if effect.mounting else list(runs)
-    shape = effect.shape(runs, sensor, np.random.default_rng((seed, 17)))
-    size = magnitude(runs, shape.errors)
+
+    def shape_in(runs: Runs) -> tuple[list[DeviceRun], ErrorShape]:
+        mounted = [effect.mounting(run) for run in runs] if effect.mounting else list(runs)
+        return mounted, effect.shape(mounted, sensor, np.random.default_rng((seed, 17)))
+
+    runs, shape = shape_in(runs)
+    earlier, earlier_shape = shape_in(measured_on) if measured_on else (runs, shape)
+    size = magnitude(earlier, earlier_shape.errors)
     if not size > 0.0:
         raise UserError(
             f'{effect.name} does nothing in these runs: the profile does not excite it'
@@ -158,7 +167,8 @@ def _with_errors(run: DeviceRun, hidden: Errors) -> DeviceRun:
         name: values + hidden[name] if name in hidden else values
         for name, values in run.errors.items()
     }
-    return replace(run, errors=errors, hidden=hidden)
+    together = {name: run.hidden.get(name, 0.0) + values for name, values in hidden.items()}
+    return replace(run, errors=errors, hidden={**run.hidden, **together})
 
 
 def in_sensor(sensor: str, errors: Sequence[FloatArray], **parameters: float) -> ErrorShape:
