@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from imu_recording.recording import columns_hash
+from imu_recording.recording import RecordingError, columns_hash
 from imu_recording.synchronise import Samples, hold_newest, in_order, join_next
 from recording_samples import (
     START,
@@ -229,3 +229,51 @@ def test_frame_of_the_magnetometer_differs(tmp_path: Path) -> None:
         message.header = header(START, 'mag_link')
     notes = read_bag(make_bag(tmp_path / 'b', messages)).notes
     assert 'imu/mag: frame_id mag_link is not imu_link' in notes
+
+
+SECOND = 1_000_000_000
+NOW = 1_700_000_000 * SECOND
+
+
+def clean(*parts: np.ndarray) -> tuple[Samples, list[str]]:
+    """Return what the stamps of the rows become, and what is said."""
+    stamp = np.concatenate(parts)
+    ordered = in_order('x', stamp, (np.arange(float(len(stamp)))[:, None],))
+    found = synchronise.without_jumps('x', ordered)
+    return found, list(found.notes)
+
+
+def test_stamps_from_before_the_clock_was_set_are_cut_off() -> None:
+    seconds = np.arange(1000) * SECOND
+    for early in (seconds[:10], seconds[:1], seconds[:10] + NOW - 30 * 86_400 * SECOND):
+        found, notes = clean(early, NOW + seconds)
+        assert np.array_equal(found.stamp, NOW + seconds)
+        assert f'{len(early)} of {1000 + len(early)} samples' in notes[0]
+        assert len(found.values[0]) == 1000
+
+
+def test_of_two_times_a_clock_stamped_twice_one_is_kept() -> None:
+    seconds = np.arange(1000) * SECOND
+    found, notes = clean(NOW + seconds[:100], NOW - 50 * SECOND + seconds)
+    assert (np.diff(found.stamp) == SECOND).all()
+    assert 'clock was set back 1 times, by up to 149 s: 100 samples' in notes[0]
+
+
+def test_files_in_another_order_lose_nothing() -> None:
+    seconds = np.arange(1000) * SECOND
+    found, notes = clean(NOW + seconds[500:], NOW + seconds[:500])
+    assert np.array_equal(found.stamp, NOW + seconds)
+    assert notes == ['x: stamps stepped back 1 times; sorted by stamp']
+
+
+def test_one_late_message_is_no_clock_that_was_set_back() -> None:
+    seconds = NOW + np.arange(1000) * SECOND
+    order = np.r_[0:500, 501:510, 500, 510:1000]
+    found, _ = clean(seconds[order])
+    assert np.array_equal(found.stamp, seconds)
+
+
+def test_samples_spread_over_months_one_by_one_are_refused() -> None:
+    stamp = NOW + np.cumsum(np.tile([SECOND, 3 * 3600 * SECOND], 50))
+    with pytest.raises(RecordingError, match='stamps cannot be right'):
+        clean(stamp)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A device that moves is told from one at rest; nothing is said of its temperature error."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -38,14 +37,14 @@ def test_what_moves_is_left_out_with_one_message(run) -> None:
         content_of([moved(still)])
 
 
-def test_the_commands_say_so(bags, tmp_path) -> None:
-    notes = {}
-    for name in ('dut1_motion', 'dut1_x'):
-        saved, answer = tmp_path / f'{name}.yaml', tmp_path / f'{name}.json'
-        assert main(['fit', str(bags / name), '-o', str(saved), '--json', str(answer)]) == 0
-        notes[name] = json.loads(answer.read_text())['notes']
-    assert any('the device moves in' in note for note in notes['dut1_motion'])
-    assert not any('moves' in note for note in notes['dut1_x'])
+def test_the_commands_refuse_in_one_sentence(bags, tmp_path, capsys) -> None:
+    for verb in (['fit', '-o', str(tmp_path / 'm.yaml')], ['diagnose'], ['compare']):
+        assert main([verb[0], str(bags / 'dut1_motion'), *verb[1:]]) == 2
+        told = capsys.readouterr().err
+        assert told.count('\n') == 1
+        assert 'the device moves in 37% of the time' in told
+        assert 'spike' not in told
+    assert not (tmp_path / 'm.yaml').exists()
 
 
 def test_a_device_turned_level_moves(run) -> None:

@@ -30,7 +30,7 @@ VALUE_OF_MESSAGE = {
 }
 """Message types of a single quantity, and the field of the message that holds it."""
 
-METADATA_KEYS = ('device', 'run', 'up_axis', 'profile')
+METADATA_KEYS = ('device', 'run', 'up_axis', 'profile', 'compensated')
 """Keys of a bag's custom_data that fill the fields of the same name."""
 
 

@@ -124,6 +124,8 @@ class ImuRecording:
     """One of UP_AXES, or '' where neither stated nor inferable from gravity."""
     profile: str = ''
     """Name of the thermal profile."""
+    compensated: str = ''
+    """Device and hash of the thermal model that was subtracted; '' for what was measured."""
     namespace: str = ''
     """ROS namespace the IMU topics were recorded in, '' or '/dut1'."""
     source: str = ''

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from imu_recording.recording import FloatArray, IntArray
+from imu_recording.recording import FloatArray, IntArray, RecordingError
 
 ROWS_PER_BLOCK = 1 << 18
 """Rows joined at a time."""
@@ -17,6 +18,18 @@ LOST_AT_AN_END = 2
 """Samples without a row up to which there is no note: topics do not end at the same instant."""
 STALE_S = 60.0
 """A track that ended longer before the last row is worth a note [s]."""
+JUMP_S = 6 * 3600.0
+"""A step of the stamps above this [s], and above JUMP_STEPS usual ones, is no gap in a run: the
+clock was set, or it is another run."""
+JUMP_STEPS = 100.0
+EMPTIEST = 100.0
+"""Stamps that span more than this many times what their samples fill are refused."""
+SLOWEST_S = 20.0
+"""A sample fills at least this much time [s]."""
+CLOCK_BACK_S = 1.0
+"""A step back of the stamps from which the clock may have been set back [s]."""
+MOST_CLOCK_STEPS = 10
+"""More steps back than this are disorder, not a clock that was set."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +63,8 @@ def in_order(name: str, stamp: IntArray, values: Sequence[FloatArray]) -> Sample
         kept = np.flatnonzero(stamp)
         stamp = _taken(stamp, groups, kept)
         notes.append(f'{name}: {unset} samples without a stamp left out')
+    stamp, twice = _one_clock(name, stamp, groups)
+    notes += twice
     step = np.diff(stamp)
     if len(step) and step.min() <= 0:
         backward = int(np.count_nonzero(step < 0))
@@ -64,6 +79,87 @@ def in_order(name: str, stamp: IntArray, values: Sequence[FloatArray]) -> Sample
         if repeated:
             notes.append(f'{name}: {repeated} samples with a repeated stamp left out')
     return Samples(stamp, tuple(groups), tuple(notes))
+
+
+def _one_clock(name: str, stamp: IntArray, groups: list[FloatArray]) -> tuple[IntArray, list[str]]:
+    """Leave out what a clock that was set back stamped twice; of two stretches keep the longer.
+
+    Stretches that follow each other in another order than they were read only need sorting.
+    """
+    back = np.flatnonzero(np.diff(stamp) < -CLOCK_BACK_S * 1e9)
+    if not 0 < len(back) <= MOST_CLOCK_STEPS:
+        return stamp, []
+    edges = [0, *(back + 1).tolist(), len(stamp)]
+    stretches = [np.arange(a, b) for a, b in itertools.pairwise(edges)]
+    kept: list[IntArray] = []
+    for rows in sorted(stretches, key=len, reverse=True):
+        own = np.ones(len(rows), bool)
+        for other in kept:
+            low, high = stamp[other].min(), stamp[other].max()
+            own &= (stamp[rows] < low) | (stamp[rows] > high)
+        # One late message is no clock that was set back.
+        kept.append(rows[own] if len(rows) > LOST_AT_AN_END else rows)
+    order = np.sort(np.concatenate(kept))
+    lost = len(stamp) - len(order)
+    if lost <= LOST_AT_AN_END:
+        return stamp, []
+    furthest = -float(np.diff(stamp).min()) * 1e-9
+    note = (
+        f'{name}: the clock was set back {len(back)} times, by up to {furthest:.6g} s: '
+        f'{lost} samples of times that were stamped twice left out'
+    )
+    return _taken(stamp, groups, order), [note]
+
+
+def without_jumps(name: str, samples: Samples) -> Samples:
+    """Return the longest stretch of samples between jumps of their stamps; say what is cut.
+
+    A clock that is set while it is recorded, a stamp that was never set and damaged ones leave
+    years between two samples. Raises RecordingError where the samples that stay are spread so
+    thinly that their stamps cannot be right.
+
+    >>> years = np.array([5, 6, 1_700_000_000, 1_700_000_001, 1_700_000_002]) * 10**9
+    >>> without_jumps('imu', Samples(years, ())).notes[0]
+    'imu: stamps jump 1 time, by 53.9 years: 2 of 5 samples outside the longest stretch left out'
+    """
+    stamp = samples.stamp
+    step = np.diff(stamp) * 1e-9
+    usual = float(np.median(step)) if len(step) else 0.0
+    jumps = np.flatnonzero(step > max(JUMP_S, JUMP_STEPS * usual))
+    if len(jumps):
+        edges = np.array([0, *(jumps + 1), len(stamp)])
+        longest = int(np.argmax(np.diff(edges)))
+        kept = slice(int(edges[longest]), int(edges[longest + 1]))
+        left_out = len(stamp) - (kept.stop - kept.start)
+        note = (
+            f'{name}: stamps jump {len(jumps)} time{"s" * (len(jumps) > 1)}, by '
+            f'{"up to " * (len(jumps) > 1)}{_span(float(step[jumps].max()))}: {left_out} of '
+            f'{len(stamp)} samples outside the longest stretch left out'
+        )
+        values = tuple(group[kept] for group in samples.values)
+        samples = Samples(stamp[kept], values, (*samples.notes, note))
+        stamp, step = samples.stamp, step[kept.start : kept.stop - 1]
+    span = float(stamp[-1] - stamp[0]) * 1e-9 if len(stamp) else 0.0
+    filled = len(stamp) * max(SLOWEST_S, float(np.median(step)) if len(step) else 0.0)
+    if span > EMPTIEST * filled:
+        raise RecordingError(
+            f'{name}: {len(stamp)} samples over {_span(span)}: the stamps cannot be right; were '
+            'they damaged, or written in another unit than nanoseconds?'
+        )
+    return samples
+
+
+def _span(seconds: float) -> str:
+    """Return a time in the unit it is read in.
+
+    >>> _span(86400.0), _span(3.2e8)
+    ('24 h', '10.1 years')
+    """
+    if seconds < 48 * 3600.0:
+        return f'{seconds / 3600.0:.3g} h'
+    return (
+        f'{seconds / 86400.0:.3g} days' if seconds < 3e7 else f'{seconds / 31557600.0:.3g} years'
+    )
 
 
 def _taken(stamp: IntArray, groups: list[FloatArray], order: IntArray) -> IntArray:

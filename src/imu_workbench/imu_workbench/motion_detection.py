@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording
@@ -74,19 +73,21 @@ def resting(recordings: Sequence[ImuRecording]) -> tuple[list[ImuRecording], lis
     return kept, left_out
 
 
-def with_motion_noted(recording: ImuRecording) -> ImuRecording:
-    """Return the recording, with a note where its device moves."""
+def refuse_moving(recording: ImuRecording) -> None:
+    """Raise MovingError where the device moves."""
     motion = motion_of(recording)
-    if not motion:
-        return recording
-    note = f'{motion}: temperature error is found on a device at rest, so this result is doubtful'
-    return replace(recording, notes=(*recording.notes, note))
+    if motion:
+        raise MovingError(f'{recording.source or recording.run}: {_why(motion)}')
 
 
 def left_out_note(name: str, motion: str) -> str:
     """Return the note on a moving recording: why it is left out, and what to do instead."""
+    return f'{name} is left out: {_why(motion)}'
+
+
+def _why(motion: str) -> str:
     return (
-        f'{name} is left out: {motion}, and temperature error is found on a device at rest. '
+        f'{motion}, and temperature error is found on a device at rest. '
         'Record it resting; what the error costs in motion says "python -m imu_workbench orient '
         'BAG --model MODEL"'
     )

@@ -8,10 +8,12 @@ model is given, the line per axis of Betta et al. 2022 is fitted first.
 from __future__ import annotations
 
 import glob
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TypeAlias, overload
+
+from imu_recording.plausibility import admitted
 
 from imu_recording import BagError, ImuRecording, bag_namespaces, read_bag
 from thermal_comp.comparison.compare import Comparison, compare_prepared
@@ -43,15 +45,22 @@ LINE = BiasTemperature
 """The effect a model starts from: the paper's line per axis."""
 
 
-def read(*paths: PathLikes, namespace: str | None = None) -> list[ImuRecording]:
+def read(
+    *paths: PathLikes, namespace: str | None = None, accept: Collection[str] = ()
+) -> list[ImuRecording]:
     """Read bags: paths of folders or files, and globs; one recording per bag, in order.
 
     `namespace` chooses the device where a bag holds several. Raises BagError, which says what is
-    there, where a path or glob names no bag.
+    there, where a path or glob names no bag, and RecordingError where numbers cannot be SI units
+    or were compensated before, unless `accept` names 'units' or 'compensated'.
     """
     if not paths:
         raise BagError('no bag given: name a folder, a file or a glob, e.g. "bags/dut1_?"')
-    return [_read_one(path, namespace) for pattern in paths for path in _expanded(pattern)]
+    return [
+        admitted(_read_one(path, namespace), accept)
+        for pattern in paths
+        for path in _expanded(pattern)
+    ]
 
 
 def fit(

@@ -19,7 +19,14 @@ from imu_recording.logging_contract import (
 )
 from imu_recording.phase import parse_phase, phases_from_setpoint
 from imu_recording.recording import UP_AXES, FloatArray, ImuRecording, IntArray, infer_up_axis
-from imu_recording.synchronise import Joined, Samples, hold_newest, in_order, join_next
+from imu_recording.synchronise import (
+    Joined,
+    Samples,
+    hold_newest,
+    in_order,
+    join_next,
+    without_jumps,
+)
 
 
 def assemble_recording(
@@ -47,6 +54,7 @@ def assemble_recording(
         run=metadata.get('run', ''),
         up_axis=_up_axis(metadata.get('up_axis', ''), tracks['linear_acceleration'], notes),
         profile=metadata.get('profile', ''),
+        compensated=metadata.get('compensated', ''),
         namespace=namespace,
         source=source,
         notes=tuple(notes),
@@ -122,6 +130,8 @@ def _samples(name: str, column: TopicColumns, notes: list[str]) -> Samples:
         pairs = np.array([parsed[text] for text in column.texts], float)
         values = [pairs[:, :1], pairs[:, 1:]]
     samples = in_order(name, stamp, values)
+    if name == IMU_TOPIC:  # its stamps are the rows'
+        samples = without_jumps(name, samples)
     notes += samples.notes
     return samples
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from imu_recording.phase import phases_from_setpoint
 from imu_recording.recording import BagError, FloatArray, ImuRecording, IntArray, infer_up_axis
-from imu_recording.synchronise import in_order
+from imu_recording.synchronise import in_order, without_jumps
 from imu_recording.tables.mapping import (
     ISO_TIME,
     TIME_UNITS,
@@ -43,7 +43,7 @@ def import_csv(
     table, notes = read_table(path, told, names)
     stamp, kept = _stamps(path, table[:, 0], told, notes)
     fields = _fields(told, table[kept])
-    samples = in_order('rows', stamp, tuple(fields.values()))
+    samples = without_jumps('rows', in_order('rows', stamp, tuple(fields.values())))
     notes += samples.notes
     found: dict[str, Any] = dict(zip(fields, samples.values, strict=True))
     _note_gaps(samples.stamp, notes)

@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> Answer:
     """Grow the model and save it."""
     catalogue = effect_catalogue(options.effects)
     model = load_model(options.model, catalogue) if options.model else None
-    clean, defects = check_quality(read_recordings(options, at_rest=True))
+    clean, defects = check_quality(read_recordings(options, at_rest=True, sensors=False))
     growth = grow(model, prepare(clean), Settings(catalogue), show_progress)
     save_model(growth.model, options.output)
     left = (

@@ -7,11 +7,12 @@ import argparse
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from imu_recording.plausibility import ACCEPTABLE, admitted
 from imu_recording.user_error import UserError
 
 from imu_recording import ImuRecording, bag_namespaces, read_bag
 from imu_workbench.answer import show_progress
-from imu_workbench.motion_detection import with_motion_noted
+from imu_workbench.motion_detection import refuse_moving
 
 
 def add_bag_arguments(parser: argparse.ArgumentParser, *, optional: bool = False) -> None:
@@ -32,6 +33,13 @@ def add_bag_arguments(parser: argparse.ArgumentParser, *, optional: bool = False
         action='append',
         default=[],
         help='read OTHER for NAME (imu/mag:=/compass), or nothing (imu/mag:=); repeatable',
+    )
+    parser.add_argument(
+        '--accept',
+        choices=ACCEPTABLE,
+        action='append',
+        default=[],
+        help='take implausible numbers, or data compensated before, as they are; repeatable',
     )
 
 
@@ -77,15 +85,21 @@ def topic_remap(rules: list[str]) -> dict[str, str]:
 
 
 def read_recordings(
-    options: argparse.Namespace, *, every_device: bool = False, at_rest: bool = False
+    options: argparse.Namespace,
+    *,
+    every_device: bool = False,
+    at_rest: bool = False,
+    sensors: bool = True,
 ) -> list[ImuRecording]:
     """Read the bags named on the command line, one recording per bag and device.
 
     Where a bag holds several devices and no --namespace was given, `every_device` takes all of
-    them; otherwise the user has to choose. Where the devices are to be `at_rest`, one that moves
-    has a note that says so.
+    them; otherwise the user has to choose. Devices that are to be `at_rest` and move are refused.
+    `sensors` False: the caller looks for implausible sensors itself.
     """
-    return list(stream_recordings(options, every_device=every_device, at_rest=at_rest))
+    return list(
+        stream_recordings(options, every_device=every_device, at_rest=at_rest, sensors=sensors)
+    )
 
 
 def stream_recordings(
@@ -93,6 +107,7 @@ def stream_recordings(
     *,
     every_device: bool = False,
     at_rest: bool = False,
+    sensors: bool = True,
     then: str = '',
 ) -> Iterator[ImuRecording]:
     """Read the bags as `read_recordings` does, each only when it is asked for.
@@ -102,8 +117,11 @@ def stream_recordings(
     remap = topic_remap(options.topic)
     for path in options.bags:
         show_progress(f'reading {path} …')
-        found = read_devices(path, options.namespace, remap, every_device=every_device)
-        yield from (with_motion_noted(recording) for recording in found) if at_rest else found
+        for recording in read_devices(path, options.namespace, remap, every_device=every_device):
+            taken = admitted(recording, options.accept, sensors=sensors)
+            if at_rest:
+                refuse_moving(taken)
+            yield taken
     show_progress(then)
 
 

@@ -9,13 +9,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from imu_recording.plausibility import admitted
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.model.file import load_model
 
 from imu_recording import read_bag
 from imu_workbench.answer import Answer
 from imu_workbench.commands.options import add_model_argument
-from imu_workbench.motion_detection import with_motion_noted
 from imu_workbench.simulate.hidden_effect import (
     VERDICTS,
     Score,
@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> Answer:
     """Diagnose first, then look."""
     bags = find_truth(options.folder)[1]
     model = load_model(options.model) if options.model else None
-    found = diagnose((with_motion_noted(read_bag(bag)) for bag in bags), model)
+    found = diagnose((admitted(read_bag(bag), sensors=False) for bag in bags), model)
     diagnosis = found.to_dict()
     truth = find_truth(options.folder)[0]
     truths = all_hidden(truth)

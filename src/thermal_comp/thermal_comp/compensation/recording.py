@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from thermal_comp.data.binning import vibration_of
 from thermal_comp.data.conditions import SENSORS, Conditions, Sensor, field_conditions
 from thermal_comp.effects.effect import Effect, State
-from thermal_comp.model.file import check_device
+from thermal_comp.model.file import check_device, model_label
 from thermal_comp.model.values import SensorModel, ThermalModel
 
 
@@ -164,16 +164,26 @@ ROWS_AT_A_TIME = 50_000
 
 
 def compensate(
-    recording: ImuRecording, model: ThermalModel, *, temperature_timeout: float = TIMEOUT_S
+    recording: ImuRecording,
+    model: ThermalModel,
+    *,
+    temperature_timeout: float = TIMEOUT_S,
+    again: bool = False,
 ) -> ImuRecording:
     """Return the recording with the modelled error of the device effects subtracted.
 
     A row takes the newest finite die temperature not later than itself; rows before the first,
     and rows whose temperature is older than `temperature_timeout` [s], are passed on. What was
     passed on, clamped to the fitted range or could not be applied is said in the notes. Raises
-    RecordingError where no row has a fresh die temperature.
+    RecordingError where no row has a fresh die temperature, and, unless `again`, where a model
+    was subtracted before.
     """
     check_device(model, recording.device)
+    if recording.compensated and not again:
+        raise RecordingError(
+            f'{recording.source or "recording"}: compensated already ({recording.compensated}); '
+            'subtract a model from what was measured'
+        )
     recording = _with_held_temperature(recording)
     known = _fresh(recording, temperature_timeout)
     conditions = _conditions(recording, model).rows(known)
@@ -188,7 +198,8 @@ def compensate(
         *_passed_on_notes(recording, known, temperature_timeout),
         *_applied_notes(model, found),
     ]
-    return replace(recording, **compensated).with_notes(*notes)
+    applied = '; '.join(filter(None, (recording.compensated, model_label(model))))
+    return replace(recording, compensated=applied, **compensated).with_notes(*notes)
 
 
 def _conditions(recording: ImuRecording, model: ThermalModel) -> Conditions:

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from imu_recording.plausibility import FACTORS, rate_at_rest
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
 from numpy.typing import NDArray
 
@@ -179,12 +180,6 @@ def impossible_rows(recording: ImuRecording) -> list[tuple[str, BoolArray, str]]
 
 PLAUSIBLE = {'accelerometer': (8.0, 11.5), 'magnetometer': (1e-6, 2e-3)}
 """Norm of the mean at rest [m/s², T]."""
-FACTORS = {
-    'accelerometer': {'g': 1.0 / 9.80665, 'mg': 1e3 / 9.80665, 'cm/s²': 100.0},
-    'magnetometer': {'µT': 1e6, 'nT': 1e9, 'gauss': 1e4, 'mG': 1e7},
-    'gyroscope': {'°/s': 180.0 / np.pi, 'm°/s': 180e3 / np.pi},
-}
-"""Numbers per SI unit of the units logs are kept in."""
 FIELD_NORM_FACTOR = 5.0
 """A norm is of no known unit where it is outside what is plausible by this factor."""
 FOREIGN_NOISE = 20.0
@@ -329,6 +324,11 @@ def check_recording(
         recording = _blank(recording, channel, rows)
     recording, found = _check_orientation(recording, run)
     findings += found
+    rate = rate_at_rest(recording)
+    if rate:
+        text = f'run {run}: {rate}'
+        findings.append(QualityFinding('unit_mismatch', 'gyroscope', len(recording), text))
+        recording = _without(recording, 'gyroscope', np.ones(len(recording), dtype=bool))
     period = _period(recording)
     for sensor, name in SENSOR_FIELDS.items():
         values = getattr(recording, name)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,12 +16,25 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.model.document import Field, model_from_document
 from thermal_comp.model.values import ModelError, ThermalModel
 
-__all__ = ['check_device', 'load_model', 'save_model']
+__all__ = ['check_device', 'load_model', 'model_label', 'save_model']
 
 
 def save_model(model: ThermalModel, path: str | os.PathLike[str]) -> None:
     """Write the model as YAML; reading it back gives the same numbers, bit for bit."""
-    text = yaml.dump(
+    Path(path).write_text(_text(model), 'utf-8')
+
+
+def model_label(model: ThermalModel) -> str:
+    """Return device and hash of a model, by which compensated data name what was subtracted.
+
+    The hash is the SHA-256 of the text `save_model` writes, in 16 hexadecimal digits.
+    """
+    digest = hashlib.sha256(_text(model).encode()).hexdigest()[:16]
+    return f'model of {model.device or "a device without name"}, sha256 {digest}'
+
+
+def _text(model: ThermalModel) -> str:
+    return yaml.dump(
         model.to_dict(),
         Dumper=_Dumper,
         sort_keys=False,
@@ -28,7 +42,6 @@ def save_model(model: ThermalModel, path: str | os.PathLike[str]) -> None:
         default_flow_style=None,
         width=110,
     )
-    Path(path).write_text(text, 'utf-8')
 
 
 def load_model(

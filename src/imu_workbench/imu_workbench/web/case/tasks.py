@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from imu_recording.plausibility import admitted
 from imu_recording.recording import RecordingError
 from thermal_comp.comparison.compare import compare_prepared
 from thermal_comp.data.conditions import SENSORS, Sensor
@@ -45,7 +46,7 @@ def read_task(progress: Progress, path: Path, folder: Path) -> list[StoredBag]:
     progress(f'reading {path.name}')
     stored = []
     for number, recording in enumerate(read_devices(path, None, None, every_device=True)):
-        stored.append(store_recording(recording, folder / str(number)))
+        stored.append(store_recording(admitted(recording), folder / str(number)))
     return stored
 
 

@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the numbers of a recording can be what a sensor on Earth measured in SI units.
+
+The door of every verb, of the Python face and of the import: what cannot have been measured is
+refused in one line, which names the unit that would explain it, and a few damaged values are
+left out and counted. Nothing here knows thermal physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from imu_recording.logging_contract import MEASURED_FIELDS, TRACK_OF_FIELD
+from imu_recording.recording import (
+    GRAVITY,
+    SENSOR_FIELDS,
+    SENSOR_UNITS,
+    FloatArray,
+    ImuRecording,
+    RecordingError,
+)
+
+ACCEPTABLE = ('units', 'compensated')
+"""What a user may tell the door to take as it is (`--accept`): implausible numbers, and data that
+were compensated before."""
+
+POSSIBLE = {
+    'linear_acceleration': (-400.0, 400.0),
+    'angular_velocity': (-70.0, 70.0),
+    'magnetic_field': (-0.01, 0.01),
+    'temperature': (-90.0, 200.0),
+    'chamber_temperature': (-100.0, 300.0),
+    'chamber_temperature_2': (-100.0, 300.0),
+    'device_temperature': (-100.0, 300.0),
+    'setpoint': (-100.0, 300.0),
+}
+"""Least and greatest value a field can hold [its unit]: twice the widest full scales of MEMS
+sensors (16 and 24 g, 2000 °/s, 50 gauss), and temperatures of working electronics and chambers."""
+FEW = 0.01
+"""Up to this share of impossible values is damage and left out; more is another unit."""
+
+NORM = {'accelerometer': (7.0, 13.0), 'magnetometer': (4e-6, 4e-4)}
+"""Median norm [m/s², T]: gravity, whatever the attitude, and Earth's field of 22 … 67 µT with
+hard iron of a few times its size."""
+FACTORS = {
+    'accelerometer': {'g': 1.0 / GRAVITY, 'mg': 1e3 / GRAVITY, 'cm/s²': 100.0},
+    'magnetometer': {'µT': 1e6, 'gauss': 1e4, 'mG': 1e7, 'nT': 1e9, 'mT': 1e3},
+    'gyroscope': {'°/s': 180.0 / np.pi, 'm°/s': 180e3 / np.pi},
+}
+"""Numbers per SI unit of the units logs are kept in."""
+
+REST_CHANGE = {'linear_acceleration': 0.1, 'magnetic_field': 0.8}
+"""Change of the direction of gravity and of the field [rad] below which a device rests: heat moves
+the field of what is near, a device that turns about the vertical sees it go around."""
+STILL_SHARE = 0.9
+"""Share of the norm that a mean over a part keeps; one over many turns keeps less."""
+QUIET_FORCE = 0.1
+"""Median step of the specific force [m/s²] above which a resting device vibrates."""
+REST_RATE = 0.6
+"""Largest mean rate at rest [rad/s]: the zero-rate level of consumer gyroscopes is ±30 °/s."""
+REST_NOISE = 0.006
+"""Largest median step at rest and without vibration [rad/s]: gyroscopes have 0.05 … 0.2 °/s."""
+SENSE = {'°F': (1.8, 0.15)}
+"""Slope of a die temperature in °F against a chamber in °C, and its tolerance."""
+LEAST_CHAMBER_SPAN = 10.0
+"""Span of the chamber's temperature [K] from which the slope tells a unit."""
+
+
+def admitted(
+    recording: ImuRecording, accept: Collection[str] = (), *, sensors: bool = True
+) -> ImuRecording:
+    """Return the recording, a few impossible values left out and counted; refuse a wrong one.
+
+    `accept` names entries of ACCEPTABLE that are not checked; `sensors` False leaves the sensors
+    to a caller that looks for their defects itself. Raises RecordingError in one line.
+    """
+    if recording.compensated and 'compensated' not in accept:
+        raise RecordingError(
+            f'{_name(recording)}: compensated already ({recording.compensated}); take the raw '
+            'data, or tell to go on with --accept compensated'
+        )
+    if 'units' in accept:
+        return recording
+    recording, excess = _without_damage(recording, sensors=sensors)
+    reason = excess or _foreign_temperature(recording)
+    if sensors and not reason:
+        reason = next(implausible(recording), '')
+    if reason:
+        raise RecordingError(
+            f'{_name(recording)}: {reason}; convert it to SI units (in a CSV: unit of the '
+            'mapping), leave the topic out (--topic NAME:=), or take it as it is with '
+            '--accept units'
+        )
+    return recording
+
+
+def implausible(recording: ImuRecording) -> Iterator[str]:
+    """Give a sentence on every sensor that is of no plausible size."""
+    for sensor, (low, high) in NORM.items():
+        size = _median_norm(getattr(recording, SENSOR_FIELDS[sensor]))
+        if np.isfinite(size) and not low <= size <= high:
+            yield _size_text(sensor, size)
+    rate = rate_at_rest(recording)
+    if rate:
+        yield f'angular_velocity: {rate}'
+
+
+def rate_at_rest(recording: ImuRecording) -> str:
+    """Return what is wrong with the rates of a device at rest, '' where nothing is."""
+    rate = recording.angular_velocity
+    if not _rests(recording):
+        return ''
+    mean = float(np.linalg.norm(_median(rate)))
+    if mean > REST_RATE:
+        return f'{mean:.3g} rad/s on average of a device at rest, as if in °/s'
+    noise, shake = _step(rate), _step(recording.linear_acceleration)
+    if noise > REST_NOISE and shake < QUIET_FORCE:
+        return f'steps of {noise:.2g} rad/s from row to row of a device at rest, as if in °/s'
+    return ''
+
+
+def unit_of_norm(sensor: str, norm: float) -> str:
+    """Return the unit that makes the norm of a sensor plausible, '' where none is needed or known.
+
+    >>> unit_of_norm('accelerometer', 1.0), unit_of_norm('magnetometer', 0.45)
+    ('g', 'gauss')
+    """
+    low, high = NORM[sensor]
+    if low <= norm <= high:
+        return ''
+    fits = (u for u, factor in FACTORS[sensor].items() if low <= norm / factor <= high)
+    return next(fits, '')
+
+
+def _without_damage(recording: ImuRecording, *, sensors: bool) -> tuple[ImuRecording, str]:
+    """Return the recording with single impossible values as NaN; what there are too many of."""
+    changed: dict[str, Any] = {}
+    notes = []
+    for field, (low, high) in POSSIBLE.items():
+        values = getattr(recording, field)
+        if values is None or not len(values):
+            continue
+        with np.errstate(invalid='ignore'):
+            wrong = (values < low) | (values > high)
+        rows = int(np.count_nonzero(wrong.reshape(len(values), -1).any(axis=1)))
+        if not rows:
+            continue
+        worst = float(values[wrong][np.argmax(np.abs(values[wrong]))])
+        topic = TRACK_OF_FIELD[field].topic
+        if rows > max(FEW * len(values), 1):
+            if not sensors and field in MEASURED_FIELDS:
+                continue
+            return recording, (
+                f'{field} ({topic}) reaches {worst:.4g} in {rows} of {len(values)} rows, '
+                f'possible is {low:g} … {high:g}{_guessed(recording, field)}'
+            )
+        values = np.where(wrong, np.nan, values)
+        changed[field] = values
+        notes.append(f'{field}: {rows} rows with impossible values (up to {worst:.3g}) left out')
+    return (replace(recording, **changed).with_notes(*notes) if changed else recording), ''
+
+
+def _guessed(recording: ImuRecording, field: str) -> str:
+    sensor = next((s for s, name in SENSOR_FIELDS.items() if name == field), '')
+    unit = unit_of_norm(sensor, _median_norm(getattr(recording, field))) if sensor in NORM else ''
+    return f', as if in {unit}' if unit else ''
+
+
+def _size_text(sensor: str, size: float) -> str:
+    low, high = NORM[sensor]
+    unit = unit_of_norm(sensor, size)
+    guess = f', as if in {unit}' if unit else '; are these counts, or is an axis dead?'
+    return (
+        f'{SENSOR_FIELDS[sensor]}: the median norm is {size:.4g} {SENSOR_UNITS[sensor]}, '
+        f'expected {low:g} … {high:g}{guess}'
+    )
+
+
+def _foreign_temperature(recording: ImuRecording) -> str:
+    """Tell a die temperature in °F from its slope against the chamber's in °C."""
+    for field in ('chamber_temperature', 'device_temperature', 'setpoint'):
+        chamber = getattr(recording, field)
+        if chamber is None:
+            continue
+        known = np.isfinite(chamber) & np.isfinite(recording.temperature)
+        x, y = chamber[known], recording.temperature[known]
+        if len(x) < 3 or np.ptp(x) < LEAST_CHAMBER_SPAN:
+            continue
+        slope, middle = np.polyfit(x - x.mean(), y, 1)
+        for unit, (expected, tolerance) in SENSE.items():
+            if abs(slope - expected) < tolerance:
+                return (
+                    f'temperature rises {slope:.2f} times as much as {field} and is '
+                    f'{middle:.1f} on average where that is {x.mean():.1f} °C, as if in {unit}'
+                )
+        return ''
+    return ''
+
+
+def _rests(recording: ImuRecording) -> bool:
+    """Tell whether gravity and field keep their direction: means over a hundredth of the rows."""
+    if len(recording) < 100:
+        return False
+    edges = np.linspace(0, len(recording), 101).astype(int)[:-1]
+    for field, change in REST_CHANGE.items():
+        values = getattr(recording, field)
+        known = np.isfinite(values).all(axis=1)
+        if not known.any():
+            if field == 'linear_acceleration':
+                return False
+            continue
+        kept = np.where(known[:, None], values, 0.0)
+        part = np.add.reduceat(known, edges, dtype=np.int64) > 0
+        total = np.add.reduceat(kept, edges, axis=0)[part]
+        norm = np.linalg.norm(total, axis=1)
+        if not (norm > STILL_SHARE * np.add.reduceat(_norms(kept), edges)[part]).all():
+            return False
+        direction = total / norm[:, None]
+        away = np.linalg.norm(direction - _median(direction), axis=1)
+        if np.quantile(away, 0.95) > change:
+            return False
+    return True
+
+
+def _median_norm(values: FloatArray) -> float:
+    """Return the median of the norms of (n, 3) over at most about 100 000 rows; NaN for none."""
+    some = values[:: max(len(values) // 100_000, 1)]
+    some = some[np.isfinite(some).all(axis=1)]
+    return float(np.median(_norms(some))) if len(some) else float('nan')
+
+
+def _norms(values: FloatArray) -> FloatArray:
+    with np.errstate(over='ignore'):
+        norms: FloatArray = np.sqrt(np.einsum('ij,ij->i', values, values))
+    return norms
+
+
+def _median(values: FloatArray) -> FloatArray:
+    some = values[:: max(len(values) // 100_000, 1)]
+    some = some[np.isfinite(some).all(axis=1)]
+    middle: FloatArray = np.median(some, axis=0) if len(some) else np.zeros(3)
+    return middle
+
+
+def _step(values: FloatArray) -> float:
+    """Return the median step from row to row over the axes."""
+    step = np.abs(np.diff(values[:100_000], axis=0))
+    step = step[np.isfinite(step).all(axis=1)]
+    return float(np.median(step.max(axis=1))) if len(step) else 0.0
+
+
+def _name(recording: ImuRecording) -> str:
+    return recording.source or recording.run or 'recording'

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers that no sensor on Earth gives in SI units are refused, with the unit they look like."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from imu_recording.plausibility import admitted
+from imu_recording.recording import RecordingError
+
+from imu_recording import ImuRecording, read_bag
+
+
+@pytest.fixture(scope='module')
+def run(bags: Path) -> ImuRecording:
+    return read_bag(bags / 'dut1_x')
+
+
+def test_every_bundled_bag_is_admitted(bags: Path) -> None:
+    for bag in sorted(bags.glob('dut[23]_x')) + [bags / 'dut1_motion', bags / 'hidden_effect_y']:
+        recording = read_bag(bag)
+        assert admitted(recording) is recording
+
+
+@pytest.mark.parametrize(
+    ('field', 'factor', 'offset', 'unit'),
+    [
+        ('linear_acceleration', 1 / 9.80665, 0.0, 'g'),
+        ('linear_acceleration', 1e3 / 9.80665, 0.0, 'mg'),
+        ('magnetic_field', 1e4, 0.0, 'gauss'),
+        ('magnetic_field', 1e6, 0.0, 'µT'),
+        ('magnetic_field', 1e-6, 0.0, 'counts'),
+        ('angular_velocity', 180 / np.pi, 0.0, '°/s'),
+        ('temperature', 1.8, 32.0, '°F'),
+        ('temperature', 1.0, 273.15, '-90 … 200'),
+        ('linear_acceleration', 1671.0, 0.0, '-400 … 400'),
+    ],
+)
+def test_another_unit_is_refused_by_name(
+    run: ImuRecording, field: str, factor: float, offset: float, unit: str
+) -> None:
+    wrong = replace(run, **{field: getattr(run, field) * factor + offset})
+    with pytest.raises(RecordingError, match=field) as refused:
+        admitted(wrong)
+    assert unit in str(refused.value)
+    assert '--accept units' in str(refused.value)
+    assert admitted(wrong, ['units']) is wrong
+
+
+def test_a_few_damaged_values_are_left_out_and_counted(run: ImuRecording) -> None:
+    values = run.linear_acceleration.copy()
+    values[[7, 900]] = [[3.4e127, 0.0, 9.8], [1e5, 1e5, 1e5]]
+    found = admitted(replace(run, linear_acceleration=values))
+    assert np.isnan(found.linear_acceleration).sum() == 4
+    assert found.notes[-1] == (
+        'linear_acceleration: 2 rows with impossible values (up to 3.4e+127) left out'
+    )
+
+
+def test_a_device_that_turns_about_the_vertical_is_no_wrong_unit(run: ImuRecording) -> None:
+    rate = np.tile([1.0, 0.0, 0.0], (len(run), 1))
+    angle = run.time
+    field = 3e-5 * np.column_stack([np.ones_like(angle), np.cos(angle), np.sin(angle)])
+    turning = replace(run, angular_velocity=rate, magnetic_field=field)
+    assert admitted(turning) is turning
+
+
+def test_compensated_data_are_taken_only_when_told(run: ImuRecording) -> None:
+    done = replace(run, compensated='model of dut1, sha256 00')
+    with pytest.raises(RecordingError, match='compensated already'):
+        admitted(done)
+    assert admitted(done, ['compensated']) is done
