@@ -196,3 +196,53 @@ def test_an_effect_that_stands_twice_in_a_sensor_is_refused(tmp_path: Path) -> N
     file.write_text(yaml.safe_dump(document, allow_unicode=True))
     with pytest.raises(ModelError, match=r"gyroscope.effects\[1\].name: 'bias_temperature' is th"):
         load_model(file)
+
+
+@pytest.mark.parametrize(
+    ('place', 'value', 'named'),
+    [
+        (('reference_temperature', 'value'), 1e6, r'reference_temperature\.value: is 1e\+06 °C'),
+        (
+            ('sensors', 'gyroscope', 'temperature_range', 'value'),
+            [-300.0, 50.0],
+            r'temperature_range\.value: is -300 °C',
+        ),
+        (
+            ('sensors', 'accelerometer', 'effects', 0, 'coefficients'),
+            [[1e300, 0.0, 0.0]],
+            r'accelerometer\.effects\[0\]\.coefficients: bias_temperature would make an error of',
+        ),
+        (
+            ('sensors', 'accelerometer', 'effects', 0, 'coefficients'),
+            [[0.0, 430.0, 0.0]],
+            r'possible is up to 10 m/s²',
+        ),
+        (
+            ('sensors', 'magnetometer', 'effects', 0, 'rms'),
+            [0.0, 0.0, 12.0],
+            r'magnetometer\.effects\[0\]\.rms: is 12 T',
+        ),
+        (
+            ('sensors', 'gyroscope', 'noise', 'white', 'value'),
+            [1e9, 0.0, 0.0],
+            r'gyroscope\.noise\.white\.value: is 1e\+09 rad/s',
+        ),
+        (
+            ('sensors', 'gyroscope', 'covariance'),
+            np.diag([1e300, 1.0, 1.0]).tolist(),
+            r'gyroscope\.covariance: the error of bias_temperature would be uncertain',
+        ),
+    ],
+)
+def test_numbers_that_no_sensor_has_are_refused_by_their_field(
+    tmp_path: Path, place: tuple[str | int, ...], value: Any, named: str
+) -> None:
+    document = line_model().to_dict()
+    entry: Any = document
+    for key in place[:-1]:
+        entry = entry[key]
+    entry[place[-1]] = value
+    file = tmp_path / 'model.yaml'
+    file.write_text(yaml.safe_dump(document, allow_unicode=True))
+    with pytest.raises(ModelError, match=named):
+        load_model(file)

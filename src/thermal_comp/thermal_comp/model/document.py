@@ -4,16 +4,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import fields, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 from imu_recording.recording import SENSOR_UNITS, FloatArray
 
-from thermal_comp.data.conditions import CHANNELS, SENSORS, Conditions, Sensor
+from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
+from thermal_comp.model.bounds import (
+    impossible_sizes,
+    impossible_terms,
+    outside_temperatures,
+    typical_conditions,
+)
 from thermal_comp.model.values import (
     SCHEMA,
     ModelError,
@@ -150,11 +156,15 @@ def model_from_document(
     reference = root['reference_temperature']
     reference.only('value', 'unit')
     _check_unit(reference, '°C')
+    reference_temperature = reference['value'].number()
+    _refuse(reference['value'], outside_temperatures(reference_temperature))
     sensors: dict[str, SensorModel] = {}
     for name, entry in root['sensors'].entries().items():
         if name not in SENSOR_UNITS:
             raise entry.refuse(f'no such sensor; there are {", ".join(SENSORS)}')
-        sensors[name] = _sensor(entry, SENSORS[SENSORS.index(name)], effects)
+        sensors[name] = _sensor(
+            entry, SENSORS[SENSORS.index(name)], effects, reference_temperature
+        )
     if not sensors:
         raise root['sensors'].refuse('holds no sensor')
     provenance = root['provenance']
@@ -163,7 +173,7 @@ def model_from_document(
     return ThermalModel(
         device=root['device'].text(),
         sensors=sensors,
-        reference_temperature=reference['value'].number(),
+        reference_temperature=reference_temperature,
         pooled=root['pooled'].flag(),
         provenance=Provenance(
             sources={name: source.text() for name, source in sources.items()},
@@ -176,7 +186,12 @@ def model_from_document(
     )
 
 
-def _sensor(entry: Field, sensor: Sensor, catalogue: Mapping[str, type[Effect]]) -> SensorModel:
+def _sensor(
+    entry: Field,
+    sensor: Sensor,
+    catalogue: Mapping[str, type[Effect]],
+    reference_temperature: float,
+) -> SensorModel:
     unit = SENSOR_UNITS[sensor]
     entry.only(*SENSOR_FIELDS)
     _check_unit(entry, unit)
@@ -190,18 +205,40 @@ def _sensor(entry: Field, sensor: Sensor, catalogue: Mapping[str, type[Effect]])
             raise item['name'].refuse(f'{effect.name!r} is there twice')
         found.append(effect)
         rms[effect.name] = item.get('rms', [0.0, 0.0, 0.0]).array(3)
+        _refuse(item.get('rms', None), impossible_sizes(sensor, rms[effect.name]))
         coefficients.append(_coefficients(item['coefficients'], effect, sensor))
-    size = sum(c.size for c in coefficients)
+    covariance = _covariance(entry['covariance'], sum(c.size for c in coefficients))
+    low, high = _range(entry['temperature_range'])
+    conditions = typical_conditions(low, high, reference_temperature, sensor)
+    terms = list(zip(found, coefficients, _std_of(covariance, coefficients), strict=True))
+    for number, field, reason in impossible_terms(terms, conditions):
+        owner = entry if field == 'covariance' else entry['effects'].items()[number]
+        raise owner[field].refuse(reason)
     return SensorModel(
         effects=tuple(found),
         coefficients=tuple(coefficients),
-        covariance=_covariance(entry['covariance'], size),
-        noise=_noise(entry['noise'], unit),
+        covariance=covariance,
+        noise=_noise(entry['noise'], sensor),
         levels={run: level.array(3) for run, level in entry.get('levels', {}).entries().items()},
         shape_std=std,
         contributions=rms,
-        temperature_range=_range(entry['temperature_range']),
+        temperature_range=(low, high),
     )
+
+
+def _refuse(place: Field, reason: str) -> None:
+    """Raise the error of a field where there is a reason."""
+    if reason:
+        raise place.refuse(reason)
+
+
+def _std_of(covariance: FloatArray, coefficients: Sequence[FloatArray]) -> Iterator[FloatArray]:
+    """Give the standard deviations of each effect's coefficients, in their shape."""
+    std = np.sqrt(np.diag(covariance))
+    start = 0
+    for each in coefficients:
+        yield std[start : start + each.size].reshape(each.shape)
+        start += each.size
 
 
 def _effect(
@@ -246,23 +283,8 @@ def _coefficients(entry: Field, effect: Effect, sensor: Sensor) -> FloatArray:
 
 
 def _columns_of(effect: Effect, sensor: Sensor) -> tuple[int, bool]:
-    """Return number of columns and whether the axes share them, tried on two samples."""
-    ramp, still = np.array([0.0, 1.0]), np.zeros((2, 3))
-    conditions = Conditions(
-        time=ramp,
-        temperature=20.0 + ramp,
-        specific_force=still,
-        angular_velocity=still,
-        magnetic_field=still,
-        sensor=sensor,
-        orientation=np.eye(3),
-        vibration=still,
-        phase=np.zeros(2, dtype=np.int64),
-        cycle=np.ones(2, dtype=np.int64),
-    )
-    absent: dict[str, Any] = {c: ramp for c in CHANNELS if getattr(conditions, c) is None}
-    conditions = replace(conditions, **absent)
-    columns = effect.columns(conditions)[0]
+    """Return number of columns and whether the axes share them, tried on a typical cycle."""
+    columns = effect.columns(typical_conditions(0.0, 40.0, 20.0, sensor))[0]
     return columns.shape[-1], columns.ndim == 3
 
 
@@ -278,7 +300,8 @@ def _covariance(entry: Field, size: int) -> FloatArray:
     return covariance
 
 
-def _noise(entry: Field, unit: str) -> NoiseModel:
+def _noise(entry: Field, sensor: Sensor) -> NoiseModel:
+    unit = SENSOR_UNITS[sensor]
     units = {'white': f'{unit}·√s', 'time_constants': 's', 'amplitudes': unit}
     entry.only(*units)
     for key, expected in units.items():
@@ -292,6 +315,7 @@ def _noise(entry: Field, unit: str) -> NoiseModel:
     for key, values in (('white', white), ('amplitudes', amplitudes)):
         if (values < 0.0).any():
             raise entry[key].refuse('has a negative standard deviation')
+        _refuse(entry[key]['value'], impossible_sizes(sensor, values))
     return NoiseModel(white=white, time_constants=times, amplitudes=amplitudes)
 
 
@@ -301,6 +325,7 @@ def _range(entry: Field) -> tuple[float, float]:
     low, high = entry['value'].array(2)
     if low > high:
         raise entry.refuse(f'is {low:g} … {high:g}: the lower end comes first')
+    _refuse(entry['value'], outside_temperatures(low, high))
     return float(low), float(high)
 
 
