@@ -178,7 +178,7 @@ def test_a_clock_that_jumps_back_starts_anew(ros: Any, model_path: str) -> None:
 def model_with(effect: str, path: Path) -> str:
     line = line_model()
     sensors = {
-        name: replace(part, effects=(EFFECTS[effect](),), contributions={effect: np.ones(3)})
+        name: replace(part, effects=(EFFECTS[effect](),), contributions={effect: np.full(3, 1e-4)})
         for name, part in line.sensors.items()
     }
     save_model(replace(line, sensors=sensors), path)
@@ -222,3 +222,33 @@ def test_a_channel_the_model_needs_is_subscribed_and_missed_until_it_comes(
     assert with_supply.angular_velocity_covariance[0] < without.angular_velocity_covariance[0]
     assert compensation.diagnostics()[0] == 0
     assert 'chamber/heater' not in compensation.inputs
+
+
+def test_compensated_data_are_not_compensated_again(ros: Any, model_path: str) -> None:
+    first: list[tuple[str, Any]] = []
+    feed(node(ros, first, model=model_path), SECOND, 30.0)
+    (label,) = [m for topic, m in first if topic == 'imu_compensated/applied_model']
+    assert label.data.startswith('model of dut1, sha256 ')
+
+    sent: list[tuple[str, Any]] = []
+    second = node(ros, sent, model=model_path)
+    second.inputs['/imu/applied_model'](label)
+    feed(second, SECOND, 30.0)
+    assert imu_messages(sent)[0].angular_velocity.x == 0.0
+    level, text, _ = second.diagnostics()
+    assert level == 2
+    assert f'compensated already ({label.data})' in text
+
+    told: list[tuple[str, Any]] = []
+    again = node(ros, told, model=model_path, again=True)
+    again.inputs['/imu/applied_model'](label)
+    feed(again, SECOND, 30.0)
+    assert imu_messages(told)[0].angular_velocity.x == pytest.approx(-0.01, abs=1e-12)
+
+
+def test_a_model_of_another_device_is_refused(ros: Any, model_path: str) -> None:
+    compensation = ThermalCompNode(
+        capture=lambda *_: None, parameters={'model': model_path, 'device': 'dut2'}
+    )
+    assert not compensation.autostart()
+    assert 'the model is of dut1, the recording of dut2' in compensation.refused

@@ -30,6 +30,11 @@ VALUE_OF_MESSAGE = {
 }
 """Message types of a single quantity, and the field of the message that holds it."""
 
+COMPENSATED = 'imu_compensated'
+"""Where compensated messages stand beside those of `imu`, under the same names."""
+APPLIED_MODEL = 'applied_model'
+"""Latched text beside compensated messages: device and hash of the model that was subtracted."""
+
 METADATA_KEYS = ('device', 'run', 'up_axis', 'profile', 'compensated')
 """Keys of a bag's custom_data that fill the fields of the same name."""
 

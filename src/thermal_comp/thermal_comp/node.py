@@ -7,8 +7,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from imu_recording.logging_contract import TRACK_OF_FIELD, VALUE_OF_MESSAGE
-from imu_recording.ros.lifecycle_node import ConfiguredNode
+from imu_recording.logging_contract import (
+    APPLIED_MODEL,
+    COMPENSATED,
+    TRACK_OF_FIELD,
+    VALUE_OF_MESSAGE,
+)
+from imu_recording.ros.lifecycle_node import LATCHED, ConfiguredNode
 from imu_recording.ros.message_cdr import message_class
 from imu_recording.ros.messages import (
     imu_from_sample,
@@ -20,11 +25,12 @@ from imu_recording.ros.messages import (
 from imu_recording.ros.parameter import NodeConfig, parameter
 from imu_recording.ros.run_node import run_node
 from sensor_msgs.msg import Imu, MagneticField, Temperature
+from std_msgs.msg import String
 
 from thermal_comp.compensation.recording import TIMEOUT_S
 from thermal_comp.compensation.state import restore_state, save_state
 from thermal_comp.compensation.stream import Compensator, compensated_field, compensated_imu
-from thermal_comp.model.file import load_model
+from thermal_comp.model.file import check_device, load_model, model_label
 from thermal_comp.model.values import ThermalModel
 
 
@@ -36,6 +42,8 @@ class ThermalCompConfig(NodeConfig):
     temperature_timeout: float = parameter(
         TIMEOUT_S, 'Age from which a temperature is not used', unit='s', bounds=(0.01, 3600.0)
     )
+    device: str = parameter('', 'Device the model has to be of; empty: any')
+    again: bool = parameter(False, 'Compensate data that say they are compensated already')
     state_file: str = parameter('', 'File that keeps the history over a restart; empty: none')
 
 
@@ -56,11 +64,16 @@ class ThermalCompNode(ConfiguredNode):
     def setup(self, config: ThermalCompConfig) -> None:
         """Load the model, subscribe to what it needs."""
         model = load_model(config.model) if config.model else ThermalModel('', {})
+        check_device(model, config.device)
         self.compensator = Compensator(model, temperature_timeout=config.temperature_timeout)
         if config.state_file and (reason := restore_state(self.compensator, config.state_file)):
             self.get_logger().info(f'history begins anew: {reason}')
         self._imu = self.output(Imu, 'imu_compensated/data_raw')
         self._mag = self.output(MagneticField, 'imu_compensated/mag')
+        self._applied = self.output(String, f'{COMPENSATED}/{APPLIED_MODEL}', latched=True)
+        self._label = model_label(model) if model.sensors else ''
+        source = self.resolve_topic_name('imu/data_raw').rpartition('/')[0]
+        self.input(String, f'{source}/{APPLIED_MODEL}', self.on_applied_model, qos=LATCHED)
         self.input(Temperature, 'imu/temperature', self.on_temperature)
         for channel in sorted(self.compensator.channels):
             track = TRACK_OF_FIELD[channel]
@@ -72,6 +85,11 @@ class ThermalCompNode(ConfiguredNode):
         if config.state_file:
             timer = self.create_timer(10.0, self.save_state)
             self._entities.append(lambda: self.destroy_timer(timer))
+
+    def on_applied_model(self, message: String) -> None:
+        """Take in that what comes was compensated already: it is passed on, unless told."""
+        if not self.config.again:
+            self.compensator.applied_before = message.data
 
     def on_temperature(self, message: Temperature) -> None:
         """Take in a die temperature."""
@@ -94,6 +112,9 @@ class ThermalCompNode(ConfiguredNode):
         published.orientation = message.orientation
         published.orientation_covariance = message.orientation_covariance
         self._imu.publish(published)
+        if self._label:  # what is subtracted is told once, to everybody who ever listens
+            self._applied.publish(String(data=self._label))
+            self._label = ''
 
     def on_magnetic_field(self, message: MagneticField) -> None:
         """Publish the compensated field."""

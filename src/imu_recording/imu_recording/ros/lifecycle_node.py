@@ -34,6 +34,12 @@ from imu_recording.ros.parameter import (
 
 ACTIVE = 'active'
 INACTIVE = 'inactive'
+LATCHED = QoSProfile(
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""Who subscribes later still gets the newest message."""
 
 
 class ConfiguredNode(LifecycleNode):
@@ -123,10 +129,8 @@ class ConfiguredNode(LifecycleNode):
 
     def output(self, message_type: type, topic: str, *, latched: bool = False) -> Any:
         """Create a reliable publisher that sends while the node is active."""
-        depth = 1 if latched else self.config.qos_depth
-        qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE)
-        if latched:
-            qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+        qos = QoSProfile(depth=self.config.qos_depth, reliability=ReliabilityPolicy.RELIABLE)
+        qos = LATCHED if latched else qos
         publisher = self._publisher(message_type, topic, qos, managed=True)
         self.outputs.append(topic)
         if not self._capture:

@@ -82,6 +82,8 @@ class Compensator:
         self._noise_of: dict[tuple[Sensor, int], FloatArray] = {}
         self.timeout_ns = round(temperature_timeout * 1e9)
         self.condition = Condition(history='lost' if _needs_history(model) else 'not needed')
+        self.applied_before = ''
+        """Model that was subtracted from what comes; then nothing is subtracted here."""
         self.origin = -1
         self.newest = -1
         self.histories: Histories = {}
@@ -104,7 +106,7 @@ class Compensator:
         }
 
     def report(self) -> tuple[int, str, dict[str, Any]]:
-        """Return level (0 ok, 1 warn), one line and values for diagnostics."""
+        """Return level (0 ok, 1 warn, 2 error), one line and values for diagnostics."""
         now = self.condition
         troubles = [
             ('no model: data pass through unchanged', not self.model.sensors),
@@ -114,10 +116,13 @@ class Compensator:
             ('history lost', now.history == 'lost'),
         ]
         said = [text for text, true in troubles if true]
+        if self.applied_before:
+            done = f'compensated already ({self.applied_before})'
+            said = [f'{done}: data pass through unchanged; parameter again compensates them']
         values = {**vars(now), 'device': self.model.device}
         values['not_applied'] = '; '.join(f'{e} needs {c}' for e, c in now.not_applied.items())
         return (
-            int(bool(said)),
+            2 if self.applied_before else int(bool(said)),
             '; '.join(said) or ('compensating' if now.samples else 'waiting for samples'),
             values,
         )
@@ -189,7 +194,7 @@ class Compensator:
         self, sensor: Sensor, stamp: int, measured: Vector, *, keep: bool
     ) -> CompensatedVector:
         plan = self._plans.get(sensor)
-        if plan is None:
+        if plan is None or self.applied_before:
             return CompensatedVector(measured, np.zeros((3, 3)), np.zeros(3), compensated=False)
         temperature = self._value('temperature', stamp, self.timeout_ns)
         self.condition.stale = temperature is None

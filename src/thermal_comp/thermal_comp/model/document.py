@@ -292,7 +292,8 @@ def _covariance(entry: Field, size: int) -> FloatArray:
     if not size:
         return np.zeros((0, 0))
     covariance = entry.array(size, size)
-    scale = np.sqrt(np.abs(np.outer(np.diag(covariance), np.diag(covariance))))
+    root = np.sqrt(np.abs(np.diag(covariance)))
+    scale = np.outer(root, root)
     if (np.abs(covariance - covariance.T) > 1e-9 * scale).any():
         raise entry.refuse('is not symmetric')
     if (np.diag(covariance) < 0.0).any():
