@@ -59,7 +59,8 @@ def flag_names(flags: int) -> tuple[str, ...]:
 
 def flag_counts(flags: NDArray[np.integer]) -> dict[str, int]:
     """Return the number of rows with each flag that occurs."""
-    count = {name: int(np.count_nonzero(flags & bit)) for bit, (name, _) in FLAGS.items()}
+    values, numbers = np.unique(flags[flags != 0], return_counts=True)
+    count = {name: int(numbers[values & bit != 0].sum()) for bit, (name, _) in FLAGS.items()}
     return {name: number for name, number in count.items() if number}
 
 

@@ -30,7 +30,7 @@ def upsample(recording: ImuRecording, rate_hz: float = 50.0) -> ImuRecording:
     if period <= 1.02e9 / rate_hz:
         return recording
     stamp = _grid(recording.stamp, rate_hz)
-    newest = np.searchsorted(recording.stamp, stamp, side='right') - 1
+    newest = newest_rows(stamp, recording.stamp)
     tracks = {
         track.name: values
         for track in fields(recording)
@@ -63,31 +63,44 @@ def _columns(stamp: IntArray, known: IntArray, values: FloatArray) -> FloatArray
     finite = np.isfinite(table).all(axis=1)
     if finite.sum() < 2:
         return np.full((len(stamp), *values.shape[1:]), np.nan)
-    seconds = (stamp - stamp[0]) * 1e-9
-    at = (known[finite] - stamp[0]) * 1e-9
-    lines: FloatArray = interpolated(seconds, at, np.ascontiguousarray(table[finite]))
+    lines: FloatArray = interpolated(stamp, known[finite], np.ascontiguousarray(table[finite]))
     if not finite.all():
         lines[~_between(stamp, known[finite])] = np.nan
     return lines.reshape(len(stamp), *values.shape[1:])
 
 
 @njit
-def interpolated(time: FloatArray, known: FloatArray, values: FloatArray) -> FloatArray:
-    """Return values (m, k) known at increasing times (m,) at the increasing times (n,).
+def newest_rows(stamp: IntArray, known: IntArray) -> IntArray:
+    """Return (m,) the newest known row at increasing stamps (m,) from the first known one on."""
+    newest = np.empty(len(stamp), dtype=np.int64)
+    last, j = len(known) - 1, 0
+    for i in range(len(stamp)):
+        while j < last and known[j + 1] <= stamp[i]:
+            j += 1
+        newest[i] = j
+    return newest
+
+
+@njit
+def interpolated(stamp: IntArray, known: IntArray, values: FloatArray) -> FloatArray:
+    """Return values (m, k) at increasing stamps (m,), known at the increasing stamps (n,).
 
     As `np.interp`, column by column: straight lines, the first and last value beyond the ends.
     """
-    lines = np.empty((len(time), values.shape[1]))
-    last, j = len(known) - 1, 0
-    for i in range(len(time)):
-        while j < last and known[j + 1] <= time[i]:
+    lines = np.empty((len(stamp), values.shape[1]))
+    slope = np.zeros(values.shape[1])
+    last, j, start = len(known) - 1, -1, 0.0
+    for i in range(len(stamp)):
+        time = (stamp[i] - stamp[0]) * 1e-9
+        while j < last and known[j + 1] <= stamp[i]:
             j += 1
+            start = (known[j] - stamp[0]) * 1e-9
+            slope[:] = 0.0
+            if j < last:
+                span = (known[j + 1] - stamp[0]) * 1e-9 - start
+                slope[:] = (values[j + 1] - values[j]) / span
         for k in range(values.shape[1]):
-            if j == last or time[i] <= known[j]:
-                lines[i, k] = values[j, k]
-            else:
-                slope = (values[j + 1, k] - values[j, k]) / (known[j + 1] - known[j])
-                lines[i, k] = slope * (time[i] - known[j]) + values[j, k]
+            lines[i, k] = slope[k] * (time - start) + values[max(j, 0), k]
     return lines
 
 

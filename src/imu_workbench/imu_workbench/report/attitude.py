@@ -138,15 +138,15 @@ def angles_from_start(seconds: FloatArray, orientation: FloatArray, every: int =
     Euler angles are about the sensor's axes at the start, heading and inclination about and away
     from the vertical. NaN where the filter has no attitude.
     """
-    known = np.isfinite(orientation @ np.ones(4))
-    angles = np.full((len(orientation[::every]), len(COLUMNS)), np.nan, order='F')
+    kept = orientation[::every]
+    angles = np.full((len(kept), len(COLUMNS)), np.nan, order='F')
+    known = np.isfinite(orientation[:, 0])
     if not known.any():
         return angles
-    first = seconds[known][0]
-    early = orientation[known & (seconds < first + START_S)]
+    early = orientation[known & (seconds < seconds[np.argmax(known)] + START_S)]
     signs = np.sign(early @ early[0])[:, None]
     start = conjugate(normalised((early * np.where(signs == 0, 1.0, signs)).mean(axis=0)))
-    kept, rows = orientation[::every], np.flatnonzero(known[::every])
+    rows = np.flatnonzero(known[::every])
     for begin in range(0, len(rows), CHUNK_ROWS):
         part = rows[begin : begin + CHUNK_ROWS]
         q = kept[part]
