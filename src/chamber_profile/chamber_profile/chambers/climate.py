@@ -19,7 +19,8 @@ from imu_recording.recording import FloatArray
 AIR, WALL, EVAPORATOR, VAPOUR, FROST, DEVICE = 0, 1, 2, 3, 4, 5
 INTEGRAL, HEATER, COMPRESSOR, SWITCHED, DEMAND = 6, 7, 8, 9, 10
 CONTROL, PROBE, PROBE_2, EDDY, EDDY_2, RATE, LAST_SETPOINT = 11, 12, 13, 14, 15, 16, 17
-STATE_SIZE = 18
+PROBE_NOISE, PROBE_2_NOISE = 18, 19
+STATE_SIZE = 20
 """Indices into the state vector; temperatures [°C], vapour [kg/kg], frost [kg], times [s]."""
 
 NOISES = 4
@@ -91,6 +92,7 @@ def initial_state(climate: Climate) -> FloatArray:
     state[VAPOUR] = climate.room_humidity * saturation(climate.room_temperature)
     for place in (FROST, INTEGRAL, HEATER, COMPRESSOR, DEMAND, EDDY, EDDY_2, RATE):
         state[place] = 0.0
+    state[[PROBE_NOISE, PROBE_2_NOISE]] = 0.0
     state[SWITCHED] = 3600.0
     state[LAST_SETPOINT] = math.nan
     return state
@@ -171,8 +173,12 @@ def _moisten(state: FloatArray, climate: Climate, room_vapour: float) -> None:
 @njit(cache=True)
 def advance(
     state: FloatArray, climate: Climate, setpoint: float, running: bool, noise: FloatArray
-) -> None:
-    """Advance the state in place by one second per row of `noise` (k, NOISES)."""
+) -> FloatArray:
+    """Advance the state in place by one second per row of `noise` (k, NOISES).
+
+    Returns the state after each second (k, STATE_SIZE).
+    """
+    states = np.empty((noise.shape[0], STATE_SIZE))
     room_vapour = climate.room_humidity * saturation(climate.room_temperature)
     fan = 1.0 if running else 0.0
     decay = math.exp(-1.0 / 20.0)
@@ -194,3 +200,19 @@ def advance(
         state[CONTROL] += (here - state[CONTROL]) / 5.0
         state[PROBE] += (here - state[PROBE]) / climate.probe_time
         state[PROBE_2] += (there - state[PROBE_2]) / climate.probe_2_time
+        state[PROBE_NOISE] = climate.probe_noise * noise[k, 2]
+        state[PROBE_2_NOISE] = climate.probe_noise * noise[k, 3]
+        states[k] = state
+    return states
+
+
+@njit(cache=True)
+def sensed(states: FloatArray, climate: Climate) -> FloatArray:
+    """Return what the sensors see in states (n, STATE_SIZE): two PT100 [°C], humidity 0 … 1."""
+    columns = np.empty((3, states.shape[0]))
+    for i in range(states.shape[0]):
+        state = states[i]
+        columns[0, i] = state[PROBE] + climate.probe_offset + state[PROBE_NOISE]
+        columns[1, i] = state[PROBE_2] + climate.probe_2_offset + state[PROBE_2_NOISE]
+        columns[2, i] = min(state[VAPOUR] / saturation(state[AIR]), 1.0)
+    return columns

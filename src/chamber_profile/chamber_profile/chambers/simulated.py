@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from imu_recording.recording import FloatArray
 
 from chamber_profile.chambers import climate as physics
 from chamber_profile.chambers.chamber import ChamberReading, ChamberRefusalError
@@ -52,26 +53,28 @@ class SimulatedChamber:
         self._used = 0
         self._elapsed = 0.0
 
-    def advance(self, seconds: float) -> None:
-        """Advance the chamber; the physics takes whole seconds, the rest is carried over."""
+    def advance(self, seconds: float) -> FloatArray:
+        """Advance the chamber; the physics takes whole seconds, the rest is carried over.
+
+        Returns its state after each of these seconds (k, STATE_SIZE).
+        """
         self._elapsed += seconds
         steps = int(self._elapsed + 1e-9)
         self._elapsed -= steps
+        states = [np.empty((0, physics.STATE_SIZE))]
         while steps > 0:
             if self._used == len(self._noise):
                 self._noise = self._rng.standard_normal((_NOISE_ROWS, physics.NOISES))
                 self._used = 0
             take = min(steps, len(self._noise) - self._used)
             noise = self._noise[self._used : self._used + take]
-            physics.advance(self.state, self.climate, self.setpoint, self.running, noise)
+            states.append(
+                physics.advance(self.state, self.climate, self.setpoint, self.running, noise)
+            )
             self._used += take
             steps -= take
         self._protect()
-
-    @property
-    def true_air(self) -> float:
-        """Air temperature at the devices, which no sensor shows [°C]."""
-        return float(self.state[physics.AIR] + self.state[physics.EDDY])
+        return np.concatenate(states)
 
     def connect(self) -> str:
         """Return the description of this chamber."""
@@ -79,16 +82,15 @@ class SimulatedChamber:
 
     def read(self) -> ChamberReading:
         """Return the readings of the chamber's sensors now."""
-        state, climate = self.state, self.climate
-        noise = climate.probe_noise * self._noise[self._used - 1, 2:] if self._used else (0.0, 0.0)
-        air = float(state[physics.AIR])
+        state = self.state
+        (air,), (air_2,), (humidity,) = physics.sensed(state[None], self.climate)
         return ChamberReading(
-            air=_shown(state[physics.PROBE] + climate.probe_offset + noise[0]),
+            air=_shown(air),
             setpoint=self.setpoint,
             running=self.running,
             alarms=self.alarms,
-            humidity=float(min(state[physics.VAPOUR] / physics.saturation(air), 1.0)),
-            air_2=_shown(state[physics.PROBE_2] + climate.probe_2_offset + noise[1]),
+            humidity=float(humidity),
+            air_2=_shown(air_2),
             device=_shown(state[physics.DEVICE]),
             heater=float(state[physics.HEATER]),
             compressor=float(state[physics.COMPRESSOR]),

@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from imu_recording.recording import PHASES, FloatArray, IntArray
 from imu_recording.user_error import UserError
 
+from chamber_profile.chambers import climate as physics
+from chamber_profile.chambers.climate import Climate
 from chamber_profile.chambers.simulated import SimulatedChamber
 from chamber_profile.profile.values import Profile, Step
 from chamber_profile.run.chamber_link import carry_out, readings_of
@@ -60,7 +62,8 @@ def simulate_chamber(profile: Profile, *, seed: int, period_s: float = 1.0) -> C
     chamber = SimulatedChamber(seed=seed)
     sequencer = Sequencer(replace(profile, orientations=()), chamber.resolution_c)
     notes: list[Note] = []
-    rows: list[tuple[float, ...]] = []
+    states = [chamber.state[None].copy()]
+    orders: list[tuple[float, ...]] = []
     sequencer.command('start')
     time, confirm_at = 0, math.inf
     while sequencer.progress.mode not in FINISHED:
@@ -72,38 +75,37 @@ def simulate_chamber(profile: Profile, *, seed: int, period_s: float = 1.0) -> C
         elif time >= confirm_at:
             sequencer.command('confirm')
         step = sequencer.step if sequencer.progress.mode != IDLE else None
-        for second in range(time, time + TICK_S):
-            if second % period == 0:
-                rows.append(_row(second, chamber, step))
-            chamber.advance(1.0)
+        orders.append((chamber.setpoint, float(chamber.running), *_marks(step)))
+        states.append(chamber.advance(TICK_S))
         time += TICK_S
     if sequencer.progress.mode != DONE:
         raise UserError(f'the simulated chamber cannot run {profile.name}: {notes[-1].progress}')
-    return _run(rows)
+    held = np.repeat(np.array(orders), TICK_S, axis=0)
+    rows = np.ascontiguousarray(np.concatenate(states)[:-1:period])
+    return _run(rows, held[::period], chamber.climate, period)
 
 
-def _row(second: int, chamber: SimulatedChamber, step: Step | None) -> tuple[float, ...]:
-    reading = chamber.read()
-    known = step is not None and step.phase in PHASES
-    return (
-        float(second),
-        chamber.setpoint,
-        chamber.true_air,
-        reading.air,
-        math.nan if reading.air_2 is None else reading.air_2,
-        reading.heater or 0.0,
-        reading.compressor or 0.0,
-        reading.fan or 0.0,
-        reading.humidity or 0.0,
-        PHASES.index(step.phase) if step is not None and known else -1,
-        step.cycle if step is not None else 0,
+def _marks(step: Step | None) -> tuple[int, int]:
+    """Return number of the phase, −1 in operator steps, and cycle of a step."""
+    if step is None:
+        return -1, 0
+    return PHASES.index(step.phase) if step.phase in PHASES else -1, step.cycle
+
+
+def _run(states: FloatArray, orders: FloatArray, climate: Climate, period: int) -> ChamberRun:
+    """Return the columns of states (n, STATE_SIZE) under orders (n, 4): as `orders` has them."""
+    temperature, temperature_2, humidity = physics.sensed(states, climate)
+    setpoint, running, phase, cycle = (np.ascontiguousarray(column) for column in orders.T)
+    return ChamberRun(
+        time=np.arange(0.0, len(states) * period, period),
+        setpoint=setpoint,
+        air=states[:, physics.AIR] + states[:, physics.EDDY],
+        temperature=temperature.round(2),
+        temperature_2=temperature_2.round(2),
+        heater=states[:, physics.HEATER].copy(),
+        compressor=states[:, physics.COMPRESSOR].copy(),
+        fan=running,
+        humidity=humidity,
+        phase=phase.astype(np.int64),
+        cycle=cycle.astype(np.int64),
     )
-
-
-def _run(rows: list[tuple[float, ...]]) -> ChamberRun:
-    columns = np.array(rows).T
-    names = [item.name for item in fields(ChamberRun)]
-    table = {name: np.ascontiguousarray(columns[i]) for i, name in enumerate(names)}
-    for name in ('phase', 'cycle'):
-        table[name] = table[name].astype(np.int64)
-    return ChamberRun(**table)
