@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import difflib
 import errno
 import os
+from collections.abc import Iterable
 
 
 class UserError(ValueError):
@@ -34,3 +36,28 @@ def why_not_open(port: str, error: Exception) -> str:
     if number in WAYS_OUT:
         return f'{port}: {WAYS_OUT[number]}'
     return f'{port}: {os.strerror(number) if number else error}'
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return the word most like a mistyped one as a question, '' where none is like it.
+
+    >>> did_you_mean('termal_lag', ['thermal_lag', 'warm_up'])
+    ' (did you mean thermal_lag?)'
+    """
+    near = difflib.get_close_matches(word, list(known), n=1)
+    return f' (did you mean {near[0]}?)' if near else ''
+
+
+def fault_in_yaml(error: Exception) -> str:
+    r"""Return the line and what is wrong in it from the error of reading a YAML file.
+
+    >>> import yaml
+    >>> try:
+    ...     yaml.safe_load('a: 1\nb: [1, 2\n')
+    ... except yaml.YAMLError as error:
+    ...     fault_in_yaml(error)
+    "line 3: expected ',' or ']', but got '<stream end>'"
+    """
+    mark = getattr(error, 'problem_mark', None)
+    problem = getattr(error, 'problem', None) or ' '.join(str(error).split())
+    return f'line {mark.line + 1}: {problem}' if mark else problem

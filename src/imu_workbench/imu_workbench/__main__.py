@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Command line: `python -m imu_workbench VERB` and `ros2 run imu_workbench VERB` alike.
 
-Exit code 0: answered; 2: the user's mistake, one line on standard error; 1: a bug.
+Exit code 0: answered; 2: the user's mistake, one line on standard error; 3: a check that was made
+and does not hold; 1: a bug, with its traceback. Ctrl-C ends with 130.
 """
 
 from __future__ import annotations
@@ -12,17 +13,24 @@ import os
 # and small matrices shared among threads cost twice the time.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
+if __name__ == '__main__':  # Ctrl-C before everything is imported leaves no traceback either
+    import signal
+
+    signal.signal(signal.SIGINT, lambda *_: os._exit(130))
+
 import argparse
+import io
 import sys
+from contextlib import suppress
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
-from imu_recording.user_error import UserError
+from imu_recording.user_error import UserError, did_you_mean
 
 from imu_workbench.answer import Answer, error_line, show_progress, write_json
-from imu_workbench.commands import COMMANDS, INTERNAL
+from imu_workbench.commands import COMMANDS
 
 
 class _Parser(argparse.ArgumentParser):
@@ -45,10 +53,9 @@ def build_parser(verb: str | None = None) -> argparse.ArgumentParser:
             verbs.add_parser(name)
             continue
         command = import_module(f'imu_workbench.commands.{module_name}')
-        options: dict[str, Any] = {} if name in INTERNAL else {'help': command.HELP}
         child = verbs.add_parser(
             name,
-            **options,
+            help=command.HELP,
             description=command.HELP,
             epilog=getattr(command, 'EPILOG', None),
             formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -71,26 +78,45 @@ def _version() -> str:
 def main(argv: list[str] | None = None) -> int:
     """Run one verb; return the process's exit code."""
     argv = sys.argv[1:] if argv is None else argv
-    verb = argv[0] if argv and argv[0] in COMMANDS else None
+    _prepare_streams()
+    verb = argv[0] if argv and not argv[0].startswith('-') else None
+    if verb and verb not in COMMANDS:
+        near = did_you_mean(verb, COMMANDS)
+        sys.stderr.write(f'imu_workbench: no verb {verb!r}{near} (see imu_workbench --help)\n')
+        return 2
     try:
-        options = build_parser(verb).parse_args(argv)
+        return _answer(build_parser(verb).parse_args(argv))
     except SystemExit as stop:  # argparse ends the process by itself; the caller wants the code
         return stop.code if isinstance(stop.code, int) else 2
-    try:
-        return _answer(options)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # who reads has seen enough
+        _discard_output()
         return 0
     except (UserError, OSError) as error:
         show_progress('')
         if not is_users(error):
             raise
-        sys.stderr.write(f'{options.verb}: {error_line(error)}\n')
+        sys.stderr.write(f'{verb}: {error_line(error)}\n')
         return 2
     except KeyboardInterrupt:
         show_progress('')
-        sys.stderr.write(f'{options.verb}: interrupted\n')
+        sys.stderr.write(f'{verb}: interrupted\n')
         return 130
+
+
+def _prepare_streams() -> None:
+    """Let a terminal that knows ASCII only show '?', and a stream that is closed swallow all."""
+    for name in ('stdout', 'stderr'):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, io.TextIOWrapper(io.BytesIO(), encoding='utf-8'))
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors='replace')
+
+
+def _discard_output() -> None:
+    """Send what is still buffered for a closed standard output to nowhere."""
+    with suppress(ValueError, OSError):  # a stream of a test has no file
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _answer(options: argparse.Namespace) -> int:
@@ -122,4 +148,5 @@ def run_verb() -> int:
 
 
 if __name__ == '__main__':
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.exit(main())

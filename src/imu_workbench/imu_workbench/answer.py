@@ -18,6 +18,10 @@ SIMPLE = frozenset({float, int, bool, type(None)})
 """Types of the items of a list that stands on one line."""
 
 
+CHECK_FAILED = 3
+"""Exit code of a check that was made and did not hold."""
+
+
 @dataclass(frozen=True)
 class Answer:
     """The result of a verb; page, JSON and terminal all present the same `content`."""
@@ -27,7 +31,7 @@ class Answer:
     text: str
     """What the terminal shows."""
     exit_code: int = 0
-    """0: answered; 1: answered, and the answer is a failure the caller should see."""
+    """0: answered; CHECK_FAILED: answered, and what was to be checked does not hold."""
 
 
 def plain(value: Any) -> Any:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TypeAlias, overload
 
 from imu_recording.plausibility import admitted
+from imu_recording.user_error import did_you_mean
 
 from imu_recording import BagError, ImuRecording, bag_namespaces, read_bag
 from thermal_comp.comparison.compare import Comparison, compare_prepared
@@ -191,7 +192,8 @@ def _effects(given: EffectList) -> list[Effect]:
 def _effect(given: EffectLike) -> Effect:
     if isinstance(given, str):
         if given not in EFFECTS:
-            raise ModelError(f'effect {given!r} is not known; known: {", ".join(EFFECTS)}')
+            near = did_you_mean(given, EFFECTS)
+            raise ModelError(f'effect {given!r} is not known{near}; known: {", ".join(EFFECTS)}')
         return EFFECTS[given]()
     return given() if isinstance(given, type) else given
 

@@ -16,7 +16,7 @@ from imu_recording import ImuRecording, read_bag, write_bag
 
 
 def fit(bag: Path, tmp_path: Path) -> int:
-    return main(['fit', str(bag), '-o', str(tmp_path / 'm.yaml')])
+    return main(['fit', str(bag), '-o', str(tmp_path / 'm.yaml'), '--force'])
 
 
 def refused(bag: Path, tmp_path: Path, capsys) -> str:

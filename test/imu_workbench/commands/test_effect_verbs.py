@@ -168,13 +168,13 @@ def test_an_effect_that_breaks_the_contract_is_told_where(tmp_path: Path, answer
     file = tmp_path / 'broken.py'
     file.write_text(OWN.replace('conditions.time /', 'conditions.time[::-1] /'))
     code, content, text = answer('check-effect', file)
-    assert code == 1
+    assert code == 3
     assert content['ok'] is False
     assert content['effects']['daily_rhythm']
     assert 'breaks the contract' in text
     file.write_text(OWN.replace("'daily_rhythm'", "'thermal_lag'"))
     code, content, _ = answer('check-effect', file)
-    assert code == 1
+    assert code == 3
     assert any('already' in p for p in content['effects']['thermal_lag'])
 
 

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, ImuRecording
-from imu_recording.user_error import UserError
+from imu_recording.user_error import UserError, did_you_mean
 
 from imu_driver.simulation.data_faults import FAULTS, saturate
 from imu_driver.simulation.effects import bias_in_time, chamber, exposure, heat, uncatalogued
@@ -95,7 +95,8 @@ def check_hideable(name: str) -> None:
     """Raise UserError where the simulator has nothing of this name to hide."""
     if name not in HIDEABLE:
         raise UserError(
-            f'the simulator cannot hide {name!r}: it has physics of its own for every effect '
+            f'the simulator cannot hide {name!r}{did_you_mean(name, HIDEABLE)}: it has '
+            'physics of its own for every effect '
             f'(imu_driver/simulation/effects) and knows {", ".join(HIDEABLE)}'
         )
 

@@ -27,6 +27,7 @@ import yaml
 
 from imu_recording.logging_contract import MEASURED_FIELDS
 from imu_recording.recording import GRAVITY, UP_AXES, RecordingError
+from imu_recording.user_error import did_you_mean, fault_in_yaml
 
 _RATE = {
     'rad/s': 1.0,
@@ -123,7 +124,7 @@ def load_mapping(path: str | Path) -> CsvMapping:
     except OSError as error:
         raise MappingError(f'{path}: cannot be read ({error.strerror})') from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise MappingError(f'{path}: not a YAML file ({str(error).splitlines()[0]})') from None
+        raise MappingError(f'{path}: not a YAML file: {fault_in_yaml(error)}') from None
     return mapping_from(content, str(path))
 
 
@@ -224,5 +225,6 @@ def _refuse_unknown(told: Mapping[Any, Any], known: set[str], place: str) -> Non
     unknown = sorted(str(key) for key in set(told) - known)
     if unknown:
         raise MappingError(
-            f'{place}: unknown key {unknown[0]!r}; known: {", ".join(sorted(known))}'
+            f'{place}: unknown key {unknown[0]!r}{did_you_mean(unknown[0], known)}; '
+            f'known: {", ".join(sorted(known))}'
         )

@@ -27,6 +27,3 @@ COMMANDS: dict[str, str] = {
     'serve': 'serve',
 }
 """Verb → module in this package. A verb's executable comes from here as well."""
-
-INTERNAL = ('demo',)
-"""Verbs that work but are not listed in the help."""

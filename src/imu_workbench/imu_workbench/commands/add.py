@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 
+from imu_recording.user_error import UserError, did_you_mean
 from thermal_comp.data.conditions import SENSORS
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.diagnose import Settings
@@ -19,6 +20,7 @@ from imu_workbench.commands.options import (
     add_effects_argument,
     add_model_argument,
     add_output_argument,
+    claim_output,
     read_recordings,
 )
 
@@ -44,7 +46,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> Answer:
     """Add, refit, compare, save."""
+    claim_output(options.output, force=options.force)
     catalogue = effect_catalogue(options.effects)
+    if options.effect not in catalogue:
+        near = did_you_mean(options.effect, catalogue)
+        raise UserError(
+            f'effect {options.effect!r} is not known{near}; known: {", ".join(catalogue)}'
+        )
     model = load_model(options.model, catalogue) if options.model else None
     recordings = read_recordings(options, at_rest=True)
     show_progress(f'adding {options.effect} …')

@@ -16,8 +16,8 @@ from imu_workbench.commands.options import (
     add_bag_arguments,
     add_model_argument,
     add_output_argument,
+    claim_output,
     read_recordings,
-    refuse_existing,
 )
 
 HELP = 'Subtract the modelled error from bags; write compensated bags.'
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> Answer:
         )
     model = load_model(options.model)
     recordings = read_recordings(options)
-    targets = output_paths(options.bags, options.output)
+    targets = output_paths(options.bags, options.output, force=options.force)
     if not model.pooled:
         for recording in recordings:
             check_device(model, recording.device)
@@ -69,13 +69,13 @@ def run(options: argparse.Namespace) -> Answer:
     return Answer({'schema': 1, 'model': options.model, 'bags': rows}, '\n'.join(lines))
 
 
-def output_paths(bags: list[Path], output: Path) -> list[Path]:
-    """Return where each bag goes: DIR for one, DIR/<bag> for several; nothing is overwritten."""
+def output_paths(bags: list[Path], output: Path, *, force: bool = False) -> list[Path]:
+    """Return where each bag goes: DIR for one, DIR/<bag> for several."""
     names = [bag.resolve().name for bag in bags]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise UserError(f'two bags are called {twice}: apply them one at a time')
     targets = [output] if len(bags) == 1 else [output / name for name in names]
     for target in targets:
-        refuse_existing(target)
+        claim_output(target, force=force, folder=True)
     return targets

@@ -20,6 +20,7 @@ from imu_workbench.commands.options import (
     add_effects_argument,
     add_model_argument,
     add_output_argument,
+    claim_output,
     read_recordings,
 )
 
@@ -37,6 +38,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> Answer:
     """Grow the model and save it."""
+    claim_output(options.output, force=options.force)
     catalogue = effect_catalogue(options.effects)
     model = load_model(options.model, catalogue) if options.model else None
     clean, defects = check_quality(read_recordings(options, at_rest=True, sensors=False))

@@ -10,7 +10,7 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.contract import check_effect
 from thermal_comp.effects.user_effects import effects_in_file, name_is_taken
 
-from imu_workbench.answer import Answer
+from imu_workbench.answer import CHECK_FAILED, Answer
 
 HELP = 'Check that the effects of a Python file keep the contract: causal, cut anywhere, finite.'
 EPILOG = 'example:\n  python -m imu_workbench check-effect my_effect.py'
@@ -36,4 +36,4 @@ def run(options: argparse.Namespace) -> Answer:
         lines += [f'  {problem}' for problem in problems]
     broken = any(found.values())
     content = {'effects': found, 'ok': not broken}
-    return Answer(content, '\n'.join(lines), exit_code=1 if broken else 0)
+    return Answer(content, '\n'.join(lines), exit_code=CHECK_FAILED if broken else 0)

@@ -16,7 +16,12 @@ from thermal_comp.model.file import save_model
 from thermal_comp.presentation.comparison import comparison_text
 
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.commands.options import add_bag_arguments, add_output_argument, read_recordings
+from imu_workbench.commands.options import (
+    add_bag_arguments,
+    add_output_argument,
+    claim_output,
+    read_recordings,
+)
 
 HELP = 'Fit a line per axis against die temperature to the runs of one device; save the model.'
 EPILOG = 'example:\n  python -m imu_workbench fit bags/dut1_? -o dut1.yaml --json dut1.json'
@@ -35,6 +40,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> Answer:
     """Fit, compare, save."""
+    claim_output(options.output, force=options.force)
     recordings = read_recordings(options, at_rest=True)
     show_progress('fitting …')
     runs = prepare(recordings)

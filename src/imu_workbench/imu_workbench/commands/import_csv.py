@@ -11,7 +11,7 @@ from thermal_comp.presentation.display import duration, shown
 
 from imu_recording import write_bag
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.commands.options import add_output_argument, refuse_existing
+from imu_workbench.commands.options import add_output_argument, claim_output
 
 HELP = 'Turn a CSV file into a bag; a YAML file maps columns to channels, scales, units, offsets.'
 EPILOG = (
@@ -31,7 +31,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> Answer:
     """Read, write, say what was dropped."""
-    refuse_existing(options.output)
+    claim_output(options.output, force=options.force, folder=True)
     show_progress(f'reading {options.csv} …')
     recording = import_csv(options.csv, options.mapping)
     write_bag(recording, options.output)

@@ -19,6 +19,7 @@ from imu_workbench.commands.options import (
     add_effects_argument,
     add_model_argument,
     add_output_argument,
+    claim_output,
 )
 from imu_workbench.proposed_profile import profile_content
 
@@ -53,6 +54,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> Answer:
     """Design, write, read back."""
+    claim_output(options.output, force=options.force)
     low, high = options.range
     if not low < REFERENCE_C < high:
         raise UserError(f'--range {low:g} {high:g}: expected LOW < {REFERENCE_C:g} < HIGH')

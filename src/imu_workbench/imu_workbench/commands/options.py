@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -63,8 +64,11 @@ def add_model_argument(
 
 
 def add_output_argument(parser: argparse.ArgumentParser, metavar: str, what: str) -> None:
-    """Add -o, which a verb cannot do without."""
+    """Add -o, which a verb cannot do without, and --force."""
     parser.add_argument('-o', '--output', metavar=metavar, type=Path, required=True, help=what)
+    parser.add_argument(
+        '--force', action='store_true', help='replace what exists under the name of the output'
+    )
 
 
 def topic_remap(rules: list[str]) -> dict[str, str]:
@@ -143,7 +147,19 @@ def read_devices(
     return [read_bag(path, namespace=name, remap=remap) for name in namespaces]
 
 
-def refuse_existing(target: Path) -> None:
-    """Raise where an output exists already: nothing is overwritten."""
-    if target.exists():
-        raise UserError(f'{target} exists already: remove it or choose another -o')
+def claim_output(target: Path, *, force: bool, folder: bool = False) -> None:
+    """Make way for an output: refuse what exists, unless `force`; a file's folder has to exist.
+
+    With `force` an old bag makes way for a bag (`folder`); no other folder is ever removed.
+    """
+    if not folder and not target.parent.is_dir():
+        raise UserError(f'{target}: there is no folder {target.parent}')
+    if not target.exists():
+        return
+    if not force:
+        raise UserError(f'{target} exists already: choose another -o, or replace it with --force')
+    if target.is_dir() != folder or (folder and not (target / 'metadata.yaml').is_file()):
+        kind = 'a bag' if folder else 'a file'
+        raise UserError(f'{target} is not {kind}: --force does not replace it; choose another -o')
+    if folder:
+        shutil.rmtree(target)

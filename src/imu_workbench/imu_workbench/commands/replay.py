@@ -13,14 +13,14 @@ from imu_recording.bags.messages import write_messages
 from imu_recording.user_error import UserError
 
 from imu_recording import bag_namespaces
-from imu_workbench.answer import Answer, show_progress
+from imu_workbench.answer import CHECK_FAILED, Answer, show_progress
 from imu_workbench.commands.options import topic_remap
 from imu_workbench.golden_run import columns_of, find_drift, read_golden, write_golden
 from imu_workbench.replay import NODES, Sent, as_bag_messages, replay
 
 HELP = 'Run a bag through a node in-process, as fast as possible and the same every time.'
 EPILOG = (
-    'Exit code 1: with --check, something moved; the first sample that did is named.\n'
+    'Exit code 3: with --check, something moved; the first sample that did is named.\n'
     'examples:\n'
     '  python -m imu_workbench replay bags/dut1_motion --node ahrs_filter -o out\n'
     '  python -m imu_workbench replay my_bag --node ahrs_filter --write-golden my_bag.json\n'
@@ -93,7 +93,7 @@ def _golden(
     if options.check:
         drift = find_drift(columns_of(sent), read_golden(options.check), options.tolerance)
         content['drift'] = None if drift is None else str(drift)
-        exit_code = 0 if drift is None else 1
+        exit_code = 0 if drift is None else CHECK_FAILED
         same = f'as {options.check}, within {options.tolerance:g}'
         lines.append(same if drift is None else f'moved: {drift}')
     return Answer(content, '\n'.join(lines), exit_code)

@@ -8,7 +8,6 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from imu_recording.user_error import UserError
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import load_model
@@ -19,6 +18,7 @@ from imu_workbench.commands.options import (
     add_bag_arguments,
     add_effects_argument,
     add_output_argument,
+    claim_output,
     read_recordings,
 )
 from imu_workbench.report.content import command_line, versions
@@ -55,8 +55,7 @@ def run(options: argparse.Namespace) -> Answer:
     from imu_workbench.report.content import report_content
     from imu_workbench.report.html.document import report_page, report_text
 
-    if not options.output.parent.is_dir():
-        raise UserError(f'{options.output}: there is no folder {options.output.parent}')
+    claim_output(options.output, force=options.force)
     catalogue = effect_catalogue(options.effects)
     models = load_models(options.model, catalogue)
     keep_memory()

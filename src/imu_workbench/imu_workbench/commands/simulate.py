@@ -16,7 +16,7 @@ from imu_recording.user_error import UserError
 
 from imu_recording import ImuRecording, write_bag
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.commands.options import add_output_argument
+from imu_workbench.commands.options import add_output_argument, claim_output
 from imu_workbench.simulate.campaign import ORIENTATIONS, Logging, simulate_campaign, simulate_run
 from imu_workbench.simulate.hidden_effect import (
     TRUTH_FILE,
@@ -94,6 +94,12 @@ def run(options: argparse.Namespace) -> Answer:
     """Simulate, write, and say what was written."""
     _check(options)
     logging = Logging(options.rate, options.mean or bool(options.hide), options.chamber_period)
+    truth = options.output / TRUTH_FILE
+    if truth.exists() and not options.force:
+        raise UserError(f'{options.output}: holds a hidden effect already; name another folder')
+    for path in [options.output] if options.orientation else _paths(options):
+        claim_output(path, force=options.force, folder=True)
+    truth.unlink(missing_ok=True)
     if options.hide or options.aged:
         return _hidden(options, logging)
     if options.orientation:
@@ -233,5 +239,3 @@ def _check_hidden(options: argparse.Namespace) -> None:
         )
     if options.hide and options.rate > 10.0:
         raise UserError(f'--rate {options.rate:g}: with --hide rows are means, at most 10 Hz')
-    if (options.output / TRUTH_FILE).exists():
-        raise UserError(f'{options.output}: holds a hidden effect already; name another folder')

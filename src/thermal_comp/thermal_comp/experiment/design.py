@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from math import ceil
 
 import numpy as np
+from imu_recording.user_error import did_you_mean
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.effects.effect import FLIP, Effect
@@ -106,7 +107,10 @@ def separation_of(
     """Return what plans are compared by: the effects as the model has them, and its noise."""
     unknown = [name for name in names if name not in catalogue]
     if unknown:
-        raise ModelError(f'effect {unknown[0]!r} is not known; known: {", ".join(catalogue)}')
+        near = did_you_mean(unknown[0], catalogue)
+        raise ModelError(
+            f'effect {unknown[0]!r} is not known{near}; known: {", ".join(catalogue)}'
+        )
     if names[0] == names[1]:
         raise ModelError(f'{names[0]} and {names[1]} are the same effect')
     sensor = _sensor(names, model, catalogue)

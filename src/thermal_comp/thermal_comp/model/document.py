@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from imu_recording.recording import SENSOR_UNITS, FloatArray
+from imu_recording.user_error import did_you_mean
 
 from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.effects import EFFECTS
@@ -248,8 +249,8 @@ def _effect(
     name = item['name'].text()
     if name not in catalogue:
         raise item['name'].refuse(
-            f'{name!r} is not in the catalogue; if it is an effect of your own, give its file '
-            'with --effects'
+            f'{name!r} is not in the catalogue{did_you_mean(name, catalogue)}; if it is an '
+            'effect of your own, give its file with --effects'
         )
     known = {f.name: f for f in fields(catalogue[name])}
     shape: dict[str, Any] = {}

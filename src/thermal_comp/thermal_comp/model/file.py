@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from imu_recording.user_error import fault_in_yaml
 
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
@@ -55,8 +56,7 @@ def load_model(
     except ModelError as error:
         raise ModelError(f'{path}: {error}') from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        reason = ' '.join(str(error).split())
-        raise ModelError(f'{path}: not a YAML file: {reason}') from None
+        raise ModelError(f'{path}: not a YAML file: {fault_in_yaml(error)}') from None
     try:
         return model_from_document(document, effects)
     except ModelError as error:

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the words mean that verbs print beside the names of effects and findings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+WORDS: Mapping[str, str] = {
+    'complete': 'Verdict: no effect of the catalogue explains more of the residual than chance '
+    'does; what is left is noise of the size the sensor has.',
+    'missing': 'Verdict: an effect is missing in the model, and of the catalogue only this one '
+    'explains the residual; `add` or `auto` adds it.',
+    'ambiguous': 'Verdict: an effect is missing, but several of the catalogue explain these runs '
+    'equally well. Any of them corrects runs like these; what tells them apart stands beside '
+    'them, and `next-experiment A B` plans the run that does.',
+    'unexplained': 'Verdict: the residual depends on something (temperature, its rate, time, '
+    'frequency), but no effect of the catalogue has this form. The dependence is shown; an effect '
+    'of your own can be tried with --effects.',
+    'unlogged': 'Verdict: the residual follows a quantity that was not recorded (a heater, the '
+    'supply voltage, humidity …), or several effects at once. Record the channel that is named '
+    'and repeat the run.',
+    'noise_above_reference': 'Verdict: nothing that depends on temperature or time is missing, '
+    'but the noise is higher than that of the sensor class (or of --noise-reference MODEL): '
+    'vibration, a wrong range, or a worn device.',
+    'data_quality': 'Verdict: values were clipped, stuck, spiky, in another unit …; the rows are '
+    'left out and counted, and should be explained before a model is trusted.',
+    'ambiguous_with': 'The other effects that explain the same residual: see `ambiguous`.',
+    'depends_on': 'The variable a residual follows that no effect explains.',
+    'evidence': 'How much better the data are explained with an effect than without it: twice the '
+    'logarithm of the likelihood ratio, less a charge for its parameters. Above its threshold '
+    '(`threshold`) an effect is named; 10 is strong, and it grows in proportion to the length of '
+    'the recording and to the square of the effect, so that values of thousands are common.',
+    'threshold': 'Evidence an effect must exceed before it is named: what chance reaches in '
+    'simulated runs without any effect (--calibrate N makes it from these runs).',
+    'residual_rms': 'Root mean square of measured minus modelled error in the runs the model was '
+    'fitted to, on means over 20 s, per axis.',
+    'held_out_rms': 'The same on cycles the fit has not seen: what a model is worth on new data.',
+    'noise_floor': 'What the residual would be if only the noise of the sensor were left.',
+    'error_before': 'Held-out rms without the effect.',
+    'error_after': 'Held-out rms with it.',
+    'greyed_out': 'Effects that cannot be tried with these runs, with the reason: a channel that '
+    'was not recorded, runs that are too short, too few orientations.',
+    'undetermined': 'Parameters these runs cannot determine; they are left out of the model.',
+    'undecided': 'Pairs of effects these runs cannot tell apart, and what would.',
+    'identifiable': 'Whether recordings like these can determine a parameter at all.',
+    'rivals': 'Effects that would take over part of what the named one explains.',
+    'separable': 'Of next-experiment: the planned run tells the two effects apart.',
+    'clamped': 'A die temperature outside the range the model was fitted in is replaced by the '
+    'end of the range: nothing is extrapolated.',
+    'passed_on': 'Samples handed on as they came, because no fresh die temperature was known.',
+    'applied_model': 'Device and hash of the thermal model that was subtracted from a recording '
+    'or from published data; subtracting one twice is refused.',
+    'block': 'Mean over 20 s; errors are quoted on these.',
+    'cycle': 'One way of the temperature up and down; cycles are held out one at a time.',
+    'phase': 'Part of a thermal cycle: precondition, ramp_down, dwell_cold, ramp_up, dwell_hot, '
+    'dwell_reference, final.',
+    'branch': 'Cooling or heating: the error at one temperature differs between them where there '
+    'is a lag or a hysteresis.',
+    'pooled': 'One model fitted to several devices.',
+    'gained': 'Of orient: by how much the angle to the reference attitude fell.',
+    'moved': 'Of orient: the angle between the raw and the compensated run: what the temperature '
+    'error did to the attitude.',
+}
+"""Word → what it means, in a sentence or two."""
