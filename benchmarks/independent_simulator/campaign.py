@@ -37,7 +37,7 @@ FIELDS = dict(
     zip(SENSORS, ('linear_acceleration', 'angular_velocity', 'magnetic_field'), strict=True)
 )
 SEALED = 900_000
-"""Seeds from here on are for the last judgement only; nothing is tuned on them."""
+"""Seeds from here on are for the last judgement only: nothing is tuned on them."""
 EARTH_RATE = np.array([0.0, 5.3e-5, 4.9e-5])
 """In the chamber frame, at 43° north [rad/s]."""
 EPOCH_NS = 1_750_000_000_000_000_000

@@ -88,12 +88,12 @@ def _draw_two_stage(rng: np.random.Generator, runs: Sequence[Conditions]) -> Par
     slow = _log(rng, 400.0, min(1800.0, _longest(runs) / 4.0))
     fast = _log(rng, 30.0, min(120.0, slow / 5.0))
     share = rng.uniform(0.3, 0.7)
-    return {'fast_time_constant': fast, 'slow_time_constant': slow, 'fast_share': share}
+    return {'time_constant_fast': fast, 'time_constant_slow': slow, 'fast_share': share}
 
 
 def _two_stage(run: Conditions, _sensor: str, p: Parameters) -> Array:
-    fast = lag(run.die, run.dt, p['fast_time_constant']) - run.die
-    slow = lag(run.die, run.dt, p['slow_time_constant']) - run.die
+    fast = lag(run.die, run.dt, p['time_constant_fast']) - run.die
+    slow = lag(run.die, run.dt, p['time_constant_slow']) - run.die
     return p['fast_share'] * fast + (1.0 - p['fast_share']) * slow
 
 
