@@ -106,3 +106,23 @@ def test_a_fault_in_yaml_is_told_with_its_line(
         assert main(argv) == 2
         assert f'{broken}' in (told := capsys.readouterr().err)
         assert 'line 3' in told
+
+
+def test_an_import_shows_the_ranges_and_refuses_another_unit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table, mapping = tmp_path / 'a.csv', tmp_path / 'm.yaml'
+    table.write_text('t,a,b,c,T\n' + ''.join(f'{k},0,0,1,{20 + k / 50}\n' for k in range(200)))
+    told = (
+        'schema: 1\ntime: {{column: t}}\ncolumns:\n  temperature: {{column: T}}\n'
+        '  linear_acceleration: {{columns: [a, b, c]{}}}\n'
+    )
+    argv = ['import', str(table), '--mapping', str(mapping), '-o', str(tmp_path / 'bag')]
+    mapping.write_text(told.format(''))
+    assert main(argv) == 2
+    assert 'as if in g' in capsys.readouterr().err
+    mapping.write_text(told.format(', unit: g'))
+    assert main(argv) == 0
+    words = capsys.readouterr().out.split()
+    at = words.index('temperature')
+    assert words[at : at + 5] == ['temperature', '20.0', '22.0', '24.0', '°C']

@@ -185,3 +185,80 @@ def test_mapping_files_that_are_refused(tmp_path: Path) -> None:
         import_csv(file, tmp_path / 'bad.yaml')
     with pytest.raises(BagError, match='No such file'):
         import_csv(tmp_path / 'missing.csv', MAPPING)
+
+
+@pytest.mark.parametrize(
+    ('field', 'spelling', 'factor'),
+    [
+        ('angular_velocity', 'dps', np.pi / 180),
+        ('angular_velocity', 'Deg/s', np.pi / 180),
+        ('linear_acceleration', 'G', 9.80665),
+        ('linear_acceleration', 'mg', 9.80665e-3),
+        ('magnetic_field', 'Gauss', 1e-4),
+        ('magnetic_field', 'μT', 1e-6),
+        ('temperature', 'degF', 5 / 9),
+        ('temperature', 'degC', 1.0),
+    ],
+)
+def test_units_as_drivers_write_them(field: str, spelling: str, factor: float) -> None:
+    names = {'column': 'T'} if field == 'temperature' else {'columns': ['a', 'b', 'c']}
+    columns = {'linear_acceleration': {'columns': ['a', 'b', 'c']}} | {
+        field: {**names, 'unit': spelling}
+    }
+    found = mapping_from({'schema': 1, 'time': {'column': 't'}, 'columns': columns})
+    assert next(c for c in found.columns if c.field == field).factor == pytest.approx(factor)
+
+
+@pytest.mark.parametrize(
+    ('text', 'changes', 'way_out'),
+    [
+        ('t;a;b;c\n0;0;0;1\n', {}, "is the delimiter ';'?"),
+        ('t;a;b;c\n0;0;0;1,5\n', {'delimiter': ';'}, "is the decimal sign a comma? (decimal: ','"),
+        (
+            't,a,b,c\n07.03.2024 12:00,0,0,1\n',
+            {'time': {'column': 't', 'unit': 'iso8601'}},
+            'write dates as 2024-03-07T12:00:00',
+        ),
+        ('t,ax,b,c\n0,0,0,1\n', {}, "no column 'a' (did you mean"),
+    ],
+)
+def test_a_refusal_says_the_way_out(
+    tmp_path: Path, text: str, changes: dict[str, Any], way_out: str
+) -> None:
+    file = tmp_path / 'a.csv'
+    file.write_text(text)
+    columns = {'linear_acceleration': {'columns': ['a', 'b', 'c'], 'unit': 'g'}}
+    mapping = {'schema': 1, 'time': {'column': 't'}, 'columns': columns, **changes}
+    with pytest.raises(BagError) as refused:
+        import_csv(file, mapping)
+    assert way_out in str(refused.value)
+
+
+def test_zones_and_encodings_that_are_assumed_are_told(tmp_path: Path) -> None:
+    file = tmp_path / 'a.csv'
+    columns = {
+        'linear_acceleration': {'columns': ['a', 'b', 'c']},
+        'temperature': {'column': '°C'},
+    }
+    mapping = {
+        'schema': 1,
+        'time': {'column': 't', 'unit': 'iso8601'},
+        'columns': columns,
+    }
+    rows = '2024-03-07T12:00:00{0},0,0,9.8,20\n2024-03-07T12:00:01{0},0,0,9.8,21\n'
+    file.write_bytes(('t,a,b,c,°C\n' + rows.format('')).encode('cp1252'))
+    naive = import_csv(file, mapping)
+    assert 'the times name no zone: taken as UTC' in naive.notes
+    assert any('Windows-1252' in note for note in naive.notes)
+    file.write_text('t,a,b,c,°C\n' + rows.format('+01:00'))
+    zoned = import_csv(file, mapping)
+    assert not any('zone' in note for note in zoned.notes)
+    assert naive.stamp[0] - zoned.stamp[0] == 3_600_000_000_000
+
+
+def test_a_minus_of_the_header_itself_is_no_sign(tmp_path: Path) -> None:
+    file = tmp_path / 'a.csv'
+    file.write_text('t,ax,ay,-az\n0,0,0,9.8\n1,0,0,9.8\n')
+    columns = {'linear_acceleration': {'columns': ['ax', '-ay', '-az']}}
+    found = import_csv(file, {'schema': 1, 'time': {'column': 't'}, 'columns': columns})
+    assert found.linear_acceleration[0].tolist() == [0.0, 0.0, 9.8]

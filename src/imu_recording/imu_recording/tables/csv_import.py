@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from os import PathLike
@@ -23,6 +24,7 @@ from imu_recording.tables.mapping import (
     load_mapping,
     mapping_from,
 )
+from imu_recording.user_error import did_you_mean
 
 LATEST_STAMP = 9.2e18
 """Stamps are int64 nanoseconds."""
@@ -156,11 +158,16 @@ def read_table(
     """Return the named columns as (n, len(names)) and notes; raise BagError naming the place.
 
     Cells without a value are NaN; lines with another number of cells are left out and counted.
-    Dates become seconds since 1970 (UTC where they name no zone).
+    Dates become seconds since 1970 (UTC where they name no zone, which is said).
     """
     try:
-        with path.open(encoding='utf-8-sig', errors='replace', newline='') as stream:
-            return _parse(stream, path, mapping, names)
+        try:
+            with path.open(encoding='utf-8-sig', newline='') as stream:
+                return _parse(stream, path, mapping, names)
+        except UnicodeDecodeError:
+            with path.open(encoding='cp1252', errors='replace', newline='') as stream:
+                table, notes = _parse(stream, path, mapping, names)
+            return table, [*notes, 'the file is not UTF-8: read as Windows-1252 (cp1252)']
     except OSError as error:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from None
     except csv.Error as error:
@@ -179,6 +186,7 @@ def _parse(
     width = len(header)
     values: list[list[float]] = []
     left_out: list[int] = []
+    zoned = mapping.time_unit != ISO_TIME
     if not mapping.header:
         values.append(_row(header, places, path, number, mapping, names))
     for number, cells in lines:
@@ -186,7 +194,8 @@ def _parse(
             left_out.append(number)
             continue
         values.append(_row(cells, places, path, number, mapping, names))
-    notes = []
+        zoned = zoned or _names_zone(cells[places[0][0]])
+    notes = [] if zoned else ['the times name no zone: taken as UTC']
     if left_out:
         notes.append(
             f'{len(left_out)} lines do not have {width} cells and are left out '
@@ -211,7 +220,12 @@ def _place(name: str, header: list[str], path: Path, mapping: CsvMapping) -> tup
     for candidate, sign in ((name, 1.0), (name.removeprefix('-').strip(), -1.0)):
         if candidate in known:
             return known.index(candidate), sign
-    raise BagError(f'{path}: no column {name!r}; it has {", ".join(known)}')
+    others = [sign for sign in ';\t|,' if sign != mapping.delimiter]
+    split = next((sign for sign in others if len(header) == 1 and sign in header[0]), '')
+    way = f'; is the delimiter {split!r}? (delimiter: {split!r} in the mapping)' if split else ''
+    raise BagError(
+        f'{path}: no column {name!r}{did_you_mean(name, known)}; it has {", ".join(known)}{way}'
+    )
 
 
 def _row(
@@ -234,10 +248,19 @@ def _row(
         if value is None:
             raise BagError(
                 f'{path}, line {number}, column {name!r}: {cells[at].strip()!r} is no '
-                f'{"date" if date else "number"}'
+                f'{_expected(cells[at], mapping, date=date)}'
             )
         values.append(sign * value)
     return values
+
+
+def _expected(cell: str, mapping: CsvMapping, *, date: bool) -> str:
+    """Return what a cell should be, and the setting that may make it so."""
+    if date:
+        return 'date; write dates as 2024-03-07T12:00:00 (ISO 8601)'
+    if mapping.decimal == '.' and _value(cell, ',') is not None:
+        return "number; is the decimal sign a comma? (decimal: ',' in the mapping)"
+    return 'number'
 
 
 def _value(cell: str, decimal: str) -> float | None:
@@ -250,6 +273,11 @@ def _value(cell: str, decimal: str) -> float | None:
         return float(text)
     except ValueError:
         return None
+
+
+def _names_zone(cell: str) -> bool:
+    """Tell whether a date says which zone it is of: +01:00 or Z at its end."""
+    return bool(re.search(r'(Z|[+-]\d\d:?\d\d)$', cell.strip()))
 
 
 def _date(cell: str) -> float | None:

@@ -53,6 +53,35 @@ _CELSIUS = {'°C': (1.0, 0.0), 'C': (1.0, 0.0), 'K': (1.0, -273.15)}
 _FAHRENHEIT = dict.fromkeys(('°F', 'F'), (5 / 9, -32 * 5 / 9))
 _TEMPERATURE = _CELSIUS | _FAHRENHEIT
 
+WRITTEN_AS = {
+    'dps': '°/s',
+    'deg/sec': '°/s',
+    'degrees/s': '°/s',
+    'mdps': 'mdeg/s',
+    'dph': 'deg/h',
+    'rad/sec': 'rad/s',
+    'rps': 'rad/s',
+    'm/s/s': 'm/s²',
+    'mps2': 'm/s²',
+    'milli-g': 'mg',
+    'mgauss': 'mG',
+    'milligauss': 'mG',
+    'microtesla': 'µT',
+    'μt': 'µT',
+    'tesla': 'T',
+    'degc': '°C',
+    'deg c': '°C',
+    'celsius': '°C',
+    'degf': '°F',
+    'deg f': '°F',
+    'fahrenheit': '°F',
+    'kelvin': 'K',
+    'volt': 'V',
+    'volts': 'V',
+    'percent': '%',
+}
+"""Other spellings of units, in lower case."""
+
 TIME_UNITS = {'s': 1e9, 'ms': 1e6, 'µs': 1e3, 'us': 1e3, 'ns': 1.0, 'min': 60e9, 'h': 3600e9}
 """Nanoseconds per unit of a time column."""
 ISO_TIME = 'iso8601'
@@ -74,6 +103,11 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
     'supply_voltage': {'V': (1.0, 0.0), 'mV': (1e-3, 0.0)},
 }
 """By field of ImuRecording and unit: (factor, offset) to that field's unit."""
+
+UNIT_OF_FIELD = {
+    field: 'share' if '1' in known else next(iter(known)) for field, known in UNITS.items()
+}
+"""Unit of each field of a recording: what all others are converted to."""
 
 VECTORS = MEASURED_FIELDS
 """Fields that take three columns."""
@@ -190,9 +224,7 @@ def _field(field: str, told: Any, place: str) -> list[CsvColumn]:
     names = told[key] if field in VECTORS else [told[key]]
     if not isinstance(names, list) or len(names) != count:
         raise MappingError(f'{place}: {key} is {told[key]!r}, expected {count} columns')
-    unit = str(told.get('unit', next(iter(UNITS[field]))))
-    if unit not in UNITS[field]:
-        raise MappingError(f'{place}: unit is {unit!r}, expected one of {", ".join(UNITS[field])}')
+    unit = _unit(told.get('unit'), UNITS[field], place)
     factor, shift = UNITS[field][unit]
     scales = _numbers(told.get('scale', 1), count, f'{place}: scale')
     offsets = _numbers(told.get('offset', 0), count, f'{place}: offset')
@@ -200,6 +232,20 @@ def _field(field: str, told: Any, place: str) -> list[CsvColumn]:
         CsvColumn(field, axis, str(column), scale * factor, offset * factor + shift)
         for axis, (column, scale, offset) in enumerate(zip(names, scales, offsets, strict=True))
     ]
+
+
+def _unit(told: Any, known: Mapping[str, Any], place: str) -> str:
+    """Return the unit's name in the table of its field; as drivers write it will do."""
+    if told is None:
+        return next(iter(known))
+    name = str(told).strip()
+    alike = [unit for unit in known if unit.lower() == name.lower()]
+    for candidate in (name, WRITTEN_AS.get(name.lower(), ''), *(alike if len(alike) == 1 else ())):
+        if candidate in known:
+            return candidate
+    raise MappingError(
+        f'{place}: unit is {name!r}{did_you_mean(name, known)}, expected one of {", ".join(known)}'
+    )
 
 
 def _numbers(told: Any, count: int, place: str) -> list[float]:

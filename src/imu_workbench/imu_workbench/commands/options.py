@@ -35,6 +35,11 @@ def add_bag_arguments(parser: argparse.ArgumentParser, *, optional: bool = False
         default=[],
         help='read OTHER for NAME (imu/mag:=/compass), or nothing (imu/mag:=); repeatable',
     )
+    add_accept_argument(parser)
+
+
+def add_accept_argument(parser: argparse.ArgumentParser) -> None:
+    """Add --accept, which takes what the checks of plausibility refuse."""
     parser.add_argument(
         '--accept',
         choices=ACCEPTABLE,
