@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
+from imu_recording.bags.messages import BagMessage, bag_topics, read_messages, write_messages
 from imu_workbench.__main__ import build_parser, main
 from imu_workbench.commands import COMMANDS, options
 from thermal_comp.model.file import load_model
@@ -111,6 +113,83 @@ def test_apply_removes_the_slope(folder: Path, model: Path, tmp_path: Path) -> N
         old = np.polyfit(before.temperature, getattr(before, name), 1)[0]
         new = np.polyfit(after.temperature, getattr(after, name), 1)[0]
         assert (np.abs(new) < 0.02 * np.abs(old).max()).all()
+
+
+@pytest.fixture
+def robot(folder: Path, tmp_path: Path) -> tuple[Path, Path]:
+    """A bag under a robot's own names, with a topic nobody here reads, and the file of names."""
+    names = {
+        'imu/data_raw': '/camera/imu',
+        'imu/mag': '/compass',
+        'imu/temperature': '/camera/temperature',
+    }
+    types = {t: kind for t, kind in bag_topics(folder / 'dut1').items() if t[1:] in names}
+    messages = read_messages(folder / 'dut1', list(types))
+    text = b'\x00\x01\x00\x00\x03\x00\x00\x00hi\x00'
+    renamed = [replace(m, topic=names[m.topic[1:]]) for m in messages]
+    kinds = {names[t[1:]]: kind for t, kind in types.items()}
+    write_messages(
+        [BagMessage(messages[0].received, '/chatter', text), *renamed],
+        {**kinds, '/chatter': 'std_msgs/msg/String'},
+        tmp_path / 'robot',
+    )
+    rules = tmp_path / 'robot.yaml'
+    rules.write_text(''.join(f'{name}: {other}\n' for name, other in names.items()))
+    return tmp_path / 'robot', rules
+
+
+def test_apply_keeps_every_topic_and_adds_its_own(
+    robot: tuple[Path, Path], tmp_path: Path, capsys
+) -> None:
+    bag, rules = robot
+    model, out, again = (str(tmp_path / name) for name in ('m.yaml', 'out', 'again'))
+    topics = ['--topics', str(rules)]
+    assert main(['fit', str(bag), *topics, '-o', model]) == 0
+    assert main(['apply', str(bag), *topics, '--model', model, '-o', out]) == 0
+    before, after = bag_topics(bag), bag_topics(out)
+    assert set(after) - set(before) == {
+        f'/imu_compensated/{name}' for name in ('data_raw', 'mag', 'applied_model')
+    }
+    assert read_messages(out, list(before)) == read_messages(bag, list(before))
+    # What apply wrote is read as compensated, and nothing is subtracted twice unasked.
+    temperature = ['--topic', 'imu/temperature:=/camera/temperature']
+    capsys.readouterr()
+    for argv in (
+        ['apply', out, *temperature, '--model', model, '-o', again],
+        ['fit', out, *temperature, '-o', again],
+        ['diagnose', out, *temperature],
+        ['orient', out, *temperature, '--model', model],
+    ):
+        assert main(argv) == 2
+        assert 'compensated already (model of' in capsys.readouterr().err
+    remap = {'imu/temperature': '/camera/temperature'}
+    assert read_bag(out, remap=remap).compensated.startswith('model of a device without name')
+    assert not read_bag(out, remap=yaml.safe_load(rules.read_text())).compensated
+    told = {**remap, 'imu/data_raw': '/imu_compensated/data_raw'}
+    assert read_bag(out, remap=told).compensated
+
+
+def test_a_remapped_imu_is_told_which_temperatures_there_are(
+    robot: tuple[Path, Path], tmp_path: Path, capsys
+) -> None:
+    argv = ['fit', str(robot[0]), '--topic', 'imu/data_raw:=/camera/imu']
+    assert main([*argv, '-o', str(tmp_path / 'm.yaml')]) == 2
+    assert '--topic imu/temperature:=/camera/temperature' in capsys.readouterr().err
+
+
+def test_a_wrong_file_of_topics_is_told_by_its_key(
+    robot: tuple[Path, Path], tmp_path: Path, capsys
+) -> None:
+    bag, rules = robot
+    for text, message in (
+        ('imu/data_row: /x\n', "'imu/data_row' is no name in a recording (did you mean imu/data_"),
+        ('imu/mag: [1\n', 'line 2'),
+        ('- a\n', 'expected lines such as'),
+    ):
+        rules.write_text(text)
+        argv = ['fit', str(bag), '--topics', str(rules), '-o', str(tmp_path / 'm.yaml')]
+        assert main(argv) == 2
+        assert message in capsys.readouterr().err
 
 
 def test_apply_of_several_writes_one_bag_each(folder: Path, model: Path, tmp_path: Path) -> None:

@@ -60,6 +60,8 @@ class Channel:
     message_type: str
     encoding: str
     definition: str
+    qos: str = ''
+    """Offered QoS profiles as YAML."""
 
 
 @dataclass
@@ -119,9 +121,10 @@ class McapScan:
             key, name, _, definition = _parse('Hsss', content)
             self._schemas[key] = (name, definition)
         elif opcode == CHANNEL:
-            key, schema, topic, encoding, _ = _parse('HHssm', content)
+            key, schema, topic, encoding, metadata = _parse('HHssm', content)
             message_type, definition = self._schemas.get(schema, ('', ''))
-            channel = Channel(topic, message_type, encoding, definition)
+            qos = metadata.get('offered_qos_profiles', '')
+            channel = Channel(topic, message_type, encoding, definition, qos)
             if key not in self.channels:
                 self.channels[key] = channel
                 self._slots[key] = self.select(channel)

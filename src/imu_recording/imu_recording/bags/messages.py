@@ -10,6 +10,7 @@ from os import PathLike
 from pathlib import Path
 
 from imu_recording.bags.files import BagFile, locate_bag
+from imu_recording.bags.mcap_reader import Channel
 from imu_recording.bags.mcap_writer import McapStream
 from imu_recording.bags.message_types import definition_of
 from imu_recording.bags.metadata import RecordedFile, qos_profile, qos_text, write_metadata
@@ -39,7 +40,7 @@ class _Collector:
     topic: str
     into: list[BagMessage]
 
-    def define(self, definition: str) -> None:
+    def define(self, channel: Channel) -> None:
         """Accept any definition: nothing is decoded here."""
 
     def take(self, block: MessageBlock, slot: int) -> None:

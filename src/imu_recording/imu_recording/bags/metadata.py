@@ -82,6 +82,27 @@ def qos_profile(*, reliable: bool, latched: bool, depth: int) -> Qos:
     }
 
 
+QOS_NAMES = {
+    'history': ('system_default', 'keep_last', 'keep_all', 'unknown'),
+    'reliability': ('system_default', 'reliable', 'best_effort', 'unknown'),
+    'durability': ('system_default', 'transient_local', 'volatile', 'unknown'),
+    'liveliness': ('system_default', 'automatic', 'unknown', 'manual_by_topic'),
+}
+"""Names of the policies that bags before ROS 2 Jazzy number."""
+
+
+def qos_from_text(text: str) -> list[Qos]:
+    """Return the profiles a channel carries, in the words of Jazzy."""
+    profiles = yaml.safe_load(text) or []
+    return [
+        {
+            key: QOS_NAMES[key][value] if key in QOS_NAMES and isinstance(value, int) else value
+            for key, value in dict(profile).items()
+        }
+        for profile in profiles
+    ]
+
+
 def qos_text(profiles: Sequence[Qos]) -> str:
     """Return the profiles as the YAML text a channel carries."""
     return yaml.safe_dump(list(profiles), sort_keys=False) if profiles else ''

@@ -13,15 +13,22 @@ from imu_recording.bags.message_types import DecodeError
 from imu_recording.bags.scan import scan_columns, topics_of_file
 from imu_recording.bags.topic_columns import TopicColumns
 from imu_recording.logging_contract import (
+    APPLIED_MODEL,
+    COMPENSATED,
     IMU,
     IMU_TOPIC,
+    MAGNETIC_TOPIC,
     METADATA_KEYS,
+    STRING,
+    TEMPERATURE,
+    TEMPERATURE_TOPIC,
     TRACK_OF_TOPIC,
     TRACKS,
     Track,
 )
 from imu_recording.recording import BagError, ImuRecording
 
+COMPENSATED_IMU = f'{COMPENSATED}/{IMU_TOPIC.rpartition("/")[2]}'
 BagPath = str | PathLike[str]
 
 
@@ -41,10 +48,15 @@ def read_bag(
     bags = [locate_bag(part) for part in _paths(path)]
     name = str(bags[0].path) if len(bags) == 1 else f'{bags[0].path} … {bags[-1].path}'
     types, counts = _topics(bags)
+    remap = _with_compensated(types, namespace, remap, bags)
     space, chosen = choose_topics(types, namespace, remap, name)
     metadata = _metadata(bags, space)
     columns = {topic: TopicColumns(track, topic, counts[topic]) for topic, track in chosen.items()}
+    told = _applied_topic(types, chosen)
+    if told:
+        columns[told] = TopicColumns(Track(APPLIED_MODEL, STRING, ()), told, 1)
     notes = [note for bag in bags for note in bag.notes]
+    notes += _temperature_topics(types, chosen)
     for bag in bags:
         for file in bag.files:
             try:
@@ -54,7 +66,67 @@ def read_bag(
             except OSError as error:
                 raise BagError(f'{file.path}: {error.strerror or error}') from None
     _refuse_empty(name, columns)
+    applied = columns.pop(told).texts if told else []
+    if applied:
+        metadata['compensated'] = applied[-1]
+    elif metadata.get('compensated') and _is_raw(types, space, chosen):
+        del metadata['compensated']
     return assemble_recording(columns, metadata, space, name, notes)
+
+
+def _temperature_topics(types: Mapping[str, set[str]], chosen: Mapping[str, Track]) -> list[str]:
+    """Return which topics may hold the die temperature where none of the contract's name does."""
+    if any(track.topic == TEMPERATURE_TOPIC for track in chosen.values()):
+        return []
+    found = sorted(t for t, kinds in types.items() if TEMPERATURE in kinds and t not in chosen)
+    if not found:
+        return []
+    way = f'take one with --topic {TEMPERATURE_TOPIC}:={found[0]}'
+    return [f'no topic {TEMPERATURE_TOPIC}, but temperatures on {_listed(found)}; {way}']
+
+
+def chosen_topics(
+    bag: Bag, namespace: str | None, remap: Mapping[str, str] | None
+) -> tuple[str, dict[str, str]]:
+    """Return the namespace, and name of the logging contract → topic, that `read_bag` takes."""
+    types, _ = _topics([bag])
+    remap = _with_compensated(types, namespace, remap, [bag])
+    space, chosen = choose_topics(types, namespace, remap, str(bag.path))
+    return space, {track.topic: topic for topic, track in chosen.items()}
+
+
+def _with_compensated(
+    types: Mapping[str, set[str]],
+    namespace: str | None,
+    remap: Mapping[str, str] | None,
+    bags: Sequence[Bag],
+) -> Mapping[str, str]:
+    """Return the remap that takes the compensated topics of a bag that was written with them."""
+    remap = dict(remap or {})
+    written = any(key.rpartition('/')[2] == 'compensated' for bag in bags for key in bag.custom)
+    spaces = [t.removesuffix(f'/{COMPENSATED_IMU}') for t in types if t.endswith(COMPENSATED_IMU)]
+    if namespace is not None:
+        spaces = [space for space in spaces if space.strip('/') == namespace.strip('/')]
+    if not written or len(spaces) != 1 or IMU_TOPIC in remap:
+        return remap
+    for name in (IMU_TOPIC, MAGNETIC_TOPIC):
+        topic = f'{spaces[0]}/{COMPENSATED}/{name.rpartition("/")[2]}'
+        if topic in types:
+            remap.setdefault(name, topic)
+    return remap
+
+
+def _applied_topic(types: Mapping[str, set[str]], chosen: Mapping[str, Track]) -> str:
+    """Return the topic that tells which model was subtracted from the chosen Imu, '' for none."""
+    imu = next((topic for topic, track in chosen.items() if track.topic == IMU_TOPIC), '')
+    topic = f'{imu.rpartition("/")[0]}/{APPLIED_MODEL}'
+    return topic if types.get(topic) == {STRING} else ''
+
+
+def _is_raw(types: Mapping[str, set[str]], space: str, chosen: Mapping[str, Track]) -> bool:
+    """Tell whether what was measured was read beside compensated topics."""
+    beside = f'{space}/{COMPENSATED_IMU}'
+    return beside in types and beside not in chosen
 
 
 def bag_namespaces(path: BagPath) -> list[str]:

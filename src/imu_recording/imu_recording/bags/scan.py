@@ -52,8 +52,8 @@ UNCLOSED = 'was not closed: read as far as it goes'
 class MessageSink(Protocol):
     """Takes the messages of one topic."""
 
-    def define(self, definition: str) -> None:
-        """Take the definition of the message type that the bag carries."""
+    def define(self, channel: Channel) -> None:
+        """Take what the bag says about the topic: the definition of its message type, QoS."""
 
     def take(self, block: MessageBlock, slot: int) -> None:
         """Take those messages of a block that belong to a slot."""
@@ -107,7 +107,7 @@ def scan_messages(
                 f'{file.path}: {channel.topic} is serialised as {channel.encoding!r}, '
                 'expected cdr (ROS 2)'
             )
-        sinks[channel.topic].define(channel.definition)
+        sinks[channel.topic].define(channel)
         return names.index(channel.topic)
 
     if file.storage == 'sqlite3':

@@ -39,6 +39,10 @@ def sqlite_channels(path: Path) -> dict[int, Channel]:
         except DAMAGE as error:
             raise BagError(f'{path}: not a rosbag2 sqlite3 file ({error})') from None
         try:
+            offered = dict(connection.execute('SELECT id, offered_qos_profiles FROM topics'))
+        except DAMAGE:
+            offered = {}  # files written before ROS 2 Foxy carry none
+        try:
             found: Any = connection.execute(
                 'SELECT topic_type, encoded_message_definition FROM message_definitions'
             ).fetchall()
@@ -46,7 +50,13 @@ def sqlite_channels(path: Path) -> dict[int, Channel]:
             found = []  # files written before ROS 2 Iron carry none
     definitions = {str(kind): str(text) for kind, text in found}
     return {
-        key: Channel(str(topic), str(kind), str(encoding), definitions.get(str(kind), ''))
+        key: Channel(
+            str(topic),
+            str(kind),
+            str(encoding),
+            definitions.get(str(kind), ''),
+            str(offered.get(key) or ''),
+        )
         for key, topic, kind, encoding in topics
         if isinstance(key, int) and 0 <= key < LARGEST_TOPIC_ID
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ from imu_recording.bags.slow_decode import (
 )
 from imu_recording.logging_contract import STRING, Track
 from imu_recording.recording import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from imu_recording.bags.mcap_reader import Channel
 
 _NO_WORDS = np.empty((0, 0), np.int64)
 
@@ -74,9 +78,9 @@ class TopicColumns:
                 shape += [group.first, group.unreported]
             self._shape = tuple(shape + [0, -1] * (2 - len(groups)))
 
-    def define(self, definition: str) -> None:
+    def define(self, channel: Channel) -> None:
         """Take the definition the bag carries; a type that is not standard is decoded slowly."""
-        self._types = types_of(self.track.message_type, definition)
+        self._types = types_of(self.track.message_type, channel.definition)
 
     @property
     def unstamped(self) -> bool:

@@ -234,13 +234,14 @@ def _field(field: str, told: Any, place: str) -> list[CsvColumn]:
     ]
 
 
-def _unit(told: Any, known: Mapping[str, Any], place: str) -> str:
+def _unit(told: Any, known: Mapping[str, tuple[float, float]], place: str) -> str:
     """Return the unit's name in the table of its field; as drivers write it will do."""
     if told is None:
         return next(iter(known))
     name = str(told).strip()
     alike = [unit for unit in known if unit.lower() == name.lower()]
-    for candidate in (name, WRITTEN_AS.get(name.lower(), ''), *(alike if len(alike) == 1 else ())):
+    candidates = [name, WRITTEN_AS.get(name.lower(), ''), *(alike if len(alike) == 1 else [])]
+    for candidate in candidates:
         if candidate in known:
             return candidate
     raise MappingError(

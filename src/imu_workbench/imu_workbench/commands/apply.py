@@ -6,11 +6,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from imu_recording.bags.compensated_copy import write_compensated_copy
 from imu_recording.user_error import UserError
 from thermal_comp.compensation.recording import TIMEOUT_S, compensate
 from thermal_comp.model.file import check_device, load_model
 
-from imu_recording import write_bag
 from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.options import (
     add_bag_arguments,
@@ -18,6 +18,7 @@ from imu_workbench.commands.options import (
     add_output_argument,
     claim_output,
     read_recordings,
+    topic_remap,
 )
 
 HELP = 'Subtract the modelled error from bags; write compensated bags.'
@@ -54,10 +55,16 @@ def run(options: argparse.Namespace) -> Answer:
         for recording in recordings:
             check_device(model, recording.device)
     rows, lines = [], []
-    for recording, target in zip(recordings, targets, strict=True):
+    remap = topic_remap(options)
+    for recording, bag, target in zip(recordings, options.bags, targets, strict=True):
         show_progress(f'writing {target} …')
-        compensated = compensate(recording, model, temperature_timeout=options.temperature_timeout)
-        write_bag(compensated, target)
+        compensated = compensate(
+            recording,
+            model,
+            temperature_timeout=options.temperature_timeout,
+            again='compensated' in options.accept,
+        )
+        write_compensated_copy(compensated, bag, target, remap)
         notes = compensated.notes  # also of what was left out on reading
         rows.append({
             'bag': recording.source,

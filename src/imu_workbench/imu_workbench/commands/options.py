@@ -8,8 +8,10 @@ import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+import yaml
+from imu_recording.logging_contract import TRACK_OF_TOPIC
 from imu_recording.plausibility import ACCEPTABLE, admitted
-from imu_recording.user_error import UserError
+from imu_recording.user_error import UserError, did_you_mean, fault_in_yaml
 
 from imu_recording import ImuRecording, bag_namespaces, read_bag
 from imu_workbench.answer import show_progress
@@ -34,6 +36,12 @@ def add_bag_arguments(parser: argparse.ArgumentParser, *, optional: bool = False
         action='append',
         default=[],
         help='read OTHER for NAME (imu/mag:=/compass), or nothing (imu/mag:=); repeatable',
+    )
+    parser.add_argument(
+        '--topics',
+        metavar='YAML',
+        type=Path,
+        help='file of such rules, one "NAME: OTHER" a line; --topic comes before it',
     )
     add_accept_argument(parser)
 
@@ -76,21 +84,42 @@ def add_output_argument(parser: argparse.ArgumentParser, metavar: str, what: str
     )
 
 
-def topic_remap(rules: list[str]) -> dict[str, str]:
-    """Return the --topic rules as a mapping.
+def topic_remap(options: argparse.Namespace) -> dict[str, str]:
+    """Return the rules of --topics and --topic as a mapping.
 
     Nothing after := means that the topic is not read at all.
 
-    >>> topic_remap(['imu/mag:=/compass', 'imu/temperature:='])
+    >>> rules = ['imu/mag:=/compass', 'imu/temperature:=']
+    >>> topic_remap(argparse.Namespace(topic=rules, topics=None))
     {'imu/mag': '/compass', 'imu/temperature': ''}
     """
-    remap = {}
-    for rule in rules:
+    remap = topics_file(options.topics) if options.topics else {}
+    for rule in options.topic:
         name, separator, other = rule.partition(':=')
         if not (separator and name):
             raise UserError(f'--topic {rule!r}: write it as name:=other, e.g. imu/mag:=/compass')
         remap[name] = other
     return remap
+
+
+def topics_file(path: Path) -> dict[str, str]:
+    """Return the rules of a --topics file; UserError names the file, the line and the key."""
+    try:
+        content = yaml.safe_load(path.read_text('utf-8'))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise UserError(f'--topics {path}: not a YAML file: {fault_in_yaml(error)}') from None
+    if not isinstance(content, dict):
+        raise UserError(f'--topics {path}: expected lines such as "imu/mag: /compass"')
+    for name, other in content.items():
+        if name not in TRACK_OF_TOPIC:
+            near = did_you_mean(str(name), TRACK_OF_TOPIC)
+            raise UserError(
+                f'--topics {path}: {name!r} is no name in a recording{near}; '
+                f'known: {", ".join(TRACK_OF_TOPIC)}'
+            )
+        if not isinstance(other, str | None):
+            raise UserError(f'--topics {path}: {name}: {other!r} is no topic')
+    return {name: other or '' for name, other in content.items()}
 
 
 def read_recordings(
@@ -123,7 +152,7 @@ def stream_recordings(
 
     `then` is the progress line when the last one has been read.
     """
-    remap = topic_remap(options.topic)
+    remap = topic_remap(options)
     for path in options.bags:
         show_progress(f'reading {path} …')
         for recording in read_devices(path, options.namespace, remap, every_device=every_device):

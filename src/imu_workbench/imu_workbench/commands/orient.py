@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> Answer:
             check_device(model, recording.device)
         budget = attitude_budget(
             recording,
-            compensate(recording, model),
+            compensate(recording, model, again='compensated' in options.accept),
             filters=options.filters or tuple(FILTERS),
             presets=options.preset or PRESET_NAMES,
             progress=show_progress,

@@ -45,6 +45,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--topic', metavar='NAME:=OTHER', action='append', default=[], help='rename an input'
     )
+    parser.add_argument('--topics', metavar='YAML', type=Path, help='file of such rules')
     parser.add_argument('--check', metavar='GOLDEN', type=Path, help='compare with a golden run')
     parser.add_argument(
         '--tolerance', type=float, default=1e-9, help='largest difference (default 1e-9)'
@@ -60,7 +61,7 @@ def run(options: argparse.Namespace) -> Answer:
         options.node,
         parameters_of(options.parameters),
         namespace=_namespace(options),
-        remap=topic_remap(options.topic),
+        remap=topic_remap(options),
         progress=lambda done, of: show_progress(f'{options.node}: {done} of {of} messages'),
     )
     show_progress('')
@@ -114,7 +115,7 @@ def _namespace(options: argparse.Namespace) -> str:
     """Return the device's namespace, which has to be chosen where there are several."""
     if options.namespace is not None:
         return str(options.namespace)
-    if any(rule.startswith('imu/data_raw:=') for rule in options.topic):
+    if 'imu/data_raw' in topic_remap(options):
         return ''
     namespaces = bag_namespaces(options.bag)
     if len(namespaces) > 1:

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from imu_recording.logging_contract import CHANNEL_FIELDS
+from imu_recording.logging_contract import CHANNEL_FIELDS, TEMPERATURE_TOPIC
 from imu_recording.phase import phases_from_setpoint
 from imu_recording.recording import (
     SENSOR_FIELDS,
@@ -179,7 +179,11 @@ def prepare_run(
     known = np.isfinite(fine.temperature)
     fine = fine.rows(known)
     if not len(fine):
-        raise RecordingError(f'{name}: no sample has a die temperature (topic imu/temperature)')
+        absent = f'no topic {TEMPERATURE_TOPIC}'
+        found = next((f'; {note}' for note in notes if note.startswith(absent)), '')
+        raise RecordingError(
+            f'{name}: no sample has a die temperature (topic {TEMPERATURE_TOPIC}){found}'
+        )
     fine, filled = _complete(fine)
     notes += filled
     offset = (fine.stamp[0] - origin) * 1e-9
