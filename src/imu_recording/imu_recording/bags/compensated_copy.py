@@ -47,8 +47,7 @@ from imu_recording.logging_contract import (
 from imu_recording.recording import BagError, FloatArray, ImuRecording
 
 if TYPE_CHECKING:
-    from imu_recording.bags.mcap_reader import Channel
-    from imu_recording.bags.topic_columns import MessageBlock
+    from imu_recording.bags.topic_columns import Channel, MessageBlock
 
 CHUNK_BYTES = 1 << 20
 """Bytes of messages after which a chunk is closed."""

@@ -28,7 +28,7 @@ from imu_recording.bags.mcap_writer import (
     SCHEMA,
     STATISTICS,
 )
-from imu_recording.bags.topic_columns import MessageBlock, empty_block
+from imu_recording.bags.topic_columns import Channel, MessageBlock, empty_block
 from imu_recording.jit import njit
 from imu_recording.recording import BagError
 
@@ -50,18 +50,6 @@ LARGEST_SUMMARY = 256 << 20
 _CHUNK_HEAD = struct.Struct('<QQQII')
 _FOOTER = struct.Struct('<BQQQI8s')
 _COUNTS_AT = 8 + 2 + 4 + 4 + 4 + 4 + 8 + 8
-
-
-@dataclass(frozen=True)
-class Channel:
-    """A topic as one mcap file declares it."""
-
-    topic: str
-    message_type: str
-    encoding: str
-    definition: str
-    qos: str = ''
-    """Offered QoS profiles as YAML."""
 
 
 @dataclass

@@ -16,8 +16,7 @@ from imu_recording.bags.message_types import hash_of
 from imu_recording.recording import BagError
 
 if TYPE_CHECKING:
-    from imu_recording.bags.mcap_reader import Channel
-    from imu_recording.bags.topic_columns import MessageBlock
+    from imu_recording.bags.topic_columns import Channel, MessageBlock
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,10 @@ from rosbags.typesys import TypesysError
 
 from imu_recording.bags.compression import ZstdFile, decompress_message
 from imu_recording.bags.files import BagFile
-from imu_recording.bags.mcap_reader import Channel, McapScan, read_summary
+from imu_recording.bags.mcap_reader import McapScan, read_summary
 from imu_recording.bags.slow_decode import values_of
 from imu_recording.bags.sqlite import scan_sqlite, sqlite_channels, sqlite_metadata
-from imu_recording.bags.topic_columns import MessageBlock, TopicColumns
+from imu_recording.bags.topic_columns import Channel, MessageBlock, TopicColumns
 from imu_recording.logging_contract import METADATA_KEYS
 from imu_recording.recording import BagError
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +20,19 @@ from imu_recording.bags.slow_decode import (
 from imu_recording.logging_contract import STRING, Track
 from imu_recording.recording import FloatArray, IntArray
 
-if TYPE_CHECKING:
-    from imu_recording.bags.mcap_reader import Channel
-
 _NO_WORDS = np.empty((0, 0), np.int64)
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A topic as a file of a bag declares it."""
+
+    topic: str
+    message_type: str
+    encoding: str
+    definition: str
+    qos: str = ''
+    """Offered QoS profiles as YAML."""
 
 
 @dataclass
