@@ -21,6 +21,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from multiprocessing import get_context
@@ -30,15 +31,14 @@ from typing import Any
 import numpy as np
 from everyday_tables import tables
 from imu_driver.simulation.devices import draw_device
-from imu_driver.simulation.hidden import CLOCK, HIDEABLE, NOTHING, QUALITY
+from imu_driver.simulation.hidden import HIDDEN_EFFECTS, UNLOGGED
 from imu_recording.recording import ImuRecording
 from imu_recording.user_error import UserError
 from imu_workbench.simulate.campaign import Logging
-from imu_workbench.simulate.hidden_effect import HiddenEffect, hidden_campaign
+from imu_workbench.simulate.hidden_effect import Campaign, HiddenEffect, hidden_campaign
 from independent_simulator.campaign import COUNTS, MAGNITUDES, MOST_UNEQUAL, SEALED, draw_campaign
 from independent_simulator.scenarios import SCENARIOS
 from thermal_comp.data.preparation import prepare
-from thermal_comp.effects import EFFECTS
 from thermal_comp.precompile import precompile
 
 import thermal_comp as tc
@@ -86,46 +86,51 @@ def campaign(seed: int) -> Case:
 
 def _own(seed: int, kind: str) -> Case:
     """Return a campaign of the project's simulator, drawn like the independent one's."""
-    rng = np.random.default_rng([seed, 5])
     profile, orientations, logging = OWN[kind]
+
+    def made(effects: Sequence[HiddenEffect]) -> Campaign:
+        return hidden_campaign(
+            profile, draw_device(seed), logging, effects, seed=seed, orientations=orientations
+        )
+
+    rng = np.random.default_rng([seed, 5])
     count = int(rng.choice(list(COUNTS), p=list(COUNTS.values())))
-    listed = [n for n in HIDEABLE if n not in (*QUALITY, CLOCK, NOTHING, 'random_walk')]
-    names = [n for n in listed if (n in EFFECTS or n.startswith('unlogged')) == (count >= 0)]
-    size = float(np.exp(rng.uniform(*np.log(MAGNITUDES))))
     wanted: list[HiddenEffect] = []
-    for name in rng.permutation(names):
-        if len(wanted) == abs(count):
-            break
-        unequal = float(np.exp(rng.uniform(0.0, np.log(MOST_UNEQUAL)))) if wanted else 1.0
-        one = HiddenEffect(str(name), max(MAGNITUDES[0], size / unequal))
-        try:
-            hidden_campaign(
-                profile, draw_device(seed), logging, [one], seed=seed, orientations=orientations
-            )
-        except UserError:  # the profile does not excite it
-            continue
-        wanted.append(one)
-    made = hidden_campaign(
-        profile, draw_device(seed), logging, wanted, seed=seed, orientations=orientations
-    )
+    for one in _wishes(rng, count):
+        if len(wanted) < abs(count):
+            with suppress(UserError):  # the profile does not excite it
+                made([one])
+                wanted.append(one)
+    drawn = made(wanted)
     effects = [
         {
             'name': truth.name or truth.law,
             'sensors': truth.sensor.split('+') if truth.sensor else [],
             'magnitude': truth.magnitude,
             'parameters': truth.parameters,
-            'in_catalogue': truth.law in EFFECTS or truth.law.startswith('unlogged'),
+            'in_catalogue': truth.kind != 'unexplained',
             'logged': truth.kind != 'unlogged',
         }
-        for truth in made.truths
+        for truth in drawn.truths
         if truth.kind != 'nothing'
     ]
     unlogged = any(not effect['logged'] for effect in effects)
-    return Case(
-        made.recordings,
-        {'seed': seed, 'scenario': kind, 'simulator': 'own', 'effects': effects,
-         'unlogged': unlogged},
-    )  # fmt: skip
+    truth = {'seed': seed, 'scenario': kind, 'simulator': 'own', 'effects': effects}
+    return Case(drawn.recordings, truth | {'unlogged': unlogged})
+
+
+def _wishes(rng: np.random.Generator, count: int) -> Iterator[HiddenEffect]:
+    """Yield all that could be hidden, each law once, in random order, the largest first."""
+    laws = {**HIDDEN_EFFECTS, **UNLOGGED}
+    kind = 'effect' if count >= 0 else 'unexplained'
+    size = float(np.exp(rng.uniform(*np.log(MAGNITUDES))))
+    taken: set[str] = set()
+    for name in rng.permutation([n for n, law in laws.items() if law.kind == kind]):
+        law = laws[str(name)].name
+        if law not in taken:
+            unequal = float(np.exp(rng.uniform(0.0, np.log(MOST_UNEQUAL)))) if taken else 1.0
+            yield HiddenEffect(str(name), max(MAGNITUDES[0], size / unequal))
+        taken.add(law)
 
 
 def judge(seed: int) -> dict[str, Any]:

@@ -212,9 +212,10 @@ class Projection:
         return y - np.multiply.outer(self._line, self._line @ y)
 
     def visible(self, signals: Sequence[Array]) -> float:
-        """Return the share that remains, of all channels."""
+        """Return the share that remains, of all channels; 0 for what only rounding moves."""
         whole = float(np.linalg.norm(self._levelled(signals)))
-        return float(np.linalg.norm(self(signals))) / max(whole, 1e-300)
+        size = max(float(np.abs(signal).max()) for signal in signals)
+        return float(np.linalg.norm(self(signals))) / whole if whole > 1e-6 * size else 0.0
 
 
 @dataclass(frozen=True)

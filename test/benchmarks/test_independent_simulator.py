@@ -87,9 +87,11 @@ def test_unlogged_says_that_a_needed_track_is_missing():
     assert dropped.recordings[0].supply_voltage is None
 
 
-def test_law_the_recording_cannot_show_is_refused():
-    with pytest.raises(ValueError, match='fixture_tilt'):
-        draw_campaign(1, 'single_sweep', hide=[('fixture_tilt', 5.0)])
+@pytest.mark.parametrize('name', ['fixture_tilt', 'turn_on_bias'])
+def test_law_the_recording_cannot_show_is_refused(name):
+    """One pose turns nothing, one thermal cycle is one level."""
+    with pytest.raises(ValueError, match=name):
+        draw_campaign(1, 'single_sweep', hide=[(name, 5.0)])
 
 
 def test_campaign_goes_through_a_bag(tmp_path):
