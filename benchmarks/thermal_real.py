@@ -60,6 +60,7 @@ THRESHOLDS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3)
 """Coefficients of standardised features that SINDy may leave out below; by cross-validation."""
 MOST_STEPS = 6
 """Effects added by name before it stops, as `auto` does."""
+HAND_MADE = ('bias_temperature', 'bias_temperature_curvature', 'thermal_lag_two_stage')
 CLEAR = 1.05
 """A ratio of held-out errors above this is a difference worth a word."""
 BLACK_BOXES = ('Gaussian process', 'gradient boosting', 'SINDy')
@@ -268,7 +269,16 @@ def fit_predictive(recording: ImuRecording) -> ThermalModel:
         return tc.load(target)
 
 
-OURS = {'ours, named': fit_named, 'ours, predictive': fit_predictive}
+def fit_by_hand(recording: ImuRecording) -> ThermalModel:
+    """Return the model that a person would try first: curvature and a two-stage lag."""
+    return tc.fit([recording], HAND_MADE)
+
+
+OURS = {
+    'ours, by hand': fit_by_hand,
+    'ours, named': fit_named,
+    'ours, predictive': fit_predictive,
+}
 
 
 def numbers_stored(model: ThermalModel, sensor: str) -> int:
@@ -301,10 +311,21 @@ class Result:
     terms: dict[str, list[str]]
     """Sensor → effects of the last fold's model; empty for peers."""
 
-    def rms(self, sensor: str) -> FloatArray:
-        """(3,) [unit]."""
-        rms: FloatArray = np.sqrt(np.nanmean(self.residual[sensor] ** 2, axis=0))
+    def rms(self, sensor: str, rows: Mask | slice = slice(None)) -> FloatArray:
+        """(3,) over all held-out blocks or some [unit]."""
+        rms: FloatArray = np.sqrt(np.nanmean(self.residual[sensor][rows] ** 2, axis=0))
         return rms
+
+
+def within_range(case: Case) -> Mask:
+    """Return the held-out blocks whose mean temperature the fit has seen."""
+    parts = []
+    for fold in (fold_of(case.recording, part) for part in case.held_out):
+        temperature = fold.means(fold.recording.temperature)
+        seen = temperature[fold.seen]
+        held = temperature[~fold.seen]
+        parts.append((held >= np.nanmin(seen)) & (held <= np.nanmax(seen)))
+    return np.concatenate(parts)
 
 
 def run_case(case: Case) -> list[Result]:
@@ -380,6 +401,7 @@ def report(case: Case, results: Sequence[Result]) -> list[dict[str, Any]]:
     units = {s: SHOWN[SENSOR_UNITS[s]] for s in sensors}
     heads = [f'{s[:3]} {axis} {units[s][0]}' for s in sensors for axis in 'xyz']
     width = max(len(head) for head in heads) + 2
+    inside = within_range(case)
     print(f'\n{case.name}: held-out rms of {MEAN_S:g} s means, {len(case.held_out)} fits')
     print(
         f'{"":24}' + ''.join(f'{h:>{width}}' for h in heads) + f'{"numbers":>9}{"s":>8}{"× GP":>7}'
@@ -388,9 +410,8 @@ def report(case: Case, results: Sequence[Result]) -> list[dict[str, Any]]:
     rows = []
     for result in results:
         shown = {s: result.rms(s) * units[s][1] for s in sensors}
-        cells = ''.join(f'{value:>{width}.3g}' for s in sensors for value in shown[s])
         tail = f'{result.numbers:>9.0f}{result.seconds:>8.2f}{result.seconds / pace:>7.2f}'
-        print(f'{result.method:24}{cells}{tail}')
+        print(f'{result.method:24}{_cells(shown, width)}{tail}')
         rows.append(
             {
                 'case': case.name,
@@ -402,12 +423,22 @@ def report(case: Case, results: Sequence[Result]) -> list[dict[str, Any]]:
                 'terms': result.terms,
             }
         )
+    if inside.any() and not inside.all():
+        print(f'of these, the {inside.mean():.0%} at temperatures the fit has seen:')
+        for result, row in zip(results, rows, strict=True):
+            shown = {s: result.rms(s, inside) * units[s][1] for s in sensors}
+            print(f'{result.method:24}{_cells(shown, width)}')
+            row['held_out_rms_within_range'] = {s: shown[s].tolist() for s in sensors}
     for result in results:
         for sensor, names in result.terms.items():
             print(f'  {result.method}, {sensor}: {", ".join(names)}')
     for line in better_black_boxes(case, results):
         print(f'  {line}')
     return rows
+
+
+def _cells(shown: dict[str, FloatArray], width: int) -> str:
+    return ''.join(f'{value:>{width}.3g}' for values in shown.values() for value in values)
 
 
 def better_black_boxes(case: Case, results: Sequence[Result]) -> list[str]:
