@@ -22,7 +22,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
@@ -53,6 +53,8 @@ OWN = {
 }
 """Kinds of the project's own simulator: profile, orientations, rows."""
 KINDS = (*SCENARIOS, *OWN)
+SPARE = ('supply_voltage', 'humidity', 'fan', 'heater', 'compressor', 'vibration')
+"""Channels that no more than one effect needs."""
 FINDING = (
     'kind', 'name', 'sensor', 'ambiguous_with', 'depends_on', 'evidence', 'threshold',
     'error_before', 'error_after', 'noise_floor', 'parameters', 'probability',
@@ -133,17 +135,17 @@ def _wishes(rng: np.random.Generator, count: int) -> Iterator[HiddenEffect]:
         taken.add(law)
 
 
-def judge(seed: int) -> dict[str, Any]:
+def judge(seed: int, stages: Sequence[str]) -> dict[str, Any]:
     """Fit and diagnose one campaign; return the truth and what was said."""
     start = time.process_time()
     case = campaign(seed)
     row: dict[str, Any] = {'seed': seed, 'kind': kind_of(seed), 'truth': case.truth}
     row['rows'] = sum(len(recording) for recording in case.recordings)
     times = {'simulate': time.process_time() - start}
-    for stage, act in STAGES.items():
+    for stage in stages:
         start = time.process_time()
         try:
-            row |= act(case)
+            row |= STAGES[stage](case)
         except UserError as error:
             row['refused'] = f'{stage}: {error}'
         except Exception as error:  # noqa: BLE001 (what breaks is what is counted)
@@ -227,21 +229,40 @@ def _held_out(y: np.ndarray, part: np.ndarray, design: np.ndarray) -> np.ndarray
     return np.concatenate(errors)
 
 
+def _without_a_channel(case: Case) -> dict[str, Any]:
+    """Return the answer without one of the channels that do not act; {} where none was logged."""
+    needed = {track for effect in case.truth['effects'] for track in effect.get('needs', ())}
+    spare = [
+        track
+        for track in SPARE
+        if track not in needed
+        and all(getattr(recording, track) is not None for recording in case.recordings)
+    ]
+    if not spare or case.truth['simulator'] == 'own':
+        return {}
+    dropped = spare[case.truth['seed'] % len(spare)]
+    fewer = [replace(recording, **{dropped: None}) for recording in case.recordings]
+    return {'without': {'track': dropped, **_diagnosed(replace(case, recordings=fewer))}}
+
+
 STAGES: Mapping[str, Callable[[Case], dict[str, Any]]] = {
     'fit': _fitted,
     'diagnose': _diagnosed,
     'score': _true_form,
+    'channels': _without_a_channel,
 }
 
 
-def results(seeds: Sequence[int], jobs: int, until: float) -> Iterator[dict[str, Any]]:
+def results(
+    seeds: Sequence[int], stages: Sequence[str], jobs: int, until: float
+) -> Iterator[dict[str, Any]]:
     """Yield results as they come; start none after `until` [s of the monotonic clock]."""
     # One core per process; numpy reads this when the processes import it.
     os.environ |= {'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1'}
     with ProcessPoolExecutor(jobs, mp_context=get_context('spawn')) as pool:
         queue = iter(seeds)
         running: set[Future[dict[str, Any]]] = {
-            pool.submit(judge, seed) for seed in islice(queue, jobs)
+            pool.submit(judge, seed, stages) for seed in islice(queue, jobs)
         }
         while running:
             finished, running = wait(running, return_when=FIRST_COMPLETED)
@@ -249,7 +270,7 @@ def results(seeds: Sequence[int], jobs: int, until: float) -> Iterator[dict[str,
                 yield future.result()
                 seed = next(queue, None) if time.monotonic() < until else None
                 if seed is not None:
-                    running.add(pool.submit(judge, seed))
+                    running.add(pool.submit(judge, seed, stages))
 
 
 def _line(row: Mapping[str, Any]) -> str:
@@ -274,6 +295,11 @@ def main() -> None:
     parser.add_argument('--seeds', type=_seeds, default=range(150), metavar='A..B')
     parser.add_argument('--jobs', type=int, default=os.cpu_count())
     parser.add_argument('--seconds', type=float, default=1e9, help='start none after this time')
+    parser.add_argument(
+        '--channels',
+        action='store_true',
+        help='diagnose again without a channel that does not act',
+    )
     parser.add_argument('--sealed', action='store_true', help=f'allow seeds from {SEALED} on')
     parser.add_argument('-o', '--output', type=Path, help='results, one JSON line each')
     parser.add_argument(
@@ -294,9 +320,10 @@ def main() -> None:
     done = {row['seed'] for row in rows}
     todo = [seed for seed in options.seeds if seed not in done]
     until = start + (QUICK_S if options.quick else options.seconds)
+    stages = [stage for stage in STAGES if options.channels or stage != 'channels']
     precompile()
     with output.open('a', encoding='utf-8') as file:
-        for row in results(todo, options.jobs, until):
+        for row in results(todo, stages, options.jobs, until):
             rows.append(row)
             file.write(json.dumps(row) + '\n')
             file.flush()

@@ -402,6 +402,16 @@ def intervals(rows: Sequence[Row]) -> list[bool]:
     return held
 
 
+def shift(row: Row) -> float:
+    """Return how far any probability moved when a channel that does not act was dropped."""
+    without = {**row, 'explanations': None, **row['without']}
+    said = [
+        {(group.sensors, names): p for group in groups(one) for names, p in group.sets}
+        for one in (row, without)
+    ]
+    return max(abs(said[0].get(key, 0.0) - said[1].get(key, 0.0)) for key in said[0] | said[1])
+
+
 def further(rows: Sequence[Row]) -> str:
     """Return one line per further aim."""
     nulls = [row for row in rows if not row['truth']['effects']]
@@ -423,6 +433,9 @@ def further(rows: Sequence[Row]) -> str:
             all(g.right(g.sets[0][0]) for g in _of_effect(row)) for row in unlogged
         ),
         'names with P > 0.9 that are wrong': _sure_and_wrong(rows),
+        'a channel that does not act dropped: no P moves by > 0.05': _share(
+            shift(row) <= 0.05 for row in rows if 'without' in row
+        ),
         '± 2 σ of shape parameters hold the truth': _share(intervals(rows)),
         'error in floors, laboratory': _ratio([r for r in rows if r['kind'] in LABORATORY]),
         'error in floors, everyday': _ratio([r for r in rows if r['kind'] not in LABORATORY]),

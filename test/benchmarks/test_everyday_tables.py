@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from everyday_tables import calibration_error, groups, hypotheses, tables
+from everyday_tables import calibration_error, groups, hypotheses, shift, tables
 
 ALL = {'accelerometer': {}, 'gyroscope': {}, 'magnetometer': {}}
 
@@ -101,6 +101,13 @@ def test_findings_without_probabilities_are_read_as_such():
         ({'temperature_rate'}, 0.475),
     ]
     assert len(groups(one)) == 3
+
+
+def test_shift_is_the_largest_change_of_a_probability():
+    before = row([], [('accelerometer', ['nothing'], 0.9), ('accelerometer', ['warm_up'], 0.1)])
+    after = row([], [('accelerometer', ['nothing'], 0.6), ('accelerometer', ['icing'], 0.4)])
+    assert shift(before | {'without': after}) == pytest.approx(0.4)
+    assert shift(before | {'without': before}) == 0.0
 
 
 def test_tables_count_what_crashed():
