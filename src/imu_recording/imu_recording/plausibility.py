@@ -63,11 +63,20 @@ QUIET_FORCE = 0.1
 REST_RATE = 0.6
 """Largest mean rate at rest [rad/s]: the zero-rate level of consumer gyroscopes is ±30 °/s."""
 REST_NOISE = 0.006
-"""Largest median step at rest and without vibration [rad/s]: gyroscopes have 0.05 … 0.2 °/s."""
-SENSE = {'°F': (1.8, 0.15)}
-"""Slope of a die temperature in °F against a chamber in °C, and its tolerance."""
-LEAST_CHAMBER_SPAN = 10.0
-"""Span of the chamber's temperature [K] from which the slope tells a unit."""
+"""Largest median step at rest and without vibration [rad/s]: gyroscopes have 0.05 … 0.2 °/s …"""
+REST_DENSITY = 0.003
+"""… and a step times the root of the period [rad/s·√s]: 0.004 … 0.03 °/s/√Hz, and as much again
+where single samples were logged."""
+DENSITY_PERIOD_S = 2.0
+"""Slower rows may be single samples of a wide band: only the step itself is judged."""
+WARMER = 25.0
+"""A die so much warmer than its chamber [K] is in °F where …"""
+CLOSE = 10.0
+"""… it is within this of the chamber when it is converted [K], and …"""
+STEEPER = 1.2
+"""… rises so many times as much as the chamber at least, or the chamber does not change."""
+LEAST_CHAMBER_SPAN = 5.0
+"""Span of the chamber's temperature [K] from which the slope tells something."""
 
 
 def admitted(
@@ -118,7 +127,10 @@ def rate_at_rest(recording: ImuRecording) -> str:
     if mean > REST_RATE:
         return f'{mean:.3g} rad/s on average of a device at rest, as if in °/s'
     noise, shake = _step(rate), _step(recording.linear_acceleration)
-    if noise > REST_NOISE and shake < QUIET_FORCE:
+    period = float(np.median(np.diff(recording.stamp))) * 1e-9
+    dense = period <= DENSITY_PERIOD_S
+    loud = noise * period**0.5 > REST_DENSITY if dense else noise > REST_NOISE
+    if loud and shake < QUIET_FORCE:
         return f'steps of {noise:.2g} rad/s from row to row of a device at rest, as if in °/s'
     return ''
 
@@ -181,22 +193,24 @@ def _size_text(sensor: str, size: float) -> str:
 
 
 def _foreign_temperature(recording: ImuRecording) -> str:
-    """Tell a die temperature in °F from its slope against the chamber's in °C."""
+    """Tell a die temperature in °F from the chamber's in °C."""
     for field in ('chamber_temperature', 'device_temperature', 'setpoint'):
         chamber = getattr(recording, field)
         if chamber is None:
             continue
         known = np.isfinite(chamber) & np.isfinite(recording.temperature)
         x, y = chamber[known], recording.temperature[known]
-        if len(x) < 3 or np.ptp(x) < LEAST_CHAMBER_SPAN:
+        if len(x) < 3:
             continue
-        slope, middle = np.polyfit(x - x.mean(), y, 1)
-        for unit, (expected, tolerance) in SENSE.items():
-            if abs(slope - expected) < tolerance:
-                return (
-                    f'temperature rises {slope:.2f} times as much as {field} and is '
-                    f'{middle:.1f} on average where that is {x.mean():.1f} °C, as if in {unit}'
-                )
+        gap = float(np.mean(y) - np.mean(x))
+        converted = float(np.mean((y - 32.0) / 1.8) - np.mean(x))
+        tells = np.ptp(x) >= LEAST_CHAMBER_SPAN
+        slope = float(np.polyfit(x - x.mean(), y, 1)[0]) if tells else STEEPER
+        if gap > WARMER and abs(converted) < CLOSE and slope >= STEEPER:
+            return (
+                f'temperature is {y.mean():.1f} on average where {field} is {x.mean():.1f} °C, '
+                'as if in °F'
+            )
         return ''
     return ''
 

@@ -28,6 +28,11 @@ SLOWEST_S = 20.0
 """A sample fills at least this much time [s]."""
 CLOCK_BACK_S = 1.0
 """A step back of the stamps from which the clock may have been set back [s]."""
+SLOWEST_SAMPLES_S = 3600.0
+"""Samples further apart than this, by the median [s], have no right stamps."""
+MOST_DISORDER = 0.25
+"""Share of the steps that may go back; two publishers on one topic, and noise, make half."""
+FEWEST_IN_DISORDER = 100
 MOST_CLOCK_STEPS = 10
 """More steps back than this are disorder, not a clock that was set."""
 
@@ -63,6 +68,12 @@ def in_order(name: str, stamp: IntArray, values: Sequence[FloatArray]) -> Sample
         kept = np.flatnonzero(stamp)
         stamp = _taken(stamp, groups, kept)
         notes.append(f'{name}: {unset} samples without a stamp left out')
+    back = int(np.count_nonzero(np.diff(stamp) < 0))
+    if len(stamp) >= FEWEST_IN_DISORDER and back > MOST_DISORDER * len(stamp):
+        raise RecordingError(
+            f'{name}: stamps step back {back} times in {len(stamp)} samples: are there two '
+            'publishers on this topic, or are the stamps damaged?'
+        )
     stamp, twice = _one_clock(name, stamp, groups)
     notes += twice
     step = np.diff(stamp)
@@ -141,7 +152,7 @@ def without_jumps(name: str, samples: Samples) -> Samples:
         stamp, step = samples.stamp, step[kept.start : kept.stop - 1]
     span = float(stamp[-1] - stamp[0]) * 1e-9 if len(stamp) else 0.0
     filled = len(stamp) * max(SLOWEST_S, float(np.median(step)) if len(step) else 0.0)
-    if span > EMPTIEST * filled:
+    if span > EMPTIEST * filled or usual > SLOWEST_SAMPLES_S:
         raise RecordingError(
             f'{name}: {len(stamp)} samples over {_span(span)}: the stamps cannot be right; were '
             'they damaged, or written in another unit than nanoseconds?'

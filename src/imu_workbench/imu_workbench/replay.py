@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from imu_recording.bags.files import locate_bag
 from imu_recording.bags.messages import BagMessage, bag_topics, read_messages
 from imu_recording.ros.message_cdr import message_class, numbers_of, serialise, type_of
 from imu_recording.user_error import UserError
@@ -63,17 +64,18 @@ def replay(
     sent: list[Sent] = []
     clock = [0]
     node_class = _node_class(node_name)
+    parameters = _of_device(bag, node_class, namespace, parameters or {})
     with quiet_context() as context:
         node = node_class(
             capture=lambda topic, message: sent.append(Sent(clock[0], topic, message)),
             now=lambda: clock[0],
-            parameters=dict(parameters or {}),
+            parameters=parameters,
             context=context,
             enable_rosout=False,
             start_parameter_services=False,
         )
         try:
-            _check_parameters(node, node_name, parameters or {})
+            _check_parameters(node, node_name, parameters)
             if not node.autostart():
                 raise ReplayError(f'{node_name} refuses: {node.refused}')
             _feed(bag, node, clock, namespace.rstrip('/'), remap or {}, progress)
@@ -87,6 +89,16 @@ def _node_class(name: str) -> Any:
         raise ReplayError(f'no node {name!r} to replay; there are {", ".join(NODES)}')
     module, class_name = NODES[name]
     return getattr(import_module(module), class_name)
+
+
+def _of_device(
+    bag: Path, node_class: Any, namespace: str, parameters: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the parameters; a node that asks for its device is told the bag's."""
+    custom = locate_bag(bag).custom
+    device = custom.get(f'{namespace.rstrip("/")}/device', custom.get('device', ''))
+    asks = any(item.name == 'device' for item in fields(node_class.config_class))
+    return ({'device': device} if asks and device else {}) | dict(parameters)
 
 
 def _check_parameters(node: Any, node_name: str, parameters: Mapping[str, Any]) -> None:

@@ -130,9 +130,8 @@ class _Compensated:
             return None
         changed = bytearray(data)
         for group, values in zip(layout.columns, self.columns, strict=True):
-            if not np.isfinite(values[row]).all():
-                return None
-            struct.pack_into('<3d', changed, body + 8 * group.first, *values[row])
+            if np.isfinite(values[row]).all():  # what was not measured stays as it is
+                struct.pack_into('<3d', changed, body + 8 * group.first, *values[row])
         return bytes(changed)
 
 

@@ -18,6 +18,7 @@ from imu_recording.recording import BagError
 ROS1_MAGIC = b'#ROSBAG V2.0'
 METADATA = 'metadata.yaml'
 SUFFIXES = ('.mcap', '.db3', '.bag')
+YAML_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 LOOKED_FOR = 'metadata.yaml, *.mcap, *.db3, *.bag'
 
 
@@ -80,7 +81,8 @@ def _metadata(folder: Path, bag: Bag) -> dict[str, Any]:
         bag.notes.append('metadata.yaml is missing: the recording was not closed')
         return {}
     try:
-        content = yaml.safe_load(file.read_text(encoding='utf-8', errors='replace'))
+        text = file.read_text(encoding='utf-8', errors='replace')
+        content = yaml.load(text, Loader=YAML_LOADER)  # noqa: S506 (safe, written in C)
         information = content['rosbag2_bagfile_information']
         return {
             'relative_file_paths': [str(p) for p in information.get('relative_file_paths') or []],

@@ -20,7 +20,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import TypesysError
 
 from imu_recording.bags.compression import ZstdFile, decompress_message
-from imu_recording.bags.files import BagFile
+from imu_recording.bags.files import YAML_LOADER, BagFile
 from imu_recording.bags.mcap_reader import McapScan, read_summary
 from imu_recording.bags.slow_decode import values_of
 from imu_recording.bags.sqlite import scan_sqlite, sqlite_channels, sqlite_metadata
@@ -133,7 +133,7 @@ def _metadata_inside(
     """Take device, run … from the file's own metadata where metadata.yaml lacks them."""
     found: dict[str, str] = dict(custom)
     try:
-        content = yaml.safe_load(text) if text else None
+        content = yaml.load(text, Loader=YAML_LOADER) if text else None  # noqa: S506 (safe)
     except (yaml.YAMLError, ValueError, TypeError):
         content = None  # the recording itself does not depend on it
     if isinstance(content, dict) and isinstance(content.get('custom_data'), dict):

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,15 @@ __all__ = ['check_device', 'load_model', 'model_label', 'save_model']
 
 
 def save_model(model: ThermalModel, path: str | os.PathLike[str]) -> None:
-    """Write the model as YAML; reading it back gives the same numbers, bit for bit."""
+    """Write the model as YAML; reading it back gives the same numbers, bit for bit.
+
+    Raises ModelError where it could not be read back: its numbers are none a sensor has.
+    """
+    catalogue = {effect.name: type(effect) for m in _versions(model) for effect in _effects_of(m)}
+    try:
+        model_from_document(model.to_dict(), catalogue)
+    except ModelError as error:
+        raise ModelError(f'the model is not saved: {error}') from None
     Path(path).write_text(_text(model), 'utf-8')
 
 
@@ -32,6 +40,17 @@ def model_label(model: ThermalModel) -> str:
     """
     digest = hashlib.sha256(_text(model).encode()).hexdigest()[:16]
     return f'model of {model.device or "a device without name"}, sha256 {digest}'
+
+
+def _versions(model: ThermalModel) -> Iterator[ThermalModel]:
+    yield model
+    for earlier in model.history:
+        yield from _versions(earlier)
+
+
+def _effects_of(model: ThermalModel) -> Iterator[Effect]:
+    for sensor in model.sensors.values():
+        yield from sensor.effects
 
 
 def _text(model: ThermalModel) -> str:
