@@ -96,6 +96,30 @@ def test_cut_anywhere_the_beginning_is_the_same() -> None:
         assert np.array_equal(part_cycle[settled], cycle[settled])
 
 
+def test_cut_within_any_ramp() -> None:
+    """A recording that is stopped while the set-point moves has no dwell after the ramp."""
+    times, levels, _ = plan(cycles=2)
+    time = np.arange(0, times[-1], 5.0)
+    setpoint = np.interp(time, times, levels)
+    phase, _ = phases_from_setpoint(time, setpoint)
+    ramps = np.isin(phase, [PHASES.index('ramp_up'), PHASES.index('ramp_down')])
+    for cut in range(800, len(time), 37):
+        if ramps[cut - 40 : cut].all():  # more than two kelvin
+            part, _ = phases_from_setpoint(time[:cut], setpoint[:cut])
+            assert part[-1] == phase[cut - 1]
+
+
+def test_ramps_that_turn_without_a_dwell() -> None:
+    time = np.arange(0.0, 7200.0, 10.0)
+    for first in (600.0, 0.0):
+        knots = [0.0, first, first + 1800.0, first + 5400.0]
+        setpoint = np.interp(time, knots, [20.0, 20.0, 60.0, -20.0])
+        phase, cycle = phases_from_setpoint(time, setpoint)
+        assert PHASES[phase[np.searchsorted(time, first + 900.0)]] == 'ramp_up'
+        assert PHASES[phase[np.searchsorted(time, first + 3000.0)]] == 'ramp_down'
+        assert cycle[-1] == 1
+
+
 def test_steps_without_ramps_and_without_return_to_the_reference() -> None:
     """Two-zone cycling: hot, cold, hot …; every return to cold is a new cycle."""
     levels = [20.0, -40.0, 125.0, -40.0, 125.0, -40.0, 125.0]

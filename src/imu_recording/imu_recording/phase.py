@@ -63,8 +63,10 @@ def _phases(time: FloatArray, setpoint: FloatArray) -> tuple[IntArray, IntArray]
         return phase, cycle
     starts = [0] + [stop for _, stop in moves]
     stops = [start for start, _ in moves] + [n]
-    levels = [float(np.median(setpoint[a:b])) for a, b in zip(starts, stops, strict=True)]
-    lengths = [float(time[b - 1] - time[a]) for a, b in zip(starts, stops, strict=True)]
+    # Where a ramp turns, or the recording ends in it, the dwell between has no row.
+    firsts = [min(a, b - 1) for a, b in zip(starts, stops, strict=True)]
+    levels = [float(np.median(setpoint[a:b])) for a, b in zip(firsts, stops, strict=True)]
+    lengths = [float(time[b - 1] - time[a]) for a, b in zip(firsts, stops, strict=True)]
     reference = _reference_level(levels, lengths)
     kinds = [_dwell_kind(level, reference) for level in levels]
     number = 0
@@ -82,14 +84,12 @@ def _phases(time: FloatArray, setpoint: FloatArray) -> tuple[IntArray, IntArray]
         phase[start:stop] = PHASES.index(ramp)
         phase[stop : stops[k + 1]] = PHASES.index(after)
         cycle[start : stops[k + 1]] = number
-    counted = [n for a, n in zip(starts, lengths, strict=True) if cycle[a]]
-    references = [
-        n
-        for a, n, kind in zip(starts, lengths, kinds, strict=True)
-        if cycle[a] and kind == 'dwell_reference'
-    ]
-    if kinds[-1] == 'dwell_reference' and cycle[-1]:
-        _split_final(phase, cycle, time, starts[-1], references[:-1] or counted[:-1])
+    if kinds[-1] == 'dwell_reference' and starts[-1] < n and cycle[-1]:
+        dwells = zip(starts[:-1], lengths[:-1], kinds[:-1], strict=True)
+        earlier = [(length, kind) for a, length, kind in dwells if cycle[a]]
+        references = [length for length, kind in earlier if kind == 'dwell_reference']
+        every = [length for length, _ in earlier]
+        _split_final(phase, cycle, time, starts[-1], references or every)
     return phase, cycle
 
 
