@@ -29,6 +29,8 @@ THERMOMETER_SEEN = 0.3
 BEHIND = frozenset({'thermal_lag', 'thermal_lag_two_stage', 'temperature_rate', 'warm_up'})
 """Names for that."""
 SEPARATED = 0.9
+INDISTINCT = 0.95
+"""Share of an unlogged effect that another explains, from which that name is as good."""
 BINS = ((0.3, 1.0), (1.0, 3.0), (3.0, 15.0), (15.0, 61.0))
 
 
@@ -123,7 +125,10 @@ def _names(effect: Mapping[str, Any]) -> frozenset[str]:
     if not effect['in_catalogue']:
         return frozenset({OUTSIDE})
     name = str(effect['name'])
-    return frozenset({name} if effect['logged'] else {name, UNLOGGED})
+    if effect['logged']:
+        return frozenset({name})
+    alike = effect.get('rival_share', 0.0) >= INDISTINCT
+    return frozenset({name, UNLOGGED, effect['rival']} if alike else {name, UNLOGGED})
 
 
 # Tables ------------------------------------------------------------------------------------------

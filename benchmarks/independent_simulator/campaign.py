@@ -454,7 +454,9 @@ def _measured(
             signal = signal + shaking(run, rows, period, rng)
         scales = LEAST_COUNTS[sensor]
         finest = int(rng.integers(len(scales))) if plan.ranges else 0
-        measured[FIELDS[sensor]] = quantised(signal, scales[finest], rows.samples)
+        measured[FIELDS[sensor]] = quantised(
+            signal, device.least_count * scales[finest], rows.samples
+        )
     every = plan.loggers[number].magnetometer_every
     measured['magnetic_field'][np.arange(len(rows.time)) % every != 0] = np.nan
     return measured

@@ -71,6 +71,8 @@ class Device:
     slopes: Mapping[str, Array]
     rate: float
     """Samples a second, before a logger averages."""
+    least_count: float
+    """Least counts, in those of an LSM9DS1; a quiet chip has finer ones."""
 
 
 @dataclass(frozen=True)
@@ -132,6 +134,7 @@ def draw_device(rng: np.random.Generator, noise: str, thermometer: str) -> Devic
         offsets,
         slopes,
         float(rng.choice([59.5, 104.0, 119.0, 238.0])),
+        0.1 if noise == 'quiet' else 1.0,
     )
 
 
