@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-SRC = Path(__file__).resolve().parents[2] / 'src'
+ROOT = Path(__file__).resolve().parents[2]
+SRC = ROOT / 'src'
 MODULES = sorted(
     '.'.join(path.relative_to(SRC).with_suffix('').parts[1:])
     for path in SRC.glob('*/*/**/*.py')
@@ -16,7 +17,8 @@ MODULES = sorted(
 
 
 @pytest.mark.parametrize('name', MODULES)
-def test_examples_are_true(name: str) -> None:
+def test_examples_are_true(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
     result = doctest.testmod(import_module(name))
     assert result.attempted
     assert not result.failed

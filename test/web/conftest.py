@@ -28,17 +28,6 @@ def chromium() -> str | None:
     return named or next(filter(None, map(shutil.which, NAMES)), None)
 
 
-def pytest_sessionstart() -> None:
-    with sync_playwright() as playwright:
-        own = Path(playwright.chromium.executable_path)
-    if chromium() is None and not own.exists():
-        pytest.exit(
-            'no Chromium: "apt install chromium", or "python -m playwright install --with-deps '
-            'chromium", or CHROMIUM=/path/to/chrome',
-            returncode=1,
-        )
-
-
 @dataclass
 class Server:
     """A workbench that runs."""
@@ -91,6 +80,12 @@ def hidden_effect_server() -> Iterator[Server]:
 @pytest.fixture(scope='session')
 def browser() -> Iterator[Browser]:
     with sync_playwright() as playwright:
+        if chromium() is None and not Path(playwright.chromium.executable_path).exists():
+            pytest.fail(
+                'no Chromium: "apt install chromium", or "python -m playwright install '
+                '--with-deps chromium", or CHROMIUM=/path/to/chrome',
+                pytrace=False,
+            )
         opened = playwright.chromium.launch(
             executable_path=chromium(), args=['--no-sandbox', '--disable-gpu']
         )
@@ -117,7 +112,10 @@ def watch(browser: Browser) -> Iterator[Callable[..., Watched]]:
 
     def open_page(address: str, width: int = 1280, height: int = 800, **look: Any) -> Watched:
         context = browser.new_context(
-            viewport={'width': width, 'height': height}, accept_downloads=True, **look
+            viewport={'width': width, 'height': height},
+            accept_downloads=True,
+            reduced_motion='reduce',  # spinners cost as much as the work they wait for
+            **look,
         )
         contexts.append(context)
         page = context.new_page()

@@ -10,10 +10,12 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
-import orientation_filters.precompile
 import thermal_comp.precompile
 from imu_driver.emulator.transport import SimulatedTransport
+from orientation_filters.filters import FILTERS
+from orientation_filters.precompile import precompile as precompile_filters
 
 from imu_workbench.parallel import run_tasks
 from imu_workbench.simulate.campaign import Logging, simulate_run
@@ -42,7 +44,7 @@ def precompile_simulation() -> None:
 def main() -> int:
     """Compile."""
     parts = (
-        Compilation('orientation filters', 3.0, orientation_filters.precompile.precompile),
+        *(Compilation(name, 3.0, partial(precompile_filters, [name])) for name in FILTERS),
         Compilation('simulated chamber and device', 2.0, precompile_simulation),
         Compilation('thermal model and bags', 1.0, thermal_comp.precompile.precompile),
     )

@@ -7,6 +7,7 @@ Compiled kernels stay on disk; afterwards filters start at once, live and over r
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from dataclasses import replace
 from math import nan
 
@@ -21,11 +22,11 @@ from orientation_filters.parameters import PRESET_NAMES
 from orientation_filters.upsampling import upsample
 
 
-def precompile() -> list[str]:
-    """Run both filters, live and over a recording; return the kernels that had to be compiled."""
+def precompile(filters: Iterable[str] = FILTERS) -> list[str]:
+    """Run filters, live and over a recording; return the kernels that had to be compiled."""
     recording = at_rest(3)
     upsample(replace(recording, stamp=100 * recording.stamp))
-    for name in FILTERS:
+    for name in filters:
         for preset in PRESET_NAMES:
             run_filter(name, recording, preset=preset)
             live = LiveFilter(name, filter_parameters(name, preset=preset))
