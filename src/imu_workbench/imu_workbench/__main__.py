@@ -101,6 +101,14 @@ def main(argv: list[str] | None = None) -> int:
         show_progress('')
         sys.stderr.write(f'{verb}: interrupted\n')
         return 130
+    except Exception as error:
+        contract = sys.modules.get('thermal_comp.effects.contract')
+        line = contract.line_of(error) if contract else ''
+        if not line:
+            raise
+        show_progress('')
+        sys.stderr.write(f'{verb}: an effect raises {type(error).__name__}: {error}{line}\n')
+        return 2
 
 
 def _prepare_streams() -> None:

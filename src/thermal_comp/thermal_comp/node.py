@@ -30,6 +30,7 @@ from std_msgs.msg import String
 from thermal_comp.compensation.recording import TIMEOUT_S
 from thermal_comp.compensation.state import restore_state, save_state
 from thermal_comp.compensation.stream import Compensator, compensated_field, compensated_imu
+from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import check_device, load_model, model_label
 from thermal_comp.model.values import ThermalModel
 
@@ -41,6 +42,9 @@ class ThermalCompConfig(NodeConfig):
     model: str = parameter('', 'Path of the model file; empty: pass data through')
     temperature_timeout: float = parameter(
         TIMEOUT_S, 'Age from which a temperature is not used', unit='s', bounds=(0.01, 3600.0)
+    )
+    effects: list[str] = parameter(  # noqa: RUF009 (a field with a factory)
+        [], "Python files, or folders of them, with effects of the user's own that the model has"
     )
     device: str = parameter('', 'Device the model has to be of; empty: any')
     again: bool = parameter(False, 'Compensate data that say they are compensated already')
@@ -63,7 +67,11 @@ class ThermalCompNode(ConfiguredNode):
 
     def setup(self, config: ThermalCompConfig) -> None:
         """Load the model, subscribe to what it needs."""
-        model = load_model(config.model) if config.model else ThermalModel('', {})
+        model = (
+            load_model(config.model, effect_catalogue(config.effects))
+            if config.model
+            else ThermalModel('', {})
+        )
         check_device(model, config.device)
         self.compensator = Compensator(model, temperature_timeout=config.temperature_timeout)
         if config.state_file and (reason := restore_state(self.compensator, config.state_file)):

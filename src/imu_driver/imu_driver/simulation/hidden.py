@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -91,9 +92,9 @@ class Hidden:
     """Start-up transient of the read-out [s]."""
 
 
-def check_hideable(name: str) -> None:
-    """Raise UserError where the simulator has nothing of this name to hide."""
-    if name not in HIDEABLE:
+def check_hideable(name: str, own: Collection[str] = ()) -> None:
+    """Raise UserError where neither the simulator nor `own` has anything of this name to hide."""
+    if name not in HIDEABLE and name not in own:
         raise UserError(
             f'the simulator cannot hide {name!r}{did_you_mean(name, HIDEABLE)}: it has '
             'physics of its own for every effect '
@@ -109,16 +110,18 @@ def hide_anything(
     seed: int,
     sensor: str | None = None,
     measured_on: Sequence[DeviceRun] | None = None,
+    own: Mapping[str, HiddenEffect] = MappingProxyType({}),
 ) -> Hidden:
     """Return the campaign with `name` hidden in it; without `sensor` the seed chooses one.
 
-    The magnitude is that in `measured_on` where given: runs of the device before it aged.
+    The magnitude is that in `measured_on` where given: runs of the device before it aged. `own`
+    are effects beside those the simulator has.
     """
-    check_hideable(name)
+    check_hideable(name, own)
     if name == NOTHING:
         return Hidden(list(runs), Truth(None, 'nothing', law=name))
-    if name in HIDDEN_EFFECTS:
-        effect = HIDDEN_EFFECTS[name]
+    if name in HIDDEN_EFFECTS or name in own:
+        effect = HIDDEN_EFFECTS[name] if name in HIDDEN_EFFECTS else own[name]
         return _hide_effect(runs, effect, magnitude, seed, sensor, measured_on)
     if name == CLOCK:
         return _hide_clock(runs, magnitude, seed)

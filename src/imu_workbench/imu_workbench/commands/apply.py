@@ -9,11 +9,13 @@ from pathlib import Path
 from imu_recording.bags.compensated_copy import write_compensated_copy
 from imu_recording.user_error import UserError
 from thermal_comp.compensation.recording import TIMEOUT_S, compensate
+from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import check_device, load_model
 
 from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.options import (
     add_bag_arguments,
+    add_effects_argument,
     add_model_argument,
     add_output_argument,
     claim_output,
@@ -31,6 +33,7 @@ EPILOG = (
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     add_bag_arguments(parser)
+    add_effects_argument(parser)
     add_model_argument(parser, 'model file of `fit`', required=True)
     add_output_argument(parser, 'DIR', 'bag to write')
     parser.add_argument(
@@ -48,7 +51,7 @@ def run(options: argparse.Namespace) -> Answer:
         raise UserError(
             f'--temperature-timeout {options.temperature_timeout:g}: expected a positive number'
         )
-    model = load_model(options.model)
+    model = load_model(options.model, effect_catalogue(options.effects))
     recordings = read_recordings(options)
     targets = output_paths(options.bags, options.output, force=options.force)
     if not model.pooled:

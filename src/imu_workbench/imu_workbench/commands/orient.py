@@ -10,11 +10,17 @@ from imu_recording.user_error import UserError
 from orientation_filters.filters import FILTERS
 from orientation_filters.parameters import PRESET_NAMES, WORLD_FRAMES
 from thermal_comp.compensation.stream import compensate
+from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import check_device, load_model
 
 from imu_workbench.answer import Answer, show_progress
 from imu_workbench.attitude_budget import attitude_budget, budget_content, budget_text
-from imu_workbench.commands.options import add_bag_arguments, add_model_argument, stream_recordings
+from imu_workbench.commands.options import (
+    add_bag_arguments,
+    add_effects_argument,
+    add_model_argument,
+    stream_recordings,
+)
 
 HELP = 'Orientation raw, compensated, and with one sensor compensated at a time.'
 EPILOG = (
@@ -29,6 +35,7 @@ EPILOG = (
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     add_bag_arguments(parser)
+    add_effects_argument(parser)
     add_model_argument(parser, 'model file of `fit`', required=True)
     parser.add_argument(
         '--preset',
@@ -51,7 +58,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> Answer:
     """Estimate the attitudes of every bag and their errors."""
-    model = load_model(options.model)
+    model = load_model(options.model, effect_catalogue(options.effects))
     bags = []
     for recording in stream_recordings(options):
         if not model.pooled:

@@ -11,11 +11,12 @@ from typing import Any
 
 from imu_recording.plausibility import admitted
 from thermal_comp.diagnosis.diagnose import diagnose
+from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import load_model
 
 from imu_recording import read_bag
 from imu_workbench.answer import Answer
-from imu_workbench.commands.options import add_model_argument
+from imu_workbench.commands.options import add_effects_argument, add_model_argument
 from imu_workbench.simulate.hidden_effect import (
     VERDICTS,
     Score,
@@ -36,13 +37,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         'folder', type=Path, metavar='DIR', help='the folder `simulate … --hide` wrote'
     )
     add_model_argument(parser, 'model of an earlier campaign, for what `simulate … --aged` wrote')
+    add_effects_argument(parser)
 
 
 def run(options: argparse.Namespace) -> Answer:
     """Diagnose first, then look."""
     bags = find_truth(options.folder)[1]
-    model = load_model(options.model) if options.model else None
-    found = diagnose((admitted(read_bag(bag), sensors=False) for bag in bags), model)
+    catalogue = effect_catalogue(options.effects)
+    model = load_model(options.model, catalogue) if options.model else None
+    recordings = (admitted(read_bag(bag), sensors=False) for bag in bags)
+    found = diagnose(recordings, model, catalogue=catalogue)
     diagnosis = found.to_dict()
     truth = find_truth(options.folder)[0]
     truths = all_hidden(truth)

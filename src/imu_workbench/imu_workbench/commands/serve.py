@@ -10,9 +10,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from imu_recording.user_error import UserError
+from thermal_comp.effects.user_effects import effect_catalogue
 
 from imu_workbench.answer import Answer
-from imu_workbench.commands.options import add_model_argument
+from imu_workbench.commands.options import add_effects_argument, add_model_argument
 
 HELP = 'Serve the workbench, a local web page: see where a model fails, add what is missing.'
 EPILOG = 'example:\n  python -m imu_workbench serve bags/hidden_effect_? --port 8080'
@@ -24,6 +25,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         'bags', nargs='*', metavar='BAG', type=Path, help='bags every tab opens with'
     )
     add_model_argument(parser, 'model file to begin with; else a line per axis')
+    add_effects_argument(parser)
     parser.add_argument(
         '--root',
         metavar='DIR',
@@ -51,6 +53,7 @@ def run(options: argparse.Namespace) -> Answer:
     from imu_workbench.web.page import Start
     from imu_workbench.web.server import bind, run_server
 
+    effect_catalogue(options.effects)  # refused now rather than in every tab
     root = BagRoot.of(options.bags, options.root)
     bags = tuple(bag.absolute() for bag in options.bags)
     model = read_model(options.model) if options.model else None
@@ -64,7 +67,9 @@ def run(options: argparse.Namespace) -> Answer:
         sys.stdout.write(f'workbench at {address} (bags below {root.folder}); Ctrl-C ends it\n')
         sys.stdout.flush()
 
-    run_server(listening, root, Start(bags, model), token=token, ready=ready)
+    run_server(
+        listening, root, Start(bags, model, tuple(options.effects)), token=token, ready=ready
+    )
     return Answer({'address': address, 'root': str(root.folder)}, '')
 
 

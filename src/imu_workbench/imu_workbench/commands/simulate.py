@@ -16,7 +16,7 @@ from imu_recording.user_error import UserError
 
 from imu_recording import ImuRecording, write_bag
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.commands.options import add_output_argument, claim_output
+from imu_workbench.commands.options import add_effects_argument, add_output_argument, claim_output
 from imu_workbench.simulate.campaign import ORIENTATIONS, Logging, simulate_campaign, simulate_run
 from imu_workbench.simulate.hidden_effect import (
     TRUTH_FILE,
@@ -24,6 +24,7 @@ from imu_workbench.simulate.hidden_effect import (
     hidden_campaign,
     write_truth,
 )
+from imu_workbench.simulate.own_effect import own_effects
 
 HELP = 'Simulate a device in a chamber that runs a thermal profile; write the bags.'
 EPILOG = 'What --hide can hide: ' + ', '.join(HIDEABLE)
@@ -47,6 +48,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--seed', type=int, default=1, metavar='N', help='seed of all randomness')
     add_output_argument(parser, 'DIR', 'folder to write')
+    add_effects_argument(parser)
     parser.add_argument(
         '--mean',
         action='store_true',
@@ -134,6 +136,7 @@ def _hidden(options: argparse.Namespace, logging: Logging) -> Answer:
         _hidden_effects(options),
         seed=options.seed,
         aged=options.aged,
+        own=own_effects(options.effects),
     )
     answer = _written(_paths(options), campaign.recordings)
     write_truth(
@@ -154,7 +157,7 @@ def _hidden_effects(options: argparse.Namespace) -> list[HiddenEffect]:
     names = (options.hide or NOTHING).split(',')
     for name in names:
         if name != 'random':
-            check_hideable(name)
+            check_hideable(name, own_effects(options.effects))
     magnitudes = [_magnitude(text) for text in _for_each('magnitude', options.magnitude, names)]
     sensors = _for_each('sensor', options.sensor or '', names)
     for sensor in sensors:

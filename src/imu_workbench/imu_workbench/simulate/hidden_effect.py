@@ -7,12 +7,14 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from chamber_profile.profile.values import Profile
 from imu_driver.simulation.ageing import draw_ageing
 from imu_driver.simulation.devices import DeviceParameters, draw_device, find_device
+from imu_driver.simulation.effects.hidden_effect import HiddenEffect as Simulated
 from imu_driver.simulation.effects.hidden_effect import Truth
 from imu_driver.simulation.hidden import HIDDEN_EFFECTS, NOTHING, hide_anything, random_name
 from imu_driver.simulation.run import DeviceRun
@@ -64,15 +66,18 @@ def hidden_campaign(
     seed: int,
     orientations: Sequence[str] = ORIENTATIONS,
     aged: bool = False,
+    own: Mapping[str, Simulated] = MappingProxyType({}),
 ) -> Campaign:
     """Return a campaign with hidden effects, or the same device's a year later.
+
+    `own` are effects to hide beside those the simulator has.
 
     Then device and hidden effects are those of the seed, older by a seeded `changes`; chamber,
     noise and placement are those of another day.
     """
     runs = prepare_campaign(profile, device, seed=seed, orientations=orientations)
     if not aged:
-        return record_hidden(runs, logging, hidden_effects, seed=seed)
+        return record_hidden(runs, logging, hidden_effects, seed=seed, own=own)
     ageing = draw_ageing(find_device(device), seed)
     later = prepare_campaign(
         profile,
@@ -84,7 +89,7 @@ def hidden_campaign(
         replace(effect, magnitude=ageing.effect_ratio * effect.magnitude)
         for effect in hidden_effects
     ]
-    campaign = record_hidden(later, logging, grown, seed=seed, measured_on=runs)
+    campaign = record_hidden(later, logging, grown, seed=seed, measured_on=runs, own=own)
     return replace(campaign, changes=ageing.to_dict())
 
 
@@ -95,6 +100,7 @@ def record_hidden(
     *,
     seed: int,
     measured_on: Sequence[DeviceRun] | None = None,
+    own: Mapping[str, Simulated] = MappingProxyType({}),
 ) -> Campaign:
     """Hide the effects in prepared runs, on top of each other, and read them out.
 
@@ -118,6 +124,7 @@ def record_hidden(
             seed=seed + 1000 * number,
             sensor=hidden_effect.sensor,
             measured_on=measured_on,
+            own=own,
         )
         runs = hidden.runs
         done.append(hidden)

@@ -38,6 +38,8 @@ class Start:
 
     bags: tuple[Path, ...] = ()
     model_text: str | None = None
+    effects: tuple[Path, ...] = ()
+    """Files with effects of the user's own."""
 
 
 class Page:
@@ -120,6 +122,8 @@ class Page:
         look = await ui.run_javascript(f'watchLook({PHONE_WIDTH_PX})', timeout=BROWSER_TIMEOUT_S)
         self._look.dark, self._look.narrow, self._look.touch = map(bool, look)
         self._colours()
+        for file in self._start.effects:
+            await self._tab.load_effects(file.name, file.read_bytes())
         if self._start.bags:
             await self.open_bags([str(bag) for bag in self._start.bags])
         else:

@@ -6,8 +6,10 @@ And that what it says about its search and about other effects holds together.
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Collection
 from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -29,6 +31,10 @@ RELATIONS = (
     'separated_by_cycles',
 )
 """Attributes that name other effects."""
+USER_MODULES = 'user_effects_'
+"""What the names of modules begin with that are read from files of a user's effects."""
+EXPLAINED_BY = ('mechanism', 'separation', 'typical_size', 'reference')
+"""Texts that an effect of the catalogue has."""
 CAMPAIGN = Campaign(
     cycles=4,
     durations=(40_000.0,) * 3,
@@ -38,21 +44,43 @@ CAMPAIGN = Campaign(
 """An example of what a search is given to choose forms from."""
 
 
-def check_effect(effect: type[Effect], known: Collection[str] = EFFECTS) -> list[str]:
+def check_effect(
+    effect: type[Effect], known: Collection[str] = EFFECTS, *, explained: bool = False
+) -> list[str]:
     """Return what breaks the contract, one sentence each; empty where the effect keeps it.
 
-    `known` are the effects it may name.
+    `known` are the effects it may name; `explained` asks for the texts `explain` prints, as the
+    catalogue does of its own effects.
 
-    >>> check_effect(EFFECTS['thermal_lag'])
+    >>> check_effect(EFFECTS['thermal_lag'], explained=True)
     []
     """
     problems = _problems_of_the_description(effect) + _problems_of_the_relations(effect, known)
+    if explained:
+        problems += [f'{text} is empty' for text in EXPLAINED_BY if not getattr(effect, text)]
     if not problems:
-        instance = effect()
-        problems += _problems_of_the_shape(instance) + _problems_of_the_search(effect)
-        for sensor in effect.sensors:
-            problems += _problems_of_the_columns(instance, sensor)
+        try:
+            instance = effect()
+            problems += _problems_of_the_shape(instance) + _problems_of_the_search(effect)
+            for sensor in effect.sensors:
+                problems += _problems_of_the_columns(instance, sensor)
+        except Exception as error:  # noqa: BLE001 (whatever the effect's own code does)
+            problems.append(f'raises {type(error).__name__}: {error}{line_of(error)}')
     return [f'{effect.name or effect.__name__}: {problem}' for problem in problems]
+
+
+def line_of(error: BaseException) -> str:
+    """Return ' (file.py, line 3)': the last line of a user's effect on the way to an error.
+
+    '' where none is on the way.
+    """
+    walked = traceback.walk_tb(error.__traceback__)
+    lines = [
+        (frame.f_code.co_filename, line)
+        for frame, line in walked
+        if str(frame.f_globals.get('__name__', '')).startswith(USER_MODULES)
+    ]
+    return f' ({Path(lines[-1][0]).name}, line {lines[-1][1]})' if lines else ''
 
 
 def example_conditions(seed: int = 0, sensor: Sensor = 'accelerometer') -> Conditions:
@@ -97,8 +125,7 @@ def columns_in_pieces(effect: Effect, conditions: Conditions, cuts: tuple[int, .
 
 def _problems_of_the_description(effect: type[Effect]) -> list[str]:
     problems = []
-    texts = ('name', 'equation', 'mechanism', 'separation', 'typical_size', 'reference')
-    problems += [f'{text} is empty' for text in texts if not getattr(effect, text)]
+    problems += [f'{text} is empty' for text in ('name', 'equation') if not getattr(effect, text)]
     if not is_dataclass(effect) or not effect.__dataclass_params__.frozen:  # type: ignore[attr-defined]
         problems.append('is not a frozen dataclass')
     if 'error' not in effect.equation:

@@ -5,12 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cache, partial
+from itertools import product
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import SENSORS, Conditions, Sensor
+from thermal_comp.effects.resolution import example_cycle, refined, thinned
 
 State = Any
 """History an effect carries from one piece of a stream to the next: a tuple of plain numbers."""
@@ -186,8 +189,9 @@ class Effect:
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
-        """Return the forms that a search over these runs tries first."""
-        return [Candidate(form) for form in cls.shape_grid()]
+        """Return the forms that a search over these runs tries first, as close as it needs."""
+        kind: Any = cls
+        return [Candidate(form) for form in _resolved(kind)]
 
     @classmethod
     def sample_forms(cls) -> list[Self]:
@@ -225,6 +229,26 @@ class Effect:
     def stands_for(cls, richer: type[Effect]) -> bool:
         """Tell whether it is named instead of the other one where that gains hardly more."""
         return contains(richer, cls) or richer.name in cls.preferred_to
+
+
+@cache
+def _resolved(effect: Any) -> tuple[Effect, ...]:
+    """Return an effect on its grid of shapes, refined where neighbours have little in common."""
+    conditions = example_cycle(effect.sensors[0])
+    grid = effect.shape_grid()
+    values: dict[str, list[float]] = {}
+    for name, default in effect().shape_parameters.items():
+        start = sorted({getattr(form, name) for form in grid})
+        if not isinstance(default, tuple) and len(start) > 1:
+            at = partial(_columns_at, effect(), name, conditions)
+            values[name] = refined(start, at)
+    kept = thinned(list(values.values()))
+    return tuple(replace(effect(), **dict(zip(values, v, strict=True))) for v in product(*kept))
+
+
+def _columns_at(effect: Effect, name: str, conditions: Conditions, value: float) -> FloatArray:
+    shape: dict[str, Any] = {name: value}
+    return replace(effect, **shape).columns(conditions)[0]
 
 
 def contains(richer: Effect | type[Effect], effect: Effect | type[Effect]) -> bool:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import inspect
 import sys
@@ -15,7 +16,7 @@ from pathlib import Path
 from imu_recording.user_error import UserError
 
 from thermal_comp.effects import EFFECTS
-from thermal_comp.effects.contract import check_effect
+from thermal_comp.effects.contract import USER_MODULES, check_effect
 from thermal_comp.effects.effect import Effect
 
 GROUP = 'thermal_comp.effects'
@@ -36,7 +37,7 @@ def effect_catalogue(files: Sequence[str | Path] = ()) -> Mapping[str, type[Effe
     for entry in entry_points(group=GROUP):
         effect = entry.load()
         _include(catalogue, effect, f'entry point {entry.name}', {*catalogue, effect.name})
-    for file in files:
+    for file in _listed(files):
         found = effects_in_file(file)
         known = {*catalogue, *(effect.name for effect in found)}
         for effect in found:
@@ -44,12 +45,32 @@ def effect_catalogue(files: Sequence[str | Path] = ()) -> Mapping[str, type[Effe
     return catalogue
 
 
+def _listed(files: Sequence[str | Path]) -> list[Path]:
+    """Return the files, those of a folder in order."""
+    listed: list[Path] = []
+    for path in map(Path, files):
+        listed += sorted(path.glob('*.py')) if path.is_dir() else [path]
+    return listed
+
+
+def source_of(effect: Effect | type[Effect]) -> dict[str, str] | None:
+    """Return file and hash of an effect's source; None for an effect of the catalogue.
+
+    A model file tells by it which code its coefficients belong to; it never brings code.
+    """
+    kind = effect if isinstance(effect, type) else type(effect)
+    if EFFECTS.get(kind.name) is kind:
+        return None
+    file = Path(inspect.getfile(kind))
+    return {'module': file.name, 'sha256': hashlib.sha256(file.read_bytes()).hexdigest()[:16]}
+
+
 def effects_in_file(file: str | Path) -> list[type[Effect]]:
     """Return the Effect classes that a Python file defines."""
     path = Path(file)
     if not path.is_file():
         raise EffectError(f'{path}: no such file')
-    name = f'user_effects_{path.stem}_{zlib.crc32(str(path.resolve()).encode()):08x}'
+    name = f'{USER_MODULES}{path.stem}_{zlib.crc32(str(path.resolve()).encode()):08x}'
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
         raise EffectError(f'{path}: not a Python file')

@@ -15,6 +15,7 @@ from imu_recording.user_error import did_you_mean
 from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
+from thermal_comp.effects.user_effects import source_of
 from thermal_comp.model.bounds import (
     impossible_sizes,
     impossible_terms,
@@ -142,7 +143,7 @@ ROOT_FIELDS = (
     'history',
 )
 SENSOR_FIELDS = ('unit', 'temperature_range', 'effects', 'covariance', 'levels', 'noise')
-EFFECT_FIELDS = ('name', 'shape', 'units', 'coefficients', 'rms')
+EFFECT_FIELDS = ('name', 'source', 'shape', 'units', 'coefficients', 'rms')
 
 
 def model_from_document(
@@ -250,8 +251,9 @@ def _effect(
     if name not in catalogue:
         raise item['name'].refuse(
             f'{name!r} is not in the catalogue{did_you_mean(name, catalogue)}; if it is an '
-            'effect of your own, give its file with --effects'
+            f'effect of your own, give its file {_told_file(item)}with --effects'
         )
+    _check_source(item, catalogue[name])
     known = {f.name: f for f in fields(catalogue[name])}
     shape: dict[str, Any] = {}
     for key, entry in item.get('shape', {}).entries().items():
@@ -272,6 +274,25 @@ def _effect(
         if key not in shape:
             raise ModelError(f'{item.name}.shape.{key}: missing')
     return catalogue[name](**shape)
+
+
+def _told_file(item: Field) -> str:
+    source = item.get('source', None)
+    return f'{source["module"].text()} ' if source.value is not None else ''
+
+
+def _check_source(item: Field, effect: type[Effect]) -> None:
+    """Refuse an effect of the user's own whose code is another than the model was fitted with."""
+    fitted = item.get('source', None)
+    if fitted.value is None:
+        return
+    fitted.only('module', 'sha256')
+    wanted, found = fitted['sha256'].text(), (source_of(effect) or {}).get('sha256', '')
+    if found != wanted:
+        raise fitted['sha256'].refuse(
+            f'the model was fitted with another version of {fitted["module"].text()} '
+            f'({wanted}; here {found or "the catalogue"}): fit it again'
+        )
 
 
 def _coefficients(entry: Field, effect: Effect, sensor: Sensor) -> FloatArray:

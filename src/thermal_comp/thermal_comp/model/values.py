@@ -13,6 +13,7 @@ from imu_recording.user_error import UserError
 
 from thermal_comp.data.conditions import REFERENCE_TEMPERATURE, Conditions
 from thermal_comp.effects.effect import Effect, State
+from thermal_comp.effects.user_effects import source_of
 from thermal_comp.presentation.notebook import Presented
 
 SCHEMA = 1
@@ -103,6 +104,7 @@ class SensorModel:
             'effects': [
                 {
                     'name': effect.name,
+                    **({'source': source} if (source := source_of(effect)) else {}),
                     'shape': _shape_to_dict(effect, self.shape_std),
                     'units': [text.replace('{unit}', unit) for text in effect.coefficient_units],
                     'coefficients': coefficients.tolist(),

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A grid of an effect's shape parameters as fine as the effect is narrow.
+
+A search that steps over a dip of 3 K in steps of 7.5 K never sees it. Values are added between
+neighbours whose columns have little in common, until all have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from math import prod
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.data.conditions import CHANNELS, STANDARD_GRAVITY, Conditions, Sensor
+
+ALIKE = 0.7
+"""Correlation of the columns of neighbours, beside a line in temperature, that a grid keeps."""
+MOST_VALUES = 65
+"""Values of one parameter, at most …"""
+MOST_FORMS = 400
+"""… and forms of an effect of several parameters."""
+HOURS = 12.0
+ROWS = 1441
+COLD, HOT = -45.0, 90.0
+"""The temperatures a cycle of the example covers [°C]."""
+
+
+def refined(values: Sequence[float], columns_at: Callable[[float], FloatArray]) -> list[float]:
+    """Return the values with more between neighbours whose columns are unlike each other.
+
+    `columns_at` gives the effect's (n, …) columns on `example_cycle` at a value.
+    """
+    even = values[0] <= 0.0
+    known = {value: _form(columns_at(value)) for value in values}
+    while True:
+        ordered = sorted(known)
+        added = [
+            0.5 * (low + high) if even else float(np.sqrt(low * high))
+            for low, high in pairwise(ordered)
+            if abs(known[low] @ known[high]) < ALIKE
+        ]
+        if not added or len(known) + len(added) > MOST_VALUES:
+            return ordered
+        known |= {value: _form(columns_at(value)) for value in added}
+
+
+def thinned(values: Sequence[list[float]]) -> list[list[float]]:
+    """Return the values of several parameters, so few that their forms stay countable."""
+    kept = list(values)
+    while prod(map(len, kept)) > MOST_FORMS:
+        longest = max(range(len(kept)), key=lambda k: len(kept[k]))
+        kept[longest] = kept[longest][::2]
+    return kept
+
+
+def _form(columns: FloatArray) -> FloatArray:
+    """Return the first of (n, …) columns with a line in temperature taken out; norm 1."""
+    column = columns.reshape(len(columns), -1)[:, 0]
+    line = np.column_stack([np.ones(ROWS), _temperature()])
+    left = column - line @ np.linalg.lstsq(line, column, rcond=None)[0]
+    norm = float(np.linalg.norm(left))
+    unit: FloatArray = left / norm if norm > 1e-12 * np.linalg.norm(column) else np.zeros(ROWS)
+    return unit
+
+
+def _temperature() -> FloatArray:
+    swing = np.abs(np.linspace(0.0, 4.0, ROWS) % 2.0 - 1.0)
+    temperature: FloatArray = COLD + (HOT - COLD) * swing
+    return temperature
+
+
+def example_cycle(sensor: Sensor) -> Conditions:
+    """Return two slow cycles through all temperatures, with every channel."""
+    time = np.linspace(0.0, HOURS * 3600.0, ROWS)
+    temperature = _temperature()
+    switch = (np.arange(ROWS) % 7 < 3).astype(float)
+    channels: dict[str, Any] = dict.fromkeys(CHANNELS, switch)
+    channels |= {
+        'chamber_temperature': np.roll(temperature, -10),
+        'device_temperature': np.roll(temperature, -5),
+        'setpoint': temperature,
+        'humidity': 0.5 + 0.3 * (temperature > 20.0),
+        'supply_voltage': 3.3 + 0.1 * switch,
+        'vibration': np.column_stack([0.1 * switch] * 3),
+        'phase': np.full(ROWS, 3, dtype=np.int64),
+        'cycle': 1 + np.arange(ROWS, dtype=np.int64) // (ROWS // 2 + 1),
+    }
+    return Conditions(
+        time=time,
+        temperature=temperature,
+        specific_force=np.full((ROWS, 3), STANDARD_GRAVITY / np.sqrt(3.0)),
+        angular_velocity=np.full((ROWS, 3), 0.1),
+        magnetic_field=np.full((ROWS, 3), 3e-5),
+        sensor=sensor,
+        orientation=np.eye(3),
+        **channels,
+    )
