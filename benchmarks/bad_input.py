@@ -51,7 +51,9 @@ VERBS: dict[str, tuple[str, ...]] = {
     'auto': ('auto', '{bags}', '-o', '{out}.yaml'),
     'orient': ('orient', '{bags}', '--model', '{model}', '--preset', 'robust'),
     'report': ('report', '{bags}', '--no-attitude', '-o', '{out}.html'),
-    'replay': ('replay', '{bags}', '--node', 'complementary_filter', '-o', '{out}'),
+    'replay': (
+        'replay', '{bags}', '--node', 'complementary_filter', '-p', 'cutoff_hz:=0.1', '-o', '{out}'
+    ),
     'replay node': (
         'replay', '{bags}', '--node', 'thermal_comp', '-p', 'model:={model}', '-o', '{out}'
     ),

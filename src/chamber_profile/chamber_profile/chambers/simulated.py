@@ -80,6 +80,11 @@ class SimulatedChamber:
         """Return the description of this chamber."""
         return f'simulated chamber, seed {self.seed}'
 
+    @property
+    def true_air(self) -> float:
+        """Air temperature at the devices, which no sensor shows [°C]."""
+        return float(self.state[physics.AIR] + self.state[physics.EDDY])
+
     def read(self) -> ChamberReading:
         """Return the readings of the chamber's sensors now."""
         state = self.state
