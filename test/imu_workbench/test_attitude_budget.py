@@ -8,7 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from imu_recording.recording import PHASES, ImuRecording
-from imu_workbench.attitude_budget import attitude_budget, budget_content, remarks_of
+from imu_workbench.attitude_budget import (
+    attitude_budget,
+    budget_content,
+    budget_text,
+    remarks_of,
+    ten_minute_drift,
+    worse_angles,
+)
+from thermal_comp.effects import EFFECTS
+from thermal_comp.model.values import SensorModel, ThermalModel
 
 SECONDS, RATE = 120.0, 50.0
 
@@ -99,3 +108,35 @@ def test_remarks_carry_our_numbers() -> None:
     assert found['because of the magnetometer', 'deg']['holds']
     assert found['AHRS costs more', 'B']['holds']
     assert budget_content(result, true)['remarks'] == remarks_of(result)
+
+
+def test_without_truth_no_accuracy_is_claimed() -> None:
+    true = replace(device(), reference_orientation=None)
+    content = budget_content(attitude_budget(warmed(true), true, filters=['ahrs']), true)
+    assert {cost['rms'] for cost in content['costs']} == {None}
+    assert {cost['gain'] for cost in content['costs']} == {None}
+    text = budget_text(content)
+    assert 'nothing is said of errors' in text
+    assert 'gained' not in text
+
+
+def test_an_angle_that_gets_worse_has_its_reason_beside_it() -> None:
+    true = device()
+    # The wrong way round: what is called compensated has the error.
+    result = attitude_budget(true, warmed(true), filters=['ahrs'])
+    (sentence,) = (s for s in worse_angles(result) if 'heading' in s)
+    assert sentence in budget_text(budget_content(result, true))
+    assert worse_angles(attitude_budget(warmed(true), true, filters=['ahrs'])) == []
+
+
+def test_ten_minutes_are_those_of_the_removed_rate() -> None:
+    true = device()
+    rate = np.radians([0.0, 0.0, 0.1])  # 0.1 °/s for 600 s: 60°
+    raw = replace(true, angular_velocity=true.angular_velocity + rate)
+    line = SensorModel((EFFECTS['bias_temperature'](),), (np.zeros((1, 3)),), np.eye(3) * 1e-6**2)
+    drift = ten_minute_drift(raw, true, ThermalModel('dut1', {'gyroscope': line}))
+    assert drift is not None
+    assert drift.raw_deg == pytest.approx(60.0, rel=1e-9)
+    # 1e-6 rad/s/K on three axes, 0 … 20 K above the reference: rms 11.5 K.
+    expected = np.degrees(1e-6 * np.sqrt(3.0) * 20.0 / np.sqrt(3.0)) * 600.0
+    assert drift.compensated_deg == pytest.approx(expected, rel=0.05)

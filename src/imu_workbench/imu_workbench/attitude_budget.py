@@ -24,12 +24,24 @@ from orientation_filters.errors import (
 from orientation_filters.filters import FILTERS, run_filter, sample_rate, state_bytes
 from orientation_filters.rotation.arrays import enu_from_ned
 from orientation_filters.upsampling import upsample
+from thermal_comp.compensation.recording import plan_of, sensor_error
+from thermal_comp.data.conditions import field_conditions
+from thermal_comp.model.values import ThermalModel
 from thermal_comp.presentation.display import FILTER_LABELS
 
 CUTOFFS_HZ = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 """The paper's typical range, with its choice of 3 Hz."""
 LOWEST_RATE_HZ = 50.0
 TIMED_ROWS = 20_000
+TRUE_ATTITUDE = 'reference orientation'
+NO_TRUTH = (
+    'angle [°] between each run and the raw one; there is no true attitude (topic '
+    'reference/orientation), so nothing is said of errors'
+)
+KINDS = ('total', 'heading', 'inclination')
+LEAST_WORSE_DEG = 0.02
+"""An angle that gets worse by less is not worth a sentence [deg]."""
+TEN_MINUTES_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -117,7 +129,7 @@ def attitude_budget(
                 ]
             efforts.append(_effort(name, preset, measured, options))
     sweep = list(_sweep(fast, cutoffs_hz, progress, parameters))
-    against = 'compensated run' if truth is None else 'reference orientation'
+    against = 'compensated run' if truth is None else TRUE_ATTITUDE
     return AttitudeBudget(measured, against, costs, sweep, efforts, groups)
 
 
@@ -179,23 +191,92 @@ def _degrees(rms: dict[str, float]) -> dict[str, float]:
     return {kind: float(np.degrees(value)) for kind, value in rms.items()}
 
 
-def budget_content(result: AttitudeBudget, recording: ImuRecording) -> dict[str, Any]:
-    """Return the budget as plain values, angles in degrees."""
+def budget_content(
+    result: AttitudeBudget, recording: ImuRecording, drift: TenMinuteDrift | None = None
+) -> dict[str, Any]:
+    """Return the budget as plain values, angles in degrees.
+
+    Without a true attitude nothing is said of errors: `rms` and `gain` are null.
+    """
+    true = result.against == TRUE_ATTITUDE
     return {
         'bag': recording.source,
         'device': recording.device,
         'samples': len(result.recording),
-        'against': result.against,
+        'against': result.against if true else 'no true attitude',
         'notes': list(result.recording.notes),
         'unplaced': dict(result.recording.unplaced),
-        'costs': [asdict(cost) for cost in result.costs],
-        'cutoff_sweep': [asdict(cost) for cost in result.sweep],
+        'costs': [_claimed(cost, true=true) for cost in result.costs],
+        'cutoff_sweep': [_claimed(cost, true=true) for cost in result.sweep],
+        'worse': worse_angles(result) if true else [],
+        'ten_minutes': asdict(drift) if drift else None,
         'effort': [asdict(effort) for effort in result.efforts],
         'remarks': remarks_of(result),
         'groups': {
             name: [_group(group) for group in groups] for name, groups in result.groups.items()
-        },
+        }
+        if true
+        else {},
     }
+
+
+def _claimed(cost: Cost, *, true: bool) -> dict[str, Any]:
+    return asdict(cost) if true else {**asdict(cost), 'rms': None, 'gain': None}
+
+
+def worse_angles(result: AttitudeBudget) -> list[str]:
+    """Return a sentence for every angle that compensating all sensors makes worse."""
+    found = []
+    for cost in (c for c in result.costs if c.data == 'compensated'):
+        alone = {
+            c.data.split()[0]: c.gain
+            for c in result.costs
+            if (c.filter, c.preset) == (cost.filter, cost.preset) and ' ' in c.data
+        }
+        for kind in ('heading', 'inclination'):
+            if cost.gain[kind] >= -LEAST_WORSE_DEG:
+                continue
+            before = cost.rms[kind] + cost.gain[kind]
+            parts = ', '.join(f'{s} alone {-g[kind]:+.3f}°' for s, g in alone.items())
+            found.append(
+                f'{_label(cost.filter)} {cost.preset}: {kind} gets worse, {before:.3f} → '
+                f'{cost.rms[kind]:.3f}°: a thermal model leaves the constant offset of a sensor, '
+                f'which its temperature error had cancelled in part ({parts})'
+            )
+    return found
+
+
+@dataclass(frozen=True)
+class TenMinuteDrift:
+    """Angle by which the gyroscope's temperature error turns an attitude in ten minutes."""
+
+    raw_deg: float
+    """Rms over the recording; the modelled error integrated at this robot's own rates."""
+    compensated_deg: float
+    """What the model itself does not know of it, one standard deviation."""
+
+
+def ten_minute_drift(
+    raw: ImuRecording, compensated: ImuRecording, model: ThermalModel
+) -> TenMinuteDrift | None:
+    """Return what the gyroscope's temperature error costs without any correction by a filter."""
+    sensor = model.sensors.get('gyroscope')
+    removed = raw.angular_velocity - compensated.angular_velocity
+    known = np.isfinite(removed).all(axis=1) & np.isfinite(raw.temperature)
+    if sensor is None or known.sum() < 2:
+        return None
+    time = raw.time[known]
+    part = (time // TEN_MINUTES_S).astype(int)
+    starts = np.flatnonzero(np.diff(part, prepend=-1))
+    rows = np.diff(np.append(starts, len(part)))[:, np.newaxis]
+    means = np.add.reduceat(removed[known], starts, axis=0) / rows
+    some = raw.rows(np.flatnonzero(known)[:: max(int(known.sum()) // 500, 1)])
+    conditions = field_conditions(some, model.reference_temperature).of('gyroscope')
+    covariance = sensor_error(plan_of(sensor), conditions).covariance
+    doubt = np.sqrt(np.mean(np.trace(covariance, axis1=1, axis2=2)))
+    before = np.sqrt(np.mean(np.sum(means**2, axis=1)))
+    turned = np.degrees([before, doubt]) * TEN_MINUTES_S
+    return TenMinuteDrift(float(turned[0]), float(turned[1]))
 
 
 def _group(group: ErrorGroup) -> dict[str, Any]:
@@ -237,13 +318,21 @@ def _remark(text: str, ours: dict[str, float], unit: str, largest: str) -> dict[
 
 def budget_text(content: Mapping[str, Any]) -> str:
     """Return the budget (the dictionary that --json writes) as the terminal shows it."""
-    lines = [
-        f'{content["bag"] or content["device"]}: rms error [°] against the {content["against"]}'
-    ]
-    lines += [f'  note: {note}' for note in content['notes']]
-    lines += ['', f'{"":46}{"total":>9}{"heading":>9}{"inclin.":>9}{"gained":>9}{"moved":>9}']
+    name, true = content['bag'] or content['device'], content['against'] == TRUE_ATTITUDE
+    told = f'rms error [°] against the {content["against"]}' if true else NO_TRUTH
+    lines = [f'{name}: {told}', *(f'  note: {note}' for note in content['notes'])]
+    if content['ten_minutes']:
+        drift = content['ten_minutes']
+        lines.append(
+            f"  Worth it? In ten minutes without correction the gyroscope's temperature error "
+            f'turns the attitude by {drift["raw_deg"]:.3g}°; what the model does not know of it '
+            f'by {drift["compensated_deg"]:.2g}°.'
+        )
+    kinds = ('total', 'heading', 'inclin.', 'gained') if true else ()
+    lines += ['', f'{"":46}' + ''.join(f'{kind:>9}' for kind in (*kinds, 'moved'))]
     for cost in content['costs']:
         lines.append(_row(f'{_label(cost["filter"])} {cost["preset"]}, {cost["data"]}', cost))
+    lines += [f'  {sentence}' for sentence in content['worse']]
     lines += ['', 'complementary over its cut-off:']
     lines += [_row(f'{c["cutoff_hz"]:g} Hz, {c["data"]}', c) for c in content['cutoff_sweep']]
     lines += ['', f'{"":46}{"ns/sample":>11}{"state [B]":>11}']
@@ -263,5 +352,8 @@ def _label(name: str) -> str:
 
 
 def _row(label: str, cost: Mapping[str, Any]) -> str:
-    kinds = ''.join(f'{cost["rms"][kind]:9.3f}' for kind in ('total', 'heading', 'inclination'))
-    return f'{label:46}{kinds}{cost["gain"]["total"]:9.3f}{cost["moved"]["total"]:9.3f}'
+    kinds = ''
+    if cost['rms']:
+        kinds = ''.join(f'{cost["rms"][kind]:9.3f}' for kind in KINDS)
+        kinds += f'{cost["gain"]["total"]:9.3f}'
+    return f'{label:46}{kinds}{cost["moved"]["total"]:9.3f}'

@@ -14,7 +14,12 @@ from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import check_device, load_model
 
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.attitude_budget import attitude_budget, budget_content, budget_text
+from imu_workbench.attitude_budget import (
+    attitude_budget,
+    budget_content,
+    budget_text,
+    ten_minute_drift,
+)
 from imu_workbench.commands.options import (
     add_bag_arguments,
     add_effects_argument,
@@ -24,9 +29,9 @@ from imu_workbench.commands.options import (
 
 HELP = 'Orientation raw, compensated, and with one sensor compensated at a time.'
 EPILOG = (
-    'Errors are against reference/orientation where the bag has it, else against the run with\n'
-    'all sensors compensated. gained: error taken away by a compensation; moved: angle between\n'
-    'that run and the raw one, which is what the temperature error did to the attitude.\n'
+    'Errors are against reference/orientation; a bag without it tells no error, only how far\n'
+    'each run moved. gained: error taken away by a compensation; moved: angle between that run\n'
+    'and the raw one, which is what the temperature error did to the attitude.\n'
     'Bags slower than 50 Hz are interpolated, which is said.\n'
     'example:\n  python -m imu_workbench orient bags/dut1_motion --model dut1.yaml --json out.json'
 )
@@ -63,9 +68,10 @@ def run(options: argparse.Namespace) -> Answer:
     for recording in stream_recordings(options):
         if not model.pooled:
             check_device(model, recording.device)
+        compensated = compensate(recording, model, again='compensated' in options.accept)
         budget = attitude_budget(
             recording,
-            compensate(recording, model, again='compensated' in options.accept),
+            compensated,
             filters=options.filters or tuple(FILTERS),
             presets=options.preset or PRESET_NAMES,
             progress=show_progress,
@@ -77,7 +83,8 @@ def run(options: argparse.Namespace) -> Answer:
                 f'{recording.source}: no attitude: no row has finite angular_velocity and '
                 'linear_acceleration'
             )
-        bags.append(budget_content(budget, recording))
+        drift = ten_minute_drift(recording, compensated, model)
+        bags.append(budget_content(budget, recording, drift))
     show_progress('')
     content = {'schema': 1, 'model': options.model, 'unit': 'deg', 'bags': bags}
     return Answer(content, '\n\n'.join(map(budget_text, bags)))
