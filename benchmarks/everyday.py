@@ -293,6 +293,9 @@ def main() -> None:
     )
     parser.add_argument('--quick', action='store_true', help='stop after a few minutes')
     parser.add_argument('--seeds', type=_seeds, default=range(150), metavar='A..B')
+    parser.add_argument(
+        '--kinds', nargs='+', choices=KINDS, default=KINDS, metavar='KIND', help=', '.join(KINDS)
+    )
     parser.add_argument('--jobs', type=int, default=os.cpu_count())
     parser.add_argument('--seconds', type=float, default=1e9, help='start none after this time')
     parser.add_argument(
@@ -318,7 +321,8 @@ def main() -> None:
     output.parent.mkdir(parents=True, exist_ok=True)
     rows = read(output)
     done = {row['seed'] for row in rows}
-    todo = [seed for seed in options.seeds if seed not in done]
+    seeds = [seed for seed in options.seeds if kind_of(seed) in options.kinds]
+    todo = [seed for seed in seeds if seed not in done]
     until = start + (QUICK_S if options.quick else options.seconds)
     stages = [stage for stage in STAGES if options.channels or stage != 'channels']
     precompile()
@@ -328,8 +332,8 @@ def main() -> None:
             file.write(json.dumps(row) + '\n')
             file.flush()
             print(_line(row), flush=True)
-    wanted = [row for row in rows if row['seed'] in options.seeds]
-    left = len(options.seeds) - len(wanted)
+    wanted = [row for row in rows if row['seed'] in seeds]
+    left = len(seeds) - len(wanted)
     if left:
         print(f'\n{left} campaigns are left; the same command goes on with them')
     print(f'\n{tables(wanted)}\n\n{len(wanted)} campaigns, {time.monotonic() - start:.0f} s')
