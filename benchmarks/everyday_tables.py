@@ -263,8 +263,13 @@ def error_ratios(rows: Sequence[Row]) -> list[float]:
 def _error_after(row: Row, sensor: str) -> float | None:
     """Return the held-out error of the correction: the prediction's, else the best finding's."""
     for one in _predictions(row.get('prediction')):
-        if one.get('error_after') is not None and sensor in str(one.get('sensor', '')).split('+'):
-            return float(np.sqrt(np.mean(np.square(one['error_after']))))
+        error = one.get('error_after')
+        if isinstance(error, Mapping):
+            error = error.get(sensor)
+        elif sensor not in str(one.get('sensor', '')).split('+'):
+            error = None
+        if error is not None:
+            return float(np.sqrt(np.mean(np.square(error))))
     found = [
         finding['error_after']
         for finding in row.get('findings', ())

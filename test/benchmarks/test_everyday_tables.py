@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from everyday_tables import calibration_error, groups, hypotheses, shift, tables
+from everyday_tables import calibration_error, error_ratios, groups, hypotheses, shift, tables
 
 ALL = {'accelerometer': {}, 'gyroscope': {}, 'magnetometer': {}}
 
@@ -108,6 +108,22 @@ def test_shift_is_the_largest_change_of_a_probability():
     after = row([], [('accelerometer', ['nothing'], 0.6), ('accelerometer', ['icing'], 0.4)])
     assert shift(before | {'without': after}) == pytest.approx(0.4)
     assert shift(before | {'without': before}) == 0.0
+
+
+ERROR = {'error_before': 4.0, 'error_after': 3.0}
+
+
+@pytest.mark.parametrize(
+    'prediction',
+    [
+        {'gyroscope': ERROR},
+        [{'sensor': 'accelerometer+gyroscope', **ERROR}],
+        {'error_before': {'gyroscope': 4.0}, 'error_after': {'gyroscope': [3.0, 3.0, 3.0]}},
+    ],
+)
+def test_error_of_the_correction_is_counted_in_errors_of_the_true_form(prediction):
+    one = row([], []) | {'true_form': {'gyroscope': 2.0}, 'prediction': prediction}
+    assert error_ratios([one]) == pytest.approx([1.5])
 
 
 def test_tables_count_what_crashed():
