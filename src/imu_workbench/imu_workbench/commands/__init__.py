@@ -13,6 +13,7 @@ COMMANDS: dict[str, str] = {
     'demo': 'demo',
     'simulate': 'simulate',
     'reveal': 'reveal',
+    'reproduce': 'reproduce',
     'plan': 'plan',
     'campaign': 'campaign',
     'replay': 'replay',
