@@ -99,6 +99,12 @@ def test_bags_are_read_by_path_and_by_glob(bags: Path) -> None:
     )
 
 
+def test_a_recording_of_a_moving_device_says_so(bags: Path) -> None:
+    moving, still = tc.read(bags / 'dut1_motion', bags / 'dut1_x')
+    assert [note.startswith('the device moves in') for note in moving.notes].count(True) == 1
+    assert not any('moves' in note for note in still.notes)
+
+
 @pytest.mark.parametrize(
     ('call', 'message'),
     [

@@ -20,6 +20,7 @@ from imu_recording import BagError, ImuRecording, bag_namespaces, read_bag
 from thermal_comp.comparison.compare import Comparison, compare_prepared
 from thermal_comp.compensation.recording import compensate as compensate_recording
 from thermal_comp.data.conditions import SENSORS, Sensor
+from thermal_comp.data.motion import noted
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.diagnose import Settings
 from thermal_comp.diagnosis.diagnose import diagnose as diagnose_recordings
@@ -53,12 +54,13 @@ def read(
 
     `namespace` chooses the device where a bag holds several. Raises BagError, which says what is
     there, where a path or glob names no bag, and RecordingError where numbers cannot be SI units
-    or were compensated before, unless `accept` names 'units' or 'compensated'.
+    or were compensated before, unless `accept` names 'units' or 'compensated'. A recording of a
+    moving device says so in its notes.
     """
     if not paths:
         raise BagError('no bag given: name a folder, a file or a glob, e.g. "bags/dut1_?"')
     return [
-        admitted(_read_one(path, namespace), accept)
+        noted(admitted(_read_one(path, namespace), accept))
         for pattern in paths
         for path in _expanded(pattern)
     ]

@@ -12,10 +12,10 @@ import yaml
 from imu_recording.logging_contract import TRACK_OF_TOPIC
 from imu_recording.plausibility import ACCEPTABLE, admitted
 from imu_recording.user_error import UserError, did_you_mean, fault_in_yaml
+from thermal_comp.data.motion import refuse_moving
 
 from imu_recording import ImuRecording, bag_namespaces, read_bag
 from imu_workbench.answer import show_progress
-from imu_workbench.motion_detection import refuse_moving
 
 
 def add_bag_arguments(parser: argparse.ArgumentParser, *, optional: bool = False) -> None:

@@ -12,6 +12,7 @@ from imu_recording.recording import SENSOR_FIELDS, FloatArray, columns_hash
 from imu_recording.user_error import UserError
 from numpy.typing import NDArray
 from thermal_comp.comparison.compare import Comparison, compare_prepared
+from thermal_comp.data.motion import resting
 from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.data.quality import check_quality
 from thermal_comp.diagnosis.diagnose import Settings, diagnose
@@ -25,7 +26,6 @@ from thermal_comp.model.values import ModelError, ThermalModel
 
 from imu_recording import ImuRecording
 from imu_workbench.answer import show_progress
-from imu_workbench.motion_detection import resting
 from imu_workbench.parallel import Task, run_tasks
 from imu_workbench.report.attitude import Attitude, AttitudeTask, after_startup, is_slow
 from imu_workbench.report.modelled import RunErrors, errors_of_run

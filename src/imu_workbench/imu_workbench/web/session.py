@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from imu_recording.user_error import UserError
+from thermal_comp.data.motion import left_out_note
 from thermal_comp.effects import EFFECTS
 from thermal_comp.experiment.design import Limits
 from thermal_comp.presentation.display import SENSORS
 
-from imu_workbench.motion_detection import left_out_note
 from imu_workbench.web.case import tasks
 from imu_workbench.web.case.next_experiment import next_profile_task
 from imu_workbench.web.case.preview import EffectPreview, preview_task

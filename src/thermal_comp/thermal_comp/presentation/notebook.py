@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from html import escape
 from importlib import import_module
@@ -14,15 +15,15 @@ if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture
 
 
-class Presented:
+class Presented(ABC):
     """A result whose module of this package turns it into `text`, `table` and `picture`."""
 
     presentation: ClassVar[str]
     """Module of `thermal_comp.presentation`; imported where something is shown."""
 
+    @abstractmethod
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""
-        raise NotImplementedError
 
     def __repr__(self) -> str:
         """Return the result as lines for a terminal."""

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
-
-from imu_workbench.motion_detection import motion_of
+from thermal_comp.data.motion import motion_of
 
 TEXTS = ('frame_id', 'device', 'run', 'up_axis', 'profile', 'namespace', 'source')
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from imu_workbench.__main__ import main
-from imu_workbench.motion_detection import MovingError, motion_of
 from imu_workbench.report.analysis import analyse_recordings
 from imu_workbench.report.content import report_content
 from imu_workbench.report.html.document import report_page, report_text
+from thermal_comp.data.motion import MovingError, motion_of
 
 
 def content_of(recordings):

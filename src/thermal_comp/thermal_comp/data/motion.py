@@ -9,6 +9,7 @@ import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording
 from imu_recording.user_error import UserError
 from scipy.ndimage import median_filter
+
 from thermal_comp.data.binning import bin_means
 
 SECOND_NS = 1_000_000_000
@@ -78,6 +79,12 @@ def refuse_moving(recording: ImuRecording) -> None:
     motion = motion_of(recording)
     if motion:
         raise MovingError(f'{recording.source or recording.run}: {_why(motion)}')
+
+
+def noted(recording: ImuRecording) -> ImuRecording:
+    """Return the recording with a note where the device moves."""
+    motion = motion_of(recording)
+    return recording.with_notes(_why(motion)) if motion else recording
 
 
 def left_out_note(name: str, motion: str) -> str:
