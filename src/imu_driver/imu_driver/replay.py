@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Final
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import urlsplit
 
 import numpy as np
 from imu_recording.recording import ImuRecording
@@ -19,6 +19,7 @@ from imu_recording.user_error import UserError
 from numpy.typing import NDArray
 
 from imu_driver.board.sample import Sample
+from imu_driver.board.transport import url_options
 
 TEMPERATURE_INTERVAL: Final = 1_000_000_000
 """[ns] between samples of a temperature that stays the same."""
@@ -73,10 +74,7 @@ class BagReader:
         from imu_recording import read_bag  # only now: it brings the bag reader's libraries
 
         parts = urlsplit(url)
-        options = dict(parse_qsl(parts.query))
-        unknown = sorted(set(options) - {'rate', 'namespace'})
-        if unknown:
-            raise UserError(f'{url}: unknown option {unknown[0]}; known: rate, namespace')
+        options = url_options(url, ('rate', 'namespace'))
         try:
             self._pace = float(options.get('rate', '1'))
         except ValueError:

@@ -11,15 +11,31 @@ import contextlib
 import select
 import socket
 import termios
+from collections.abc import Collection
 from typing import Final, Protocol
+from urllib.parse import parse_qsl, urlsplit
 
 import serial
-from imu_recording.user_error import why_not_open
+from imu_recording.user_error import UserError, why_not_open
 
 TIMEOUT: Final = 0.05
 """[s] A read returns at the latest after this, with nothing if nothing came."""
 CONNECT_WITHIN: Final = 1.0
 """[s] A TCP connection that takes longer fails."""
+
+
+def url_options(url: str, known: Collection[str]) -> dict[str, str]:
+    """Return the options of an address, `?name=value&…`; UserError names one that is not known.
+
+    >>> url_options('simulated://dut1?orientation=+x', ['orientation', 'seed'])
+    {'orientation': '+x'}
+    """
+    # A plus sign is a sign here, not a space.
+    options = dict(parse_qsl(urlsplit(url).query.replace('+', '%2B')))
+    unknown = sorted(options.keys() - set(known))
+    if unknown:
+        raise UserError(f'{url}: unknown option {unknown[0]}; known: {", ".join(known)}')
+    return options
 
 
 class Transport(Protocol):

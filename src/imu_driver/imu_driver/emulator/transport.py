@@ -16,12 +16,13 @@ from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import urlsplit
 
 from imu_recording.recording import UP_AXES
 from imu_recording.user_error import UserError
 
 from imu_driver.board.lsm9ds1 import DEFAULT_FULL_SCALE
+from imu_driver.board.transport import url_options
 from imu_driver.emulator.board import BoardOptions, EmulatedBoard
 
 TIMEOUT: Final = 0.05
@@ -50,11 +51,7 @@ class SimulatedTransport:
     def from_url(cls, url: str, rate: float = 0.0) -> SimulatedTransport:
         """Return the transport of an URL; raise UserError naming a wrong option or value."""
         parts = urlsplit(url)
-        # A plus sign is a sign here, not a space.
-        options = {**OPTIONS, **dict(parse_qsl(parts.query.replace('+', '%2B')))}
-        unknown = sorted(set(options) - set(OPTIONS))
-        if unknown:
-            raise UserError(f'{url}: unknown option {unknown[0]}; known: {", ".join(OPTIONS)}')
+        options = OPTIONS | url_options(url, OPTIONS)
         orientation = options['orientation']
         if orientation.lstrip('+-') == orientation:
             orientation = f'+{orientation}'
