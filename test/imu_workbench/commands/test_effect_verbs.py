@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 from chamber_profile.profile.file import load_profile
 from imu_workbench.__main__ import main
+from imu_workbench.commands.next_experiment import assumed_sizes
 from thermal_comp.diagnosis.explanations import FINDINGS
 from thermal_comp.effects import EFFECTS
 from thermal_comp.model.file import load_model
+from thermal_comp.model.values import SensorModel, ThermalModel
 
 from imu_recording import write_bag
 
@@ -294,3 +296,11 @@ def test_reveal_needs_a_secret(tmp_path: Path, answer: Answer) -> None:
     for text in ('{"schema": 1', '[]', '{}'):
         truth.write_text(text)
         assert str(truth) in refuses(answer, 'reveal', tmp_path)
+
+
+def test_the_size_a_plan_assumes_is_the_models_own_where_it_has_one() -> None:
+    lag = SensorModel((EFFECTS['thermal_lag'](),), (np.zeros((1, 3)),), np.zeros((3, 3)))
+    model = ThermalModel('dut1', {'gyroscope': lag})
+    own, usual = assumed_sizes(['thermal_lag', 'bias_step'], model, 'gyroscope')
+    assert own == 'thermal_lag: as the model has it'
+    assert usual.startswith('bias_step: M = 1')

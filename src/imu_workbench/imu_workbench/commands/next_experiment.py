@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from typing import Any
 
 import yaml
@@ -13,6 +14,7 @@ from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.experiment.design import SEPARATING_EVIDENCE, Limits, design_experiment
 from thermal_comp.experiment.plan import REFERENCE_C
 from thermal_comp.model.file import load_model
+from thermal_comp.model.values import ThermalModel
 
 from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.options import (
@@ -75,6 +77,7 @@ def run(options: argparse.Namespace) -> Answer:
         'schema': 1,
         'effects': list(names),
         'sensor': proposal.sensor,
+        'assumed': assumed_sizes(names, model, proposal.sensor),
         'evidence_before': proposal.evidence_before,
         'evidence_after': proposal.evidence_after,
         'evidence_needed': SEPARATING_EVIDENCE,
@@ -87,6 +90,14 @@ def run(options: argparse.Namespace) -> Answer:
     return Answer(content, proposal_text(content))
 
 
+def assumed_sizes(names: Sequence[str], model: ThermalModel, sensor: str) -> list[str]:
+    """Return how large each effect is taken to be: as the model has it, else of a usual size."""
+    part = model.sensors.get(sensor)
+    known = {effect.name for effect in part.effects} if part else set()
+    usual = 'M = 1: the standard deviation of a one-second mean (the model does not have it)'
+    return [f'{name}: {"as the model has it" if name in known else usual}' for name in names]
+
+
 def proposal_text(content: dict[str, Any]) -> str:
     """Return the proposal as lines."""
     one, other = content['effects']
@@ -96,6 +107,8 @@ def proposal_text(content: dict[str, Any]) -> str:
     lines = [
         f'{one} or {other} in the {content["sensor"]}: {verdict}',
         f'  evidence {before:.1f} with the plan of the paper, {after:.1f} with this one{needed}',
+        '  (it grows with the square of the size: half as large an effect gives a quarter of it)',
+        *(f'  assumed size of {line}' for line in content['assumed']),
         f'  {content["repeats"]} cycles, {content["hours"]:.1f} h a run: {content["profile"]}',
     ]
     return '\n'.join([*lines, *(f'  do: {action}' for action in content['actions'])])
