@@ -178,7 +178,7 @@ def run_live(seconds: float) -> dict[str, dict[str, Any]]:
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder) / 'dut1.yaml'
         bags = [str(BAGS / f'dut1_{axis}') for axis in 'xyz']
-        fit = [sys.executable, '-m', 'imu_workbench', 'fit', *bags, '-o', str(model)]
+        fit = [sys.executable, '-m', 'imu_workbench', 'fit', *bags, '-o', str(model), '--force']
         subprocess.run(fit, check=True, capture_output=True)
         results['chain at 238 Hz'] = live('chain', str(seconds), str(model))
     return results

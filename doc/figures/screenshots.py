@@ -123,7 +123,7 @@ def surroundings(folder: Path) -> Path:
 def running_system(folder: Path, environment: dict[str, str]) -> Iterator[None]:
     """Run driver, compensation, filters and chamber on simulated devices."""
     model = folder / 'model.yaml'
-    fit = [*WORKBENCH, 'fit', *STILL, '-o', model]
+    fit = [*WORKBENCH, 'fit', *STILL, '-o', model, '--force']
     subprocess.run(fit, check=True, stdout=subprocess.DEVNULL)
     air = surroundings(folder)
     source = ('-r', 'imu/data_raw:=imu_compensated/data_raw', '-r', 'imu/mag:=imu_compensated/mag')
@@ -172,7 +172,7 @@ def photograph_report(browser: Browser) -> None:
     """Show what a report says is missing."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / 'report.html'
-        command = [*WORKBENCH, 'report', *BAGS, '--no-attitude', '-o', path]
+        command = [*WORKBENCH, 'report', *BAGS, '--no-attitude', '-o', path, '--force']
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         page = open_page(browser, f'{path.as_uri()}#{SECTION}')
         figure = page.locator(f'#{SECTION} .js-plotly-plot .main-svg').first
