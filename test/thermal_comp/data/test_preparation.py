@@ -102,6 +102,24 @@ def test_values_that_are_not_finite_are_left_out_and_counted() -> None:
     assert np.isfinite(run.measured['accelerometer']).all()
 
 
+@pytest.mark.parametrize('period', [1.0, 15.0])
+def test_no_infinite_value_goes_on(period: float) -> None:
+    """Slow rows are not averaged on the way, as fast ones are."""
+    n = int(3600.0 / period)
+    force = np.tile([0.0, 0.0, 9.8], (n, 1))
+    force[n // 2] = np.inf
+    recording = ImuRecording(
+        stamp=np.arange(n) * round(period * 1e9),
+        angular_velocity=np.zeros((n, 3)),
+        linear_acceleration=force,
+        magnetic_field=np.full((n, 3), 2e-5),
+        temperature=np.linspace(0.0, 40.0, n),
+        up_axis='+z',
+    )
+    (run,) = prepare([recording])
+    assert not np.isinf(run.fine_measured['accelerometer']).any()
+
+
 def test_a_slower_magnetometer_is_averaged_over_its_own_samples() -> None:
     recording = still(0.5, 10.0)
     field = recording.magnetic_field.copy()

@@ -209,7 +209,7 @@ def prepare_run(
         slot=slot,
         period=length,
         measured={},
-        fine_measured={s: getattr(fine, SENSOR_FIELDS[s]) for s in SENSORS},
+        fine_measured={s: _finite_or_nan(getattr(fine, SENSOR_FIELDS[s])) for s in SENSORS},
         cv_group=cv_group,
         has_cycles=has_cycles,
         hash=columns_hash(whole),
@@ -245,6 +245,10 @@ def _fine(
         )
     stamp = origin + ((2 * bins[starts] + 1) * round(FINE_PERIOD * 1e9)) // 2
     return replace(recording, stamp=stamp, **taken), notes
+
+
+def _finite_or_nan(values: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(values), values, np.nan)
 
 
 def _bad_rows(recording: ImuRecording) -> list[str]:
