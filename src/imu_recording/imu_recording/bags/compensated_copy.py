@@ -195,7 +195,8 @@ class _Copy:
         self.profiles[topic] = (message_type, qos)
 
     def _write(self, topic: str, received: int, data: bytes) -> None:
-        self.stream.add_message(self._channels[topic], received, data)
+        # A damaged time of receipt may be negative, which mcap cannot hold.
+        self.stream.add_message(self._channels[topic], max(received, 0), data)
         self.counts[topic] += 1
         if self.stream.pending > CHUNK_BYTES:
             self.file.write(self.stream.flush())
