@@ -33,6 +33,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_bag_arguments(parser)
     add_model_argument(parser, 'model to start from; else a line per axis')
     add_output_argument(parser, 'MODEL', 'model file to write')
+    parser.add_argument(
+        '--named-only',
+        action='store_true',
+        help='add effects that are named alone, no empirical term where no cause is decided',
+    )
     add_effects_argument(parser)
 
 
@@ -42,7 +47,13 @@ def run(options: argparse.Namespace) -> Answer:
     catalogue = effect_catalogue(options.effects)
     model = load_model(options.model, catalogue) if options.model else None
     clean, defects = check_quality(read_recordings(options, at_rest=True, sensors=False))
-    growth = grow(model, prepare(clean), Settings(catalogue), show_progress)
+    growth = grow(
+        model,
+        prepare(clean),
+        Settings(catalogue),
+        show_progress,
+        named_only=options.named_only,
+    )
     save_model(growth.model, options.output)
     left = (
         growth.diagnosis.to_dict() if growth.diagnosis else {'verdict': 'complete', 'findings': []}

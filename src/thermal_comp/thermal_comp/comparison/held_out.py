@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from imu_recording.recording import FloatArray
+from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 
 from thermal_comp.data.conditions import Sensor
@@ -27,6 +27,12 @@ straddles two cycles shows a little of both."""
 LEAST_LEVEL_POWER_SHARE = 0.2
 """The same for what is a level in a part of a run: half an hour after the last cycle hardly tells
 the level of that cycle."""
+LEAST_PARTS = 3
+"""Parts held out from which a comparison says anything."""
+LEAST_SIGNIFICANCE = 2.0
+"""Standard deviations by which a mean differs from chance."""
+LEAST_FALL = 0.05
+"""Fall of the held-out error that is worth another term, as a share."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +43,43 @@ class HeldOut:
     """(m, 3) measured minus predicted, by run number and sensor [unit]."""
     variances: Mapping[tuple[int, Sensor], FloatArray]
     """(m, 3) expectation of their squares if the noise were all that is left [unit²]."""
+    parts: Sequence[IntArray] = ()
+    """(m,) part of each block, by run; 0 is never held out."""
     relearned: tuple[str, ...] = ()
     """Coefficients that only the held-out part can tell, taken from it like a level."""
 
     def rms(self, sensor: Sensor) -> FloatArray:
         """(3,) held-out rms per axis."""
         return np.sqrt(_mean([v**2 for (_, s), v in self.errors.items() if s == sensor]))
+
+    def falls_to(self, other: HeldOut, sensor: Sensor) -> bool:
+        """Tell whether another's errors are smaller: by more than chance, and worth it.
+
+        Parts of runs are compared, all axes in units of their noise: ln of the ratio of mean
+        squares is positive by LEAST_SIGNIFICANCE standard deviations of its mean, and the rms
+        falls by LEAST_FALL.
+        """
+        ratios, before, after = [], 0.0, 0.0
+        for key, part in self._parts(sensor):
+            scale = np.sqrt(self.variances[key][part])
+            one, two = (
+                np.nansum((e[key][part] / scale) ** 2) for e in (self.errors, other.errors)
+            )
+            if one > 0.0 and two > 0.0:
+                ratios.append(float(np.log(one / two)))
+                before, after = before + one, after + two
+        if len(ratios) < LEAST_PARTS or after > (1.0 - LEAST_FALL) ** 2 * before:
+            return False
+        spread = float(np.std(ratios, ddof=1)) / np.sqrt(len(ratios))
+        return bool(float(np.mean(ratios)) > LEAST_SIGNIFICANCE * spread)
+
+    def _parts(self, sensor: Sensor) -> Iterator[tuple[tuple[int, Sensor], NDArray[np.bool_]]]:
+        """Yield run and sensor with the (m,) blocks of each part that was held out."""
+        for (number, s), errors in self.errors.items():
+            known = np.isfinite(errors).all(axis=1) & (self.parts[number] > 0)
+            if s == sensor:
+                for part in np.unique(self.parts[number][known]):
+                    yield (number, s), known & (self.parts[number] == part)
 
     def floor(self, sensor: Sensor) -> FloatArray:
         """(3,) held-out rms per axis that the noise alone leads to expect.
@@ -84,7 +121,8 @@ def hold_out(
                     line, line_solution, (run, sensor, axis), rows, basis
                 )
             errors[run, sensor][rows] = error
-    return HeldOut(errors, variances, tuple(sorted(relearned)))
+    parts = [run.cv_group for run in runs]
+    return HeldOut(errors, variances, parts, tuple(sorted(relearned)))
 
 
 def _without_part(design: Design, part: int) -> Design:
@@ -110,6 +148,8 @@ def _unseen(training: Design, power: FloatArray) -> list[int]:
     for term in training.terms:
         if term.effect.per_run:
             least[term.unknowns] = LEAST_LEVEL_POWER_SHARE
+        if term.effect.coefficient_deviations() is not None:
+            least[term.unknowns] = 0.0  # its prior tells them
     seen = _power(training) / np.maximum(power, 1e-300)
     return [int(j) for j in np.flatnonzero(seen < least)]
 

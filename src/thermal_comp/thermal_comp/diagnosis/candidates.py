@@ -14,7 +14,7 @@ from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.spectral_lines import spectral_lines
-from thermal_comp.effects.effect import COUNT, Campaign, Candidate, Effect
+from thermal_comp.effects.effect import Campaign, Candidate, Effect
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 
 STEPS_PER_RUN = 2
@@ -133,7 +133,7 @@ def moved_forms(design: CandidateDesign, form: Form, ratio: float) -> list[Form]
 
 def _moved(effect: Effect, ratio: float) -> Iterator[Effect]:
     for item in fields(effect):
-        if item.metadata['unit'] == COUNT:
+        if item.metadata['given']:
             continue
         value: Any = getattr(effect, item.name)
         low, high = item.metadata.get('searched') or item.metadata['bounds']

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from thermal_comp.comparison.compare import Comparison, compare_prepared
+from thermal_comp.comparison.held_out import hold_out
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.candidates import families, missing_channels
@@ -19,6 +20,8 @@ from thermal_comp.diagnosis.search import Search
 from thermal_comp.diagnosis.sensor_search import Listed
 from thermal_comp.diagnosis.thresholds import threshold_of
 from thermal_comp.effects.effect import Effect, joined_effects
+from thermal_comp.effects.empirical import Empirical
+from thermal_comp.fitting.empirical import empirical_form
 from thermal_comp.fitting.fit import fit_prepared, usable_sensors
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel, fitted_shapes
@@ -39,6 +42,8 @@ class Step:
     error_after: float
     noise_floor: float
     ambiguous_with: tuple[str, ...] = ()
+    empirical: bool = False
+    """Whether no cause is decided: the term only describes what repeats with temperature."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""
@@ -49,6 +54,7 @@ class Step:
             'error_after': self.error_after,
             'noise_floor': self.noise_floor,
             'ambiguous_with': list(self.ambiguous_with),
+            'empirical': self.empirical,
         }
 
 
@@ -105,8 +111,14 @@ def grow(
     runs: Sequence[PreparedRun],
     settings: Settings,
     report: Callable[[str], None] = lambda _: None,
+    *,
+    named_only: bool = False,
 ) -> Growth:
-    """Diagnose and add the strongest effect, again and again, until nothing can be named."""
+    """Diagnose and add the strongest effect, again and again, until nothing can be named.
+
+    What is left is described by the empirical term where that lowers the held-out error by more
+    than chance; not with `named_only`.
+    """
     noise = _noise(runs, model)
     steps: list[Step] = []
     first: Comparison | None = None
@@ -127,6 +139,13 @@ def grow(
         steps += growth.steps
         current = growth.model
         noise = _noise(runs, current)
+    if not named_only:
+        report('looking for what repeats without a name …')
+        further = _empirical(current, runs, noise)
+        if further is not None:
+            growth, first = further, first or further.before
+            steps += further.steps
+            current = growth.model
     if growth is None or first is None:
         fitted = fit_prepared(_base(runs, model), runs, noise=noise)
         if model is not None:
@@ -134,6 +153,38 @@ def grow(
         compared = compare_prepared(fitted, runs, noise=noise)
         return Growth(fitted, compared, compared, (), (), diagnosis)
     return Growth(growth.model, first, growth.after, tuple(steps), growth.unneeded, diagnosis)
+
+
+def _empirical(
+    model: ThermalModel | None, runs: Sequence[PreparedRun], noise: Mapping[Sensor, NoiseModel]
+) -> Growth | None:
+    """Return the model with the empirical term where held-out parts confirm it; None: nowhere."""
+    listed = _base(runs, model)
+    chosen: dict[Sensor, Effect] = {}
+    for sensor, effects in listed.items():
+        known = [e for e in effects if not isinstance(e, Empirical)]
+        form = empirical_form(runs, sensor, known, noise[sensor]) if sensor in noise else None
+        if form is None or len(known) < len(effects) or any(e.coupled for e in known):
+            continue
+        alone = {sensor: noise[sensor]}
+        before = hold_out(runs, {sensor: effects}, alone)
+        if before.falls_to(hold_out(runs, {sensor: (*effects, form)}, alone), sensor):
+            chosen[sensor] = form
+    if not chosen:
+        return None
+    grown = _grown(model, runs, noise, listed, chosen)
+    steps = tuple(
+        replace(
+            grown.steps[0],
+            sensors=(sensor,),
+            error_before=_rms([grown.before.sensors[sensor].held_out_rms]),
+            error_after=_rms([grown.after.sensors[sensor].held_out_rms]),
+            noise_floor=_rms([grown.after.sensors[sensor].noise_floor]),
+            empirical=True,
+        )
+        for sensor in chosen
+    )
+    return replace(grown, steps=steps)
 
 
 def _noise(runs: Sequence[PreparedRun], model: ThermalModel | None) -> dict[Sensor, NoiseModel]:
@@ -219,7 +270,7 @@ def _unneeded(
     found = []
     for sensor in noise:
         effects = model.sensors[sensor].effects
-        if added not in {e.name for e in effects}:
+        if added not in {e.name for e in effects} or added == Empirical.name:
             continue
         design = CandidateDesign(source, sensor, noise[sensor], [])
         terms = dict(zip(effects, design.terms(effects), strict=True))

@@ -34,16 +34,24 @@ def shape_parameter(
     bounds: tuple[float, float],
     searched: tuple[float, float] | None = None,
     step: float | None = None,
+    given: bool = False,
 ) -> Any:
     """Declare a nonlinear parameter of an effect: default, unit and bounds of every value.
 
     `searched` are bounds of the search where they are closer. A search moves a value by a share
     of itself (a quarter first), or by `step` where zero means nothing: an instant, a frequency;
-    by default where the bounds include negative values.
+    by default where the bounds include negative values. `given` ones are part of the form,
+    neither searched nor fitted.
     """
     if step is None and bounds[0] < 0.0:
         step = (bounds[1] - bounds[0]) / 32.0
-    metadata = {'unit': unit, 'bounds': bounds, 'searched': searched, 'step': step}
+    metadata = {
+        'unit': unit,
+        'bounds': bounds,
+        'searched': searched,
+        'step': step,
+        'given': given or unit == COUNT,
+    }
     return field(default=default, metadata=metadata)
 
 
@@ -156,6 +164,13 @@ class Effect:
         """
         return self.columns(conditions)[0]
 
+    def coefficient_deviations(self) -> FloatArray | None:
+        """Return (p, 3) prior standard deviations of the coefficients [unit]; None: they are free.
+
+        The prior is Gaussian about zero; every fit adds it to the normal equations.
+        """
+        return None
+
     @property
     def shape_parameters(self) -> dict[str, Any]:
         """Shape parameters by name."""
@@ -164,7 +179,7 @@ class Effect:
     @property
     def free_shapes(self) -> int:
         """Number of values among the shape parameters that a search chooses."""
-        values = [getattr(self, f.name) for f in fields(self) if f.metadata['unit'] != COUNT]
+        values = [getattr(self, f.name) for f in fields(self) if not f.metadata['given']]
         return sum(len(value) if isinstance(value, tuple) else 1 for value in values)
 
     @classmethod
@@ -176,7 +191,7 @@ class Effect:
         forms = [cls()]
         for item in fields(cls):
             low, high = item.metadata['bounds']
-            if item.metadata['unit'] == COUNT or isinstance(item.default, tuple):
+            if item.metadata['given'] or isinstance(item.default, tuple):
                 continue
             even = low < 0.0
             values = (

@@ -52,8 +52,8 @@ def shape_scales(effect: Effect, duration: float) -> list[ShapeScale]:
     """Return the search scales of an effect; times [s] end with the run's `duration`."""
     scales = []
     for item in fields(effect):
-        if 'bounds' not in item.metadata or item.metadata['unit'] == '1':
-            continue  # a count is part of the form, not searched
+        if 'bounds' not in item.metadata or item.metadata['given']:
+            continue
         low, high = item.metadata['bounds']
         if item.metadata['unit'] == 's':
             high = max(min(high, duration), 1.001 * low)

@@ -17,6 +17,9 @@ from thermal_comp.linear.normal_equations import NormalEquations
 from thermal_comp.linear.whitening import Gains, apply_gains, innovation_gains
 from thermal_comp.model.values import NoiseModel
 
+LEAST_DEVIATION = 1e-15
+"""Prior standard deviation of a coefficient that is as good as zero [unit]."""
+
 Rows = Sequence[NDArray[np.bool_]]
 """Which blocks of each run take part."""
 RightHandSides = Mapping[tuple[int, Sensor], FloatArray]
@@ -135,6 +138,11 @@ class Design:
             moment[index] += columns.T @ right
             energy += (right**2).sum(axis=0)
             rows += len(right)
+        for term in self.terms:
+            deviations = term.effect.coefficient_deviations()
+            if deviations is not None:
+                place = np.arange(term.unknowns.start, term.unknowns.stop)
+                gram[place, place] += 1.0 / np.maximum(deviations.ravel(), LEAST_DEVIATION) ** 2
         return NormalEquations(gram, moment, energy, rows)
 
     def _pieces(self) -> list[tuple[int, Sensor, int]]:

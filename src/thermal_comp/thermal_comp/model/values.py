@@ -188,15 +188,15 @@ class ThermalModel(Presented):
 def fitted_shapes(model: ThermalModel) -> list[dict[str, Any]]:
     """Return sensor, effect, parameter, value, std and unit of each; several values are lists.
 
-    Counts (unit '1'), which are part of the form and not fitted, are left out.
+    What is part of the form and not fitted is left out.
     """
     rows: list[dict[str, Any]] = []
     for sensor, part in model.sensors.items():
         for effect in part.effects:
             for item in fields(effect):
-                unit = item.metadata.get('unit', '1')
-                if unit == '1':
+                if item.metadata.get('given', True):
                     continue
+                unit = item.metadata['unit']
                 value = getattr(effect, item.name)
                 several = isinstance(value, tuple)
                 spread = part.shape_std.get(f'{effect.name}.{item.name}', ())

@@ -26,8 +26,9 @@ def growth_text(content: Mapping[str, Any]) -> str:
         )
         rivals = step['ambiguous_with']
         doubt = f' (or {" or ".join(rivals)}: cannot be told apart here)' if rivals else ''
+        added = 'an empirical term, cause undecided,' if step.get('empirical') else step['added']
         lines.append(
-            f'added {step["added"]} to the {step["sensor"]}{doubt}: held-out error '
+            f'added {added} to the {step["sensor"]}{doubt}: held-out error '
             f'{before} → {after} {unit.unit}, noise floor {floor} '
             f'({step["error_after"] / step["noise_floor"]:.2f} floors are left)'
         )

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A smooth function of temperature and its history where no cause is decided."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from imu_recording.recording import FloatArray
+from numpy.polynomial import legendre
+
+from thermal_comp.data.conditions import Conditions
+from thermal_comp.effects.effect import Effect, State, shape_parameter
+from thermal_comp.effects.operators import follow, play
+
+DEGREES = tuple(range(2, 10))
+"""Degrees of the Legendre polynomials in temperature; a line is an effect of its own."""
+LAGS_S = tuple(np.geomspace(10.0, 5000.0, 10).tolist())
+"""Lags [s]: from the rate of a package to an enclosure that is soaked."""
+LAG_CORRELATION = 0.8
+"""Change of ln τ over which the amplitudes of lags stay alike."""
+ALIKE_IN_RAMPS_S = 600.0
+"""A lag of τ counts (1 + this / τ): all are as large in a ramp of a few K/min."""
+HALF_WIDTHS_K = (1.0, 2.0, 4.0, 8.0, 16.0)
+DECAYS_S = tuple(np.geomspace(150.0, 30_000.0, 8).tolist())
+"""Times since power-on [s] after which a start-up has settled."""
+GROUPS = np.repeat(np.arange(4), (len(DEGREES), len(LAGS_S), len(HALF_WIDTHS_K), len(DECAYS_S)))
+"""(p,) group of each column: temperature, lags, branches, time since power-on."""
+
+
+def _lag_root() -> FloatArray:
+    """(l, l) Cholesky factor of the correlation of the lags' amplitudes."""
+    apart = np.subtract.outer(np.log(LAGS_S), np.log(LAGS_S)) / LAG_CORRELATION
+    root: FloatArray = np.linalg.cholesky(np.exp(-0.5 * apart**2) + 1e-4 * np.eye(len(LAGS_S)))
+    return root
+
+
+LAG_ROOT = _lag_root()
+
+
+@dataclass(frozen=True)
+class Empirical(Effect):
+    """A smooth, bounded, causal function of temperature and its history; cause undecided."""
+
+    middle: float = shape_parameter(20.0, unit='°C', bounds=(-100.0, 150.0), given=True)
+    half_range: float = shape_parameter(30.0, unit='K', bounds=(1.0, 150.0), given=True)
+    deviations: tuple[float, ...] = shape_parameter(
+        (1.0,) * 12, unit='1', bounds=(0.0, 1e6), given=True
+    )
+    """Prior standard deviations of the coefficients: group by group, each of three axes [unit]."""
+
+    name: ClassVar[str] = 'empirical'
+    equation: ClassVar[str] = (
+        'error = Σ a_k P_k(x) + Σ b_τ (T_τ − T)(1 + 600 s/τ)/h + Σ c_r (P_r[T] − T)/h + '
+        'Σ d_τ e^(−t/τ),  x = (T − m)/h within ±1, T_τ = T through a lag of τ, '
+        'P_r = play of half-width r'
+    )
+    coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',)
+    mechanism: ClassVar[str] = (
+        'None is claimed: what repeats with temperature and its history is taken out where no '
+        'effect of the catalogue is decided and the error on held-out parts falls.'
+    )
+    look_alikes: ClassVar[tuple[str, ...]] = (
+        'bias_temperature_curvature',
+        'thermal_lag_two_stage',
+        'thermal_hysteresis',
+        'warm_up',
+    )
+    separation: ClassVar[str] = (
+        'It fits what any of them leaves, so it tells none of them: record what the diagnosis '
+        'asks for, and an effect with a name replaces it.'
+    )
+    typical_size: ClassVar[str] = 'whatever the error beside a line is'
+    reference: ClassVar[str] = (
+        'Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006 (ch. 2.7, explicit '
+        'basis functions with a Gaussian prior)'
+    )
+    searched: ClassVar[bool] = False
+
+    def columns(
+        self, conditions: Conditions, state: State | None = None
+    ) -> tuple[FloatArray, State | None]:
+        """Return (n, 31) columns [1]: polynomials, lags, branches, decays since power-on."""
+        time, temperature = conditions.time, conditions.temperature
+        lag_states, play_states = state if state is not None else ((None,) * 10, (None,) * 5)
+        x = np.clip((temperature - self.middle) / self.half_range, -1.0, 1.0)
+        every = legendre.legvander(x, DEGREES[-1])[:, DEGREES[0] :]
+        curves = every * (2.0 / np.array(DEGREES)) ** 2
+        followed = [
+            follow(time, temperature, lag, before)
+            for lag, before in zip(LAGS_S, lag_states, strict=True)
+        ]
+        behind = np.stack([lagged - temperature for lagged, _ in followed], axis=1)
+        lags = behind * (1.0 + ALIKE_IN_RAMPS_S / np.array(LAGS_S)) @ LAG_ROOT
+        played = [
+            play(temperature, width, before)
+            for width, before in zip(HALF_WIDTHS_K, play_states, strict=True)
+        ]
+        branches = np.stack([branch - temperature for branch, _ in played], axis=1)
+        decays = np.exp(-np.maximum(time, 0.0)[:, None] / np.array(DECAYS_S))
+        columns = np.concatenate(
+            [curves, lags / self.half_range, branches / self.half_range, decays], axis=1
+        )
+        return columns, (tuple(s for _, s in followed), tuple(s for _, s in played))
+
+    def coefficient_deviations(self) -> FloatArray:
+        """Return (p, 3) prior standard deviations of the coefficients [unit]."""
+        return np.array(self.deviations).reshape(4, 3)[GROUPS]

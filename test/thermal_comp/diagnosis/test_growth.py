@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What no effect describes is described without a name, where held-out parts confirm it."""
+
+import numpy as np
+import pytest
+from thermal_comp.comparison.held_out import hold_out
+from thermal_comp.compensation.recording import compensate
+from thermal_comp.data.preparation import prepare
+from thermal_comp.diagnosis.diagnose import Settings
+from thermal_comp.diagnosis.growth import Growth, grow
+from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.empirical import Empirical
+from thermal_comp.fitting.empirical import empirical_form
+from thermal_comp.model.file import load_model, save_model
+from thermal_comp.noise.estimation import fit_noise
+
+from imu_recording import ImuRecording
+
+from ..campaign import WHITE, chamber, lagging, run
+
+PERIOD = 20.0
+SENSOR = 'gyroscope'
+LINE = EFFECTS['bias_temperature']()
+FEW = Settings({name: EFFECTS[name] for name in ('mains_alias', 'bias_drift')})
+
+
+def campaign(size: float, cycles: int = 3) -> list[ImuRecording]:
+    """Return two runs whose gyroscope feels a law the few effects offered do not hold."""
+    die = chamber(cycles, PERIOD)[1]
+    law = np.abs(die - 32.0) / 10.0 + (lagging(die, 400.0, PERIOD) - die) / 5.0
+    gains = size * WHITE['angular_velocity'] * np.array([1.0, -0.7, 0.9])
+    error = {'angular_velocity': np.multiply.outer(law, gains)}
+    return [
+        run(up, seed=k, cycles=cycles, period=PERIOD, error=error)
+        for k, up in enumerate(('+x', '+z'))
+    ]
+
+
+@pytest.fixture(scope='module')
+def grown() -> Growth:
+    return grow(None, prepare(campaign(4.0)), FEW)
+
+
+def test_what_repeats_without_a_name_is_taken_out_and_labelled(grown: Growth) -> None:
+    (step,) = grown.steps
+    assert (step.added, step.sensors, step.empirical) == ('empirical', (SENSOR,), True)
+    assert step.error_after < 0.3 * step.error_before
+    assert step.error_after < 1.5 * step.noise_floor
+    assert 'empirical term, cause undecided' in str(grown)
+    accelerometer = grown.model.sensors['accelerometer'].effects
+    assert accelerometer == (LINE,)
+
+
+def test_an_unseen_day_is_compensated_by_the_saved_term(
+    grown: Growth, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.mktemp('model') / 'empirical.yaml'
+    save_model(grown.model, path)
+    model = load_model(path)
+    (recording,) = campaign(4.0, cycles=2)[:1]
+    left = compensate(recording, model).angular_velocity
+    line = np.polynomial.Polynomial.fit(recording.temperature, recording.angular_velocity[:, 0], 1)
+    before = recording.angular_velocity[:, 0] - line(recording.temperature)
+    assert np.std(left[:, 0]) < 0.4 * np.std(before)
+
+
+def test_named_effects_alone_add_nothing_here() -> None:
+    assert grow(None, prepare(campaign(4.0)), FEW, named_only=True).steps == ()
+
+
+def test_noise_gets_no_empirical_term() -> None:
+    runs = prepare([run('+z', seed=20, cycles=3, period=PERIOD)])
+    assert grow(None, runs, FEW).steps == ()
+
+
+def test_held_out_errors_fall_only_by_more_than_chance() -> None:
+    runs = prepare(campaign(4.0))
+    noise = fit_noise(runs, SENSOR)
+    line = hold_out(runs, {SENSOR: (LINE,)}, {SENSOR: noise})
+    form = empirical_form(runs, SENSOR, [LINE], noise)
+    assert isinstance(form, Empirical)
+    better = hold_out(runs, {SENSOR: (LINE, form)}, {SENSOR: noise})
+    assert line.falls_to(better, SENSOR)
+    assert not better.falls_to(line, SENSOR)
+    assert not line.falls_to(line, SENSOR)
+
+
+def test_an_axis_that_feels_nothing_keeps_to_the_line() -> None:
+    runs = prepare(campaign(4.0))
+    noise = fit_noise(runs, 'accelerometer')
+    assert empirical_form(runs, 'accelerometer', [LINE], noise) is None
