@@ -270,7 +270,8 @@ def _unneeded(
     found = []
     for sensor in noise:
         effects = model.sensors[sensor].effects
-        if added not in {e.name for e in effects} or added == Empirical.name:
+        regularised = any(e.coefficient_deviations() is not None for e in effects)
+        if added not in {e.name for e in effects} or regularised:
             continue
         design = CandidateDesign(source, sensor, noise[sensor], [])
         terms = dict(zip(effects, design.terms(effects), strict=True))
