@@ -9,7 +9,7 @@ from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.diagnose import Settings
 from thermal_comp.diagnosis.growth import Growth, grow
 from thermal_comp.effects import EFFECTS
-from thermal_comp.effects.empirical import Empirical
+from thermal_comp.effects.empirical_term import Empirical
 from thermal_comp.fitting.empirical import empirical_form
 from thermal_comp.model.file import load_model, save_model
 from thermal_comp.noise.estimation import fit_noise
@@ -43,7 +43,7 @@ def grown() -> Growth:
 
 def test_what_repeats_without_a_name_is_taken_out_and_labelled(grown: Growth) -> None:
     (step,) = grown.steps
-    assert (step.added, step.sensors, step.empirical) == ('empirical', (SENSOR,), True)
+    assert (step.added, step.sensors, step.empirical) == ('empirical_term', (SENSOR,), True)
     assert step.error_after < 0.3 * step.error_before
     assert step.error_after < 1.5 * step.noise_floor
     assert 'empirical term, cause undecided' in str(grown)

@@ -20,7 +20,7 @@ from thermal_comp.diagnosis.search import Search
 from thermal_comp.diagnosis.sensor_search import Listed
 from thermal_comp.diagnosis.thresholds import threshold_of
 from thermal_comp.effects.effect import Effect, joined_effects
-from thermal_comp.effects.empirical import Empirical
+from thermal_comp.effects.empirical_term import Empirical
 from thermal_comp.fitting.empirical import empirical_form
 from thermal_comp.fitting.fit import fit_prepared, usable_sensors
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource

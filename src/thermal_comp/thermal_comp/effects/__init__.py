@@ -8,7 +8,7 @@ from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.bias_temperature_curvature import BiasTemperatureCurvature
 from thermal_comp.effects.compressor_hard_iron import CompressorHardIron
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, State, shape_parameter
-from thermal_comp.effects.empirical import Empirical
+from thermal_comp.effects.empirical_term import Empirical
 from thermal_comp.effects.fixture_hard_iron import FixtureHardIron
 from thermal_comp.effects.fixture_tilt import FixtureTilt
 from thermal_comp.effects.g_sensitivity_temperature import GSensitivityTemperature

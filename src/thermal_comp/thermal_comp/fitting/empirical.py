@@ -12,7 +12,7 @@ from imu_recording.recording import FloatArray, IntArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Effect
-from thermal_comp.effects.empirical import GROUPS, Empirical
+from thermal_comp.effects.empirical_term import GROUPS, Empirical
 from thermal_comp.linear.design import Design
 from thermal_comp.linear.normal_equations import NormalEquations, pseudo_solve
 from thermal_comp.model.values import NoiseModel

@@ -50,7 +50,7 @@ class Empirical(Effect):
     )
     """Prior standard deviations of the coefficients: group by group, each of three axes [unit]."""
 
-    name: ClassVar[str] = 'empirical'
+    name: ClassVar[str] = 'empirical_term'
     equation: ClassVar[str] = (
         'error = Σ a_k P_k(x) + Σ b_τ (T_τ − T)(1 + 600 s/τ)/h + Σ c_r (P_r[T] − T)/h + '
         'Σ d_τ e^(−t/τ),  x = (T − m)/h within ±1, T_τ = T through a lag of τ, '
