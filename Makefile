@@ -2,7 +2,7 @@
 # Every target does all its own set-up.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-web test-all lint clean
+.PHONY: help setup demo test test-web lint clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -21,11 +21,6 @@ test: ## Run every test
 test-web: ## Test the web page in headless Chromium (apt install chromium)
 	@tools/setup_workspace.sh requirements-dev.txt
 	@. ./env.sh && python -m pytest test/web -o python_files='*_in_browser.py' -n 2 --dist worksteal $(PYTEST_ARGS)
-
-test-all: ## Run every test, those of the web page beside the others
-	@tools/setup_workspace.sh requirements-dev.txt
-	@. ./env.sh && export ROS_PYTHON_CHECK_FIELDS=1 && \
-	  python -m pytest -o python_files='test_*.py *_in_browser.py' -n 3 --dist worksteal $(PYTEST_ARGS)
 
 lint: ## ruff and mypy
 	@tools/setup_workspace.sh requirements-dev.txt

@@ -62,7 +62,8 @@ find_python() {
 install_packages() { # with uv, in a third of pip's time; where that fails, with pip, which says why
   local pip=(.venv/bin/python -m pip install --quiet --disable-pip-version-check)
   "${pip[@]}" uv==0.13.9 &&
-    UV_FIND_LINKS=${PIP_FIND_LINKS:-} UV_DEFAULT_INDEX=${PIP_INDEX_URL:-https://pypi.org/simple} \
+    env ${PIP_FIND_LINKS:+UV_FIND_LINKS="$PIP_FIND_LINKS"} \
+      ${PIP_INDEX_URL:+UV_DEFAULT_INDEX="$PIP_INDEX_URL"} \
       .venv/bin/uv pip install --quiet --system-certs --python .venv/bin/python "$@" 2>/dev/null ||
     "${pip[@]}" "$@"
 }
