@@ -87,6 +87,10 @@ def main(argv: list[str] | None = None) -> int:
     try:
         return _answer(build_parser(verb).parse_args(argv))
     except SystemExit as stop:  # argparse ends the process by itself; the caller wants the code
+        try:
+            sys.stdout.flush()
+        except BrokenPipeError:
+            _discard_output()
         return stop.code if isinstance(stop.code, int) else 2
     except BrokenPipeError:  # who reads has seen enough
         _discard_output()
