@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from imu_recording.phase import phases_from_setpoint
+from imu_recording.phase import cycles_from_temperature, phases_from_setpoint
 from imu_recording.recording import PHASES
 
 from imu_recording import RecordingError
@@ -164,3 +164,22 @@ def test_text_of_a_phase() -> None:
     assert doctest.testmod(phase_module).failed == 0
     with pytest.raises(RecordingError, match='phase 9 is no index'):
         phase_module.format_phase(9, 1)
+
+
+@pytest.mark.parametrize('cycles', [2, 3, 5])
+def test_cycles_are_found_in_the_temperature_itself(cycles: int) -> None:
+    hour = 3600.0
+    time = np.arange(0.0, (cycles + 1) * hour, 5.0)
+    inside = (time >= 0.5 * hour) & (time < (cycles + 0.5) * hour)
+    part = np.where(inside, (time - 0.5 * hour) % hour / hour, 0.0)
+    noise = np.random.default_rng(1).normal(0.0, 0.05, len(time))
+    temperature = np.interp(part, [0.0, 0.2, 0.3, 0.6, 0.7, 0.9], [20, -10, -10, 50, 50, 20])
+    found = cycles_from_temperature(time, temperature + noise)
+    assert found.max() == cycles
+    for number in range(1, cycles + 1):
+        start = 0.5 * hour + (number - 1) * hour
+        assert found[np.searchsorted(time, start + 0.3 * hour)] == number
+        assert found[np.searchsorted(time, start + 0.6 * hour)] == number
+    assert not cycles_from_temperature(time, temperature * np.exp(-time / hour)).any()
+    assert not cycles_from_temperature(time, np.full(len(time), 21.5)).any()
+    assert not cycles_from_temperature(time, np.full(len(time), np.nan)).any()

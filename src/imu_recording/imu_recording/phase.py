@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Phases of the thermal cycle: their text on a topic, and how they follow from the set-point."""
+"""Phases of the thermal cycle: their text on a topic, and how they follow from the set-point.
+
+Where neither was logged, cycles that repeat are found in the temperature itself.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,18 @@ RAMP_RATE_C_PER_MIN = 0.2
 """A set-point that moves faster is a ramp [°C/min]; IEC 60068-2-14 Nb ramps start at 1."""
 SAME_LEVEL_C = 2.0
 """Dwells whose temperatures differ by less are at the same level [°C]."""
+LEAST_SWING_C = 5.0
+"""Span of the temperature in which cycles are looked for [°C]."""
+SWING_SHARE = 0.6
+"""A way of the temperature from one turning point to the next, as a share of its span."""
+LEAVING_SHARE = 0.1
+"""The first cycle starts when the temperature is this share of its span off where it began."""
+ALIKE_LEVEL = 0.2
+"""Turning points of one side differ by less than this share of the span …"""
+ALIKE_LENGTH = 1.35
+"""… and lengths of cycles are within this factor of the median, or nothing repeats."""
+ROWS_LOOKED_AT = 20_000
+"""Cycles are looked for in about so many rows at most."""
 
 
 def parse_phase(text: str) -> tuple[int, int]:
@@ -52,6 +67,68 @@ def phases_from_setpoint(time: FloatArray, setpoint: FloatArray) -> tuple[IntArr
     if valid.size:
         phase[valid], cycle[valid] = _phases(time[valid], setpoint[valid])
     return phase, cycle
+
+
+def cycles_from_temperature(time: FloatArray, temperature: FloatArray) -> IntArray:
+    """Return the thermal cycle of every row, 1 …, from the temperature alone; 0 outside cycles.
+
+    `time` (n,) [s] increasing, `temperature` (n,) [°C]. A cycle holds two turning points; it ends
+    where the temperature passes the middle on its way to the next one. Zero throughout where not
+    two cycles of like levels and lengths follow each other.
+    """
+    cycle = np.zeros(len(time), np.int64)
+    known = np.flatnonzero(np.isfinite(temperature))
+    known = known[:: len(known) // ROWS_LOOKED_AT + 1]
+    values = temperature[known]
+    span = float(np.ptp(values)) if len(values) else 0.0
+    if span < LEAST_SWING_C:
+        return cycle
+    first = int(np.argmax(np.abs(values - values[0]) > LEAVING_SHARE * span))
+    turns = [row for row in _turning_points(values, SWING_SHARE * span) if row >= first]
+    count = len(turns) // 2
+    if count < 2:
+        return cycle
+    inner = [_passing(values, *turns[2 * k + 1 : 2 * k + 3]) for k in range(count - 1)]
+    starts = time[known[[first, *inner]]]
+    usual = float(np.median(np.diff(starts)))
+    longest = ALIKE_LENGTH * usual
+    stop = min(float(time[-1]), float(starts[-1]) + longest)
+    lengths = np.diff(starts, append=stop)
+    levels = values[turns[: 2 * count]]
+    unlike = any(np.ptp(levels[side::2]) > ALIKE_LEVEL * span for side in (0, 1))
+    if unlike or lengths.min() * ALIKE_LENGTH < usual or lengths[:-1].max() > longest:
+        return cycle
+    inside = (time >= starts[0]) & (time < stop)
+    cycle[inside] = np.searchsorted(starts, time[inside], side='right')
+    return cycle
+
+
+def _turning_points(values: FloatArray, least: float) -> list[int]:
+    """Return the rows at which the temperature turns, each `least` [K] off the one before.
+
+    The last extreme counts where the way to it was as long.
+    """
+    low = high = 0
+    turns: list[int] = []
+    direction = 0
+    for row, value in enumerate(values.tolist()):
+        low = row if value < values[low] else low
+        high = row if value > values[high] else high
+        if direction >= 0 and values[high] - value > least:
+            turns.append(high)
+            direction, low = -1, row
+        elif direction <= 0 and value - values[low] > least:
+            turns.append(low)
+            direction, high = 1, row
+    return [*turns, high if direction > 0 else low] if turns else []
+
+
+def _passing(values: FloatArray, before: int, after: int) -> int:
+    """Return the row between two turning points in the middle of what is near their middle."""
+    way = values[before : after + 1]
+    off = np.abs(way - 0.5 * (way[0] + way[-1]))
+    near = np.flatnonzero(off <= max(LEAVING_SHARE * abs(way[-1] - way[0]), float(off.min())))
+    return before + int(np.median(near))
 
 
 def _phases(time: FloatArray, setpoint: FloatArray) -> tuple[IntArray, IntArray]:

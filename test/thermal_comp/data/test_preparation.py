@@ -156,7 +156,7 @@ def test_cycles_are_held_out_and_without_them_five_blocks() -> None:
     (run,) = prepare([replace(recording, cycle=cycle)])
     assert run.has_cycles
     assert np.unique(run.cv_group).tolist() == [0, 1, 2, 3]
-    (run,) = prepare([recording])
+    (run,) = prepare([replace(recording, temperature=20.0 + 5.0 * recording.time / 3600.0)])
     assert not run.has_cycles
     assert np.unique(run.cv_group).tolist() == [1, 2, 3, 4, 5]
     assert any('5 contiguous blocks' in note for note in run.notes)
@@ -178,3 +178,23 @@ def test_no_temperature_at_all_is_one_clear_error() -> None:
     recording = still(0.1, 1.0, temperature=np.full(360, np.nan))
     with pytest.raises(RecordingError, match='no sample has a die temperature'):
         prepare([recording])
+
+
+def test_a_slow_thermometer_beside_fast_samples_looks_like_no_rate_effect() -> None:
+    true = still(0.5, 20.0)
+    held = 60 * (np.arange(len(true)) // 60)  # a sample each 3 s, held in between
+    slow = replace(true, temperature=true.temperature[held], temperature_stamp=true.stamp[held])
+    wanted, found = prepare([true])[0], prepare([slow])[0]
+    fastest = 2 * np.pi / 3600.0 * 30.0  # K/s; held values are 1.5 s late on average
+    inner = slice(0, -1)  # after the last sample nothing is known but its value
+    late = wanted.temperature[inner] - found.temperature[inner]
+    assert np.abs(late).max() < 0.02 * 1.5 * fastest
+
+
+def test_cycles_without_a_set_point_are_found_in_the_temperature() -> None:
+    (run,) = prepare([still(3.0, 1.0)])
+    assert run.has_cycles
+    assert set(run.cv_group.tolist()) == {0, 1, 2, 3}  # 0: before it leaves where it began
+    assert any('3 thermal cycles are found in the temperature' in note for note in run.notes)
+    (ramp,) = prepare([replace(still(3.0, 1.0), temperature=np.linspace(10.0, 60.0, 10800))])
+    assert not ramp.has_cycles

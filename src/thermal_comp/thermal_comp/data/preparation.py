@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from imu_recording.logging_contract import CHANNEL_FIELDS, TEMPERATURE_TOPIC
-from imu_recording.phase import phases_from_setpoint
+from imu_recording.phase import cycles_from_temperature, phases_from_setpoint
 from imu_recording.recording import (
     SENSOR_FIELDS,
     FloatArray,
@@ -170,7 +170,7 @@ def prepare_run(
     """Return the prepared run of one recording."""
     if len(recording) < 2:
         raise RecordingError(f'{name}: {len(recording)} samples; a run needs more')
-    whole, recording = recording, cut_startup(recording)
+    whole, recording = recording, _measured_temperature(cut_startup(recording))
     notes = list(recording.notes)
     origin = int(whole.stamp[0])
     fine, counted = _fine(recording, origin, full_rate=period <= 0)
@@ -288,7 +288,31 @@ def _complete(fine: ImuRecording) -> tuple[ImuRecording, list[str]]:
     setpoint = changed.get('setpoint', fine.setpoint)
     if fine.cycle is None and setpoint is not None:
         changed['phase'], changed['cycle'] = phases_from_setpoint(fine.time, setpoint)
+    cycle = changed.get('cycle', fine.cycle)
+    if cycle is None or not cycle.any():
+        cycle = cycles_from_temperature(fine.time, fine.temperature)
+        if cycle.any():
+            changed['cycle'] = cycle
+            notes.append(f'{cycle.max()} thermal cycles are found in the temperature itself')
     return replace(fine, **changed), notes
+
+
+def _measured_temperature(recording: ImuRecording) -> ImuRecording:
+    """Return the recording with the die temperature between its samples interpolated.
+
+    Rows hold the newest sample; a device that warms is ahead of it by half an interval on
+    average, which looks like an effect of the temperature's rate.
+    """
+    if recording.temperature_stamp is None:
+        return recording
+    known = np.isfinite(recording.temperature) & (recording.temperature_stamp >= 0)
+    stamp, first = np.unique(recording.temperature_stamp[known], return_index=True)
+    if len(stamp) < 2:
+        return recording
+    values = recording.temperature[known][first]
+    between = np.interp(recording.stamp - stamp[0], stamp - stamp[0], values)
+    between[~known] = np.nan
+    return replace(recording, temperature=between, temperature_stamp=None)
 
 
 def _blocks(
