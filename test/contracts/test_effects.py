@@ -121,6 +121,11 @@ def test_contract_finds_a_search_that_leaves_the_bounds_or_the_effect() -> None:
     assert any('parts' in problem for problem in check_effect(Halved))
 
 
+def test_contract_finds_columns_that_outgrow_the_temperature() -> None:
+    wrong = type('Wrong', (EFFECTS['bias_temperature_curvature'],), {'bends': False})
+    assert any('say bends = True' in problem for problem in check_effect(wrong))
+
+
 def test_either_side_may_say_that_it_contains_the_other() -> None:
     richer = type('Richer', (ThermalLag,), {'name': 'richer', 'contains': ('bias_creep',)})
     assert contains(richer, EFFECTS['bias_creep'])

@@ -116,7 +116,7 @@ def test_without_a_fresh_temperature_data_pass_unchanged_and_uncertain(
     assert values['passed_on'] == 1
 
 
-def test_outside_the_fitted_range_the_temperature_is_clamped_and_said(
+def test_outside_the_fitted_range_the_error_is_extrapolated_and_said(
     ros: Any, model_path: str
 ) -> None:
     sent: list[tuple[str, Any]] = []
@@ -124,9 +124,10 @@ def test_outside_the_fitted_range_the_temperature_is_clamped_and_said(
     feed(compensation, SECOND, 50.0)
     feed(compensation, 2 * SECOND, 70.0)
     inside, outside = imu_messages(sent)
-    assert outside.angular_velocity.x == inside.angular_velocity.x
+    slope = inside.angular_velocity.x / 30.0
+    assert outside.angular_velocity.x == pytest.approx(50.0 * slope)
     assert outside.angular_velocity_covariance[0] > inside.angular_velocity_covariance[0]
-    assert 'outside the fitted range: clamped' in compensation.diagnostics()[1]
+    assert 'outside the fitted range: extrapolated' in compensation.diagnostics()[1]
 
 
 def test_the_newest_temperature_not_later_than_the_sample_counts(

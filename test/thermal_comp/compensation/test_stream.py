@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from thermal_comp.compensation.recording import plan_of, sensor_error
 from thermal_comp.compensation.state import restore_state, save_state
 from thermal_comp.compensation.stream import Compensator, compensate
 from thermal_comp.effects import EFFECTS
@@ -170,7 +171,7 @@ def test_history_is_restored_or_said_to_be_lost(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ['state.json']
 
 
-def test_rows_without_temperature_pass_and_clamped_rows_are_counted() -> None:
+def test_rows_without_temperature_pass_and_extrapolated_rows_are_counted() -> None:
     recording = short(200)
     temperature = recording.temperature.copy()
     temperature[:10] = np.nan
@@ -179,12 +180,32 @@ def test_rows_without_temperature_pass_and_clamped_rows_are_counted() -> None:
     raw = replace(recording, temperature=temperature)
     done = compensate(raw, model)
     np.testing.assert_array_equal(done.angular_velocity[:10], raw.angular_velocity[:10])
-    at_limit = compensate(
-        replace(raw, temperature=np.where(temperature > 50, 50.0, temperature)), model
-    )
-    np.testing.assert_array_equal(done.angular_velocity[50:60], at_limit.angular_velocity[50:60])
     assert any('10 rows without a die temperature are passed on' in n for n in done.notes)
-    assert any('10 rows outside the fitted temperatures are clamped' in n for n in done.notes)
+    assert any('10 rows outside the fitted temperatures are extrapolated' in n for n in done.notes)
+
+
+@pytest.mark.parametrize('name', ['bias_temperature', 'bias_temperature_curvature'])
+def test_outside_the_fitted_range_the_error_runs_on_with_its_slope_at_the_edge(
+    name: str,
+) -> None:
+    """A ramp from -40 to 80 °C under a model of -5 … 45 °C: inside as fitted, outside straight."""
+    model = model_of('bias_temperature', name) if 'curv' in name else model_of(name)
+    conditions = replace(
+        example_conditions(sensor='gyroscope'), temperature=np.linspace(-40.0, 80.0, 600)
+    )
+    found = sensor_error(plan_of(model.sensors['gyroscope']), conditions)
+    modelled, _ = model.sensors['gyroscope'].modelled_error(conditions)
+    inside = ~found.outside
+    np.testing.assert_allclose(found.error[inside], modelled[inside])
+    assert (inside == (np.abs(conditions.temperature - 20.0) <= 25.0)).all()
+    slope = np.diff(found.error, axis=0)
+    for side, edge in ((slice(0, 170), slice(175, 177)), (slice(430, 599), slice(423, 425))):
+        near = slope[edge].mean(axis=0)
+        np.testing.assert_allclose(slope[side], np.tile(near, (len(slope[side]), 1)), rtol=0.2)
+        assert (np.ptp(slope[side], axis=0) < 1e-3 * np.abs(near).max()).all()
+    variance = found.covariance[:, 0, 0]
+    assert (np.diff(variance[430:]) > 0.0).all()
+    assert (np.diff(variance[:170]) < 0.0).all()
 
 
 def test_a_late_sample_does_not_disturb_the_history() -> None:

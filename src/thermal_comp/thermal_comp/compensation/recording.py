@@ -26,8 +26,8 @@ class SensorError:
     """(n, 3) to subtract [unit]; zero where nothing can be said."""
     covariance: FloatArray
     """(n, 3, 3) of the error [unit²]: coefficients, effects not applied, extrapolation."""
-    clamped: NDArray[np.bool_]
-    """(n,) temperature outside the fitted range."""
+    outside: NDArray[np.bool_]
+    """(n,) temperature outside the fitted range: the error is extrapolated."""
     skipped: dict[str, NDArray[np.bool_]]
     """(n,) where each effect was not applied for want of a channel, by effect; only such ones."""
     states: tuple[State | None, ...]
@@ -79,19 +79,19 @@ def sensor_error(
 ) -> SensorError:
     """Return the modelled error of the device effects for rows with a finite temperature.
 
-    The temperature is clamped to the fitted range; beyond it the whole modelled error is taken to
-    be uncertain in proportion to the distance, in units of half the range. An effect whose
+    Outside the fitted temperatures the model runs on as a tangent; there the whole modelled error
+    is taken to be uncertain in proportion to the distance, in units of half the range, beside
+    what the coefficients leave open. An effect whose
     channel is not known in a row adds nothing there but its rms in the fit to the variance.
     `uncertain` False saves the coefficients' part of the covariance.
     """
     n = len(conditions)
     error, variance = np.zeros((n, 3)), np.zeros((n, 3))
-    limited = np.minimum(np.maximum(conditions.temperature, plan.low), plan.high)
-    clamped = limited != conditions.temperature
-    if clamped.any():
-        outside = (conditions.temperature - limited) / (0.5 * max(plan.high - plan.low, 1.0))
-        variance += outside[:, None] ** 2 * plan.variance
-        conditions = replace(conditions, temperature=limited)
+    held = np.minimum(np.maximum(conditions.temperature, plan.low), plan.high)
+    beyond = conditions.temperature - held
+    if beyond.any():
+        distance = beyond / (0.5 * max(plan.high - plan.low, 1.0))
+        variance += distance[:, None] ** 2 * plan.variance
     history = list(states or (None,) * len(plan.effects))
     jacobian = np.zeros((n, 3, len(plan.covariance) if uncertain else 0))
     skipped: dict[str, NDArray[np.bool_]] = {}
@@ -101,7 +101,7 @@ def sensor_error(
         first = 0 if unknown is None else int(np.argmin(unknown))
         if unknown is None or not unknown[first]:
             part = conditions.rows(slice(first, None)) if first else conditions
-            columns, history[k] = effect.columns(part, history[k])
+            columns, history[k] = _columns(effect, part, plan, history[k])
             if unknown is not None and unknown[first:].any():
                 gap = unknown[first:].reshape(-1, *[1] * (columns.ndim - 1))
                 columns = np.where(gap, 0.0, columns)
@@ -115,7 +115,27 @@ def sensor_error(
     if uncertain:
         covariance = jacobian @ plan.covariance @ jacobian.transpose(0, 2, 1)
     covariance[:, [0, 1, 2], [0, 1, 2]] += variance
-    return SensorError(error, covariance, clamped, skipped, tuple(history))
+    return SensorError(error, covariance, beyond != 0.0, skipped, tuple(history))
+
+
+EDGE_K = 0.01
+"""Step within the fitted range over which a slope at its edge is taken [K]."""
+
+
+def _columns(
+    effect: Effect, conditions: Conditions, plan: SensorPlan, state: State | None
+) -> tuple[FloatArray, State | None]:
+    """Return the columns and the history; what bends runs straight on outside the range."""
+    temperature = conditions.temperature
+    held = np.minimum(np.maximum(temperature, plan.low), plan.high)
+    beyond = temperature - held
+    if not effect.bends or not beyond.any():
+        return effect.columns(conditions, state)
+    within = held - EDGE_K * np.sign(beyond)
+    at_edge, after = effect.columns(replace(conditions, temperature=held), state)
+    inside, _ = effect.columns(replace(conditions, temperature=within), state)
+    share = (np.abs(beyond) / EDGE_K).reshape(-1, *[1] * (at_edge.ndim - 1))
+    return at_edge + share * (at_edge - inside), after
 
 
 def has_history(model: SensorModel, conditions: Conditions) -> bool:
@@ -174,7 +194,7 @@ def compensate(
 
     A row takes the newest finite die temperature not later than itself; rows before the first,
     and rows whose temperature is older than `temperature_timeout` [s], are passed on. What was
-    passed on, clamped to the fitted range or could not be applied is said in the notes. Raises
+    passed on, extrapolated or could not be applied is said in the notes. Raises
     RecordingError where no row has a fresh die temperature, and, unless `again`, where a model
     was subtracted before.
     """
@@ -239,7 +259,7 @@ def _passed_on_notes(
 
 
 def _applied_notes(model: ThermalModel, found: Mapping[Sensor, _Found]) -> list[str]:
-    """Return which effects could not be applied, and where the temperature was clamped."""
+    """Return which effects could not be applied, and how many rows were extrapolated."""
     notes = []
     for sensor, part in found.items():
         channels = {e.name: ', '.join(e.channels) for e in model.sensors[sensor].effects}
@@ -249,7 +269,7 @@ def _applied_notes(model: ThermalModel, found: Mapping[Sensor, _Found]) -> list[
         ]
     outside = np.any([part.outside for part in found.values()], axis=0) if found else np.zeros(1)
     if outside.any():
-        notes.append(f'{int(outside.sum())} rows outside the fitted temperatures are clamped')
+        notes.append(f'{int(outside.sum())} rows outside the fitted temperatures are extrapolated')
     return notes
 
 
@@ -308,7 +328,7 @@ def _sensor(model: ThermalModel, conditions: Conditions) -> _Found:
     for start in range(0, len(conditions), ROWS_AT_A_TIME):
         rows = slice(start, start + ROWS_AT_A_TIME)
         part = sensor_error(plan, conditions.rows(rows), states, uncertain=False)
-        error[rows], outside[rows], states = part.error, part.clamped, part.states
+        error[rows], outside[rows], states = part.error, part.outside, part.states
         for name, missing in part.skipped.items():
             skipped[name] = skipped.get(name, 0) + int(missing.sum())
     return _Found(error, outside, skipped)

@@ -59,7 +59,7 @@ class Condition:
     samples: int = 0
     passed_on: int = 0
     """Samples without a fresh temperature."""
-    clamped: int = 0
+    extrapolated: int = 0
     """Samples outside the fitted range."""
     stale: bool = False
     """Whether the newest sample had no fresh temperature."""
@@ -111,7 +111,7 @@ class Compensator:
         troubles = [
             ('no model: data pass through unchanged', not self.model.sensors),
             ('no fresh temperature: data pass through unchanged', now.samples and now.stale),
-            (f'{now.temperature:.1f} °C is outside the fitted range: clamped', now.outside),
+            (f'{now.temperature:.1f} °C is outside the fitted range: extrapolated', now.outside),
             (f'not applied: {", ".join(now.not_applied)}', bool(now.not_applied)),
             ('history lost', now.history == 'lost'),
         ]
@@ -157,7 +157,7 @@ class Compensator:
         self.condition.samples += 1
         gyroscope = self._compensate('gyroscope', stamp, angular_velocity, keep=in_order)
         self.condition.passed_on += self.condition.stale
-        self.condition.clamped += self.condition.outside
+        self.condition.extrapolated += self.condition.outside
         accelerometer = self._compensate(
             'accelerometer', stamp, linear_acceleration, keep=in_order
         )
@@ -217,7 +217,7 @@ class Compensator:
 
     def _note(self, plan: SensorPlan, temperature: float, found: SensorError) -> None:
         self.condition.temperature = temperature
-        self.condition.outside = bool(found.clamped[0])
+        self.condition.outside = bool(found.outside[0])
         for effect in plan.effects:
             if effect.name in found.skipped:
                 self.condition.not_applied[effect.name] = ', '.join(effect.channels)

@@ -34,6 +34,7 @@ class BiasTemperatureCurvature(Effect):
     reference: ClassVar[str] = (
         'IEEE 2700 (offset over temperature); IEEE 1293 (bias temperature model)'
     )
+    bends: ClassVar[bool] = True
     curve_over_temperature: ClassVar[bool] = True
     kin: ClassVar[Kin] = 'temperature'
     separated_by_cycles: ClassVar[tuple[str, ...]] = (

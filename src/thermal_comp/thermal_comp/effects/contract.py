@@ -31,6 +31,8 @@ RELATIONS = (
     'separated_by_cycles',
 )
 """Attributes that name other effects."""
+FASTER = 20.0
+"""Ratio of columns at a hundred and at ten times a temperature above which they outgrow it."""
 USER_MODULES = 'user_effects_'
 """What the names of modules begin with that are read from files of a user's effects."""
 EXPLAINED_BY = ('mechanism', 'separation', 'typical_size', 'reference')
@@ -222,7 +224,21 @@ def _problems_of_the_columns(effect: Effect, sensor: Sensor) -> list[str]:
                 f'columns for the {sensor} change when the stream is cut at {cuts[:3]}'
             )
             break
-    return problems + _problems_without_channels(effect, conditions)
+    return problems + _problems_without_channels(effect, conditions) + _problems_far_out(effect)
+
+
+def _problems_far_out(effect: Effect) -> list[str]:
+    """Columns must not outgrow the temperature where it leaves what a fit has seen."""
+    if effect.bends:
+        return []
+    seen = example_conditions(sensor=effect.sensors[0])
+    hot = (replace(seen, temperature=k * seen.temperature) for k in (10.0, 100.0))
+    near, far = (np.abs(effect.columns(conditions)[0]).max(axis=0) for conditions in hot)
+    return (
+        ['columns grow faster than in proportion to temperature: say bends = True']
+        if not bool(np.all(far <= FASTER * near))
+        else []
+    )
 
 
 def _problems_without_channels(effect: Effect, conditions: Conditions) -> list[str]:

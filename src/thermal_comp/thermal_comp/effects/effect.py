@@ -118,6 +118,9 @@ class Effect:
     """False where it is part of every model, so that no diagnosis looks for it."""
     least_evidence: ClassVar[float] = LEAST_EVIDENCE
     """Evidence from which it is named; more where the flaw of another can look like it."""
+    bends: ClassVar[bool] = False
+    """True where it grows faster than in proportion to temperature: outside the temperatures a
+    model was fitted at its slope at the edge runs on."""
     repeatable: ClassVar[bool] = False
     """True where it may occur more than once."""
     time_only: ClassVar[bool] = False

@@ -71,7 +71,7 @@ class SensorModel:
     """(3,) rms of each effect's error about the mean of each fitted run, by effect [unit]: how
     much is left in the data where an effect cannot be applied."""
     temperature_range: tuple[float, float] = (-np.inf, np.inf)
-    """Die temperatures the fit has seen [°C]; outside, the temperature is clamped."""
+    """Die temperatures the fit has seen [°C]; outside them the error is extrapolated."""
 
     def device_terms(self) -> list[tuple[int, Effect, FloatArray]]:
         """Return index, effect and coefficients of the terms that are compensated in the field."""

@@ -45,8 +45,9 @@ WORDS: Mapping[str, str] = {
     'identifiable': 'Whether recordings like these can determine a parameter at all.',
     'rivals': 'Effects that would take over part of what the named one explains.',
     'separable': 'Of next-experiment: the planned run tells the two effects apart.',
-    'clamped': 'A die temperature outside the range the model was fitted in is replaced by the '
-    'end of the range: nothing is extrapolated.',
+    'extrapolated': 'A die temperature was outside the range the model was fitted in: the '
+    'modelled error runs on with the slope it has at the end of the range, its uncertainty grows '
+    'with the distance.',
     'passed_on': 'Samples handed on as they came, because no fresh die temperature was known.',
     'applied_model': 'Device and hash of the thermal model that was subtracted from a recording '
     'or from published data; subtracting one twice is refused.',
