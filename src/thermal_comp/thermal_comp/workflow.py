@@ -87,11 +87,7 @@ def fit(
 
 def compare(recordings: Recordings, model: ThermalModel | None = None) -> Comparison:
     """Return measured against modelled error per axis: rms, held out, noise floor, where."""
-    listed = _recordings(recordings)
-    if model is not None:
-        for recording in listed:
-            check_device(model, recording.device)
-    runs = prepare(listed)
+    runs = prepare(_recordings(recordings, model))
     return compare_prepared(model or fit_prepared(_effects(LINE), runs), runs)
 
 
@@ -105,7 +101,7 @@ def diagnose(
 
     `catalogue` holds the effects that are tried; `thermal_comp.effects.user_effects` adds files.
     """
-    return diagnose_recordings(_recordings(recordings), model, catalogue=catalogue)
+    return diagnose_recordings(_recordings(recordings, model), model, catalogue=catalogue)
 
 
 def add(
@@ -128,7 +124,8 @@ def add(
     known = dict(catalogue)
     if not isinstance(effect, str):
         known[name] = effect if isinstance(effect, type) else type(effect)
-    return add_effect(model, prepare(_recordings(recordings)), name, Settings(known), sensors)
+    runs = prepare(_recordings(recordings, model))
+    return add_effect(model, runs, name, Settings(known), sensors)
 
 
 @overload
@@ -175,14 +172,13 @@ def _read_one(path: Path, namespace: str | None) -> ImuRecording:
     return read_bag(path, namespace=namespace)
 
 
-def _recordings(given: Recordings) -> list[ImuRecording]:
-    if isinstance(given, ImuRecording):
-        return [given]
-    if isinstance(given, str | PathLike):
-        return read(given)
+def _recordings(given: Recordings, model: ThermalModel | None = None) -> list[ImuRecording]:
+    """Return the recordings, read where they are paths; refuse a device `model` is not of."""
     recordings: list[ImuRecording] = []
-    for item in given:
+    for item in [given] if isinstance(given, ImuRecording | str | PathLike) else given:
         recordings += [item] if isinstance(item, ImuRecording) else read(item)
+    for recording in recordings:
+        check_device(model, recording.device)
     return recordings
 
 

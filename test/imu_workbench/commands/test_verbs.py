@@ -201,6 +201,19 @@ def test_apply_of_several_writes_one_bag_each(folder: Path, model: Path, tmp_pat
     assert main(['apply', *bags, '--model', str(model), '-o', str(target)]) == 2
 
 
+@pytest.mark.parametrize('verb', ['apply', 'compare', 'diagnose', 'add', 'auto', 'orient'])
+def test_a_model_of_another_device_is_refused(
+    verb: str, folder: Path, model: Path, tmp_path: Path, capsys
+) -> None:
+    target = ['-o', str(tmp_path / 'out')] if verb in {'apply', 'add', 'auto'} else []
+    effect = ['thermal_lag'] if verb == 'add' else []
+    argv = [verb, *effect, str(folder / 'dut2'), '--model', str(model), *target]
+    assert main(argv) == 2
+    (line,) = (text for text in capsys.readouterr().err.splitlines() if 'model' in text)
+    assert 'the model is of dut1, the recording of dut2; fit a model of that device' in line
+    assert not (tmp_path / 'out').exists()
+
+
 def test_pooling_is_refuted_by_opposite_slopes(folder: Path, tmp_path: Path, capsys) -> None:
     bags = [str(folder / 'dut1'), str(folder / 'dut2')]
     assert main(['fit', *bags, '-o', str(tmp_path / 'm.yaml')]) == 2

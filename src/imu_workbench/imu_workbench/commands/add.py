@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> Answer:
             f'effect {options.effect!r} is not known{near}; known: {", ".join(catalogue)}'
         )
     model = load_model(options.model, catalogue) if options.model else None
-    recordings = read_recordings(options, at_rest=True)
+    recordings = read_recordings(options, at_rest=True, model=model)
     show_progress(f'adding {options.effect} …')
     runs = prepare(recordings)
     growth = add_effect(model, runs, options.effect, Settings(catalogue), options.sensor)

@@ -10,7 +10,7 @@ from imu_recording.bags.compensated_copy import write_compensated_copy
 from imu_recording.user_error import UserError
 from thermal_comp.compensation.recording import TIMEOUT_S, compensate
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.model.file import check_device, load_model
+from thermal_comp.model.file import load_model
 
 from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.options import (
@@ -52,11 +52,8 @@ def run(options: argparse.Namespace) -> Answer:
             f'--temperature-timeout {options.temperature_timeout:g}: expected a positive number'
         )
     model = load_model(options.model, effect_catalogue(options.effects))
-    recordings = read_recordings(options)
+    recordings = read_recordings(options, model=model)
     targets = output_paths(options.bags, options.output, force=options.force)
-    if not model.pooled:
-        for recording in recordings:
-            check_device(model, recording.device)
     rows, lines = [], []
     remap = topic_remap(options)
     for recording, bag, target in zip(recordings, options.bags, targets, strict=True):

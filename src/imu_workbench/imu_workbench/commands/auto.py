@@ -46,7 +46,9 @@ def run(options: argparse.Namespace) -> Answer:
     claim_output(options.output, force=options.force)
     catalogue = effect_catalogue(options.effects)
     model = load_model(options.model, catalogue) if options.model else None
-    clean, defects = check_quality(read_recordings(options, at_rest=True, sensors=False))
+    clean, defects = check_quality(
+        read_recordings(options, at_rest=True, sensors=False, model=model)
+    )
     growth = grow(
         model,
         prepare(clean),

@@ -10,7 +10,7 @@ from thermal_comp.data.preparation import prepare
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.fitting.fit import fit_prepared
-from thermal_comp.model.file import check_device, load_model
+from thermal_comp.model.file import load_model
 from thermal_comp.presentation.comparison import comparison_text
 
 from imu_workbench.answer import Answer, show_progress
@@ -37,10 +37,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> Answer:
     """Compare."""
     model = load_model(options.model, effect_catalogue(options.effects)) if options.model else None
-    recordings = read_recordings(options, at_rest=True)
-    if model is not None and not model.pooled:
-        for recording in recordings:
-            check_device(model, recording.device)
+    recordings = read_recordings(options, at_rest=True, model=model)
     show_progress('comparing …')
     runs = prepare(recordings)
     comparison = compare_prepared(model or fit_prepared([BiasTemperature()], runs), runs)

@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> Answer:
         known = load_model(options.noise_reference, catalogue)
         reference = {s: m.noise for s, m in known.sensors.items() if m.noise is not None}
     found = diagnose(
-        stream_recordings(options, at_rest=True, sensors=False, then='diagnosing …'),
+        stream_recordings(options, at_rest=True, sensors=False, model=model, then='diagnosing …'),
         model,
         catalogue=catalogue,
         reference=reference,

@@ -13,6 +13,8 @@ from imu_recording.logging_contract import TRACK_OF_TOPIC
 from imu_recording.plausibility import ACCEPTABLE, admitted
 from imu_recording.user_error import UserError, did_you_mean, fault_in_yaml
 from thermal_comp.data.motion import refuse_moving
+from thermal_comp.model.file import check_device
+from thermal_comp.model.values import ThermalModel
 
 from imu_recording import ImuRecording, bag_namespaces, read_bag
 from imu_workbench.answer import show_progress
@@ -128,15 +130,19 @@ def read_recordings(
     every_device: bool = False,
     at_rest: bool = False,
     sensors: bool = True,
+    model: ThermalModel | None = None,
 ) -> list[ImuRecording]:
     """Read the bags named on the command line, one recording per bag and device.
 
     Where a bag holds several devices and no --namespace was given, `every_device` takes all of
-    them; otherwise the user has to choose. Devices that are to be `at_rest` and move are refused.
+    them; otherwise the user has to choose. Devices that are to be `at_rest` and move are refused,
+    and those the `model` is not of.
     `sensors` False: the caller looks for implausible sensors itself.
     """
     return list(
-        stream_recordings(options, every_device=every_device, at_rest=at_rest, sensors=sensors)
+        stream_recordings(
+            options, every_device=every_device, at_rest=at_rest, sensors=sensors, model=model
+        )
     )
 
 
@@ -146,6 +152,7 @@ def stream_recordings(
     every_device: bool = False,
     at_rest: bool = False,
     sensors: bool = True,
+    model: ThermalModel | None = None,
     then: str = '',
 ) -> Iterator[ImuRecording]:
     """Read the bags as `read_recordings` does, each only when it is asked for.
@@ -157,6 +164,7 @@ def stream_recordings(
         show_progress(f'reading {path} …')
         for recording in read_devices(path, options.namespace, remap, every_device=every_device):
             taken = admitted(recording, options.accept, sensors=sensors)
+            check_device(model, taken.device)
             if at_rest:
                 refuse_moving(taken)
             yield taken

@@ -11,7 +11,7 @@ from orientation_filters.filters import FILTERS
 from orientation_filters.parameters import PRESET_NAMES, WORLD_FRAMES
 from thermal_comp.compensation.stream import compensate
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.model.file import check_device, load_model
+from thermal_comp.model.file import load_model
 
 from imu_workbench.answer import Answer, show_progress
 from imu_workbench.attitude_budget import (
@@ -65,9 +65,7 @@ def run(options: argparse.Namespace) -> Answer:
     """Estimate the attitudes of every bag and their errors."""
     model = load_model(options.model, effect_catalogue(options.effects))
     bags = []
-    for recording in stream_recordings(options):
-        if not model.pooled:
-            check_device(model, recording.device)
+    for recording in stream_recordings(options, model=model):
         compensated = compensate(recording, model, again='compensated' in options.accept)
         budget = attitude_budget(
             recording,

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,10 @@ from typing import Any
 from imu_recording.plausibility import admitted
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.model.file import load_model
+from thermal_comp.model.file import check_device, load_model
+from thermal_comp.model.values import ThermalModel
 
-from imu_recording import read_bag
+from imu_recording import ImuRecording, read_bag
 from imu_workbench.answer import Answer
 from imu_workbench.commands.options import add_effects_argument, add_model_argument
 from imu_workbench.simulate.hidden_effect import (
@@ -45,8 +46,7 @@ def run(options: argparse.Namespace) -> Answer:
     bags = find_truth(options.folder)[1]
     catalogue = effect_catalogue(options.effects)
     model = load_model(options.model, catalogue) if options.model else None
-    recordings = (admitted(read_bag(bag), sensors=False) for bag in bags)
-    found = diagnose(recordings, model, catalogue=catalogue)
+    found = diagnose(_recordings(bags, model), model, catalogue=catalogue)
     diagnosis = found.to_dict()
     truth = find_truth(options.folder)[0]
     truths = all_hidden(truth)
@@ -71,6 +71,13 @@ def run(options: argparse.Namespace) -> Answer:
     reported = '; '.join(content['reported']) or 'nothing'
     lines.append(f'reported: {reported} (verdict: {diagnosis["verdict"]})')
     return Answer(content, '\n'.join(lines))
+
+
+def _recordings(bags: Sequence[Path], model: ThermalModel | None) -> Iterator[ImuRecording]:
+    for bag in bags:
+        recording = admitted(read_bag(bag), sensors=False)
+        check_device(model, recording.device)
+        yield recording
 
 
 def _verdict(truth: Mapping[str, Any], score: Score) -> str:

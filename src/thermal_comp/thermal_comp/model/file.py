@@ -82,8 +82,10 @@ def load_model(
         raise ModelError(f'{path}: {error}') from None
 
 
-def check_device(model: ThermalModel, device: str) -> None:
+def check_device(model: ThermalModel | None, device: str) -> None:
     """Refuse a recording of another device; one whose device is not named passes."""
+    if model is None:
+        return
     known = model.device.split('+') if model.pooled else [model.device]
     if device and model.device and device not in known:
         raise ModelError(

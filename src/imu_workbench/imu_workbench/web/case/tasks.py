@@ -98,9 +98,8 @@ def first_version_task(
         model, label = fit_prepared([BiasTemperature()], runs), 'line per axis'
     else:
         model, label = model_from_text(model_text, catalogue), 'opened model'
-        if not model.pooled:
-            for run in runs:
-                check_device(model, run.device)
+        for run in runs:
+            check_device(model, run.device)
     progress('comparing')
     version = make_version(label, model, compare_prepared(model, runs), runs)
     return version, greyed_out(runs, catalogue), left_out
