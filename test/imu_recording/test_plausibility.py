@@ -66,6 +66,8 @@ def test_a_device_that_turns_about_the_vertical_is_no_wrong_unit(run: ImuRecordi
     field = 3e-5 * np.column_stack([np.ones_like(angle), np.cos(angle), np.sin(angle)])
     turning = replace(run, angular_velocity=rate, magnetic_field=field)
     assert admitted(turning) is turning
+    unseen = replace(turning, magnetic_field=np.full_like(field, np.nan))
+    assert admitted(unseen) is unseen
 
 
 def test_compensated_data_are_taken_only_when_told(run: ImuRecording) -> None:

@@ -253,3 +253,69 @@ def test_a_model_of_another_device_is_refused(ros: Any, model_path: str) -> None
     )
     assert not compensation.autostart()
     assert 'the model is of dut1, the recording of dut2' in compensation.refused
+
+
+def stream(
+    compensation: ThermalCompNode, count: int, *, force: float = 9.80665, temperature: float = 30.0
+) -> None:
+    """Feed samples at 100 Hz: gravity as large as told, the die as warm as told."""
+    for k in range(count):
+        stamp = compensation.check.newest + SECOND // 100 if k else 10 * SECOND
+        compensation.inputs['imu/temperature'](
+            temperature_from_sample(TemperatureSample(stamp, temperature))
+        )
+        sample = ImuSample(stamp, (0.0, 0.0, 0.0), (0.0, 0.0, force))
+        compensation.inputs['imu/data_raw'](imu_from_sample(sample))
+
+
+@pytest.mark.parametrize(
+    ('wrong', 'words'),
+    [
+        ({'force': 1.0}, 'linear_acceleration: the median norm is 1 m/s², expected 7 … 13'),
+        ({'temperature': 303.15}, 'temperature (imu/temperature) reaches 303.1'),
+    ],
+)
+def test_a_live_stream_in_another_unit_is_passed_on_and_named(
+    ros: Any, model_path: str, wrong: dict[str, float], words: str
+) -> None:
+    sent: list[tuple[str, Any]] = []
+    compensation = node(ros, sent, model=model_path)
+    stream(compensation, 40, **wrong)
+    assert [message.angular_velocity.x for message in imu_messages(sent)[20:]] == [0.0] * 20
+    level, said, _ = compensation.diagnostics()
+    assert level == 2
+    assert words in said
+    assert 'pass through unchanged; parameter accept_units' in said
+    told = node(ros, sent, model=model_path, accept_units=True)
+    stream(told, 40, force=1.0)
+    assert imu_messages(sent)[-1].angular_velocity.x == pytest.approx(-0.01, abs=1e-12)
+
+
+def test_a_stream_that_becomes_right_is_compensated_again(ros: Any, model_path: str) -> None:
+    sent: list[tuple[str, Any]] = []
+    compensation = node(ros, sent, model=model_path)
+    stream(compensation, 40, force=1.0)
+    stream(compensation, 2100)
+    assert imu_messages(sent)[-1].angular_velocity.x == pytest.approx(-0.01, abs=1e-12)
+    assert compensation.diagnostics()[0] == 0
+
+
+def test_a_single_impossible_sample_spoils_no_other(ros: Any, model_path: str) -> None:
+    sent: list[tuple[str, Any]] = []
+    compensation = node(ros, sent, model=model_path)
+    stream(compensation, 200)
+    variance = compensation.compensator.vibration
+    spoilt = ImuSample(compensation.check.newest + 1, (0.0, 0.0, 0.0), (3.4e38, 0.0, 9.8))
+    compensation.inputs['imu/data_raw'](imu_from_sample(spoilt))
+    assert imu_messages(sent)[-1].linear_acceleration.x == 3.4e38
+    assert compensation.compensator.vibration is variance
+    level, said, values = compensation.diagnostics()
+    assert (level, values['damaged']) == (1, 1)
+    assert 'impossible samples' in said
+
+
+def test_stamps_that_stand_still_are_named(ros: Any, model_path: str) -> None:
+    compensation = node(ros, [], model=model_path)
+    for _ in range(30):
+        feed(compensation, 0, 30.0)
+    assert 'stand still at 0 ns' in compensation.diagnostics()[1]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether the numbers of a recording can be what a sensor on Earth measured in SI units.
 
-The door of every verb, of the Python face and of the import: what cannot have been measured is
-refused in one line, which names the unit that would explain it, and a few damaged values are
-left out and counted. Nothing here knows thermal physics.
+The door of every verb, of the Python face, of the import and of the live stream: what cannot have
+been measured is refused in one line, which names the unit that would explain it, and a few damaged
+values are left out and counted. Nothing here knows thermal physics.
 """
 
 from __future__ import annotations
@@ -94,10 +94,7 @@ def admitted(
         )
     if 'units' in accept:
         return recording
-    recording, excess = _without_damage(recording, sensors=sensors)
-    reason = excess or _foreign_temperature(recording)
-    if sensors and not reason:
-        reason = next(implausible(recording), '')
+    recording, reason = judged(recording, sensors=sensors)
     if reason:
         raise RecordingError(
             f'{_name(recording)}: {reason}; convert it to SI units (in a CSV: unit of the '
@@ -105,6 +102,25 @@ def admitted(
             '--accept units'
         )
     return recording
+
+
+def judged(recording: ImuRecording, *, sensors: bool = True) -> tuple[ImuRecording, str]:
+    """Return the recording without a few impossible values, and why it is refused, '' if not."""
+    recording, reason = _without_damage(recording, sensors=sensors)
+    reason = reason or _foreign_temperature(recording)
+    if sensors and not reason:
+        reason = next(implausible(recording), '')
+    return recording, reason
+
+
+def possible(field: str, *values: float) -> bool:
+    """Tell whether a field can hold these values; what is missing (NaN) can be anything.
+
+    >>> possible('temperature', 21.5), possible('temperature', 293.15)
+    (True, False)
+    """
+    low, high = POSSIBLE[field]
+    return not any(value < low or value > high for value in values)
 
 
 def implausible(recording: ImuRecording) -> Iterator[str]:
@@ -124,7 +140,8 @@ def rate_at_rest(recording: ImuRecording) -> str:
     if not _rests(recording):
         return ''
     mean = float(np.linalg.norm(_median(rate)))
-    if mean > REST_RATE:
+    seen = np.isfinite(recording.magnetic_field).any()  # else it may turn about the vertical
+    if mean > REST_RATE and seen:
         return f'{mean:.3g} rad/s on average of a device at rest, as if in °/s'
     noise, shake = _step(rate), _step(recording.linear_acceleration)
     period = float(np.median(np.diff(recording.stamp))) * 1e-9

@@ -24,6 +24,7 @@ from imu_recording.ros.messages import (
 )
 from imu_recording.ros.parameter import NodeConfig, parameter
 from imu_recording.ros.run_node import run_node
+from imu_recording.stream_plausibility import StreamCheck
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 from std_msgs.msg import String
 
@@ -48,6 +49,7 @@ class ThermalCompConfig(NodeConfig):
     )
     device: str = parameter('', 'Device the model has to be of; empty: any')
     again: bool = parameter(False, 'Compensate data that say they are compensated already')
+    accept_units: bool = parameter(False, 'Compensate numbers that cannot be SI units')
     state_file: str = parameter('', 'File that keeps the history over a restart; empty: none')
 
 
@@ -74,6 +76,7 @@ class ThermalCompNode(ConfiguredNode):
         )
         check_device(model, config.device)
         self.compensator = Compensator(model, temperature_timeout=config.temperature_timeout)
+        self.check = StreamCheck()
         if config.state_file and (reason := restore_state(self.compensator, config.state_file)):
             self.get_logger().info(f'history begins anew: {reason}')
         self._imu = self.output(Imu, 'imu_compensated/data_raw')
@@ -101,7 +104,9 @@ class ThermalCompNode(ConfiguredNode):
 
     def on_temperature(self, message: Temperature) -> None:
         """Take in a die temperature."""
-        self.compensator.on_temperature(stamp_of(message), float(message.temperature))
+        temperature = float(message.temperature)
+        if self.check.on_temperature(temperature) or self.config.accept_units:
+            self.compensator.on_temperature(stamp_of(message), temperature)
 
     def on_channel(self, channel: str, name: str, message: Any) -> None:
         """Take in a channel; messages without a stamp count from their receipt."""
@@ -111,8 +116,14 @@ class ThermalCompNode(ConfiguredNode):
         self.compensator.on_channel(channel, stamp, plain)
 
     def on_imu(self, message: Imu) -> None:
-        """Publish the compensated sample; orientation fields pass through."""
+        """Publish the compensated sample; orientation fields pass through.
+
+        What cannot have been measured in SI units is passed on as it came.
+        """
         sample = sample_from_imu(message)
+        if self._refused(self.check.on_imu(sample)):
+            self._imu.publish(message)
+            return
         rate, force = self.compensator.on_imu(
             sample.stamp, sample.angular_velocity, sample.linear_acceleration
         )
@@ -127,8 +138,14 @@ class ThermalCompNode(ConfiguredNode):
     def on_magnetic_field(self, message: MagneticField) -> None:
         """Publish the compensated field."""
         sample = sample_from_magnetic_field(message)
+        if self._refused(self.check.on_magnetic_field(sample.magnetic_field)):
+            self._mag.publish(message)
+            return
         field = self.compensator.on_magnetic_field(sample.stamp, sample.magnetic_field)
         self._mag.publish(magnetic_field_from_sample(compensated_field(sample, field)))
+
+    def _refused(self, possible: bool) -> bool:
+        return not (self.config.accept_units or (possible and not self.check.objection))
 
     def save_state(self) -> None:
         """Write the history to the state file."""
@@ -140,8 +157,17 @@ class ThermalCompNode(ConfiguredNode):
             self.save_state()
 
     def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
-        """Return the compensator's condition."""
-        return self.compensator.report() if self.inputs else (0, self.state, {})
+        """Return the compensator's condition, and what of the input is implausible."""
+        if not self.inputs:
+            return 0, self.state, {}
+        level, said, values = self.compensator.report()
+        values['damaged'] = self.check.damaged
+        if self.check.objection and not self.config.accept_units:
+            way = 'data pass through unchanged; parameter accept_units compensates them'
+            return 2, f'{self.check.objection}: {way}', values
+        if self.check.damaged_now:
+            return max(level, 1), f'{said}; impossible samples pass through unchanged', values
+        return level, said, values
 
 
 def main() -> int:

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The checks of `plausibility` on a live stream: over the newest samples, again and again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from imu_recording.plausibility import judged, possible
+from imu_recording.recording import ImuRecording
+from imu_recording.ros.messages import ImuSample, Vector
+
+FIRST_SAMPLES = 20
+"""So many samples are judged first: their size, not yet whether the device rests."""
+WINDOW_S = 10.0
+"""Afterwards stretches of this length [s] are judged …"""
+FEWEST, MOST = 100, 4096
+"""… of so many samples at least and at most."""
+JUMP_BACK_NS = 1_000_000_000
+"""A stamp that much before the newest is a new start, not a late sample [ns]."""
+
+Row = tuple[int, Vector, Vector, Vector, float]
+UNKNOWN: Vector = (np.nan, np.nan, np.nan)
+
+
+@dataclass
+class StreamCheck:
+    """Judges a stream of one device as `admitted` judges a recording."""
+
+    objection: str = ''
+    """Why the newest stretch cannot be SI units; '' where it can."""
+    damaged: int = 0
+    """Single impossible samples since the start."""
+    damaged_at: int = -1
+    """Stamp of the newest sample before the last of them [ns]."""
+    newest: int = -1
+    _rows: list[Row] = field(default_factory=list)
+    _judged_first: bool = False
+    _standing: int = 0
+    _field: Vector = UNKNOWN
+    _temperature: float = np.nan
+
+    def on_temperature(self, temperature: float) -> bool:
+        """Take in a die temperature [°C]; tell whether it is possible."""
+        self._temperature = temperature
+        return self._counted(possible('temperature', temperature))
+
+    def on_magnetic_field(self, magnetic_field: Vector) -> bool:
+        """Take in a magnetic field [T]; tell whether it is possible."""
+        self._field = magnetic_field
+        return self._counted(possible('magnetic_field', *magnetic_field))
+
+    def on_imu(self, sample: ImuSample) -> bool:
+        """Take in a sample; tell whether it is possible. `objection` is up to date afterwards."""
+        rate, force = sample.angular_velocity, sample.linear_acceleration
+        if sample.stamp > self.newest:
+            self.newest, self._standing = sample.stamp, 0
+            self._rows.append((sample.stamp, rate, force, self._field, self._temperature))
+            self._judge()
+        elif sample.stamp < self.newest - JUMP_BACK_NS:
+            self.newest, self._rows = sample.stamp, []
+        else:
+            self._standing += 1
+            if self._standing >= FIRST_SAMPLES:
+                self.objection = f'the stamps stand still at {sample.stamp} ns'
+        return self._counted(
+            possible('angular_velocity', *rate) and possible('linear_acceleration', *force)
+        )
+
+    @property
+    def damaged_now(self) -> bool:
+        """Whether an impossible sample came within the last WINDOW_S."""
+        return self.damaged > 0 and self.newest - self.damaged_at < WINDOW_S * 1e9
+
+    def _counted(self, is_possible: bool) -> bool:
+        if not is_possible:
+            self.damaged, self.damaged_at = self.damaged + 1, self.newest
+        return is_possible
+
+    def _judge(self) -> None:
+        count = len(self._rows)
+        first = not self._judged_first and count == FIRST_SAMPLES
+        long = (self.newest - self._rows[0][0]) * 1e-9 >= WINDOW_S and count >= FEWEST
+        if first or long or count >= MOST:
+            self.objection = judged(_recording(self._rows))[1]
+            self._judged_first = True
+            if not first:
+                self._rows = []
+
+
+def _recording(rows: list[Row]) -> ImuRecording:
+    stamp, rate, force, magnetic, temperature = zip(*rows, strict=True)
+    return ImuRecording(
+        stamp=np.array(stamp, np.int64),
+        angular_velocity=np.array(rate, float),
+        linear_acceleration=np.array(force, float),
+        magnetic_field=np.array(magnetic, float),
+        temperature=np.array(temperature, float),
+    )
