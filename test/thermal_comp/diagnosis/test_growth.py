@@ -7,11 +7,12 @@ from thermal_comp.comparison.held_out import hold_out
 from thermal_comp.compensation.recording import compensate
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.diagnose import Settings
-from thermal_comp.diagnosis.growth import Growth, grow
+from thermal_comp.diagnosis.growth import Growth, add_effect, grow
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.empirical_term import Empirical
 from thermal_comp.fitting.empirical import empirical_form
 from thermal_comp.model.file import load_model, save_model
+from thermal_comp.model.values import ModelError
 from thermal_comp.noise.estimation import fit_noise
 
 from imu_recording import ImuRecording
@@ -66,6 +67,11 @@ def test_an_unseen_day_is_compensated_by_the_saved_term(
 
 def test_named_effects_alone_add_nothing_here() -> None:
     assert grow(None, prepare(campaign(4.0)), FEW, named_only=True).steps == ()
+
+
+def test_the_empirical_term_is_left_to_auto() -> None:
+    with pytest.raises(ModelError, match='`auto` adds it'):
+        add_effect(None, prepare(campaign(4.0)), 'empirical_term', Settings(EFFECTS))
 
 
 def test_noise_gets_no_empirical_term() -> None:

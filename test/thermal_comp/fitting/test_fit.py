@@ -147,6 +147,23 @@ def test_single_samples_give_the_same_slopes_as_block_means() -> None:
         assert (std >= 0.99 * np.sqrt(np.diag(a.covariance))).all()
 
 
+def test_a_prior_holds_coefficients_at_single_samples_as_at_block_means() -> None:
+    """Its widths: x at a block's noise, y at nothing at all, z at a hundred times the noise."""
+    noise = WHITE['angular_velocity'] / np.sqrt(20.0)
+    widths = tuple((noise * np.tile([1.0, 0.0, 100.0], (4, 1))).ravel().tolist())
+    effects = {'gyroscope': (*LINE, EFFECTS['empirical_term'](20.0, 30.0, widths))}
+    recordings = [run(period=5.0, cycles=3)]
+    models = [fit(effects, recordings, period=period) for period in (20.0, 0.0)]
+    blocks, samples = (m.sensors['gyroscope'] for m in models)
+    assert (np.abs(samples.coefficients[1][:, 1]) < 1e-12).all()
+    std = np.sqrt(np.diag(samples.covariance)).reshape(-1, 3)[1:]
+    assert (std[:, 0] < 4.0 * noise).all()
+    assert (std[:, 1] < 1e-12).all()
+    size = [np.linalg.norm(part.coefficients[1], axis=0) for part in (blocks, samples)]
+    share = (size[1] / size[0])[[0, 2]]
+    assert ((share > 0.3) & (share < 1.5)).all()
+
+
 def test_mixed_devices_are_refused_by_name_unless_pooled() -> None:
     mixed = [run(device='dut1'), run(device='dut2', seed=1)]
     with pytest.raises(ModelError, match='dut1, dut2; fit each by itself'):

@@ -97,6 +97,11 @@ def add_effect(
     """
     if name not in settings.catalogue:
         raise ModelError(f'effect {name!r} is not known; known: {", ".join(settings.catalogue)}')
+    if not settings.catalogue[name].searched:
+        raise ModelError(
+            f'{name} is not added by its name: a model has it from the start, or `auto` adds it '
+            'where held-out parts confirm it'
+        )
     absent = missing_channels(settings.catalogue[name], runs)
     if absent:
         raise ModelError(f'{name} needs {", ".join(absent)}, which was not logged in every run')

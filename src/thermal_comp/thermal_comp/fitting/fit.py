@@ -28,7 +28,7 @@ from thermal_comp.fitting.shape_uncertainty import (
     resolution_std,
     solve_with_shapes,
 )
-from thermal_comp.linear.design import Design, Term
+from thermal_comp.linear.design import LEAST_DEVIATION, Design, Term
 from thermal_comp.linear.normal_equations import NormalEquations, Solution, gram, solve
 from thermal_comp.model.values import NoiseModel, Provenance, SensorModel, ThermalModel
 from thermal_comp.noise.of_runs import noise_beside, noise_of_runs
@@ -276,45 +276,91 @@ def _refit(
         part = gram(effects, conditions, measured).equations()
         equations = part if equations is None else equations + part
     assert equations is not None  # noqa: S101 (fit_prepared has refused an empty list)
-    estimate = solve(equations).estimate
+    blocks = sum(len(run) for run in runs)
     refitted: dict[str, SensorModel] = {}
     for k, sensor in enumerate(sensors):
         before = model.sensors[sensor]
-        own = estimate[:, 3 * k : 3 * k + 3]
+        by_blocks = ordinary(effects, sensor, before, runs)
+        own = np.column_stack(
+            [
+                solve(
+                    replace(
+                        equations,
+                        gram=equations.gram + np.diag(penalty) * (equations.rows / blocks),
+                        moment=equations.moment[:, [3 * k + axis]],
+                        energy=equations.energy[[3 * k + axis]],
+                    )
+                ).estimate
+                for axis, penalty in enumerate(by_blocks.penalty)
+            ]
+        )
         widths = np.cumsum([c.shape[0] for c in before.coefficients])[:-1]
         refitted[sensor] = replace(
             before,
             coefficients=tuple(np.split(own, widths)),
-            covariance=sandwich(effects, sensor, before, runs),
+            covariance=by_blocks.covariance(),
         )
     return refitted
 
 
-def sandwich(
-    effects: Sequence[Effect], sensor: Sensor, model: SensorModel, runs: Sequence[PreparedRun]
-) -> FloatArray:
-    """Return the covariance (3p, 3p) of ordinary least squares under the fitted noise.
+@dataclass(frozen=True, eq=False)
+class OrdinaryLeastSquares:
+    """Least squares that weights all block means alike, priors included, under coloured noise."""
 
-    (XᵀX)⁻¹ Xᵀ S X (XᵀX)⁻¹ on block means, whose slow part is that of the samples.
+    normal: FloatArray
+    """(p, p) XᵀX of columns about the mean of their run."""
+    spread: FloatArray
+    """(3, p, p) Xᵀ S X under the noise of each axis."""
+    deviations: FloatArray
+    """(p, 3) of the priors; infinite where a coefficient is free."""
+
+    @property
+    def penalty(self) -> FloatArray:
+        """(3, p) what the priors add to the diagonal of XᵀX.
+
+        With it each column alone would have the least expected error.
+        """
+        variance = np.diagonal(self.spread, axis1=1, axis2=2)
+        variance = variance / np.maximum(np.diag(self.normal), 1e-300)
+        penalty: FloatArray = variance / self.deviations.T**2
+        return penalty
+
+    def covariance(self) -> FloatArray:
+        """(3p, 3p) A⁻¹ (Xᵀ S X + P D P) A⁻¹ with A = XᵀX + P, P the penalty, D the prior's."""
+        p = len(self.normal)
+        covariance = np.zeros((p, 3, p, 3))
+        for axis, penalty in enumerate(self.penalty):
+            held = self.normal + np.diag(penalty)
+            scale = np.sqrt(np.diag(held))
+            inverse = np.linalg.pinv(held / np.outer(scale, scale), hermitian=True)
+            inverse /= np.outer(scale, scale)
+            known = np.where(penalty > 0.0, self.deviations[:, axis], 0.0)
+            middle = self.spread[axis] + np.diag((penalty * known) ** 2)
+            covariance[:, axis, :, axis] = inverse @ middle @ inverse
+        full: FloatArray = covariance.reshape(3 * p, 3 * p)
+        return full
+
+
+def ordinary(
+    effects: Sequence[Effect], sensor: Sensor, model: SensorModel, runs: Sequence[PreparedRun]
+) -> OrdinaryLeastSquares:
+    """Return the ordinary least squares of one sensor under the fitted noise.
+
+    On block means, whose slow part is that of the samples.
     """
     assert model.noise is not None  # noqa: S101 (every fit has one)
-    normal: FloatArray = np.zeros((0, 0))
-    spread: list[FloatArray] = []
+    deviations = []
+    for effect, coefficients in zip(effects, model.coefficients, strict=True):
+        known = effect.coefficient_deviations()
+        free = np.full(coefficients.shape, np.inf)
+        deviations.append(free if known is None else np.maximum(known, LEAST_DEVIATION))
+    p = sum(len(d) for d in deviations)
+    normal, spread = np.zeros((p, p)), np.zeros((3, p, p))
     for run in runs:
         columns = np.concatenate([run.columns(e, sensor) for e in effects], axis=1)
         columns = columns - columns.mean(axis=0)
-        turned = []
+        normal += columns.T @ columns
         for axis in range(3):
             noise = mean_autocovariance(model.noise, axis, run.period, int(run.slot[-1]) + 1)
-            turned.append(columns.T @ toeplitz_product(noise, run.slot, columns))
-        normal = columns.T @ columns if not normal.size else normal + columns.T @ columns
-        spread = turned if not spread else [a + b for a, b in zip(spread, turned, strict=True)]
-    scale = np.sqrt(np.diag(normal))
-    inverse = np.linalg.pinv(normal / np.outer(scale, scale), hermitian=True)
-    inverse /= np.outer(scale, scale)
-    p = len(normal)
-    covariance = np.zeros((p, 3, p, 3))
-    for axis in range(3):
-        covariance[:, axis, :, axis] = inverse @ spread[axis] @ inverse
-    full: FloatArray = covariance.reshape(3 * p, 3 * p)
-    return full
+            spread[axis] += columns.T @ toeplitz_product(noise, run.slot, columns)
+    return OrdinaryLeastSquares(normal, spread, np.concatenate(deviations))
