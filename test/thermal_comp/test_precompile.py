@@ -45,6 +45,6 @@ def test_nothing_is_compiled_after_the_precompile_step(bags: Path) -> None:
     )
     answer = json.loads(done.stdout)
     names = {kernel.split(' ')[0].rpartition('.')[2] for kernel in answer['kernels']}
-    assert {'_innovate', '_fill_gains', '_follow', '_play', '_grow_and_melt'} <= names
+    assert {'_innovate', '_fill_gains', '_follow', '_play', '_grow_and_melt', 'far_rows'} <= names
     assert {'find_messages', 'decode_messages', 'read_leaves'} <= names
     assert answer['later'] == []

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from imu_recording import ImuRecording, read_bag, write_bag
+from thermal_comp.data.quality import far_rows
 from thermal_comp.effects.operators import follow, grow_and_melt, play
 from thermal_comp.linear.whitening import apply_gains, apply_transposed, innovation_gains
 from thermal_comp.model.values import NoiseModel
@@ -29,6 +30,7 @@ def precompile() -> None:
     play(values, 1.0)
     follow(time, values, 10.0)
     grow_and_melt(time, values, 10.0, 10.0)
+    far_rows(np.ones((ROWS, 3)), np.ones(3))
     noise = NoiseModel(np.ones(3), np.array([60.0, 600.0]), np.ones((2, 3)))
     slot = np.delete(np.arange(ROWS + 1, dtype=np.int64), 3)
     gains = innovation_gains(slot, noise, 0, 3.0)

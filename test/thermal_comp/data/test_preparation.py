@@ -198,3 +198,25 @@ def test_cycles_without_a_set_point_are_found_in_the_temperature() -> None:
     assert any('3 thermal cycles are found in the temperature' in note for note in run.notes)
     (ramp,) = prepare([replace(still(3.0, 1.0), temperature=np.linspace(10.0, 60.0, 10800))])
     assert not ramp.has_cycles
+
+
+@pytest.mark.parametrize(
+    ('field', 'value'),
+    [
+        ('linear_acceleration', 30.0),
+        ('angular_velocity', 30.0),
+        ('magnetic_field', 9e-3),
+        ('temperature', 150.0),
+    ],
+)
+def test_single_damaged_values_spoil_no_block(field: str, value: float) -> None:
+    clean = still(1.0, 10.0)
+    values = getattr(clean, field).copy()
+    values[(9000, 1) if values.ndim > 1 else 9000] = value
+    wanted, found = prepare([clean])[0], prepare([replace(clean, **{field: values})])[0]
+    for sensor, noise in (('accelerometer', 1e-2), ('gyroscope', 1e-4), ('magnetometer', 1e-7)):
+        shift = np.abs(found.measured[sensor] - wanted.measured[sensor])
+        assert shift.max() < 0.2 * noise
+    assert np.abs(found.temperature - wanted.temperature).max() < 0.02
+    assert any(f'{field}: 1 of 36000 rows far from both neighbours' in n for n in found.notes)
+    assert not any('far from' in note for note in wanted.notes)

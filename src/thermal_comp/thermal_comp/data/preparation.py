@@ -28,6 +28,7 @@ from thermal_comp.data.conditions import (
     mounting_rotation,
     static_conditions,
 )
+from thermal_comp.data.quality import without_spikes
 from thermal_comp.data.startup import cut_startup
 from thermal_comp.effects.effect import Effect
 
@@ -170,8 +171,12 @@ def prepare_run(
     """Return the prepared run of one recording."""
     if len(recording) < 2:
         raise RecordingError(f'{name}: {len(recording)} samples; a run needs more')
-    whole, recording = recording, _measured_temperature(cut_startup(recording))
+    whole, recording = recording, cut_startup(recording)
     notes = list(recording.notes)
+    if truth is resting:  # what moves may well leave its neighbours for one sample
+        recording, damaged = without_spikes(recording)
+        notes += damaged
+    recording = _measured_temperature(recording)
     origin = int(whole.stamp[0])
     fine, counted = _fine(recording, origin, full_rate=period <= 0)
     sampled = len(fine) == len(recording)

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from imu_recording.jit import njit
 from imu_recording.plausibility import FACTORS, rate_at_rest
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
 from numpy.typing import NDArray
@@ -27,6 +28,8 @@ SPIKE_SIGMA = 9.0
 SLOW_SPIKE_SIGMA = 14.0
 """The same for rows slower than SLOW_S, between which switches of the chamber show."""
 SLOW_S = 2.0
+LEAST_TEMPERATURE_SPIKE = 3.0
+"""A die does not warm by so much for one sample [K]."""
 OTHERS_SIGMA = 6.0
 """Other axes stay within this where a bit went wrong on one."""
 PULSE = 0.02
@@ -99,17 +102,62 @@ def spike_rows(values: FloatArray, period: float = 0.0) -> BoolArray:
     limit = SPIKE_SIGMA if period < SLOW_S else SLOW_SPIKE_SIGMA
     centre = some_rows(len(values) - 2) + 1
     jump = values[centre] - 0.5 * (values[centre - 1] + values[centre + 1])
-    known = np.where(np.isfinite(jump).any(axis=0), jump, 0.0)
-    sigma = 1.4826 * np.nanmedian(np.abs(known - np.nanmedian(known, axis=0)), axis=0)
+    sigma = np.array([_robust_sigma(column) for column in jump.T])
     sigma = np.where(sigma > 0.0, sigma, np.inf)
-    for rows in pieces(len(values) - 2):
-        at = rows.start + 1 + _far_rows(values[rows.start : rows.stop + 2], limit * sigma)
+    at = np.flatnonzero(far_rows(np.ascontiguousarray(values), limit * sigma))
+    if len(at):
         before, here, after = values[at - 1], values[at], values[at + 1]
         jump = np.abs(here - 0.5 * (before + after))
         alone = (jump > limit * sigma) & (np.abs(before - after) < 0.5 * jump)
         single = (jump > OTHERS_SIGMA * sigma).sum(axis=1) == 1
         spikes[at] = alone.any(axis=1) & single
     return spikes
+
+
+def temperature_spikes(recording: ImuRecording) -> BoolArray:
+    """Return the rows (n,) whose die temperature leaves that of both neighbours and comes back.
+
+    Neighbours are measurements, not the rows that hold them.
+    """
+    values, measured = recording.temperature, recording.temperature_stamp
+    first = np.arange(len(values))
+    if measured is not None:
+        first = np.flatnonzero(np.diff(measured, prepend=measured[:1] - 1))
+        values = values[first]
+    if len(values) < 5:
+        return np.zeros(len(recording), dtype=bool)
+    centre = some_rows(len(values) - 2) + 1
+    sigma = _robust_sigma(values[centre] - 0.5 * (values[centre - 1] + values[centre + 1]))
+    limit = max(LEAST_TEMPERATURE_SPIKE, SLOW_SPIKE_SIGMA * sigma)
+    spikes = far_rows(np.ascontiguousarray(values)[:, None], np.array([limit]))
+    at = np.flatnonzero(spikes)
+    jump = np.abs(values[at] - 0.5 * (values[at - 1] + values[at + 1]))
+    spikes[at] = np.abs(values[at - 1] - values[at + 1]) < 0.5 * jump
+    rows: BoolArray = np.repeat(spikes, np.diff(np.append(first, len(recording))))
+    return rows
+
+
+def without_spikes(recording: ImuRecording) -> tuple[ImuRecording, list[str]]:
+    """Return the recording of a device at rest without single damaged values, and what was cut."""
+    period = _period(recording)
+    spikes = {
+        name: spike_rows(getattr(recording, name), period) for name in SENSOR_FIELDS.values()
+    }
+    if any(rows.any() for rows in spikes.values()):
+        switched = _switched(recording)
+        spikes = {name: rows & ~switched for name, rows in spikes.items()}
+    spikes['temperature'] = temperature_spikes(recording)
+    notes = []
+    for name, rows in spikes.items():
+        if rows.any():
+            far = getattr(recording, name)[rows]
+            worst = float(far.flat[np.nanargmax(np.abs(far))])
+            notes.append(
+                f'{name}: {int(rows.sum())} of {len(rows)} rows far from both neighbours '
+                f'(up to {worst:.3g}) left out'
+            )
+            recording = _blank(recording, name, rows)
+    return recording, notes
 
 
 def pulsed_rows(channel: FloatArray) -> BoolArray:
@@ -126,10 +174,25 @@ def pulsed_rows(channel: FloatArray) -> BoolArray:
     return pulsed
 
 
-def _far_rows(values: FloatArray, limit: FloatArray) -> NDArray[np.intp]:
-    """Return the inner rows of (n, 3) that differ from the mean of both neighbours by more."""
-    jump = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
-    return np.flatnonzero((jump > limit).any(axis=1))
+def _robust_sigma(values: FloatArray) -> float:
+    """Return 1.4826 times the median absolute deviation of what is finite, 0 for nothing."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return 0.0
+    return 1.4826 * float(np.median(np.abs(known - np.median(known))))
+
+
+@njit
+def far_rows(values: FloatArray, limit: FloatArray) -> BoolArray:
+    """Return the inner rows of (n, k) that differ from the mean of both neighbours by more."""
+    rows, axes = values.shape
+    far = np.zeros(rows, dtype=np.bool_)
+    for row in range(1, rows - 1):
+        for axis in range(axes):
+            between = 0.5 * (values[row - 1, axis] + values[row + 1, axis])
+            if abs(values[row, axis] - between) > limit[axis]:
+                far[row] = True
+    return far
 
 
 def pieces(rows: int, length: int = 1 << 15) -> Iterator[slice]:
