@@ -125,18 +125,28 @@ def _one_clock(name: str, stamp: IntArray, groups: list[FloatArray]) -> tuple[In
 def without_jumps(name: str, samples: Samples) -> Samples:
     """Return the longest stretch of samples between jumps of their stamps; say what is cut.
 
-    A clock that is set while it is recorded, a stamp that was never set and damaged ones leave
-    years between two samples. Raises RecordingError where the samples that stay are spread so
-    thinly that their stamps cannot be right.
-
     >>> years = np.array([5, 6, 1_700_000_000, 1_700_000_001, 1_700_000_002]) * 10**9
     >>> without_jumps('imu', Samples(years, ())).notes[0]
     'imu: stamps jump 1 time, by 53.9 years: 2 of 5 samples outside the longest stretch left out'
     """
-    stamp = samples.stamp
+    kept, note = longest_stretch(name, samples.stamp)
+    if not note:
+        return samples
+    values = tuple(group[kept] for group in samples.values)
+    return Samples(samples.stamp[kept], values, (*samples.notes, note))
+
+
+def longest_stretch(name: str, stamp: IntArray) -> tuple[slice, str]:
+    """Return the rows of the longest stretch between jumps of the stamps, and what is cut.
+
+    A clock that is set while it is recorded, a stamp that was never set and damaged ones leave
+    years between two samples. Raises RecordingError where the samples that stay are spread so
+    thinly that their stamps cannot be right.
+    """
     step = np.diff(stamp) * 1e-9
     usual = float(np.median(step)) if len(step) else 0.0
     jumps = np.flatnonzero(step > max(JUMP_S, JUMP_STEPS * usual))
+    kept, note = slice(0, len(stamp)), ''
     if len(jumps):
         edges = np.array([0, *(jumps + 1), len(stamp)])
         longest = int(np.argmax(np.diff(edges)))
@@ -147,9 +157,7 @@ def without_jumps(name: str, samples: Samples) -> Samples:
             f'{"up to " * (len(jumps) > 1)}{_span(float(step[jumps].max()))}: {left_out} of '
             f'{len(stamp)} samples outside the longest stretch left out'
         )
-        values = tuple(group[kept] for group in samples.values)
-        samples = Samples(stamp[kept], values, (*samples.notes, note))
-        stamp, step = samples.stamp, step[kept.start : kept.stop - 1]
+        stamp, step = stamp[kept], step[kept.start : kept.stop - 1]
     span = float(stamp[-1] - stamp[0]) * 1e-9 if len(stamp) else 0.0
     filled = len(stamp) * max(SLOWEST_S, float(np.median(step)) if len(step) else 0.0)
     if span > EMPTIEST * filled or usual > SLOWEST_SAMPLES_S:
@@ -157,7 +165,7 @@ def without_jumps(name: str, samples: Samples) -> Samples:
             f'{name}: {len(stamp)} samples over {_span(span)}: the stamps cannot be right; were '
             'they damaged, or written in another unit than nanoseconds?'
         )
-    return samples
+    return kept, note
 
 
 def _span(seconds: float) -> str:

@@ -220,3 +220,11 @@ def test_single_damaged_values_spoil_no_block(field: str, value: float) -> None:
     assert np.abs(found.temperature - wanted.temperature).max() < 0.02
     assert any(f'{field}: 1 of 36000 rows far from both neighbours' in n for n in found.notes)
     assert not any('far from' in note for note in wanted.notes)
+
+
+def test_time_and_memory_follow_the_samples_not_the_span() -> None:
+    clean = still(1.0, 1.0)
+    late = np.arange(len(clean)) >= 2400
+    (run,) = prepare([replace(clean, stamp=clean.stamp + late * 400 * 86_400_000_000_000)])
+    assert run.slot[-1] < 2400 // 20
+    assert any('samples: stamps jump 1 time, by 1.1 years: 1200 of' in n for n in run.notes)

@@ -19,6 +19,7 @@ from imu_recording.recording import (
     RecordingError,
     columns_hash,
 )
+from imu_recording.synchronise import longest_stretch
 
 from thermal_comp.data.binning import bin_means, bin_variances
 from thermal_comp.data.conditions import (
@@ -171,7 +172,9 @@ def prepare_run(
     """Return the prepared run of one recording."""
     if len(recording) < 2:
         raise RecordingError(f'{name}: {len(recording)} samples; a run needs more')
-    whole, recording = recording, cut_startup(recording)
+    stretch, jumped = longest_stretch('samples', recording.stamp)
+    whole = recording.rows(stretch).with_notes(jumped) if jumped else recording
+    recording = cut_startup(whole)
     notes = list(recording.notes)
     if truth is resting:  # what moves may well leave its neighbours for one sample
         recording, damaged = without_spikes(recording)
