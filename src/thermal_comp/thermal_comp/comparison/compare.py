@@ -39,6 +39,8 @@ class SensorComparison:
     """Measured minus model, about the mean of each run."""
     held_out_rms: FloatArray
     """On parts the fit of the same effects has not seen, about the level of the rest."""
+    held_out_squares: FloatArray
+    """(k, 3) mean square of `held_out_rms` in each part of each run [unit²]."""
     noise_floor: FloatArray
     """What the noise that was fitted beside the model leads to expect of `held_out_rms`."""
     r_squared: FloatArray
@@ -245,6 +247,7 @@ def _compare_sensor(
         measured_rms=np.sqrt(np.nanmean(measured**2, axis=0)),
         residual_rms=np.sqrt(np.nanmean(residual**2, axis=0)),
         held_out_rms=held.rms(sensor),
+        held_out_squares=_squares(held, sensor),
         noise_floor=floor,
         r_squared=1.0 - np.nansum(residual**2, axis=0) / total,
         where=rank_where(runs, residuals, floor),
@@ -253,6 +256,16 @@ def _compare_sensor(
         modes_before=dwell_modes(measured, phase),
         modes_after=dwell_modes(residual, phase),
     )
+
+
+def _squares(held: HeldOut, sensor: Sensor) -> FloatArray:
+    """Return the (k, 3) mean square of the held-out error in each part of each run."""
+    found: list[FloatArray] = []
+    for (run, s), errors in held.errors.items():
+        if s == sensor:
+            part = np.where(np.isfinite(errors).all(axis=1), held.parts[run], 0)
+            found += [(errors[part == p] ** 2).mean(axis=0) for p in np.unique(part[part > 0])]
+    return np.array(found).reshape(-1, 3)
 
 
 def _tests(runs: Sequence[FloatArray]) -> tuple[Gaussianity, ...]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from thermal_comp.data.binning import vibration_of
 from thermal_comp.data.conditions import SENSORS, Conditions, Sensor, field_conditions
-from thermal_comp.effects.effect import Effect, State
+from thermal_comp.effects.effect import Effect, State, columns_from
 from thermal_comp.model.file import check_device, model_label
 from thermal_comp.model.values import SensorModel, ThermalModel
 
@@ -101,7 +101,7 @@ def sensor_error(
         first = 0 if unknown is None else int(np.argmin(unknown))
         if unknown is None or not unknown[first]:
             part = conditions.rows(slice(first, None)) if first else conditions
-            columns, history[k] = _columns(effect, part, plan, history[k])
+            columns, history[k] = columns_from(effect, part, (plan.low, plan.high), history[k])
             if unknown is not None and unknown[first:].any():
                 gap = unknown[first:].reshape(-1, *[1] * (columns.ndim - 1))
                 columns = np.where(gap, 0.0, columns)
@@ -116,26 +116,6 @@ def sensor_error(
         covariance = jacobian @ plan.covariance @ jacobian.transpose(0, 2, 1)
     covariance[:, [0, 1, 2], [0, 1, 2]] += variance
     return SensorError(error, covariance, beyond != 0.0, skipped, tuple(history))
-
-
-EDGE_K = 0.01
-"""Step within the fitted range over which a slope at its edge is taken [K]."""
-
-
-def _columns(
-    effect: Effect, conditions: Conditions, plan: SensorPlan, state: State | None
-) -> tuple[FloatArray, State | None]:
-    """Return the columns and the history; what bends runs straight on outside the range."""
-    temperature = conditions.temperature
-    held = np.minimum(np.maximum(temperature, plan.low), plan.high)
-    beyond = temperature - held
-    if not effect.bends or not beyond.any():
-        return effect.columns(conditions, state)
-    within = held - EDGE_K * np.sign(beyond)
-    at_edge, after = effect.columns(replace(conditions, temperature=held), state)
-    inside, _ = effect.columns(replace(conditions, temperature=within), state)
-    share = (np.abs(beyond) / EDGE_K).reshape(-1, *[1] * (at_edge.ndim - 1))
-    return at_edge + share * (at_edge - inside), after
 
 
 def has_history(model: SensorModel, conditions: Conditions) -> bool:

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from thermal_comp.comparison.compare import Comparison, compare_prepared
-from thermal_comp.comparison.held_out import hold_out
+from thermal_comp.comparison.compare import Comparison, SensorComparison, compare_prepared
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.candidates import families, missing_channels
@@ -23,8 +22,16 @@ from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.effects.empirical_term import Empirical
 from thermal_comp.fitting.empirical import empirical_form
 from thermal_comp.fitting.fit import fit_prepared, usable_sensors
+from thermal_comp.fitting.part_sums import falls
+from thermal_comp.fitting.prediction import predictive_effects
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
-from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel, fitted_shapes
+from thermal_comp.model.values import (
+    ModelError,
+    NoiseModel,
+    Provenance,
+    ThermalModel,
+    fitted_shapes,
+)
 from thermal_comp.noise.of_runs import determined_noise
 from thermal_comp.presentation.notebook import Presented
 
@@ -43,7 +50,9 @@ class Step:
     noise_floor: float
     ambiguous_with: tuple[str, ...] = ()
     empirical: bool = False
-    """Whether no cause is decided: the term only describes what repeats with temperature."""
+    """Whether no cause is decided: what was added only lowers the error on held-out parts."""
+    lowered: bool = True
+    """Whether the held-out error falls by more than chance."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""
@@ -55,6 +64,7 @@ class Step:
             'noise_floor': self.noise_floor,
             'ambiguous_with': list(self.ambiguous_with),
             'empirical': self.empirical,
+            'lowered': self.lowered,
         }
 
 
@@ -108,7 +118,7 @@ def add_effect(
     noise = _noise(runs, model)
     listed = _base(runs, model)
     chosen = _placed(runs, listed, noise, name, settings, sensors)
-    return _grown(model, runs, noise, listed, chosen)
+    return _grown(model, runs, noise, listed, {s: (e,) for s, e in chosen.items()})
 
 
 def grow(
@@ -118,11 +128,13 @@ def grow(
     report: Callable[[str], None] = lambda _: None,
     *,
     named_only: bool = False,
+    candidates: Mapping[Sensor, Sequence[tuple[str, ...]]] | None = None,
 ) -> Growth:
     """Diagnose and add the strongest effect, again and again, until nothing can be named.
 
-    What is left is described by the empirical term where that lowers the held-out error by more
-    than chance; not with `named_only`.
+    What is left is taken out by whatever lowers the held-out error by more than chance: effects
+    whose cause is undecided, then the empirical term; not with `named_only`. `candidates` are
+    sets of effects by sensor that are tried whole.
     """
     noise = _noise(runs, model)
     steps: list[Step] = []
@@ -139,14 +151,15 @@ def grow(
         listed = _base(runs, current)
         assert found.name is not None  # noqa: S101 (findings of kind effect have one)
         chosen = _placed(runs, listed, noise, found.name, settings, names)
-        growth = _grown(current, runs, noise, listed, chosen, found.ambiguous_with)
+        placed = {s: (effect,) for s, effect in chosen.items()}
+        growth = _grown(current, runs, noise, listed, placed, found.ambiguous_with)
         first = first or growth.before
         steps += growth.steps
         current = growth.model
         noise = _noise(runs, current)
     if not named_only:
         report('looking for what repeats without a name …')
-        further = _empirical(current, runs, noise)
+        further = _predictive(current, runs, settings, candidates or {})
         if further is not None:
             growth, first = further, first or further.before
             steps += further.steps
@@ -160,36 +173,39 @@ def grow(
     return Growth(growth.model, first, growth.after, tuple(steps), growth.unneeded, diagnosis)
 
 
-def _empirical(
-    model: ThermalModel | None, runs: Sequence[PreparedRun], noise: Mapping[Sensor, NoiseModel]
+def _predictive(
+    model: ThermalModel | None,
+    runs: Sequence[PreparedRun],
+    settings: Settings,
+    candidates: Mapping[Sensor, Sequence[tuple[str, ...]]],
 ) -> Growth | None:
-    """Return the model with the empirical term where held-out parts confirm it; None: nowhere."""
-    listed = _base(runs, model)
-    chosen: dict[Sensor, Effect] = {}
-    for sensor, effects in listed.items():
-        known = [e for e in effects if not isinstance(e, Empirical)]
-        form = empirical_form(runs, sensor, known, noise[sensor]) if sensor in noise else None
-        if form is None or len(known) < len(effects) or any(e.coupled for e in known):
-            continue
-        alone = {sensor: noise[sensor]}
-        before = hold_out(runs, {sensor: effects}, alone)
-        if before.falls_to(hold_out(runs, {sensor: (*effects, form)}, alone), sensor):
-            chosen[sensor] = form
-    if not chosen:
-        return None
-    grown = _grown(model, runs, noise, listed, chosen)
-    steps = tuple(
-        replace(
-            grown.steps[0],
-            sensors=(sensor,),
-            error_before=_rms([grown.before.sensors[sensor].held_out_rms]),
-            error_after=_rms([grown.after.sensors[sensor].held_out_rms]),
-            noise_floor=_rms([grown.after.sensors[sensor].noise_floor]),
-            empirical=True,
+    """Return the model with what lowers the held-out error, cause undecided; None: nothing."""
+    listed, noise = _base(runs, model), _noise(runs, model)
+    tried = [s for s in noise if not any(_shared_or_empirical(e) for e in listed[s])]
+    chosen = {
+        s: predictive_effects(
+            runs, s, listed[s], noise[s], settings.catalogue, candidates.get(s, ())
         )
-        for sensor in chosen
-    )
-    return replace(grown, steps=steps)
+        for s in tried
+    }
+    beside = {s: (*listed[s], *chosen.get(s, ())) for s in listed}
+    if any(chosen.values()):
+        fitted = fit_prepared(beside, runs, noise=noise)
+        beside = {s: fitted.sensors[s].effects for s in listed}
+        noise = determined_noise(runs, beside)[0]
+    forms = {s: empirical_form(runs, s, beside[s], noise[s]) for s in tried if s in noise}
+    added = {
+        s: (*beside[s][len(listed[s]) :], *([form] if (form := forms.get(s)) else []))
+        for s in tried
+    }
+    added = {s: effects for s, effects in added.items() if effects}
+    if not added:
+        return None
+    return _grown(model, runs, noise, listed, added, empirical=True)
+
+
+def _shared_or_empirical(effect: Effect) -> bool:
+    return effect.coupled or isinstance(effect, Empirical)
 
 
 def _noise(runs: Sequence[PreparedRun], model: ThermalModel | None) -> dict[Sensor, NoiseModel]:
@@ -239,29 +255,59 @@ def _grown(
     runs: Sequence[PreparedRun],
     noise: Mapping[Sensor, NoiseModel],
     listed: Listed,
-    chosen: Mapping[Sensor, Effect],
+    chosen: Mapping[Sensor, Sequence[Effect]],
     ambiguous_with: tuple[str, ...] = (),
+    *,
+    empirical: bool = False,
 ) -> Growth:
+    """Return the model with the chosen effects; `empirical`: a step a sensor, shapes stand."""
     new: Listed = {
-        s: joined_effects([*effects, *([chosen[s]] if s in chosen else [])])
-        for s, effects in listed.items()
+        s: joined_effects([*effects, *chosen.get(s, ())]) for s, effects in listed.items()
     }
     plain = fit_prepared(listed, runs, noise=noise, refine=False)
-    grown = fit_prepared(new, runs, noise=noise)
+    grown = fit_prepared(new, runs, noise=noise, refine=not empirical)
     after = compare_prepared(grown, runs)
     before = compare_prepared(plain, runs, noise=noise)
-    effect = next(iter(chosen.values()))
-    named = tuple(chosen)
-    step = Step(
-        effect.name,
-        named,
-        _rms([before.sensors[s].held_out_rms for s in named[:1]]),
-        _rms([after.sensors[s].held_out_rms for s in named[:1]]),
-        _rms([after.sensors[s].noise_floor for s in named[:1]]),
-        ambiguous_with,
+    names = {s: ' + '.join(effect.name for effect in effects) for s, effects in chosen.items()}
+    if empirical:
+        grown = replace(grown, provenance=_labelled(grown.provenance, names))
+    groups = [(s,) for s in chosen] if empirical else [tuple(chosen)]
+    steps = tuple(
+        _step(before.sensors[g[0]], after.sensors[g[0]], names[g[0]], g, ambiguous_with, empirical)
+        for g in groups
     )
-    history = (model or plain).succeeded_by(grown)
-    return Growth(history, before, after, (step,), _unneeded(runs, grown, noise, effect.name))
+    unneeded = () if empirical else _unneeded(runs, grown, noise, next(iter(names.values())))
+    return Growth((model or plain).succeeded_by(grown), before, after, steps, unneeded)
+
+
+def _labelled(provenance: Provenance, names: Mapping[Sensor, str]) -> Provenance:
+    """Return the provenance with a note on what was added without a cause."""
+    notes = (
+        f'{s}: {added} lowers the held-out error; cause undecided' for s, added in names.items()
+    )
+    return replace(provenance, notes=(*provenance.notes, *notes))
+
+
+def _step(
+    before: SensorComparison,
+    after: SensorComparison,
+    added: str,
+    sensors: tuple[Sensor, ...],
+    ambiguous_with: tuple[str, ...],
+    empirical: bool,
+) -> Step:
+    """Return the step the held-out error takes on the first of the sensors."""
+    one, two = ((c.held_out_squares / before.noise_floor**2).mean(axis=1) for c in (before, after))
+    return Step(
+        added,
+        sensors,
+        _rms(before.held_out_rms),
+        _rms(after.held_out_rms),
+        _rms(after.noise_floor),
+        ambiguous_with,
+        empirical,
+        lowered=falls(one, two),
+    )
 
 
 def _unneeded(
@@ -290,5 +336,5 @@ def _unneeded(
     return tuple(found)
 
 
-def _rms(per_axis: Sequence[np.ndarray]) -> float:
-    return float(np.sqrt(np.mean(np.square(np.concatenate(per_axis)))))
+def _rms(per_axis: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(per_axis))))

@@ -269,6 +269,29 @@ def _columns_at(effect: Effect, name: str, conditions: Conditions, value: float)
     return replace(effect, **shape).columns(conditions)[0]
 
 
+EDGE_K = 0.01
+"""Step within a range over which a slope at its edge is taken [K]."""
+
+
+def columns_from(
+    effect: Effect, conditions: Conditions, span: tuple[float, float], state: State | None = None
+) -> tuple[FloatArray, State | None]:
+    """Return the columns of a model that was fitted within a span of temperature [°C].
+
+    What bends runs straight on outside it.
+    """
+    temperature = conditions.temperature
+    held = np.minimum(np.maximum(temperature, span[0]), span[1])
+    beyond = temperature - held
+    if not effect.bends or not beyond.any():
+        return effect.columns(conditions, state)
+    within = held - EDGE_K * np.sign(beyond)
+    at_edge, after = effect.columns(replace(conditions, temperature=held), state)
+    inside, _ = effect.columns(replace(conditions, temperature=within), state)
+    share = (np.abs(beyond) / EDGE_K).reshape(-1, *[1] * (at_edge.ndim - 1))
+    return at_edge + share * (at_edge - inside), after
+
+
 def contains(richer: Effect | type[Effect], effect: Effect | type[Effect]) -> bool:
     """Tell whether an effect is a special case of another, by the word of either."""
     return richer.name in effect.contained_in or effect.name in richer.contains

@@ -46,7 +46,7 @@ class Empirical(Effect):
     middle: float = shape_parameter(20.0, unit='°C', bounds=(-100.0, 150.0), given=True)
     half_range: float = shape_parameter(30.0, unit='K', bounds=(1.0, 150.0), given=True)
     deviations: tuple[float, ...] = shape_parameter(
-        (1.0,) * 12, unit='1', bounds=(0.0, 1e6), given=True
+        (1.0,) * 3 * (int(GROUPS[-1]) + 1), unit='1', bounds=(0.0, 1e6), given=True
     )
     """Prior standard deviations of the coefficients: group by group, each of three axes [unit]."""
 
@@ -83,7 +83,7 @@ class Empirical(Effect):
     ) -> tuple[FloatArray, State | None]:
         """Return (n, 31) columns [1]: polynomials, lags, branches, decays since power-on."""
         time, temperature = conditions.time, conditions.temperature
-        lag_states, play_states = state if state is not None else ((None,) * 10, (None,) * 5)
+        lag_states, play_states = state or ((None,) * len(LAGS_S), (None,) * len(HALF_WIDTHS_K))
         x = np.clip((temperature - self.middle) / self.half_range, -1.0, 1.0)
         every = legendre.legvander(x, DEGREES[-1])[:, DEGREES[0] :]
         curves = every * (2.0 / np.array(DEGREES)) ** 2
@@ -106,4 +106,4 @@ class Empirical(Effect):
 
     def coefficient_deviations(self) -> FloatArray:
         """Return (p, 3) prior standard deviations of the coefficients [unit]."""
-        return np.array(self.deviations).reshape(4, 3)[GROUPS]
+        return np.array(self.deviations).reshape(-1, 3)[GROUPS]

@@ -26,11 +26,12 @@ def growth_text(content: Mapping[str, Any]) -> str:
         )
         rivals = step['ambiguous_with']
         doubt = f' (or {" or ".join(rivals)}: cannot be told apart here)' if rivals else ''
-        added = 'an empirical term, cause undecided,' if step.get('empirical') else step['added']
+        added = f'{step["added"]}, cause undecided,' if step['empirical'] else step['added']
         lines.append(
             f'added {added} to the {step["sensor"]}{doubt}: held-out error '
             f'{before} → {after} {unit.unit}, noise floor {floor} '
             f'({step["error_after"] / step["noise_floor"]:.2f} floors are left)'
+            f'{"" if step["lowered"] else ": no gain on held-out parts beyond chance"}'
         )
     if not content['steps']:
         lines.append('nothing was added')

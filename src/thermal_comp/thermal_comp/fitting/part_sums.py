@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sums of products over parts of runs: fits without a part, and its error, without its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from imu_recording.recording import FloatArray, IntArray
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.effects.effect import Effect, columns_from
+from thermal_comp.linear.columns import orthonormal, per_axis, project_out
+from thermal_comp.linear.normal_equations import pseudo_solve
+from thermal_comp.linear.whitening import apply_gains, innovation_gains
+from thermal_comp.model.values import NoiseModel
+
+BLOCKS_PER_RUN = 5
+"""Contiguous parts of a run where its thermal cycles are too few to hold out in turn."""
+LEAST_PARTS = 3
+"""Parts held out from which anything is said."""
+CHANCE = 0.01
+"""Probability that chance alone passes for a fall of the error on held-out parts."""
+LEAST_FALL = 0.05
+"""Fall of the held-out rms that is worth another term, as a share."""
+
+
+def falls(before: FloatArray, after: FloatArray) -> bool:
+    """Tell whether mean squares over k parts fall: by more than chance, and worth it.
+
+    Student's t of ln(before / after) over the parts, and the rms over all of them.
+    """
+    if len(before) < LEAST_PARTS or after.sum() > (1.0 - LEAST_FALL) ** 2 * before.sum():
+        return False
+    gain = np.log(np.maximum(before, 1e-300) / np.maximum(after, 1e-300))
+    spread = float(gain.std(ddof=1)) / np.sqrt(len(gain))
+    return bool(float(gain.mean()) > float(stdtrit(len(gain) - 1, 1.0 - CHANCE)) * spread)
+
+
+@dataclass(frozen=True, eq=False)
+class PartSums:
+    """Products of levels, columns and the measured values over k pieces: parts of runs.
+
+    A piece is whitened by itself, so that no other piece knows anything of it.
+    """
+
+    white: FloatArray
+    """(3, k, q, q) whitened; the measured values come last."""
+    plain: FloatArray
+    """(3, k, q, q) as they are, less what only the piece itself can tell."""
+    rows: IntArray
+    """(k,) blocks of each piece."""
+    part: IntArray
+    """(k,) held out together; 0 is never held out."""
+    run: IntArray
+    """(k,)."""
+    known: IntArray
+    """Columns of every fit: levels of the runs and the effects of the model."""
+    places: Mapping[Effect, IntArray]
+    """Columns of each further effect."""
+    variance: FloatArray
+    """(3,) of the noise of a block [unit²]."""
+
+    def parts(self) -> list[int]:
+        """Return the parts that are held out in turn."""
+        return sorted({int(p) for p in self.part if p > 0})
+
+    def training(self, part: int) -> FloatArray:
+        """(3, q, q) whitened sums over all pieces but those of one part; of all for part 0."""
+        kept = (self.part != part) if part else np.ones(len(self.part), dtype=bool)
+        total: FloatArray = self.white[:, kept].sum(axis=1)
+        return total
+
+    def held_out(self, part: int) -> NDArray[np.intp]:
+        """Return the pieces of a part whose level the rest of the run tells."""
+        told = {int(r) for r in self.run[self.part != part]}
+        own = (self.part == part) & np.array([int(r) in told for r in self.run])
+        return np.flatnonzero(own)
+
+    def errors(self, part: int, columns: IntArray, penalty: FloatArray) -> FloatArray:
+        """(pieces of the part, 3) mean square of what a fit to the rest leaves [unit²].
+
+        `penalty` (3, columns) is added to the diagonal of the normal equations.
+        """
+        sums, pieces = self.training(part), self.held_out(part)
+        found = np.empty((len(pieces), 3))
+        for axis in range(3):
+            normal = sums[axis][np.ix_(columns, columns)] + np.diag(penalty[axis])
+            answer = pseudo_solve(normal, sums[axis][columns, -1:])[0][:, 0]
+            weights, place = np.append(-answer, 1.0), np.append(columns, sums.shape[1] - 1)
+            blocks = self.plain[axis][pieces][:, place[:, None], place]
+            found[:, axis] = np.einsum('i,kij,j->k', weights, blocks, weights)
+        return np.maximum(found, 0.0) / self.rows[pieces, None]
+
+
+def part_sums(
+    runs: Sequence[PreparedRun],
+    sensor: Sensor,
+    known: Sequence[Effect],
+    further: Sequence[Effect],
+    noise: NoiseModel,
+) -> PartSums:
+    """Return the sums over the parts of the runs; `known` effects are in every fit."""
+    groups = _parts_of(runs, sensor)
+    stacked = [_columns(runs, sensor, effect) for effect in (*known, *further)]
+    starts = np.cumsum([len(runs), *(parts[0].shape[2] for parts in stacked)])
+    width = int(starts[-1]) + 1
+    own = [
+        j
+        for k, effect in enumerate(known)
+        if effect.per_run
+        for j in range(int(starts[k]), int(starts[k + 1]))
+    ]
+    white, plain, rows, part, number = [], [], [], [], []
+    for r, run in enumerate(runs):
+        measured = run.measured[sensor]
+        valid = np.isfinite(measured).all(axis=1)
+        level = np.nanmean(measured, axis=0)
+        for p in np.unique(groups[r][valid]).tolist():
+            here = valid & (groups[r] == p)
+            table = np.zeros((3, int(here.sum()), width))
+            table[:, :, r] = 1.0
+            for k, parts in enumerate(stacked):
+                table[:, :, starts[k] : starts[k + 1]] = parts[r][here].transpose(1, 0, 2)
+            table[:, :, -1] = (measured[here] - level).T
+            whitened = np.stack(
+                [
+                    apply_gains(
+                        table[axis], innovation_gains(run.slot[here], noise, axis, run.period)
+                    )
+                    for axis in range(3)
+                ]
+            )
+            for k, effect in enumerate((*known, *further)):
+                if effect.bends:
+                    straight = _straight(run, effect, sensor, _span(runs, groups, p))
+                    table[:, :, starts[k] : starts[k + 1]] = straight[here].transpose(1, 0, 2)
+            for axis in range(3) if own else ():
+                table[axis] = project_out(orthonormal(table[axis][:, own]), table[axis])
+            white.append(whitened.transpose(0, 2, 1) @ whitened)
+            plain.append(table.transpose(0, 2, 1) @ table)
+            rows.append(int(here.sum()))
+            part.append(p)
+            number.append(r)
+    places = {
+        effect: np.arange(starts[len(known) + k], starts[len(known) + k + 1])
+        for k, effect in enumerate(further)
+    }
+    return PartSums(
+        np.stack(white, axis=1),
+        np.stack(plain, axis=1),
+        np.array(rows),
+        np.array(part),
+        np.array(number),
+        np.arange(starts[len(known)]),
+        places,
+        noise.variance_of_means(runs[0].period),
+    )
+
+
+def reduced(sums: FloatArray, known: IntArray) -> FloatArray:
+    """Return the (q, q) sums with some columns taken out of all."""
+    answer, _ = pseudo_solve(sums[np.ix_(known, known)], sums[known])
+    left: FloatArray = sums - sums[:, known] @ answer
+    return left
+
+
+def _parts_of(runs: Sequence[PreparedRun], sensor: Sensor) -> list[IntArray]:
+    """Return (m,) part of each block of each run: its cycles, or contiguous blocks if few."""
+    groups = [run.cv_group for run in runs]
+    found = sum(
+        len(np.unique(group[(group > 0) & np.isfinite(run.measured[sensor]).all(axis=1)]))
+        for run, group in zip(runs, groups, strict=True)
+    )
+    if found >= LEAST_PARTS:
+        return groups
+    return [1 + np.arange(len(run)) * BLOCKS_PER_RUN // len(run) for run in runs]
+
+
+def _span(
+    runs: Sequence[PreparedRun], groups: Sequence[IntArray], part: int
+) -> tuple[float, float]:
+    """Return the temperatures of the blocks outside a part [°C]."""
+    seen = np.concatenate(
+        [run.temperature[g != part] for run, g in zip(runs, groups, strict=True)]
+    )
+    return (float(seen.min()), float(seen.max())) if len(seen) else (-np.inf, np.inf)
+
+
+def _straight(
+    run: PreparedRun, effect: Effect, sensor: Sensor, span: tuple[float, float]
+) -> FloatArray:
+    """Return the (m, 3, p) columns as a model has them that was fitted within a span [°C]."""
+    columns, _ = columns_from(effect, run.conditions.of(sensor), span)
+    return per_axis(run.block_mean(columns))[0]
+
+
+def _columns(runs: Sequence[PreparedRun], sensor: Sensor, effect: Effect) -> list[FloatArray]:
+    """Return the (m, 3, p) columns of an effect in each run; per run, each has its own."""
+    parts = [per_axis(run.columns(effect, sensor))[0] for run in runs]
+    if not effect.per_run:
+        return parts
+    width = sum(part.shape[2] for part in parts)
+    whole = []
+    start = 0
+    for part in parts:
+        wide = np.zeros((len(part), 3, width))
+        wide[:, :, start : start + part.shape[2]] = part
+        start += part.shape[2]
+        whole.append(wide)
+    return whole

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Effects that lower the error on held-out parts, whatever the cause: forward selection.
+
+Forms of an effect are chosen anew without each part that is held out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from imu_recording.recording import FloatArray, IntArray
+
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.effects.effect import Campaign, Effect
+from thermal_comp.fitting.part_sums import LEAST_FALL, PartSums, falls, part_sums, reduced
+from thermal_comp.model.values import NoiseModel
+
+MOST_EFFECTS = 3
+"""Effects whose cause is undecided that a sensor gets at most."""
+LEAST_NEW_POWER = 1e-6
+"""Share of a column's power that the others must leave, or it brings nothing new."""
+
+Forms = Mapping[str, Sequence[Effect]]
+"""The forms of each effect that are tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """Effects beside those of the model, and the mean squares they leave on held-out pieces."""
+
+    names: tuple[str, ...]
+    chosen: Mapping[int, tuple[Effect, ...]]
+    """The forms by the part that was held out; 0: none was."""
+    errors: FloatArray
+    """(k, 3) [unit²]."""
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Return the effects in the forms that fit all parts best."""
+        return self.chosen[0]
+
+    @property
+    def size(self) -> int:
+        """Return how many numbers they take: columns and shape parameters."""
+        return sum(len(effect.coefficient_units) + effect.free_shapes for effect in self.effects)
+
+
+def predictive_effects(
+    runs: Sequence[PreparedRun],
+    sensor: Sensor,
+    known: Sequence[Effect],
+    noise: NoiseModel,
+    catalogue: Mapping[str, type[Effect]],
+    candidates: Sequence[tuple[str, ...]] = (),
+) -> tuple[Effect, ...]:
+    """Return the effects beside the `known` ones that lower the held-out error most.
+
+    One effect is added after the other, at most MOST_EFFECTS, while the error falls by more than
+    chance and on no axis rises; sets of names that are given as `candidates` are tried whole.
+    """
+    forms = usable_forms(runs, sensor, known, catalogue)
+    if not forms:
+        return ()
+    every = dict.fromkeys(p for some in forms.values() for form in some for p in form.parts())
+    sums = part_sums(runs, sensor, known, tuple(every), noise)
+    start = _with(sums, forms, None, ())
+    best = current = start
+    for _ in range(MOST_EFFECTS):
+        tried = [
+            _with(sums, forms, current, (name,)) for name in forms if name not in current.names
+        ]
+        further = _best(sums, current, tried)
+        if further is None:
+            break
+        best = current = further
+    whole = [_with(sums, forms, start, names) for names in candidates if set(names) <= set(forms)]
+    better = _best(sums, start, [s for s in whole if _total(sums, s) < _total(sums, best)])
+    return (better or best).effects
+
+
+def usable_forms(
+    runs: Sequence[PreparedRun],
+    sensor: Sensor,
+    known: Sequence[Effect],
+    catalogue: Mapping[str, type[Effect]],
+) -> Forms:
+    """Return the forms of the device effects of temperature and its history that can be tried."""
+    campaign = Campaign(
+        cycles=max(int(run.cycle.max()) for run in runs),
+        durations=tuple(float(run.time[-1]) for run in runs),
+        spectral_lines=list,
+        step_times=list,
+    )
+    there = {effect.name for effect in known}
+    forms = {
+        name: [c.effect for c in effect.search_grid(campaign) if c.run is None]
+        for name, effect in catalogue.items()
+        if effect.searched
+        and effect.kind == 'device'
+        and sensor in effect.sensors
+        and name not in there
+        and not (effect.per_run or effect.coupled or effect.time_only)
+        and all(run.conditions.has(c) for c in effect.channels for run in runs)
+    }
+    return {name: some for name, some in forms.items() if some}
+
+
+def _best(sums: PartSums, before: Selection, tried: Sequence[Selection]) -> Selection | None:
+    """Return the smallest of those that lower the held-out error most; None: none lowers it."""
+    lower = [
+        s
+        for s in tried
+        if _falls(sums, before, s)
+        and (s.errors.sum(axis=0) <= (1.0 + LEAST_FALL) ** 2 * before.errors.sum(axis=0)).all()
+    ]
+    least = min(lower, key=lambda s: _total(sums, s), default=None)
+    if least is None:
+        return None
+    alike = [s for s in lower if s is least or not _falls(sums, s, least)]
+    return min(alike, key=lambda s: (s.size, _total(sums, s)))
+
+
+def _falls(sums: PartSums, before: Selection, after: Selection) -> bool:
+    """Tell whether the errors of all axes together fall, in units of their noise."""
+    one, two = ((s.errors / sums.variance).mean(axis=1) for s in (before, after))
+    return falls(one, two)
+
+
+def _total(sums: PartSums, selection: Selection) -> float:
+    return float((selection.errors / sums.variance).sum())
+
+
+def _with(
+    sums: PartSums, forms: Forms, before: Selection | None, names: Sequence[str]
+) -> Selection:
+    """Return a selection with further effects, each in its best form for the rest of the parts."""
+    chosen: dict[int, tuple[Effect, ...]] = {}
+    errors = []
+    for part in (0, *sums.parts()):
+        effects = before.chosen[part] if before else ()
+        training = sums.training(part)
+        for name in names:
+            effects = (*effects, _best_form(sums, training, effects, forms[name]))
+        chosen[part] = effects
+        if part:
+            columns = columns_of(sums, effects)
+            errors.append(sums.errors(part, columns, np.zeros((3, len(columns)))))
+    listed = (*(before.names if before else ()), *names)
+    return Selection(listed, chosen, np.concatenate(errors))
+
+
+def columns_of(sums: PartSums, effects: Sequence[Effect]) -> IntArray:
+    """Return the columns of the known effects and of these."""
+    parts = dict.fromkeys(part for effect in effects for part in effect.parts())
+    return np.concatenate([sums.known, *(sums.places[part] for part in parts)])
+
+
+def _best_form(
+    sums: PartSums, training: FloatArray, beside: Sequence[Effect], forms: Sequence[Effect]
+) -> Effect:
+    """Return the form that lowers the sum of squares of the training parts most."""
+    if len(forms) == 1:
+        return forms[0]
+    known = columns_of(sums, beside)
+    left = [reduced(training[axis], known) for axis in range(3)]
+    places = [np.concatenate([sums.places[part] for part in form.parts()]) for form in forms]
+    gains = np.zeros(len(forms))
+    for width in {len(place) for place in places}:
+        which = [k for k, place in enumerate(places) if len(place) == width]
+        at = np.array([places[k] for k in which])
+        for axis in range(3):
+            full = np.diag(training[axis])[at]
+            normal = left[axis][at[:, :, None], at[:, None, :]]
+            normal[:, np.arange(width), np.arange(width)] += LEAST_NEW_POWER * full + 1e-300
+            moment = left[axis][at, -1]
+            answer = np.linalg.solve(normal, moment[:, :, None])[:, :, 0]
+            gains[which] += (moment * answer).sum(axis=1) - width * np.log(sums.rows.sum())
+    return forms[int(np.argmax(gains))]

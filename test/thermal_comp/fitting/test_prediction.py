@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What lowers the error on held-out parts by more than chance is added, and nothing else."""
+
+import numpy as np
+import pytest
+from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.effects import EFFECTS
+from thermal_comp.fitting.empirical import empirical_form
+from thermal_comp.fitting.part_sums import falls
+from thermal_comp.fitting.prediction import predictive_effects
+from thermal_comp.noise.estimation import fit_noise
+
+from ..campaign import WHITE, chamber, lagging, run
+
+PERIOD = 20.0
+SENSOR = 'gyroscope'
+LINE = EFFECTS['bias_temperature']()
+
+
+def runs_with(law: np.ndarray, axes: tuple[float, float, float]) -> list[PreparedRun]:
+    """Two runs of three cycles whose gyroscope has an error of so many noise densities."""
+    error = {
+        'angular_velocity': np.multiply.outer(law, WHITE['angular_velocity'] * np.array(axes))
+    }
+    return prepare(
+        [
+            run(up, seed=k, cycles=3, period=PERIOD, error=error)
+            for k, up in enumerate(('+x', '+z'))
+        ]
+    )
+
+
+def predicted(runs: list[PreparedRun], **options: object) -> list[str]:
+    noise = fit_noise(runs, SENSOR)
+    found = predictive_effects(runs, SENSOR, [LINE], noise, EFFECTS, **options)
+    return [effect.name for effect in found]
+
+
+@pytest.fixture(scope='module')
+def die() -> np.ndarray:
+    return chamber(3, PERIOD)[1]
+
+
+def test_curvature_and_lag_together_are_found_without_being_named(die: np.ndarray) -> None:
+    law = ((die - 20.0) / 10.0) ** 2 + (lagging(die, 400.0, PERIOD) - die) / 2.0
+    curve, lag = sorted(predicted(runs_with(law, (4.0, -3.0, 3.5))))
+    assert curve == 'bias_temperature_curvature'
+    assert lag in {'thermal_lag', 'thermal_lag_two_stage'}
+
+
+def test_noise_alone_gets_nothing() -> None:
+    runs = prepare([run('+z', seed=k, cycles=3, period=PERIOD) for k in (20, 21)])
+    assert predicted(runs) == []
+    assert empirical_form(runs, SENSOR, [LINE], fit_noise(runs, SENSOR)) is None
+
+
+def test_a_set_that_is_given_is_tried_whole(die: np.ndarray) -> None:
+    runs = runs_with((lagging(die, 400.0, PERIOD) - die) / 2.0, (4.0, -3.0, 3.5))
+    rate = {n: EFFECTS[n] for n in ('thermal_lag', 'temperature_rate')}
+    noise = fit_noise(runs, SENSOR)
+    alone = predictive_effects(runs, SENSOR, [LINE], noise, {}, [('thermal_lag',)])
+    assert alone == ()
+    (lag,) = predictive_effects(runs, SENSOR, [LINE], noise, rate, [('thermal_lag',)])
+    assert lag.shape_parameters['time_constant'] == pytest.approx(400.0, rel=0.4)
+
+
+def test_an_axis_that_feels_nothing_keeps_to_the_line(die: np.ndarray) -> None:
+    runs = runs_with(np.abs(die - 32.0) / 10.0, (4.0, 0.0, 0.0))
+    form = empirical_form(runs, SENSOR, [LINE], fit_noise(runs, SENSOR))
+    assert form is not None
+    widths = form.coefficient_deviations()
+    assert widths[:, 0].any()
+    assert not widths[:, 1:].any()
+
+
+def test_errors_fall_only_by_more_than_chance_and_where_it_is_worth_it() -> None:
+    one = np.ones(6)
+    assert falls(one, 0.5 * one * np.array([1.0, 1.1, 0.9, 1.0, 1.2, 0.8]))
+    assert not falls(one, np.array([0.1, 0.1, 1.3, 1.4, 1.2, 1.1])), 'on two parts alone'
+    assert not falls(one, 0.95 * one), 'by 2.5 % of the rms'
+    assert not falls(one[:2], 0.1 * one[:2]), 'on two parts'
