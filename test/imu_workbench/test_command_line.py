@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import pty
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +17,8 @@ from imu_workbench.commands import COMMANDS
 from imu_workbench.commands.reproduce import simulated_campaign
 from thermal_comp.presentation.diagnosis import VERDICTS
 from thermal_comp.presentation.words import WORDS
+
+from imu_recording import read_bag
 
 WORKBENCH = [sys.executable, '-m', 'imu_workbench']
 
@@ -79,6 +84,74 @@ def test_nothing_that_exists_is_replaced_unasked(
     for force in ([], ['--force']):
         argv = [*simulate, '--orientation', 'x', '-o', str(tmp_path / 'run'), *force]
         assert main(argv) == 0
+
+
+def test_what_is_replaced_stays_until_the_new_bag_is_written(
+    bags: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, out = tmp_path / 'm.yaml', tmp_path / 'out'
+    assert main(['fit', str(bags / 'dut1_x'), '-o', str(model)]) == 0
+    apply = ['apply', str(bags / 'dut1_x'), '--model', str(model), '-o', str(out)]
+    table, mapping = tmp_path / 'a.csv', tmp_path / 'm.csv.yaml'
+    table.write_text('t,a,b,c\n' + ''.join(f'{k},0,0,9.8\n' for k in range(200)))
+    mapping.write_text(
+        'schema: 1\ntime: {column: t}\ncolumns:\n  linear_acceleration: {columns: [a, b, c]}\n'
+    )
+    convert = ['import', str(table), '--mapping', str(mapping), '-o', str(out)]
+    assert main(apply) == 0
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+
+    def full_disk(*_: object, **__: object) -> None:
+        raise OSError(28, 'No space left on device', str(out))
+
+    with monkeypatch.context() as patched:
+        patched.setattr('imu_workbench.commands.apply.write_compensated_copy', full_disk)
+        patched.setattr('imu_workbench.commands.import_csv.write_bag', full_disk)
+        assert main([*apply, '--force']) == main([*convert, '--force']) == 2
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+    assert main([*convert, '--force']) == 0
+    assert len(read_bag(out)) == 200
+    assert {path.name for path in tmp_path.iterdir()} == {
+        'm.yaml', 'out', 'a.csv', 'm.csv.yaml'
+    }  # fmt: skip
+
+
+def test_a_table_that_contradicts_itself_is_a_check_that_does_not_hold(tmp_path: Path) -> None:
+    table = tmp_path / 'table.csv'
+    head = 'dut,quantity,axis,segment,min,max,mean,std\n'
+    table.write_text(head + 'd,acc [m/s²],x,R1,-0.1,0.1,0.0,0.01\n')
+    assert main(['check-tables', str(table)]) == 0
+    table.write_text(head + 'd,acc [m/s²],x,R1,-0.1,0.1,0.5,0.01\n')
+    assert main(['check-tables', str(table)]) == 3
+
+
+LONG_VERBS = (
+    ['simulate', 'paper_betta2022', '--rate', '20', '-o', '{out}'],
+    ['auto', '{bags}/dut1_x', '{bags}/dut1_y', '-o', '{out}.yaml'],
+    ['report', '{bags}/dut1_x', '{bags}/dut1_y', '-o', '{out}.html'],
+)
+
+
+@pytest.mark.parametrize('verb', LONG_VERBS, ids=lambda verb: verb[0])
+def test_ctrl_c_leaves_no_traceback(verb: list[str], bags: Path, tmp_path: Path) -> None:
+    argv = [word.format(bags=bags, out=tmp_path / 'out') for word in verb]
+    terminal, end = pty.openpty()
+    with subprocess.Popen(
+        [*WORKBENCH, *argv], stdin=end, stdout=end, stderr=end, start_new_session=True
+    ) as child:
+        os.close(end)
+        told = b''
+        while '…'.encode() not in told:  # its first line of progress
+            told += os.read(terminal, 1024)
+        os.killpg(child.pid, signal.SIGINT)  # as a terminal sends it, to the workers, too
+        with contextlib.suppress(OSError):  # a closed pseudo-terminal
+            while part := os.read(terminal, 1024):
+                told += part
+        assert child.wait() == 130, told.decode()
+    os.close(terminal)
+    assert 'Traceback' not in told.decode()
+    assert told.decode().rstrip().endswith(f'{verb[0]}: interrupted')
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_plain_or_closed_terminal_is_no_traceback() -> None:

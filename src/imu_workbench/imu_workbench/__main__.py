@@ -8,14 +8,13 @@ and does not hold; 1: a bug, with its traceback. Ctrl-C ends with 130.
 from __future__ import annotations
 
 import os
+import signal
 
 # One thread a process for BLAS, set before numpy is loaded: sensors and workers run side by side,
 # and small matrices shared among threads cost twice the time.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 if __name__ == '__main__':  # Ctrl-C before everything is imported leaves no traceback either
-    import signal
-
     signal.signal(signal.SIGINT, lambda *_: os._exit(130))
 
 import argparse
@@ -154,11 +153,19 @@ def is_users(error: Exception) -> bool:
     return not (isinstance(name, str) and Path(name).resolve().is_relative_to(own))
 
 
+def run_process(argv: list[str]) -> int:
+    """Run one verb as all that this process does; what ends it cannot be interrupted any more."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        return main(argv)
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 def run_verb() -> int:
     """Run the verb that the executable is named after."""
-    return main([Path(sys.argv[0]).name, *sys.argv[1:]])
+    return run_process([Path(sys.argv[0]).name, *sys.argv[1:]])
 
 
 if __name__ == '__main__':
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    sys.exit(main())
+    sys.exit(run_process(sys.argv[1:]))

@@ -16,6 +16,7 @@ import yaml
 from imu_recording.bags.messages import BagMessage, bag_topics, read_messages, write_messages
 from imu_workbench.__main__ import build_parser, main
 from imu_workbench.commands import COMMANDS, options
+from imu_workbench.web.case.tasks import read_task
 from thermal_comp.model.file import load_model
 
 from imu_recording import read_bag, write_bag
@@ -167,6 +168,15 @@ def test_apply_keeps_every_topic_and_adds_its_own(
     assert not read_bag(out, remap=yaml.safe_load(rules.read_text())).compensated
     told = {**remap, 'imu/data_raw': '/imu_compensated/data_raw'}
     assert read_bag(out, remap=told).compensated
+
+
+def test_the_page_reads_a_bag_under_its_own_names(
+    robot: tuple[Path, Path], tmp_path: Path
+) -> None:
+    bag, rules = robot
+    told = build_parser('serve').parse_args(['serve', str(bag), '--topics', str(rules)])
+    (stored,) = read_task(lambda _: None, bag, tmp_path, options.topic_remap(told))
+    assert np.isfinite(stored.recording().temperature).all()
 
 
 def test_a_remapped_imu_is_told_which_temperatures_there_are(

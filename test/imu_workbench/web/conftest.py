@@ -32,7 +32,7 @@ def fitted(tmp_path_factory) -> Fitted:
     bags = [
         bag
         for axis in 'xyz'
-        for bag in read_task(told.append, BAGS / f'hidden_effect_{axis}', folder / axis)
+        for bag in read_task(told.append, BAGS / f'hidden_effect_{axis}', folder / axis, {})
     ]
     prepared = folder / 'prepared.runs'
     line, *_ = first_version_task(told.append, bags, prepared, None, [])

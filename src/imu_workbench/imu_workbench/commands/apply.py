@@ -20,6 +20,7 @@ from imu_workbench.commands.options import (
     add_output_argument,
     claim_output,
     read_recordings,
+    replacing,
     topic_remap,
 )
 
@@ -64,7 +65,8 @@ def run(options: argparse.Namespace) -> Answer:
             temperature_timeout=options.temperature_timeout,
             again='compensated' in options.accept,
         )
-        write_compensated_copy(compensated, bag, target, remap)
+        with replacing(target) as fresh:
+            write_compensated_copy(compensated, bag, fresh, remap)
         notes = compensated.notes  # also of what was left out on reading
         rows.append({
             'bag': recording.source,

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from imu_workbench.answer import Answer
+from imu_workbench.answer import CHECK_FAILED, Answer
 from imu_workbench.tables.check import TableFinding, check_rows, read_table
 
 HELP = 'Find what cannot be in published tables of minimum, maximum, mean and σ.'
@@ -35,7 +35,8 @@ def run(options: argparse.Namespace) -> Answer:
         'rows': len(rows),
         'findings': [finding.to_dict() for finding in findings],
     }
-    return Answer(content, '\n'.join(_lines(f'{options.table}: {len(rows)} rows', findings)))
+    text = '\n'.join(_lines(f'{options.table}: {len(rows)} rows', findings))
+    return Answer(content, text, CHECK_FAILED if findings else 0)
 
 
 def _lines(head: str, findings: Sequence[TableFinding]) -> list[str]:

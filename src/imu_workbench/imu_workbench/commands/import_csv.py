@@ -15,7 +15,12 @@ from thermal_comp.presentation.display import duration, shown
 
 from imu_recording import ImuRecording, write_bag
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.commands.options import add_accept_argument, add_output_argument, claim_output
+from imu_workbench.commands.options import (
+    add_accept_argument,
+    add_output_argument,
+    claim_output,
+    replacing,
+)
 
 HELP = 'Turn a CSV file into a bag; a YAML file maps columns to channels, scales, units, offsets.'
 EPILOG = (
@@ -40,7 +45,8 @@ def run(options: argparse.Namespace) -> Answer:
     show_progress(f'reading {options.csv} …')
     recording = admitted(import_csv(options.csv, options.mapping), options.accept)
     channels = channel_ranges(recording)
-    write_bag(recording, options.output)
+    with replacing(options.output) as fresh:
+        write_bag(recording, fresh)
     seconds = float(recording.time[-1]) if len(recording) else 0.0
     content = {
         'schema': 1,

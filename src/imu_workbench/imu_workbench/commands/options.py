@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import argparse
-import shutil
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import yaml
 from imu_recording.logging_contract import TRACK_OF_TOPIC
@@ -32,6 +33,12 @@ def add_bag_arguments(parser: argparse.ArgumentParser, *, optional: bool = False
     parser.add_argument(
         '--namespace', metavar='/NAME', help='the device to take where a bag holds several'
     )
+    add_topic_arguments(parser)
+    add_accept_argument(parser)
+
+
+def add_topic_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add --topic and --topics, which say under which names a bag holds what is read."""
     parser.add_argument(
         '--topic',
         metavar='NAME:=OTHER',
@@ -45,7 +52,6 @@ def add_bag_arguments(parser: argparse.ArgumentParser, *, optional: bool = False
         type=Path,
         help='file of such rules, one "NAME: OTHER" a line; --topic comes before it',
     )
-    add_accept_argument(parser)
 
 
 def add_accept_argument(parser: argparse.ArgumentParser) -> None:
@@ -190,9 +196,9 @@ def read_devices(
 
 
 def claim_output(target: Path, *, force: bool, folder: bool = False) -> None:
-    """Make way for an output: refuse what exists, unless `force`; a file's folder has to exist.
+    """Refuse an output that exists, unless `force`; a file's folder has to exist.
 
-    With `force` an old bag makes way for a bag (`folder`); no other folder is ever removed.
+    With `force` an old bag makes way for a bag (`folder`); no other folder is ever replaced.
     """
     if not folder and not target.parent.is_dir():
         raise UserError(f'{target}: there is no folder {target.parent}')
@@ -203,5 +209,15 @@ def claim_output(target: Path, *, force: bool, folder: bool = False) -> None:
     if target.is_dir() != folder or (folder and not (target / 'metadata.yaml').is_file()):
         kind = 'a bag' if folder else 'a file'
         raise UserError(f'{target} is not {kind}: --force does not replace it; choose another -o')
-    if folder:
-        shutil.rmtree(target)
+
+
+@contextmanager
+def replacing(target: Path) -> Iterator[Path]:
+    """Give a path for a bag that takes the target's place once it is written, and not before."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(prefix=f'.{target.name}.', dir=target.parent) as folder:
+        fresh = Path(folder) / target.name  # files of a bag are named after their folder
+        yield fresh
+        if target.exists():
+            target.rename(Path(folder) / 'replaced')
+        fresh.rename(target)

@@ -13,7 +13,12 @@ from imu_recording.user_error import UserError
 from thermal_comp.effects.user_effects import effect_catalogue
 
 from imu_workbench.answer import Answer
-from imu_workbench.commands.options import add_effects_argument, add_model_argument
+from imu_workbench.commands.options import (
+    add_effects_argument,
+    add_model_argument,
+    add_topic_arguments,
+    topic_remap,
+)
 
 HELP = 'Serve the workbench, a local web page: see where a model fails, add what is missing.'
 EPILOG = 'example:\n  python -m imu_workbench serve bags/hidden_effect_? --port 8080'
@@ -26,6 +31,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_model_argument(parser, 'model file to begin with; else a line per axis')
     add_effects_argument(parser)
+    add_topic_arguments(parser)
     parser.add_argument(
         '--root',
         metavar='DIR',
@@ -54,6 +60,7 @@ def run(options: argparse.Namespace) -> Answer:
     from imu_workbench.web.server import bind, run_server
 
     effect_catalogue(options.effects)  # refused now rather than in every tab
+    remap = topic_remap(options)
     root = BagRoot.of(options.bags, options.root)
     bags = tuple(bag.absolute() for bag in options.bags)
     model = read_model(options.model) if options.model else None
@@ -67,9 +74,8 @@ def run(options: argparse.Namespace) -> Answer:
         sys.stdout.write(f'workbench at {address} (bags below {root.folder}); Ctrl-C ends it\n')
         sys.stdout.flush()
 
-    run_server(
-        listening, root, Start(bags, model, tuple(options.effects)), token=token, ready=ready
-    )
+    start = Start(bags, model, tuple(options.effects), remap)
+    run_server(listening, root, start, token=token, ready=ready)
     return Answer({'address': address, 'root': str(root.folder)}, '')
 
 

@@ -16,7 +16,12 @@ from imu_recording.user_error import UserError
 
 from imu_recording import ImuRecording, write_bag
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.commands.options import add_effects_argument, add_output_argument, claim_output
+from imu_workbench.commands.options import (
+    add_effects_argument,
+    add_output_argument,
+    claim_output,
+    replacing,
+)
 from imu_workbench.simulate.campaign import ORIENTATIONS, Logging, simulate_campaign, simulate_run
 from imu_workbench.simulate.hidden_effect import (
     TRUTH_FILE,
@@ -101,7 +106,6 @@ def run(options: argparse.Namespace) -> Answer:
         raise UserError(f'{options.output}: holds a hidden effect already; name another folder')
     for path in [options.output] if options.orientation else _paths(options):
         claim_output(path, force=options.force, folder=True)
-    truth.unlink(missing_ok=True)
     if options.hide or options.aged:
         return _hidden(options, logging)
     if options.orientation:
@@ -124,6 +128,7 @@ def run(options: argparse.Namespace) -> Answer:
         seed=options.seed,
         field_jumps=options.field_jumps,
     )
+    truth.unlink(missing_ok=True)
     return _written(_paths(options), recordings)
 
 
@@ -201,8 +206,8 @@ def _written(paths: list[Path], recordings: list[ImuRecording]) -> Answer:
     lines = []
     for path, recording in zip(paths, recordings, strict=True):
         show_progress(f'writing {path} …')
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_bag(recording, path)
+        with replacing(path) as fresh:
+            write_bag(recording, fresh)
         bags.append(
             {
                 'path': str(path),

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +40,8 @@ class Start:
     model_text: str | None = None
     effects: tuple[Path, ...] = ()
     """Files with effects of the user's own."""
+    remap: Mapping[str, str] = field(default_factory=dict)
+    """Names of the logging contract → names in the bags."""
 
 
 class Page:
@@ -49,7 +51,7 @@ class Page:
         self._start = start
         self._look = Look()
         self._dark = ui.dark_mode(None)
-        self._tab = WorkbenchTab(cache, Display(self._show_work, self._say))
+        self._tab = WorkbenchTab(cache, Display(self._show_work, self._say), start.remap)
         self._build()
 
     @contextmanager

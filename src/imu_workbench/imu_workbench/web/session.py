@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -148,8 +148,11 @@ class Display:
 class WorkbenchTab:
     """Actions of the user; one that fails says so on the page and changes nothing."""
 
-    def __init__(self, cache: ResultCache, display: Display) -> None:
+    def __init__(
+        self, cache: ResultCache, display: Display, remap: Mapping[str, str] | None = None
+    ) -> None:
         self.cache = cache
+        self._remap = dict(remap or {})
         self.session = Session()
         self._display = display
 
@@ -192,7 +195,9 @@ class WorkbenchTab:
         folder = self.cache.fresh_path()
         try:
             async with self.cache.exclusive(self.cache.reading, self._display.work):
-                found = await self._do(file_key(located), tasks.read_task, located, folder)
+                found = await self._do(
+                    file_key(located), tasks.read_task, located, folder, self._remap
+                )
         except JobCancelled:
             return []
         return found or []

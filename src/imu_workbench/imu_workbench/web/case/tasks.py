@@ -41,11 +41,16 @@ from imu_workbench.web.case.version import Version, make_version, model_from_tex
 Progress = Callable[[str], None]
 
 
-def read_task(progress: Progress, path: Path, folder: Path) -> list[StoredBag]:
-    """Read a bag and store the recording of each of its devices in a folder below `folder`."""
+def read_task(
+    progress: Progress, path: Path, folder: Path, remap: Mapping[str, str]
+) -> list[StoredBag]:
+    """Read a bag and store the recording of each of its devices in a folder below `folder`.
+
+    `remap` maps names of the logging contract to names in the bag.
+    """
     progress(f'reading {path.name}')
     stored = []
-    for number, recording in enumerate(read_devices(path, None, None, every_device=True)):
+    for number, recording in enumerate(read_devices(path, None, remap, every_device=True)):
         stored.append(store_recording(admitted(recording), folder / str(number)))
     return stored
 
