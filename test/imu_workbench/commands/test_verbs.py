@@ -15,6 +15,7 @@ import pytest
 import yaml
 from imu_recording.bags.messages import BagMessage, bag_topics, read_messages, write_messages
 from imu_workbench.__main__ import build_parser, main
+from imu_workbench.answer import CHECK_FAILED
 from imu_workbench.commands import COMMANDS, options
 from imu_workbench.web.case.tasks import read_task
 from thermal_comp.model.file import load_model
@@ -209,6 +210,28 @@ def test_apply_of_several_writes_one_bag_each(folder: Path, model: Path, tmp_pat
     assert main(['apply', *bags, '--model', str(model), '-o', str(target)]) == 0
     assert sorted(p.name for p in target.iterdir()) == ['dut1', 'second']
     assert main(['apply', *bags, '--model', str(model), '-o', str(target)]) == 2
+
+
+def test_a_model_that_held_out_parts_speak_against_is_saved_by_force_alone(
+    run, tmp_path: Path, capsys
+) -> None:
+    """A slope that turns its sign from cycle to cycle: a line does harm on the one left out."""
+    recording = run('dut1', 'z', cycles=4)
+    sign = np.where(recording.cycle % 2 == 1, 1.0, -1.0) * (recording.cycle > 0)
+    swing = (sign * (recording.temperature - 22.5))[:, None] * 1e-3
+    write_bag(
+        replace(recording, angular_velocity=recording.angular_velocity + swing), tmp_path / 'bag'
+    )
+    target, answer = tmp_path / 'm.yaml', tmp_path / 'a.json'
+    argv = ['fit', str(tmp_path / 'bag'), '-o', str(target)]
+    assert main([*argv, '--json', str(answer)]) == CHECK_FAILED
+    (line,) = (t for t in capsys.readouterr().out.splitlines() if t.startswith('not saved'))
+    assert 'gyroscope x: the error on held-out parts is' in line
+    assert '--force saves it' in line
+    assert not target.exists()
+    assert json.loads(answer.read_text())['model'] is None
+    assert main([*argv, '--force']) == 0
+    assert load_model(target).device == 'dut1'
 
 
 @pytest.mark.parametrize('verb', ['apply', 'compare', 'diagnose', 'add', 'auto', 'orient'])

@@ -70,6 +70,13 @@ def test_the_empirical_term_is_left_to_auto() -> None:
         add_effect(None, prepare(campaign(4.0)), 'empirical_term', Settings(EFFECTS))
 
 
+def test_a_wrong_effect_shows_no_gain_on_held_out_parts() -> None:
+    runs = prepare([run('+z', seed=20, cycles=3, period=PERIOD)])
+    added = add_effect(None, runs, 'thermal_lag', Settings(EFFECTS), ['gyroscope'])
+    assert not added.steps[0].lowered
+    assert 'no gain on held-out parts beyond chance' in str(added)
+
+
 def test_noise_gets_no_empirical_term() -> None:
     runs = prepare([run('+z', seed=20, cycles=3, period=PERIOD)])
     assert grow(None, runs, FEW).steps == ()

@@ -11,7 +11,7 @@ from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.diagnose import Settings
 from thermal_comp.diagnosis.growth import add_effect
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.model.file import load_model, save_model
+from thermal_comp.model.file import load_model
 from thermal_comp.presentation.growth import growth_text
 
 from imu_workbench.answer import Answer, show_progress
@@ -22,6 +22,7 @@ from imu_workbench.commands.options import (
     add_output_argument,
     claim_output,
     read_recordings,
+    save_unless_worse,
 )
 
 HELP = 'Add an effect to the model, refit it jointly, show how far the error falls.'
@@ -58,8 +59,6 @@ def run(options: argparse.Namespace) -> Answer:
     show_progress(f'adding {options.effect} …')
     runs = prepare(recordings)
     growth = add_effect(model, runs, options.effect, Settings(catalogue), options.sensor)
-    save_model(growth.model, options.output)
-    content = growth.to_dict() | {
-        'model': str(options.output),
-    }
-    return Answer(content, f'{growth_text(content)}\nsaved {options.output}')
+    saved, code = save_unless_worse(growth.model, growth.worse, options)
+    content = growth.to_dict() | {'model': None if code else str(options.output)}
+    return Answer(content, f'{growth_text(content)}\n{saved}', code)

@@ -10,7 +10,7 @@ from thermal_comp.data.quality import check_quality
 from thermal_comp.diagnosis.diagnose import Settings
 from thermal_comp.diagnosis.growth import grow
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.model.file import load_model, save_model
+from thermal_comp.model.file import load_model
 from thermal_comp.presentation.diagnosis import undecided_lines, verdict_line
 from thermal_comp.presentation.growth import growth_text
 
@@ -22,6 +22,7 @@ from imu_workbench.commands.options import (
     add_output_argument,
     claim_output,
     read_recordings,
+    save_unless_worse,
 )
 
 HELP = 'Diagnose and add, again and again, until the model is complete or nothing can be decided.'
@@ -36,7 +37,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--named-only',
         action='store_true',
-        help='add effects that are named alone, no empirical term where no cause is decided',
+        help='add effects that are named alone, nothing whose cause is undecided',
     )
     add_effects_argument(parser)
 
@@ -56,7 +57,7 @@ def run(options: argparse.Namespace) -> Answer:
         show_progress,
         named_only=options.named_only,
     )
-    save_model(growth.model, options.output)
+    saved, code = save_unless_worse(growth.model, growth.worse, options)
     left = (
         growth.diagnosis.to_dict() if growth.diagnosis else {'verdict': 'complete', 'findings': []}
     )
@@ -65,8 +66,8 @@ def run(options: argparse.Namespace) -> Answer:
         'findings_left': left.get('findings', []),
         'undecided': left.get('undecided', []),
         'data_quality': [f'{d.name}: {d.text}' for d in defects],
-        'model': str(options.output),
+        'model': None if code else str(options.output),
     }
     lines = [growth_text(content), f'after that: {verdict_line(left)}']
     lines += undecided_lines(content['undecided'])
-    return Answer(content, '\n'.join([*lines, f'saved {options.output}']))
+    return Answer(content, '\n'.join([*lines, saved]), code)

@@ -7,12 +7,12 @@ import argparse
 from typing import Any
 
 from thermal_comp.comparison.compare import compare_prepared
+from thermal_comp.comparison.simpler import worse_than_simpler
 from thermal_comp.data.device_identity import unnamed_warning
 from thermal_comp.data.preparation import prepare
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.fitting.pooling import examine_pooling
-from thermal_comp.model.file import save_model
 from thermal_comp.presentation.comparison import comparison_text
 
 from imu_workbench.answer import Answer, show_progress
@@ -21,6 +21,7 @@ from imu_workbench.commands.options import (
     add_output_argument,
     claim_output,
     read_recordings,
+    save_unless_worse,
 )
 
 HELP = 'Fit a line per axis against die temperature to the runs of one device; save the model.'
@@ -46,10 +47,12 @@ def run(options: argparse.Namespace) -> Answer:
     runs = prepare(recordings)
     warning = unnamed_warning(runs)
     model = fit_prepared([BiasTemperature()], runs, pooled=options.pooled)
-    save_model(model, options.output)
     comparison = compare_prepared(model, runs)
+    worse = worse_than_simpler(model, comparison, runs)
+    saved, code = save_unless_worse(model, worse, options)
     content: dict[str, Any] = comparison.to_dict() | {
-        'model': str(options.output),
+        'model': None if code else str(options.output),
+        'worse': list(worse),
         'warnings': [warning] if warning else [],
         'unplaced': {r.source: dict(r.unplaced) for r in recordings if r.unplaced},
     }
@@ -64,5 +67,5 @@ def run(options: argparse.Namespace) -> Answer:
         opposite = sum(sum(test.opposite_signs) for test in tests.values())
         verdict = 'one model cannot hold for all' if opposite else 'signs do not speak against it'
         text.append(f'  {opposite} of {3 * len(tests)} axes have opposite signs: {verdict}')
-    text.append(f'saved {options.output}')
-    return Answer(content, '\n'.join(text))
+    text.append(saved)
+    return Answer(content, '\n'.join(text), code)

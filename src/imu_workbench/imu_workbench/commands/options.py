@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,11 +14,11 @@ from imu_recording.logging_contract import TRACK_OF_TOPIC
 from imu_recording.plausibility import ACCEPTABLE, admitted
 from imu_recording.user_error import UserError, did_you_mean, fault_in_yaml
 from thermal_comp.data.motion import refuse_moving
-from thermal_comp.model.file import check_device
+from thermal_comp.model.file import check_device, save_model
 from thermal_comp.model.values import ThermalModel
 
 from imu_recording import ImuRecording, bag_namespaces, read_bag
-from imu_workbench.answer import show_progress
+from imu_workbench.answer import CHECK_FAILED, show_progress
 
 
 def add_bag_arguments(parser: argparse.ArgumentParser, *, optional: bool = False) -> None:
@@ -87,8 +87,11 @@ def add_model_argument(
 def add_output_argument(parser: argparse.ArgumentParser, metavar: str, what: str) -> None:
     """Add -o, which a verb cannot do without, and --force."""
     parser.add_argument('-o', '--output', metavar=metavar, type=Path, required=True, help=what)
+    model = ', and save a model that held-out parts speak against' if metavar == 'MODEL' else ''
     parser.add_argument(
-        '--force', action='store_true', help='replace what exists under the name of the output'
+        '--force',
+        action='store_true',
+        help=f'replace what exists under the name of the output{model}',
     )
 
 
@@ -193,6 +196,16 @@ def read_devices(
         names = ', '.join(namespaces)
         raise UserError(f'{path} holds several devices: {names}; choose one with --namespace')
     return [read_bag(path, namespace=name, remap=remap) for name in namespaces]
+
+
+def save_unless_worse(
+    model: ThermalModel, worse: Sequence[str], options: argparse.Namespace
+) -> tuple[str, int]:
+    """Save a model unless something simpler is better; return what to say, and the exit code."""
+    if worse and not options.force:
+        return f'not saved: {"; ".join(worse)}; --force saves it', CHECK_FAILED
+    save_model(model, options.output)
+    return f'saved {options.output}', 0
 
 
 def claim_output(target: Path, *, force: bool, folder: bool = False) -> None:

@@ -247,7 +247,7 @@ def _compare_sensor(
         measured_rms=np.sqrt(np.nanmean(measured**2, axis=0)),
         residual_rms=np.sqrt(np.nanmean(residual**2, axis=0)),
         held_out_rms=held.rms(sensor),
-        held_out_squares=_squares(held, sensor),
+        held_out_squares=part_squares(held, sensor),
         noise_floor=floor,
         r_squared=1.0 - np.nansum(residual**2, axis=0) / total,
         where=rank_where(runs, residuals, floor),
@@ -258,7 +258,7 @@ def _compare_sensor(
     )
 
 
-def _squares(held: HeldOut, sensor: Sensor) -> FloatArray:
+def part_squares(held: HeldOut, sensor: Sensor) -> FloatArray:
     """Return the (k, 3) mean square of the held-out error in each part of each run."""
     found: list[FloatArray] = []
     for (run, s), errors in held.errors.items():

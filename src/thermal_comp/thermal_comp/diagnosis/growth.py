@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from thermal_comp.comparison.compare import Comparison, SensorComparison, compare_prepared
+from thermal_comp.comparison.simpler import worse_than_simpler
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.candidates import families, missing_channels
@@ -80,6 +81,8 @@ class Growth(Presented):
     steps: tuple[Step, ...]
     unneeded: tuple[str, ...]
     """`sensor: effect` of terms the others make superfluous."""
+    worse: tuple[str, ...] = ()
+    """Where a line, or no model at all, leaves less on held-out parts."""
     diagnosis: Diagnosis | None = None
     """What is said about the grown model; None where it was not asked for."""
 
@@ -89,6 +92,7 @@ class Growth(Presented):
             'steps': [step.to_dict() for step in self.steps],
             'parameters': fitted_shapes(self.model),
             'unneeded': list(self.unneeded),
+            'worse': list(self.worse),
             'undetermined': list(self.model.provenance.notes),
         }
 
@@ -169,8 +173,9 @@ def grow(
         if model is not None:
             fitted = model.succeeded_by(fitted)
         compared = compare_prepared(fitted, runs, noise=noise)
-        return Growth(fitted, compared, compared, (), (), diagnosis)
-    return Growth(growth.model, first, growth.after, tuple(steps), growth.unneeded, diagnosis)
+        worse = worse_than_simpler(fitted, compared, runs)
+        return Growth(fitted, compared, compared, (), (), worse, diagnosis)
+    return replace(growth, before=first, steps=tuple(steps), diagnosis=diagnosis)
 
 
 def _predictive(
@@ -277,7 +282,8 @@ def _grown(
         for g in groups
     )
     unneeded = () if empirical else _unneeded(runs, grown, noise, next(iter(names.values())))
-    return Growth((model or plain).succeeded_by(grown), before, after, steps, unneeded)
+    worse = worse_than_simpler(grown, after, runs)
+    return Growth((model or plain).succeeded_by(grown), before, after, steps, unneeded, worse)
 
 
 def _labelled(provenance: Provenance, names: Mapping[Sensor, str]) -> Provenance:
