@@ -259,6 +259,13 @@ def test_of_two_times_a_clock_stamped_twice_one_is_kept() -> None:
     assert 'clock was set back 1 times, by up to 149 s: 100 samples' in notes[0]
 
 
+def test_a_stretch_stamped_twice_as_a_whole_leaves_nothing_of_it() -> None:
+    seconds = np.arange(1000) * SECOND
+    again = np.r_[NOW + seconds, NOW + seconds[100:110], NOW + seconds[50:60]]
+    found, _ = clean(again)
+    assert np.array_equal(found.stamp, NOW + seconds)
+
+
 def test_files_in_another_order_lose_nothing() -> None:
     seconds = np.arange(1000) * SECOND
     found, notes = clean(NOW + seconds[500:], NOW + seconds[:500])

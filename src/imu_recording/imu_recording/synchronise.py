@@ -109,7 +109,9 @@ def _one_clock(name: str, stamp: IntArray, groups: list[FloatArray]) -> tuple[In
             low, high = stamp[other].min(), stamp[other].max()
             own &= (stamp[rows] < low) | (stamp[rows] > high)
         # One late message is no clock that was set back.
-        kept.append(rows[own] if len(rows) > LOST_AT_AN_END else rows)
+        own |= len(rows) <= LOST_AT_AN_END
+        if own.any():
+            kept.append(rows[own])
     order = np.sort(np.concatenate(kept))
     lost = len(stamp) - len(order)
     if lost <= LOST_AT_AN_END:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from imu_recording.bags.messages import read_messages
 from recording_samples import make_recording
 
 from imu_recording import BagError, read_bag, write_bag
@@ -87,3 +88,15 @@ def test_damaged_metadata(tmp_path: Path) -> None:
     for text in ('', '[]', 'rosbag2_bagfile_information: 3', 'a: 2001-99-99', '{', '\0'):
         file.write_text(text)
         assert len(read_bag(tmp_path / 'b')) == 20
+
+
+def test_a_row_that_claims_more_than_memory_ends_the_reading(tmp_path: Path) -> None:
+    write_bag(make_recording(600), tmp_path / 'b', storage='sqlite3')
+    (file,) = (tmp_path / 'b').glob('*.db3')
+    message = read_messages(tmp_path / 'b', ['/imu/temperature'])[300].data
+    whole = file.read_bytes()
+    at = whole.index(message) - 28  # an erased sector over the length of the record before it
+    file.write_bytes(whole[:at] + b'\xff' * 30 + whole[at + 30 :])
+    found = read_bag(tmp_path / 'b')
+    assert 0 < len(found) < 600
+    assert any('larger than memory' in note for note in found.notes)

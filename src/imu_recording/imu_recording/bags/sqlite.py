@@ -22,7 +22,7 @@ from imu_recording.recording import BagError
 
 MAGIC = b'SQLite format 3\x00'
 ROWS_PER_BLOCK = 8192
-DAMAGE = (sqlite3.Error, UnicodeDecodeError)
+DAMAGE = (sqlite3.Error, UnicodeDecodeError, MemoryError)
 """What sqlite3 raises on damaged files."""
 LARGEST_TOPIC_ID = 1 << 20
 """A topic with a larger number is damage."""
@@ -146,7 +146,7 @@ def _blocks(
             rows.extend(connection.execute(query, [last, *topics, limit]))
             done = len(rows) < limit
         except DAMAGE as error:  # rows keeps what came before
-            done, damage = limit == 1, str(error)
+            done, damage = limit == 1, str(error) or 'a row that is larger than memory'
             limit = 1  # sqlite3 reads a row ahead: the last one before the damage comes alone
         if rows:
             yield rows
