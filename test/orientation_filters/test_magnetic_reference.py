@@ -28,7 +28,7 @@ def after(
 
 @pytest.fixture
 def settled() -> FieldState:
-    return after(no_reference(), EARTH, 5.0, STILL)
+    return after(no_reference(), EARTH, 60.0, STILL)
 
 
 def test_the_first_field_becomes_the_reference(settled: FieldState) -> None:
@@ -51,3 +51,11 @@ def test_a_field_that_stays_the_same_while_turning_is_adopted(settled: FieldStat
     late = after(early, MAGNET, 0.2 * PARAMS.adoption, TURNING)
     assert is_accepted(late, PARAMS)
     assert late.reference == pytest.approx(MAGNET, rel=0.1)
+
+
+def test_a_reference_hardly_seen_is_given_up_sooner() -> None:
+    young = after(no_reference(), MAGNET, 5.0, STILL)
+    found = after(young, EARTH, 10.0, TURNING)
+    assert is_accepted(found, PARAMS)
+    assert found.was_young
+    assert found.reference == pytest.approx(EARTH, rel=0.15)

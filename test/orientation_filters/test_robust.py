@@ -137,8 +137,8 @@ def test_a_disturbed_start_is_found_out_and_corrected(name: str) -> None:
     result = run_filter(name, replace(recording, magnetic_field=field), preset='robust')
     error = heading_error(result.orientation, truth)
     assert error[499] > 15.0
-    assert np.all(result.flags[1000:2000] & DISTURBED)
-    assert not np.any(result.flags[-3000:] & DISTURBED)
+    assert np.all(result.flags[600:1000] & DISTURBED)
+    assert not np.any(result.flags[-15000:] & DISTURBED)
     assert error[-500:].max() < 2.0
 
 

@@ -19,6 +19,7 @@ from orientation_filters.rotation.arrays import (
     inclination_angle,
     multiply,
     rotation_angle,
+    to_rotation_vector,
 )
 
 KINDS = ('total', 'heading', 'inclination')
@@ -58,6 +59,26 @@ def attitude_errors(estimate: FloatArray, truth: FloatArray) -> AttitudeErrors:
     unknown = ~np.isfinite(q).all(axis=-1)
     columns = (rotation_angle(q), heading_angle(q), inclination_angle(q))
     return AttitudeErrors(*(np.where(unknown, np.nan, column) for column in columns))
+
+
+def normalised_errors(
+    estimate: FloatArray, truth: FloatArray, covariance: FloatArray
+) -> FloatArray:
+    """Return (n,) squares of the errors, normalised by their covariance (n, 3, 3), world [rad²].
+
+    Where the covariance is true they are chi-square of three degrees of freedom: 3 in the mean.
+
+    >>> truth = np.array([[0.0, 0.0, 0.0, 1.0]])
+    >>> tilted = np.array([[np.sin(0.05), 0.0, 0.0, np.cos(0.05)]])
+    >>> normalised_errors(tilted, truth, 0.01 * np.eye(3)[None]).round(6).tolist()
+    [1.0]
+    """
+    error = to_rotation_vector(multiply(estimate, conjugate(truth)))
+    known = np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
+    squares = np.full(len(error), np.nan)
+    weighted = np.linalg.solve(covariance[known], error[known][:, :, None])[:, :, 0]
+    squares[known] = np.sum(error[known] * weighted, axis=1)
+    return squares
 
 
 def errors_by_phase(errors: AttitudeErrors, recording: ImuRecording) -> list[ErrorGroup]:

@@ -18,6 +18,11 @@ SETTLING_TIME = 2.0
 """How long the first reference follows every sample: the attitude settles, too [s]."""
 SETTLING_MEAN = 0.5
 """Time constant of the mean that the reference is then [s]."""
+LEAST_ADOPTION = 5.0
+"""Even a reference that was hardly seen is not given up sooner [s]."""
+ADOPTION_FACTOR = 1.5
+"""A new field is adopted after so many times as long as the reference was seen, if that is
+sooner."""
 
 Parts = tuple[float, float]
 """Horizontal and vertical part of a field, the vertical one downward positive."""
@@ -33,7 +38,8 @@ class FieldParams(NamedTuple):
     tracking: float
     """Time constant with which the reference follows accepted samples [s]."""
     adoption: float
-    """How long a new field must stay the same before it becomes the reference [s]."""
+    """How long a new field must stay the same before it becomes the reference [s]; less where
+    the reference itself was seen for less."""
     turning: float
     """Angular velocity above which time counts towards adoption [rad/s]."""
     smoothing: float
@@ -52,8 +58,12 @@ class FieldState(NamedTuple):
     """How long samples have agreed with the candidate while turning [s]."""
     known_for: float
     """Since the first sample [s]."""
+    agreed_for: float
+    """How long samples have agreed with the reference in all [s]."""
     adopted: bool
     """Whether the last sample made the candidate the reference."""
+    was_young: bool
+    """Whether the last reference given up had been seen for less than the new one."""
 
 
 @inline
@@ -91,7 +101,8 @@ def update_reference(
     candidate, candidate_for = smoothed, 0.0
     if accepted_for < params.hold:
         candidate, candidate_for = _follow_candidate(state, params, smoothed, rate, dt)
-    adopted = candidate_for > params.adoption
+    experience = max(ADOPTION_FACTOR * state.agreed_for, LEAST_ADOPTION)
+    adopted = candidate_for > min(params.adoption, experience)
     return FieldState(
         reference=candidate if adopted else reference,
         candidate=candidate,
@@ -99,7 +110,9 @@ def update_reference(
         accepted_for=params.hold if adopted else accepted_for,
         candidate_for=0.0 if adopted else candidate_for,
         known_for=known_for,
+        agreed_for=candidate_for if adopted else state.agreed_for + min(accepted_for, dt),
         adopted=adopted,
+        was_young=experience < params.adoption if adopted else state.was_young,
     )
 
 
@@ -113,7 +126,9 @@ def _first_reference(parts: Parts, accepted_for: float, known_for: float) -> Fie
         accepted_for=accepted_for,
         candidate_for=0.0,
         known_for=known_for,
+        agreed_for=known_for,
         adopted=False,
+        was_young=False,
     )
 
 

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 from imu_recording.ros.parameter import ParameterError, parameter
 
+from orientation_filters.averages import AveragingParams
 from orientation_filters.magnetic_reference import FieldParams
 from orientation_filters.rest_detection import RestParams
 from orientation_filters.sample_checks import SampleParams
@@ -85,10 +86,78 @@ class FilterParameters:
         dynamic=True,
     )
     field_adoption: float = parameter(
-        20.0,
+        60.0,
         'A new field becomes the reference after staying the same for',
         unit='s',
         bounds=(0.0, 1e6),
+        dynamic=True,
+    )
+    step_interval: float = parameter(
+        0.1, 'Adaptive: time between Kalman steps', unit='s', bounds=(0.0, 1.0), dynamic=True
+    )
+    rate_error: float = parameter(
+        0.003,
+        'Adaptive: error of the rate as a part of it, random over 1 s',
+        bounds=(0.0, 1.0),
+        dynamic=True,
+    )
+    bias_random_walk: float = parameter(
+        1e-4, 'Adaptive: random walk of the bias', unit='rad/s/√s', bounds=(0.0, 1.0), dynamic=True
+    )
+    acceleration_weight: float = parameter(
+        0.01,
+        'Adaptive: error density of specific force per power of the acceleration',
+        unit='s',
+        bounds=(0.0, 1e3),
+        dynamic=True,
+    )
+    acceleration_memory: float = parameter(
+        2.0,
+        'Adaptive: time constant of the mean of that power',
+        unit='s',
+        bounds=(0.0, 1e3),
+        dynamic=True,
+    )
+    acceleration_smoothing: float = parameter(
+        1.2,
+        'Adaptive: time constant of the low-pass of specific force',
+        unit='s',
+        bounds=(0.0, 1e3),
+        dynamic=True,
+    )
+    rest_noise: float = parameter(
+        1e-3,
+        'Adaptive: error density of the resting gyroscope',
+        unit='rad/s·√s',
+        bounds=(1e-9, 1.0),
+        dynamic=True,
+    )
+    initial_bias: float = parameter(
+        0.01,
+        'Adaptive: standard deviation of the bias at the start',
+        unit='rad/s',
+        bounds=(0.0, 1.0),
+        dynamic=True,
+    )
+    slow_weight: float = parameter(
+        0.2,
+        'Adaptive: the same of the power left after that low-pass',
+        unit='s',
+        bounds=(0.0, 1e3),
+        dynamic=True,
+    )
+    field_weight: float = parameter(
+        1.5,
+        "Adaptive: density of the heading's error per square of the field's deviation",
+        unit='s',
+        bounds=(0.0, 1e4),
+        dynamic=True,
+    )
+    field_memory: float = parameter(
+        20.0,
+        'Adaptive: time constant of the mean of that square',
+        unit='s',
+        bounds=(0.0, 1e4),
         dynamic=True,
     )
 
@@ -123,6 +192,35 @@ class FilterParameters:
             adoption=self.field_adoption,
             turning=0.35,
             smoothing=0.1,
+        )
+
+    def averaging_params(
+        self, angle_random_walk: float, acceleration_floor: float, heading_noise: float
+    ) -> AveragingParams:
+        """Return what the means need; noises [rad/√s], [m/s² √s], [rad √s]."""
+        up, north = world_axes(self.world_frame, self.magnetic_declination)
+        return AveragingParams(
+            up=up,
+            north=north,
+            learn_bias=self.learn_bias,
+            interval=self.step_interval,
+            angle_random_walk=angle_random_walk,
+            rate_error=self.rate_error,
+            bias_random_walk=self.bias_random_walk,
+            acceleration_floor=acceleration_floor,
+            acceleration_weight=self.acceleration_weight,
+            slow_weight=self.slow_weight,
+            acceleration_memory=self.acceleration_memory,
+            acceleration_smoothing=self.acceleration_smoothing,
+            heading_noise=heading_noise,
+            field_weight=self.field_weight,
+            field_memory=self.field_memory,
+            rest_noise=self.rest_noise,
+            initial_inclination=0.3,
+            initial_heading=1.8,
+            initial_bias=self.initial_bias,
+            rest=self.rest_params(),
+            field=self.field_params(),
         )
 
 

@@ -17,6 +17,7 @@ from orientation_filters.rotation.scalars import (
     Vector,
     apply_symmetric,
     dot,
+    less,
 )
 
 ZERO6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -114,28 +115,14 @@ def observe(errors: Errors, h_t: Vector, h_b: Vector, z: float, variance: float)
         orientation=(x_t[0] + k * on_t[0], x_t[1] + k * on_t[1], x_t[2] + k * on_t[2]),
         bias=(x_b[0] + k * on_b[0], x_b[1] + k * on_b[1], x_b[2] + k * on_b[2]),
         covariance=JointCovariance(
-            orientation=_less(p.orientation, on_t, weight),
+            orientation=less(p.orientation, on_t, weight),
             cross=(
                 _row_less(c[0], weight * on_t[0], on_b),
                 _row_less(c[1], weight * on_t[1], on_b),
                 _row_less(c[2], weight * on_t[2], on_b),
             ),
-            bias=_less(p.bias, on_b, weight),
+            bias=less(p.bias, on_b, weight),
         ),
-    )
-
-
-@inline
-def _less(s: Symmetric, v: Vector, weight: float) -> Symmetric:
-    """Return s − weight · v vᵀ."""
-    x, y, z = weight * v[0], weight * v[1], weight * v[2]
-    return (
-        s[0] - x * v[0],
-        s[1] - x * v[1],
-        s[2] - x * v[2],
-        s[3] - y * v[1],
-        s[4] - y * v[2],
-        s[5] - z * v[2],
     )
 
 

@@ -22,9 +22,11 @@ from orientation_filters.ahrs.state import (
     State,
     initial_state,
 )
+from orientation_filters.averages import held, integrate
 from orientation_filters.kernel import inline, kernel
 from orientation_filters.result import (
     DROPPED,
+    INVALID_GYROSCOPE,
     JUMPED_BACK,
     NOT_STARTED,
     REINITIALISED,
@@ -64,7 +66,7 @@ NAN6 = (np.nan,) * 6
 def update(state: State, params: Params, sample: Sample) -> tuple[State, Estimate]:
     """Return state and estimate after a sample."""
     state, flags = _update(state, params, sample)
-    return state, estimate(state, flags)
+    return state, estimate(state, params, sample.stamp, flags)
 
 
 @inline
@@ -75,10 +77,11 @@ def _update(state: State, params: Params, sample: Sample) -> tuple[State, int]:
         return state, flags
     if flags & REINITIALISED:
         return start(state, params, seen, flags)
-    predicted = _integrate(state, seen)
-    if params.adaptive.enabled:
+    if params.adaptive:
+        rate = state.adaptive.averages.rate
+        predicted = integrate(state.orientation, state.bias, rate, seen)
         return adaptive_update(state, params, seen, predicted, flags)
-    return kalman_update(state, params, seen, predicted, flags)
+    return kalman_update(state, params, seen, _integrate(state, seen), flags)
 
 
 @inline
@@ -91,8 +94,8 @@ def start(state: State, params: Params, seen: CheckedSample, flags: int) -> tupl
     else:
         flags |= NOT_STARTED
     adaptive = state.adaptive
-    if params.adaptive.enabled:
-        adaptive = start_adaptive(adaptive, params.adaptive, seen, flags)
+    if params.adaptive:
+        adaptive = start_adaptive(adaptive, params.averaging, seen, flags)
     return State(
         stamp=seen.stamp if seen.has_force else -1,
         orientation=q,
@@ -115,9 +118,13 @@ def _integrate(state: State, seen: CheckedSample) -> Quaternion:
 
 
 @inline
-def estimate(state: State, flags: int) -> Estimate:
-    """Return attitude and covariance as the state has them."""
-    return Estimate(orientation=state.orientation, covariance=_covariance(state), flags=flags)
+def estimate(state: State, params: Params, stamp: int, flags: int) -> Estimate:
+    """Return attitude and covariance at a stamp [ns], without a rate as the last one has them."""
+    q, covariance = state.orientation, _covariance(state)
+    if params.adaptive and flags & INVALID_GYROSCOPE and stamp > state.stamp:
+        interval = 1e-9 * (stamp - state.stamp)
+        q, covariance = held(q, state.bias, covariance, state.adaptive.averages, interval)
+    return Estimate(orientation=q, covariance=covariance, flags=flags)
 
 
 @inline
@@ -150,7 +157,8 @@ def _run(state: State, params: Params, samples: SampleColumns, result: ResultCol
         state, flags = _update(state, params, sample_of(samples, i))
         if flags:
             result.flags[i] = flags
-        q, c, b = state.orientation, _covariance(state), state.bias
+        shown = estimate(state, params, samples.stamp[i], flags)
+        q, c, b = shown.orientation, shown.covariance, state.bias
         if flags & NOT_STARTED:
             q, c, b = NAN4, NAN6, NAN3
         for k in range(4):

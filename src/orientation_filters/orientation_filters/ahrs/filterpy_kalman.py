@@ -17,12 +17,10 @@ from imu_recording.recording import FloatArray, ImuRecording
 
 from orientation_filters.ahrs import filter as native
 from orientation_filters.ahrs.adaptive import (
-    Means,
-    accumulate,
     adaptive_flags,
-    is_step_due,
+    add_sample,
+    measurements,
     remove_errors,
-    take_means,
 )
 from orientation_filters.ahrs.covariance import Errors, JointCovariance
 from orientation_filters.ahrs.state import (
@@ -32,6 +30,7 @@ from orientation_filters.ahrs.state import (
     Variances,
     initial_state,
 )
+from orientation_filters.averages import Means, is_step_due
 from orientation_filters.result import (
     DROPPED,
     JAMMED,
@@ -56,7 +55,7 @@ __all__ = ['Params', 'State', 'initial_state', 'run', 'update']
 def update(state: State, params: Params, sample: Sample) -> tuple[State, Estimate]:
     """Return state and estimate after a sample, as `filter.update`."""
     state, flags = _update(state, params, sample)
-    return state, native.estimate(state, flags)
+    return state, native.estimate(state, params, sample.stamp, flags)
 
 
 def _update(state: State, params: Params, sample: Sample) -> tuple[State, int]:
@@ -66,13 +65,16 @@ def _update(state: State, params: Params, sample: Sample) -> tuple[State, int]:
         return state, flags
     if flags & REINITIALISED:
         return native.start(state, params, seen, flags)
-    angle = (np.array(seen.angular_velocity) - state.bias) * seen.interval
+    rate = np.array(seen.angular_velocity)
+    if params.adaptive:
+        rate = 0.5 * (rate + state.adaptive.averages.rate)
+    angle = (rate - state.bias) * seen.interval
     predicted = multiply(np.array(state.orientation), from_rotation_vector(angle))
-    if params.adaptive.enabled:
-        state = accumulate(state, params, seen, tuple(predicted.tolist()))
-        if is_step_due(state, params):
-            means = take_means(state, params)
-            errors = adaptive_errors(means, params.up)
+    if params.adaptive:
+        state = add_sample(state, params, seen, tuple(normalised(predicted).tolist()))
+        if is_step_due(state.adaptive.averages, params.averaging):
+            prior, means = measurements(state, params, flags)
+            errors = adaptive_errors(prior, means, params.up)
             state = remove_errors(state, params, means, errors)
         return state, flags | adaptive_flags(state, params, seen)
     return _kalman_step(state, params, seen, predicted, flags)
@@ -127,7 +129,7 @@ def _kalman_step(
     ), flags
 
 
-def adaptive_errors(means: Means, up: float) -> Errors:
+def adaptive_errors(known: JointCovariance, means: Means, up: float) -> Errors:
     """Return what `adaptive.estimate_errors` returns, by one update of all twelve states.
 
     Linear acceleration [m/s²] and the field's turn [rad] are states whose variance is all the
@@ -135,15 +137,15 @@ def adaptive_errors(means: Means, up: float) -> Errors:
     """
     force, field, rest = means.force, means.field, means.rest
     prior = np.zeros((12, 12))
-    prior[:6, :6] = _matrix_of(means.prior)
+    prior[:6, :6] = _matrix_of(known)
     prior[6:, 6:] = np.diag([max(force.variance, 0.0)] * 3 + [max(field.variance, 0.0)] * 3)
-    h, noise, identity = np.zeros((6, 12)), np.zeros(6), np.eye(3)
+    h, noise = np.zeros((6, 12)), np.zeros(6)
     pull = up * GRAVITY
     h[0, [1, 6]], h[1, [0, 7]], h[2, [2, 11]] = (pull, 1.0), (-pull, 1.0), (-1.0, 1.0)
-    h[3:, 3:6] = identity
+    h[3:, 3:6] = rest.directions
     noise[3:] = rest.variance
     z = np.array([*force.acceleration[:2], field.east, *rest.error])
-    present = [force.variance > 0] * 2 + [field.variance > 0] + [rest.variance > 0] * 3
+    present = [force.variance > 0] * 2 + [field.variance > 0] + [v > 0 for v in rest.variance]
     x, p = _kalman_update(prior, h, np.diag(noise), z, present, np.inf)
     errors = x[:6].tolist()
     return Errors(

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from imu_recording.ros.parameter import parameter
 
-from orientation_filters.ahrs.state import AdaptiveParams, Noise, Params
+from orientation_filters.ahrs.state import Noise, Params
 from orientation_filters.parameters import FilterParameters, Presets, world_axes
 
 
@@ -52,72 +52,25 @@ class AhrsParameters(FilterParameters):
         0.5, 'Part of it left after a step', bounds=(0.0, 1.0), dynamic=True
     )
 
-    step_interval: float = parameter(
-        0.1, 'Adaptive: time between Kalman steps', unit='s', bounds=(0.0, 1.0), dynamic=True
-    )
     angle_random_walk: float = parameter(
-        1e-3,
+        3e-4,
         'Adaptive: angle random walk of the gyroscope',
         unit='rad/√s',
         bounds=(0.0, 1.0),
         dynamic=True,
     )
-    rate_error: float = parameter(
-        0.004,
-        'Adaptive: error of the rate as a part of it, random over 1 s',
-        bounds=(0.0, 1.0),
-        dynamic=True,
-    )
-    bias_random_walk: float = parameter(
-        1e-5, 'Adaptive: random walk of the bias', unit='rad/s/√s', bounds=(0.0, 1.0), dynamic=True
-    )
     acceleration_floor: float = parameter(
-        0.05,
+        0.02,
         'Adaptive: error density of specific force at rest',
         unit='m/s²·√s',
         bounds=(1e-6, 100.0),
         dynamic=True,
     )
-    acceleration_weight: float = parameter(
-        0.04,
-        'Adaptive: error density of specific force per power of the acceleration',
-        unit='s',
-        bounds=(0.0, 1e3),
-        dynamic=True,
-    )
-    acceleration_memory: float = parameter(
-        1.0,
-        'Adaptive: time constant of the mean of that power',
-        unit='s',
-        bounds=(0.0, 1e3),
-        dynamic=True,
-    )
-    acceleration_smoothing: float = parameter(
-        1.5,
-        'Adaptive: time constant of the low-pass of specific force',
-        unit='s',
-        bounds=(0.0, 1e3),
-        dynamic=True,
-    )
     heading_noise: float = parameter(
-        0.25,
+        0.01,
         'Adaptive: error density of an undisturbed heading',
         unit='rad·√s',
         bounds=(1e-6, 100.0),
-        dynamic=True,
-    )
-    rest_noise: float = parameter(
-        1e-3,
-        'Adaptive: error density of the resting gyroscope',
-        unit='rad/s·√s',
-        bounds=(1e-9, 1.0),
-        dynamic=True,
-    )
-    initial_bias: float = parameter(
-        0.01,
-        'Adaptive: standard deviation of the bias at the start',
-        unit='rad/s',
-        bounds=(0.0, 1.0),
         dynamic=True,
     )
 
@@ -140,22 +93,8 @@ class AhrsParameters(FilterParameters):
                 magnetic_disturbance=self.magnetic_disturbance_noise,
                 magnetic_disturbance_decay=self.magnetic_disturbance_decay,
             ),
-            adaptive=AdaptiveParams(
-                enabled=self.adaptive,
-                interval=self.step_interval,
-                angle_random_walk=self.angle_random_walk,
-                rate_error=self.rate_error,
-                bias_random_walk=self.bias_random_walk,
-                acceleration_floor=self.acceleration_floor,
-                acceleration_weight=self.acceleration_weight,
-                acceleration_memory=self.acceleration_memory,
-                acceleration_smoothing=self.acceleration_smoothing,
-                heading_noise=self.heading_noise,
-                rest_noise=self.rest_noise,
-                initial_inclination=0.05,
-                initial_heading=0.1,
-                initial_bias=self.initial_bias,
-                rest=self.rest_params(),
-                field=self.field_params(),
+            adaptive=self.adaptive,
+            averaging=self.averaging_params(
+                self.angle_random_walk, self.acceleration_floor, self.heading_noise
             ),
         )

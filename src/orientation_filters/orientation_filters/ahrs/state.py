@@ -6,10 +6,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orientation_filters.ahrs.covariance import JointCovariance, no_covariance
-from orientation_filters.kernel import inline
-from orientation_filters.magnetic_reference import FieldParams, FieldState, no_reference
-from orientation_filters.rest_detection import RestParams, RestState, start_rest
-from orientation_filters.rotation.scalars import IDENTITY, ZERO, Matrix, Quaternion, Vector
+from orientation_filters.averages import AveragingParams, AveragingState, no_averages
+from orientation_filters.rotation.scalars import IDENTITY, ZERO, Quaternion, Vector
 from orientation_filters.sample_checks import SampleParams
 
 MICROTESLA = 1e6
@@ -37,40 +35,6 @@ class Noise(NamedTuple):
     """Part of the disturbance left after a step."""
 
 
-class AdaptiveParams(NamedTuple):
-    """Noises of the adaptive step, as densities: they do not depend on the sample rate."""
-
-    enabled: bool
-    interval: float
-    """Between Kalman steps [s]."""
-    angle_random_walk: float
-    """[rad/√s]"""
-    rate_error: float
-    """Error of the angular velocity as a part of itself, random over a second."""
-    bias_random_walk: float
-    """[rad/s/√s]"""
-    acceleration_floor: float
-    """Density of specific force's error at rest [m/s² √s]."""
-    acceleration_weight: float
-    """How much of the acceleration's power counts as density [s]."""
-    acceleration_memory: float
-    """Time constant of the mean of that power [s]."""
-    acceleration_smoothing: float
-    """Time constant of specific force's low-pass in the world frame [s]."""
-    heading_noise: float
-    """Density of the undisturbed field's heading error [rad √s]."""
-    rest_noise: float
-    """Density of the resting gyroscope's error [rad/s √s]."""
-    initial_inclination: float
-    """Standard deviation at the start [rad]."""
-    initial_heading: float
-    """Standard deviation at the start [rad]."""
-    initial_bias: float
-    """Standard deviation at the start [rad/s]."""
-    rest: RestParams
-    field: FieldParams
-
-
 class Params(NamedTuple):
     """Numbers the kernel needs; `AhrsParameters` names them with units."""
 
@@ -83,7 +47,8 @@ class Params(NamedTuple):
     learn_bias: bool
     samples: SampleParams
     noise: Noise
-    adaptive: AdaptiveParams
+    adaptive: bool
+    averaging: AveragingParams
 
 
 class Variances(NamedTuple):
@@ -108,38 +73,11 @@ INITIAL_VARIANCES = Variances(
 """Prior of the first update, as the technical note has it; θ and b are then uncorrelated."""
 
 
-class Integrals(NamedTuple):
-    """Samples added up since the last adaptive step."""
-
-    elapsed: float
-    """[s]"""
-    turned: Matrix
-    """Integral of the attitude's matrix over time [s]."""
-    force: Vector
-    """Integral of specific force, world [m/s]."""
-    field: Vector
-    """Sum of fields, world [T]."""
-    fields: int
-    """Number of fields in the sum."""
-    angle: float
-    """Integral of |angular velocity|² [rad²/s]."""
-
-
 class AdaptiveState(NamedTuple):
     """What the adaptive step needs besides the AHRS's state."""
 
     covariance: JointCovariance
-    integrals: Integrals
-    power: float
-    """Running mean of the horizontal acceleration's square, per axis [(m/s²)²]."""
-    smoothed: Vector
-    """Specific force after its low-pass, world [m/s²]."""
-    age: float
-    """Since the start, of steps with a specific force [s]."""
-    rest: RestState
-    reference: FieldState
-    since_field: float
-    """Time since the last step with a field [s]."""
+    averages: AveragingState
 
 
 class State(NamedTuple):
@@ -169,14 +107,6 @@ ADAPTIVE_STATE = ('adaptive',)
 """Fields of the state that only the adaptive step makes use of."""
 
 
-@inline
-def no_integrals() -> Integrals:
-    """Return the integrals right after a step."""
-    return Integrals(
-        elapsed=0.0, turned=(ZERO, ZERO, ZERO), force=ZERO, field=ZERO, fields=0, angle=0.0
-    )
-
-
 def initial_state() -> State:
     """Return the state before the first sample."""
     return State(
@@ -189,14 +119,5 @@ def initial_state() -> State:
         variances=INITIAL_VARIANCES,
         updates=0,
         field_stamp=-1,
-        adaptive=AdaptiveState(
-            covariance=no_covariance(),
-            integrals=no_integrals(),
-            power=0.0,
-            smoothed=ZERO,
-            age=0.0,
-            rest=start_rest(ZERO, ZERO, ZERO),
-            reference=no_reference(),
-            since_field=0.0,
-        ),
+        adaptive=AdaptiveState(covariance=no_covariance(), averages=no_averages()),
     )

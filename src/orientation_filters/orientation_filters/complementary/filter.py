@@ -3,9 +3,8 @@
 
 The gyroscope's attitude is turned, by the gain g = 1 − exp(−2π f_c Δt) of a first-order low-pass,
 towards the attitude at which specific force points up, then about the vertical towards magnetic
-north (quaternion form after Valenti, Dryanovski, Xiao, Sensors 15, 2015). `adaptive` adds a start
-as a mean and rejection of a magnetic field unlike the reference; `learn_bias` rest detection and
-bias learning.
+north (quaternion form after Valenti, Dryanovski, Xiao, Sensors 15, 2015). `learn_bias` adds rest
+detection and bias learning; `adaptive` is a filter of its own, see there.
 """
 
 from __future__ import annotations
@@ -16,14 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from imu_recording.recording import ImuRecording
 
-from orientation_filters.kernel import inline, kernel
-from orientation_filters.magnetic_reference import (
-    FieldParams,
-    FieldState,
-    is_accepted,
-    no_reference,
-    update_reference,
+from orientation_filters.averages import AveragingParams, averaging_flags, held, integrate
+from orientation_filters.complementary.adaptive import (
+    AdaptiveState,
+    adaptive_step,
+    no_adaptation,
+    start_adaptive,
 )
+from orientation_filters.kernel import inline, kernel
 from orientation_filters.rest_detection import (
     RestParams,
     RestState,
@@ -34,8 +33,8 @@ from orientation_filters.rest_detection import (
 from orientation_filters.result import (
     AT_REST,
     BIAS_LIMITED,
-    DISTURBED,
     DROPPED,
+    INVALID_GYROSCOPE,
     JUMPED_BACK,
     NOT_STARTED,
     REINITIALISED,
@@ -78,6 +77,7 @@ from orientation_filters.sample_checks import (
 PER_GRAVITY = 1.0 / GRAVITY
 NAN3 = (np.nan,) * 3
 NAN4 = (np.nan,) * 4
+NAN6 = (np.nan,) * 6
 
 
 class Params(NamedTuple):
@@ -101,15 +101,13 @@ class Params(NamedTuple):
     """Error of one magnetic field as a heading [rad]."""
     adaptive: bool
     learn_bias: bool
-    start_time: float
-    """Time over which the gain falls from 1 to the cut-off's, in 1 / rate."""
     bias_rate: float
     """Integral gain in motion, as a part of rate² [1]."""
     rest_bias_time: float
     """Time constant of bias learning at rest [s]."""
     samples: SampleParams
     rest: RestParams
-    field: FieldParams
+    averaging: AveragingParams
 
 
 class State(NamedTuple):
@@ -130,7 +128,9 @@ class State(NamedTuple):
     field_stamp: int
     """Of the last magnetometer sample [ns]; −1 before the first."""
     rest: RestState
-    field: FieldState
+    disturbance: float
+    """Distance of the field from the reference [T], adaptive."""
+    adaptive: AdaptiveState
 
 
 class InclinationCorrection(NamedTuple):
@@ -154,7 +154,7 @@ class HeadingCorrection(NamedTuple):
     """Part of the rotation that is done."""
 
 
-ADAPTIVE_STATE = ('bias', 'rest', 'field')
+ADAPTIVE_STATE = ('bias', 'rest', 'disturbance', 'adaptive')
 """Fields of the state that are unused where the filter neither adapts nor learns."""
 
 
@@ -169,33 +169,47 @@ def initial_state() -> State:
         age=0.0,
         field_stamp=-1,
         rest=start_rest(ZERO, ZERO, ZERO),
-        field=no_reference(),
+        disturbance=0.0,
+        adaptive=no_adaptation(),
     )
 
 
 @kernel
 def update(state: State, params: Params, sample: Sample) -> tuple[State, Estimate]:
     """Return state and estimate after a sample."""
-    state, flags = _update(state, params, sample, params.adaptive or params.learn_bias)
-    return state, Estimate(
-        orientation=_orientation(state), covariance=_covariance(state), flags=flags
-    )
+    state, flags = _update(state, params, sample, params.learn_bias, params.adaptive)
+    q, covariance = _shown(state, sample.stamp, flags, params.adaptive)
+    return state, Estimate(orientation=q, covariance=covariance, flags=flags)
 
 
 @inline
-def _update(state: State, params: Params, sample: Sample, learns: bool) -> tuple[State, int]:
-    """Return state and flags; the constant False as `learns` leaves adaptation out of the code."""
+def _shown(state: State, stamp: int, flags: int, adaptive: bool) -> tuple[Quaternion, Symmetric]:
+    """Return attitude and covariance at a stamp [ns], without a rate as the last one has them."""
+    if not adaptive:
+        return _orientation(state), _covariance(state)
+    if not flags & INVALID_GYROSCOPE or stamp <= state.stamp:
+        return _orientation(state), state.adaptive.covariance
+    interval = 1e-9 * (stamp - state.stamp)
+    known = state.adaptive
+    return held(state.orientation, state.bias, known.covariance, known.averages, interval)
+
+
+@inline
+def _update(
+    state: State, params: Params, sample: Sample, learns: bool, adaptive: bool
+) -> tuple[State, int]:
+    """Return state and flags; constants False leave learning and adaptation out of the code."""
     seen, flags = check_sample(sample, state.stamp, state.field_stamp, params.samples)
     if flags & DROPPED:
         return state, flags
     if flags & REINITIALISED:
         return _start(state, params, seen, flags)
-    adaptive = learns and params.adaptive
+    if adaptive:
+        return _adapt(state, params, seen, flags)
     predicted = _integrate(state, seen)
     rows = matrix(predicted)
-    tilt = _inclination_correction(state, params, seen, rows, adaptive)
-    field, disturbed = _compare_field(state, params, seen, rows, adaptive)
-    turn = _heading_correction(state, params, seen, rows, tilt.gain, disturbed, adaptive)
+    tilt = _inclination_correction(params, seen, rows)
+    turn = _heading_correction(params, seen, rows, tilt.gain)
     corrected = _correct(state.orientation, predicted, tilt, turn)
     rest, bias, rest_flags = _learn_bias(state, params, seen, rows, tilt, turn, learns)
     variance, lag = _propagate_errors(state, params, seen.interval, tilt, turn)
@@ -208,8 +222,32 @@ def _update(state: State, params: Params, sample: Sample, learns: bool) -> tuple
         age=state.age + seen.interval,
         field_stamp=seen.stamp if seen.has_field else state.field_stamp,
         rest=rest,
-        field=field,
-    ), flags | disturbed | rest_flags
+        disturbance=state.disturbance,
+        adaptive=state.adaptive,
+    ), flags | rest_flags
+
+
+@inline
+def _adapt(state: State, params: Params, seen: CheckedSample, flags: int) -> tuple[State, int]:
+    """Return state and flags of the adaptive filter after a sample."""
+    predicted = integrate(state.orientation, state.bias, state.adaptive.averages.rate, seen)
+    adaptive, q, bias, disturbance = adaptive_step(
+        state.adaptive, params.averaging, seen, predicted, state.bias, flags
+    )
+    disturbance = disturbance if disturbance >= 0.0 else state.disturbance
+    flags |= averaging_flags(adaptive.averages, params.averaging, disturbance, seen.has_field)
+    return State(
+        stamp=seen.stamp,
+        orientation=q,
+        bias=bias,
+        variance=state.variance,
+        lag=state.lag,
+        age=state.age + seen.interval,
+        field_stamp=seen.stamp if seen.has_field else state.field_stamp,
+        rest=state.rest,
+        disturbance=disturbance,
+        adaptive=adaptive,
+    ), flags
 
 
 @inline
@@ -221,6 +259,9 @@ def _start(state: State, params: Params, seen: CheckedSample, flags: int) -> tup
     if not seen.has_force:
         flags |= NOT_STARTED
     q = attitude_from_vectors(f, m, params.up, params.north) if seen.has_force else IDENTITY
+    adaptive = state.adaptive
+    if params.adaptive:
+        adaptive = start_adaptive(adaptive, params.averaging, seen, flags)
     heading_sigma = params.heading_sigma if seen.has_field else pi
     return State(
         stamp=seen.stamp if seen.has_force else -1,
@@ -231,7 +272,8 @@ def _start(state: State, params: Params, seen: CheckedSample, flags: int) -> tup
         age=0.0,
         field_stamp=seen.stamp if seen.has_force and seen.has_field else -1,
         rest=start_rest(seen.angular_velocity, f, m),
-        field=no_reference() if flags & JUMPED_BACK else state.field,
+        disturbance=0.0,
+        adaptive=adaptive,
     ), flags
 
 
@@ -244,61 +286,35 @@ def _integrate(state: State, seen: CheckedSample) -> Quaternion:
 
 @inline
 def _inclination_correction(
-    state: State, params: Params, seen: CheckedSample, rows: Matrix, adaptive: bool
+    params: Params, seen: CheckedSample, rows: Matrix
 ) -> InclinationCorrection:
     """Return the rotation to specific force upward; `rows`: attitude, sensor → world."""
     if not seen.has_force:
         return InclinationCorrection(x=0.0, y=0.0, gain=0.0, sigma=0.0)
     f = seen.linear_acceleration
     length = sqrt(dot(f, f))
-    if adaptive:  # accelerations average out only where they are not normalised away
-        up = transform(rows, scale(params.up * PER_GRAVITY, f))
-        x, y = up[1], -up[0]
-    else:
-        x, y = _inclination_error(transform(rows, scale(1.0 / length, f)), params.up)
+    x, y = _inclination_error(transform(rows, scale(1.0 / length, f)), params.up)
     return InclinationCorrection(
         x=x,
         y=y,
-        gain=_gain(params.inclination_rate, seen.interval, state.age, params, adaptive),
+        gain=_gain(params.inclination_rate, seen.interval),
         sigma=params.inclination_sigma + abs(length * PER_GRAVITY - 1.0),
     )
 
 
 @inline
-def _compare_field(
-    state: State, params: Params, seen: CheckedSample, rows: Matrix, adaptive: bool
-) -> tuple[FieldState, int]:
-    """Return the magnetic reference after the sample, and DISTURBED where they disagree."""
-    if not (adaptive and seen.has_field):
-        return state.field, 0
-    m = transform(rows, seen.magnetic_field)
-    parts = (sqrt(m[0] * m[0] + m[1] * m[1]), -params.up * m[2])
-    rate = subtract(seen.angular_velocity, state.bias)
-    field = update_reference(
-        state.field, params.field, parts, sqrt(dot(rate, rate)), seen.field_interval
-    )
-    return field, 0 if is_accepted(field, params.field) else DISTURBED
-
-
-@inline
 def _heading_correction(
-    state: State,
-    params: Params,
-    seen: CheckedSample,
-    rows: Matrix,
-    tilt_gain: float,
-    disturbed: int,
-    adaptive: bool,
+    params: Params, seen: CheckedSample, rows: Matrix, tilt_gain: float
 ) -> HeadingCorrection:
     """Return the rotation of the horizontal field to magnetic north."""
     m = transform(rows, seen.magnetic_field)
     level = sqrt(m[0] * m[0] + m[1] * m[1])
-    if disturbed or not seen.has_field or level <= 1e-3 * abs(m[2]):
+    if not seen.has_field or level <= 1e-3 * abs(m[2]):
         return HeadingCorrection(z=0.0, gain=0.0)
     gain, interval = tilt_gain, seen.field_interval
     is_as_tilt = interval == seen.interval and params.heading_rate == params.inclination_rate
-    if adaptive or not (seen.has_force and is_as_tilt):
-        gain = _gain(params.heading_rate, interval, state.age, params, adaptive)
+    if not (seen.has_force and is_as_tilt):
+        gain = _gain(params.heading_rate, interval)
     return HeadingCorrection(z=_heading_error(m, level, params.north), gain=gain)
 
 
@@ -421,10 +437,8 @@ def _heading_error(m: Vector, level: float, north: tuple[float, float]) -> float
 
 
 @inline
-def _gain(rate: float, dt: float, age: float, params: Params, adaptive: bool) -> float:
-    """Return 1 − exp(−rate · dt); the adaptive filter starts as a mean and becomes a low-pass."""
-    if adaptive:
-        rate = max(rate, params.start_time / (age + dt))
+def _gain(rate: float, dt: float) -> float:
+    """Return 1 − exp(−rate · dt)."""
     x = rate * dt
     if x > 0.5:
         return 1.0 - exp(-x)
@@ -466,36 +480,47 @@ def run(
     details: bool = False,  # noqa: ARG001 (every filter's interface)
 ) -> OrientationResult:
     """Return attitude, covariance, bias and flags of every row; there are no `details`."""
-    result = empty_result(recording.stamp, covariances=2)
+    result = empty_result(recording.stamp, covariances=6 if params.adaptive else 2)
     _run(initial_state(), params, sample_columns(recording), result.columns())
     return result
 
 
 @kernel
 def _run(state: State, params: Params, samples: SampleColumns, result: ResultColumns) -> None:
-    if params.adaptive or params.learn_bias:
-        _loop(state, params, samples, result, True)
+    if params.adaptive:
+        _loop(state, params, samples, result, True, True)
+    elif params.learn_bias:
+        _loop(state, params, samples, result, True, False)
     else:
-        _loop(state, params, samples, result, False)
+        _loop(state, params, samples, result, False, False)
 
 
 @inline
 def _loop(
-    state: State, params: Params, samples: SampleColumns, result: ResultColumns, learns: bool
+    state: State,
+    params: Params,
+    samples: SampleColumns,
+    result: ResultColumns,
+    learns: bool,
+    adaptive: bool,
 ) -> None:
-    """Go over the rows; compiled once for each constant `learns`."""
+    """Go over the rows; compiled once for each pair of the constants `learns`, `adaptive`."""
     for i in range(len(samples.stamp)):
-        state, flags = _update(state, params, sample_of(samples, i), learns)
+        state, flags = _update(state, params, sample_of(samples, i), learns, adaptive)
         if flags:
             result.flags[i] = flags
         started = not flags & NOT_STARTED
-        q = _orientation(state) if started else NAN4
+        q, c = _shown(state, samples.stamp[i], flags, adaptive)
+        q, c = (q, c) if started else (NAN4, NAN6)
         b = state.bias if started else NAN3
-        c = _covariance(state)
         for k in range(4):
             result.orientation[i, k] = q[k]
-        result.compact_covariance[i, 0] = c[0] if started else np.nan
-        result.compact_covariance[i, 1] = c[5] if started else np.nan
+        if adaptive:
+            for k in range(6):
+                result.compact_covariance[i, k] = c[k]
+        else:
+            result.compact_covariance[i, 0] = c[0]
+            result.compact_covariance[i, 1] = c[5]
         if learns or flags:
             for k in range(3):
                 result.bias[i, k] = b[k]

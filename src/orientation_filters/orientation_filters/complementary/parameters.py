@@ -11,6 +11,7 @@ from imu_recording.ros.parameter import parameter
 
 from orientation_filters.complementary.filter import Params
 from orientation_filters.parameters import FilterParameters, Presets, world_axes
+from orientation_filters.sample_checks import GRAVITY
 
 
 @dataclass(frozen=True)
@@ -101,10 +102,13 @@ class ComplementaryParameters(FilterParameters):
             heading_sigma=self.heading_sigma,
             adaptive=self.adaptive,
             learn_bias=self.learn_bias,
-            start_time=1.0,
             bias_rate=self.integral_gain,
             rest_bias_time=self.rest_bias_time,
             samples=self.sample_params(),
             rest=self.rest_params(),
-            field=self.field_params(),
+            averaging=self.averaging_params(
+                self.angle_random_walk,
+                GRAVITY * self.angle_random_walk / rate,
+                self.angle_random_walk / (2.0 * pi * self.heading_cutoff_hz or rate),
+            ),
         )

@@ -148,6 +148,20 @@ def apply_symmetric(c: Symmetric, v: Vector) -> Vector:
 
 
 @inline
+def less(s: Symmetric, v: Vector, weight: float) -> Symmetric:
+    """Return s − weight · v vᵀ."""
+    x, y, z = weight * v[0], weight * v[1], weight * v[2]
+    return (
+        s[0] - x * v[0],
+        s[1] - x * v[1],
+        s[2] - x * v[2],
+        s[3] - y * v[1],
+        s[4] - y * v[2],
+        s[5] - z * v[2],
+    )
+
+
+@inline
 def inverse_symmetric(a: Symmetric) -> Symmetric:
     """Return the inverse of a positive definite symmetric 3×3 matrix."""
     c0 = a[3] * a[5] - a[4] * a[4]

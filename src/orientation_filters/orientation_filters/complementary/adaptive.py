@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Adaptive complementary filter: corrections from means, each as large as what is unknown.
+
+Each of the three rotations about the world's axes has a first-order filter of its own; its gain
+is the part of the variance that is the attitude's. That variance is noise plus what the bias left
+in it: a matrix `lag` follows how the attitude errs for a bias of one, and along it each
+correction teaches the bias, too. Undisturbed and settled the gains are those of the cut-offs.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from orientation_filters.averages import (
+    UNKNOWN_HEADING_VARIANCE,
+    AveragingParams,
+    AveragingState,
+    Means,
+    accumulate,
+    after_step,
+    angle_variance,
+    doubts,
+    is_step_due,
+    no_averages,
+    start_averages,
+    take_means,
+)
+from orientation_filters.kernel import inline
+from orientation_filters.rotation.scalars import (
+    ZERO,
+    Matrix,
+    Quaternion,
+    Symmetric,
+    Vector,
+    add,
+    apply_symmetric,
+    dot,
+    from_rotation_vector,
+    less,
+    matrix,
+    multiply,
+    normalised,
+    scale,
+    subtract,
+)
+from orientation_filters.sample_checks import GRAVITY, CheckedSample
+
+ZERO6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class Unknowns(NamedTuple):
+    """How wrong attitude and bias may be: error = noise + lag · error of the bias."""
+
+    noise: Vector
+    """Variances of the part that no bias explains, about the world's axes [rad²]."""
+    lag: Matrix
+    """Rows world, columns sensor [s]."""
+    bias: Symmetric
+    """Covariance of the bias, sensor [(rad/s)²]."""
+
+
+class AdaptiveState(NamedTuple):
+    """What the adaptive filter needs besides attitude and bias."""
+
+    averages: AveragingState
+    unknowns: Unknowns
+    covariance: Symmetric
+    """Of the orientation error about the world's axes after the last step [rad²]."""
+
+
+class Correction(NamedTuple):
+    """Errors found so far in a step, and what remains unknown."""
+
+    orientation: Vector
+    """About the world's axes [rad]."""
+    bias: Vector
+    """Sensor frame [rad/s]."""
+    unknowns: Unknowns
+
+
+@inline
+def no_adaptation() -> AdaptiveState:
+    """Return the state before any sample."""
+    unknowns = Unknowns(noise=ZERO, lag=(ZERO, ZERO, ZERO), bias=ZERO6)
+    return AdaptiveState(averages=no_averages(), unknowns=unknowns, covariance=ZERO6)
+
+
+@inline
+def start_adaptive(
+    state: AdaptiveState, params: AveragingParams, seen: CheckedSample, flags: int
+) -> AdaptiveState:
+    """Return the state at the first sample; a known field is remembered over gaps."""
+    tilt, bias = params.initial_inclination**2, params.initial_bias**2
+    turn = params.initial_heading**2 if seen.has_field else UNKNOWN_HEADING_VARIANCE
+    unknowns = Unknowns(
+        noise=(tilt, tilt, turn),
+        lag=(ZERO, ZERO, ZERO),
+        bias=(bias, 0.0, 0.0, bias, 0.0, bias),
+    )
+    return AdaptiveState(
+        averages=start_averages(state.averages, params, seen, flags),
+        unknowns=unknowns,
+        covariance=covariance_of(unknowns),
+    )
+
+
+@inline
+def adaptive_step(
+    state: AdaptiveState,
+    params: AveragingParams,
+    seen: CheckedSample,
+    q: Quaternion,
+    bias: Vector,
+    flags: int,
+) -> tuple[AdaptiveState, Quaternion, Vector, float]:
+    """Return state, attitude, bias and disturbance [T] (−1: as before) after a sample."""
+    averages = accumulate(state.averages, params, seen, q, bias)
+    if not is_step_due(averages, params):
+        return AdaptiveState(averages, state.unknowns, state.covariance), q, bias, -1.0
+    unknowns = _predict(state.unknowns, averages, params)
+    known, rows = covariance_of(unknowns), matrix(q)
+    means = take_means(averages, params, bias, rows, known, unknowns.bias, flags)
+    found = _correct(unknowns, averages, means, params)
+    turn = from_rotation_vector(scale(-1.0, found.orientation))
+    d = means.field.disturbance
+    return (
+        AdaptiveState(
+            averages=after_step(averages, means, turn),
+            unknowns=found.unknowns,
+            covariance=covariance_of(found.unknowns),
+        ),
+        normalised(multiply(turn, q)),
+        subtract(bias, found.bias),
+        dot(d, d) ** 0.5 if averages.integrals.fields > 0 else -1.0,
+    )
+
+
+@inline
+def _predict(before: Unknowns, averages: AveragingState, params: AveragingParams) -> Unknowns:
+    """Return what is unknown after the time since the last step."""
+    past, b = averages.integrals, before.bias
+    walk = angle_variance(averages, params)
+    drift = params.bias_random_walk * params.bias_random_walk * past.elapsed
+    if not params.learn_bias:
+        b, drift = ZERO6, 0.0
+    n, lag = before.noise, before.lag
+    return Unknowns(
+        noise=(n[0] + walk, n[1] + walk, n[2] + walk),
+        lag=(
+            subtract(lag[0], past.turned[0]),
+            subtract(lag[1], past.turned[1]),
+            subtract(lag[2], past.turned[2]),
+        ),
+        bias=(b[0] + drift, b[1], b[2], b[3] + drift, b[4], b[5] + drift),
+    )
+
+
+@inline
+def _correct(
+    unknowns: Unknowns, averages: AveragingState, means: Means, params: AveragingParams
+) -> Correction:
+    """Return the errors after specific force, field and rest, one after the other."""
+    n = unknowns.noise
+    tilt, turn = doubts(averages, means, params)
+    found = Correction(
+        orientation=ZERO,
+        bias=ZERO,
+        unknowns=Unknowns(
+            noise=(n[0] + tilt, n[1] + tilt, n[2] + turn), lag=unknowns.lag, bias=unknowns.bias
+        ),
+    )
+    if means.force.variance > 0.0:
+        pull = 1.0 / (params.up * GRAVITY)
+        a, variance = means.force.acceleration, means.force.variance * pull * pull
+        found = _turn(found, (1.0, 0.0, 0.0), -pull * a[1], variance)
+        found = _turn(found, (0.0, 1.0, 0.0), pull * a[0], variance)
+    if means.field.variance > 0.0:
+        found = _turn(found, (0.0, 0.0, 1.0), -means.field.east, means.field.variance)
+    d, e, r = means.rest.directions, means.rest.error, means.rest.variance
+    if r[0] > 0.0:
+        found = _learn(found, d[0], e[0], r[0])
+        found = _learn(found, d[1], e[1], r[1])
+        if r[2] > 0.0:
+            found = _learn(found, d[2], e[2], r[2])
+    return found
+
+
+@inline
+def _turn(found: Correction, axis: Vector, angle: float, variance: float) -> Correction:
+    """Return the correction after an error about one of the world's axes was seen."""
+    before = found.unknowns
+    lag = add(
+        add(scale(axis[0], before.lag[0]), scale(axis[1], before.lag[1])),
+        scale(axis[2], before.lag[2]),
+    )
+    along = apply_symmetric(before.bias, lag)
+    total = dot(before.noise, axis) + dot(lag, along)
+    weight = 1.0 / (total + variance)
+    gain = weight * total
+    innovation = angle - dot(found.orientation, axis)
+    keep = (1.0 - gain * axis[0], 1.0 - gain * axis[1], 1.0 - gain * axis[2])
+    bias = less(before.bias, along, weight)
+    left = scale(1.0 - gain, lag)
+    noise = max((1.0 - gain) * total - dot(left, apply_symmetric(bias, left)), 1e-12)
+    n = before.noise
+    return Correction(
+        orientation=add(found.orientation, scale(gain * innovation, axis)),
+        bias=add(found.bias, scale(weight * innovation, along)),
+        unknowns=Unknowns(
+            noise=(
+                n[0] + axis[0] * (noise - n[0]),
+                n[1] + axis[1] * (noise - n[1]),
+                n[2] + axis[2] * (noise - n[2]),
+            ),
+            lag=(
+                scale(keep[0], before.lag[0]),
+                scale(keep[1], before.lag[1]),
+                scale(keep[2], before.lag[2]),
+            ),
+            bias=bias,
+        ),
+    )
+
+
+@inline
+def _learn(found: Correction, direction: Vector, error: float, variance: float) -> Correction:
+    """Return the correction after a component of the bias's error was seen.
+
+    The attitude turns back by what that bias has turned it.
+    """
+    before = found.unknowns
+    along = apply_symmetric(before.bias, direction)
+    weight = 1.0 / (dot(direction, along) + variance)
+    change = scale(weight * (error - dot(direction, found.bias)), along)
+    lag = before.lag
+    turned = (dot(lag[0], change), dot(lag[1], change), dot(lag[2], change))
+    return Correction(
+        orientation=add(found.orientation, turned),
+        bias=add(found.bias, change),
+        unknowns=Unknowns(noise=before.noise, lag=lag, bias=less(before.bias, along, weight)),
+    )
+
+
+@inline
+def covariance_of(unknowns: Unknowns) -> Symmetric:
+    """Return xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
+    n, lag, b = unknowns.noise, unknowns.lag, unknowns.bias
+    x, y, z = apply_symmetric(b, lag[0]), apply_symmetric(b, lag[1]), apply_symmetric(b, lag[2])
+    return (
+        n[0] + dot(lag[0], x),
+        dot(lag[0], y),
+        dot(lag[0], z),
+        n[1] + dot(lag[1], y),
+        dot(lag[1], z),
+        n[2] + dot(lag[2], z),
+    )
