@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 import argparse
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from textwrap import fill
 from typing import Any
 
 from imu_recording.user_error import UserError, did_you_mean
 from thermal_comp.diagnosis.explanations import FINDINGS
+from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.explanation import explain_all, explanation, explanation_text
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.presentation.words import WORDS
@@ -43,24 +46,41 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> Answer:
     """Explain."""
     catalogue = effect_catalogue(options.effects)
+    parameters = parameters_of(catalogue)
+    word = re.sub(r'[\s.-]+', '_', (options.effect or '').strip()).lower()
     content: dict[str, Any]
     if options.all or options.effect is None:
         text = explain_all(catalogue)
         content = {name: explanation(effect) for name, effect in catalogue.items()}
-    elif options.effect in catalogue:
-        effect = catalogue[options.effect]
+    elif word in catalogue:
+        effect = catalogue[word]
         content, text = explanation(effect), explanation_text(effect)
-    elif options.effect in FINDINGS:
-        finding = FINDINGS[options.effect]
+    elif word in FINDINGS:
+        finding = FINDINGS[word]
         content, text = finding.to_dict(), finding.text()
-    elif options.effect in WORDS:
-        content = {'name': options.effect, 'summary': WORDS[options.effect]}
-        text = fill(f'{options.effect}: {WORDS[options.effect]}', 96, subsequent_indent='  ')
+    elif word in WORDS or word in parameters:
+        content = {'name': word, 'summary': WORDS.get(word) or parameters[word]}
+        text = fill(f'{word}: {content["summary"]}', 96, subsequent_indent='  ')
     else:
-        known = [*catalogue, *FINDINGS, *WORDS]
+        known = [*catalogue, *FINDINGS, *WORDS, *parameters]
         near = did_you_mean(options.effect, known)
         raise UserError(f'effect {options.effect!r} is not known{near}; known: {", ".join(known)}')
     if options.output:
         options.output.write_text(text.rstrip() + '\n', 'utf-8')
         text = f'wrote {options.output}'
     return Answer(content, text)
+
+
+def parameters_of(catalogue: Mapping[str, type[Effect]]) -> dict[str, str]:
+    """Return what each shape parameter of the catalogue is: whose, its unit and its bounds."""
+    told: dict[str, list[str]] = {}
+    for name, effect in catalogue.items():
+        for parameter, known in explanation(effect)['parameters'].items():
+            low, high = known['bounds']
+            told.setdefault(parameter, []).append(
+                f'{name} ({low:g} … {high:g} {known["unit"]})'.replace(' )', ')')
+            )
+    return {
+        parameter: f'Shape parameter of {", ".join(effects)}: see `explain` of the effect.'
+        for parameter, effects in told.items()
+    }
