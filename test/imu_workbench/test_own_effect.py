@@ -52,6 +52,8 @@ def test_it_is_hidden_found_added_and_used(
     hide = ['--hide', 'activity_dip', '--rate', '0.02', '--seed', '3', '-o', str(campaign)]
     assert main(['simulate', 'paper_betta2022', *hide, *own]) == 0
     hidden = json.loads((campaign / '.truth.json').read_text())['parameters']['centre']
+    assert main(['reveal', str(campaign)]) == 2
+    assert 'give its file with --effects' in capsys.readouterr().err
     bags = [str(campaign / axis) for axis in 'xyz']
     assert main(['add', 'activity_dip', *bags, *own, '-o', str(model)]) == 0
     catalogue = {kind.name: kind for kind in effects_in_file(effect)}

@@ -9,7 +9,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from imu_driver.simulation.hidden import HIDEABLE
 from imu_recording.plausibility import admitted
+from imu_recording.user_error import UserError
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import check_device, load_model
@@ -43,12 +45,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> Answer:
     """Diagnose first, then look."""
-    bags = find_truth(options.folder)[1]
+    truth, bags = find_truth(options.folder)
     catalogue = effect_catalogue(options.effects)
+    if any(one['law'] not in {*HIDEABLE, *catalogue} for one in all_hidden(truth)):
+        raise UserError(
+            f"{options.folder}: an effect of a user's own is hidden: give its file with --effects"
+        )
     model = load_model(options.model, catalogue) if options.model else None
     found = diagnose(_recordings(bags, model), model, catalogue=catalogue)
     diagnosis = found.to_dict()
-    truth = find_truth(options.folder)[0]
     truths = all_hidden(truth)
     scores = score_each(truths, diagnosis)
     content: dict[str, Any] = {
