@@ -48,6 +48,17 @@ def test_curvature_and_lag_together_are_found_without_being_named(die: np.ndarra
     assert lag in {'thermal_lag', 'thermal_lag_two_stage'}
 
 
+def test_two_effects_are_added_where_no_single_one_will_do() -> None:
+    """One sweep in five blocks: curvature without the lags spoils the block it has not seen."""
+    die = chamber(1, PERIOD)[1]
+    law = ((die - 20.0) / 10.0) ** 2 + 2.0 * (
+        lagging(die, 300.0, PERIOD) + 0.5 * lagging(die, 2500.0, PERIOD) - 1.5 * die
+    )
+    error = {'angular_velocity': np.multiply.outer(law, WHITE['angular_velocity'] * np.ones(3))}
+    sweep = prepare([run('+z', seed=3, cycles=1, period=PERIOD, error=error)])
+    assert len(predicted(sweep)) >= 2
+
+
 def test_noise_alone_gets_nothing() -> None:
     runs = prepare([run('+z', seed=k, cycles=3, period=PERIOD) for k in (20, 21)])
     assert predicted(runs) == []

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
@@ -22,6 +23,9 @@ MOST_EFFECTS = 3
 """Effects whose cause is undecided that a sensor gets at most."""
 LEAST_NEW_POWER = 1e-6
 """Share of a column's power that the others must leave, or it brings nothing new."""
+
+NO_DIFFERENCE = 1e-3
+"""Relative change of held-out errors below which an effect brings nothing."""
 
 Forms = Mapping[str, Sequence[Effect]]
 """The forms of each effect that are tried."""
@@ -58,8 +62,10 @@ def predictive_effects(
 ) -> tuple[Effect, ...]:
     """Return the effects beside the `known` ones that lower the held-out error most.
 
-    One effect is added after the other, at most MOST_EFFECTS, while the error falls by more than
-    chance and on no axis rises; sets of names that are given as `candidates` are tried whole.
+    One effect is added after the other, or two where no single one will do, at most MOST_EFFECTS,
+    while the error falls by more than chance and on no axis rises. Tried are those that need no
+    channel beside temperature, since the field may lack it; sets of names that are given as
+    `candidates` are tried whole.
     """
     forms = usable_forms(runs, sensor, known, catalogue)
     if not forms:
@@ -68,11 +74,15 @@ def predictive_effects(
     sums = part_sums(runs, sensor, known, tuple(every), noise)
     start = _with(sums, forms, None, ())
     best = current = start
-    for _ in range(MOST_EFFECTS):
-        tried = [
-            _with(sums, forms, current, (name,)) for name in forms if name not in current.names
-        ]
-        further = _best(sums, current, tried)
+    names = [name for name in forms if not catalogue[name].channels]
+    while len(current.names) < MOST_EFFECTS:
+        left = [name for name in names if name not in current.names]
+        single = [_with(sums, forms, current, (name,)) for name in left]
+        further = _best(sums, current, single)
+        if further is None and len(current.names) + 2 <= MOST_EFFECTS:
+            left = [n for n, s in zip(left, single, strict=True) if _differs(s, current)]
+            pairs = [_with(sums, forms, current, pair) for pair in combinations(left, 2)]
+            further = _best(sums, current, pairs)
         if further is None:
             break
         best = current = further
@@ -109,7 +119,7 @@ def usable_forms(
 
 
 def _best(sums: PartSums, before: Selection, tried: Sequence[Selection]) -> Selection | None:
-    """Return the smallest of those that lower the held-out error most; None: none lowers it."""
+    """Return the smallest of those that lower the held-out error most; None: none does."""
     lower = [
         s
         for s in tried
@@ -119,7 +129,8 @@ def _best(sums: PartSums, before: Selection, tried: Sequence[Selection]) -> Sele
     least = min(lower, key=lambda s: _total(sums, s), default=None)
     if least is None:
         return None
-    alike = [s for s in lower if s is least or not _falls(sums, s, least)]
+    enough = _total(sums, least) / (1.0 - LEAST_FALL) ** 2
+    alike = [s for s in lower if _total(sums, s) <= enough]
     return min(alike, key=lambda s: (s.size, _total(sums, s)))
 
 
@@ -127,6 +138,11 @@ def _falls(sums: PartSums, before: Selection, after: Selection) -> bool:
     """Tell whether the errors of all axes together fall, in units of their noise."""
     one, two = ((s.errors / sums.variance).mean(axis=1) for s in (before, after))
     return falls(one, two)
+
+
+def _differs(one: Selection, other: Selection) -> bool:
+    """Tell whether two selections are more than a line in other words."""
+    return not np.allclose(one.errors, other.errors, rtol=NO_DIFFERENCE, atol=0.0)
 
 
 def _total(sums: PartSums, selection: Selection) -> float:
@@ -142,8 +158,13 @@ def _with(
     for part in (0, *sums.parts()):
         effects = before.chosen[part] if before else ()
         training = sums.training(part)
+        before_these = len(effects)
         for name in names:
             effects = (*effects, _best_form(sums, training, effects, forms[name]))
+        for k, name in enumerate(names[:-1], before_these):
+            others = (*effects[:k], *effects[k + 1 :])
+            again = _best_form(sums, training, others, forms[name])
+            effects = (*effects[:k], again, *effects[k + 1 :])
         chosen[part] = effects
         if part:
             columns = columns_of(sums, effects)
