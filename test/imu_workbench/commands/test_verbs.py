@@ -18,6 +18,7 @@ from imu_workbench.__main__ import build_parser, main
 from imu_workbench.answer import CHECK_FAILED
 from imu_workbench.commands import COMMANDS, options
 from imu_workbench.web.case.tasks import read_task
+from matplotlib.image import imread
 from thermal_comp.model.file import load_model
 
 from imu_recording import read_bag, write_bag
@@ -103,6 +104,22 @@ def test_compare_with_the_saved_model_gives_the_numbers_of_the_fit(
     for sensor, part in saved.items():
         np.testing.assert_allclose(part['residual_rms'], fresh[sensor]['residual_rms'], rtol=1e-9)
         np.testing.assert_allclose(part['held_out_rms'], fresh[sensor]['held_out_rms'], rtol=1e-6)
+
+
+def test_compare_draws_the_residual_over_time(
+    folder: Path, model: Path, tmp_path: Path, capsys
+) -> None:
+    picture = tmp_path / 'residual.png'
+    argv = ['compare', str(folder / 'dut1'), '--model', str(model), '--plot']
+    assert main([*argv, str(picture)]) == 0
+    pixels = imread(picture)[:, :, :3]
+    assert (pixels[0, 0] == 1.0).all(), 'the background is white'
+    dark = (pixels.min(axis=2) < 0.8).mean()
+    assert dark > 0.02, 'lines are drawn'
+    assert main([*argv, str(picture)]) == 2
+    assert '--force' in capsys.readouterr().err
+    assert main([*argv, str(tmp_path / 'residual.xyz')]) == 2
+    assert '.png, .svg, .pdf' in capsys.readouterr().err
 
 
 def test_apply_removes_the_slope(folder: Path, model: Path, tmp_path: Path) -> None:

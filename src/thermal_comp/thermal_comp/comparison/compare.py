@@ -52,6 +52,8 @@ class SensorComparison:
     gaussianity_after: tuple[Gaussianity, ...]
     modes_before: DwellModes | None
     modes_after: DwellModes | None
+    residuals: tuple[FloatArray, ...]
+    """(m, 3) measured minus model about its mean, block by block, of each run."""
 
     @property
     def worst_phase(self) -> str | None:
@@ -91,6 +93,8 @@ class Comparison(Presented):
     """Length of the blocks all errors are quoted on [s]."""
     folds: str
     """What was held out."""
+    times: tuple[FloatArray, ...]
+    """(m,) time of each block since the first sample of its run [s], of each run."""
     notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -155,6 +159,7 @@ def compare_prepared(
         sensors={s: compared[s] for s in sensors},
         period=runs[0].period,
         folds='one thermal cycle at a time' if cycles else 'one contiguous block at a time',
+        times=tuple(run.time for run in runs),
         notes=(*own, *left_out, *([] if seen else [unseen]), *not_applied, *relearned),
     )
 
@@ -255,6 +260,7 @@ def _compare_sensor(
         gaussianity_after=_tests(residuals),
         modes_before=dwell_modes(measured, phase),
         modes_after=dwell_modes(residual, phase),
+        residuals=tuple(residuals),
     )
 
 

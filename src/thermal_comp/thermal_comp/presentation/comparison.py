@@ -12,6 +12,8 @@ from thermal_comp.presentation.notebook import html_table
 if TYPE_CHECKING:
     from thermal_comp.presentation.picture import Picture
 
+AXES = {'x': '#c1440e', 'y': '#1a7f37', 'z': '#1f5fbf'}
+"""Colours of the lines: of like lightness, told apart by those who see no red or green."""
 COLUMNS = {
     'measured_rms': 'measured',
     'residual_rms': 'residual',
@@ -68,6 +70,39 @@ def picture(found: Any) -> Picture:
         panel.set(title=sensor, yscale='log', ylabel=f'rms [{unit.unit}]')
         panel.set_xticks(range(3), 'xyz')
     panels[0].legend(fontsize='small')
+    return figure
+
+
+def residual_picture(found: Any) -> Picture:
+    """Return the residual over time, a panel a sensor and a line an axis, runs one after another.
+
+    The shaded band is twice the noise floor of the axis that has most. The background is white,
+    so that the picture can be read on a dark page too.
+    """
+    import numpy as np
+
+    from thermal_comp.presentation.picture import new_picture
+
+    sensors = [s for s in SENSORS if s in found.sensors]
+    figure, panels = new_picture(len(sensors), 2.4, stacked=True)
+    figure.set_facecolor('white')
+    starts = np.cumsum([0.0, *(time[-1] + found.period for time in found.times)])
+    for panel, sensor in zip(panels, sensors, strict=True):
+        part, unit = found.sensors[sensor], DISPLAY_UNITS[sensor]
+        for number, (start, time) in enumerate(zip(starts, found.times, strict=False)):
+            hours = (start + time) / 3600.0
+            left = unit.factor * part.residuals[number]
+            for axis, (label, colour) in enumerate(AXES.items()):
+                named = label if number == 0 else None
+                panel.plot(hours, left[:, axis], color=colour, lw=0.8, label=named)
+            if number:
+                panel.axvline(start / 3600.0, color='0.4', lw=0.8, ls=':')
+        band = 2.0 * unit.factor * float(np.max(part.noise_floor))
+        panel.axhspan(-band, band, color='0.5', alpha=0.2, lw=0)
+        panel.set(title=sensor, ylabel=f'residual [{unit.unit}]')
+        panel.margins(x=0.01)
+    panels[0].legend(fontsize='small', ncols=3, loc='upper right')
+    panels[-1].set_xlabel('time, runs one after another [h]')
     return figure
 
 

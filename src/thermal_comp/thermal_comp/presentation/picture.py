@@ -19,10 +19,16 @@ class Picture(Figure):
         return image.getvalue()
 
 
-def new_picture(columns: int, height: float = 3.2) -> tuple[Picture, list[Any]]:
-    """Return a picture of `columns` panels side by side, and the panels."""
-    picture = Picture(figsize=(max(4.0 * columns, 5.0), height), layout='constrained')
-    panels = list(picture.subplots(1, columns, squeeze=False)[0])
+def new_picture(
+    columns: int, height: float = 3.2, *, stacked: bool = False
+) -> tuple[Picture, list[Any]]:
+    """Return a picture of so many panels side by side, or below each other, and the panels."""
+    if stacked:
+        picture = Picture(figsize=(10.0, height * columns), layout='constrained')
+        panels = list(picture.subplots(columns, 1, squeeze=False, sharex=True)[:, 0])
+    else:
+        picture = Picture(figsize=(max(4.0 * columns, 5.0), height), layout='constrained')
+        panels = list(picture.subplots(1, columns, squeeze=False)[0])
     for panel in panels:
         panel.grid(visible=True, alpha=0.3)
         panel.spines[['top', 'right']].set_visible(False)
