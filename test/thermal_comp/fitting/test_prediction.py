@@ -85,8 +85,9 @@ def test_an_axis_that_feels_nothing_keeps_to_the_line(die: np.ndarray) -> None:
 
 
 def test_errors_fall_only_by_more_than_chance_and_where_it_is_worth_it() -> None:
-    one = np.ones(6)
-    assert falls(one, 0.5 * one * np.array([1.0, 1.1, 0.9, 1.0, 1.2, 0.8]))
-    assert not falls(one, np.array([0.1, 0.1, 1.3, 1.4, 1.2, 1.1])), 'on two parts alone'
-    assert not falls(one, 0.95 * one), 'by 2.5 % of the rms'
-    assert not falls(one[:2], 0.1 * one[:2]), 'on two parts'
+    one = 9.0 * np.ones(6)
+    assert falls(one, 0.5 * one * np.array([1.0, 1.1, 0.9, 1.0, 1.2, 0.8]), 1.0)
+    assert not falls(one, one * np.array([0.1, 0.1, 1.3, 1.4, 1.2, 1.1]), 1.0), 'on two parts'
+    assert not falls(one, 0.95 * one, 1.0), 'by 2.5 % of the rms'
+    assert not falls(one[:2], 0.1 * one[:2], 1.0), 'two parts are too few'
+    assert not falls(one, 0.5 * one, 10.0), 'what is left is noise already'

@@ -35,9 +35,9 @@ def worse_than_simpler(
             if len(effects) >= len(fitted.effects):
                 continue
             held = hold_out(runs, {sensor: effects}, {sensor: fitted.noise})
-            squares = part_squares(held, sensor)
+            squares, floor = part_squares(held, sensor), part.noise_floor**2
             for axis in range(3):
-                if falls(part.held_out_squares[:, axis], squares[:, axis]):
+                if falls(part.held_out_squares[:, axis], squares[:, axis], floor[axis]):
                     rise = float(
                         np.sqrt(part.held_out_squares[:, axis].sum() / squares[:, axis].sum())
                     )

@@ -303,7 +303,6 @@ def _step(
     empirical: bool,
 ) -> Step:
     """Return the step the held-out error takes on the first of the sensors."""
-    one, two = ((c.held_out_squares / before.noise_floor**2).mean(axis=1) for c in (before, after))
     return Step(
         added,
         sensors,
@@ -312,7 +311,7 @@ def _step(
         _rms(after.noise_floor),
         ambiguous_with,
         empirical,
-        lowered=falls(one, two),
+        lowered=falls(before.held_out_squares, after.held_out_squares, after.noise_floor**2),
     )
 
 

@@ -57,7 +57,7 @@ def _lowered(sums: PartSums, own: IntArray, widths: dict[int, FloatArray]) -> np
         before.append(sums.errors(part, sums.known, penalty[:, : len(sums.known)]))
         after.append(sums.errors(part, columns, penalty))
     one, two = np.concatenate(before), np.concatenate(after)
-    return np.array([falls(one[:, axis], two[:, axis]) for axis in range(3)])
+    return np.array([falls(one[:, axis], two[:, axis], sums.variance[axis]) for axis in range(3)])
 
 
 def _likeliest_widths(sums: PartSums, part: int, own: IntArray) -> FloatArray:

@@ -29,14 +29,19 @@ LEAST_FALL = 0.05
 """Fall of the held-out rms that is worth another term, as a share."""
 
 
-def falls(before: FloatArray, after: FloatArray) -> bool:
+def falls(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> bool:
     """Tell whether mean squares over k parts fall: by more than chance, and worth it.
 
-    Student's t of ln(before / after) over the parts, and the rms over all of them.
+    (k,) or (k, axes); `noise` is the square that noise alone leaves, (axes,): what lies below it
+    counts as noise. Student's t of ln(before / after) over the parts, and the rms over all.
     """
+    before, after = (
+        np.maximum(squares / noise, 1.0).reshape(len(squares), -1).mean(axis=1)
+        for squares in (before, after)
+    )
     if len(before) < LEAST_PARTS or after.sum() > (1.0 - LEAST_FALL) ** 2 * before.sum():
         return False
-    gain = np.log(np.maximum(before, 1e-300) / np.maximum(after, 1e-300))
+    gain = np.log(before / after)
     spread = float(gain.std(ddof=1)) / np.sqrt(len(gain))
     return bool(float(gain.mean()) > float(stdtrit(len(gain) - 1, 1.0 - CHANCE)) * spread)
 

@@ -136,8 +136,7 @@ def _best(sums: PartSums, before: Selection, tried: Sequence[Selection]) -> Sele
 
 def _falls(sums: PartSums, before: Selection, after: Selection) -> bool:
     """Tell whether the errors of all axes together fall, in units of their noise."""
-    one, two = ((s.errors / sums.variance).mean(axis=1) for s in (before, after))
-    return falls(one, two)
+    return falls(before.errors, after.errors, sums.variance)
 
 
 def _differs(one: Selection, other: Selection) -> bool:
