@@ -406,7 +406,7 @@ def _mean_force(
     """Return the mean specific force; its variance follows the acceleration's power.
 
     What the low-pass leaves counts as acceleration where the tilt's own variance does not
-    explain it.
+    explain it. A rotation by a large angle is known to half of its square, as it is linearised.
     """
     t = state.integrals.elapsed
     force = scale(1.0 / t, state.integrals.force)
@@ -427,10 +427,13 @@ def _mean_force(
         )
         power += (now - power) * t / (params.acceleration_memory + t)
         density = params.acceleration_floor * params.acceleration_floor + max(power, now)
-        variance = density / t
+        variance = density / min(t, params.interval)
         persistent = approach(persistent, force, t / (min(PERSISTENCE, age - t) + t))
         doubt = _doubt(persistent, params.up, 0.5 * tilt + density / min(PERSISTENCE, age))
     level = _level_part(smoothed, params.up)
+    if variance > 0.0:
+        square = level[0] * level[0] + level[1] * level[1]
+        variance += 0.25 * square * square / (GRAVITY * GRAVITY)
     return MeanForce(
         acceleration=(level[0], level[1], smoothed[2] - params.up * GRAVITY),
         variance=variance,
@@ -511,6 +514,7 @@ def _mean_field(
     slope = mean[2] / level
     tilt, heading = 0.5 * slope * slope * (orientation[0] + orientation[3]), orientation[5]
     variance += tilt * heading / max(heading - tilt, LEAST_GAIN * heading)
+    variance += 0.25 * (sine * sine) * (sine * sine)
     return MeanField(
         disturbance=disturbance,
         east=sine,
