@@ -41,8 +41,8 @@ FILTERPY_SAMPLES = 2_000
 LIMITS = {
     ('complementary', 'paper'): 0.15,
     ('ahrs', 'paper'): 0.5,
-    ('complementary', 'robust'): 0.3,
-    ('ahrs', 'robust'): 0.75,
+    ('complementary', 'robust'): 0.25,
+    ('ahrs', 'robust'): 0.3,
 }
 """Largest part of VQF's batch time."""
 LEAST_OVER_FILTERPY = 100.0

@@ -23,6 +23,7 @@ from orientation_filters.errors import (
 )
 from orientation_filters.filters import FILTERS, run_filter, sample_rate, state_bytes
 from orientation_filters.rotation.arrays import enu_from_ned
+from orientation_filters.smoothing import run_smoother
 from orientation_filters.upsampling import upsample
 from thermal_comp.compensation.recording import plan_of, sensor_error
 from thermal_comp.data.conditions import field_conditions
@@ -32,6 +33,8 @@ from thermal_comp.presentation.display import FILTER_LABELS
 CUTOFFS_HZ = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 """The paper's typical range, with its choice of 3 Hz."""
 LOWEST_RATE_HZ = 50.0
+SMOOTHED = 'smoothed'
+"""Stands where a preset does: `robust`, forward and backward."""
 TIMED_ROWS = 20_000
 TRUE_ATTITUDE = 'reference orientation'
 NO_TRUTH = (
@@ -104,17 +107,19 @@ def attitude_budget(
     presets: Sequence[str] = ('paper',),
     cutoffs_hz: Sequence[float] = CUTOFFS_HZ,
     progress: Callable[[str], None] = lambda _: None,
+    smooth: bool = False,
     **parameters: Any,
 ) -> AttitudeBudget:
     """Return what temperature costs each filter and what compensation gives back.
 
-    Recordings slower than 50 Hz are interpolated; `notes` of the result's recording say so.
+    `smooth` adds the preset SMOOTHED: forward and backward over the recording. Recordings slower
+    than 50 Hz are interpolated; `notes` of the result's recording say so.
     """
     fast = {name: upsample(r, LOWEST_RATE_HZ) for name, r in variants(raw, compensated).items()}
     measured = fast['raw']
     truth, costs, groups, efforts = measured.reference_orientation, [], {}, []
     for name in filters:
-        for preset in presets:
+        for preset in (*presets, *([SMOOTHED] if smooth else [])):
             progress(f'{name}, {preset}')
             options = {**parameters, 'preset': preset}
             runs = {data: _estimate(name, r, options) for data, r in fast.items()}
@@ -127,7 +132,8 @@ def attitude_budget(
                     *errors_by_phase(errors[data], measured),
                     *errors_by_temperature(errors[data], measured),
                 ]
-            efforts.append(_effort(name, preset, measured, options))
+            if preset != SMOOTHED:
+                efforts.append(_effort(name, preset, measured, options))
     sweep = list(_sweep(fast, cutoffs_hz, progress, parameters))
     against = 'compensated run' if truth is None else TRUE_ATTITUDE
     return AttitudeBudget(measured, against, costs, sweep, efforts, groups)
@@ -135,7 +141,10 @@ def attitude_budget(
 
 def _estimate(name: str, recording: ImuRecording, options: dict[str, Any]) -> FloatArray:
     """Return the attitude sensor → ENU."""
-    q = run_filter(name, recording, **options).orientation
+    if options['preset'] == SMOOTHED:
+        q = run_smoother(name, recording, **options | {'preset': 'robust'}).orientation
+    else:
+        q = run_filter(name, recording, **options).orientation
     return enu_from_ned(q) if options.get('world_frame') == 'ned' else q
 
 

@@ -62,17 +62,21 @@ UNKNOWN_HEADING_VARIANCE = 3.29
 """Of a heading that may be anything: π² / 3 [rad²]."""
 START_POWER = 4.0
 """Square of an acceleration that may be there at the start, per axis [(m/s²)²]."""
+POSSIBLE_ANGLE, POSSIBLE_SIGMAS = 0.35, 3.0
+"""A field is rejected whose heading differs by more [rad], and by more standard deviations."""
+ADOPTION_DOUBT = 0.1
+"""Standard deviation of the heading that a newly adopted field shows [rad]."""
 UNSETTLED_TILT = 0.035
 """Standard deviation of the inclination above which a field cannot be judged [rad]."""
 RELEARNED = 10.0
 """A field seen for less is learned anew where the tilt was found wrong [s]."""
 LEAST_GAIN = 0.01
 """Part of a heading that corrects one whose variance is no larger than the tilt explains."""
-PERSISTENCE = 5.0
+PERSISTENCE = 10.0
 """Time over which an acceleration that persists is more likely a wrong tilt [s]."""
 LEAST_AGE = 1.0
 """Accelerations have had the time to average out [s]."""
-PERSISTENCE_FACTOR = 9.0
+PERSISTENCE_FACTOR = 16.0
 """Multiple of its variance at which the mean over that time contradicts the tilt."""
 BRIDGE = 1 / 16
 """Error² of an angle over a gap h on a straight line, in (change of rate per second)² h⁴."""
@@ -357,9 +361,16 @@ def is_step_due(state: AveragingState, params: AveragingParams) -> bool:
 
 @inline
 def angle_variance(state: AveragingState, params: AveragingParams) -> float:
-    """Return the variance that the gyroscope's noise added since the last step [rad²]."""
+    """Return the variance that the gyroscope's noise added since the last step [rad²].
+
+    At rest it is measured, as the rate's variance times the sample interval, where that is larger.
+    """
     past = state.integrals
-    walk = params.angle_random_walk * params.angle_random_walk * past.elapsed
+    density = params.angle_random_walk * params.angle_random_walk
+    if state.rest.duration >= params.rest.duration:
+        interval = (past.gaps / past.elapsed) ** (1.0 / 3.0)
+        density = max(density, state.rest.angular_velocity_variance / 3.0 * interval)
+    walk = density * past.elapsed
     scale_error = params.rate_error * params.rate_error * past.angle
     return walk + scale_error + BRIDGE * _rate_change(state) * past.gaps
 
@@ -487,7 +498,10 @@ def _mean_field(
     level = sqrt(mean[0] * mean[0] + mean[1] * mean[1])
     rate = sqrt(past.angle / past.elapsed)
     parts = (level, -params.up * mean[2])
-    reference = update_reference(known, params.field, parts, rate, since)
+    sine = _east(mean, level, north)
+    possible = POSSIBLE_SIGMAS * POSSIBLE_SIGMAS * orientation[5]
+    contradicts = sine * sine > possible + POSSIBLE_ANGLE * POSSIBLE_ANGLE
+    reference = update_reference(known, params.field, parts, rate, since, contradicts)
     expected = reference.reference
     disturbance = (
         mean[0] - expected[0] * north[0],
@@ -502,10 +516,6 @@ def _mean_field(
             deviation=deviation,
             reference=reference,
         )
-    # turning (x, y) to north is a rotation about z by this sine; beyond 90° by ±1
-    sine = (mean[0] * north[1] - mean[1] * north[0]) / level
-    if mean[0] * north[0] + mean[1] * north[1] < 0.0:
-        sine = -1.0 if sine < 0.0 else 1.0
     gap = level - expected[0]
     now = 0.5 * (gap * gap + disturbance[2] * disturbance[2]) / (level * level)
     deviation += (now - deviation) * since / (params.field_memory + since)
@@ -522,6 +532,17 @@ def _mean_field(
         deviation=deviation,
         reference=reference,
     )
+
+
+@inline
+def _east(field: Vector, level: float, north: tuple[float, float]) -> float:
+    """Return the sine of the angle of a field east of north; beyond 90° ±1."""
+    if level == 0.0:
+        return 0.0
+    sine = (field[0] * north[1] - field[1] * north[0]) / level
+    if field[0] * north[0] + field[1] * north[1] < 0.0:
+        return -1.0 if sine < 0.0 else 1.0
+    return sine
 
 
 @inline
@@ -580,13 +601,16 @@ def after_step(state: AveragingState, means: Means, turn: Quaternion) -> Averagi
 def doubts(state: AveragingState, means: Means, params: AveragingParams) -> tuple[float, float]:
     """Return the variances by which inclination and heading are less certain than they were.
 
-    Because acceleration persists, or a new field was adopted [rad²].
+    Because acceleration persists, or a new field was adopted [rad²]: the heading is set anew
+    where the reference before had been seen for less than an adoption takes.
     """
     reference, tilt = means.field.reference, means.force.doubt
     if not reference.adopted or state.reference.adopted:
         return tilt, tilt
-    turn = tilt + params.initial_heading * params.initial_heading
-    return tilt, turn + means.field.east * means.field.east if reference.was_young else turn
+    turn = tilt + ADOPTION_DOUBT * ADOPTION_DOUBT
+    if state.reference.agreed_for < params.field.adoption:
+        turn += means.field.east * means.field.east
+    return tilt, turn
 
 
 @inline

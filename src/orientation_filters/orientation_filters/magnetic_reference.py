@@ -62,8 +62,6 @@ class FieldState(NamedTuple):
     """How long samples have agreed with the reference in all [s]."""
     adopted: bool
     """Whether the last sample made the candidate the reference."""
-    was_young: bool
-    """Whether the last reference given up had been seen for less than the new one."""
 
 
 @inline
@@ -87,9 +85,17 @@ def is_accepted(state: FieldState, params: FieldParams) -> bool:
 
 @inline
 def update_reference(
-    state: FieldState, params: FieldParams, parts: Parts, rate: float, dt: float
+    state: FieldState,
+    params: FieldParams,
+    parts: Parts,
+    rate: float,
+    dt: float,
+    contradicts: bool,
 ) -> FieldState:
-    """Return the state after a sample in motion of angular velocity `rate` [rad/s]."""
+    """Return the state after a sample in motion of angular velocity `rate` [rad/s].
+
+    `contradicts`: its heading is not one that the filter holds possible.
+    """
     if state.reference[0] == 0.0 and state.reference[1] == 0.0:
         return _first_reference(parts, params.hold, 0.0)
     known_for = state.known_for + dt
@@ -97,7 +103,7 @@ def update_reference(
         mean = _approach(state.reference, parts, dt / min(known_for + dt, SETTLING_MEAN))
         return _first_reference(mean, params.hold, known_for)
     smoothed = _approach(state.smoothed, parts, dt / (params.smoothing + dt))
-    reference, accepted_for = _track(state, params, smoothed, dt)
+    reference, accepted_for = _track(state, params, smoothed, dt, contradicts)
     candidate, candidate_for = smoothed, 0.0
     if accepted_for < params.hold:
         candidate, candidate_for = _follow_candidate(state, params, smoothed, rate, dt)
@@ -112,7 +118,6 @@ def update_reference(
         known_for=known_for,
         agreed_for=candidate_for if adopted else state.agreed_for + min(accepted_for, dt),
         adopted=adopted,
-        was_young=experience < params.adoption if adopted else state.was_young,
     )
 
 
@@ -128,16 +133,15 @@ def _first_reference(parts: Parts, accepted_for: float, known_for: float) -> Fie
         known_for=known_for,
         agreed_for=known_for,
         adopted=False,
-        was_young=False,
     )
 
 
 @inline
 def _track(
-    state: FieldState, params: FieldParams, smoothed: Parts, dt: float
+    state: FieldState, params: FieldParams, smoothed: Parts, dt: float, contradicts: bool
 ) -> tuple[Parts, float]:
     """Return the reference, following an accepted field, and how long it has agreed."""
-    if not _distance(smoothed, state.reference) < params.tolerance:
+    if contradicts or not _distance(smoothed, state.reference) < params.tolerance:
         return state.reference, 0.0
     accepted_for = state.accepted_for + dt
     if accepted_for < params.hold:

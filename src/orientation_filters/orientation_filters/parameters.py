@@ -102,10 +102,10 @@ class FilterParameters:
         dynamic=True,
     )
     bias_random_walk: float = parameter(
-        1e-4, 'Adaptive: random walk of the bias', unit='rad/s/√s', bounds=(0.0, 1.0), dynamic=True
+        6e-5, 'Adaptive: random walk of the bias', unit='rad/s/√s', bounds=(0.0, 1.0), dynamic=True
     )
     acceleration_weight: float = parameter(
-        0.01,
+        0.015,
         'Adaptive: error density of specific force per power of the acceleration',
         unit='s',
         bounds=(0.0, 1e3),
@@ -140,7 +140,7 @@ class FilterParameters:
         dynamic=True,
     )
     slow_weight: float = parameter(
-        0.2,
+        0.15,
         'Adaptive: the same of the power left after that low-pass',
         unit='s',
         bounds=(0.0, 1e3),

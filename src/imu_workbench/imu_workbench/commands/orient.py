@@ -32,6 +32,7 @@ EPILOG = (
     'Errors are against reference/orientation; a bag without it tells no error, only how far\n'
     'each run moved. gained: error taken away by a compensation; moved: angle between that run\n'
     'and the raw one, which is what the temperature error did to the attitude.\n'
+    '--smooth adds the attitude known from all samples, before and after each row.\n'
     'Bags slower than 50 Hz are interpolated, which is said.\n'
     'example:\n  python -m imu_workbench orient bags/dut1_motion --model dut1.yaml --json out.json'
 )
@@ -58,6 +59,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--world-frame', choices=WORLD_FRAMES, default='enu', help='axes of the world (enu)'
     )
+    parser.add_argument(
+        '--smooth',
+        action='store_true',
+        help='also the smoothed attitude, each filter forward and backward over the bag (robust)',
+    )
     parser.add_argument('--six-axis', action='store_true', help='do not use the magnetometer')
 
 
@@ -73,6 +79,7 @@ def run(options: argparse.Namespace) -> Answer:
             filters=options.filters or tuple(FILTERS),
             presets=options.preset or PRESET_NAMES,
             progress=show_progress,
+            smooth=options.smooth,
             world_frame=options.world_frame,
             use_magnetometer=not options.six_axis,
         )

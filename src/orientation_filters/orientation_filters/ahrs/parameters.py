@@ -60,14 +60,14 @@ class AhrsParameters(FilterParameters):
         dynamic=True,
     )
     acceleration_floor: float = parameter(
-        0.02,
+        0.01,
         'Adaptive: error density of specific force at rest',
         unit='m/s²·√s',
         bounds=(1e-6, 100.0),
         dynamic=True,
     )
     heading_noise: float = parameter(
-        0.01,
+        0.004,
         'Adaptive: error density of an undisturbed heading',
         unit='rad·√s',
         bounds=(1e-6, 100.0),

@@ -25,6 +25,7 @@ class ComplementaryParameters(FilterParameters):
             'learn_bias': True,
             'cutoff_hz': 0.03,
             'heading_cutoff_hz': 0.015,
+            'angle_random_walk': 3e-4,
             'integral_gain': 0.0,
         },
     }
