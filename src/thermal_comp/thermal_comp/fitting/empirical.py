@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
@@ -12,7 +12,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.empirical_term import GROUPS, Empirical
-from thermal_comp.fitting.part_sums import PartSums, falls, part_sums, reduced
+from thermal_comp.fitting.part_sums import PartSums, falls, may_fall, part_sums, reduced
 from thermal_comp.linear.design import LEAST_DEVIATION
 from thermal_comp.model.values import NoiseModel
 
@@ -40,24 +40,30 @@ def empirical_form(
     form = Empirical(0.5 * (low + high), max(0.5 * (high - low), 1.0))
     sums = part_sums(runs, sensor, beside, (form,), noise)
     own = sums.places[form]
+    before = _errors(sums, own, {})
+    if not any(may_fall(before[:, axis], sums.variance[axis]) for axis in range(3)):
+        return None
     widths = {part: _likeliest_widths(sums, part, own) for part in (0, *sums.parts())}
-    widths[0][:, ~_lowered(sums, own, widths)] = 0.0
+    after = _errors(sums, own, widths)
+    for axis in range(3):
+        if not falls(before[:, axis], after[:, axis], sums.variance[axis]):
+            widths[0][:, axis] = 0.0
     if not widths[0].any():
         return None
     return Empirical(form.middle, form.half_range, tuple(widths[0].ravel().tolist()))
 
 
-def _lowered(sums: PartSums, own: IntArray, widths: dict[int, FloatArray]) -> np.ndarray:
-    """(3,) whether the term lowers the held-out error of each axis by more than chance."""
-    columns = np.concatenate([sums.known, own])
-    before, after = [], []
+def _errors(sums: PartSums, own: IntArray, widths: Mapping[int, FloatArray]) -> FloatArray:
+    """(k, 3) mean squares on held-out pieces; without the term where no widths are given."""
+    left = []
     for part in sums.parts():
-        prior = 1.0 / np.maximum(widths[part][GROUPS], LEAST_DEVIATION) ** 2
-        penalty = np.concatenate([np.zeros((3, len(sums.known))), prior.T], axis=1)
-        before.append(sums.errors(part, sums.known, penalty[:, : len(sums.known)]))
-        after.append(sums.errors(part, columns, penalty))
-    one, two = np.concatenate(before), np.concatenate(after)
-    return np.array([falls(one[:, axis], two[:, axis], sums.variance[axis]) for axis in range(3)])
+        columns, penalty = sums.known, np.zeros((3, len(sums.known)))
+        if part in widths:
+            prior = 1.0 / np.maximum(widths[part][GROUPS], LEAST_DEVIATION) ** 2
+            columns = np.concatenate([columns, own])
+            penalty = np.concatenate([penalty, prior.T], axis=1)
+        left.append(sums.errors(part, columns, penalty))
+    return np.concatenate(left)
 
 
 def _likeliest_widths(sums: PartSums, part: int, own: IntArray) -> FloatArray:

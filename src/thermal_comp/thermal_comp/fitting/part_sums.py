@@ -46,6 +46,12 @@ def falls(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> b
     return bool(float(gain.mean()) > float(stdtrit(len(gain) - 1, 1.0 - CHANCE)) * spread)
 
 
+def may_fall(squares: FloatArray, noise: FloatArray | float) -> bool:
+    """Tell whether mean squares over parts are so far above the noise that a fall is worth it."""
+    above = float(np.maximum(squares / noise, 1.0).mean())
+    return (1.0 - LEAST_FALL) ** 2 * above > 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class PartSums:
     """Products of levels, columns and the measured values over k pieces: parts of runs.

@@ -16,7 +16,14 @@ from imu_recording.recording import FloatArray, IntArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Campaign, Effect
-from thermal_comp.fitting.part_sums import LEAST_FALL, PartSums, falls, part_sums, reduced
+from thermal_comp.fitting.part_sums import (
+    LEAST_FALL,
+    PartSums,
+    falls,
+    may_fall,
+    part_sums,
+    reduced,
+)
 from thermal_comp.model.values import NoiseModel
 
 MOST_EFFECTS = 3
@@ -75,7 +82,7 @@ def predictive_effects(
     start = _with(sums, forms, None, ())
     best = current = start
     names = [name for name in forms if not catalogue[name].channels]
-    while len(current.names) < MOST_EFFECTS:
+    while len(current.names) < MOST_EFFECTS and may_fall(current.errors, sums.variance):
         left = [name for name in names if name not in current.names]
         single = [_with(sums, forms, current, (name,)) for name in left]
         further = _best(sums, current, single)
