@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from orientation_filters.ahrs.filter import initial_state, update
-from orientation_filters.filters import filter_parameters, run_filter
+from orientation_filters.filters import FILTERS, filter_parameters, run_filter
 from orientation_filters.result import JAMMED, SIX_AXIS
 from orientation_filters.rotation.arrays import (
     conjugate,
@@ -50,6 +50,14 @@ def test_both_filters_hold_the_attitude_in_both_frames(
         result = run_filter(name, recording, world_frame=world_frame, preset=preset)
         assert np.degrees(rotation_angle(multiply(conjugate(truth), result.orientation[-1]))) < 0.1
         assert np.all(np.linalg.eigvalsh(result.covariance[-1]) > 0)
+
+
+@pytest.mark.parametrize('name', FILTERS)
+@pytest.mark.parametrize('preset', ['paper', 'robust'])
+def test_a_heading_that_nothing_shows_is_claimed_by_no_covariance(name: str, preset: str) -> None:
+    recording = rest(random_attitude(1), seed=1, seconds=20.0)
+    result = run_filter(name, recording, preset=preset, use_magnetometer=False)
+    assert np.degrees(np.sqrt(result.covariance[-1, 2, 2])) > 90.0
 
 
 def test_six_axes_give_inclination_and_the_horizontal_bias() -> None:

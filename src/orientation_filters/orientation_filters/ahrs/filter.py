@@ -22,7 +22,7 @@ from orientation_filters.ahrs.state import (
     State,
     initial_state,
 )
-from orientation_filters.averages import held, integrate
+from orientation_filters.averages import UNKNOWN_HEADING_VARIANCE, held, integrate
 from orientation_filters.kernel import inline, kernel
 from orientation_filters.result import (
     DROPPED,
@@ -132,7 +132,7 @@ def _covariance(state: State) -> Symmetric:
     """Return xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
     if state.adaptive.covariance.orientation[0] > 0.0:
         return state.adaptive.covariance.orientation
-    v = state.variances.orientation
+    v, doubt = state.variances.orientation, _heading_doubt(state)
     x, y, z = matrix(state.orientation)
     return (
         x[0] * x[0] * v[0] + x[1] * x[1] * v[1] + x[2] * x[2] * v[2],
@@ -140,8 +140,20 @@ def _covariance(state: State) -> Symmetric:
         x[0] * z[0] * v[0] + x[1] * z[1] * v[1] + x[2] * z[2] * v[2],
         y[0] * y[0] * v[0] + y[1] * y[1] * v[1] + y[2] * y[2] * v[2],
         y[0] * z[0] * v[0] + y[1] * z[1] * v[1] + y[2] * z[2] * v[2],
-        z[0] * z[0] * v[0] + z[1] * z[1] * v[1] + z[2] * z[2] * v[2],
+        z[0] * z[0] * v[0] + z[1] * z[1] * v[1] + z[2] * z[2] * v[2] + doubt,
     )
+
+
+@inline
+def _heading_doubt(state: State) -> float:
+    """Return what the note's covariance leaves out [rad²]: a heading that no field has shown.
+
+    Without any field it may be anything; since the last one a bias may have turned it.
+    """
+    if state.field_stamp < 0:
+        return UNKNOWN_HEADING_VARIANCE
+    b, seconds = state.variances.bias, 1e-9 * (state.stamp - state.field_stamp)
+    return min((b[0] + b[1] + b[2]) / 3.0 * seconds * seconds, UNKNOWN_HEADING_VARIANCE)
 
 
 def run(recording: ImuRecording, params: Params, *, details: bool = False) -> OrientationResult:

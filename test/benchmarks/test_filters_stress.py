@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Situations of benchmarks/filters_stress.py at a small size: one seed, error and covariance."""
+
+from __future__ import annotations
+
+import pytest
+from filters_stress import SITUATIONS, Situation, judge_run
+from orientation_filters.filters import FILTERS
+
+SEED = 0
+LONG = ('never at rest', 'ramp')
+
+
+@pytest.mark.parametrize(
+    'situation',
+    [s for s in SITUATIONS if not any(word in s.name for word in LONG)],
+    ids=lambda situation: situation.name,
+)
+def test_error_and_covariance_in_a_situation(situation: Situation) -> None:
+    run = situation.make(SEED)
+    for name in FILTERS:
+        rms, nees, coverage = judge_run(run, name)
+        assert rms <= 1.5 * situation.limit, name
+        assert nees < 3.0, name
+        assert coverage >= 0.8, name
