@@ -180,7 +180,7 @@ def _named(finding: dict[str, Any]) -> str:
 
 def _mark(content: dict[str, Any]) -> str:
     slow = any(row['interpolated'] for row in content['degrees'])
-    return ' (interpolated to 50 Hz: no verdict)' if slow else ''
+    return ' (interpolated: no verdict)' if slow else ''
 
 
 def _rms(per_axis: Any) -> float:

@@ -99,7 +99,7 @@ def attitude_lines(content: Mapping[str, Any]) -> list[str]:
             for f in run['filters']
         }
         for name in dict.fromkeys(f['filter'] for f in run['filters']):
-            mark = '  (interpolated to 50 Hz: no verdict)' if run['interpolated'] else ''
+            mark = '  (interpolated: no verdict)' if run['interpolated'] else ''
             before, after = shown(spread[name, 'raw']), shown(spread[name, 'compensated'])
             label = FILTER_NAMES.get(name, name)
             lines.append(f'  {run["name"]:<14}{label:<22}{before:>7}° → {after:>7}°{mark}')
