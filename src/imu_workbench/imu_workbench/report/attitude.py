@@ -233,7 +233,7 @@ class AttitudeTask:
         raw = self.recording.rows(slice(first, None)) if first else self.recording
         found = estimate_attitudes(
             variants(raw, self.model),
-            every=round(INTERPOLATED_RATE) if slow else 1,
+            every=round(INTERPOLATED_RATE) if slow else stride_of(raw),
             points=int(np.clip(ALL_POINTS / self.among, 250, 1000)),
         )
         return tuple(found)
@@ -260,6 +260,11 @@ def without_tracks(recording: ImuRecording) -> ImuRecording:
     """Return the recording with what filters need and the cycle: copies become a third."""
     absent: dict[str, Any] = dict.fromkeys(UNUSED)
     return replace(recording, **absent)
+
+
+def stride_of(recording: ImuRecording) -> int:
+    """Return every how many rows the angles of a fast recording are taken."""
+    return max(round(sample_rate(recording) / INTERPOLATED_RATE), 1)
 
 
 def is_slow(recording: ImuRecording) -> bool:
