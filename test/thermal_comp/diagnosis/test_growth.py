@@ -54,6 +54,7 @@ def test_an_unseen_day_is_compensated_by_the_saved_term(
     path = tmp_path_factory.mktemp('model') / 'empirical.yaml'
     save_model(grown.model, path)
     model = load_model(path)
+    assert any('cause undecided' in note for note in model.provenance.notes)
     (recording,) = campaign(4.0, cycles=2)[:1]
     left = compensate(recording, model).angular_velocity
     line = np.polynomial.Polynomial.fit(recording.temperature, recording.angular_velocity[:, 0], 1)
