@@ -107,7 +107,8 @@ def module(name: str, parameters: FilterParameters) -> ModuleType:
 def state_bytes(name: str, preset: str = 'paper') -> int:
     """Return the memory of a filter's state: eight bytes per number that the preset uses."""
     filter_module = FILTERS[name]
-    unused = getattr(filter_module, 'ADAPTIVE_STATE', ()) if preset == 'paper' else ()
+    kind = 'ADAPTIVE_STATE' if preset == 'paper' else 'FIXED_STATE'
+    unused = getattr(filter_module, kind, ())
     state = filter_module.initial_state()._asdict()
     return 8 * sum(_numbers(value) for field, value in state.items() if field not in unused)
 

@@ -177,15 +177,6 @@ def _wrapped(difference: FloatArray) -> FloatArray:
     return difference
 
 
-def state_bytes(name: str) -> int:
-    """Return the memory of a filter's state: eight bytes per number in it."""
-
-    def numbers(value: Any) -> int:
-        return sum(map(numbers, value)) if isinstance(value, tuple) else 1
-
-    return 8 * numbers(FILTERS[name].initial_state())
-
-
 FILTER_RATE = 50.0
 """Slowest rate [Hz] of recordings that a verdict on the filters rests on."""
 INTERPOLATED_RATE = 25.0

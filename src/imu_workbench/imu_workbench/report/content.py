@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from orientation_filters.filters import state_bytes
 
 from imu_workbench.answer import plain
 from imu_workbench.report.analysis import Analysis, RunAnalysis
-from imu_workbench.report.attitude import Attitude, state_bytes
+from imu_workbench.report.attitude import Attitude
 from imu_workbench.report.claims.attitude import attitude_claims
 from imu_workbench.report.claims.claim import Claim
 from imu_workbench.report.claims.model import gaussianity_claim, linearity_claim

@@ -16,6 +16,7 @@ from orientation_filters.ahrs.adaptive import adaptive_update, start_adaptive
 from orientation_filters.ahrs.kalman_step import kalman_update
 from orientation_filters.ahrs.state import (
     ADAPTIVE_STATE,
+    FIXED_STATE,
     INITIAL_VARIANCES,
     MICROTESLA,
     Params,
@@ -55,7 +56,7 @@ from orientation_filters.sample_checks import (
     sample_of,
 )
 
-__all__ = ['ADAPTIVE_STATE', 'Params', 'State', 'initial_state', 'run', 'update']
+__all__ = ['ADAPTIVE_STATE', 'FIXED_STATE', 'Params', 'State', 'initial_state', 'run', 'update']
 
 NAN3 = (np.nan,) * 3
 NAN4 = (np.nan,) * 4

@@ -105,6 +105,8 @@ class State(NamedTuple):
 
 ADAPTIVE_STATE = ('adaptive',)
 """Fields of the state that only the adaptive step makes use of."""
+FIXED_STATE = ('variances',)
+"""Fields of the state that only the step at every sample makes use of."""
 
 
 def initial_state() -> State:

@@ -156,6 +156,8 @@ class HeadingCorrection(NamedTuple):
 
 ADAPTIVE_STATE = ('bias', 'rest', 'disturbance', 'adaptive')
 """Fields of the state that are unused where the filter neither adapts nor learns."""
+FIXED_STATE = ('variance', 'lag', 'age', 'rest')
+"""Fields of the state that the adaptive filter does not use."""
 
 
 def initial_state() -> State:
