@@ -216,7 +216,7 @@ class FilterParameters:
             field_weight=self.field_weight,
             field_memory=self.field_memory,
             rest_noise=self.rest_noise,
-            initial_inclination=0.3,
+            initial_inclination=0.6,
             initial_heading=1.8,
             initial_bias=self.initial_bias,
             rest=self.rest_params(),
