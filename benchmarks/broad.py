@@ -46,10 +46,9 @@ LIMITS = {'ahrs robust': 0.95, 'complementary robust': 1.0}
 ALIGNED_LIMIT = 1.0
 NEES, COVERAGE, CHI2_95 = (0.5, 2.0), (0.90, 0.99), 7.815
 GRID = tuple(
-    {'rate_error': rate, 'field_weight': field, 'acceleration_weight': force}
+    {'rate_error': rate, 'field_weight': field}
     for rate in (0.002, 0.003, 0.0045)
     for field in (0.7, 1.5, 4.0)
-    for force in (0.005, 0.01, 0.03)
 )
 """What cross-validation chooses from: the noises that real motion decides."""
 SLOW_LIMIT_DEG = 3.0
