@@ -11,7 +11,6 @@ import pytest
 from thermal_comp.data.conditions import CHANNELS
 from thermal_comp.effects import EFFECTS, Candidate
 from thermal_comp.effects.contract import check_effect, example_conditions
-from thermal_comp.effects.effect import contains
 from thermal_comp.effects.explanation import explain_all
 from thermal_comp.effects.operators import follow
 from thermal_comp.effects.thermal_hysteresis import ThermalHysteresis
@@ -82,10 +81,9 @@ def test_contract_finds_an_effect_that_looks_ahead() -> None:
 
 WRONG = {
     'kin': ('relatives', 'kin'),
-    'contains': (('magic',), "'magic' is no other effect"),
-    'contained_in': ('thermal_lag_two_stage', 'no tuple'),
+    'look_alikes': (('magic',), "'magic' is no other effect"),
+    'separated_by_cycles': ('thermal_lag_two_stage', 'no tuple'),
     'unseen_twin': ('thermal_lag', 'is no other effect'),
-    'least_evidence': (3.0, 'below 15'),
     'separated_by_poses': (('magnetometer',), 'does not act on'),
 }
 
@@ -124,20 +122,6 @@ def test_contract_finds_a_search_that_leaves_the_bounds_or_the_effect() -> None:
 def test_contract_finds_columns_that_outgrow_the_temperature() -> None:
     wrong = type('Wrong', (EFFECTS['bias_temperature_curvature'],), {'bends': False})
     assert any('say bends = True' in problem for problem in check_effect(wrong))
-
-
-def test_either_side_may_say_that_it_contains_the_other() -> None:
-    richer = type('Richer', (ThermalLag,), {'name': 'richer', 'contains': ('bias_creep',)})
-    assert contains(richer, EFFECTS['bias_creep'])
-    assert contains(EFFECTS['bias_creep'], EFFECTS['bias_drift'])
-    assert not contains(EFFECTS['bias_drift'], EFFECTS['bias_creep'])
-    assert EFFECTS['bias_creep'].stands_for(richer)
-
-
-def test_a_fast_lag_alone_is_a_rate_and_more() -> None:
-    rate = EFFECTS['temperature_rate']()
-    assert rate.is_contained_in(ThermalLag(25.0))
-    assert not rate.is_contained_in(ThermalLag(300.0))
 
 
 def test_lag_is_exact_for_a_ramp() -> None:

@@ -34,7 +34,7 @@ def still(hours: float, rate_hz: float, *, seed: int = 0, **fields: object) -> I
 
 def test_block_means_keep_the_mean_and_lose_the_noise() -> None:
     recording = still(1.0, 10.0)
-    (run,) = prepare([recording])
+    (run,) = prepare([recording], period=20.0)
     measured = run.measured['accelerometer']
     assert len(run) == 180
     np.testing.assert_allclose(
@@ -87,7 +87,7 @@ def test_a_motion_at_the_start_is_no_start_up() -> None:
 def test_gaps_leave_slots_empty_and_are_told() -> None:
     whole = still(1.0, 10.0)
     time = whole.time
-    (run,) = prepare([whole.rows((time < 1000.0) | (time >= 1300.0))])
+    (run,) = prepare([whole.rows((time < 1000.0) | (time >= 1300.0))], period=20.0)
     assert set(range(180)) - set(run.slot.tolist()) == set(range(50, 65))
     assert any('300 s in gaps' in note for note in run.notes)
     assert run.time[50] == pytest.approx(1310.0, abs=0.1)
@@ -116,7 +116,7 @@ def test_no_infinite_value_goes_on(period: float) -> None:
         temperature=np.linspace(0.0, 40.0, n),
         up_axis='+z',
     )
-    (run,) = prepare([recording])
+    (run,) = prepare([recording], period=20.0)
     assert not np.isinf(run.fine_measured['accelerometer']).any()
 
 
@@ -124,14 +124,14 @@ def test_a_slower_magnetometer_is_averaged_over_its_own_samples() -> None:
     recording = still(0.5, 10.0)
     field = recording.magnetic_field.copy()
     field[np.arange(len(field)) % 10 != 0] = np.nan
-    (run,) = prepare([replace(recording, magnetic_field=field)])
+    (run,) = prepare([replace(recording, magnetic_field=field)], period=20.0)
     expected = np.nanmean(field[:200], axis=0)
     np.testing.assert_allclose(run.measured['magnetometer'][0], expected, rtol=1e-12)
 
 
 def test_columns_are_those_of_the_samples_averaged() -> None:
     recording = still(1.0, 0.5)
-    (run,) = prepare([recording])
+    (run,) = prepare([recording], period=20.0)
     column = run.columns(EFFECTS['bias_temperature'](), 'gyroscope')
     np.testing.assert_allclose(
         column[:, 0], (recording.temperature - 20.0).reshape(-1, 10).mean(axis=1), rtol=1e-12
@@ -143,7 +143,7 @@ def test_vibration_comes_from_the_raw_samples_at_fifty_hertz_and_not_below() -> 
     shaken = fast.linear_acceleration.copy()
     half = slice(len(shaken) // 2, None)
     shaken[half] += 0.5 * np.sqrt(2) * np.sin(2 * np.pi * 13.0 * fast.time[half])[:, None]
-    (run,) = prepare([replace(fast, linear_acceleration=shaken)])
+    (run,) = prepare([replace(fast, linear_acceleration=shaken)], period=20.0)
     vibration = run.block_conditions.vibration
     assert vibration[:17] == pytest.approx(1e-4, rel=0.2)
     assert vibration[19:] == pytest.approx(0.25, rel=0.05)
@@ -184,7 +184,7 @@ def test_a_slow_thermometer_beside_fast_samples_looks_like_no_rate_effect() -> N
     true = still(0.5, 20.0)
     held = 60 * (np.arange(len(true)) // 60)  # a sample each 3 s, held in between
     slow = replace(true, temperature=true.temperature[held], temperature_stamp=true.stamp[held])
-    wanted, found = prepare([true])[0], prepare([slow])[0]
+    wanted, found = (prepare([r], period=20.0)[0] for r in (true, slow))
     fastest = 2 * np.pi / 3600.0 * 30.0  # K/s; held values are 1.5 s late on average
     inner = slice(0, -1)  # after the last sample nothing is known but its value
     late = wanted.temperature[inner] - found.temperature[inner]
@@ -225,6 +225,8 @@ def test_single_damaged_values_spoil_no_block(field: str, value: float) -> None:
 def test_time_and_memory_follow_the_samples_not_the_span() -> None:
     clean = still(1.0, 1.0)
     late = np.arange(len(clean)) >= 2400
-    (run,) = prepare([replace(clean, stamp=clean.stamp + late * 400 * 86_400_000_000_000)])
+    (run,) = prepare(
+        [replace(clean, stamp=clean.stamp + late * 400 * 86_400_000_000_000)], period=20.0
+    )
     assert run.slot[-1] < 2400 // 20
     assert any('samples: stamps jump 1 time, by 1.1 years: 1200 of' in n for n in run.notes)

@@ -18,7 +18,7 @@ def test_practice_campaign_is_named(shared: Path, letter: str) -> None:
     truth = json.loads((folder.parent / 'practice_truth.json').read_text())[folder.name]
     diagnosis = diagnose([read_bag(run) for run in sorted(folder.glob('run*'))])
     content = diagnosis.to_dict()
-    assert content['schema'] == 1
+    assert content['schema'] == 2
     assert content['verdict'] in VERDICTS
     if truth['name'] is None:
         assert content['verdict'] == 'complete'

@@ -4,8 +4,7 @@
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
-from thermal_comp.diagnosis.decision import Outcome
-from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
+from thermal_comp.diagnosis.sensor_search import SensorAnswer, Settings, search_sensors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.noise.estimation import fit_noise
 
@@ -18,7 +17,7 @@ DIE = chamber(period=PERIOD)[1]
 NAMES = ('bias_temperature_curvature', 'thermal_lag', 'icing')
 
 
-def decided(law: np.ndarray) -> Outcome:
+def decided(law: np.ndarray) -> SensorAnswer:
     """Return what is said of a law (n,) of three times the noise of a second's mean."""
     straight = np.polyval(np.polyfit(DIE, law, 1), DIE)
     error = np.multiply.outer(
@@ -36,12 +35,12 @@ def decided(law: np.ndarray) -> Outcome:
 
 @pytest.mark.parametrize('bend', [-2.0, 9.0, 30.0])
 def test_a_line_with_one_bend_is_no_curvature(bend: float) -> None:
-    outcome = decided(np.maximum(DIE - bend, 0.0))
-    assert (outcome.kind, outcome.named) == ('unexplained', ())
-    assert outcome.depends_on in {'temperature', 'branch'}
+    answer = decided(np.maximum(DIE - bend, 0.0))
+    assert (answer.kind, answer.named) == ('unexplained', ())
+    assert answer.likeliest.depends_on in {'temperature', 'branch'}
 
 
 def test_a_smooth_curve_is_a_curvature() -> None:
     x = (DIE - 20.0) / 30.0
     (named,) = decided(x**2 - 0.3 * x**3).named
-    assert named.scored.name == 'bias_temperature_curvature'
+    assert named.name == 'bias_temperature_curvature'

@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from imu_recording.user_error import UserError
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import load_model
@@ -31,13 +30,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         parser, 'model file to examine; without it a line per axis is fitted to these bags'
     )
     parser.add_argument(
-        '--calibrate',
-        metavar='N',
-        type=int,
-        default=0,
-        help='simulate N campaigns without any effect and raise the thresholds to what they reach',
-    )
-    parser.add_argument(
         '--noise-reference',
         metavar='MODEL',
         type=Path,
@@ -48,8 +40,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> Answer:
     """Diagnose."""
-    if options.calibrate < 0:
-        raise UserError(f'--calibrate {options.calibrate}: expected 0 or more campaigns')
     catalogue = effect_catalogue(options.effects)
     model = load_model(options.model, catalogue) if options.model else None
     reference = None
@@ -61,7 +51,6 @@ def run(options: argparse.Namespace) -> Answer:
         model,
         catalogue=catalogue,
         reference=reference,
-        calibrate=options.calibrate,
     )
     content = found.to_dict()
     return Answer(content, diagnosis_text(content))

@@ -27,12 +27,6 @@ straddles two cycles shows a little of both."""
 LEAST_LEVEL_POWER_SHARE = 0.2
 """The same for what is a level in a part of a run: half an hour after the last cycle hardly tells
 the level of that cycle."""
-LEAST_PARTS = 3
-"""Parts held out from which a comparison says anything."""
-LEAST_SIGNIFICANCE = 2.0
-"""Standard deviations by which a mean differs from chance."""
-LEAST_FALL = 0.05
-"""Fall of the held-out error that is worth another term, as a share."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,35 +45,6 @@ class HeldOut:
     def rms(self, sensor: Sensor) -> FloatArray:
         """(3,) held-out rms per axis."""
         return np.sqrt(_mean([v**2 for (_, s), v in self.errors.items() if s == sensor]))
-
-    def falls_to(self, other: HeldOut, sensor: Sensor) -> bool:
-        """Tell whether another's errors are smaller: by more than chance, and worth it.
-
-        Parts of runs are compared, all axes in units of their noise: ln of the ratio of mean
-        squares is positive by LEAST_SIGNIFICANCE standard deviations of its mean, and the rms
-        falls by LEAST_FALL.
-        """
-        ratios, before, after = [], 0.0, 0.0
-        for key, part in self._parts(sensor):
-            scale = np.sqrt(self.variances[key][part])
-            one, two = (
-                np.nansum((e[key][part] / scale) ** 2) for e in (self.errors, other.errors)
-            )
-            if one > 0.0 and two > 0.0:
-                ratios.append(float(np.log(one / two)))
-                before, after = before + one, after + two
-        if len(ratios) < LEAST_PARTS or after > (1.0 - LEAST_FALL) ** 2 * before:
-            return False
-        spread = float(np.std(ratios, ddof=1)) / np.sqrt(len(ratios))
-        return bool(float(np.mean(ratios)) > LEAST_SIGNIFICANCE * spread)
-
-    def _parts(self, sensor: Sensor) -> Iterator[tuple[tuple[int, Sensor], NDArray[np.bool_]]]:
-        """Yield run and sensor with the (m,) blocks of each part that was held out."""
-        for (number, s), errors in self.errors.items():
-            known = np.isfinite(errors).all(axis=1) & (self.parts[number] > 0)
-            if s == sensor:
-                for part in np.unique(self.parts[number][known]):
-                    yield (number, s), known & (self.parts[number] == part)
 
     def floor(self, sensor: Sensor) -> FloatArray:
         """(3,) held-out rms per axis that the noise alone leads to expect.

@@ -118,8 +118,10 @@ class PreparedRun:
 
 __all__ = ['PreparedRun', 'prepare', 'prepare_run', 'resting']
 
-PERIOD = 20.0
-"""Length of a block [s]; all errors are quoted on means over it."""
+PERIODS = (20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
+"""Lengths of blocks [s]; errors are quoted on means over a block."""
+BLOCKS = 400
+"""Blocks a run has at least, while its samples allow it."""
 FINE_PERIOD = 1.0
 """Columns are evaluated on means over this [s], or on the samples where they are slower."""
 VIBRATION_RATE = 50.0
@@ -134,12 +136,13 @@ Truth = Callable[[ImuRecording], Conditions]
 
 
 def prepare(
-    recordings: Sequence[ImuRecording], *, period: float = PERIOD, truth: Truth | None = None
+    recordings: Sequence[ImuRecording], *, period: float | None = None, truth: Truth | None = None
 ) -> list[PreparedRun]:
     """Return one prepared run per recording, start-up transients cut, gaps left out.
 
-    `period` is the length of the blocks [s], 0 for the full rate. `truth` gives the true inputs;
-    None means a device at rest: gravity along `up_axis`, no rotation, the run's mean field.
+    `period` is the length of the blocks [s], 0 for the full rate; None: `block_length` of each
+    run. `truth` gives the true inputs; None means a device at rest: gravity along `up_axis`, no
+    rotation, the run's mean field.
     """
     names: dict[str, int] = {}
     return [
@@ -167,7 +170,7 @@ def resting(recording: ImuRecording) -> Conditions:
 
 
 def prepare_run(
-    recording: ImuRecording, name: str, *, period: float = PERIOD, truth: Truth = resting
+    recording: ImuRecording, name: str, *, period: float | None = None, truth: Truth = resting
 ) -> PreparedRun:
     """Return the prepared run of one recording."""
     if len(recording) < 2:
@@ -181,7 +184,8 @@ def prepare_run(
         notes += damaged
     recording = _measured_temperature(recording)
     origin = int(whole.stamp[0])
-    fine, counted = _fine(recording, origin, full_rate=period <= 0)
+    period = block_length(recording) if period is None else period
+    fine, counted = _fine(recording, origin, min(period, FINE_PERIOD))
     sampled = len(fine) == len(recording)
     notes += counted
     known = np.isfinite(fine.temperature)
@@ -226,18 +230,27 @@ def prepare_run(
     return replace(run, measured={s: _block_measurement(run, s) for s in SENSORS})
 
 
-def _fine(
-    recording: ImuRecording, origin: int, *, full_rate: bool
-) -> tuple[ImuRecording, list[str]]:
-    """Return the recording as means over FINE_PERIOD, or as it is where it is slower.
+def block_length(recording: ImuRecording) -> float:
+    """Return the length of a recording's blocks [s]: so that there are BLOCKS, if that may be.
+
+    Two hours and more have blocks of 20 s, 20 min of 2 s, a burst of 86 s of 0.2 s.
+    """
+    span = float(recording.stamp[-1] - recording.stamp[0]) * 1e-9
+    fitting = (length for length in PERIODS if length * BLOCKS <= span)
+    return next(fitting, PERIODS[-1])
+
+
+def _fine(recording: ImuRecording, origin: int, period: float) -> tuple[ImuRecording, list[str]]:
+    """Return the recording as means over `period` [s], or as it is where it is slower.
 
     The bins start at `origin` [ns], whatever was cut.
     """
     notes = _bad_rows(recording)
     step = float(np.median(np.diff(recording.stamp))) * 1e-9
-    if full_rate or step > 0.75 * FINE_PERIOD:
+    if step > 0.75 * period:
         return recording, notes
-    bins = (recording.stamp - origin) // round(FINE_PERIOD * 1e9)
+    length = round(period * 1e9)
+    bins = (recording.stamp - origin) // length
     starts = np.flatnonzero(np.diff(bins, prepend=bins[0] - 1))
     edges = np.append(starts, len(bins)).astype(np.int64)
     middle = (edges[:-1] + edges[1:] - 1) // 2
@@ -251,7 +264,7 @@ def _fine(
         taken['vibration'] = bin_variances(
             recording.linear_acceleration, edges, taken['linear_acceleration']
         )
-    stamp = origin + ((2 * bins[starts] + 1) * round(FINE_PERIOD * 1e9)) // 2
+    stamp = origin + ((2 * bins[starts] + 1) * length) // 2
     return replace(recording, stamp=stamp, **taken), notes
 
 

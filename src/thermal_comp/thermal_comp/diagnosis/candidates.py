@@ -29,6 +29,8 @@ class Form:
 
     effect: Effect
     terms: tuple[ColumnGroup, ...]
+    run: int | None = None
+    """The only run in which it acts; None: in all."""
 
     @property
     def free(self) -> int:
@@ -54,7 +56,7 @@ def families(design: CandidateDesign, catalogue: Mapping[str, type[Effect]]) -> 
     tried = candidates(design, catalogue, campaign_of(design))
     design.terms([part for some in tried.values() for c in some for part in c.effect.parts()])
     return [
-        Family(catalogue[name], tuple(_form(design, candidate) for candidate in some))
+        Family(catalogue[name], tuple(form_of(design, c.effect, c.run) for c in some))
         for name, some in tried.items()
     ]
 
@@ -103,11 +105,12 @@ def step_times(design: CandidateDesign) -> list[tuple[int, float]]:
     return found
 
 
-def _form(design: CandidateDesign, candidate: Candidate) -> Form:
-    terms = tuple(design.terms(candidate.effect.parts()))
-    if candidate.run is not None:
-        terms = tuple(ColumnGroup((term.columns[candidate.run],)) for term in terms)
-    return Form(candidate.effect, terms)
+def form_of(design: CandidateDesign, effect: Effect, run: int | None) -> Form:
+    """Return an effect with its terms in the design, those of one run or all."""
+    terms = tuple(design.terms(effect.parts()))
+    if run is not None:
+        terms = tuple(ColumnGroup((term.columns[run],)) for term in terms)
+    return Form(effect, terms, run)
 
 
 def usable(effect: type[Effect], sensor: Sensor, runs: Sequence[PreparedRun]) -> bool:
@@ -123,12 +126,8 @@ def missing_channels(effect: type[Effect], runs: Sequence[PreparedRun]) -> list[
 def moved_forms(design: CandidateDesign, form: Form, ratio: float) -> list[Form]:
     """Return the form with each shape parameter moved up and down, within its bounds."""
     effects = list(_moved(form.effect, ratio))
-    terms = design.terms(effects)
-    single = len(form.terms) == 1 and len(form.terms[0].columns) < len(terms[0].columns)
-    if single:
-        first = design.term(form.effect).columns.index(form.terms[0].columns[0])
-        terms = [ColumnGroup((term.columns[first],)) for term in terms]
-    return [Form(e, (t,)) for e, t in zip(effects, terms, strict=True)]
+    design.terms([part for effect in effects for part in effect.parts()])
+    return [form_of(design, effect, form.run) for effect in effects]
 
 
 def _moved(effect: Effect, ratio: float) -> Iterator[Effect]:

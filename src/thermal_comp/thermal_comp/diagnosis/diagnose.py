@@ -9,9 +9,9 @@ from dataclasses import replace
 from imu_recording.recording import ImuRecording
 
 from thermal_comp.comparison.compare import compare_prepared
-from thermal_comp.data.conditions import SENSORS, Sensor
-from thermal_comp.data.preparation import PERIOD, PreparedRun
-from thermal_comp.diagnosis.decision import Outcome
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.diagnosis.change import changes
 from thermal_comp.diagnosis.findings import (
     Explained,
     clock_findings,
@@ -24,15 +24,16 @@ from thermal_comp.diagnosis.findings import (
 )
 from thermal_comp.diagnosis.identifiability import undecidable
 from thermal_comp.diagnosis.inputs import prepare_inputs
-from thermal_comp.diagnosis.result import Diagnosis, Finding
+from thermal_comp.diagnosis.posterior import credible
+from thermal_comp.diagnosis.result import Diagnosis, Finding, NamedExplanation
 from thermal_comp.diagnosis.sensor_search import (
     Listed,
+    SensorAnswer,
     Settings,
     greyed_out,
     named_beside,
     search_sensors,
 )
-from thermal_comp.diagnosis.thresholds import calibrated_thresholds
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
@@ -49,22 +50,16 @@ def diagnose(
     *,
     catalogue: Mapping[str, type[Effect]] | None = None,
     reference: Mapping[str, NoiseModel] | None = None,
-    calibrate: int = 0,
-    period: float = PERIOD,
+    period: float | None = None,
 ) -> Diagnosis:
     """Return what is missing in the model, in the light of recordings of one device.
 
     Recordings that are read only when they are needed are read one at a time, and none is kept.
-    Without a model the line per axis is fitted first. `calibrate` simulates that many campaigns
-    without any effect under the fitted noise and raises the thresholds to what they reach.
+    Without a model the line per axis is fitted first.
     """
     inputs = prepare_inputs(recordings, period=period)
     runs = inputs.runs
-    settings = Settings(catalogue or EFFECTS, None, reference, inputs.bandwidth_known)
-    if calibrate:
-        base = {sensor: base_effects(model, sensor) for sensor in SENSORS}
-        thresholds = calibrated_thresholds(runs, base, settings.catalogue, calibrate)
-        settings = replace(settings, thresholds=thresholds)
+    settings = Settings(catalogue or EFFECTS, reference, inputs.bandwidth_known)
     diagnosis = diagnose_prepared(runs, model, settings)
     findings = [
         *(quality_finding(defect) for defect in inputs.defects),
@@ -79,28 +74,47 @@ def diagnose_prepared(
 ) -> Diagnosis:
     """Return the diagnosis of prepared runs; the data are taken as sound."""
     sensors, notes = usable_sensors(runs)
+    stored = model
+    if model is not None and not set(model.provenance.sources.values()) >= {r.hash for r in runs}:
+        model = fit_prepared({s: base_effects(model, s) for s in sensors}, runs)
     noise, short = determined_noise(runs, {s: base_effects(model, s) for s in sensors})
     base: Listed = {sensor: base_effects(model, sensor) for sensor in noise}
-    outcomes = search_sensors(runs, base, noise, settings)
-    noise = noise_beside(runs, named_beside(base, outcomes), noise)
+    answers = search_sensors(runs, base, noise, settings)
+    noise = noise_beside(runs, named_beside(base, answers), noise)
     fitted = fit_prepared(base, runs, noise=noise, refine=False)
     current = compare_prepared(fitted, runs, noise=noise)
-    explained = _explained(runs, base, outcomes, noise)
+    explained = _explained(runs, base, answers, noise)
     findings: list[Finding] = []
-    for sensor, outcome in outcomes.items():
-        findings += effect_findings(sensor, outcome, current, explained, settings.thresholds)
-        findings += unnamed_findings(sensor, outcome, current)
+    if stored is not None and model is not None and stored is not model:
+        findings += changes(stored, model, runs, current)
+    for sensor, answer in answers.items():
+        findings += effect_findings(sensor, answer, current, explained)
+        findings += unnamed_findings(sensor, answer, current)
     loud = noise_findings(
         noise, current, settings.reference, bandwidth_known=settings.bandwidth_known
     )
     return Diagnosis(
         device=current.device,
         findings=ranked([*findings, *loud.values()]),
-        sensors={s: sensor_state(s, outcomes[s], current, loud=s in loud) for s in noise},
+        sensors={
+            s: sensor_state(
+                s,
+                answers[s],
+                current,
+                loud=s in loud,
+                changed=any(f.kind == 'changed' and f.sensor == s for f in findings),
+            )
+            for s in noise
+        },
         greyed_out=greyed_out(runs, settings.catalogue),
         undetermined=explained.undetermined,
-        undecided=undecidable(runs, base, outcomes, noise, settings.catalogue),
+        undecided=undecidable(runs, base, noise, settings.catalogue),
         notes=(*current.notes, *notes, *short),
+        explanations=tuple(
+            NamedExplanation(e.names, sensor, e.probability, e.approximate, e.depends_on)
+            for sensor, answer in answers.items()
+            for e in credible(answer.explanations)
+        ),
     )
 
 
@@ -114,11 +128,11 @@ def base_effects(model: ThermalModel | None, sensor: Sensor) -> tuple[Effect, ..
 def _explained(
     runs: Sequence[PreparedRun],
     base: Listed,
-    outcomes: Mapping[Sensor, Outcome],
+    answers: Mapping[Sensor, SensorAnswer],
     noise: Mapping[Sensor, NoiseModel],
 ) -> Explained:
     """Return the base fitted together with everything that was named."""
-    listed = named_beside(base, outcomes)
+    listed = named_beside(base, answers)
     coupled = {e for effects in listed.values() for e in effects if e.coupled}
     for effect in coupled:
         for sensor in listed:

@@ -12,14 +12,17 @@ from imu_recording.recording import SENSOR_UNITS
 from thermal_comp.comparison.compare import Comparison
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.quality import QualityFinding
-from thermal_comp.diagnosis.decision import IdentifiedEffect, Outcome
+from thermal_comp.diagnosis.hypotheses import NOT_IN_CATALOGUE, UNLOGGED
 from thermal_comp.diagnosis.inputs import ClockFinding
 from thermal_comp.diagnosis.noise_level import REPORTED_EVIDENCE, noise_above_reference
+from thermal_comp.diagnosis.posterior import CREDIBLE, probability
 from thermal_comp.diagnosis.result import Finding, SensorState
-from thermal_comp.diagnosis.thresholds import threshold_of
-from thermal_comp.effects.effect import LEAST_EVIDENCE, Effect
+from thermal_comp.diagnosis.sensor_search import SensorAnswer
+from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel, ThermalModel
 
+CLOCK_EVIDENCE = 15.0
+"""Evidence from which a temperature coefficient of the clock is reported."""
 LISTED_WHERE = 6
 """Places named per sensor."""
 
@@ -34,57 +37,73 @@ class Explained:
 
 
 def effect_findings(
-    sensor: Sensor,
-    outcome: Outcome,
-    current: Comparison,
-    explained: Explained,
-    thresholds: Mapping[str, float] | None,
+    sensor: Sensor, answer: SensorAnswer, current: Comparison, explained: Explained
 ) -> list[Finding]:
     """Return one finding per effect that is named."""
+    if answer.kind != 'named':
+        return []
+    after = explained.comparison
     findings = []
-    seen: set[str] = set()
-    for named in outcome.named:
-        if named.scored.name in seen:
-            continue
-        seen.add(named.scored.name)
-        effect = named.scored.form.effect
+    components = {c.name: c for c in answer.likeliest.components}
+    for name, component in components.items():
+        effect = component.form.effect
         label = '+'.join(effect.sensors) if effect.coupled else sensor
-        after = explained.comparison
+        rivals = _rivals(answer, name)
         findings.append(
             Finding(
                 'effect',
-                named.scored.name,
+                name,
                 label,
-                named.scored.evidence,
-                LEAST_EVIDENCE if named.shared else threshold_of(effect, thresholds),
-                ambiguous_with=named.ambiguous_with,
+                answer.evidence(name),
+                answer.needed_evidence,
+                probability=probability(answer.explanations, lambda e, n=name: n in e.names),  # type: ignore[misc]
+                ambiguous_with=tuple(rival for rival, _ in rivals[:2]),
                 error_before=_rms(current.sensors[sensor].held_out_rms),
                 error_after=_rms(after.sensors[sensor].held_out_rms) if after else None,
                 noise_floor=_rms(after.sensors[sensor].noise_floor) if after else None,
                 unit=SENSOR_UNITS[sensor],
-                rivals=tuple({'name': name, 'similarity': s} for name, s in named.rivals),
-                parameters=_parameters(named, sensor, explained),
-                text=_sentence(named, label),
+                rivals=tuple({'name': n, 'probability': p} for n, p in rivals),
+                parameters=_parameters(effect, sensor, explained),
+                text=_sentence(name, answer, label, [rival for rival, _ in rivals[:2]]),
             )
         )
-    return findings
+    return sorted(findings, key=lambda f: -f.evidence)
 
 
-def _sentence(named: IdentifiedEffect, label: str) -> str:
-    text = f'{label}: {named.scored.name} is missing'
-    if named.ambiguous_with:
-        verb = 'explain' if len(named.ambiguous_with) > 1 else 'explains'
-        text += f'; {" and ".join(named.ambiguous_with)} {verb} it as well'
-    if named.approximate:
+def _rivals(answer: SensorAnswer, name: str) -> list[tuple[str, float]]:
+    """Return what could stand in an effect's place, with probabilities that are not negligible.
+
+    An effect that cannot be told from another whose channel is missing has that one as rival.
+    """
+    kept = {c.name for c in answer.likeliest.components}
+    rivals: dict[str, float] = {}
+    for other in answer.explanations:
+        if name in other.names or other.names == ():
+            continue
+        for rival in set(other.names) - kept - {NOT_IN_CATALOGUE, UNLOGGED}:
+            rivals[rival] = rivals.get(rival, 0.0) + other.probability
+    alike = {name, *(n for n, p in rivals.items() if p > 1.0 - CREDIBLE)}
+    for effect in answer.offered:
+        if effect.name in alike and effect.unseen_twin in answer.untried:
+            rivals[effect.unseen_twin] = 0.5
+    ranked = sorted(rivals.items(), key=lambda pair: -pair[1])
+    return [(rival, p) for rival, p in ranked if p > 1.0 - CREDIBLE]
+
+
+def _sentence(name: str, answer: SensorAnswer, label: str, rivals: Sequence[str]) -> str:
+    text = f'{label}: {name} is missing'
+    if rivals:
+        verb = 'explain' if len(rivals) > 1 else 'explains'
+        text += f'; {" and ".join(rivals)} {verb} it as well'
+    if answer.likeliest.approximate:
         text += '; form approximate: its equation leaves more than noise'
     return text
 
 
 def _parameters(
-    named: IdentifiedEffect, sensor: Sensor, explained: Explained
+    effect: Effect, sensor: Sensor, explained: Explained
 ) -> dict[str, dict[str, object]]:
     """Return the shape parameters as fitted jointly, with standard deviations."""
-    effect = named.scored.form.effect
     model = explained.model.sensors[sensor] if explained.model else None
     fitted = [e for e in (model.effects if model else ()) if e.name == effect.name]
     found = min(fitted, key=lambda e: _distance(e, effect), default=effect)
@@ -104,25 +123,28 @@ def _distance(one: Effect, other: Effect) -> float:
     return sum(abs(float(np.sum(a)) - float(np.sum(b))) for a, b in pairs)
 
 
-def unnamed_findings(sensor: Sensor, outcome: Outcome, current: Comparison) -> list[Finding]:
+def unnamed_findings(sensor: Sensor, answer: SensorAnswer, current: Comparison) -> list[Finding]:
     """Return the finding of a sensor whose residual has no name."""
-    if outcome.kind not in {'unexplained', 'unlogged'}:
+    kind = answer.kind
+    if kind not in {'unexplained', 'unlogged'}:
         return []
-    before = current.sensors[sensor]
-    if outcome.kind == 'unlogged':
-        text = f'{sensor}: several effects at once, or {outcome.depends_on} was not logged'
+    before, likeliest = current.sensors[sensor], answer.likeliest
+    if kind == 'unlogged':
+        text = f'{sensor}: a variable acts that was not logged: {likeliest.depends_on}'
     else:
-        text = f'{sensor}: no effect of the catalogue; depends on {outcome.depends_on}'
-    if outcome.tried:
-        text += f' (closest together: {", ".join(outcome.tried)})'
+        text = f'{sensor}: no effect of the catalogue; depends on {likeliest.depends_on}'
+    tried = dict.fromkeys(c.name for c in likeliest.components)
+    if tried:
+        text += f' (closest together: {", ".join(tried)})'
     return [
         Finding(
-            outcome.kind,
+            kind,
             None,
             sensor,
-            outcome.evidence,
-            LEAST_EVIDENCE,
-            depends_on=outcome.depends_on,
+            answer.evidence(),
+            answer.needed_evidence,
+            probability=likeliest.probability,
+            depends_on=likeliest.depends_on,
             error_before=_rms(before.held_out_rms),
             noise_floor=_rms(before.noise_floor),
             unit=SENSOR_UNITS[sensor],
@@ -165,7 +187,7 @@ def noise_findings(
 
 def clock_findings(clock: ClockFinding | None) -> list[Finding]:
     """Return the temperature coefficient of the sampling clock as a finding, if it counts."""
-    if clock is None or clock.evidence <= LEAST_EVIDENCE:
+    if clock is None or clock.evidence <= CLOCK_EVIDENCE:
         return []
     return [
         Finding(
@@ -173,7 +195,7 @@ def clock_findings(clock: ClockFinding | None) -> list[Finding]:
             'clock_temperature',
             'all',
             clock.evidence,
-            LEAST_EVIDENCE,
+            CLOCK_EVIDENCE,
             error_before=clock.rms_before,
             error_after=clock.rms_after,
             unit='1',
@@ -184,19 +206,32 @@ def clock_findings(clock: ClockFinding | None) -> list[Finding]:
 
 
 def ranked(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return the findings strongest first, those about the noise last."""
-    return tuple(sorted(findings, key=lambda f: (f.kind == 'noise', -f.evidence)))
+    """Return what changed first, then the other findings, those about the noise last."""
+    order = {'changed': 0, 'noise': 2}
+    return tuple(sorted(findings, key=lambda f: (order.get(f.kind, 1), -f.evidence)))
 
 
 def sensor_state(
-    sensor: Sensor, outcome: Outcome, current: Comparison, *, loud: bool = False
+    sensor: Sensor,
+    answer: SensorAnswer,
+    current: Comparison,
+    *,
+    loud: bool = False,
+    changed: bool = False,
 ) -> SensorState:
-    """Return how the sensor stands under the model; `loud`: its noise is above the reference."""
+    """Return how the sensor stands under the model.
+
+    `loud`: its noise is above the reference; `changed`: stored coefficients are no longer right.
+    """
     compared = current.sensors[sensor]
-    if outcome.kind == 'named':
-        verdict = 'ambiguous' if outcome.named[0].ambiguous_with else 'missing'
-    else:
-        verdict = 'noise_above_reference' if loud and outcome.kind == 'complete' else outcome.kind
+    verdict: str = answer.kind
+    if verdict == 'named':
+        first = answer.likeliest.components[0].name
+        verdict = 'ambiguous' if _rivals(answer, first) else 'missing'
+    elif changed and verdict == 'complete':
+        verdict = 'changed'
+    elif loud and verdict == 'complete':
+        verdict = 'noise_above_reference'
     where = [w for w in compared.where if set(w.group) == {'phase', 'cycle'}][:LISTED_WHERE]
     return SensorState(
         verdict,

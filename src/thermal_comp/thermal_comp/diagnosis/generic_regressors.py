@@ -12,7 +12,9 @@ from imu_recording.recording import FloatArray, IntArray
 from scipy.interpolate import BSpline
 from scipy.ndimage import gaussian_filter1d
 
+from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.diagnosis.spectral_lines import spectral_lines
 from thermal_comp.effects.operators import follow, play
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 
@@ -21,12 +23,26 @@ SMOOTHING_S = 60.0
 DEW_POINTS_C = (-12.0, -2.0, 8.0)
 UPTAKES_S = (1200.0, 5000.0)
 """Time constants of the package's moisture [s]."""
+BAND_PIECES = 24
+"""Pieces of a run over which a line's amplitude and phase are free."""
+ROOM_C = 22.0
+"""Temperature of the room a chamber stands in [°C]."""
 TURN_K = 0.5
 """Half-width of the play that tells a turn of the temperature from its noise [K]."""
 LAGS_S = (300.0, 1200.0)
 """A channel's effect may follow it this slowly [s]."""
 SETTLING_S = (60.0, 200.0)
 """What a channel's switching leaves behind may settle this slowly [s]."""
+
+
+CHANNELS_OF: dict[Sensor, tuple[str, ...]] = {
+    'accelerometer': ('heater', 'compressor', 'supply_voltage', 'vibration', 'humidity'),
+    'gyroscope': ('heater', 'compressor', 'supply_voltage', 'vibration', 'humidity'),
+    'magnetometer': ('heater', 'compressor', 'supply_voltage'),
+}
+"""Channels that can act on each sensor, directly or through another."""
+CHAMBER_SETTLING_S = (300.0, 1500.0, 6000.0)
+"""Time constants of a chamber whose machines are off [s]."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +52,8 @@ class GenericRegressor:
     depends_on: str
     name: str
     term: ColumnGroup
+    unlogged: str = ''
+    """Channel whose absence it would betray; '' where it is a law of what was logged."""
 
 
 def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
@@ -52,12 +70,16 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
         ('time', 'curve over time', spans.time, False),
         ('time', 'wave over time', spans.wave, False),
         ('time', 'curve over time, one per run', spans.time, True),
+        ('time', 'wave over time, one per run', spans.slow_wave, True),
+        ('temperature', 'fine curve over temperature', spans.fine_temperature, False),
         ('time', 'curve over temperature that changes with time', spans.slope_in_time, False),
         ('orientation', 'powers of temperature, one set per orientation', spans.powers, True),
         ('orientation', 'temperature rate, one slope per orientation', spans.rate_slope, True),
     ]
     if all(run.has_cycles for run in runs):
         made.append(('phase', 'curve over the phase of the cycle', spans.phase, False))
+        if design.sensor == 'magnetometer' and len(runs) > 1:
+            made.append(('phase', 'curve over the phase, one per run', spans.slow_phase, True))
         made.append(('cycle', 'level and slope of each cycle', spans.cycle, False))
     for name in ('heater', 'compressor', 'supply_voltage', 'humidity'):
         if all(run.conditions.has(name) for run in runs):
@@ -69,8 +91,56 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
         made.append(('humidity', 'moisture guessed from the air temperature', moisture, False))
     if all(run.conditions.has('vibration') for run in runs):
         made.append(('vibration', 'vibration and its square', spans.vibration, False))
-    terms = design.generic_terms([(function, per_run) for _, _, function, per_run in made])
-    return [GenericRegressor(row[0], row[1], term) for row, term in zip(made, terms, strict=True)]
+    for frequency in spectral_lines(runs, design.sensor)[:1]:
+        line = partial(spans.narrow_band, frequency)
+        made.append(('frequency', 'line whose amplitude and phase wander', line, True))
+    lost = lost_channels(design)
+    if {'heater', 'compressor'} & set(lost):
+        # The field of a machine stands still in the chamber: each orientation sees it turned.
+        turned = design.sensor == 'magnetometer' and len(runs) > 1
+        for settling in CHAMBER_SETTLING_S:
+            trace = partial(spans.chamber_power, settling)
+            made.append(('chamber', 'heat and cold the chamber needs', trace, turned))
+    functions = [(function, per_run) for _, _, function, per_run in made]
+    terms = design.generic_terms(functions, beside=range(design.width))
+    return [
+        GenericRegressor(row[0], row[1], term, _betrayed(design, row[0], lost))
+        for row, term in zip(made, terms, strict=True)
+    ]
+
+
+def lost_channels(design: CandidateDesign) -> list[str]:
+    """Return the channels that can act on the sensor and that no run has logged."""
+    runs = design.source.runs
+    return [
+        channel
+        for channel in CHANNELS_OF[design.sensor]
+        if not any(run.conditions.has(channel) for run in runs)
+    ]
+
+
+def _betrayed(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> str:
+    """Return the lost channel that a dependence would betray, '' for none.
+
+    A compressor reaches accelerometer and gyroscope by shaking them or through the supply, a
+    heater through the supply. What repeats with the cycle and is no law of temperature, or
+    follows the chamber's power, is a machine of the chamber.
+    """
+    switched = design.sensor != 'magnetometer' and depends_on in {'heater', 'compressor'}
+    order = {
+        'compressor': ('vibration', 'supply_voltage'),
+        'heater': ('supply_voltage',),
+        'phase': ('heater', 'compressor', 'supply_voltage'),
+        'chamber': ('heater', 'compressor', 'supply_voltage', 'vibration'),
+    }
+    if depends_on == 'humidity' and 'humidity' in lost:
+        return 'humidity'
+    if depends_on in {'heater', 'compressor'} and not switched:
+        return ''
+    suspects = [c for c in order.get(depends_on, ()) if c in lost]
+    if {'heater', 'compressor'} <= set(suspects):
+        return 'chamber'
+    return suspects[0].removesuffix('_voltage') if suspects else ''
 
 
 def _moist(design: CandidateDesign) -> bool:
@@ -110,6 +180,9 @@ class _Spans:
     def temperature(self, run: PreparedRun) -> FloatArray:
         return _spline(run.temperature, self.low, self.high, 16)
 
+    def fine_temperature(self, run: PreparedRun) -> FloatArray:
+        return _spline(run.temperature, self.low, self.high, 48)
+
     def branch(self, run: PreparedRun) -> FloatArray:
         curve = _spline(run.temperature, self.low, self.high, 8)
         rising = self._rate(run) / self.fastest
@@ -134,11 +207,19 @@ class _Spans:
     def wave(self, run: PreparedRun) -> FloatArray:
         return _spline(run.time, 0.0, self.longest, 40)
 
+    def slow_wave(self, run: PreparedRun) -> FloatArray:
+        return _spline(run.time, 0.0, self.longest, 24)
+
     def slope_in_time(self, run: PreparedRun) -> FloatArray:
         x = self._warmth(run)[:, None]
         share = run.time[:, None] / self.longest
         curve = _spline(run.time, 0.0, self.longest, 4)
         return np.concatenate([curve * x, share * x**2, share**2 * x**2, x**2], axis=1)
+
+    def narrow_band(self, frequency: float, run: PreparedRun) -> FloatArray:
+        slow = _spline(run.conditions.time, 0.0, self.longest, BAND_PIECES)
+        turn = 2.0 * np.pi * frequency * run.conditions.time[:, None]
+        return run.block_mean(np.concatenate([slow * np.cos(turn), slow * np.sin(turn)], axis=1))
 
     def powers(self, run: PreparedRun) -> FloatArray:
         fine = run.conditions
@@ -147,9 +228,15 @@ class _Spans:
         return run.block_mean(np.stack([x, x**2, x**3, x**4, np.abs(x)], axis=1))
 
     def phase(self, run: PreparedRun) -> FloatArray:
+        return self._over_phase(run, 50)
+
+    def slow_phase(self, run: PreparedRun) -> FloatArray:
+        return self._over_phase(run, 30)
+
+    def _over_phase(self, run: PreparedRun, pieces: int) -> FloatArray:
         since = _time_in_cycle(run)
         inside = (since >= 0.0) & (since <= self.cycle_length)
-        curve = _spline(np.clip(since, 0.0, self.cycle_length), 0.0, self.cycle_length, 50)
+        curve = _spline(np.clip(since, 0.0, self.cycle_length), 0.0, self.cycle_length, pieces)
         return curve * inside[:, None]
 
     def cycle(self, run: PreparedRun) -> FloatArray:
@@ -165,6 +252,11 @@ class _Spans:
         starts, stops = np.maximum(turns, 0.0), np.minimum(turns, 0.0)
         after = [_lagged(run, way, lag) for way in (starts, stops) for lag in SETTLING_S]
         return np.stack([v, v * x, v * x**2, v**2, v * t, v * rate, *lags, *after], axis=1)
+
+    def chamber_power(self, settling: float, run: PreparedRun) -> FloatArray:
+        """(m, 2) power a chamber needs to heat and to cool: P = τ dT/dt + T − T_room."""
+        power = settling * self._rate(run) + run.temperature - ROOM_C
+        return np.stack([np.maximum(power, 0.0), np.minimum(power, 0.0)], axis=1)
 
     def vibration(self, run: PreparedRun) -> FloatArray:
         values = np.asarray(run.block_conditions.vibration)

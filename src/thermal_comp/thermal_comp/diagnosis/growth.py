@@ -13,12 +13,12 @@ from thermal_comp.comparison.compare import Comparison, SensorComparison, compar
 from thermal_comp.comparison.simpler import worse_than_simpler
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
-from thermal_comp.diagnosis.candidates import families, missing_channels
+from thermal_comp.diagnosis.candidates import missing_channels
 from thermal_comp.diagnosis.diagnose import Settings, base_effects, diagnose_prepared
+from thermal_comp.diagnosis.hypotheses import SensorHypotheses
+from thermal_comp.diagnosis.priors import NOTHING
 from thermal_comp.diagnosis.result import Diagnosis
-from thermal_comp.diagnosis.search import Search
 from thermal_comp.diagnosis.sensor_search import Listed
-from thermal_comp.diagnosis.thresholds import threshold_of
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.effects.empirical_term import Empirical
 from thermal_comp.fitting.empirical import empirical_form
@@ -106,8 +106,8 @@ def add_effect(
 ) -> Growth:
     """Return the model with an effect added and everything refitted together.
 
-    Without `sensors` the effect goes where its evidence is above its threshold, else to the
-    sensor where it has most.
+    Without `sensors` the effect goes where it is likelier than nothing, else to the sensor where
+    it is likeliest.
     """
     if name not in settings.catalogue:
         raise ModelError(f'effect {name!r} is not known; known: {", ".join(settings.catalogue)}')
@@ -240,19 +240,18 @@ def _placed(
     scored = {}
     for sensor in wanted:
         design = CandidateDesign(source, sensor, noise[sensor], listed[sensor])
-        search = Search(design, families(design, {name: effect}), settings.thresholds)
-        ranking = search.ranking([])
-        if ranking:
-            scored[sensor] = ranking[0]
+        hypotheses = SensorHypotheses(design, {name: effect})
+        if hypotheses.families:
+            scored[sensor] = hypotheses.single(hypotheses.families[0])
     if not scored:
         raise ModelError(f'{name} leaves no trace in these runs that could be fitted')
-    needed = threshold_of(effect, settings.thresholds)
-    strong = [s for s, r in scored.items() if r.evidence >= needed]
-    best = max(scored, key=lambda s: scored[s].evidence)
+    strong = [s for s, r in scored.items() if r.log_posterior > np.log(NOTHING)]
+    best = max(scored, key=lambda s: scored[s].log_posterior)
+    forms = {s: r.components[0].form.effect for s, r in scored.items()}
     if effect.coupled:
-        return {s: scored[best].form.effect for s in effect.sensors if s in noise}
+        return {s: forms[best] for s in effect.sensors if s in noise}
     chosen = list(scored) if sensors else strong or [best]
-    return {s: scored[s].form.effect for s in chosen}
+    return {s: forms[s] for s in chosen}
 
 
 def _grown(

@@ -11,7 +11,6 @@ from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.candidates import usable
-from thermal_comp.diagnosis.decision import Outcome
 from thermal_comp.diagnosis.result import Undecided
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
@@ -29,7 +28,6 @@ SWEEP_SHARE = 0.95
 def undecidable(
     runs: Sequence[PreparedRun],
     base: Mapping[Sensor, Sequence[Effect]],
-    outcomes: Mapping[Sensor, Outcome],
     noise: Mapping[Sensor, NoiseModel],
     catalogue: Mapping[str, type[Effect]],
 ) -> tuple[Undecided, ...]:
@@ -37,18 +35,6 @@ def undecidable(
     found = list(_poses(runs, tuple(base), catalogue))
     if not all(run.has_cycles for run in runs):
         found += _shapes(runs, base, noise, catalogue)
-        found += [
-            Undecided(
-                (r.name, BiasTemperature.name),
-                (sensor,),
-                1.0,
-                f'{r.name} follows what was seen (evidence {r.evidence:.0f}), but foresees blocks '
-                f'left out worse: {r.error_with:.3g} against {r.error_without:.3g}',
-                'it is not recommended: record cycles',
-            )
-            for sensor, outcome in outcomes.items()
-            for r in outcome.rejected
-        ]
     return tuple(found)
 
 

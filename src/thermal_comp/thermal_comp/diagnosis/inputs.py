@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording
 
-from thermal_comp.data.preparation import PERIOD, PreparedRun, prepare_run, run_name
+from thermal_comp.data.preparation import PreparedRun, prepare_run, run_name
 from thermal_comp.data.quality import (
     QualityFinding,
     check_recording,
@@ -52,7 +52,7 @@ class ClockFinding:
 
 
 def prepare_inputs(
-    recordings: Iterable[ImuRecording], *, period: float = PERIOD
+    recordings: Iterable[ImuRecording], *, period: float | None = None
 ) -> DiagnosisInputs:
     """Return what is needed of recordings that may be read one after the other.
 

@@ -9,9 +9,10 @@ from typing import Any
 
 from thermal_comp.presentation.notebook import Presented
 
-SCHEMA = 1
+SCHEMA = 2
 VERDICTS = (
     'complete',
+    'changed',
     'missing',
     'ambiguous',
     'unexplained',
@@ -26,12 +27,14 @@ class Finding:
     """One thing to act on."""
 
     kind: str
-    """effect, data_quality, noise, unexplained or unlogged."""
+    """effect, changed, data_quality, noise, unexplained or unlogged."""
     name: str | None
     sensor: str
     evidence: float
     """2 ln of the Bayes factor."""
     threshold: float = 0.0
+    probability: float | None = None
+    """That it acts; None for what is counted, not inferred."""
     ambiguous_with: tuple[str, ...] = ()
     depends_on: str | None = None
     error_before: float | None = None
@@ -61,6 +64,7 @@ class Finding:
             'depends_on': self.depends_on,
             'evidence': self.evidence,
             'threshold': self.threshold,
+            'probability': self.probability,
             'error_before': self.error_before,
             'error_after': self.error_after,
             'noise_floor': self.noise_floor,
@@ -68,6 +72,29 @@ class Finding:
             'rivals': [dict(rival) for rival in self.rivals],
             'parameters': {name: dict(value) for name, value in self.parameters.items()},
             'text': self.text,
+        }
+
+
+@dataclass(frozen=True)
+class NamedExplanation:
+    """One explanation of a sensor's residual: a set of effects, nothing, or something else."""
+
+    names: tuple[str, ...]
+    """Effects; () for nothing, `not_in_catalogue` or `unlogged` for what has no name here."""
+    sensor: str
+    probability: float
+    approximate: bool
+    """Whether an equation leaves more than noise."""
+    depends_on: str | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        return {
+            'names': list(self.names) or ['nothing'],
+            'sensor': self.sensor,
+            'probability': self.probability,
+            'approximate': self.approximate,
+            'depends_on': self.depends_on,
         }
 
 
@@ -140,6 +167,8 @@ class Diagnosis(Presented):
     notes: tuple[str, ...] = ()
     undecided: tuple[Undecided, ...] = ()
     """Pairs of effects that these runs cannot tell apart."""
+    explanations: tuple[NamedExplanation, ...] = ()
+    """Per sensor the fewest explanations that hold 95 % together, most probable first."""
 
     @property
     def verdict(self) -> str:
@@ -151,12 +180,13 @@ class Diagnosis(Presented):
         return next((f.verdict for f in [*physical, *others]), 'complete')
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values, schema 1."""
+        """Return plain values, schema 2."""
         return {
             'schema': SCHEMA,
             'device': self.device,
             'verdict': self.verdict,
             'findings': [finding.to_dict() for finding in self.findings],
+            'explanations': [explanation.to_dict() for explanation in self.explanations],
             'sensors': {name: state.to_dict() for name, state in self.sensors.items()},
             'greyed_out': dict(self.greyed_out),
             'undetermined': list(self.undetermined),

@@ -1,26 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Search the residual of every sensor for effects, alone and for what several sensors feel."""
+"""What explains the residual of each sensor, alone and where several sensors feel an effect."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.data.conditions import CHANNELS, Sensor
-from thermal_comp.data.preparation import PERIOD, PreparedRun
-from thermal_comp.diagnosis.candidates import families, missing_channels
-from thermal_comp.diagnosis.decision import Outcome, decide_confirmed
-from thermal_comp.diagnosis.generic_regressors import generic_regressors
-from thermal_comp.diagnosis.search import Search, least_delta_chi2
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.diagnosis.candidates import missing_channels
+from thermal_comp.diagnosis.hypotheses import (
+    NOT_IN_CATALOGUE,
+    UNLOGGED,
+    Component,
+    EffectSet,
+    SensorHypotheses,
+)
+from thermal_comp.diagnosis.posterior import Explanation, explanations, probability
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import NoiseModel
-from thermal_comp.noise.of_runs import noise_beside
+from thermal_comp.noise.estimation import fit_noise
+from thermal_comp.noise.of_runs import independent_axes, noise_beside, turned_runs
 
+BELIEVED = 0.8
+"""Probability that something is missing from which it is said: a false word costs four missed."""
 REFUTING_CHI2 = 20.0
 """χ² against an effect of several sensors from which no flaw in its form excuses it …"""
 REFUTING_SHARE = 2e-4
@@ -28,7 +37,7 @@ REFUTING_SHARE = 2e-4
 CHANGED_VARIANCE_SHARE = 0.8
 """Share of its variance below which noise is another one."""
 Listed = dict[Sensor, tuple[Effect, ...]]
-Found = tuple[CandidateDesign, Outcome]
+Kind = Literal['complete', 'named', 'unexplained', 'unlogged']
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +45,72 @@ class Settings:
     """What a diagnosis is made with."""
 
     catalogue: Mapping[str, type[Effect]]
-    thresholds: Mapping[str, float] | None = None
     reference: Mapping[str, NoiseModel] | None = None
     """Noise that counts as normal, per sensor; None: the shipped table."""
     bandwidth_known: bool = False
     """Whether the density of white noise is that of the sensor."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorAnswer:
+    """What explains one sensor's residual."""
+
+    hypotheses: SensorHypotheses
+    sets: tuple[EffectSet, ...]
+    explanations: tuple[Explanation, ...]
+    """Most probable first; their probabilities sum to 1."""
+    offered: tuple[type[Effect], ...]
+    """Effects of the catalogue that were looked for in this sensor …"""
+    untried: frozenset[str]
+    """… and those whose channel was not logged."""
+
+    def evidence(self, name: str | None = None) -> float:
+        """Return 2 ln of the Bayes factor of an effect in the likeliest set, or of the whole."""
+        return self.hypotheses.evidence(self.likeliest.components, name)
+
+    @property
+    def needed_evidence(self) -> float:
+        """2 ln of the Bayes factor from which an effect is likelier than not to be believed."""
+        return self.hypotheses.needed_evidence(BELIEVED)
+
+    @property
+    def kind(self) -> Kind:
+        """What is said: that nothing is missing unless something is believed to be."""
+        missing = 1.0 - probability(self.explanations, lambda e: e.names == ())
+        if missing < BELIEVED:
+            return 'complete'
+        unknown = probability(self.explanations, lambda e: e.names == (NOT_IN_CATALOGUE,))
+        unlogged = probability(self.explanations, lambda e: e.names == (UNLOGGED,))
+        if unknown + unlogged > missing - unknown - unlogged:
+            return 'unexplained' if unknown >= unlogged else 'unlogged'
+        return 'named'
+
+    @property
+    def likeliest(self) -> Explanation:
+        """The most probable explanation of the kind that is said; no effect in it is in doubt."""
+        kind = self.kind
+        alone = {'complete': (), 'unexplained': (NOT_IN_CATALOGUE,), 'unlogged': (UNLOGGED,)}
+        if kind in alone:
+            return next(e for e in self.explanations if e.names == alone[kind])
+        named = [e for e in self.explanations if e.names not in alone.values()]
+        said = named[0]
+        doubt = (1.0 - BELIEVED) / BELIEVED
+        while fewer := next((e for e in named if _one_fewer(e, said, doubt)), None):
+            said = fewer
+        return said
+
+    @property
+    def named(self) -> tuple[Effect, ...]:
+        """The effects that are named, in the form found."""
+        if self.kind != 'named':
+            return ()
+        return tuple(c.form.effect for c in self.likeliest.components)
+
+
+def _one_fewer(fewer: Explanation, said: Explanation, doubt: float) -> bool:
+    """Tell whether an explanation does with an effect less and is not unlikely beside `said`."""
+    less = set(fewer.names) < set(said.names) and len(fewer.names) == len(said.names) - 1
+    return less and fewer.probability > doubt * said.probability
 
 
 def search_sensors(
@@ -48,8 +118,8 @@ def search_sensors(
     base: Listed,
     noise: Mapping[Sensor, NoiseModel],
     settings: Settings,
-) -> dict[Sensor, Outcome]:
-    """Return what is said about each sensor: first by itself, then where effects are coupled."""
+) -> dict[Sensor, SensorAnswer]:
+    """Return what explains each sensor's residual, by itself, then where effects are coupled."""
     searches = SensorSearches(ColumnSource(runs), base, noise, settings)
     # Most of the work is done in numpy and compiled loops, where sensors do not wait for another.
     with ThreadPoolExecutor() as pool:
@@ -57,7 +127,7 @@ def search_sensors(
     for effect in settings.catalogue.values():
         if effect.coupled:
             found.update(searches.of_coupled(effect, found))
-    return {sensor: outcome for sensor, (_, outcome) in found.items()}
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,28 +139,26 @@ class SensorSearches:
     noise: Mapping[Sensor, NoiseModel]
     settings: Settings
 
-    def of_sensor(
-        self,
-        sensor: Sensor,
-        known: Sequence[Effect] = (),
-        support: Mapping[str, float] | None = None,
-    ) -> Found:
-        """Return design and outcome of one sensor; `known` effects stand beside the base.
+    def of_sensor(self, sensor: Sensor, known: Sequence[Effect] = ()) -> SensorAnswer:
+        """Return the answer about one sensor; `known` effects stand beside the base.
 
         What is named and had been taken for noise (a step, a line) has the search begin anew,
-        with the noise beside it. `support` is the χ² that other sensors add to an effect.
+        with the noise beside it.
         """
         beside = (*self.base[sensor], *known)
-        found = self._under(self.noise[sensor], sensor, beside, support or {})
-        named = named_beside({sensor: beside}, {sensor: found[1]})
-        noise = noise_beside(self.source.runs, named, self.noise)[sensor]
-        if _quieter(noise, self.noise[sensor]):
-            found = self._under(noise, sensor, beside, support or {})
+        axes = independent_axes(self.source.runs, sensor)
+        runs = turned_runs(self.source.runs, sensor, axes)
+        before = self.noise[sensor] if axes is None else fit_noise(runs, sensor, beside)
+        found = self._under(before, sensor, beside, axes)
+        named = {sensor: joined_effects([*beside, *found.named])}
+        noise = noise_beside(runs, named, {sensor: before})[sensor]
+        if _quieter(noise, before, runs[0].period):
+            found = self._under(noise, sensor, beside, axes)
         return found
 
     def of_coupled(
-        self, effect: type[Effect], found: Mapping[Sensor, Found]
-    ) -> dict[Sensor, Found]:
+        self, effect: type[Effect], found: Mapping[Sensor, SensorAnswer]
+    ) -> dict[Sensor, SensorAnswer]:
         """Return what changes where several sensors feel an effect with the same coefficients.
 
         A fixture that tilts turns gravity and field alike. Such an effect is looked for in its
@@ -98,13 +166,20 @@ class SensorSearches:
         they are searched with it as known.
         """
         asked = [sensor for sensor in effect.sensors if sensor in found]
-        if len(asked) < 2 or not _may_be(effect, found[asked[0]][1]):
+        if len(asked) < 2 or not any(
+            effect.name in e.names and e.probability > 1e-4 for e in found[asked[0]].explanations
+        ):
             return {}
         first, *others = asked
         support = coupled_support(effect(), [found[sensor] for sensor in asked])
-        again = {first: self.of_sensor(first, support={effect.name: support})}
-        named = [n.scored.form.effect for n in again[first][1].named]
-        forms = [form for form in named if form.name == effect.name]
+        sets = [
+            replace(s, log_posterior=s.log_posterior + 0.5 * support)
+            if effect.name in s.names
+            else s
+            for s in found[first].sets
+        ]
+        again = {first: self._answer(found[first].hypotheses, sets)}
+        forms = [form for form in again[first].named if form.name == effect.name]
         return again | {s: self.of_sensor(s, forms) for s in others if forms}
 
     def _under(
@@ -112,31 +187,37 @@ class SensorSearches:
         noise: NoiseModel,
         sensor: Sensor,
         known: Sequence[Effect],
-        support: Mapping[str, float],
-    ) -> Found:
-        """Return design and outcome of one sensor under a given noise."""
-        runs, catalogue = self.source.runs, self.settings.catalogue
-        design = CandidateDesign(self.source, sensor, noise, known)
+        axes: FloatArray | None,
+    ) -> SensorAnswer:
+        """Return the answer about one sensor under a given noise, independent along `axes`."""
+        design = CandidateDesign(self.source, sensor, noise, known, axes=axes)
+        hypotheses = self.hypotheses(design, known)
+        return self._answer(hypotheses, hypotheses.sets())
+
+    def _answer(self, hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> SensorAnswer:
+        ranked = sorted(sets, key=lambda s: -s.log_posterior)
+        catalogue = self.settings.catalogue
+        return SensorAnswer(
+            hypotheses,
+            tuple(ranked),
+            tuple(explanations(hypotheses, ranked)),
+            tuple(family.effect for family in hypotheses.families),
+            frozenset(catalogue) & frozenset(greyed_out(self.source.runs, catalogue)),
+        )
+
+    def hypotheses(self, design: CandidateDesign, known: Sequence[Effect]) -> SensorHypotheses:
+        """Return the hypotheses about one sensor beside known effects."""
         once = {effect.name for effect in known if not effect.repeatable}
         offered = {
             name: effect
-            for name, effect in catalogue.items()
+            for name, effect in self.settings.catalogue.items()
             if name not in once
-            and not (effect.coupled and sensor != effect.sensors[0] and len(self.base) > 1)
+            and not (effect.coupled and design.sensor != effect.sensors[0] and len(self.base) > 1)
         }
-        search = Search(
-            design,
-            families(design, offered),
-            self.settings.thresholds,
-            support=support,
-            untried=frozenset(offered) & frozenset(greyed_out(runs, catalogue)),
-            least_delta_chi2=least_delta_chi2(self.source, sensor, noise, known, catalogue),
-        )
-        missing = [c for c in CHANNELS if not any(run.conditions.has(c) for run in runs)]
-        return design, decide_confirmed(search, generic_regressors(design), missing, known)
+        return SensorHypotheses(design, offered)
 
 
-def coupled_support(effect: Effect, searched: Sequence[Found]) -> float:
+def coupled_support(effect: Effect, searched: Sequence[SensorAnswer]) -> float:
     """Return the χ² that other sensors add to an effect of the first; −∞: they refute it.
 
     One set of coefficients, fitted to all sensors beside what else was named, explains less than
@@ -144,40 +225,50 @@ def coupled_support(effect: Effect, searched: Sequence[Found]) -> float:
     all axes is a tilt to the accelerometer in three orientations, but not to the magnetometer.
     """
     equations = []
-    for design, outcome in searched:
+    for answer in searched:
+        design = answer.hypotheses.design
         known = [
-            term
-            for named in outcome.named
-            if effect.name not in (named.scored.name, *named.ambiguous_with)
-            for term in named.scored.form.terms
+            term for component in _beside_coupled(effect, answer) for term in component.form.terms
         ]
         equations.append(design.shared_equations(known, design.term(effect)))
     alone = _explained_by(*equations[0])
     normals, rights = zip(*equations, strict=True)
     support = _explained_by(np.sum(normals, axis=0), np.sum(rights, axis=0)) - alone
+    support -= 2.0 * sum(_earned_by_kin(effect, answer) for answer in searched[1:])
     return support if support > -max(REFUTING_CHI2, REFUTING_SHARE * alone) else -np.inf
 
 
-def _may_be(effect: type[Effect], outcome: Outcome) -> bool:
-    """Tell whether an effect is named, or explains what is named as well."""
-    return any(effect.name in (n.scored.name, *n.ambiguous_with) for n in outcome.named)
+def _earned_by_kin(effect: Effect, answer: SensorAnswer) -> float:
+    """Return ln of what effects of one sensor that a coupled one would replace speak for."""
+    best = max(s.log_posterior for s in answer.sets)
+    without = [
+        s.log_posterior
+        for s in answer.sets
+        if not any(c.form.effect.is_kin_of(effect) for c in s.components)
+    ]
+    return best - max(without)
+
+
+def _beside_coupled(effect: Effect, answer: SensorAnswer) -> list[Component]:
+    """Return what stands beside a coupled effect in a sensor: not what it would replace."""
+    with_it = next((s for s in answer.sets if effect.name in s.names), None)
+    if with_it is not None:
+        return [c for c in with_it.components if c.name != effect.name]
+    return [c for c in answer.likeliest.components if not c.form.effect.is_kin_of(effect)]
 
 
 def _explained_by(normal: FloatArray, right: FloatArray) -> float:
     return float(right @ np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ right)
 
 
-def named_beside(base: Listed, outcomes: Mapping[Sensor, Outcome]) -> Listed:
+def named_beside(base: Listed, answers: Mapping[Sensor, SensorAnswer]) -> Listed:
     """Return the effects of the sensors in `base` together with what was named."""
-    return {
-        s: joined_effects([*effects, *(n.scored.form.effect for n in outcomes[s].named)])
-        for s, effects in base.items()
-    }
+    return {s: joined_effects([*effects, *answers[s].named]) for s, effects in base.items()}
 
 
-def _quieter(noise: NoiseModel, before: NoiseModel) -> bool:
+def _quieter(noise: NoiseModel, before: NoiseModel, period: float) -> bool:
     """Tell whether a part of the noise, fast or slow, is gone that was there before."""
-    parts = [(n.variance_of_means(PERIOD), n.amplitudes**2) for n in (noise, before)]
+    parts = [(n.variance_of_means(period), n.amplitudes**2) for n in (noise, before)]
     (means, slow), (means_before, slow_before) = parts
     total = slow_before.sum(axis=0)
     return bool(

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from imu_recording.recording import FloatArray
-from numpy.typing import NDArray
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
@@ -18,12 +17,6 @@ PROMINENCE = 8.0
 """Least ratio of a line's power, summed over runs and axes, to the spectrum around it."""
 LOWEST_HZ = 1.0 / 900.0
 """Slower waves belong to the thermal cycle."""
-WINDOW_S = 300.0
-"""A line is steady or not over windows of this length [s], three of its periods at least."""
-FEWEST_WINDOWS = 4
-"""A run of fewer windows says nothing about steadiness."""
-NOISE_OFFSETS = (-3.0, -2.0, 2.0, 3.0)
-"""Where the noise beside a line is taken, in frequencies that a window resolves."""
 
 
 def spectral_lines(runs: Sequence[PreparedRun], sensor: Sensor) -> list[float]:
@@ -49,40 +42,6 @@ def spectral_lines(runs: Sequence[PreparedRun], sensor: Sensor) -> list[float]:
         found.append(_interpolated(power, peak) * float(frequency[1]))
         prominence[max(0, peak - 12) : peak + 13] = 0.0
     return found
-
-
-def steadiness(runs: Sequence[PreparedRun], sensor: Sensor, frequency: float) -> float:
-    """Return the share of a line's power that one amplitude and phase per run and axis has.
-
-    With z_w the mean of residual · exp(−2πift) over window w and v its variance by noise, taken
-    beside the line, the share is Σ (K |⟨z⟩|² − v) / Σ (|z_w|² − v), in units of v: 1 for a
-    steady line, near 0 for one whose frequency moves; 1 as well where runs are too short.
-    """
-    steady = whole = 0.0
-    length = max(WINDOW_S, 3.0 / frequency)
-    for run in runs:
-        time = run.conditions.time
-        residual = _detrended(run.fine_measured[sensor], run.conditions.temperature)
-        size = max(round(length / float(np.median(np.diff(time)))), 2)
-        if len(time) < FEWEST_WINDOWS * size:
-            continue
-        line = _phasors(residual, time, frequency, size)
-        beside = [_phasors(residual, time, frequency + k / length, size) for k in NOISE_OFFSETS]
-        # The median of a power distributed exponentially is ln 2 of its mean.
-        noise = np.median(np.abs(np.concatenate(beside)) ** 2, axis=0) / np.log(2.0)
-        noise = np.maximum(noise, 1e-300)
-        steady += float((len(line) * np.abs(line.mean(axis=0)) ** 2 / noise - 1.0).sum())
-        whole += float((np.abs(line) ** 2 / noise - 1.0).sum())
-    return steady / whole if whole > 0.0 else 1.0
-
-
-def _phasors(
-    residual: FloatArray, time: FloatArray, frequency: float, size: int
-) -> NDArray[np.complex128]:
-    """(windows, 3) means of residual · exp(−2πift) over `size` rows each."""
-    turned = residual * np.exp(-2j * np.pi * frequency * time)[:, None]
-    count = len(turned) // size
-    return np.asarray(turned[: count * size].reshape(count, size, -1).mean(axis=1))
 
 
 def _detrended(values: FloatArray, temperature: FloatArray) -> FloatArray:

@@ -36,9 +36,7 @@ class BiasCreep(Effect):
         'Findley, Creep and Relaxation of Nonlinear Viscoelastic Materials, 1976 (logarithmic '
         'creep)'
     )
-    least_evidence: ClassVar[float] = 60.0
     time_only: ClassVar[bool] = True
-    confirmed_by_cycles: ClassVar[bool] = False
     kin: ClassVar[Kin] = 'time'
     separating_action: ClassVar[str] = (
         'power cycle in the middle of a dwell; soak ten times the expected t₀'

@@ -28,10 +28,8 @@ class BiasDrift(Effect):
     )
     typical_size: ClassVar[str] = 'accelerometer 0.1–0.5 mg in 12 h when new'
     reference: ClassVar[str] = 'IEEE 952 (rate ramp)'
-    least_evidence: ClassVar[float] = 60.0
     time_only: ClassVar[bool] = True
     kin: ClassVar[Kin] = 'time'
-    contained_in: ClassVar[tuple[str, ...]] = ('bias_creep',)
     separating_action: ClassVar[str] = 'soak at constant temperature with the power on'
 
     def columns(

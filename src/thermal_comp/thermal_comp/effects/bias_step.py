@@ -39,10 +39,8 @@ class BiasStep(Effect):
     )
     typical_size: ClassVar[str] = 'accelerometer 0.5–5 mg, gyroscope 0.01–0.1 °/s'
     reference: ClassVar[str] = 'IEEE 528 (bias stability); common in data of packaged MEMS'
-    least_evidence: ClassVar[float] = 55.0
     repeatable: ClassVar[bool] = True
     time_only: ClassVar[bool] = True
-    confirmed_by_cycles: ClassVar[bool] = False
     kin: ClassVar[Kin] = 'time'
     separating_action: ClassVar[str] = 'repeat the run'
 
@@ -61,8 +59,3 @@ class BiasStep(Effect):
             found.append(Candidate(step))
             found += [Candidate(step, run) for run in range(len(campaign.durations))]
         return found + [Candidate(cls((time,)), run) for run, time in campaign.step_times()]
-
-    @property
-    def edges(self) -> tuple[float, ...]:
-        """Times of the steps [s]."""
-        return self.step_time

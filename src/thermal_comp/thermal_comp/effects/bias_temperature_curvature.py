@@ -35,7 +35,6 @@ class BiasTemperatureCurvature(Effect):
         'IEEE 2700 (offset over temperature); IEEE 1293 (bias temperature model)'
     )
     bends: ClassVar[bool] = True
-    curve_over_temperature: ClassVar[bool] = True
     kin: ClassVar[Kin] = 'temperature'
     separated_by_cycles: ClassVar[tuple[str, ...]] = (
         'thermal_lag',

@@ -17,19 +17,12 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import CHANNELS, SENSORS, Conditions, Sensor
 from thermal_comp.effects import EFFECTS
-from thermal_comp.effects.effect import LEAST_EVIDENCE, Campaign, Effect, Kin, State
+from thermal_comp.effects.effect import Campaign, Effect, Kin, State
 
 ROWS = 600
 CUTS = ((1,), (7, 8, 300), (150, 151, 599), tuple(range(50, 600, 50)))
 """Rows at which the example is cut into pieces."""
-RELATIONS = (
-    'look_alikes',
-    'contains',
-    'contained_in',
-    'preferred_to',
-    'flaw_resembles',
-    'separated_by_cycles',
-)
+RELATIONS = ('look_alikes', 'separated_by_cycles')
 """Attributes that name other effects."""
 FASTER = 20.0
 """Ratio of columns at a hundred and at ten times a temperature above which they outgrow it."""
@@ -165,8 +158,6 @@ def _problems_of_the_relations(effect: type[Effect], known: Collection[str]) -> 
         problems += [f'{relation}: {n!r} is no other effect that is known' for n in unknown]
     if effect.kin not in get_args(Kin):
         problems.append(f'kin {effect.kin!r} is none of {get_args(Kin)}')
-    if effect.least_evidence < LEAST_EVIDENCE:
-        problems.append(f'least_evidence {effect.least_evidence} is below {LEAST_EVIDENCE}')
     if not set(effect.separated_by_poses) <= set(effect.sensors):
         problems.append('separated_by_poses names a sensor it does not act on')
     if effect.coupled and len(effect.sensors) < 2:

@@ -21,8 +21,6 @@ Kin = Literal['', 'temperature', 'orientation', 'time']
 """What the errors of kindred effects follow."""
 FLIP = 'flip: add a run with one axis pointing down'
 """Action that separates what turns with the device from what does not."""
-LEAST_EVIDENCE = 15.0
-"""Least evidence from which any effect is named: 2 ln of the Bayes factor."""
 COUNT = '1'
 """Unit of a parameter that counts: it is part of the form, neither searched nor fitted."""
 
@@ -116,8 +114,6 @@ class Effect:
 
     searched: ClassVar[bool] = True
     """False where it is part of every model, so that no diagnosis looks for it."""
-    least_evidence: ClassVar[float] = LEAST_EVIDENCE
-    """Evidence from which it is named; more where the flaw of another can look like it."""
     bends: ClassVar[bool] = False
     """True where it grows faster than in proportion to temperature: outside the temperatures a
     model was fitted at its slope at the edge runs on."""
@@ -125,22 +121,8 @@ class Effect:
     """True where it may occur more than once."""
     time_only: ClassVar[bool] = False
     """True where it depends on time alone, so that noise that wanders may look like it."""
-    confirmed_by_cycles: ClassVar[bool] = True
-    """False where a thermal cycle that is left out tells nothing: it happens once, or anew."""
-    levels_per_cycle: ClassVar[bool] = False
-    """True where every cycle has a level of its own: steps at the edges of cycles belong to it."""
-    curve_over_temperature: ClassVar[bool] = False
-    """True for a smooth curve over temperature, which a law with a bend can be taken for."""
     kin: ClassVar[Kin] = ''
     """Group whose members can stand for a flaw in each other's form."""
-    contains: ClassVar[tuple[str, ...]] = ()
-    """Effects that are, wholly or nearly, special cases of this one …"""
-    contained_in: ClassVar[tuple[str, ...]] = ()
-    """… and effects of which this is one; one side has to say so."""
-    preferred_to: ClassVar[tuple[str, ...]] = ()
-    """Effects besides those that contain it for which it stands where they explain hardly more."""
-    flaw_resembles: ClassVar[tuple[str, ...]] = ()
-    """Those of `preferred_to` that a flaw in its own form looks like."""
     unseen_twin: ClassVar[str] = ''
     """Effect that it cannot be told from where the channel of that one was not logged."""
     separated_by_cycles: ClassVar[tuple[str, ...]] = ()
@@ -221,32 +203,13 @@ class Effect:
         return (self,)
 
     @property
-    def edges(self) -> tuple[float, ...]:
-        """Times at which its error steps [s]."""
-        return ()
-
-    @property
     def line_frequency(self) -> float | None:
         """Frequency of the spectral line that it is [Hz]; what its form lacks lies beside it."""
         return None
 
-    @property
-    def enrichment(self) -> float:
-        """χ² that each further parameter of a richer form has to gain to be a rival."""
-        return float('inf')
-
     def is_kin_of(self, other: Effect) -> bool:
         """Tell whether one can stand for a flaw in the form of the other."""
         return self.kin != '' and self.kin == other.kin
-
-    def is_contained_in(self, richer: Effect) -> bool:
-        """Tell whether this form is a special case of the other one."""
-        return contains(richer, self)
-
-    @classmethod
-    def stands_for(cls, richer: type[Effect]) -> bool:
-        """Tell whether it is named instead of the other one where that gains hardly more."""
-        return contains(richer, cls) or richer.name in cls.preferred_to
 
 
 @cache
@@ -290,11 +253,6 @@ def columns_from(
     inside, _ = effect.columns(replace(conditions, temperature=within), state)
     share = (np.abs(beyond) / EDGE_K).reshape(-1, *[1] * (at_edge.ndim - 1))
     return at_edge + share * (at_edge - inside), after
-
-
-def contains(richer: Effect | type[Effect], effect: Effect | type[Effect]) -> bool:
-    """Tell whether an effect is a special case of another, by the word of either."""
-    return richer.name in effect.contained_in or effect.name in richer.contains
 
 
 def joined_effects(effects: Sequence[Effect]) -> tuple[Effect, ...]:

@@ -37,7 +37,6 @@ class FixtureHardIron(Effect):
     typical_size: ClassVar[str] = '0.01–0.1 µT/K'
     reference: ClassVar[str] = 'Remanence temperature coefficients of ferritic steel'
     kin: ClassVar[Kin] = 'orientation'
-    contained_in: ClassVar[tuple[str, ...]] = ('misalignment_temperature',)
     separating_action: ClassVar[str] = FLIP
 
     def columns(

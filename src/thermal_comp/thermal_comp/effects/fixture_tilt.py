@@ -40,7 +40,6 @@ class FixtureTilt(Effect):
     typical_size: ClassVar[str] = '10–100 µrad/K: 6–60 mm/s² over 60 K'
     reference: ClassVar[str] = 'Rigid rotation of the mounting'
     kin: ClassVar[Kin] = 'orientation'
-    contained_in: ClassVar[tuple[str, ...]] = ('misalignment_temperature',)
     separating_action: ClassVar[str] = FLIP
 
     def columns(

@@ -36,9 +36,7 @@ class MainsAlias(Effect):
     )
     typical_size: ClassVar[str] = 'up to several µT next to a heater'
     reference: ClassVar[str] = 'Sampling theorem; mains at 50 or 60 Hz'
-    least_evidence: ClassVar[float] = 30.0
     time_only: ClassVar[bool] = True
-    confirmed_by_cycles: ClassVar[bool] = False
     separating_action: ClassVar[str] = 'change the output data rate'
 
     def columns(

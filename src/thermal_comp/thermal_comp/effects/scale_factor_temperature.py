@@ -37,9 +37,6 @@ class ScaleFactorTemperature(Effect):
     typical_size: ClassVar[str] = 'accelerometer 0.01–0.03 %/K, magnetometer 0.03 %/K'
     reference: ClassVar[str] = 'IEEE 2700 (sensitivity temperature coefficient); IEEE 1293 (K₁)'
     kin: ClassVar[Kin] = 'orientation'
-    contained_in: ClassVar[tuple[str, ...]] = ('misalignment_temperature',)
-    preferred_to: ClassVar[tuple[str, ...]] = ('fixture_tilt',)
-    """A bracket would have to bend just so to look like a scale factor."""
     separated_by_poses: ClassVar[tuple[Sensor, ...]] = ('accelerometer', 'magnetometer')
     separating_action: ClassVar[str] = FLIP
 

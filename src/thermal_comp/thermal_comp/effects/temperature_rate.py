@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -15,8 +15,6 @@ from thermal_comp.effects.operators import follow
 
 SMOOTHING = 30.0
 """Time constant of the derivative filter [s]; its second stage takes the delay out again."""
-FAST_LAG = 1.5
-"""A lag up to this many times the shortest that is searched may be a rate."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +35,6 @@ class TemperatureRate(Effect):
     typical_size: ClassVar[str] = 'gyroscope 1–10 m°/s per K/min'
     reference: ClassVar[str] = 'IEEE 952 and 1431 (temperature-rate sensitivity D_Ṫ)'
     kin: ClassVar[Kin] = 'temperature'
-    contained_in: ClassVar[tuple[str, ...]] = ('thermal_lag', 'thermal_lag_two_stage')
-    preferred_to: ClassVar[tuple[str, ...]] = ('thermal_gradient',)
-    """A body that takes its heat from one side shows a difference that is its own rate."""
-    flaw_resembles: ClassVar[tuple[str, ...]] = ('thermal_gradient',)
     unseen_twin: ClassVar[str] = 'thermal_gradient'
     separating_action: ClassVar[str] = 'change the heat path (fan speed) at the same profile'
 
@@ -58,12 +52,3 @@ class TemperatureRate(Effect):
     def columns_in_hindsight(self, conditions: Conditions) -> FloatArray:
         """Return (n, 1): the derivative itself [K/s]; the temperature is smooth already."""
         return np.asarray(np.gradient(conditions.temperature, conditions.time))[:, None]
-
-    def is_contained_in(self, richer: Effect) -> bool:
-        """Tell whether the other one is a rate and more: a lag is one where it is fast."""
-        fast = [
-            getattr(richer, item.name) <= FAST_LAG * item.metadata['searched'][0]
-            for item in fields(richer)
-            if item.metadata['searched']
-        ]
-        return super().is_contained_in(richer) and any(fast)

@@ -15,10 +15,6 @@ from thermal_comp.effects.operators import follow
 
 TIME_CONSTANTS = np.geomspace(20.0, 7000.0, 18)
 """Lags a search tries [s]; a faster one is the rate of change, as far as block means can tell."""
-SLOW_STAGE_S = 600.0
-"""A lag slower than a package's is a board's [s]: the package's own may hide in the noise."""
-ENRICHMENT = 5.0
-"""χ² each further parameter of a richer form has to gain to be its rival."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +50,6 @@ class ThermalLag(Effect):
         'IEEE 1431 and 952 (environmentally sensitive drift), effects of temperature'
     )
     kin: ClassVar[Kin] = 'temperature'
-    contained_in: ClassVar[tuple[str, ...]] = ('thermal_lag_two_stage',)
     separated_by_cycles: ClassVar[tuple[str, ...]] = ('thermal_hysteresis', 'temperature_rate')
 
     def columns(
@@ -73,8 +68,3 @@ class ThermalLag(Effect):
     def sample_forms(cls) -> list[Self]:
         """Return lags from a package's to a board's."""
         return [cls(t) for t in (60.0, 120.0, 300.0, 900.0, 1800.0)]
-
-    @property
-    def enrichment(self) -> float:
-        """χ² per parameter: a lag slow enough to be a board's hides the package's own."""
-        return 0.0 if self.time_constant > SLOW_STAGE_S else ENRICHMENT

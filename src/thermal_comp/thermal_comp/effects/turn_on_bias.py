@@ -38,10 +38,7 @@ class TurnOnBias(Effect):
     reference: ClassVar[str] = (
         'IEEE 528 (repeatability, turn-on to turn-on); Betta et al. 2022, Tables III–V'
     )
-    least_evidence: ClassVar[float] = 30.0
     time_only: ClassVar[bool] = True
-    confirmed_by_cycles: ClassVar[bool] = False
-    levels_per_cycle: ClassVar[bool] = True
     kin: ClassVar[Kin] = 'time'
     separating_action: ClassVar[str] = 'keep the power on between the cycles'
 

@@ -27,9 +27,7 @@ class WarmUp(Effect):
     separation: ClassVar[str] = 'Restarts with each power cycle, not with each thermal cycle.'
     typical_size: ClassVar[str] = 'accelerometer 1–5 mg, τ 3–25 min'
     reference: ClassVar[str] = 'IEEE 528 (warm-up time)'
-    least_evidence: ClassVar[float] = 25.0
     time_only: ClassVar[bool] = True
-    confirmed_by_cycles: ClassVar[bool] = False
     kin: ClassVar[Kin] = 'time'
     separating_action: ClassVar[str] = 'power cycle in the middle of a dwell'
 

@@ -11,7 +11,7 @@ import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
 
 from thermal_comp.data.conditions import SENSORS, Sensor
-from thermal_comp.data.preparation import PERIOD, PreparedRun, Truth, prepare, resting
+from thermal_comp.data.preparation import PreparedRun, Truth, prepare, resting
 from thermal_comp.data.startup import cut_startup
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.inputs import (
@@ -43,7 +43,7 @@ def fit(
     *,
     pooled: bool = False,
     truth: Truth | None = None,
-    period: float = PERIOD,
+    period: float | None = None,
 ) -> ThermalModel:
     """Return the model of these effects that fits the recordings of one device best.
 
@@ -51,7 +51,7 @@ def fit(
     `pooled` fits one set of coefficients to several devices. `truth` and `period` [s]: as for
     `prepare`; 0 fits single samples.
     """
-    if period <= 0:
+    if period is not None and period <= 0:
         return fit_full_rate(effects, recordings, pooled=pooled, truth=truth)
     return fit_prepared(effects, prepare(recordings, period=period, truth=truth), pooled=pooled)
 

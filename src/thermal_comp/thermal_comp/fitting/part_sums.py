@@ -35,11 +35,13 @@ def falls(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> b
     (k,) or (k, axes); `noise` is the square that noise alone leaves, (axes,): what lies below it
     counts as noise. Student's t of ln(before / after) over the parts, and the rms over all.
     """
+    if len(before) < LEAST_PARTS:
+        return False
     before, after = (
         np.maximum(squares / noise, 1.0).reshape(len(squares), -1).mean(axis=1)
         for squares in (before, after)
     )
-    if len(before) < LEAST_PARTS or after.sum() > (1.0 - LEAST_FALL) ** 2 * before.sum():
+    if after.sum() > (1.0 - LEAST_FALL) ** 2 * before.sum():
         return False
     gain = np.log(before / after)
     spread = float(gain.std(ddof=1)) / np.sqrt(len(gain))
@@ -48,6 +50,8 @@ def falls(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> b
 
 def may_fall(squares: FloatArray, noise: FloatArray | float) -> bool:
     """Tell whether mean squares over parts are so far above the noise that a fall is worth it."""
+    if not len(squares):
+        return False
     above = float(np.maximum(squares / noise, 1.0).mean())
     return (1.0 - LEAST_FALL) ** 2 * above > 1.0
 

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,12 +45,15 @@ class ColumnSource:
         self.runs = list(runs)
         self.temperature_noise: list[FloatArray] = []
         """(m,) per run: smoothed minus measured temperature [K]."""
-        self._smooth: list[PreparedRun] = []
+        self.smoothed: list[PreparedRun] = []
+        """The runs with the smoothed temperature."""
         for run in self.runs:
             conditions = run.conditions
             smoothed = _smoothed(conditions)
             self.temperature_noise.append(run.block_mean(smoothed - conditions.temperature))
-            self._smooth.append(replace(run, conditions=replace(conditions, temperature=smoothed)))
+            self.smoothed.append(
+                replace(run, conditions=replace(conditions, temperature=smoothed))
+            )
         self._kept: dict[tuple[Effect, Sensor], list[FloatArray]] = {}
 
     def columns(self, effect: Effect, sensor: Sensor) -> list[FloatArray]:
@@ -58,7 +62,7 @@ class ColumnSource:
         if key not in self._kept:
             self._kept[key] = [
                 run.block_mean(effect.columns_in_hindsight(run.conditions.of(sensor)))
-                for run in self._smooth
+                for run in self.smoothed
             ]
         return self._kept[key]
 
@@ -81,7 +85,7 @@ def smoothing_width(temperature: FloatArray, step: float) -> float:
 __all__ = ['RANK_TOLERANCE', 'CandidateDesign', 'ColumnSource', 'ColumnGroup']
 
 
-FIRST_COLUMN_CAPACITY = 640
+FIRST_COLUMN_CAPACITY = 1024
 """Columns there is room for at first; memory that is not written to costs nothing."""
 
 
@@ -108,11 +112,18 @@ class CandidateDesign:
         noise: NoiseModel,
         base: Sequence[Effect],
         values: Sequence[FloatArray] | None = None,
+        axes: FloatArray | None = None,
     ) -> None:
-        """`values` (m, 3) per run replace the measured block means, as draws of noise do."""
+        """`values` (m, 3) per run replace the measured block means, as draws of noise do.
+
+        `axes` (3, 3), orthogonal, are the directions in which the noise is independent, and to
+        which `noise` belongs; None: those of the sensor.
+        """
         self.source, self.sensor, self.noise = source, sensor, noise
+        self.axes = np.eye(3) if axes is None else axes
         runs = source.runs
         measured = [run.measured[sensor] for run in runs] if values is None else list(values)
+        measured = [rows @ self.axes for rows in measured]
         self.valid = [np.isfinite(rows).all(axis=1) for rows in measured]
         slots = [run.slot[ok] for run, ok in zip(runs, self.valid, strict=True)]
         self.whitening = RowWhitening(slots, noise, [run.period for run in runs])
@@ -121,11 +132,14 @@ class CandidateDesign:
             [run.cv_group[ok] for run, ok in zip(runs, self.valid, strict=True)]
         )
         self._terms: dict[Effect, ColumnGroup] = {}
-        self._columns = np.zeros((3, self.rows, FIRST_COLUMN_CAPACITY))
+        self._columns = np.zeros((3, FIRST_COLUMN_CAPACITY, self.rows))
         self.normal = np.zeros((3, FIRST_COLUMN_CAPACITY, FIRST_COLUMN_CAPACITY))
         self.right = np.zeros((3, FIRST_COLUMN_CAPACITY))
         self._size = np.zeros(0)
         self.width = 0
+        self._partners: Sequence[int] | None = None
+        self._first_new = 0
+        """Columns of which products with new ones are computed; None: all."""
         levels = stack_runs([np.ones((len(slot), 1)) for slot in slots], per_run=True)
         known = [per_axis(levels)[0], self._thermometer_noise()]
         known += [per_axis(self._evaluated(effect))[0] for effect in base]
@@ -134,12 +148,36 @@ class CandidateDesign:
         self.base_rank = sum(q.shape[1] for q in self.base)
         self.target = self._residual(measured)
 
+    @contextmanager
+    def trials(self, beside: Sequence[int]) -> Iterator[None]:
+        """Forget, at the end, the columns made inside; products with `beside` alone are known.
+
+        Shapes are moved by the hundred, and products with all other columns are not needed.
+        """
+        before = self.width, self._size, self._terms
+        known = set(beside)
+        self._terms = {e: t for e, t in self._terms.items() if known.issuperset(t.columns)}
+        try:
+            with self._products_with(beside):
+                yield
+        finally:
+            self.width, self._size, self._terms = before
+
+    @contextmanager
+    def _products_with(self, columns: Sequence[int] | None) -> Iterator[None]:
+        """Compute products of new columns with these and each other alone; None: with all."""
+        self._partners, self._first_new = columns, self.width
+        try:
+            yield
+        finally:
+            self._partners = None
+
     def retarget(self, values: Sequence[FloatArray]) -> None:
         """Take other values (m, 3) per run as what was measured; all rows must be valid."""
         self.target = self._residual(values)
         for axis in range(3):
-            filled = self._columns[axis, :, : self.width]
-            self.right[axis, : self.width] = filled.T @ self.target[axis]
+            filled = self._columns[axis, : self.width]
+            self.right[axis, : self.width] = filled @ self.target[axis]
 
     @property
     def chi_square(self) -> float:
@@ -163,19 +201,38 @@ class CandidateDesign:
         return [self._terms[effect] for effect in effects]
 
     def generic_terms(
-        self, functions: Sequence[tuple[Callable[[PreparedRun], FloatArray], bool]]
+        self,
+        functions: Sequence[tuple[Callable[[PreparedRun], FloatArray], bool]],
+        beside: Sequence[int] | None = None,
+        runs: Sequence[PreparedRun] = (),
     ) -> list[ColumnGroup]:
-        """Return the columns (m, p) each function makes of a run's block means; True: per run."""
-        runs = self.source.runs
+        """Return the columns (m, p) or (m, 3, p) each function makes of a run; True: per run.
+
+        `runs` stand for those of the source, as with the smoothed temperature. Products of one
+        function's columns with another's are left out where `beside` says with which columns
+        they are needed; `complete_products` computes them later.
+        """
         made = []
         for function, per_run in functions:
-            parts = [function(run)[ok] for run, ok in zip(runs, self.valid, strict=True)]
-            made.append(stack_runs(parts, per_run=per_run))
-        place = self._append([per_axis(columns)[0] for columns in made])
-        stops = place + np.cumsum([columns.shape[1] for columns in made])
-        starts = [place, *stops[:-1].tolist()]
-        pairs = zip(starts, stops.tolist(), strict=True)
-        return [ColumnGroup(tuple(range(start, stop))) for start, stop in pairs]
+            parts = zip(runs or self.source.runs, self.valid, strict=True)
+            columns = stack_runs([function(run)[ok] for run, ok in parts], per_run=per_run)
+            with self._products_with(beside):
+                start = self._append([per_axis(columns)[0]])
+            made.append(ColumnGroup(tuple(range(start, self.width))))
+        return made
+
+    def complete_products(self, columns: Sequence[int]) -> None:
+        """Compute the products of columns with all others."""
+        index = list(columns)
+        for axis in range(3):
+            filled = self._columns[axis, : self.width]
+            products = filled[index] @ filled.T
+            self.normal[axis][index, : self.width] = products
+            self.normal[axis][: self.width, index] = products.T
+
+    def size_of(self, term: ColumnGroup) -> FloatArray:
+        """(p,) norm of the term's whitened columns before they were made one long."""
+        return np.asarray(self._size[list(term.columns)])
 
     def solve(self, terms: Sequence[ColumnGroup]) -> tuple[float, int]:
         """Return the χ² the terms explain together and the rank they use."""
@@ -243,7 +300,7 @@ class CandidateDesign:
     def whitened_columns(self, terms: Sequence[ColumnGroup]) -> list[FloatArray]:
         """Return per axis the (rows, p) whitened columns, those shared last."""
         own, common = self._split(terms)
-        return [self._columns[axis][:, [*own, *common]] for axis in range(3)]
+        return [self._columns[axis][[*own, *common]].T for axis in range(3)]
 
     def transposed(self, run: int) -> FloatArray:
         """Return (m, 3) Wᵀ of the residual of one run; W whitens, m are its valid rows."""
@@ -276,7 +333,14 @@ class CandidateDesign:
         """Return the effect's (rows, p) or (rows, 3, p) columns; per run, p of each run."""
         columns = self.source.columns(effect, self.sensor)
         parts = [part[ok] for part, ok in zip(columns, self.valid, strict=True)]
-        return stack_runs(parts, per_run=effect.per_run)
+        whole = stack_runs(parts, per_run=effect.per_run)
+        if whole.ndim == 3 and not np.array_equal(self.axes, np.eye(3)):
+            alone, shared = per_axis(whole)
+            if effect.channels and not shared:
+                # A channel's own noise weakens its coefficient by as much along no other axes.
+                return alone.reshape(len(whole), -1)
+            return np.asarray(np.einsum('nap,ab->nbp', whole, self.axes))
+        return whole
 
     def _thermometer_noise(self) -> FloatArray:
         """(rows, 3, 1) smoothed minus measured temperature: times the slope it is error."""
@@ -304,24 +368,32 @@ class CandidateDesign:
             before += np.einsum('np,np->p', columns, columns)
             columns = project_out(self.base[axis], columns)
             size += np.einsum('np,np->p', columns, columns)
-            self._columns[axis, :, start:stop] = columns
+            self._columns[axis, start:stop] = columns.T
         before, size = np.sqrt(before), np.sqrt(size)
         scale = np.where(size > 1e-6 * before, 1.0 / np.maximum(size, 1e-300), 0.0)
         self._size = np.concatenate([self._size, size])
+        partners = self._partners
+        if partners is not None:
+            partners = [*partners, *range(self._first_new, start)]
         for axis in range(3):
-            new = self._columns[axis, :, start:stop]
-            new *= scale
-            cross = new.T @ self._columns[axis, :, :start]
-            self.normal[axis, start:stop, :start] = cross
-            self.normal[axis, :start, start:stop] = cross.T
-            self.normal[axis, start:stop, start:stop] = new.T @ new
-            self.right[axis, start:stop] = new.T @ self.target[axis]
+            filled = self._columns[axis]
+            new = filled[start:stop]
+            new *= scale[:, None]
+            normal = self.normal[axis]
+            if partners is None:
+                normal[start:stop, :start] = new @ filled[:start].T
+            else:
+                normal[start:stop, :start] = 0.0
+                normal[start:stop, partners] = new @ filled[partners].T
+            normal[:start, start:stop] = normal[start:stop, :start].T
+            normal[start:stop, start:stop] = new @ new.T
+            self.right[axis, start:stop] = new @ self.target[axis]
         return start
 
     def _grow(self, width: int) -> None:
-        room = self._columns.shape[2]
+        room = self._columns.shape[1]
         if width > room:
             more = max(room // 2, width - room)
-            self._columns = np.pad(self._columns, ((0, 0), (0, 0), (0, more)))
+            self._columns = np.pad(self._columns, ((0, 0), (0, more), (0, 0)))
             self.normal = np.pad(self.normal, ((0, 0), (0, more), (0, more)))
             self.right = np.pad(self.right, ((0, 0), (0, more)))

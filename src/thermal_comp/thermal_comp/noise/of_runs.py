@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -11,10 +12,14 @@ from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Effect
+from thermal_comp.linear.columns import project_out
 from thermal_comp.model.values import ModelError, NoiseModel
 from thermal_comp.noise.estimation import effects_beyond, fit_noise
-from thermal_comp.noise.projection import LEAST_BLOCKS
+from thermal_comp.noise.projection import LEAST_BLOCKS, projection_of
+from thermal_comp.noise.saturated_model import saturated_basis
 
+CORRELATED_EVIDENCE = 10.0
+"""2 ln of the Bayes factor from which noise is correlated between axes."""
 FINEST_RESOLUTION = 1e-12
 """Least noise of a mean, as a share of the largest value: no measurement is better resolved."""
 
@@ -77,6 +82,54 @@ def noise_beside(
         else noise[sensor]
         for sensor in effects
     }
+
+
+def independent_axes(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray | None:
+    """Return the (3, 3) orthogonal directions in which the noise is independent.
+
+    They are the principal axes of the differences of neighbouring block means, less what a
+    saturated model follows: in them what is slow plays no part. The smaller half of them counts:
+    what shakes the device at times is not its noise. None where the axes are independent as they
+    are: Bartlett's test, with the price of three correlations.
+    """
+    steps = []
+    for run in runs:
+        valid = np.isfinite(run.measured[sensor]).all(axis=1)
+        if valid.sum() < LEAST_BLOCKS:
+            continue
+        projection = projection_of(run, valid, saturated_basis, {})
+        left = project_out(projection.basis, run.measured[sensor][valid])
+        steps.append(np.diff(left, axis=0)[np.diff(projection.slot) == 1])
+    rows = np.concatenate([np.zeros((0, 3)), *steps])
+    if len(rows) < LEAST_BLOCKS or not (rows.std(axis=0) > 0.0).all():
+        return None
+    size = np.linalg.norm(rows / np.maximum(np.median(np.abs(rows), axis=0), 1e-300), axis=1)
+    kept = rows[size <= np.median(size)]
+    if len(kept) < LEAST_BLOCKS or not (kept.std(axis=0) > 0.0).all():
+        return None
+    determinant = max(float(np.linalg.det(np.corrcoef(kept.T))), 1e-300)
+    # Differences of neighbours share a value: two thirds of them are independent.
+    evidence = -(2.0 / 3.0) * len(kept) * np.log(determinant) - 3.0 * np.log(len(kept))
+    if evidence < CORRELATED_EVIDENCE:
+        return None
+    axes: FloatArray = np.linalg.eigh(np.cov(kept.T))[1]
+    return axes
+
+
+def turned_runs(
+    runs: Sequence[PreparedRun], sensor: Sensor, axes: FloatArray | None
+) -> Sequence[PreparedRun]:
+    """Return the runs with one sensor's values (…, 3) along other axes."""
+    if axes is None:
+        return runs
+    return [
+        replace(
+            run,
+            measured={**run.measured, sensor: run.measured[sensor] @ axes},
+            fine_measured={**run.fine_measured, sensor: run.fine_measured[sensor] @ axes},
+        )
+        for run in runs
+    ]
 
 
 def _scatter(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray:

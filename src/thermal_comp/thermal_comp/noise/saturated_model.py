@@ -32,15 +32,22 @@ WEAKEST_DIRECTION = 1e-5
 """Columns of unit length: a direction weaker than this is the thermometer's noise between two of
 them, and would take noise out of what is left for no effect."""
 
+LARGEST_SHARE = 0.4
+"""Columns the model may have, as a share of the blocks."""
+
 CHANNELS = ('heater', 'compressor', 'fan', 'supply_voltage', 'humidity', 'chamber_temperature')
 
 
 def saturated_basis(run: PreparedRun) -> FloatArray:
     """Return an orthonormal basis (m, p): temperature × branch, lags, channels, cycles.
 
-    Fitted per run and axis it takes up every effect of the catalogue to first order.
+    Fitted per run and axis it takes up every effect of the catalogue to first order. A run of
+    few blocks, of which that would leave little, has powers of temperature and time and a lag.
     """
-    return joined_basis([*_repeatable(run), *_slow(run)])
+    columns = [*_repeatable(run), *_slow(run)]
+    if sum(part.shape[1] for part in columns) > LARGEST_SHARE * len(run):
+        columns = _few(run)
+    return joined_basis(columns)
 
 
 def repeatable_basis(run: PreparedRun) -> FloatArray:
@@ -72,6 +79,15 @@ def _repeatable(run: PreparedRun) -> list[FloatArray]:
     if vibration is not None:
         blocks.append(np.nan_to_num(vibration))
     return blocks
+
+
+def _few(run: PreparedRun) -> list[FloatArray]:
+    """Return the columns a run of few blocks can bear."""
+    temperature, time = run.temperature, run.time
+    low, span = float(temperature.min()), max(float(np.ptp(temperature)), 1e-6)
+    x, t = (temperature - low) / span, (time - time[0]) / max(float(np.ptp(time)), 1.0)
+    lagged = x - follow(time, x, LAGS_S[1], held=True)[0]
+    return [np.stack([np.ones_like(x), x, x**2, x**3, t, t**2, lagged], axis=1)]
 
 
 def _slow(run: PreparedRun) -> list[FloatArray]:

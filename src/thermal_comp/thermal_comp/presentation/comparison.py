@@ -26,7 +26,8 @@ def comparison_text(found: Mapping[str, Any]) -> str:
     """Return the comparison (the dictionary that --json writes) as a table."""
     head = ''.join(f'{label:>11}' for label in COLUMNS.values())
     name = found.get('device') or 'device'
-    lines = [f'{name + ", rms of 20 s means":<30}{head}  unit   worst phase']
+    title = f'{name}, rms of {found["period"]:g} s means'
+    lines = [f'{title:<30}{head}  unit   worst phase']
     for sensor in (s for s in SENSORS if s in found['sensors']):
         part, unit = found['sensors'][sensor], DISPLAY_UNITS[sensor]
         for i, axis in enumerate('xyz'):

@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 
 VERDICTS = {
     'complete': 'nothing is missing',
+    'changed': 'the device is no longer what its model says',
     'missing': 'an effect is missing',
     'ambiguous': 'an effect is missing; these runs cannot tell which of the named',
     'unexplained': 'something is missing that no effect of the catalogue explains',
-    'unlogged': 'several effects at once, or a variable that was not logged',
+    'unlogged': 'something acts that was not logged',
     'noise_above_reference': 'nothing is missing, but the noise is higher than the reference',
     'data_quality': 'the data have defects; they were left out of what follows',
 }
@@ -30,6 +31,7 @@ def diagnosis_text(content: Mapping[str, Any]) -> str:
     lines = [f'{name}: {verdict_line(content)}']
     for finding in content['findings']:
         lines += _finding_lines(finding)
+    lines += explanation_lines(content['explanations'])
     for sensor, state in content['sensors'].items():
         unit = DISPLAY_UNITS[sensor]
         error, floor = (
@@ -69,6 +71,37 @@ def _summary(content: Mapping[str, Any]) -> str:
     return f': {", ".join(parts)}' if parts else ''
 
 
+def explanation_lines(explanations: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return what may explain each sensor's residual, where that is in doubt."""
+    by_sensor: dict[str, list[Mapping[str, Any]]] = {}
+    for one in explanations:
+        by_sensor.setdefault(one['sensor'], []).append(one)
+    lines = []
+    for sensor, several in by_sensor.items():
+        if several[0]['names'] == ['nothing'] or len(several) == 1:
+            continue
+        shares = ', '.join(f'{explanation_name(e)} {percent(e["probability"])}' for e in several)
+        lines.append(f'  {sensor}: {shares}')
+    return lines
+
+
+def percent(probability: float) -> str:
+    """Return a probability in percent; nothing is certain.
+
+    >>> percent(0.862), percent(0.99993)
+    ('86 %', '> 99 %')
+    """
+    return '> 99 %' if probability > 0.99 else f'{100.0 * probability:.0f} %'
+
+
+def explanation_name(explanation: Mapping[str, Any]) -> str:
+    """Return one explanation in words."""
+    text = ' + '.join(explanation['names']).replace('not_in_catalogue', 'not in the catalogue')
+    if explanation['depends_on']:
+        text += f' ({explanation["depends_on"]})'
+    return text
+
+
 def undecided_lines(undecided: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return what cannot be decided; pairs that have their reason in common stand together."""
     groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
@@ -96,7 +129,9 @@ def _greyed_lines(greyed: Mapping[str, str]) -> list[str]:
 
 
 def _finding_lines(finding: Mapping[str, Any]) -> list[str]:
-    weight = f'evidence {finding["evidence"]:.0f}'
+    known = finding['probability']
+    weight = '' if known is None else f'probability {percent(known)}, '
+    weight += f'evidence {finding["evidence"]:.0f}'
     if finding['threshold'] > 0.0:
         weight += f', needed {finding["threshold"]:.0f}'
     lines = [f'  {finding["text"]} ({weight})']
@@ -113,8 +148,10 @@ def _finding_lines(finding: Mapping[str, Any]) -> list[str]:
             f'    {name} = {_number(value["value"])} ± {_number(value["std"])} {value["unit"]}'
         )
     if finding['rivals']:
-        rivals = ', '.join(f'{r["name"]} {r["similarity"]:.0%}' for r in finding['rivals'][:3])
-        lines.append(f'    others would explain of it: {rivals}')
+        rivals = ', '.join(
+            f'{r["name"]} {percent(r["probability"])}' for r in finding['rivals'][:3]
+        )
+        lines.append(f'    in its place: {rivals}')
     return lines
 
 
@@ -163,6 +200,8 @@ def advice(content: Mapping[str, Any]) -> list[str]:
 
 def _of_finding(finding: Mapping[str, Any]) -> Sequence[str]:
     kind, name, variable = finding['kind'], finding['name'], finding['depends_on']
+    if kind == 'changed':
+        return ['fit it anew: python -m imu_workbench fit BAG… -o model.yaml']
     if kind == 'effect' and name == 'clock_temperature':
         return ['stamp the samples by the host, or scale the interval by temperature']
     if kind == 'effect':

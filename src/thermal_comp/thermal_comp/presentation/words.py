@@ -8,6 +8,9 @@ from collections.abc import Mapping
 WORDS: Mapping[str, str] = {
     'complete': 'Verdict: no effect of the catalogue explains more of the residual than chance '
     'does; what is left is noise of the size the sensor has.',
+    'changed': 'Verdict: coefficients stored in the model differ from those of these runs by more '
+    'than both uncertainties, and by more than a quarter of the noise floor; `fit` them anew.',
+    'ratio': 'Of a changed effect: its size now, as a multiple of the stored one.',
     'missing': 'Verdict: an effect is missing in the model, and of the catalogue only this one '
     'explains the residual; `add` or `auto` adds it.',
     'ambiguous': 'Verdict: an effect is missing, but several of the catalogue explain these runs '
@@ -17,8 +20,7 @@ WORDS: Mapping[str, str] = {
     'frequency), but no effect of the catalogue has this form. The dependence is shown; an effect '
     'of your own can be tried with --effects.',
     'unlogged': 'Verdict: the residual follows a quantity that was not recorded (a heater, the '
-    'supply voltage, humidity …), or several effects at once. Record the channel that is named '
-    'and repeat the run.',
+    'supply voltage, humidity …). Record the channel that is named and repeat the run.',
     'noise_above_reference': 'Verdict: nothing that depends on temperature or time is missing, '
     'but the noise is higher than that of the sensor class (or of --noise-reference MODEL): '
     'vibration, a wrong range, or a worn device.',
@@ -30,10 +32,20 @@ WORDS: Mapping[str, str] = {
     'logarithm of the likelihood ratio, less a charge for its parameters. Above its threshold '
     '(`threshold`) an effect is named; 10 is strong, and it grows in proportion to the length of '
     'the recording and to the square of the effect, so that values of thousands are common.',
-    'threshold': 'Evidence an effect must exceed before it is named: what chance reaches in '
-    'simulated runs without any effect (--calibrate N makes it from these runs).',
+    'threshold': 'Evidence from which one effect, known in form, is believed with 80 %.',
+    'probability': 'How much an explanation is believed once the data are seen: those of one '
+    'sensor add up to 1. Of an effect: of all explanations it has a part in.',
+    'explanations': 'What may explain the residual of a sensor: sets of effects, nothing, an '
+    'effect that is not in the catalogue, a variable that was not logged; the fewest that hold '
+    '95 % together.',
+    'nothing': 'Explanation: the model lacks nothing; what is left is noise, or an error of the '
+    'thermometer.',
+    'not_in_catalogue': 'Explanation: the residual depends on something, in a form no effect of '
+    'the catalogue has. An effect of your own can be tried with --effects.',
+    'approximate': 'The equation of a named effect leaves more than noise: its form is only '
+    'nearly right, its name is believed all the same.',
     'residual_rms': 'Root mean square of measured minus modelled error in the runs the model was '
-    'fitted to, on means over 20 s, per axis.',
+    'fitted to, on means over a block, per axis.',
     'held_out_rms': 'The same on cycles the fit has not seen: what a model is worth on new data.',
     'noise_floor': 'What the residual would be if only the noise of the sensor were left.',
     'error_before': 'Held-out rms without the effect.',
@@ -43,7 +55,7 @@ WORDS: Mapping[str, str] = {
     'undetermined': 'Parameters these runs cannot determine; they are left out of the model.',
     'undecided': 'Pairs of effects these runs cannot tell apart, and what would.',
     'identifiable': 'Whether recordings like these can determine a parameter at all.',
-    'rivals': 'Effects that would take over part of what the named one explains.',
+    'rivals': 'Effects that may act in place of the named one, with their probabilities.',
     'separable': 'Of next-experiment: the planned run tells the two effects apart.',
     'extrapolated': 'A die temperature was outside the range the model was fitted in: the '
     'modelled error runs on with the slope it has at the end of the range, its uncertainty grows '
@@ -51,14 +63,15 @@ WORDS: Mapping[str, str] = {
     'passed_on': 'Samples handed on as they came, because no fresh die temperature was known.',
     'applied_model': 'Device and hash of the thermal model that was subtracted from a recording '
     'or from published data; subtracting one twice is refused.',
-    'measured': 'Root mean square of the error before any model, on means over 20 s: what '
+    'measured': 'Root mean square of the error before any model, on means over a block: what '
     'temperature does.',
     'measured_rms': 'See `measured`.',
     'held_out': 'What a model is worth on new data, see `held_out_rms`.',
     'residual': 'Root mean square of what the model leaves, see `residual_rms`.',
     'floor': 'What the residual would be if only noise were left, see `noise_floor`.',
     'worst_phase': 'Phase of the thermal cycle in which most of the error is left.',
-    'rms_of_20_s_means': 'Root mean square of means over 20 s: what averages out is not counted.',
+    'rms_of_20_s_means': 'Root mean square of means over blocks (of 20 s or less): what averages '
+    'out is not counted.',
     'cannot_be_decided': 'Pairs of effects these runs cannot tell apart, see `undecided`.',
     'not_tried': 'Effects these runs cannot show, see `greyed_out`.',
     'needed': 'The evidence from which an effect is named, see `threshold`.',
@@ -67,7 +80,8 @@ WORDS: Mapping[str, str] = {
     'untestable_here': 'Of a claim of the paper: these runs cannot show it (one device, one pose, '
     'no reference attitude …).',
     'untestable': 'See `untestable_here`.',
-    'block': 'Mean over 20 s; errors are quoted on these.',
+    'block': 'Mean over 20 s, in runs shorter than two hours over less, so that there are 400 of '
+    'them; errors are quoted on these.',
     'cycle': 'One way of the temperature up and down; cycles are held out one at a time.',
     'precondition': 'Phase: still at the reference temperature before the first cycle.',
     'ramp_down': 'Phase: the set-point falls at a steady rate.',
@@ -91,7 +105,7 @@ WORDS: Mapping[str, str] = {
     'is a lag or a hysteresis.',
     'pooled': 'One model fitted to several devices.',
     'stale': 'Of the node: the newest sample had no fresh die temperature; it is passed on.',
-    'outside': 'Of the node: the die temperature is outside the fitted range, see `clamped`.',
+    'outside': 'Of the node: the die temperature is outside the fitted range, see `extrapolated`.',
     'not_applied': 'Of the node: effects of the model whose channel does not come.',
     'history': 'Of the node: what effects with a memory know of the time before: kept, restored '
     'from the state file, lost (they begin anew) or not needed.',

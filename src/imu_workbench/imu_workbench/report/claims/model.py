@@ -38,7 +38,7 @@ def linearity_claim(analysis: Analysis) -> Claim:
     return Claim(
         'linear',
         said,
-        f'R² {shown(float(squared.min()))} … {shown(float(squared.max()), 4)} on 20 s means; bin '
+        f'R² {shown(float(squared.min()))} … {shown(float(squared.max()), 4)} on block means; bin '
         f'means deviate from the model by up to {shown(100 * float(deviation[clear].max()), 2)} % '
         f'of its span; {bent} of {int(clear.sum())} channels by more than 10 %'
         if clear.any()
@@ -90,7 +90,7 @@ def gaussianity_claim(analysis: Analysis) -> Claim:
         f'{before} of {len(tested)} channels are not Gaussian before compensation, {bimodal} have '
         f'two modes at the dwells; {after} are not Gaussian after it',
         'supported' if not after and before > len(tested) / 2 and bimodal else 'not',
-        f'χ² test of 20 s means, thinned until they are independent, at {SIGNIFICANCE:.0%} over '
+        f'χ² test of block means, thinned until they are independent, at {SIGNIFICANCE:.0%} over '
         'all channels together (Holm); two modes where the dwells’ means are more than two '
         'standard deviations apart. Supported where most are rejected before and none after.',
         {'channels': rows},

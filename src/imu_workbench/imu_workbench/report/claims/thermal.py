@@ -195,6 +195,6 @@ def pooled_claim(tests: Mapping[str, Mapping[str, Any]]) -> Claim:
         f'the pooled residual is larger than the individual one: {grown} on the worst axis of the '
         f'worst device; {opposite} of {3 * len(tests)} axes have slopes of opposite sign',
         'supported' if worst > 1.5 and opposite else 'not',
-        'Rms of 20 s means after the pooled and after the individual model; supported where it '
+        'Rms of block means after the pooled and after the individual model; supported where it '
         'grows by half or more and opposite signs are the reason.',
     )

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from thermal_comp.presentation.diagnosis import VERDICTS
+from thermal_comp.presentation.diagnosis import VERDICTS, percent
 from thermal_comp.presentation.display import DISPLAY_UNITS, shown, with_uncertainty
 
 from imu_workbench.report.error_steps import degree_steps
@@ -17,7 +17,7 @@ from imu_workbench.report.html.render import Section
 
 VERDICT_CLASSES = {
     'complete': 'supported',
-    **dict.fromkeys(('missing', 'ambiguous', 'unexplained', 'unlogged'), 'not'),
+    **dict.fromkeys(('changed', 'missing', 'ambiguous', 'unexplained', 'unlogged'), 'not'),
 }
 """How a verdict looks; one that is not here looks open."""
 MOST_RIVALS = 3
@@ -70,7 +70,8 @@ def _finding_details(finding: Mapping[str, Any]) -> list[str]:
     evidence = f'evidence {shown(finding["evidence"])}'
     if finding['threshold']:
         evidence += f', needed {shown(finding["threshold"])}'
-    details = [evidence]
+    known = finding['probability']
+    details = [evidence if known is None else f'probability {percent(known)}, {evidence}']
     unit = DISPLAY_UNITS.get(finding['sensor'].split('+')[0])
     if unit and finding['error_after'] is not None:
         before, after, floor = (
@@ -84,8 +85,8 @@ def _finding_details(finding: Mapping[str, Any]) -> list[str]:
     ]
     if finding['rivals']:
         rivals = finding['rivals'][:MOST_RIVALS]
-        named = ', '.join(f'{rival["name"]} {rival["similarity"]:.0%}' for rival in rivals)
-        details.append(f'look-alikes: {named.replace("_", " ")}')
+        named = ', '.join(f'{rival["name"]} {percent(rival["probability"])}' for rival in rivals)
+        details.append(f'in its place: {named.replace("_", " ")}')
     return details
 
 

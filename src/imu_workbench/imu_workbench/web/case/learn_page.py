@@ -225,6 +225,8 @@ ERROR_BARS = {
 def finding_html(finding: Mapping[str, Any]) -> str:
     """Return evidence, errors, parameters and rivals of a finding as a table."""
     rows = [('evidence', evidence_text(finding['evidence'], finding['threshold']))]
+    if finding['probability'] is not None:
+        rows.insert(0, ('probability', percent(finding['probability'])))
     sensor, bars = finding['sensor'].split('+')[0], ''
     if finding['error_after'] is not None and sensor in DISPLAY_UNITS:
         unit = DISPLAY_UNITS[sensor]
@@ -240,10 +242,10 @@ def finding_html(finding: Mapping[str, Any]) -> str:
         rows.append((name.replace('_', ' '), f'{text} {value["unit"]}'))
     if finding['rivals']:
         text = ', '.join(
-            f'{r["name"].replace("_", " ")} {percent(r["similarity"])}'
+            f'{r["name"].replace("_", " ")} {percent(r["probability"])}'
             for r in finding['rivals'][:3]
         )
-        rows.append(('rivals would explain', text))
+        rows.append(('in its place', text))
     return bars + pairs_html(rows)
 
 

@@ -25,7 +25,7 @@ MAX_ALLAN_SAMPLES = 2**20
 
 
 def spectrum_figure(version: Version, view: View) -> Figure:
-    """Return the amplitude density of the residual's 20 s means, averaged in bands."""
+    """Return the amplitude density of the residual's block means, averaged in bands."""
     unit, factor = DISPLAY_UNITS[view.sensor].unit, DISPLAY_UNITS[view.sensor].factor
     frequency, density = residual_spectrum(version.blocks, view)
     data: list[dict[str, Any]] = [

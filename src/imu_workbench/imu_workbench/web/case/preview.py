@@ -12,9 +12,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
-from thermal_comp.diagnosis.candidates import families
-from thermal_comp.diagnosis.search import Search
-from thermal_comp.diagnosis.thresholds import threshold_of
+from thermal_comp.diagnosis.hypotheses import SensorHypotheses
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
@@ -65,18 +63,18 @@ def preview_task(
     base = tuple(e for e in model.sensors[sensor].effects if e.name != effect)
     noise = model.sensors[sensor].noise or noise_of_runs(runs, sensor)[0]
     design = CandidateDesign(ColumnSource(runs), sensor, noise, base)
-    found = Search(design, families(design, {effect: catalogue[effect]})).ranking([])
-    if not found:
+    hypotheses = SensorHypotheses(design, {effect: catalogue[effect]})
+    if not hypotheses.families:
         raise ModelError(f'{effect} leaves no trace in these runs that could be fitted')
-    best = found[0].form.effect
+    found = hypotheses.single(hypotheses.families[0])
+    best = found.components[0].form.effect
     curves, share = explained_by(best, base, runs, sensor)
     parameters = {
         name: {'value': plain(value), 'unit': best.__dataclass_fields__[name].metadata['unit']}
         for name, value in best.shape_parameters.items()
     }
-    return EffectPreview(
-        effect, sensor, found[0].evidence, threshold_of(best), parameters, curves, share
-    )
+    evidence = hypotheses.evidence(found.components)
+    return EffectPreview(effect, sensor, evidence, 0.0, parameters, curves, share)
 
 
 def explained_by(

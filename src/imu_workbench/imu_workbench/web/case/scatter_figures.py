@@ -96,7 +96,7 @@ def rate_figure(version: Version, view: View) -> Figure:
     rows = _Rows(version, view)
     picked = np.flatnonzero(rows.good)[:: max(1, int(rows.good.sum()) // POINTS)]
     data: list[dict[str, Any]] = [{
-        'type': 'scatter', 'mode': 'markers', 'name': '20 s means', 'showlegend': False,
+        'type': 'scatter', 'mode': 'markers', 'name': 'block means', 'showlegend': False,
         'x': rounded(rows.rate[picked]), 'y': rounded(rows.residual[picked], 4),
         'marker': {'color': '@raw', 'size': 4, 'opacity': 0.18 if view.place else 0.4},
         'hovertemplate': f'%{{y:.3~g}} {rows.unit} at %{{x:.2f}} °C/min<extra></extra>',

@@ -60,7 +60,7 @@ def prepare_task(progress: Progress, bags: Sequence[StoredBag], target: Path) ->
     runs: list[PreparedRun] = []
     left_out: dict[str, str] = {}
     for bag in bags:
-        progress(f'taking 20 s means of {bag.run}')
+        progress(f'taking block means of {bag.run}')
         try:
             runs += usable(prepare([bag.recording()]))
         except RecordingError as error:

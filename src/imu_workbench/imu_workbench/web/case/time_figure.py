@@ -87,7 +87,7 @@ def time_figure(
         curve(lines['earlier'], 'residual of the earlier version', below, color='@raw_soft',
               width=1, showlegend=earlier is not None,
               hovertemplate='earlier ' + hover),
-        curve(lines['residual'], 'residual (20 s means)', below, color=f'@{view.axis_name}',
+        curve(lines['residual'], 'residual (block means)', below, color=f'@{view.axis_name}',
               width=1.2, hovertemplate='residual ' + hover),
     ]  # fmt: skip
     panels = [

@@ -1,0 +1,433 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sets of effects that may explain a sensor's residual, with the evidence of each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.diagnosis import priors
+from thermal_comp.diagnosis.candidates import Family, Form, families, form_of, moved_forms
+from thermal_comp.diagnosis.generic_regressors import generic_regressors, lost_channels
+from thermal_comp.diagnosis.nuisances import nuisance_priors, thermometer_errors
+from thermal_comp.effects.effect import Effect
+from thermal_comp.linear.candidate_design import CandidateDesign
+from thermal_comp.linear.gaussian_evidence import (
+    CoefficientPrior,
+    ConditionedDesign,
+    conditioned,
+    joint_evidence,
+    log_sum,
+)
+
+NOT_IN_CATALOGUE = 'not_in_catalogue'
+UNLOGGED = 'unlogged'
+
+MOST_EFFECTS = 3
+"""Effects in a set."""
+KEPT_SETS = 5
+"""Sets of each size that are extended."""
+TRIED_ADDITIONS = 4
+"""Effects each of them is extended by."""
+LEAST_GAIN = 2.0
+"""Least gain of ln evidence, before any prior, from which an addition is looked at closely."""
+PROMISING_SHARE = 0.3
+"""Share of the best single effect's gain a form may lose because the grid of shapes is coarse."""
+SHAPE_RATIOS = (1.25, 1.1, 1.04, 1.015, 1.005)
+"""Factors by which shape parameters are moved, ever smaller."""
+MOST_MOVES = 12
+"""Moves of a shape by one factor."""
+CURVATURE_RATIO = 1.04
+"""Factor over which the peak of the evidence over a shape parameter is measured."""
+
+Names = tuple[str, ...]
+"""Names of the effects of a set, sorted; () is nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Component:
+    """One effect in one form, with the width of its amplitude's prior."""
+
+    form: Form
+    amplitude: float
+    """Prior standard deviation [√Δχ²]."""
+    forms: int
+    """Forms of its family, equally likely."""
+
+    @property
+    def name(self) -> str:
+        """Catalogue name."""
+        return self.form.effect.name
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """Columns of the design."""
+        return tuple(c for term in self.form.terms for c in term.columns)
+
+    @property
+    def prior(self) -> CoefficientPrior:
+        """Prior of its coefficients."""
+        columns = self.columns
+        deviation = np.full(len(columns), self.amplitude)
+        return CoefficientPrior(columns, shared=self.form.terms[0].shared, deviation=deviation)
+
+
+@dataclass(frozen=True, eq=False)
+class EffectSet:
+    """A set of effects as an explanation of one sensor's residual."""
+
+    components: tuple[Component, ...]
+    log_posterior: float
+    """ln of prior times evidence, relative to nothing's evidence."""
+    log_prior: float
+    """ln of its prior, of the effects and of their amplitudes."""
+    explained: float
+    """Δχ² of the set together."""
+    weakest: float
+    """Least Δχ² that one of its effects adds to the others."""
+
+    @property
+    def names(self) -> Names:
+        """Names of its effects, sorted."""
+        return tuple(sorted(c.name for c in self.components))
+
+
+@dataclass(frozen=True)
+class Addition:
+    """What a family or a generic regressor would add to a set."""
+
+    log_gain: float
+    """ln of the evidence it adds, shapes and amplitude integrated."""
+    peak: float
+    """The same of its best form."""
+    delta_chi2: float
+    component: Component
+
+
+class SensorHypotheses:
+    """The sets of effects that may explain one sensor's residual."""
+
+    def __init__(
+        self,
+        design: CandidateDesign,
+        catalogue: Mapping[str, type[Effect]],
+    ) -> None:
+        self.design = design
+        self.lost = lost_channels(design)
+        self.thermometer = thermometer_errors(design)
+        """Columns of what an error of the thermometer does."""
+        self._nuisances = nuisance_priors(design, self.thermometer)
+        self.families = [f for f in families(design, catalogue) if _leaves_a_trace(design, f)]
+        self.regressors = generic_regressors(design)
+        self.rows = 3 * design.rows - design.base_rank
+        self._likeliest = max(
+            self._nuisances, key=lambda pair: pair[0] + self._joint((), pair[1])[0]
+        )
+        self.nothing = self.log_evidence(())[0]
+        self._completed: set[tuple[int, ...]] = set()
+        self.explained_by_thermometer = self._joint((), self._likeliest[1][:1])[1]
+        """Δχ² of the thermometer's errors alone."""
+        self._explained_by_nuisances = self._joint((), self._likeliest[1])[1]
+
+    def sets(self) -> list[EffectSet]:
+        """Return the sets that were looked at, most probable first."""
+        found: dict[Names, EffectSet] = {
+            (): EffectSet(
+                (), float(np.log(priors.NOTHING)), float(np.log(priors.NOTHING)), 0.0, 0.0
+            )
+        }
+        grown = [found[()]]
+        for size in range(1, MOST_EFFECTS + 1):
+            larger = self._extended(grown, found)
+            found |= larger
+            best = max((s.log_posterior for s in larger.values()), default=-np.inf)
+            smaller = [s.log_posterior for n, s in found.items() if len(n) < size]
+            if best < max(smaller) - 1.0 and size > 1:
+                break
+            ranked = sorted(larger.values(), key=lambda s: -s.log_posterior)
+            grown = [s for s in ranked if s.explained > 0.0][:KEPT_SETS]
+            if not grown:
+                break
+        return sorted(found.values(), key=lambda s: -s.log_posterior)
+
+    def _extended(
+        self, sets: Sequence[EffectSet], known: Mapping[Names, EffectSet]
+    ) -> dict[Names, EffectSet]:
+        """Return the sets with one effect more, the promising ones fitted together."""
+        larger: dict[Names, EffectSet] = {}
+        for before in sets:
+            additions = self.additions(before)
+            leader = max((a.peak for a in additions.values()), default=0.0)
+            ranked = sorted(additions.values(), key=lambda a: -a.peak)
+            for place, addition in enumerate(ranked):
+                names = tuple(sorted((*before.names, addition.component.name)))
+                if names in larger or names in known:
+                    continue
+                promising = addition.peak > max(LEAST_GAIN, PROMISING_SHARE * leader - 15.0)
+                most = TRIED_ADDITIONS if before.components else 2 * TRIED_ADDITIONS
+                if promising and place < most:
+                    larger[names] = self.fitted_set((*before.components, addition.component))
+                elif not before.components:
+                    prior = self._log_prior(1)
+                    one = (addition.component,)
+                    larger[names] = EffectSet(one, prior + addition.log_gain, prior, 0.0, 0.0)
+        return larger
+
+    def additions(
+        self,
+        before: EffectSet,
+        amplitude_prior: FloatArray | None = None,
+        state: ConditionedDesign | None = None,
+        *,
+        beside: bool = False,
+    ) -> dict[str, Addition]:
+        """Return what each family not in the set would add to it, roughly.
+
+        `beside`: amplitudes are those of what the set leaves of a family's columns.
+        """
+        state = state or self.conditioned(before.components)
+        if amplitude_prior is None:
+            strongest = float(np.sqrt(before.explained)) if before.components else None
+            amplitude_prior = priors.amplitude_log_prior(strongest)
+        taken = {c.name for c in before.components if not c.form.effect.repeatable}
+        offered = [f for f in self.families if f.name not in taken]
+        return {f.name: self._addition(state, f, amplitude_prior, beside) for f in offered}
+
+    def _addition(
+        self,
+        state: ConditionedDesign,
+        family: Family,
+        amplitude_prior: FloatArray,
+        beside: bool = False,
+    ) -> Addition:
+        count = self._form_count(family)
+        before = state.log_evidence
+        integrals: list[float] = []
+        best: tuple[float, float, Component] | None = None
+        for forms in _alike(family.forms):
+            columns = np.array([[c for t in form.terms for c in t.columns] for form in forms])
+            evidence, gain = state.evidences(
+                columns, priors.AMPLITUDES, shared=forms[0].terms[0].shared, beside=beside
+            )
+            weighted = evidence + amplitude_prior - before
+            each = np.logaddexp.reduce(weighted, axis=1)
+            integrals += (each - np.log(count)).tolist()
+            k = int(np.argmax(each))
+            if best is None or each[k] > best[0]:
+                amplitude = float(priors.AMPLITUDES[int(np.argmax(weighted[k]))])
+                component = Component(forms[k], amplitude, count)
+                best = float(each[k]), float(gain[k].max()), component
+        assert best is not None  # noqa: S101 (no family is empty)
+        return Addition(log_sum(integrals), best[0], best[1], best[2])
+
+    def _form_count(self, family: Family) -> int:
+        """Return the number of forms that could have been chosen from."""
+        chosen = family.forms[0].effect.line_frequency is not None
+        return max(len(family.forms), self.design.rows if chosen else 1)
+
+    def conditioned(
+        self, components: Sequence[Component], generic: CoefficientPrior | None = None
+    ) -> ConditionedDesign:
+        """Return the equations with nuisances and components integrated out.
+
+        `generic`: a generic regressor's coefficients are integrated out as well.
+        """
+        design = self.design
+        if generic is not None and generic.columns not in self._completed:
+            design.complete_products(generic.columns)
+            self._completed.add(generic.columns)
+        width = design.width
+        further = [generic] if generic is not None else []
+        return conditioned(
+            design.normal[:, :width, :width],
+            design.right[:, :width],
+            design.chi_square,
+            self.rows,
+            [*self._likeliest[1], *(c.prior for c in components), *further],
+        )
+
+    def log_evidence(self, components: Sequence[Component]) -> tuple[float, float]:
+        """Return ln evidence, nuisances integrated, and Δχ² beside them."""
+        each = [(ln + z, gain) for ln, (z, gain) in self._alternatives(components)]
+        return log_sum([z for z, _ in each]), max(each)[1]
+
+    def _alternatives(
+        self, components: Sequence[Component]
+    ) -> list[tuple[float, tuple[float, float]]]:
+        return [(ln, self._joint(components, some)) for ln, some in self._nuisances]
+
+    def _joint(
+        self, components: Sequence[Component], nuisances: Sequence[CoefficientPrior]
+    ) -> tuple[float, float]:
+        design = self.design
+        return joint_evidence(
+            design.normal,
+            design.right,
+            design.chi_square,
+            self.rows,
+            [*nuisances, *(c.prior for c in components)],
+        )
+
+    def evidence(self, components: Sequence[Component], name: str | None = None) -> float:
+        """Return 2 ln of the Bayes factor of one effect in a set, or of the set."""
+        left = [c for c in components if name is not None and c.name != name]
+        return 2.0 * (self.log_evidence(components)[0] - self.log_evidence(left)[0])
+
+    def needed_evidence(self, belief: float) -> float:
+        """Return 2 ln of the Bayes factor that makes one effect, known in form, so probable."""
+        odds = np.log(belief / (1.0 - belief)) + np.log(priors.NOTHING) - self._log_prior(1)
+        return 2.0 * float(odds)
+
+    def single(self, family: Family) -> EffectSet:
+        """Return the best form of one family alone, with its posterior."""
+        addition = self._addition(self.conditioned(()), family, priors.amplitude_log_prior(None))
+        return self.fitted_set([addition.component])
+
+    # Fit of a set: shapes and amplitudes of its components beside each other.
+
+    def fitted_set(self, components: Sequence[Component]) -> EffectSet:
+        """Return components fitted together, with the posterior of their set."""
+        return self._weighed(self._fitted(list(components)), self.nothing)
+
+    def _fitted(self, components: list[Component]) -> list[Component]:
+        """Return the components with their best shapes and amplitudes beside each other."""
+        for _ in range(2 if len(components) > 1 else 1):
+            for place in range(len(components)):
+                components = self._shaped(components, place)
+                components = self._scaled(components, place)[0]
+        return components
+
+    def _likely(self, components: Sequence[Component]) -> float:
+        return self._joint(components, self._likeliest[1])[0]
+
+    def _shaped(self, components: list[Component], place: int) -> list[Component]:
+        """Move the shape parameters of one component while that explains more."""
+        one = components[place]
+        if one.form.free == 0:
+            return components
+        best, value = components, self._likely(components)
+        with self._trials(components):
+            for ratio in SHAPE_RATIOS:
+                for _ in range(MOST_MOVES):
+                    trials = self._moved(best, place, ratio)
+                    values = [self._likely(trial) for trial in trials]
+                    if not values or max(values) < value + 0.05:
+                        break
+                    value = max(values)
+                    best = trials[int(np.argmax(values))]
+        found = form_of(self.design, best[place].form.effect, one.form.run)
+        return [*components[:place], replace(one, form=found), *components[place + 1 :]]
+
+    def _trials(self, components: Sequence[Component]) -> AbstractContextManager[None]:
+        """Return a context for columns that are tried beside nuisances and components alone."""
+        beside = [c for prior in self._likeliest[1] for c in prior.columns]
+        return self.design.trials([*beside, *(c for one in components for c in one.columns)])
+
+    def _moved(
+        self, components: Sequence[Component], place: int, ratio: float
+    ) -> list[list[Component]]:
+        one = components[place]
+        return [
+            [*components[:place], replace(one, form=form), *components[place + 1 :]]
+            for form in moved_forms(self.design, one.form, ratio)
+        ]
+
+    def _scaled(self, components: list[Component], place: int) -> tuple[list[Component], float]:
+        """Return the components with one's best amplitude, and ln of the sum over amplitudes.
+
+        The sum is relative to the evidence at the best one.
+        """
+        grid = priors.AMPLITUDES
+        trials: dict[int, tuple[list[Component], float]] = {}
+
+        def at(index: int) -> float:
+            if index not in trials:
+                one = replace(components[place], amplitude=float(grid[index]))
+                some = [*components[:place], one, *components[place + 1 :]]
+                trials[index] = some, self._likely(some)
+            return trials[index][1]
+
+        here = int(np.argmin(np.abs(np.log(grid / components[place].amplitude))))
+        while True:
+            near = [i for i in (here - 1, here, here + 1) if 0 <= i < len(grid)]
+            best = max(near, key=at)
+            if best == here:
+                break
+            here = best
+        total = log_sum([value for _, value in trials.values()]) - at(here)
+        return trials[here][0], total
+
+    def _weighed(self, components: list[Component], nothing: float) -> EffectSet:
+        """Return the set with its posterior: amplitudes and shapes integrated about their best."""
+        occam = 0.0
+        for place in range(len(components)):
+            components, total = self._scaled(components, place)
+            occam += total + self._shape_share(components, place)
+        evidence, explained = self.log_evidence(components)
+        others = [
+            self._joint(components[:k] + components[k + 1 :], self._likeliest[1])[1]
+            for k in range(len(components))
+        ]
+        weakest = self._joint(components, self._likeliest[1])[1] - max(others)
+        explained -= self._explained_by_nuisances
+        prior = self._log_prior(len(components)) + self._amplitudes_log_prior(components)
+        return EffectSet(
+            tuple(components),
+            prior + evidence + occam - nothing,
+            prior,
+            max(explained, 0.0),
+            max(weakest, 0.0),
+        )
+
+    def _amplitudes_log_prior(self, components: Sequence[Component]) -> float:
+        """Return ln of the prior of the amplitudes: the strongest free, the others beside it."""
+        ordered = sorted((c.amplitude for c in components), reverse=True)
+        total = float(priors.amplitude_log_prior(None)[0])
+        for amplitude in ordered[1:]:
+            beside = priors.amplitude_log_prior(ordered[0])
+            total += float(np.interp(np.log(amplitude), np.log(priors.AMPLITUDES), beside))
+        return total
+
+    def _shape_share(self, components: list[Component], place: int) -> float:
+        """Return ln of the share of the prior over shapes that the peak of the evidence takes."""
+        one = components[place]
+        share = -float(np.log(one.forms))
+        if one.form.free == 0:
+            return share
+        here = self._likely(components)
+        with self._trials(components):
+            drops = [
+                max(here - self._likely(trial), 1e-3)
+                for trial in self._moved(components, place, CURVATURE_RATIO)
+            ]
+        if not drops:
+            return share
+        widths = np.log(CURVATURE_RATIO) * np.sqrt(np.pi / np.array(drops))
+        wide = one.form.free * float(np.log(widths / priors.SHAPE_STEP_LN).mean())
+        # A peak as wide as the grid or wider is what the sum over the grid is.
+        return share + min(wide, float(np.log(one.forms)))
+
+    def _log_prior(self, effects: int) -> float:
+        """Return ln of the prior of a set of so many effects, which are all equally likely."""
+        more = priors.ANOTHER_EFFECT
+        count = (1.0 - priors.NOTHING) * (1.0 - more) * more ** (effects - 1)
+        orders = np.log(np.arange(1, effects + 1)).sum()
+        return float(np.log(count) + orders - effects * np.log(max(len(self.families), 1)))
+
+
+def _leaves_a_trace(design: CandidateDesign, family: Family) -> bool:
+    """Tell whether any column of the family is more than rounding beside the base model."""
+    columns = [c for form in family.forms for term in form.terms for c in term.columns]
+    return bool((design.normal[:, columns, columns] > 0.0).any())
+
+
+def _alike(forms: Sequence[Form]) -> list[list[Form]]:
+    """Return the forms in groups of as many columns."""
+    groups: dict[int, list[Form]] = {}
+    for form in forms:
+        groups.setdefault(sum(len(term.columns) for term in form.terms), []).append(form)
+    return list(groups.values())

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every hypothesis allows for: slow noise beyond the fitted one, the thermometer's lag."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.diagnosis import priors
+from thermal_comp.effects.operators import play
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
+from thermal_comp.linear.gaussian_evidence import CoefficientPrior
+
+DIRECTIONS = 6
+"""Slow functions of time per run: the strongest directions of slow noise."""
+SUPPORT = 160
+"""Instants at which their covariance is computed; they are smooth between."""
+
+
+def nuisance_priors(
+    design: CandidateDesign, thermometer: ColumnGroup
+) -> list[tuple[float, list[CoefficientPrior]]]:
+    """Return what is allowed for beside any hypothesis, in alternatives with ln probabilities."""
+    slow = design.generic_terms([(lambda run: _slow_directions(design, run), True)])[0]
+    size = design.size_of(slow)
+    alternatives = []
+    for (excess, noisy), (seconds, slack) in product(priors.SLOW_NOISE, priors.THERMOMETER_LAGS_S):
+        deviation = priors.thermometer_deviations(seconds) * design.size_of(thermometer)
+        allowed = [CoefficientPrior(thermometer.columns, shared=True, deviation=deviation)]
+        if excess > 0.0:
+            deviation = np.sqrt(excess) * size
+            allowed.append(CoefficientPrior(slow.columns, shared=False, deviation=deviation))
+        alternatives.append((float(np.log(noisy * slack)), allowed))
+    return alternatives
+
+
+def _slow_directions(design: CandidateDesign, run: PreparedRun) -> FloatArray:
+    """(m, 3, q) strongest directions of the slow part of the fitted noise, unit variance each."""
+    noise = design.noise
+    longest = max(float(some.time[-1]) for some in design.source.runs)
+    slow = noise.time_constants >= longest * priors.SLOW_NOISE_SHARE
+    support = np.linspace(run.time[0], run.time[-1], min(len(run.time), SUPPORT))
+    apart = np.abs(support[:, None] - support)
+    each = np.exp(-apart[None] / noise.time_constants[slow][:, None, None])
+    columns = np.empty((len(run.time), 3, DIRECTIONS))
+    for axis in range(3):
+        covariance = np.tensordot(noise.amplitudes[slow, axis] ** 2, each, axes=1)
+        values, vectors = np.linalg.eigh(covariance)
+        strongest = np.argsort(values)[::-1][:DIRECTIONS]
+        for place, index in enumerate(strongest):
+            shape = np.interp(run.time, support, vectors[:, index])
+            columns[:, axis, place] = shape * np.sqrt(max(float(values[index]), 0.0))
+    return columns
+
+
+def thermometer_errors(design: CandidateDesign) -> ColumnGroup:
+    """What errors of the die thermometer do: slope at this temperature × error [K], axes alike.
+
+    Columns: its lag and what is left of a second one, its hysteresis, the share of the air's
+    temperature that it reads, its transients after power-on; by
+    priors.thermometer_deviations().
+    """
+    slopes = _slopes(design)
+
+    def columns(run: PreparedRun) -> FloatArray:
+        conditions = run.conditions
+        temperature, time = conditions.temperature, conditions.time
+        rate = np.gradient(temperature, time)
+        behind = play(temperature, priors.THERMOMETER_HYSTERESIS_K)[0] - temperature
+        air = conditions.chamber_temperature
+        apart = np.zeros_like(temperature) if air is None else air - temperature
+        since = time - time[0]
+        decays = [np.exp(-since / settling) for settling in priors.THERMOMETER_SETTLING_S]
+        errors = np.stack([rate, np.gradient(rate, time), behind, apart, *decays], axis=1)
+        return run.block_mean(errors)[:, None, :] * slopes(run)[:, :, None]
+
+    return design.generic_terms([(columns, False)], runs=design.source.smoothed)[0]
+
+
+def _slopes(design: CandidateDesign) -> Callable[[PreparedRun], FloatArray]:
+    """Return the (m, 3) slope over temperature of a run along the design's axes [unit/K].
+
+    It is the derivative of a cubic through all runs, each with its own level and line.
+    """
+    runs = design.source.runs
+    names = [run.name for run in runs]
+    low = min(float(run.temperature.min()) for run in runs)
+    span = max(max(float(run.temperature.max()) for run in runs) - low, 1e-6)
+    rows, values = [], []
+    for number, (run, valid) in enumerate(zip(runs, design.valid, strict=True)):
+        x = (run.temperature[valid] - low) / span
+        columns = np.zeros((len(x), 2 * len(runs) + 2))
+        columns[:, 2 * number : 2 * number + 2] = np.stack([np.ones_like(x), x], axis=1)
+        columns[:, -2:] = np.stack([x**2, x**3], axis=1)
+        rows.append(columns)
+        values.append(run.measured[design.sensor][valid])
+    answer = np.linalg.lstsq(
+        np.concatenate(rows), np.concatenate(values) @ design.axes, rcond=1e-9
+    )
+    line, (square, cube) = answer[0][1:-2:2], answer[0][-2:]
+
+    def slope(run: PreparedRun) -> FloatArray:
+        x = ((run.temperature - low) / span)[:, None]
+        return (
+            np.asarray(line[names.index(run.name)] + 2.0 * square * x + 3.0 * cube * x**2) / span
+        )
+
+    return slope

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a diagnosis believes before it has seen the recordings: every number with its reason.
+
+Amplitudes are counted in the norm of the whitened rows they explain, √Δχ²: the error in units of
+its own noise, times the root of the number of independent rows. It needs no unit and no sensor.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+NOTHING = 0.5
+"""That a sensor's model lacks nothing: who asks for a diagnosis has a reason, or is prudent."""
+
+ANOTHER_EFFECT = 0.2
+"""That beside so many effects of a sensor there is one more: most campaigns have a single one."""
+
+NOT_IN_CATALOGUE = 0.15
+"""That what a sensor lacks is not in the catalogue: packaged MEMS are old, boards are not."""
+
+UNLOGGED = 0.15
+"""That it follows a variable that was not logged, where a variable is missing."""
+
+AMPLITUDES: FloatArray = np.geomspace(1.0, 4096.0, 13)
+"""Standard deviations of an amplitude [√Δχ²], all equally likely: from what no test would find to
+a thousand times that; effects of the field's literature span three decades."""
+
+AMPLITUDE_RATIO_LN = 1.5
+"""Standard deviation of ln of the ratio of two effects on one sensor: 1:4 is usual, 1:20 rare."""
+
+FORM_APPROXIMATE = 0.5
+"""That an effect's equation is only nearly right: it is a first-order law of a solid body."""
+
+FORM_SHARE, FORM_SHARE_LN = 0.015, 0.6
+"""Median and standard deviation of ln of the amplitude of what an equation lacks, as a share of
+the effect's own: second-order terms of laws of this kind are a per cent, seldom ten."""
+
+LIKENESS_SHARE, LIKENESS_SHARE_LN = 0.01, 1.0
+"""The same where what it lacks looks like an effect that is no kin of it, by chance."""
+
+CHANNEL_FLAWED = 0.3
+"""That what an effect of a channel lacks is the channel's own error: noise, another place."""
+LIKE_KIN = 0.5
+"""That what an equation lacks looks like a kindred effect: a lag of two stages like a gradient."""
+
+SLOW_NOISE = ((0.0, 0.5), (3.0, 0.3), (15.0, 0.2))
+"""Slow noise beyond the fitted one, in units of its variance, with probabilities: what a few
+periods tell of a variance is right to a factor of two to four."""
+SLOW_NOISE_SHARE = 0.025
+"""Share of the longest run from which a time constant of the noise is slow."""
+
+THERMOMETER_LAGS_S = ((8.0, 0.8), (60.0, 0.2))
+"""Standard deviations of the thermometer's own lag [s] with probabilities: one on the die lags by
+package and filter, one beside it by the board between."""
+THERMOMETER_AIR_S = 300.0
+"""Time constant of die against air [s]: what lags by a time less reads that share of the air."""
+THERMOMETER_HYSTERESIS_K = 0.15
+"""Half-width of its hysteresis [K]: two counts of an LSM9DS1's."""
+THERMOMETER_SETTLING_S = (60.0, 300.0)
+"""Times over which it settles after power-on [s] …"""
+THERMOMETER_TRANSIENT_K = 0.5
+"""… and standard deviation of what it is off by at first [K]: self-heating of 0.3 to 1 K."""
+
+SHAPE_STEP_LN = 0.3
+"""Distance of neighbouring forms on a search grid, in ln of the shape parameter."""
+
+
+def thermometer_deviations(lag: float) -> FloatArray:
+    """Return (p,) standard deviations of the thermometer's errors, in the order of the columns.
+
+    They are lag [s], its square [s²], hysteresis [K/K], share of the air [K/K], transients [K].
+    """
+    transients = [THERMOMETER_TRANSIENT_K] * len(THERMOMETER_SETTLING_S)
+    return np.array([lag, lag**2, 1.0, lag / THERMOMETER_AIR_S, *transients])
+
+
+def amplitude_log_prior(strongest: float | None) -> FloatArray:
+    """Return (s,) ln of the prior over AMPLITUDES of an effect beside one of √Δχ² `strongest`."""
+    if strongest is None:
+        return np.full(len(AMPLITUDES), -np.log(len(AMPLITUDES)))
+    return _log_normal(AMPLITUDES / max(strongest, 1.0), 1.0, AMPLITUDE_RATIO_LN)
+
+
+def flaw_log_prior(strongest: float, median: float, spread: float) -> FloatArray:
+    """Return (s,) ln of the prior over AMPLITUDES of what an effect's equation lacks."""
+    return _log_normal(AMPLITUDES / max(strongest, 1.0), median, spread)
+
+
+def _log_normal(ratio: FloatArray, median: float, spread: float) -> FloatArray:
+    """Density of ln ratio times the grid's distance; what lies below the grid has no effect."""
+    step = float(np.log(AMPLITUDES[1] / AMPLITUDES[0]))
+    away = (np.log(ratio) - np.log(median)) / spread
+    density: FloatArray = -0.5 * away**2 - np.log(spread * np.sqrt(2.0 * np.pi)) + np.log(step)
+    return density
