@@ -247,7 +247,7 @@ def test_workers_give_the_same_numbers(run, monkeypatch) -> None:
 def test_a_recording_too_short_for_a_diagnosis_has_a_report_that_says_so(run):
     whole = run(cycles=2)
     since = (whole.stamp - whole.stamp[0]) * 1e-9
-    short = whole.rows((since > 560.0) & (since < 700.0))
+    short = whole.rows((since > 560.0) & (since < 588.0))
     content = content_of([short], attitudes=False)
     assert not content['diagnosis']
     (device,) = content['devices']

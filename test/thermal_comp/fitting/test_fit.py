@@ -101,7 +101,7 @@ def test_a_run_too_short_for_a_noise_spectrum_is_fitted_with_white_noise_and_sai
     model = fit(LINE, [run(cycles=1).rows(slice(400, 428))])
     gyroscope = model.sensors['gyroscope']
     slopes = gyroscope.coefficients[0][0]
-    np.testing.assert_allclose(slopes, SLOPES['angular_velocity'], rtol=0.1)
+    np.testing.assert_allclose(slopes, SLOPES['angular_velocity'], rtol=0.3)
     assert (gyroscope.noise.variance_of_means(20.0) > 0.0).all()
     assert any('too short to tell the colour' in note for note in model.provenance.notes)
 

@@ -136,7 +136,7 @@ def _beside(
     strongest = float(np.sqrt(some.explained)) if some.components else None
     if _may_be_flawed(hypotheses, some):
         found.append(_Beside('flaw', None, _flaw(hypotheses, some, sets, state)))
-    amplitude = priors.amplitude_log_prior(strongest)
+    amplitude = priors.amplitude_log_prior(strongest, priors.UNNAMED_RATIO_LN)
     once = priors.ANOTHER_EFFECT if some.components else 1.0 - priors.NOTHING
     if not some.components:
         once /= priors.NOTHING

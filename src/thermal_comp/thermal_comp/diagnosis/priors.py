@@ -29,6 +29,9 @@ a thousand times that; effects of the field's literature span three decades."""
 AMPLITUDE_RATIO_LN = 1.5
 """Standard deviation of ln of the ratio of two effects on one sensor: 1:4 is usual, 1:20 rare."""
 
+UNNAMED_RATIO_LN = 1.0
+"""The same for what has no name beside effects that have one: small things are their flaws."""
+
 FORM_APPROXIMATE = 0.5
 """That an effect's equation is only nearly right: it is a first-order law of a solid body."""
 
@@ -75,11 +78,11 @@ def thermometer_deviations(lag: float) -> FloatArray:
     return np.array([lag, lag**2, 1.0, lag / THERMOMETER_AIR_S, *transients])
 
 
-def amplitude_log_prior(strongest: float | None) -> FloatArray:
+def amplitude_log_prior(strongest: float | None, spread: float = AMPLITUDE_RATIO_LN) -> FloatArray:
     """Return (s,) ln of the prior over AMPLITUDES of an effect beside one of √Δχ² `strongest`."""
     if strongest is None:
         return np.full(len(AMPLITUDES), -np.log(len(AMPLITUDES)))
-    return _log_normal(AMPLITUDES / max(strongest, 1.0), 1.0, AMPLITUDE_RATIO_LN)
+    return _log_normal(AMPLITUDES / max(strongest, 1.0), 1.0, spread)
 
 
 def flaw_log_prior(strongest: float, median: float, spread: float) -> FloatArray:

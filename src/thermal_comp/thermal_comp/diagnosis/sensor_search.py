@@ -171,6 +171,10 @@ class SensorSearches:
         ):
             return {}
         first, *others = asked
+        alone = probability(found[first].explanations, lambda e: effect.name in e.names)
+        if alone < 0.5 and any(found[s].kind in {'unexplained', 'unlogged'} for s in others):
+            # What has no name in another sensor is no sign of an effect this one hardly feels.
+            return {}
         support = coupled_support(effect(), [found[sensor] for sensor in asked])
         sets = [
             replace(s, log_posterior=s.log_posterior + 0.5 * support)

@@ -35,7 +35,7 @@ def diagnosis_text(content: Mapping[str, Any]) -> str:
     for sensor, state in content['sensors'].items():
         unit = DISPLAY_UNITS[sensor]
         error, floor = (
-            ' '.join(shown(value * unit.factor) for value in state[key])
+            ' '.join(shown(_times(value, unit.factor)) for value in state[key])
             for key in ('held_out_rms', 'noise_floor')
         )
         lines.append(
@@ -163,6 +163,11 @@ def _number(value: Any) -> str:
     return f'{value:.4g}'
 
 
+def _times(value: float | None, factor: float) -> float | None:
+    """Return a product; an error that could not be held out stays unknown."""
+    return None if value is None else value * factor
+
+
 def _place(where: Mapping[str, Any]) -> str:
     ratio = f'{where["ratio"]:.1f} × floor'
     if set(where) - {'ratio', 'rms'} == {'phase', 'cycle'}:
@@ -230,7 +235,7 @@ def table(content: Mapping[str, Any]) -> str:
     for sensor in (s for s in SENSORS if s in content['sensors']):
         state, unit = content['sensors'][sensor], DISPLAY_UNITS[sensor]
         errors = [*state['held_out_rms'], *state['noise_floor']]
-        numbers = [shown(error * unit.factor) for error in errors]
+        numbers = [shown(_times(error, unit.factor)) for error in errors]
         rows.append([sensor, state['verdict'], *numbers, unit.unit])
     notes = [line.strip() for finding in content['findings'] for line in _finding_lines(finding)]
     title = f'{content.get("device") or "device"}: {verdict_line(content)}'
