@@ -9,6 +9,8 @@ from orientation_filters.filters import FILTERS
 
 SEED = 0
 LONG = ('never at rest', 'ramp')
+SHORT = ('first 0.25 s shaken, at 10 s', 'starts in motion, 2 m/s²')
+"""Too soon after the start to know that the noises are smaller than assumed."""
 
 
 @pytest.mark.parametrize(
@@ -21,5 +23,5 @@ def test_error_and_covariance_in_a_situation(situation: Situation) -> None:
     for name in FILTERS:
         rms, nees, coverage = judge_run(run, name)
         assert rms <= 1.5 * situation.limit, name
-        assert nees < 3.0, name
+        assert 0.1 < nees < 3.0 or situation.name in SHORT, name
         assert coverage >= 0.8, name

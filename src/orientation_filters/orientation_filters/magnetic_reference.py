@@ -156,7 +156,8 @@ def _follow_candidate(
     """Return the candidate and how long a rejected field has agreed with it while turning."""
     if not _distance(smoothed, state.candidate) < params.tolerance:
         return smoothed, 0.0
-    candidate = _approach(state.candidate, smoothed, dt / (params.tracking + dt))
+    memory = min(params.tracking, SETTLING_MEAN + state.candidate_for)
+    candidate = _approach(state.candidate, smoothed, dt / (memory + dt))
     return candidate, state.candidate_for + (dt if rate > params.turning else 0.0)
 
 

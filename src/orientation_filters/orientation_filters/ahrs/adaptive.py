@@ -26,18 +26,15 @@ from orientation_filters.averages import (
     UNKNOWN_HEADING_VARIANCE,
     AveragingParams,
     AveragingState,
-    Means,
     accumulate,
-    after_step,
     angle_variance,
     averaging_flags,
-    doubts,
     is_step_due,
     start_averages,
-    take_means,
 )
 from orientation_filters.kernel import inline
 from orientation_filters.magnetic_reference import FieldState, norm_of
+from orientation_filters.means import Means, after_step, doubts, take_means
 from orientation_filters.rotation.scalars import (
     ZERO,
     Quaternion,

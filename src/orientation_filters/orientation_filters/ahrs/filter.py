@@ -55,6 +55,7 @@ from orientation_filters.sample_checks import (
     sample_columns,
     sample_of,
 )
+from orientation_filters.variance_factors import scaled
 
 __all__ = ['ADAPTIVE_STATE', 'FIXED_STATE', 'Params', 'State', 'initial_state', 'run', 'update']
 
@@ -132,7 +133,8 @@ def estimate(state: State, params: Params, stamp: int, flags: int) -> Estimate:
 def _covariance(state: State) -> Symmetric:
     """Return xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
     if state.adaptive.covariance.orientation[0] > 0.0:
-        return state.adaptive.covariance.orientation
+        known = state.adaptive
+        return scaled(known.covariance.orientation, known.averages.factors)
     v, doubt = state.variances.orientation, _heading_doubt(state)
     x, y, z = matrix(state.orientation)
     return (

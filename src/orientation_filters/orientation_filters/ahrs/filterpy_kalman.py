@@ -30,7 +30,8 @@ from orientation_filters.ahrs.state import (
     Variances,
     initial_state,
 )
-from orientation_filters.averages import Means, is_step_due
+from orientation_filters.averages import is_step_due
+from orientation_filters.means import Means
 from orientation_filters.result import (
     DROPPED,
     JAMMED,

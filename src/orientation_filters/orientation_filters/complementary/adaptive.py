@@ -15,17 +15,14 @@ from orientation_filters.averages import (
     UNKNOWN_HEADING_VARIANCE,
     AveragingParams,
     AveragingState,
-    Means,
     accumulate,
-    after_step,
     angle_variance,
-    doubts,
     is_step_due,
     no_averages,
     start_averages,
-    take_means,
 )
 from orientation_filters.kernel import inline
+from orientation_filters.means import Means, after_step, doubts, take_means
 from orientation_filters.rotation.scalars import (
     ZERO,
     Matrix,

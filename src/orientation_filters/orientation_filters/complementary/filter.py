@@ -73,6 +73,7 @@ from orientation_filters.sample_checks import (
     sample_columns,
     sample_of,
 )
+from orientation_filters.variance_factors import scaled
 
 PER_GRAVITY = 1.0 / GRAVITY
 NAN3 = (np.nan,) * 3
@@ -189,11 +190,12 @@ def _shown(state: State, stamp: int, flags: int, adaptive: bool) -> tuple[Quater
     """Return attitude and covariance at a stamp [ns], without a rate as the last one has them."""
     if not adaptive:
         return _orientation(state), _covariance(state)
-    if not flags & INVALID_GYROSCOPE or stamp <= state.stamp:
-        return _orientation(state), state.adaptive.covariance
-    interval = 1e-9 * (stamp - state.stamp)
     known = state.adaptive
-    return held(state.orientation, state.bias, known.covariance, known.averages, interval)
+    covariance = scaled(known.covariance, known.averages.factors)
+    if not flags & INVALID_GYROSCOPE or stamp <= state.stamp:
+        return _orientation(state), covariance
+    interval = 1e-9 * (stamp - state.stamp)
+    return held(state.orientation, state.bias, covariance, known.averages, interval)
 
 
 @inline

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Variance factors: how large errors are beside what the assumed noises make of them.
+
+The assumed noises have to do for any device and motion; innovations show what they are here. For
+one angle, a gyroscope's noise q and a measurement's noise r, assumed and true, a first-order
+filter of any gain has an error whose variance is (q/q₀ + r/r₀)/2 times the one it claims, and so
+has the low-pass of its innovations by that same gain: the mean square of the one tells the other
+(a posteriori variance of unit weight; of innovations: Mehra, IEEE Trans. Automatic Control 15,
+1970). At rest and in motion the noises differ, and so do the factors.
+
+Innovations do not show what is wrong with a sensor for longer than the filter remembers. That
+shows where the filter makes no use of the sensor: in the vertical part of specific force, in
+strength and dip of the field. What is wrong there is as wrong across.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import NamedTuple
+
+from orientation_filters.kernel import inline
+from orientation_filters.rotation.scalars import Symmetric
+
+START = 3.0
+"""Innovations count later: what was assumed at the start is forgotten by then [s]."""
+PRIOR_WEIGHT = 0.1
+"""Independent values that the factor 1 counts for."""
+MEMORY, LONGEST_MEMORY = 20.0, 60.0
+"""A factor is the mean over so many independent values, and over no longer [s]."""
+FORCE_TIME, FIELD_TIME = 10.0, 2.0
+"""What is left of a sensor's error after a low-pass of this time constant persists [s]."""
+PERSISTENT_MEMORY = 60.0
+"""Over which the power of what persists is a mean [s]."""
+ACROSS = 4.0
+"""Power of an accelerometer's error across gravity over that along it: calibrated by the length of
+gravity, it keeps the misalignment of its axes (measured on BROAD)."""
+
+Pair = tuple[float, float]
+
+
+class Observed(NamedTuple):
+    """What innovations have shown, at rest or in motion."""
+
+    factor: float
+    """Variance of the errors over that claimed."""
+    unused: float
+    """Variance of the unused parts after the filter's low-pass [rad²]."""
+    weight: float
+    """Independent values in both."""
+
+
+class AngleFactor(NamedTuple):
+    """Of one angle, or of two with the same variance."""
+
+    age: float
+    """Since the first measurement [s]."""
+    innovation: Pair
+    """After the filter's low-pass [rad]."""
+    expected: float
+    """Variance of that as claimed [rad²]."""
+    unused: Pair
+    """Errors in parts of the measurement that the filter does not use, after that low-pass."""
+    rest: Observed
+    motion: Observed
+
+
+class PersistentError(NamedTuple):
+    """Errors in unused parts of a measurement, as angles, and the power of what persists."""
+
+    age: float
+    """Since the first measurement [s]."""
+    last: Pair
+    """Of the last step [rad]."""
+    low: Pair
+    """After a low-pass [rad]."""
+    power: float
+    """Mean square of that [rad²]."""
+    white: float
+    """Part of it that white noise of the steps explains [rad²]."""
+
+
+class VarianceFactors(NamedTuple):
+    """Of both angles, with what persists in the sensors."""
+
+    inclination: AngleFactor
+    heading: AngleFactor
+    force: PersistentError
+    field: PersistentError
+    rests: bool
+    """Whether the last step was one at rest."""
+
+
+@inline
+def no_factors() -> VarianceFactors:
+    """Return the state before any innovation."""
+    nothing = Observed(factor=1.0, unused=0.0, weight=0.0)
+    angle = AngleFactor(
+        age=0.0,
+        innovation=(0.0, 0.0),
+        expected=0.0,
+        unused=(0.0, 0.0),
+        rest=nothing,
+        motion=nothing,
+    )
+    error = no_error()
+    return VarianceFactors(inclination=angle, heading=angle, force=error, field=error, rests=False)
+
+
+@inline
+def no_error() -> PersistentError:
+    """Return the state before any measurement."""
+    return PersistentError(age=0.0, last=(0.0, 0.0), low=(0.0, 0.0), power=0.0, white=0.0)
+
+
+@inline
+def observe_angle(
+    before: AngleFactor,
+    innovation: Pair,
+    unused: Pair,
+    variance: float,
+    noise: float,
+    dt: float,
+    delay: float,
+    rests: bool,
+) -> AngleFactor:
+    """Return the state after a measurement [rad], `dt` [s] after the one before.
+
+    `variance`, `noise`: of the angle before it and of the measurement [rad²]; `delay`: time
+    constant of a low-pass that it went through before [s]. The mean square of a pair is the sum
+    of its squares: of two angles each is divided by √2.
+    """
+    gain = variance / (variance + noise)
+    keep = 1.0 - gain
+    innovation = _low_pass(before.innovation, innovation, gain)
+    unused = _low_pass(before.unused, unused, gain)
+    expected = keep * keep * before.expected + gain * variance
+    rest, motion = before.rest, before.motion
+    if before.age > START:
+        ratio = _delayed(gain * delay / dt) * _square(innovation) / expected
+        power = _square(unused)
+        if rests:
+            rest = _take(rest, ratio, power, gain, dt)
+        else:
+            motion = _take(motion, ratio, power, gain, dt)
+    return AngleFactor(
+        age=before.age + dt,
+        innovation=innovation,
+        expected=expected,
+        unused=unused,
+        rest=rest,
+        motion=motion,
+    )
+
+
+@inline
+def _delayed(k: float) -> float:
+    """Return how much larger the error is for the gyroscope's noise in a delayed measurement.
+
+    k: time constant of the low-pass before the filter, over the filter's own. From the spectra of
+    error, w (1 + k + i x k) / ((1 + i x) (1 + i x k)), and low-passed innovation,
+    w / ((1 + i x)² (1 + i x k)): mean square of the one over twice that of the other.
+    """
+    return (1.0 + k) * (1.0 + 3.0 * k + k * k) / (1.0 + 2.0 * k)
+
+
+@inline
+def _take(before: Observed, ratio: float, power: float, gain: float, dt: float) -> Observed:
+    """Return the means with one more value, of which every 1 / gain is independent."""
+    shortest = dt / LONGEST_MEMORY
+    known = before.weight + gain
+    by_ratio = max(gain / (PRIOR_WEIGHT + known), shortest)
+    return Observed(
+        factor=before.factor + by_ratio * (ratio - before.factor),
+        unused=before.unused + max(gain / known, shortest) * (power - before.unused),
+        weight=min(known, MEMORY),
+    )
+
+
+@inline
+def observe_error(
+    before: PersistentError, error: Pair, dt: float, time_constant: float
+) -> PersistentError:
+    """Return the state after a step with an error [rad] in the unused parts."""
+    age = before.age + dt
+    if age < time_constant:
+        return PersistentError(age=age, last=error, low=error, power=0.0, white=0.0)
+    low = _low_pass(before.low, error, dt / (time_constant + dt))
+    change = error[0] - before.last[0], error[1] - before.last[1]
+    white = 0.5 * _square(change) * dt / (2.0 * time_constant + dt)
+    gain = dt / min(age - time_constant + dt, PERSISTENT_MEMORY)
+    return PersistentError(
+        age=age,
+        last=error,
+        low=low,
+        power=before.power + gain * (_square(low) - before.power),
+        white=before.white + gain * (white - before.white),
+    )
+
+
+@inline
+def scaled(c: Symmetric, factors: VarianceFactors) -> Symmetric:
+    """Return a covariance about the world's axes [rad²] with the factors, and what persists.
+
+    Of the inclination it is at least the power of the unused vertical part.
+    """
+    tilt, turn = factors.inclination.motion, factors.heading.motion
+    if factors.rests:
+        tilt, turn = factors.inclination.rest, factors.heading.rest
+    t, h = tilt.factor, turn.factor
+    both = sqrt(t * h)
+    more = max(tilt.unused - 0.5 * t * (c[0] + c[3]), 0.0) + ACROSS * factors.force.power
+    turned = max(factors.field.power - factors.field.white, 0.0)
+    return (
+        t * c[0] + more,
+        t * c[1],
+        both * c[2],
+        t * c[3] + more,
+        both * c[4],
+        h * c[5] + turned,
+    )
+
+
+@inline
+def _low_pass(before: Pair, now: Pair, gain: float) -> Pair:
+    """Return before + gain · (now − before)."""
+    return before[0] + gain * (now[0] - before[0]), before[1] + gain * (now[1] - before[1])
+
+
+@inline
+def _square(pair: Pair) -> float:
+    """Return the sum of the squares."""
+    return pair[0] * pair[0] + pair[1] * pair[1]
