@@ -98,6 +98,21 @@ def test_rest_teaches_a_large_thermal_bias_within_seconds(name: str) -> None:
 
 
 @pytest.mark.parametrize('name', NAMES)
+def test_a_bias_on_a_ramp_is_followed_and_a_steady_one_stays_quiet(name: str) -> None:
+    """1 °/s in 10 min, as a temperature ramp moves it: the bias lags less than 5 s behind."""
+    truth = random_attitude(4)
+    ramp = np.radians(1.0) / 600.0
+    steady = rest(truth, seed=4, seconds=200.0, noise=0.2)
+    moved = steady.angular_velocity + ramp * steady.time[:, None] * [0.6, 0.0, 0.8]
+    late = slice(15_000, None)
+    result = run_filter(name, replace(steady, angular_velocity=moved), preset='robust')
+    expected = ramp * steady.time[late, None] * [0.6, 0.0, 0.8]
+    assert np.abs((result.bias[late] - expected).mean(axis=0)).max() < 5.0 * ramp
+    still = run_filter(name, steady, preset='robust').bias[late]
+    assert np.std(still, axis=0).max() < 4.0 * ramp
+
+
+@pytest.mark.parametrize('name', NAMES)
 def test_a_bias_beyond_the_limit_is_not_learned_and_it_is_said(name: str) -> None:
     bias = np.radians([20.0, 0.0, 0.0])
     result = run_filter(name, rest(random_attitude(5), seed=5, bias=bias), preset='robust')

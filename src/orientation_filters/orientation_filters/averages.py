@@ -49,6 +49,12 @@ BRIDGE = 1 / 16
 HELD = 1 / 4
 """The same of an angle carried on by the last rate."""
 
+RAMP_TIME, RAMP_START = 60.0, 10.0
+"""Time over which corrections of the bias are a mean, and the time before any counts [s]."""
+RAMP_WEIGHT = 0.5
+"""Part of the square of that mean that is taken for a ramp. The corrections of a bias that only
+walks leave 1.5 times its density over `RAMP_TIME`: below 2/3 the walk cannot feed itself."""
+
 
 class AveragingParams(NamedTuple):
     """Noises of the means, as densities: they do not depend on the sample rate."""
@@ -141,6 +147,8 @@ class AveragingState(NamedTuple):
     since_field: float
     """Time since the last step with a field [s]."""
     factors: VarianceFactors
+    bias_slope: Vector
+    """Mean rate at which the bias has been corrected over `RAMP_TIME` [rad/s²], sensor."""
 
 
 @inline
@@ -175,6 +183,7 @@ def no_averages() -> AveragingState:
         reference=no_reference(),
         since_field=0.0,
         factors=no_factors(),
+        bias_slope=ZERO,
     )
 
 
@@ -197,6 +206,7 @@ def start_averages(
         reference=no_reference() if flags & JUMPED_BACK else before.reference,
         since_field=0.0,
         factors=no_factors(),
+        bias_slope=ZERO,
     )
 
 
@@ -247,6 +257,7 @@ def accumulate(
         reference=state.reference,
         since_field=state.since_field,
         factors=state.factors,
+        bias_slope=state.bias_slope,
     )
 
 
@@ -280,6 +291,18 @@ def _add(before: Integrals, seen: CheckedSample, q: Quaternion) -> Integrals:
 def is_step_due(state: AveragingState, params: AveragingParams) -> bool:
     """Whether the interval between steps has passed."""
     return state.integrals.elapsed >= params.interval
+
+
+@inline
+def bias_variance(state: AveragingState, params: AveragingParams) -> float:
+    """Return the variance that the bias's random walk added since the last step [(rad/s)²].
+
+    A bias that has been corrected one way for a while is on a ramp, as a temperature moves it: it
+    walks faster, by the ramp's change over that while.
+    """
+    slope = state.bias_slope
+    ramp = RAMP_WEIGHT * min(RAMP_TIME, state.age) * dot(slope, slope)
+    return (params.bias_random_walk * params.bias_random_walk + ramp) * state.integrals.elapsed
 
 
 @inline

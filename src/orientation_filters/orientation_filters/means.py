@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 from orientation_filters.averages import (
     BRIDGE,
+    RAMP_START,
+    RAMP_TIME,
     AveragingParams,
     AveragingState,
     no_integrals,
@@ -366,9 +368,17 @@ def _bias_at_rest(
 
 
 @inline
-def after_step(state: AveragingState, means: Means, turn: Quaternion) -> AveragingState:
-    """Return the state with nothing accumulated, the smoothed force turned as the attitude was."""
+def after_step(
+    state: AveragingState, means: Means, turn: Quaternion, bias_error: Vector
+) -> AveragingState:
+    """Return the state with nothing accumulated, the smoothed force turned as the attitude was.
+
+    `bias_error`: taken away from the bias in this step [rad/s].
+    """
     past, rows = state.integrals, matrix(turn)
+    t = past.elapsed
+    gain = t / (min(RAMP_TIME, state.age) + t) if state.age > RAMP_START else 0.0
+    slope = approach(state.bias_slope, scale(-1.0 / t, bias_error), gain)
     since_field = 0.0 if past.fields else state.since_field + past.elapsed
     return AveragingState(
         integrals=no_integrals(),
@@ -384,6 +394,7 @@ def after_step(state: AveragingState, means: Means, turn: Quaternion) -> Averagi
         reference=means.field.reference,
         since_field=since_field,
         factors=means.factors,
+        bias_slope=slope,
     )
 
 

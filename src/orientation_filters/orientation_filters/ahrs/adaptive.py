@@ -29,6 +29,7 @@ from orientation_filters.averages import (
     accumulate,
     angle_variance,
     averaging_flags,
+    bias_variance,
     is_step_due,
     start_averages,
 )
@@ -116,13 +117,13 @@ def measurements(state: State, params: Params, flags: int) -> tuple[JointCovaria
 @inline
 def _predict(known: JointCovariance, averages: AveragingState, params: Params) -> JointCovariance:
     """Return the covariance after the time since the last step."""
-    past, walk = averages.integrals, params.averaging.bias_random_walk
+    past = averages.integrals
     minus = (
         scale(-1.0, past.turned[0]),
         scale(-1.0, past.turned[1]),
         scale(-1.0, past.turned[2]),
     )
-    drift = walk * walk * past.elapsed
+    drift = bias_variance(averages, params.averaging)
     if not params.learn_bias:
         known, drift = with_independent_bias(known, ZERO6), 0.0
     return predict(known, minus, angle_variance(averages, params.averaging), drift)
@@ -172,7 +173,7 @@ def remove_errors(state: State, params: Params, means: Means, errors: Errors) ->
         updates=state.updates + 1,
         field_stamp=state.field_stamp,
         adaptive=AdaptiveState(
-            covariance=covariance, averages=after_step(before.averages, means, turn)
+            covariance=covariance, averages=after_step(before.averages, means, turn, errors.bias)
         ),
     )
 

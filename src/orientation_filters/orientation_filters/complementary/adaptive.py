@@ -17,6 +17,7 @@ from orientation_filters.averages import (
     AveragingState,
     accumulate,
     angle_variance,
+    bias_variance,
     is_step_due,
     no_averages,
     start_averages,
@@ -122,7 +123,7 @@ def adaptive_step(
     d = means.field.disturbance
     return (
         AdaptiveState(
-            averages=after_step(averages, means, turn),
+            averages=after_step(averages, means, turn, found.bias),
             unknowns=found.unknowns,
             covariance=covariance_of(found.unknowns),
         ),
@@ -137,7 +138,7 @@ def _predict(before: Unknowns, averages: AveragingState, params: AveragingParams
     """Return what is unknown after the time since the last step."""
     past, b = averages.integrals, before.bias
     walk = angle_variance(averages, params)
-    drift = params.bias_random_walk * params.bias_random_walk * past.elapsed
+    drift = bias_variance(averages, params)
     if not params.learn_bias:
         b, drift = ZERO6, 0.0
     n, lag = before.noise, before.lag
