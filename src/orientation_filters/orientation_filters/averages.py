@@ -47,7 +47,7 @@ START_POWER = 4.0
 BRIDGE = 1 / 16
 """Error² of an angle over a gap h on a straight line, in (change of rate per second)² h⁴."""
 HELD = 1 / 4
-"""The same of an angle carried on by the last rate."""
+"""Error² of an angle carried on by the last rate over h, in (change of rate per second)² h⁴."""
 
 RAMP_TIME, RAMP_START = 60.0, 10.0
 """Time over which corrections of the bias are a mean, and the time before any counts [s]."""
@@ -77,9 +77,9 @@ class AveragingParams(NamedTuple):
     acceleration_weight: float
     """How much of the acceleration's power counts as density [s]."""
     slow_weight: float
-    """The same of the power left after the low-pass [s]."""
+    """How much of the power left after the low-pass counts as density [s]."""
     acceleration_memory: float
-    """Time constant of the mean of those powers [s]."""
+    """Time constant of the mean of both powers [s]."""
     acceleration_smoothing: float
     """Time constant of specific force's low-pass in the world frame [s]."""
     heading_noise: float
@@ -96,6 +96,8 @@ class AveragingParams(NamedTuple):
     """Standard deviation at the start [rad]."""
     initial_bias: float
     """Standard deviation at the start [rad/s]."""
+    variance_factors: bool
+    """Whether the covariance shown has them."""
     rest: RestParams
     field: FieldParams
 

@@ -113,7 +113,7 @@ class FilterParameters:
     )
     acceleration_memory: float = parameter(
         2.0,
-        'Adaptive: time constant of the mean of that power',
+        'Adaptive: time constant of the mean power of the acceleration',
         unit='s',
         bounds=(0.0, 1e3),
         dynamic=True,
@@ -139,9 +139,14 @@ class FilterParameters:
         bounds=(0.0, 1.0),
         dynamic=True,
     )
+    variance_factors: bool = parameter(
+        True,
+        'Adaptive: scale the covariance by what innovations show; false: as the noises make it',
+        dynamic=True,
+    )
     slow_weight: float = parameter(
         0.15,
-        'Adaptive: the same of the power left after that low-pass',
+        'Adaptive: error density of specific force per power that the low-pass leaves',
         unit='s',
         bounds=(0.0, 1e3),
         dynamic=True,
@@ -155,7 +160,7 @@ class FilterParameters:
     )
     field_memory: float = parameter(
         20.0,
-        'Adaptive: time constant of the mean of that square',
+        "Adaptive: time constant of the mean square of the field's deviation",
         unit='s',
         bounds=(0.0, 1e4),
         dynamic=True,
@@ -219,6 +224,7 @@ class FilterParameters:
             initial_inclination=0.6,
             initial_heading=1.8,
             initial_bias=self.initial_bias,
+            variance_factors=self.variance_factors,
             rest=self.rest_params(),
             field=self.field_params(),
         )

@@ -122,7 +122,7 @@ def _integrate(state: State, seen: CheckedSample) -> Quaternion:
 @inline
 def estimate(state: State, params: Params, stamp: int, flags: int) -> Estimate:
     """Return attitude and covariance at a stamp [ns], without a rate as the last one has them."""
-    q, covariance = state.orientation, _covariance(state)
+    q, covariance = state.orientation, _covariance(state, params)
     if params.adaptive and flags & INVALID_GYROSCOPE and stamp > state.stamp:
         interval = 1e-9 * (stamp - state.stamp)
         q, covariance = held(q, state.bias, covariance, state.adaptive.averages, interval)
@@ -130,10 +130,12 @@ def estimate(state: State, params: Params, stamp: int, flags: int) -> Estimate:
 
 
 @inline
-def _covariance(state: State) -> Symmetric:
+def _covariance(state: State, params: Params) -> Symmetric:
     """Return xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
     if state.adaptive.covariance.orientation[0] > 0.0:
         known = state.adaptive
+        if not params.averaging.variance_factors:
+            return known.covariance.orientation
         return scaled(known.covariance.orientation, known.averages.factors)
     v, doubt = state.variances.orientation, _heading_doubt(state)
     x, y, z = matrix(state.orientation)
