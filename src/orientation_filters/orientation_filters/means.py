@@ -51,6 +51,7 @@ from orientation_filters.variance_factors import (
     no_error,
     observe_angle,
     observe_error,
+    scaled,
 )
 
 POSSIBLE_ANGLE, POSSIBLE_SIGMAS = 0.35, 3.0
@@ -365,6 +366,12 @@ def _bias_at_rest(
     return RestBias(
         directions=rows, error=transform(rows, error), variance=(variance, variance, vertical)
     )
+
+
+@inline
+def shown_covariance(covariance: Symmetric, means: Means, params: AveragingParams) -> Symmetric:
+    """Return a covariance of the orientation [rad²] with the variance factors, where wanted."""
+    return scaled(covariance, means.factors) if params.variance_factors else covariance
 
 
 @inline

@@ -35,7 +35,7 @@ from orientation_filters.averages import (
 )
 from orientation_filters.kernel import inline
 from orientation_filters.magnetic_reference import FieldState, norm_of
-from orientation_filters.means import Means, after_step, doubts, take_means
+from orientation_filters.means import Means, after_step, doubts, shown_covariance, take_means
 from orientation_filters.rotation.scalars import (
     ZERO,
     Quaternion,
@@ -58,8 +58,10 @@ def start_adaptive(
 ) -> AdaptiveState:
     """Return the state at the first sample; a known field is remembered over gaps."""
     heading = params.initial_heading**2 if seen.has_field else UNKNOWN_HEADING_VARIANCE
+    covariance = independent(params.initial_inclination**2, heading, params.initial_bias**2)
     return AdaptiveState(
-        covariance=independent(params.initial_inclination**2, heading, params.initial_bias**2),
+        covariance=covariance,
+        shown=covariance.orientation,
         averages=start_averages(state.averages, params, seen, flags),
     )
 
@@ -92,7 +94,9 @@ def add_sample(state: State, params: Params, seen: CheckedSample, predicted: Qua
         variances=state.variances,
         updates=state.updates,
         field_stamp=seen.stamp if seen.has_field else state.field_stamp,
-        adaptive=AdaptiveState(covariance=before.covariance, averages=averages),
+        adaptive=AdaptiveState(
+            covariance=before.covariance, shown=before.shown, averages=averages
+        ),
     )
 
 
@@ -173,7 +177,9 @@ def remove_errors(state: State, params: Params, means: Means, errors: Errors) ->
         updates=state.updates + 1,
         field_stamp=state.field_stamp,
         adaptive=AdaptiveState(
-            covariance=covariance, averages=after_step(before.averages, means, turn, errors.bias)
+            covariance=covariance,
+            shown=shown_covariance(covariance.orientation, means, params.averaging),
+            averages=after_step(before.averages, means, turn, errors.bias),
         ),
     )
 

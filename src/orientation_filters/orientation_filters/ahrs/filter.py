@@ -55,7 +55,6 @@ from orientation_filters.sample_checks import (
     sample_columns,
     sample_of,
 )
-from orientation_filters.variance_factors import scaled
 
 __all__ = ['ADAPTIVE_STATE', 'FIXED_STATE', 'Params', 'State', 'initial_state', 'run', 'update']
 
@@ -122,7 +121,7 @@ def _integrate(state: State, seen: CheckedSample) -> Quaternion:
 @inline
 def estimate(state: State, params: Params, stamp: int, flags: int) -> Estimate:
     """Return attitude and covariance at a stamp [ns], without a rate as the last one has them."""
-    q, covariance = state.orientation, _covariance(state, params)
+    q, covariance = state.orientation, _covariance(state)
     if params.adaptive and flags & INVALID_GYROSCOPE and stamp > state.stamp:
         interval = 1e-9 * (stamp - state.stamp)
         q, covariance = held(q, state.bias, covariance, state.adaptive.averages, interval)
@@ -130,13 +129,10 @@ def estimate(state: State, params: Params, stamp: int, flags: int) -> Estimate:
 
 
 @inline
-def _covariance(state: State, params: Params) -> Symmetric:
+def _covariance(state: State) -> Symmetric:
     """Return xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
-    if state.adaptive.covariance.orientation[0] > 0.0:
-        known = state.adaptive
-        if not params.averaging.variance_factors:
-            return known.covariance.orientation
-        return scaled(known.covariance.orientation, known.averages.factors)
+    if state.adaptive.shown[0] > 0.0:
+        return state.adaptive.shown
     v, doubt = state.variances.orientation, _heading_doubt(state)
     x, y, z = matrix(state.orientation)
     return (

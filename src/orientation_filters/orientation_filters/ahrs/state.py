@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from orientation_filters.ahrs.covariance import JointCovariance, no_covariance
+from orientation_filters.ahrs.covariance import ZERO6, JointCovariance, no_covariance
 from orientation_filters.averages import AveragingParams, AveragingState, no_averages
-from orientation_filters.rotation.scalars import IDENTITY, ZERO, Quaternion, Vector
+from orientation_filters.rotation.scalars import IDENTITY, ZERO, Quaternion, Symmetric, Vector
 from orientation_filters.sample_checks import SampleParams
 
 MICROTESLA = 1e6
@@ -77,6 +77,8 @@ class AdaptiveState(NamedTuple):
     """What the adaptive step needs besides the AHRS's state."""
 
     covariance: JointCovariance
+    shown: Symmetric
+    """Orientation's part with the variance factors [rad²]."""
     averages: AveragingState
 
 
@@ -121,5 +123,5 @@ def initial_state() -> State:
         variances=INITIAL_VARIANCES,
         updates=0,
         field_stamp=-1,
-        adaptive=AdaptiveState(covariance=no_covariance(), averages=no_averages()),
+        adaptive=AdaptiveState(covariance=no_covariance(), shown=ZERO6, averages=no_averages()),
     )

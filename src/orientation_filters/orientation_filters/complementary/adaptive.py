@@ -23,7 +23,7 @@ from orientation_filters.averages import (
     start_averages,
 )
 from orientation_filters.kernel import inline
-from orientation_filters.means import Means, after_step, doubts, take_means
+from orientation_filters.means import Means, after_step, doubts, shown_covariance, take_means
 from orientation_filters.rotation.scalars import (
     ZERO,
     Matrix,
@@ -64,6 +64,8 @@ class AdaptiveState(NamedTuple):
     unknowns: Unknowns
     covariance: Symmetric
     """Of the orientation error about the world's axes after the last step [rad²]."""
+    shown: Symmetric
+    """The same with the variance factors [rad²]."""
 
 
 class Correction(NamedTuple):
@@ -80,7 +82,7 @@ class Correction(NamedTuple):
 def no_adaptation() -> AdaptiveState:
     """Return the state before any sample."""
     unknowns = Unknowns(noise=ZERO, lag=(ZERO, ZERO, ZERO), bias=ZERO6)
-    return AdaptiveState(averages=no_averages(), unknowns=unknowns, covariance=ZERO6)
+    return AdaptiveState(averages=no_averages(), unknowns=unknowns, covariance=ZERO6, shown=ZERO6)
 
 
 @inline
@@ -95,10 +97,12 @@ def start_adaptive(
         lag=(ZERO, ZERO, ZERO),
         bias=(bias, 0.0, 0.0, bias, 0.0, bias),
     )
+    covariance = covariance_of(unknowns)
     return AdaptiveState(
         averages=start_averages(state.averages, params, seen, flags),
         unknowns=unknowns,
-        covariance=covariance_of(unknowns),
+        covariance=covariance,
+        shown=covariance,
     )
 
 
@@ -114,18 +118,24 @@ def adaptive_step(
     """Return state, attitude, bias and disturbance [T] (−1: as before) after a sample."""
     averages = accumulate(state.averages, params, seen, q, bias)
     if not is_step_due(averages, params):
-        return AdaptiveState(averages, state.unknowns, state.covariance), q, bias, -1.0
+        return (
+            AdaptiveState(averages, state.unknowns, state.covariance, state.shown),
+            q,
+            bias,
+            -1.0,
+        )
     unknowns = _predict(state.unknowns, averages, params)
     known, rows = covariance_of(unknowns), matrix(q)
     means = take_means(averages, params, bias, rows, known, unknowns.bias, flags)
     found = _correct(unknowns, averages, means, params)
     turn = from_rotation_vector(scale(-1.0, found.orientation))
-    d = means.field.disturbance
+    d, covariance = means.field.disturbance, covariance_of(found.unknowns)
     return (
         AdaptiveState(
             averages=after_step(averages, means, turn, found.bias),
             unknowns=found.unknowns,
-            covariance=covariance_of(found.unknowns),
+            covariance=covariance,
+            shown=shown_covariance(covariance, means, params),
         ),
         normalised(multiply(turn, q)),
         subtract(bias, found.bias),

@@ -73,7 +73,6 @@ from orientation_filters.sample_checks import (
     sample_columns,
     sample_of,
 )
-from orientation_filters.variance_factors import scaled
 
 PER_GRAVITY = 1.0 / GRAVITY
 NAN3 = (np.nan,) * 3
@@ -181,25 +180,20 @@ def initial_state() -> State:
 def update(state: State, params: Params, sample: Sample) -> tuple[State, Estimate]:
     """Return state and estimate after a sample."""
     state, flags = _update(state, params, sample, params.learn_bias, params.adaptive)
-    q, covariance = _shown(state, params, sample.stamp, flags, params.adaptive)
+    q, covariance = _shown(state, sample.stamp, flags, params.adaptive)
     return state, Estimate(orientation=q, covariance=covariance, flags=flags)
 
 
 @inline
-def _shown(
-    state: State, params: Params, stamp: int, flags: int, adaptive: bool
-) -> tuple[Quaternion, Symmetric]:
+def _shown(state: State, stamp: int, flags: int, adaptive: bool) -> tuple[Quaternion, Symmetric]:
     """Return attitude and covariance at a stamp [ns], without a rate as the last one has them."""
     if not adaptive:
         return _orientation(state), _covariance(state)
     known = state.adaptive
-    covariance = known.covariance
-    if params.averaging.variance_factors:
-        covariance = scaled(covariance, known.averages.factors)
     if not flags & INVALID_GYROSCOPE or stamp <= state.stamp:
-        return _orientation(state), covariance
+        return _orientation(state), known.shown
     interval = 1e-9 * (stamp - state.stamp)
-    return held(state.orientation, state.bias, covariance, known.averages, interval)
+    return held(state.orientation, state.bias, known.shown, known.averages, interval)
 
 
 @inline
@@ -518,7 +512,7 @@ def _loop(
         if flags:
             result.flags[i] = flags
         started = not flags & NOT_STARTED
-        q, c = _shown(state, params, samples.stamp[i], flags, adaptive)
+        q, c = _shown(state, samples.stamp[i], flags, adaptive)
         q, c = (q, c) if started else (NAN4, NAN6)
         b = state.bias if started else NAN3
         for k in range(4):
