@@ -274,14 +274,7 @@ def _mean_field(
     """
     past, north, deviation = state.integrals, params.north, state.deviation
     if past.fields == 0:
-        return MeanField(
-            disturbance=ZERO,
-            east=0.0,
-            variance=-1.0,
-            misfit=(0.0, 0.0),
-            deviation=deviation,
-            reference=known,
-        )
+        return _no_heading(ZERO, deviation, known)
     since = state.since_field + past.elapsed
     mean = scale(1.0 / past.fields, past.field)
     level = sqrt(mean[0] * mean[0] + mean[1] * mean[1])
@@ -298,14 +291,7 @@ def _mean_field(
         mean[2] + params.up * expected[1],
     )
     if not is_accepted(reference, params.field) or level <= 1e-3 * abs(mean[2]):
-        return MeanField(
-            disturbance=disturbance,
-            east=0.0,
-            variance=-1.0,
-            misfit=(0.0, 0.0),
-            deviation=deviation,
-            reference=reference,
-        )
+        return _no_heading(disturbance, deviation, reference)
     gap = level - expected[0]
     now = 0.5 * (gap * gap + disturbance[2] * disturbance[2]) / (level * level)
     deviation += (now - deviation) * since / (params.field_memory + since)
@@ -320,6 +306,19 @@ def _mean_field(
         east=sine,
         variance=variance,
         misfit=(sqrt(0.5) * gap / level, sqrt(0.5) * disturbance[2] / level),
+        deviation=deviation,
+        reference=reference,
+    )
+
+
+@inline
+def _no_heading(disturbance: Vector, deviation: float, reference: FieldState) -> MeanField:
+    """Return a field that shows no heading."""
+    return MeanField(
+        disturbance=disturbance,
+        east=0.0,
+        variance=-1.0,
+        misfit=(0.0, 0.0),
         deviation=deviation,
         reference=reference,
     )
