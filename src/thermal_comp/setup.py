@@ -11,7 +11,7 @@ setup(
     name=NAME,
     version='0.2.0',
     packages=find_packages(),
-    package_data={NAME: ['py.typed', '*.yaml']},
+    package_data={NAME: ['py.typed', '*.yaml', 'model/export/*.in', 'model/export/*.cmake']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

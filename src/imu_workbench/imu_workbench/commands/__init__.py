@@ -9,6 +9,7 @@ COMMANDS: dict[str, str] = {
     'fit': 'fit',
     'compare': 'compare',
     'apply': 'apply',
+    'export': 'export',
     'report': 'report',
     'demo': 'demo',
     'simulate': 'simulate',

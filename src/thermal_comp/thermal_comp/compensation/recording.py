@@ -186,7 +186,7 @@ def compensate(
         )
     recording = _with_held_temperature(recording)
     known = _fresh(recording, temperature_timeout)
-    conditions = _conditions(recording, model).rows(known)
+    conditions = model_conditions(recording, model).rows(known)
     found = {s: _sensor(model, conditions.of(s)) for s in SENSORS if s in model.sensors}
     compensated: dict[str, Any] = {}
     for sensor, part in found.items():
@@ -202,7 +202,7 @@ def compensate(
     return replace(recording, compensated=applied, **compensated).with_notes(*notes)
 
 
-def _conditions(recording: ImuRecording, model: ThermalModel) -> Conditions:
+def model_conditions(recording: ImuRecording, model: ThermalModel) -> Conditions:
     """Return the conditions of all rows, vibration computed where the model needs it."""
     conditions = field_conditions(recording, model.reference_temperature)
     if recording.vibration is not None or not _needs_vibration(model) or not len(recording):

@@ -9,6 +9,7 @@ from typing import ClassVar
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
+from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Effect, State
 
 
@@ -37,3 +38,7 @@ class BiasTemperature(Effect):
     ) -> tuple[FloatArray, State | None]:
         """Return (n, 1): temperature difference [K]."""
         return conditions.temperature_difference[:, None], None
+
+    def c_columns(self, c: CForm) -> CColumns:
+        """Return the temperature difference."""
+        return CColumns([c.temperature_difference])

@@ -10,6 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
+from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Effect, Kin, State
 
 
@@ -49,3 +50,8 @@ class BiasTemperatureCurvature(Effect):
         x = conditions.temperature_difference
         square = x * x  # powers by multiplication: x**3 takes forty times as long
         return np.stack([square, square * x], axis=1), None
+
+    def c_columns(self, c: CForm) -> CColumns:
+        """Return x² and x³."""
+        x = c.let(c.temperature_difference)
+        return CColumns([f'{x} * {x}', f'{x} * {x} * {x}'])

@@ -17,6 +17,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import CHANNELS, SENSORS, Conditions, Sensor
 from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.c_form import CForm, CFormError, Signals
 from thermal_comp.effects.effect import Campaign, Effect, Kin, State
 
 ROWS = 600
@@ -215,7 +216,26 @@ def _problems_of_the_columns(effect: Effect, sensor: Sensor) -> list[str]:
                 f'columns for the {sensor} change when the stream is cut at {cuts[:3]}'
             )
             break
+    problems += _problems_of_the_c_form(effect, sensor, whole)
     return problems + _problems_without_channels(effect, conditions) + _problems_far_out(effect)
+
+
+def _problems_of_the_c_form(effect: Effect, sensor: Sensor, columns: FloatArray) -> list[str]:
+    """Where there is a C form, it has as many columns, per axis or shared, as the effect."""
+    form = CForm(sensor, Signals(), effect.name, effect.channels, held=effect.bends)
+    try:
+        made = effect.c_columns(form)
+    except CFormError as error:
+        return [f'c_columns: {error}']
+    if made is None:
+        return []
+    found = len(made.expressions) if made.mixing is None else made.mixing.shape[1]
+    if found != columns.shape[-1]:
+        return [f'c_columns gives {found} columns, columns {columns.shape[-1]}']
+    alike = all(isinstance(e, str) == (columns.ndim == 2) for e in made.expressions)
+    return (
+        [] if alike else ['c_columns: write three expressions where the axes share coefficients']
+    )
 
 
 def _problems_far_out(effect: Effect) -> list[str]:

@@ -13,6 +13,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import SENSORS, Conditions, Sensor
+from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.resolution import example_cycle, refined, thinned
 
 State = Any
@@ -141,6 +142,14 @@ class Effect:
         `state` None starts the history at the first sample.
         """
         raise NotImplementedError
+
+    def c_columns(self, c: CForm) -> CColumns | None:
+        """Return the columns as expressions of C99 for one sensor; None where there is no C form.
+
+        `c` holds the names and operators. `export --to c99` needs it of every device effect of a
+        model; what stays in the chamber needs none.
+        """
+        return None
 
     def columns_in_hindsight(self, conditions: Conditions) -> FloatArray:
         """Return the columns for a run that is known to its end, of a smoothed temperature.

@@ -9,8 +9,10 @@ from typing import ClassVar
 import numpy as np
 from imu_recording.recording import FloatArray
 from numpy.polynomial import legendre
+from scipy.linalg import block_diag
 
 from thermal_comp.data.conditions import Conditions
+from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Effect, State, shape_parameter
 from thermal_comp.effects.operators import follow, play
 
@@ -103,6 +105,27 @@ class Empirical(Effect):
             [curves, lags / self.half_range, branches / self.half_range, decays], axis=1
         )
         return columns, (tuple(s for _, s in followed), tuple(s for _, s in played))
+
+    def c_columns(self, c: CForm) -> CColumns:
+        """Return polynomials, lags behind T, branches and decays; their scales are the mixing."""
+        t = c.temperature
+        middle, half_range = c.number(self.middle), c.number(self.half_range)
+        x = c.let(c.clip(f'({t} - {middle}) / {half_range}', -1.0, 1.0))
+        powers = [c.number(1.0), x]
+        for k in range(1, DEGREES[-1]):  # Bonnet's recursion
+            up, down = c.number((2 * k + 1) / (k + 1)), c.number(k / (k + 1))
+            powers.append(c.let(f'{up} * {x} * {powers[k]} - {down} * {powers[k - 1]}'))
+        since = c.let(f'({c.time} > {c.number(0.0)} ? {c.time} : {c.number(0.0)})')
+        expressions = [
+            *(powers[degree] for degree in DEGREES),
+            *(c.behind(t, lag) for lag in LAGS_S),
+            *(f'({c.play(t, width)} - {t})' for width in HALF_WIDTHS_K),
+            *(c.exp(f'-{since} / {c.number(decay)}') for decay in DECAYS_S),
+        ]
+        lags = (1.0 + ALIKE_IN_RAMPS_S / np.array(LAGS_S))[:, None] * LAG_ROOT / self.half_range
+        curves = np.diag((2.0 / np.array(DEGREES)) ** 2)
+        branches = np.eye(len(HALF_WIDTHS_K)) / self.half_range
+        return CColumns(expressions, block_diag(curves, lags, branches, np.eye(len(DECAYS_S))))
 
     def coefficient_deviations(self) -> FloatArray:
         """Return (p, 3) prior standard deviations of the coefficients [unit]."""

@@ -9,6 +9,7 @@ from typing import ClassVar
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions, Sensor
+from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import FLIP, Effect, Kin, State
 
 
@@ -41,3 +42,8 @@ class GSensitivityTemperature(Effect):
     ) -> tuple[FloatArray, State | None]:
         """Return (n, 3): x · f [K·m/s²]."""
         return conditions.temperature_difference[:, None] * conditions.specific_force, None
+
+    def c_columns(self, c: CForm) -> CColumns:
+        """Return x · f_j."""
+        x = c.temperature_difference
+        return CColumns([f'{x} * {c.specific_force(axis)}' for axis in range(3)])

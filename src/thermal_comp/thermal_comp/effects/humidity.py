@@ -9,6 +9,7 @@ from typing import ClassVar
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
+from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import follow
 
@@ -44,3 +45,8 @@ class Humidity(Effect):
         assert conditions.humidity is not None  # noqa: S101 (declared in channels)
         taken_up, state = follow(conditions.time, conditions.humidity, self.time_constant, state)
         return taken_up[:, None], state
+
+    def c_columns(self, c: CForm) -> CColumns:
+        """Return the lagged humidity: the humidity plus what the lag is above it."""
+        humidity = c.channel('humidity')
+        return CColumns([f'({humidity} + {c.behind(humidity, self.time_constant)})'])

@@ -10,6 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
+from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import FLIP, Effect, Kin, State
 
 PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
@@ -52,3 +53,12 @@ class MisalignmentTemperature(Effect):
         for k, (i, j) in enumerate(PAIRS):
             columns[:, i, k] = product[:, j]
         return columns, None
+
+    def c_columns(self, c: CForm) -> CColumns:
+        """Return x · u_j on axis i, in the order of `PAIRS`."""
+        x = c.temperature_difference
+        columns = []
+        for i, j in PAIRS:
+            product = f'{x} * {c.true_input(j)}'
+            columns.append((product * (i == 0), product * (i == 1), product * (i == 2)))
+        return CColumns(columns)

@@ -10,6 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions, Sensor
+from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import FLIP, Effect, Kin, State
 
 
@@ -49,3 +50,8 @@ class ScaleFactorTemperature(Effect):
         for axis in range(3):
             columns[:, axis, axis] = product[:, axis]
         return columns, None
+
+    def c_columns(self, c: CForm) -> CColumns:
+        """Return x · u_i on axis i."""
+        x, y, z = (f'{c.temperature_difference} * {c.true_input(axis)}' for axis in range(3))
+        return CColumns([(x, '', ''), ('', y, ''), ('', '', z)])

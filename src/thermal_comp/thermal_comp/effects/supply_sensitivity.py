@@ -9,6 +9,7 @@ from typing import ClassVar
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
+from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Effect, State
 
 NOMINAL_SUPPLY = 3.3
@@ -40,3 +41,7 @@ class SupplySensitivity(Effect):
         """Return (n, 1): V − 3.3 V."""
         assert conditions.supply_voltage is not None  # noqa: S101 (declared in channels)
         return (conditions.supply_voltage - NOMINAL_SUPPLY)[:, None], None
+
+    def c_columns(self, c: CForm) -> CColumns:
+        """Return V − 3.3 V."""
+        return CColumns([f'({c.channel("supply_voltage")} - {c.number(NOMINAL_SUPPLY)})'])

@@ -10,6 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
+from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Effect, Kin, State
 from thermal_comp.effects.operators import follow
 
@@ -48,6 +49,11 @@ class TemperatureRate(Effect):
         rate = (temperature - lagged) / SMOOTHING
         delayed, second_state = follow(time, rate, SMOOTHING, second_state)
         return (2.0 * rate - delayed)[:, None], (first_state, second_state)
+
+    def c_columns(self, c: CForm) -> CColumns:
+        """Return the smoothed derivative: rate plus what its second lag is behind it."""
+        rate = f'(-{c.behind(c.temperature, SMOOTHING)} / {c.number(SMOOTHING)})'
+        return CColumns([f'({rate} - {c.behind(rate, SMOOTHING)})'])
 
     def columns_in_hindsight(self, conditions: Conditions) -> FloatArray:
         """Return (n, 1): the derivative itself [K/s]; the temperature is smooth already."""

@@ -9,6 +9,7 @@ from typing import ClassVar
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
+from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Effect, Kin, State
 
 
@@ -42,3 +43,7 @@ class ThermalGradient(Effect):
         outside = conditions.chamber_temperature
         assert outside is not None  # noqa: S101 (declared in channels)
         return (outside - conditions.temperature)[:, None], None
+
+    def c_columns(self, c: CForm) -> CColumns:
+        """Return T_outside − T."""
+        return CColumns([f'({c.channel("chamber_temperature")} - {c.temperature})'])

@@ -11,6 +11,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
+from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import play
 
@@ -56,6 +57,11 @@ class ThermalHysteresis(Effect):
         plays = [play(temperature, r, s) for r, s in zip(self.half_widths, before, strict=True)]
         columns = np.stack([played for played, _ in plays], axis=1) - temperature[:, None]
         return columns, tuple(last for _, last in plays)
+
+    def c_columns(self, c: CForm) -> CColumns:
+        """Return play minus T of each half-width."""
+        t = c.temperature
+        return CColumns([f'({c.play(t, width)} - {t})' for width in self.half_widths])
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:

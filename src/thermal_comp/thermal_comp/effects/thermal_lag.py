@@ -10,6 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
+from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import follow
 
@@ -58,6 +59,10 @@ class ThermalLag(Effect):
         """Return (n, 1): T_lag − T [K]."""
         lagged, state = follow(conditions.time, conditions.temperature, self.time_constant, state)
         return (lagged - conditions.temperature)[:, None], state
+
+    def c_columns(self, c: CForm) -> CColumns:
+        """Return T_lag − T."""
+        return CColumns([c.behind(c.temperature, self.time_constant)])
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:

@@ -11,6 +11,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
+from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import follow
 from thermal_comp.effects.thermal_lag import TIME_CONSTANTS, ThermalLag
@@ -55,6 +56,11 @@ class ThermalLagTwoStage(Effect):
         slow, slow_state = follow(time, temperature, self.time_constant_slow, slow_state)
         columns = np.stack([fast - temperature, slow - temperature], axis=1)
         return columns, (fast_state, slow_state)
+
+    def c_columns(self, c: CForm) -> CColumns:
+        """Return T_fast − T and T_slow − T."""
+        times = (self.time_constant_fast, self.time_constant_slow)
+        return CColumns([c.behind(c.temperature, time) for time in times])
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:

@@ -10,6 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions, Sensor
+from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Effect, State
 
 
@@ -45,3 +46,10 @@ class VibrationRectification(Effect):
         if conditions.sensor == 'accelerometer':
             return vibration[:, :, None] * np.eye(3), None
         return vibration.sum(axis=1)[:, None], None
+
+    def c_columns(self, c: CForm) -> CColumns:
+        """Return the variance along each axis (accelerometer), its sum (gyroscope)."""
+        x, y, z = (c.channel('vibration', axis) for axis in range(3))
+        if c.sensor == 'accelerometer':
+            return CColumns([(x, '', ''), ('', y, ''), ('', '', z)])
+        return CColumns([f'({x} + {y} + {z})'])

@@ -10,6 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
+from thermal_comp.effects.c_form import CColumns, CForm
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 
 
@@ -36,6 +37,10 @@ class WarmUp(Effect):
     ) -> tuple[FloatArray, State | None]:
         """Return (n, 1): exp(−t / τ), t since power-on."""
         return np.exp(-conditions.time / self.time_constant)[:, None], None
+
+    def c_columns(self, c: CForm) -> CColumns:
+        """Return exp(−t / τ)."""
+        return CColumns([c.exp(f'-{c.time} / {c.number(self.time_constant)}')])
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:

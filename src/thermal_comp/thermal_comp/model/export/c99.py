@@ -1,0 +1,310 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A thermal model as C99: one header, one source, no heap, the history in a struct."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import resources
+from string import Template
+
+import numpy as np
+from imu_recording.recording import SENSOR_FIELDS, FloatArray
+
+from thermal_comp.data.conditions import SENSORS, Conditions, Sensor
+from thermal_comp.effects.c_form import CColumns, CForm, Signals
+from thermal_comp.effects.effect import EDGE_K, Effect
+from thermal_comp.model.file import model_label
+from thermal_comp.model.values import ModelError, SensorModel, ThermalModel
+
+FUNCTIONS = {
+    'clip(': """
+static imu_thermal_real clip(imu_thermal_real value, imu_thermal_real low, imu_thermal_real high)
+{
+  return value < low ? low : (value > high ? high : value);
+}
+""",
+    'advance_lag(': """
+/* output = lagged - value. Over a step h in units of the time constant, with the value linear:
+ * output += (e^-h - 1) (output + change / h). `lost` holds what the sum loses to rounding. */
+static void advance_lag(imu_thermal_lag *lag, imu_thermal_real value, imu_thermal_real step,
+                        imu_thermal_real time_constant)
+{
+  if (lag->started) {
+    const imu_thermal_real change = value - lag->input;
+    const imu_thermal_real h = step / time_constant;
+    const imu_thermal_real added = (h > REAL(0.0) ? EXPM1(-h) * (lag->output + change / h)
+                                                  : -change) - lag->lost;
+    const imu_thermal_real sum = lag->output + added;
+    lag->lost = (sum - lag->output) - added;
+    lag->output = sum;
+  }
+  lag->started = true;
+  lag->input = value;
+}
+""",
+    'advance_play(': """
+static void advance_play(imu_thermal_play *play, imu_thermal_real value,
+                         imu_thermal_real half_width)
+{
+  if (!play->started) {
+    play->output = value;
+  }
+  play->started = true;
+  if (play->output < value - half_width) {
+    play->output = value - half_width;
+  }
+  if (play->output > value + half_width) {
+    play->output = value + half_width;
+  }
+}
+""",
+}
+"""Functions that are written where they are called, by what their call begins with."""
+STATE_TYPES = {
+    'lag': """
+typedef struct {
+  imu_thermal_real input;  /* value at the newest sample */
+  imu_thermal_real output; /* lagged value above it */
+  imu_thermal_real lost;   /* what the sum lost to rounding */
+  bool started;
+} imu_thermal_lag;
+""",
+    'play': """
+typedef struct {
+  imu_thermal_real output;
+  bool started;
+} imu_thermal_play;
+""",
+}
+LIBM = {'EXP(': 'exp', 'EXPM1(': 'expm1'}
+ADVANCE = """    const uint64_t since = (uint64_t)t - (uint64_t)state->newest;
+    advance(state, (imu_thermal_real)since * REAL(1e-9), temperature, sample);
+"""
+
+
+@dataclass(frozen=True)
+class C99:
+    """A model as C99."""
+
+    files: Mapping[str, str]
+    """Text by file name: imu_thermal.h, imu_thermal.c, CMakeLists.txt."""
+    channels: Mapping[str, int]
+    """Channels that a sample holds after its nine measurements, and their components."""
+
+
+def c99_of(model: ThermalModel) -> C99:
+    """Return the model as C99.
+
+    Raises ModelError where nothing is compensated in the field, or a device effect has no C form.
+    """
+    _refuse_what_cannot_be_written(model)
+    signals = Signals()
+    acting = [s for s in SENSORS if s in model.sensors and model.sensors[s].device_terms()]
+    bodies = {sensor: _sensor_function(model, sensor, signals) for sensor in acting}
+    code = ''.join([_advance_function(signals), *bodies.values()])
+    functions = ''.join([*(text for call, text in FUNCTIONS.items() if call in code), code])
+    count = Counter(signal.kind for signal in signals.listed)
+    label = _comment(model_label(model))
+    header = _template('imu_thermal.h.in').substitute(
+        device=_comment(model.device or 'a device without name'),
+        label=label,
+        libm=' and '.join(['isfinite', *(n for call, n in LIBM.items() if call in functions)]),
+        channels=''.join(_channel_field(*item) for item in signals.channels.items()),
+        state_types=''.join(STATE_TYPES[kind] for kind in count),
+        state_fields=''.join(f'  imu_thermal_{k} {k}[{n}];\n' for k, n in count.items()),
+    )
+    source = _template('imu_thermal.c.in').substitute(
+        label=label,
+        reference_temperature=repr(float(model.reference_temperature)),
+        functions=functions,
+        advance=ADVANCE if signals.listed else '',
+        errors=''.join(_error_call(sensor) for sensor in bodies),
+    )
+    cmake = resources.files(__package__).joinpath('imu_thermal.cmake').read_text('utf-8')
+    files = {'imu_thermal.h': header, 'imu_thermal.c': source, 'CMakeLists.txt': cmake}
+    return C99(files, signals.channels)
+
+
+def _refuse_what_cannot_be_written(model: ThermalModel) -> None:
+    """Refuse a model without field effects or range, and all effects without C form at once."""
+    if not any(part.device_terms() for part in model.sensors.values()):
+        raise ModelError('sensors: no effect is compensated in the field: nothing to export')
+    for sensor, part in model.sensors.items():
+        if not np.isfinite(part.temperature_range).all():
+            raise ModelError(f'sensors.{sensor}.temperature_range: expected two numbers')
+    without = {
+        f'{sensor}: {effect.name}'
+        for sensor, part in model.sensors.items()
+        for _, effect, _ in part.device_terms()
+        if type(effect).c_columns is Effect.c_columns
+    }
+    if without:
+        raise ModelError(
+            f'no C form: {", ".join(sorted(without))}; give the effect a method c_columns '
+            '(CONTRIBUTING.md), or export a model without it'
+        )
+
+
+def _form(effect: Effect, sensor: Sensor, signals: Signals) -> CForm:
+    return CForm(sensor, signals, effect.name, effect.channels, held=effect.bends)
+
+
+def _sensor_function(model: ThermalModel, sensor: Sensor, signals: Signals) -> str:
+    part = model.sensors[sensor]
+    blocks = [
+        _block(part, sensor, effect, coefficients, model.reference_temperature, signals)
+        for _, effect, coefficients in part.device_terms()
+    ]
+    body = ''.join(blocks)
+    low, high = (f'REAL({limit!r})' for limit in map(float, part.temperature_range))
+    held = (
+        f'  const imu_thermal_real held = clip(temperature, {low}, {high});\n'
+        if re.search(r'\bheld\b', body)
+        else ''
+    )
+    return (
+        f'\nstatic unsigned {sensor}_error(const imu_thermal_state *state, '
+        'imu_thermal_real elapsed,\n'
+        f'{" " * (len(sensor) + 23)}imu_thermal_real temperature,\n'
+        f'{" " * (len(sensor) + 23)}const imu_thermal_sample *sample, '
+        'imu_thermal_real error[3])\n'
+        f'{{\n{held}'
+        f'  const bool outside = temperature < {low} || temperature > {high};\n'
+        '  unsigned said = outside ? IMU_THERMAL_OUTSIDE : 0u;\n\n'
+        f'{_unused(("state", "elapsed", "sample"), body)}{body}  return said;\n}}\n'
+    )
+
+
+def _unused(names: Sequence[str], code: str) -> str:
+    """Return the statements that say which parameters a function has no use for."""
+    return ''.join(f'  (void){n};\n' for n in names if not re.search(rf'\b{n}\b', code))
+
+
+def _block(
+    part: SensorModel,
+    sensor: Sensor,
+    effect: Effect,
+    coefficients: FloatArray,
+    reference_temperature: float,
+    signals: Signals,
+) -> str:
+    """Return the statements that add one effect's error."""
+    form = _form(effect, sensor, signals)
+    made = effect.c_columns(form)
+    assert made is not None  # noqa: S101 (refused before)
+    mixed = coefficients if made.mixing is None else made.mixing @ coefficients
+    lines = [*form.locals, *_sums(made, mixed)]
+    if effect.bends:
+        lines += _straight_on(part, sensor, effect, coefficients, reference_temperature)
+    text = '{\n' + ''.join(f'    {line}\n' for line in lines) + '  }'
+    if known := _known(effect.channels, signals):
+        text = f'if ({known}) {text} else {{\n    said |= IMU_THERMAL_NO_CHANNEL;\n  }}'
+    return f'  /* {effect.name}: {_comment(effect.equation)} */\n  {text}\n'
+
+
+def _sums(made: CColumns, coefficients: FloatArray) -> list[str]:
+    """Return the statements error[i] += coefficient * column."""
+    lines: list[str] = []
+    for expression, row in zip(made.expressions, np.asarray(coefficients), strict=True):
+        per_axis = (expression,) * 3 if isinstance(expression, str) else expression
+        values = row if np.ndim(row) else np.full(3, row)
+        if isinstance(expression, str) and not expression.isidentifier():
+            lines.append(f'const imu_thermal_real c{len(lines)} = {expression};')
+            per_axis = (f'c{len(lines) - 1}',) * 3
+        lines += [
+            f'error[{axis}] += REAL({float(value)!r}) * {column};'
+            for axis, (column, value) in enumerate(zip(per_axis, values, strict=True))
+            if column
+        ]
+    return lines
+
+
+def _straight_on(
+    part: SensorModel,
+    sensor: Sensor,
+    effect: Effect,
+    coefficients: FloatArray,
+    reference_temperature: float,
+) -> list[str]:
+    """Return the statements by which what bends runs straight on outside the fitted range.
+
+    The slopes are those of `effect.columns_from`, per kelvin beyond the edge.
+    """
+    lines = []
+    for sign, limit in zip((-1.0, 1.0), part.temperature_range, strict=True):
+        at_edge, inside = (
+            effect.columns(_at(limit - shift, sensor, reference_temperature))[0][0]
+            for shift in (0.0, sign * EDGE_K)
+        )
+        slope = sign * ((at_edge - inside) / EDGE_K @ coefficients)
+        lines.append(f'if (temperature {"<" if sign < 0.0 else ">"} REAL({float(limit)!r})) {{')
+        lines += [
+            f'  error[{axis}] += REAL({float(value)!r}) * (temperature - held);'
+            for axis, value in enumerate(slope)
+        ]
+        lines.append('}')
+    return lines
+
+
+def _at(temperature: float, sensor: Sensor, reference_temperature: float) -> Conditions:
+    still = np.zeros((1, 3))
+    one = Conditions(np.zeros(1), np.array([temperature]), still, still, still)
+    return replace(one, sensor=sensor, reference_temperature=reference_temperature)
+
+
+def _known(channels: Sequence[str], signals: Signals) -> str:
+    """Return the condition that channels are known; '' where there are none."""
+    names = [
+        f'sample->{name}{suffix}'
+        for name in channels
+        for suffix in ([''] if signals.channels.get(name, 1) == 1 else ['[0]', '[1]', '[2]'])
+    ]
+    return ' && '.join(f'isfinite({name})' for name in names)
+
+
+def _advance_function(signals: Signals) -> str:
+    if not signals.listed:
+        return ''
+    lines = []
+    places = {'lag': 0, 'play': 0}
+    for signal in signals.listed:
+        target = f'&state->{signal.kind}[{places[signal.kind]}]'
+        places[signal.kind] += 1
+        step = 'step, ' if signal.kind == 'lag' else ''
+        call = (
+            f'advance_{signal.kind}({target}, {signal.value}, {step}REAL({signal.parameter!r}));'
+        )
+        known = _known(signal.channels, signals)
+        lines.append(f'  if ({known}) {{\n    {call}\n  }}\n' if known else f'  {call}\n')
+    text = ''.join(lines)
+    unused = _unused(('sample', 'step', 'temperature'), text)
+    return (
+        '\n/* Takes one more sample into the history, step [s] after the one before. */\n'
+        'static void advance(imu_thermal_state *state, imu_thermal_real step, '
+        'imu_thermal_real temperature,\n                    const imu_thermal_sample *sample)\n'
+        f'{{\n{unused}{text}}}\n'
+    )
+
+
+def _error_call(sensor: Sensor) -> str:
+    return (
+        f'  said |= {sensor}_error(state, elapsed, temperature, sample,\n'
+        f'{" " * (len(sensor) + 17)}state->error.{SENSOR_FIELDS[sensor]});\n'
+    )
+
+
+def _channel_field(name: str, components: int) -> str:
+    size = '' if components == 1 else f'[{components}]'
+    return f'  imu_thermal_real {name}{size};\n'
+
+
+def _comment(text: str) -> str:
+    """Return a text as it may stand in a comment."""
+    return ' '.join(text.replace('*/', '* /').split())
+
+
+def _template(name: str) -> Template:
+    return Template(resources.files(__package__).joinpath(name).read_text('utf-8'))
