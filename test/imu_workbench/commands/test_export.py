@@ -47,3 +47,34 @@ def test_nothing_is_replaced_without_force(model: Path, tmp_path: Path, capsys) 
     assert mine.read_text() == 'mine'
     assert main([*command, '--force']) == 0
     assert 'imu_thermal_update' in mine.read_text()
+
+
+def test_parameters_say_what_is_lost(model: Path, bags: Path, tmp_path: Path, capsys) -> None:
+    told, target = tmp_path / 'told.json', tmp_path / 'board.params'
+    command = ['export', str(model), '--to', 'px4', '-o', str(target), '--json', str(told)]
+    assert main([*command, '--accel-id', '2424842']) == 0
+    said = capsys.readouterr().out
+    assert 'gyroscope: the cubic keeps 100 %' in said
+    assert 'magnetometer: not exported' in said
+    assert 'not in the file: TC_G0_ID (--gyro-id)' in said
+    assert '\tTC_A0_ID\t2424842\t6\n' in target.read_text()
+    assert main(command) == 2
+    assert 'exists already' in capsys.readouterr().err
+    command[1:2] = [str(model), str(bags / 'dut1_z')]
+    assert main([*command, '--force', '--instance', '1']) == 0
+    assert 'held out (x y z): cubic' in capsys.readouterr().out
+    row = json.loads(told.read_text())['sensors']['gyroscope']
+    assert row['held_out_cubic'] == pytest.approx(row['held_out_model'], rel=0.1)
+    assert 'TC_G1_X3_2' in target.read_text()
+
+
+def test_ardupilot_and_kalibr(model: Path, tmp_path: Path) -> None:
+    for form, line in (
+        ('ardupilot', 'INS_TCAL1_ENABLE 1'),
+        ('kalibr', 'update_rate: 200  # [Hz]'),
+    ):
+        target = tmp_path / form
+        command = ['export', str(model), '--to', form, '-o', str(target), '--rate', '200']
+        assert main(command) == 0
+        assert line in target.read_text().splitlines()
+    assert main([*command, '--force', '--rate', '0']) == 2

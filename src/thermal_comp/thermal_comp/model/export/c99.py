@@ -79,6 +79,7 @@ typedef struct {
 } imu_thermal_play;
 """,
 }
+C99_FILES = ('imu_thermal.h', 'imu_thermal.c', 'CMakeLists.txt')
 LIBM = {'EXP(': 'exp', 'EXPM1(': 'expm1'}
 ADVANCE = """    const uint64_t since = (uint64_t)t - (uint64_t)state->newest;
     advance(state, (imu_thermal_real)since * REAL(1e-9), temperature, sample);
@@ -90,7 +91,7 @@ class C99:
     """A model as C99."""
 
     files: Mapping[str, str]
-    """Text by file name: imu_thermal.h, imu_thermal.c, CMakeLists.txt."""
+    """Text by file name."""
     channels: Mapping[str, int]
     """Channels that a sample holds after its nine measurements, and their components."""
 
@@ -124,8 +125,7 @@ def c99_of(model: ThermalModel) -> C99:
         errors=''.join(_error_call(sensor) for sensor in bodies),
     )
     cmake = resources.files(__package__).joinpath('imu_thermal.cmake').read_text('utf-8')
-    files = {'imu_thermal.h': header, 'imu_thermal.c': source, 'CMakeLists.txt': cmake}
-    return C99(files, signals.channels)
+    return C99(dict(zip(C99_FILES, (header, source, cmake), strict=True)), signals.channels)
 
 
 def _refuse_what_cannot_be_written(model: ThermalModel) -> None:

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters of ArduPilot's IMU temperature calibration, one NAME VALUE a line.
+
+INS_TCAL1_ACC2_X is 10⁶ times the coefficient of (T − 35 °C)² of the first IMU's accelerometer, x
+axis [m/s²/K²]; GYR… those of the gyroscope [rad/s …]. ArduPilot subtracts the polynomial at T less
+that at the temperature of the offset calibration (INS_ACC1_CALTEMP, INS_GYR1_CALTEMP), so that
+there is no constant, and holds T between TMIN and TMAX (AP_InertialSensor_tempcal).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.model.export.cubic import ORDER, Cubic
+from thermal_comp.model.export.px4 import shortest
+from thermal_comp.model.values import ModelError
+
+NAMES: Mapping[Sensor, str] = {'accelerometer': 'ACC', 'gyroscope': 'GYR'}
+REFERENCE_TEMPERATURE = 35.0
+"""[°C]."""
+SCALE = 1e6
+LEAST, GREATEST = -70.0, 80.0
+"""What TMIN and TMAX may be [°C]."""
+
+
+def ardupilot_text(cubics: Mapping[Sensor, Cubic], instance: int, label: str) -> str:
+    """Return the parameter file; `instance` counts from 0, ArduPilot's names from 1.
+
+    Both sensors share TMIN and TMAX: the range that both were fitted in.
+    """
+    known = {sensor: cubics[sensor] for sensor in NAMES if sensor in cubics}
+    low = max([LEAST, *(c.low for c in known.values())])
+    high = min([GREATEST, *(c.high for c in known.values())])
+    prefix = f'INS_TCAL{instance + 1}'
+    lines = [
+        f'# IMU temperature calibration: {label}',
+        f'{prefix}_ENABLE 1',
+        f'{prefix}_TMIN {shortest(low)}',
+        f'{prefix}_TMAX {shortest(high)}',
+    ]
+    for sensor, name in NAMES.items():
+        scaled = np.zeros((ORDER + 1, 3))
+        if sensor in known:
+            scaled = SCALE * known[sensor].about(REFERENCE_TEMPERATURE).coefficients
+        lines += [
+            f'{prefix}_{name}{power}_{axis} {shortest(float(scaled[power, k]))}'
+            for power in range(1, ORDER + 1)
+            for k, axis in enumerate('XYZ')
+        ]
+    return '\n'.join(lines) + '\n'
+
+
+def read_ardupilot(text: str, instance: int) -> dict[Sensor, Cubic]:
+    """Return the polynomials of one IMU of a parameter file, zero at 35 °C."""
+    lines = (line.replace(',', ' ').split() for line in text.splitlines())
+    values = {cells[0]: float(cells[1]) for cells in lines if cells and cells[0][0] != '#'}
+    prefix = f'INS_TCAL{instance + 1}'
+    cubics: dict[Sensor, Cubic] = {}
+    for sensor, name in NAMES.items():
+        try:
+            powers = [
+                [values[f'{prefix}_{name}{power}_{axis}'] / SCALE for axis in 'XYZ']
+                for power in range(1, ORDER + 1)
+            ]
+            low, high = values[f'{prefix}_TMIN'], values[f'{prefix}_TMAX']
+        except KeyError as missing:
+            raise ModelError(f'{missing.args[0]}: missing') from None
+        coefficients = np.vstack([np.zeros((1, 3)), powers])
+        cubics[sensor] = Cubic(coefficients, REFERENCE_TEMPERATURE, low, high)
+    return cubics
