@@ -19,7 +19,7 @@ setup(
         (f'share/{NAME}/config', glob('config/*.yaml')),
     ],
     install_requires=['setuptools'],
-    extras_require={'test': ['pytest']},
+    extras_require={'test': ['pytest'], 'logs': ['pymavlink', 'pyulog']},
     zip_safe=False,
     maintainer='imu_thermal maintainers',
     maintainer_email='maintainers@imu-thermal.example.org',

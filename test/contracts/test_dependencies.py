@@ -34,6 +34,8 @@ LIBRARIES = {
     'uvicorn': ('nicegui', ''),
     'tsdownsample': ('tsdownsample', ''),
     'pymodbus': ('pymodbus', ''),
+    'pymavlink': ('pymavlink', ''),
+    'pyulog': ('pyulog', ''),
 }
 """Import name → distribution that brings it, rosdep key.
 

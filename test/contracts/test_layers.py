@@ -22,7 +22,9 @@ RCLPY_IN_WORKBENCH = (
     'simulate/node_campaign.py',
     'web/live/listener.py',
 )
+LOG_LIBRARIES = ('pyulog', 'pymavlink')
 EDGES = ('rclpy', 'serial', 'rosbags', 'plotly', 'nicegui', 'matplotlib', 'tsdownsample')
+EDGES += LOG_LIBRARIES
 FILES = sorted(
     path
     for path in SRC.glob('*/*/**/*.py')
@@ -53,6 +55,8 @@ def may_import(library: str, path: Path) -> bool:
         )
     if library == 'serial':
         return 'transport' in inner or inner.startswith(('chambers/', 'reference/'))
+    if library in LOG_LIBRARIES:
+        return package == 'imu_recording' and inner.startswith('logs/')
     if library == 'rosbags':
         return package == 'imu_recording'
     if library == 'matplotlib':

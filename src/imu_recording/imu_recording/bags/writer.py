@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -56,12 +56,14 @@ def write_bag(
     *,
     storage: str = 'mcap',
     compression: str = 'zstd',
+    metadata: Mapping[str, str] | None = None,
 ) -> None:
     """Write one recording, or several devices each in its namespace, to a new bag folder.
 
     Time of receipt is the stamp; among equal stamps chamber tracks come first, then temperature,
     Imu, MagneticField. The same input gives the same files. `storage` is 'mcap' or 'sqlite3',
-    `compression` 'zstd' (of chunks; sqlite3 has none), 'none', 'message' or 'file'.
+    `compression` 'zstd' (of chunks; sqlite3 has none), 'none', 'message' or 'file'; `metadata`
+    stands in its custom_data beside that of the logging contract.
     """
     parts = [recordings] if isinstance(recordings, ImuRecording) else list(recordings)
     path = Path(path)
@@ -69,7 +71,7 @@ def write_bag(
     writer = Writer(path, version=9, storage_plugin=STORAGES[storage])
     if storage == 'mcap' or compression != 'zstd':
         writer.set_compression(COMPRESSIONS[compression], CompressionFormat.ZSTD)
-    for key, value in _metadata(parts):
+    for key, value in (*_metadata(parts), *(metadata or {}).items()):
         writer.set_custom_data(key, value)
     try:
         with writer:

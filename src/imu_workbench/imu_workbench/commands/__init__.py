@@ -5,7 +5,7 @@ This file imports nothing: the set-up reads it to make one executable per verb.
 """
 
 COMMANDS: dict[str, str] = {
-    'import': 'import_csv',
+    'import': 'import_file',
     'fit': 'fit',
     'compare': 'compare',
     'apply': 'apply',

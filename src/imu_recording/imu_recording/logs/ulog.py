@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""PX4's ULog: the topics sensor_accel, sensor_gyro, sensor_mag and sensor_baro of every instance.
+
+They hold what the drivers measured, before any calibration and thermal compensation of PX4.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from imu_recording.logs.flight_log import (
+    FlightLog,
+    LogError,
+    LoggedImu,
+    Series,
+    check_columns,
+    with_temperature,
+)
+from imu_recording.recording import FloatArray
+
+MAGIC = b'ULog\x01\x12\x35'
+VERSIONS = (0, 1)
+COLUMNS = {
+    'sensor_accel': ('x', 'y', 'z', 'temperature'),
+    'sensor_gyro': ('x', 'y', 'z'),
+    'sensor_mag': ('x', 'y', 'z'),
+    'sensor_baro': ('temperature',),
+}
+"""Topics that are read, and what they have to hold beside the time."""
+TOPICS = tuple(COLUMNS)
+TESLA_PER_GAUSS = 1e-4
+WAY_OUT = (
+    'log every sensor at full rate: SDLOG_PROFILE bit 2 (thermal calibration), SDLOG_MODE 2 (from '
+    'power-on)'
+)
+HARDWARE = ('ver_hw', 'ver_hw_subtype', 'ver_sw', 'ver_sw_branch', 'sys_mcu', 'sys_uuid')
+"""What a log says of board and firmware."""
+
+
+def is_ulog(start: bytes) -> bool:
+    """Tell from its first bytes whether a file is a ULog."""
+    return start.startswith(MAGIC)
+
+
+def read_ulog(path: Path) -> FlightLog:
+    """Read a ULog; raise LogError where it is damaged beyond use, or lacks what is needed."""
+    log, said = _opened(path)
+    data = {(item.name, item.multi_id): item.data for item in log.data_list}
+    notes = []
+    if log.file_corruption or 'corruption' in said:
+        notes.append('the log is damaged: messages that could not be read are left out')
+    if log.dropouts:
+        lost = sum(dropout.duration for dropout in log.dropouts)
+        notes.append(f'{len(log.dropouts)} dropouts of the logger, {lost} ms in all')
+    for (topic, instance), item in data.items():
+        check_columns(path, f'{topic} {instance}', item, ('timestamp', *COLUMNS[topic]))
+    imus = _imus(path, data)
+    known = with_temperature(path, imus, f'its sensors report none in this log; {WAY_OUT}')
+    without = [f'IMU {imu.number}' for imu in imus if imu not in known]
+    if without:
+        notes.append(f'left out, no temperature: {", ".join(without)}')
+    info = log.msg_info_dict
+    return FlightLog(
+        vehicle=f'px4_{info.get("sys_uuid") or path.stem}',
+        imus=known,
+        parameters={str(k): float(v) for k, v in log.initial_parameters.items()},
+        hardware={key: str(info[key]) for key in HARDWARE if key in info},
+        path=str(path),
+        notes=tuple(notes),
+    )
+
+
+def _opened(path: Path) -> tuple[Any, str]:
+    """Return the parsed log and what the parser printed."""
+    try:
+        from pyulog import ULog
+    except ImportError:
+        raise LogError(f'{path}: reading a ULog needs pyulog (pip install pyulog)') from None
+    with path.open('rb') as stream:
+        version = stream.read(8)[-1]
+    if version not in VERSIONS:
+        raise LogError(f'{path}: ULog of version {version}; versions 0 and 1 are read')
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(said):
+            log = ULog(str(path), message_name_filter_list=list(TOPICS))
+    except Exception as error:  # noqa: BLE001 (the parser raises whatever damage leads to)
+        raise LogError(
+            f'{path}: damaged, cannot be read ({type(error).__name__}: {error})'
+        ) from None
+    return log, said.getvalue()
+
+
+def _imus(path: Path, data: Mapping[tuple[str, int], Mapping[str, Any]]) -> list[LoggedImu]:
+    """Return every accelerometer with its gyroscope: that of its chip, else of its instance."""
+    instances = {topic: sorted(k for name, k in data if name == topic) for topic in TOPICS}
+    accelerometers, gyroscopes = instances['sensor_accel'], instances['sensor_gyro']
+    if not accelerometers or not gyroscopes:
+        missing = 'sensor_accel' if not accelerometers else 'sensor_gyro'
+        raise LogError(f'{path}: no {missing} in it; {WAY_OUT}')
+    chip = {k: _device_id(data['sensor_gyro', k]) for k in gyroscopes}
+    free = list(gyroscopes)
+    pairs: dict[int, int] = {}
+    for k in accelerometers:
+        same = [g for g in free if chip[g] == _device_id(data['sensor_accel', k])]
+        if same:
+            pairs[k] = same[0]
+            free.remove(same[0])
+    for k in accelerometers:
+        if k not in pairs and free:
+            pairs[k] = k if k in free else free[0]
+            free.remove(pairs[k])
+    return [_imu(data, k, pairs[k]) for k in sorted(pairs)]
+
+
+def _imu(
+    data: Mapping[tuple[str, int], Mapping[str, Any]], number: int, gyroscope: int
+) -> LoggedImu:
+    force, rate = data['sensor_accel', number], data['sensor_gyro', gyroscope]
+    field = data.get(('sensor_mag', number))
+    board = data.get(('sensor_baro', number), data.get(('sensor_baro', 0)))
+    thermometer, notes = (rate, []) if _has_temperature(rate) else (force, [])
+    if thermometer is force and _has_temperature(force):
+        notes.append('the gyroscope reports no temperature: that of the accelerometer is taken')
+    ids = {'accelerometer_id': force, 'gyroscope_id': rate, 'magnetometer_id': field}
+    return LoggedImu(
+        number=number,
+        gyroscope=_series(rate, ('x', 'y', 'z')),
+        accelerometer=_series(force, ('x', 'y', 'z')),
+        temperature=_series(thermometer, ('temperature',)),
+        magnetometer=None
+        if field is None
+        else _series(field, ('x', 'y', 'z'), factor=TESLA_PER_GAUSS),
+        barometer_temperature=None if board is None else _series(board, ('temperature',)),
+        hardware={name: str(_device_id(item)) for name, item in ids.items() if item is not None},
+        notes=tuple(notes),
+    )
+
+
+def _series(item: Mapping[str, Any], names: tuple[str, ...], factor: float = 1.0) -> Series:
+    """Return columns at the times of measurement; older logs have only those of publication."""
+    time = np.asarray(item.get('timestamp_sample', item['timestamp']))
+    if time.dtype.kind not in 'iu' or not time.any():
+        time = np.asarray(item['timestamp'])
+    values: FloatArray = np.stack([np.asarray(item[n], float) for n in names], axis=1) * factor
+    return Series(time.astype(np.int64) * 1000, values)
+
+
+def _has_temperature(item: Mapping[str, Any]) -> bool:
+    return 'temperature' in item and bool(np.isfinite(item['temperature']).any())
+
+
+def _device_id(item: Mapping[str, Any]) -> int:
+    return int(np.median(item['device_id'])) if 'device_id' in item else 0

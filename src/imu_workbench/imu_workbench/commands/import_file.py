@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Turn a CSV file or the log of an autopilot into bags."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from imu_recording.logs.import_log import import_log, is_log
+from imu_recording.plausibility import admitted
+from imu_recording.tables.csv_import import import_csv
+from imu_recording.tables.mapping import UNIT_OF_FIELD
+from imu_recording.user_error import UserError
+from thermal_comp.presentation.display import duration, shown
+
+from imu_recording import ImuRecording, write_bag
+from imu_workbench.answer import Answer, show_progress
+from imu_workbench.commands.options import (
+    add_accept_argument,
+    add_output_argument,
+    claim_output,
+    replacing,
+)
+
+HELP = 'Turn a CSV file, a PX4 ULog or an ArduPilot DataFlash log into bags.'
+EPILOG = (
+    'A YAML file maps the columns of a CSV to channels, scales, units, offsets. Of a log, every\n'
+    'IMU that has a temperature becomes a bag, DIR/imu0, DIR/imu1, …, in the axes of the\n'
+    'autopilot (forward-right-down).\n'
+    'examples:\n'
+    '  python -m imu_workbench import board.csv --mapping examples/freeimu_mapping.yaml -o board\n'
+    '  python -m imu_workbench import warmup.ulg -o warmup'
+)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    parser.add_argument('file', metavar='FILE', type=Path, help='CSV, .ulg or .bin to read')
+    parser.add_argument(
+        '--mapping', metavar='YAML', type=Path, help='what the columns of a CSV are'
+    )
+    add_output_argument(parser, 'DIR', 'bag to write; of a log, the folder of its bags')
+    add_accept_argument(parser)
+
+
+def run(options: argparse.Namespace) -> Answer:
+    """Read, write, say what was dropped."""
+    if not options.file.is_file():
+        raise UserError(f'{options.file}: no such file')
+    if is_log(options.file):
+        return _import_log(options)
+    if options.mapping is None:
+        raise UserError(
+            f'{options.file}: neither a ULog nor a DataFlash log; to read it as CSV, say with '
+            '--mapping what its columns are'
+        )
+    return _import_csv(options)
+
+
+def _import_csv(options: argparse.Namespace) -> Answer:
+    claim_output(options.output, force=options.force, folder=True)
+    show_progress(f'reading {options.file} …')
+    recording = admitted(import_csv(options.file, options.mapping), options.accept)
+    with replacing(options.output) as fresh:
+        write_bag(recording, fresh)
+    content, lines = _told(recording, options.output)
+    return Answer({'schema': 1, **content}, '\n'.join(lines))
+
+
+def _import_log(options: argparse.Namespace) -> Answer:
+    if options.mapping is not None:
+        raise UserError(f'--mapping: {options.file} is a log, which needs none')
+    show_progress(f'reading {options.file} …')
+    imus = [
+        (imu, admitted(imu.recording, options.accept), options.output / imu.name)
+        for imu in import_log(options.file)
+    ]
+    for _, _, target in imus:
+        claim_output(target, force=options.force, folder=True)
+    bags, lines = [], []
+    for imu, recording, target in imus:
+        with replacing(target) as fresh:
+            write_bag(recording, fresh, metadata=imu.metadata)
+        content, said = _told(recording, target)
+        hardware = json.loads(imu.metadata['log_hardware'])
+        bags.append(content | {'hardware': hardware})
+        lines += [*said, *(f'  {name}: {value}' for name, value in hardware.items() if value)]
+    return Answer({'schema': 1, 'log': options.file, 'bags': bags}, '\n'.join(lines))
+
+
+def _told(recording: ImuRecording, target: Path) -> tuple[dict[str, Any], list[str]]:
+    """Return what is said of one bag, for JSON and as lines."""
+    channels = channel_ranges(recording)
+    seconds = float(recording.time[-1]) if len(recording) else 0.0
+    content = {
+        'output': target,
+        'device': recording.device,
+        'samples': len(recording),
+        'duration_s': seconds,
+        'channels': channels,
+        'notes': recording.notes,
+    }
+    rate = shown((len(recording) - 1) / seconds) if seconds else '–'
+    said = f'{len(recording)} samples, {duration(seconds)}, {rate} Hz on average'
+    lines = [f'wrote {target}: {said}', *ranges_text(channels)]
+    return content, [*lines, *(f'  note: {note}' for note in recording.notes)]
+
+
+def channel_ranges(recording: ImuRecording) -> list[dict[str, Any]]:
+    """Return least, mean and greatest value of every channel in its unit, NaN left out."""
+    rows = []
+    for field, unit in UNIT_OF_FIELD.items():
+        values = getattr(recording, field)
+        if values is None:
+            continue
+        columns = values.reshape(len(values), -1).T
+        for axis, column in zip('xyz' if len(columns) == 3 else ' ', columns, strict=True):
+            known = column[np.isfinite(column)]
+            if len(known):
+                size = {'min': known.min(), 'mean': known.mean(), 'max': known.max()}
+                rows.append({'channel': f'{field} {axis}'.strip(), **size, 'unit': unit})
+    return rows
+
+
+def ranges_text(channels: list[dict[str, Any]]) -> list[str]:
+    """Return the table of the ranges as lines."""
+    lines = [f'  {"channel":<24}{"min":>12}{"mean":>12}{"max":>12}  unit']
+    for row in channels:
+        numbers = ''.join(f'{shown(row[key]):>12}' for key in ('min', 'mean', 'max'))
+        lines.append(f'  {row["channel"]:<24}{numbers}  {row["unit"]}')
+    return lines

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Write recordings as the logs an autopilot would have kept of them, for tests and trials.
+
+usage: python test/imu_recording/log_writers.py BAG… -o LOG.ulg|LOG.bin      (one bag per IMU)
+
+The formats are those of the PX4 documentation (ULog file format) and of ArduPilot's AP_Logger.
+Axes are written as they are; values in single precision, times in whole microseconds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from imu_recording import ImuRecording, read_bag
+
+SERIAL_NUMBER = '000100000000303132333435363738390a0b'
+BOARD = 'SimBoard 00280030 3133510D 38363035'
+GAUSS_PER_TESLA = 1e4
+
+
+def microseconds(recording: ImuRecording, start: int) -> list[int]:
+    """Times since power-on, which is `start` µs before the first sample."""
+    return ((recording.stamp - recording.stamp[0]) // 1000 + start).tolist()
+
+
+# PX4 ---------------------------------------------------------------------------------------------
+
+ULOG_FORMATS = {
+    'sensor_accel': 'uint32_t device_id;float x;float y;float z;float temperature;',
+    'sensor_gyro': 'uint32_t device_id;float x;float y;float z;float temperature;',
+    'sensor_mag': 'uint32_t device_id;float x;float y;float z;',
+    'sensor_baro': 'uint32_t device_id;float pressure;float temperature;',
+}
+
+
+def ulog_bytes(
+    recordings: Sequence[ImuRecording],
+    *,
+    parameters: Mapping[str, float] | None = None,
+    start: int = 5_000_000,
+    accelerometer_delay: int = 0,
+    data_alone: bool = False,
+) -> bytes:
+    """A ULog with one accelerometer, gyroscope and magnetometer a recording, and one barometer.
+
+    `data_alone` leaves out what stands before the data: to append to another log.
+    """
+    parts = [b'ULog\x01\x12\x35\x01' + struct.pack('<Q', start)]
+    parts.append(_ulog('B', bytes(40)))
+    for name, fields in ULOG_FORMATS.items():
+        text = f'{name}:uint64_t timestamp;uint64_t timestamp_sample;{fields}'
+        parts.append(_ulog('F', text.encode()))
+    info = {'sys_name': 'PX4', 'ver_hw': 'SIMULATED', 'sys_uuid': SERIAL_NUMBER}
+    for key, value in info.items():
+        parts.append(_ulog('I', _key(f'char[{len(value)}] {key}') + value.encode()))
+    for key, number in (parameters or {}).items():
+        parts.append(_ulog('P', _key(f'float {key}') + struct.pack('<f', number)))
+    topics = [(name, k) for name in list(ULOG_FORMATS)[:3] for k in range(len(recordings))]
+    topics.append(('sensor_baro', 0))
+    for number, (name, instance) in enumerate(topics):
+        parts.append(_ulog('A', struct.pack('<BH', instance, number) + name.encode()))
+    messages = []
+    parts = [] if data_alone else parts
+    for number, (name, instance) in enumerate(topics):
+        recording = recordings[instance]
+        delay = accelerometer_delay if name == 'sensor_accel' else 0
+        for t, device, values in _ulog_samples(name, instance, recording, start):
+            when = t + delay
+            data = struct.pack(f'<HQQI{len(values)}f', number, when + 40, when, device, *values)
+            messages.append((when, number, _ulog('D', data)))
+    parts += [message for _, _, message in sorted(messages)]
+    return b''.join(parts)
+
+
+def _ulog_samples(
+    name: str, instance: int, recording: ImuRecording, start: int
+) -> Iterable[tuple[int, int, list[float]]]:
+    times = microseconds(recording, start)
+    warmth = recording.temperature.tolist()
+    device = 1000 + 10 * instance
+    if name == 'sensor_baro':
+        board = recording.device_temperature
+        other = warmth if board is None else board.tolist()
+        return ((t, 77, [1013.25, b]) for t, b in zip(times, other, strict=True))
+    if name == 'sensor_mag':
+        rows = (GAUSS_PER_TESLA * recording.magnetic_field).tolist()
+        return (
+            (t, device + 5, v) for t, v in zip(times, rows, strict=True) if np.isfinite(v).all()
+        )
+    accelerometer = name == 'sensor_accel'
+    measured = recording.linear_acceleration if accelerometer else recording.angular_velocity
+    rows = zip(times, measured.tolist(), warmth, strict=True)
+    return ((t, device, [*v, warm]) for t, v, warm in rows)
+
+
+def _ulog(kind: str, payload: bytes) -> bytes:
+    return struct.pack('<HB', len(payload), ord(kind)) + payload
+
+
+def _key(text: str) -> bytes:
+    return struct.pack('<B', len(text)) + text.encode()
+
+
+# ArduPilot ---------------------------------------------------------------------------------------
+
+DATAFLASH_FORMATS = {
+    'FMT': (128, 'BBnNZ', 'Type,Length,Name,Format,Columns'),
+    'PARM': (129, 'QNf', 'TimeUS,Name,Value'),
+    'MSG': (130, 'QZ', 'TimeUS,Message'),
+    'IMU': (
+        131,
+        'QBffffffIIfBBHH',
+        'TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz',
+    ),
+    'MAG': (
+        132,
+        'QBhhhhhhhhhBI',
+        'TimeUS,I,MagX,MagY,MagZ,OfsX,OfsY,OfsZ,MOX,MOY,MOZ,Health,S',
+    ),
+    'BARO': (133, 'QBffc', 'TimeUS,I,Alt,Press,Temp'),
+}
+ITEMS = {'n': '4s', 'N': '16s', 'Z': '64s', 'c': 'h'}
+
+
+def dataflash_bytes(
+    recordings: Sequence[ImuRecording],
+    *,
+    parameters: Mapping[str, float] | None = None,
+    start: int = 5_000_000,
+    without_temperature: bool = False,
+) -> bytes:
+    """A DataFlash log with one IMU a recording, their magnetometers, and one barometer."""
+    formats = dict(DATAFLASH_FORMATS)
+    if without_temperature:
+        number, _, columns = formats['IMU']
+        formats['IMU'] = (number, 'QBffffffIIBBHH', columns.replace(',T,', ','))
+    parts = [_dataflash_format(formats, name) for name in formats]
+    for key, value in (parameters or {}).items():
+        parts.append(_dataflash(formats, 'PARM', start, key.encode(), value))
+    said = ('ArduCopter V4.5.7 (simulated)', BOARD)
+    parts += [_dataflash(formats, 'MSG', start, text.encode()) for text in said]
+    messages = []
+    for k, recording in enumerate(recordings):
+        for t, row in zip(microseconds(recording, start), _rows(recording), strict=True):
+            rate, force, field, warm, board = row
+            health = (1, 1, 1000, 1000)
+            temperature = () if without_temperature else (warm,)
+            values = (t, k, *rate, *force, 0, 0, *temperature, *health)
+            messages.append((t, k, _dataflash(formats, 'IMU', *values)))
+            if np.isfinite(field).all():
+                milligauss = np.rint(1e3 * GAUSS_PER_TESLA * np.array(field)).astype(int).tolist()
+                data = _dataflash(formats, 'MAG', t, k, *milligauss, *(0,) * 6, 1, 0)
+                messages.append((t, k, data))
+            if k == 0:
+                centidegrees = round(100.0 * board)
+                messages.append((t, k, _dataflash(formats, 'BARO', t, 0, 0.0, 1e5, centidegrees)))
+    return b''.join(
+        [*parts, *(message for _, _, message in sorted(messages, key=lambda m: m[:2]))]
+    )
+
+
+def _rows(
+    recording: ImuRecording,
+) -> Iterable[tuple[list[float], list[float], list[float], float, float]]:
+    board = recording.device_temperature
+    return zip(
+        recording.angular_velocity.tolist(),
+        recording.linear_acceleration.tolist(),
+        recording.magnetic_field.tolist(),
+        recording.temperature.tolist(),
+        (recording.temperature if board is None else board).tolist(),
+        strict=True,
+    )
+
+
+def _layout(form: str) -> str:
+    return '<' + ''.join(ITEMS.get(item, item) for item in form)
+
+
+def _dataflash_format(formats: Mapping[str, tuple[int, str, str]], name: str) -> bytes:
+    number, form, columns = formats[name]
+    length = 3 + struct.calcsize(_layout(form))
+    head = (number, length, name.encode(), form.encode(), columns.encode())
+    return _dataflash(formats, 'FMT', *head)
+
+
+def _dataflash(formats: Mapping[str, tuple[int, str, str]], name: str, *values: object) -> bytes:
+    number, form, _ = formats[name]
+    return b'\xa3\x95' + bytes([number]) + struct.pack(_layout(form), *values)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('bags', nargs='+', type=Path)
+    parser.add_argument('-o', '--output', required=True, type=Path)
+    options = parser.parse_args()
+    recordings = [read_bag(bag) for bag in options.bags]
+    write = dataflash_bytes if options.output.suffix == '.bin' else ulog_bytes
+    options.output.write_bytes(write(recordings))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verb `import`: logs of autopilots become bags that the other verbs take."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+import yaml
+from imu_workbench.__main__ import main
+from thermal_comp.model.file import load_model
+
+from imu_recording import read_bag
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture(scope='module')
+def writers() -> ModuleType:
+    path = ROOT / 'test' / 'imu_recording' / 'log_writers.py'
+    spec = importlib.util.spec_from_file_location('log_writers', path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize('suffix', ['ulg', 'bin'])
+def test_a_log_of_the_simulated_device_gives_its_model(
+    suffix: str, writers: ModuleType, bags: Path, tmp_path: Path
+) -> None:
+    """What is fitted to the imported log is what is fitted to the bag it was written from."""
+    bag = read_bag(bags / 'dut1_z')
+    write = writers.ulog_bytes if suffix == 'ulg' else writers.dataflash_bytes
+    log, told = tmp_path / f'chamber.{suffix}', tmp_path / 'told.json'
+    log.write_bytes(write([bag]))
+    command = ['import', str(log), '-o', str(tmp_path / 'bags'), '--json', str(told)]
+    assert main(command) == 0
+    content = json.loads(told.read_text())
+    assert [item['samples'] for item in content['bags']] == [len(bag)]
+    metadata = yaml.safe_load((tmp_path / 'bags' / 'imu0' / 'metadata.yaml').read_text())
+    custom = metadata['rosbag2_bagfile_information']['custom_data']
+    assert json.loads(custom['log_hardware']) == content['bags'][0]['hardware']
+    models = []
+    for name, source in (('log', tmp_path / 'bags' / 'imu0'), ('bag', bags / 'dut1_z')):
+        target = tmp_path / f'{name}.yaml'
+        assert main(['fit', str(source), '-o', str(target)]) == 0
+        models.append(load_model(target))
+    for sensor, part in models[1].sensors.items():
+        found = models[0].sensors[sensor].coefficients[0]
+        assert found == pytest.approx(part.coefficients[0], rel=0.02, abs=1e-6), sensor
+
+
+def test_nothing_is_replaced_and_no_file_is_guessed(
+    writers: ModuleType, bags: Path, tmp_path: Path, capsys
+) -> None:
+    log = tmp_path / 'flight.ulg'
+    log.write_bytes(writers.ulog_bytes([read_bag(bags / 'dut1_z').rows(slice(0, 300))]))
+    command = ['import', str(log), '-o', str(tmp_path / 'bags')]
+    assert main(command) == 0
+    assert main(command) == 2
+    assert 'imu0 exists already' in capsys.readouterr().err
+    assert main([*command, '--force']) == 0
+    assert main([*command, '--force', '--mapping', 'x.yaml']) == 2
+    assert 'which needs none' in capsys.readouterr().err
+    assert main(['import', str(tmp_path / 'none.ulg'), '-o', 'x']) == 2
+    assert 'none.ulg: no such file' in capsys.readouterr().err
+
+
+@pytest.mark.shared_data
+def test_real_log(shared: Path, tmp_path: Path) -> None:
+    log = shared / 'data' / 'px4_logs' / 'pyulog_sample_log_small.ulg'
+    assert main(['import', str(log), '-o', str(tmp_path / 'px4')]) == 0
+    assert sorted(path.name for path in (tmp_path / 'px4').iterdir()) == ['imu0', 'imu1', 'imu2']
