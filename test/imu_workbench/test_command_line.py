@@ -138,7 +138,7 @@ def test_what_is_replaced_stays_until_the_new_bag_is_written(
 
     with monkeypatch.context() as patched:
         patched.setattr('imu_workbench.commands.apply.write_compensated_copy', full_disk)
-        patched.setattr('imu_workbench.commands.import_csv.write_bag', full_disk)
+        patched.setattr('imu_workbench.commands.import_file.write_bag', full_disk)
         assert main([*apply, '--force']) == main([*convert, '--force']) == 2
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
     assert main([*convert, '--force']) == 0

@@ -76,3 +76,30 @@ def test_real_log(shared: Path, tmp_path: Path) -> None:
     log = shared / 'data' / 'px4_logs' / 'pyulog_sample_log_small.ulg'
     assert main(['import', str(log), '-o', str(tmp_path / 'px4')]) == 0
     assert sorted(path.name for path in (tmp_path / 'px4').iterdir()) == ['imu0', 'imu1', 'imu2']
+
+
+def test_a_guess_is_shown_and_taken_with_yes(tmp_path: Path, capsys) -> None:
+    path, told = tmp_path / 'board.csv', tmp_path / 'told.json'
+    rows = (f'{0.02 * k:.2f},0.1,0.2,9.8,0.01,0.02,0.03,{30 + 0.01 * k}' for k in range(500))
+    path.write_text('\n'.join(['time,ax,ay,az,gx,gy,gz,temp', *rows]))
+    assert main(['import', str(path), '--json', str(told)]) == 0
+    shown = capsys.readouterr().out
+    assert '# unsure: angular_velocity: no unit in the header, taken as rad/s' in shown
+    assert yaml.safe_load(shown) == json.loads(told.read_text())['mapping']
+    assert main(['import', str(path), '--yes']) == 2
+    assert '-o DIR is missing' in capsys.readouterr().err
+    command = ['import', str(path), '--yes', '--from', '2s', '-o', str(tmp_path / 'bag')]
+    assert main(command) == 0
+    assert 'note: the mapping is a guess' in capsys.readouterr().out
+    assert len(read_bag(tmp_path / 'bag')) == 400
+
+
+def test_a_part_of_a_log(writers: ModuleType, bags: Path, tmp_path: Path, capsys) -> None:
+    log = tmp_path / 'flight.bin'
+    log.write_bytes(writers.dataflash_bytes([read_bag(bags / 'dut1_z').rows(slice(0, 300))]))
+    command = ['import', str(log), '-o', str(tmp_path / 'part')]
+    assert main([*command, '--from', '12']) == 2
+    assert 'give --from and --to as times' in capsys.readouterr().err
+    assert main([*command, '--from', '5h']) == 2
+    assert main([*command, '--from', '1min', '--to', '2min']) == 0
+    assert len(read_bag(tmp_path / 'part' / 'imu0')) == 31

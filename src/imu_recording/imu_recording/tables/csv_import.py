@@ -15,7 +15,7 @@ import numpy as np
 
 from imu_recording.phase import phases_from_setpoint
 from imu_recording.recording import BagError, FloatArray, ImuRecording, IntArray, infer_up_axis
-from imu_recording.synchronise import in_order, without_jumps
+from imu_recording.synchronise import Samples, in_order, without_jumps
 from imu_recording.tables.mapping import (
     ISO_TIME,
     TIME_UNITS,
@@ -24,16 +24,20 @@ from imu_recording.tables.mapping import (
     load_mapping,
     mapping_from,
 )
+from imu_recording.tables.row_range import RowRange
 from imu_recording.user_error import did_you_mean
 
+ALL_ROWS = RowRange()
 LATEST_STAMP = 9.2e18
 """Stamps are int64 nanoseconds."""
 
 
 def import_csv(
-    csv_path: str | PathLike[str], mapping: str | PathLike[str] | Mapping[str, Any] | CsvMapping
+    csv_path: str | PathLike[str],
+    mapping: str | PathLike[str] | Mapping[str, Any] | CsvMapping,
+    rows: RowRange = ALL_ROWS,
 ) -> ImuRecording:
-    """Read a CSV file as the mapping (a file, its content, or a CsvMapping) tells.
+    """Read a CSV file, or some of its rows, as the mapping (a file, its content …) tells.
 
     Rows are sorted by time; rows without a time and repeated times are left out, values that are
     missing or not finite are NaN, gaps are counted: all of it said in `notes`. Raises BagError
@@ -42,11 +46,19 @@ def import_csv(
     path = Path(csv_path)
     told = _mapping(mapping)
     names = [told.time_column, *(column.column for column in told.columns)]
-    table, notes = read_table(path, told, names)
+    table, notes = read_table(path, told, names, rows)
+    if rows.by_line and not len(table):
+        raise BagError(f'{path}: no row between --from and --to')
     stamp, kept = _stamps(path, table[:, 0], told, notes)
     fields = _fields(told, table[kept])
     samples = without_jumps('rows', in_order('rows', stamp, tuple(fields.values())))
     notes += samples.notes
+    inside = rows.within(samples.stamp)
+    if not inside.any():
+        raise BagError(f'{path}: no row between --from and --to')
+    if not inside.all():
+        notes.append(f'{int((~inside).sum())} rows outside --from and --to left out')
+    samples = Samples(samples.stamp[inside], tuple(v[inside] for v in samples.values))
     found: dict[str, Any] = dict(zip(fields, samples.values, strict=True))
     _note_gaps(samples.stamp, notes)
     for field, values in found.items():
@@ -153,7 +165,7 @@ _INFINITE = frozenset({'inf', '+inf', '-inf', 'infinity', '-infinity'})
 
 
 def read_table(
-    path: Path, mapping: CsvMapping, names: Sequence[str]
+    path: Path, mapping: CsvMapping, names: Sequence[str], rows: RowRange = ALL_ROWS
 ) -> tuple[FloatArray, list[str]]:
     """Return the named columns as (n, len(names)) and notes; raise BagError naming the place.
 
@@ -163,10 +175,10 @@ def read_table(
     try:
         try:
             with path.open(encoding='utf-8-sig', newline='') as stream:
-                return _parse(stream, path, mapping, names)
+                return _parse(stream, path, mapping, names, rows)
         except UnicodeDecodeError:
             with path.open(encoding='cp1252', errors='replace', newline='') as stream:
-                table, notes = _parse(stream, path, mapping, names)
+                table, notes = _parse(stream, path, mapping, names, rows)
             return table, [*notes, 'the file is not UTF-8: read as Windows-1252 (cp1252)']
     except OSError as error:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from None
@@ -175,7 +187,11 @@ def read_table(
 
 
 def _parse(
-    stream: Iterator[str], path: Path, mapping: CsvMapping, names: Sequence[str]
+    stream: Iterator[str],
+    path: Path,
+    mapping: CsvMapping,
+    names: Sequence[str],
+    rows: RowRange,
 ) -> tuple[FloatArray, list[str]]:
     lines = _lines(stream, mapping)
     first = next(lines, None)
@@ -187,9 +203,11 @@ def _parse(
     values: list[list[float]] = []
     left_out: list[int] = []
     zoned = mapping.time_unit != ISO_TIME
-    if not mapping.header:
+    if not mapping.header and rows.has_line(number):
         values.append(_row(header, places, path, number, mapping, names))
     for number, cells in lines:
+        if not rows.has_line(number):
+            continue
         if len(cells) != width:
             left_out.append(number)
             continue

@@ -9,10 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from imu_recording.logs.import_log import import_log, is_log
 from imu_recording.plausibility import admitted
 from imu_recording.tables.csv_import import import_csv
+from imu_recording.tables.guess import guess_mapping
 from imu_recording.tables.mapping import UNIT_OF_FIELD
+from imu_recording.tables.row_range import RowRange, row_range
 from imu_recording.user_error import UserError
 from thermal_comp.presentation.display import duration, shown
 
@@ -27,10 +30,12 @@ from imu_workbench.commands.options import (
 
 HELP = 'Turn a CSV file, a PX4 ULog or an ArduPilot DataFlash log into bags.'
 EPILOG = (
-    'A YAML file maps the columns of a CSV to channels, scales, units, offsets. Of a log, every\n'
+    'A YAML file maps the columns of a CSV to channels, scales, units, offsets; without one, a\n'
+    'mapping is guessed from header and ranges and printed, with what is unsure. Of a log, every\n'
     'IMU that has a temperature becomes a bag, DIR/imu0, DIR/imu1, …, in the axes of the\n'
     'autopilot (forward-right-down).\n'
     'examples:\n'
+    '  python -m imu_workbench import board.csv > mapping.yaml\n'
     '  python -m imu_workbench import board.csv --mapping examples/freeimu_mapping.yaml -o board\n'
     '  python -m imu_workbench import warmup.ulg -o warmup'
 )
@@ -40,9 +45,21 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     parser.add_argument('file', metavar='FILE', type=Path, help='CSV, .ulg or .bin to read')
     parser.add_argument(
-        '--mapping', metavar='YAML', type=Path, help='what the columns of a CSV are'
+        '--mapping',
+        metavar='YAML',
+        type=Path,
+        help='what the columns of a CSV are; without it a guess is printed',
     )
-    add_output_argument(parser, 'DIR', 'bag to write; of a log, the folder of its bags')
+    parser.add_argument('--yes', action='store_true', help='import a CSV with the guess')
+    for flag, name in (('--from', 'first'), ('--to', 'last')):
+        parser.add_argument(
+            flag,
+            dest=name,
+            metavar='WHERE',
+            help='line of the CSV (1200), or time since the first sample (90s, 5min, 2h)',
+        )
+    what = 'bag to write; of a log, the folder of its bags'
+    add_output_argument(parser, 'DIR', what, required=False)
     add_accept_argument(parser)
 
 
@@ -50,32 +67,55 @@ def run(options: argparse.Namespace) -> Answer:
     """Read, write, say what was dropped."""
     if not options.file.is_file():
         raise UserError(f'{options.file}: no such file')
-    if is_log(options.file):
-        return _import_log(options)
-    if options.mapping is None:
-        raise UserError(
-            f'{options.file}: neither a ULog nor a DataFlash log; to read it as CSV, say with '
-            '--mapping what its columns are'
-        )
-    return _import_csv(options)
+    log = is_log(options.file)
+    if not log and options.mapping is None and not options.yes:
+        return _guessed(options.file)
+    if options.output is None:
+        raise UserError('-o DIR is missing: where to write')
+    rows = row_range(options.first, options.last)
+    return _import_log(options, rows) if log else _import_csv(options, rows)
 
 
-def _import_csv(options: argparse.Namespace) -> Answer:
+def _guessed(path: Path) -> Answer:
+    """Say what a mapping would probably be, and what to check in it."""
+    guess = guess_mapping(path)
+    lines = [
+        f'# {path}: nothing is written; this mapping is a guess. Save it, correct it and give it',
+        '# as --mapping, or take it as it is with --yes.',
+        *(f'# unsure: {question}' for question in guess.unsure),
+    ]
+    text = yaml.safe_dump(
+        guess.mapping, sort_keys=False, allow_unicode=True, default_flow_style=None
+    )
+    content = {'schema': 1, 'mapping': guess.mapping, 'unsure': guess.unsure, 'output': None}
+    return Answer(content, '\n'.join([*lines, text.rstrip()]))
+
+
+def _import_csv(options: argparse.Namespace, rows: RowRange) -> Answer:
     claim_output(options.output, force=options.force, folder=True)
     show_progress(f'reading {options.file} …')
-    recording = admitted(import_csv(options.file, options.mapping), options.accept)
+    guess = None if options.mapping else guess_mapping(options.file)
+    mapping = guess.mapping if guess else options.mapping
+    recording = admitted(import_csv(options.file, mapping, rows), options.accept)
+    if guess:
+        unsure = (f'guessed: {question}' for question in guess.unsure)
+        recording = recording.with_notes('the mapping is a guess', *unsure)
     with replacing(options.output) as fresh:
         write_bag(recording, fresh)
     content, lines = _told(recording, options.output)
+    if guess:
+        content |= {'mapping': guess.mapping, 'unsure': guess.unsure}
     return Answer({'schema': 1, **content}, '\n'.join(lines))
 
 
-def _import_log(options: argparse.Namespace) -> Answer:
+def _import_log(options: argparse.Namespace, rows: RowRange) -> Answer:
     if options.mapping is not None:
         raise UserError(f'--mapping: {options.file} is a log, which needs none')
+    if rows.by_line:
+        raise UserError(f'{options.file} is a log: give --from and --to as times, such as 90s')
     show_progress(f'reading {options.file} …')
     imus = [
-        (imu, admitted(imu.recording, options.accept), options.output / imu.name)
+        (imu, admitted(_part(imu.recording, rows), options.accept), options.output / imu.name)
         for imu in import_log(options.file)
     ]
     for _, _, target in imus:
@@ -89,6 +129,16 @@ def _import_log(options: argparse.Namespace) -> Answer:
         bags.append(content | {'hardware': hardware})
         lines += [*said, *(f'  {name}: {value}' for name, value in hardware.items() if value)]
     return Answer({'schema': 1, 'log': options.file, 'bags': bags}, '\n'.join(lines))
+
+
+def _part(recording: ImuRecording, rows: RowRange) -> ImuRecording:
+    inside = rows.within(recording.stamp)
+    if inside.all():
+        return recording
+    if not inside.any():
+        raise UserError(f'{recording.source}: no sample between --from and --to')
+    left_out = f'{int((~inside).sum())} rows outside --from and --to left out'
+    return recording.rows(inside).with_notes(left_out)
 
 
 def _told(recording: ImuRecording, target: Path) -> tuple[dict[str, Any], list[str]]:

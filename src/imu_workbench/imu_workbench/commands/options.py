@@ -84,9 +84,11 @@ def add_model_argument(
     parser.add_argument('--model', metavar='MODEL', type=Path, required=required, help=what)
 
 
-def add_output_argument(parser: argparse.ArgumentParser, metavar: str, what: str) -> None:
-    """Add -o, which a verb cannot do without, and --force."""
-    parser.add_argument('-o', '--output', metavar=metavar, type=Path, required=True, help=what)
+def add_output_argument(
+    parser: argparse.ArgumentParser, metavar: str, what: str, *, required: bool = True
+) -> None:
+    """Add -o, which most verbs that write cannot do without, and --force."""
+    parser.add_argument('-o', '--output', metavar=metavar, type=Path, required=required, help=what)
     model = ', and save a model that held-out parts speak against' if metavar == 'MODEL' else ''
     parser.add_argument(
         '--force',

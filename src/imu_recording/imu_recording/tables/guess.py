@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A mapping for a CSV file from its header and the range of its numbers, and what is unsure."""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from imu_recording.recording import GRAVITY, BagError, FloatArray
+from imu_recording.tables.mapping import TIME_UNITS, UNITS, WRITTEN_AS
+
+LINES = 5000
+"""Lines that are looked at."""
+DELIMITERS = ',;\t|'
+VECTORS = {
+    'linear_acceleration': r'(lin(ear)?_?)?a(cc(el(eration|erometer)?)?)?',
+    'angular_velocity': r'(ang(ular)?_?(vel(ocity)?|rate)|g(yr(o(scope)?)?)?|w|omega)',
+    'magnetic_field': r'(m(ag(net(ic(_?field)?|ometer)?)?)?|i|compass)',
+}
+"""What names of columns begin with, before the axis."""
+SCALARS = {
+    'setpoint': r'(set_?point|target|sp)(_?temp(erature)?)?',
+    'chamber_temperature': r'(chamber|oven|ambient|air|outside)(_?t(emp(erature)?)?)?',
+    'device_temperature': r'(board|case|thermocouple|tc|baro(meter)?|pcb)(_?t(emp(erature)?)?)?',
+    'temperature': r'((imu|die|d|sensor|chip)_?)?(t|temp(erature)?)',
+    'humidity': r'(rh|hum(idity)?|relative_?humidity)',
+    'supply_voltage': r'(v|vcc|vdd|supply|voltage)(_?voltage)?',
+}
+TIME = r'(sample_?)?(time(_?stamp)?|stamp|t|date(_?time)?|sec(onds)?|millis|micros)'
+PREFIX = r'(imu\d?|sensor|raw|data)?_?'
+NORMS = {
+    'linear_acceleration': {'m/s²': GRAVITY, 'g': 1.0, 'mg': 1000.0},
+    'magnetic_field': {'T': 5e-5, 'µT': 50.0, 'gauss': 0.5, 'mG': 500.0, 'nT': 5e4},
+}
+"""Norm that gravity and Earth's field have in each unit."""
+COUNTS_PER_G = (2048, 4096, 8192, 16384)
+FASTEST_K_PER_S = 0.5
+"""Change of a temperature over a whole file that no chamber makes."""
+MOST_STEPS_BACK = 0.01
+"""Share of the steps of a clock that may go back."""
+USUAL_PERIOD_S = 0.02
+"""Of units that are possible the one with the more usual period is taken."""
+
+
+@dataclass
+class Guess:
+    """A mapping as its file would hold it, and what the user has to check."""
+
+    mapping: dict[str, Any]
+    unsure: list[str] = field(default_factory=list)
+
+
+def guess_mapping(path: Path) -> Guess:
+    """Return the mapping a CSV file probably needs.
+
+    Raises BagError where there is no header, no time or no vector of a sensor in it.
+    """
+    delimiter, header, table = _table(path)
+    names = {name: _plain(name) for name in header}
+    units = {name: _unit_in(name) for name in header}
+    columns: dict[str, Any] = {}
+    unsure: list[str] = []
+    values = dict(zip(header, table.T, strict=True))
+    for field_name, pattern in VECTORS.items():
+        found = _vector(names, pattern)
+        if found:
+            told = _vector_unit(field_name, [values[n] for n in found], units[found[0]], unsure)
+            columns[field_name] = {'columns': found, **told}
+    if not columns:
+        raise BagError(
+            f'{path}: no columns such as ax, ay, az or gyro_x, gyro_y, gyro_z in its header '
+            f'({", ".join(header)}); write a mapping (--mapping)'
+        )
+    taken = {name for entry in columns.values() for name in entry['columns']}
+    clock = _time_column(path, names, values)
+    taken.add(clock)
+    for field_name, pattern in SCALARS.items():
+        free = (n for n in header if n not in taken and re.fullmatch(PREFIX + pattern, names[n]))
+        name = next(free, None)
+        if name is not None:
+            taken.add(name)
+            told = _scalar_unit(field_name, name, values[name], units[name], unsure)
+            columns[field_name] = {'column': name, **told}
+    if 'temperature' not in columns:
+        unsure.append('no column looks like the temperature of the die')
+    warmth = values[columns['temperature']['column']] if 'temperature' in columns else None
+    unit = _time_unit(clock, values[clock], units[clock], warmth, unsure)
+    time = {'column': clock, 'unit': unit}
+    mapping: dict[str, Any] = {'schema': 1, 'device': path.stem, 'time': time, 'columns': columns}
+    if delimiter != ',':
+        mapping['delimiter'] = delimiter
+    left = [name for name in header if name not in taken]
+    if left:
+        unsure.append(f'not used: {", ".join(left)}')
+    return Guess(mapping, unsure)
+
+
+def _time_column(path: Path, names: Mapping[str, str], values: Mapping[str, FloatArray]) -> str:
+    """Return the column that is called like a time and hardly ever goes back."""
+    for name, plain in names.items():
+        known = values[name][np.isfinite(values[name])]
+        back = np.count_nonzero(np.diff(known) < 0.0)
+        if re.fullmatch(PREFIX + TIME, plain) and back <= MOST_STEPS_BACK * len(known):
+            return name
+    raise BagError(f'{path}: no column looks like the time; write a mapping (--mapping)')
+
+
+def _table(path: Path) -> tuple[str, list[str], FloatArray]:
+    """Return delimiter, header and (n, columns) of the first lines; no number is NaN."""
+    try:
+        with path.open(encoding='utf-8-sig', errors='replace', newline='') as stream:
+            text = ''.join(itertools.islice(stream, LINES))
+    except OSError as error:
+        raise BagError(f'{path}: cannot be read ({error.strerror})') from None
+    first = next((line for line in text.splitlines() if line.strip()), '')
+    delimiter = max(DELIMITERS, key=first.count)
+    rows = [row for row in csv.reader(io.StringIO(text), delimiter=delimiter) if any(row)]
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    if len(header) < 2 or all(np.isfinite(_number(cell)) for cell in header):
+        raise BagError(f'{path}: its first line is no header; write a mapping (--mapping)')
+    if len(set(header)) < len(header):
+        raise BagError(f'{path}: two columns have the same name; write a mapping (--mapping)')
+    numbers = [[_number(cell) for cell in row] for row in rows[1:] if len(row) == len(header)]
+    if not numbers:
+        raise BagError(f'{path}: no line has as many cells as its header, {len(header)}')
+    return delimiter, header, np.array(numbers)
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return np.nan
+
+
+def _plain(name: str) -> str:
+    """Return a name in lower case, without its unit, its parts joined by _.
+
+    >>> _plain('imu.acc.x'), _plain('Gyro X (deg/s)'), _plain('accelX')
+    ('imu_acc_x', 'gyro_x', 'accel_x')
+    """
+    bare = re.sub(r'[\[(].*?[\])]', '', name).strip()
+    bare = re.sub(r'(?<=[a-z])(?=[A-Z])', '_', bare)
+    parts = [part for part in re.split(r'[^0-9a-zA-Z]+', bare.lower()) if part]
+    if len(parts) > 1 and _known_unit(parts[-1]):
+        parts.pop()
+    return '_'.join(parts)
+
+
+def _unit_in(name: str) -> str:
+    """Return what stands in brackets, or after the last _, '' where that is no unit.
+
+    >>> _unit_in('ax [mg]'), _unit_in('gyro_x_dps'), _unit_in('temp')
+    ('mg', 'dps', '')
+    """
+    bracket = re.search(r'[\[(](.*?)[\])]', name)
+    told = bracket[1].strip() if bracket else name.rpartition('_')[2] if '_' in name else ''
+    return told if _known_unit(told) else ''
+
+
+def _known_unit(word: str) -> bool:
+    listed = {unit.lower() for known in UNITS.values() for unit in known}
+    return len(word) > 1 and (word.lower() in {*listed, *WRITTEN_AS, *TIME_UNITS})
+
+
+def _vector(names: Mapping[str, str], pattern: str) -> list[str]:
+    """Return the three columns whose names differ in the axis alone; [] where there are none."""
+    found: dict[str, str] = {}
+    for name, plain in names.items():
+        match = re.fullmatch(rf'{PREFIX}{pattern}_?(?P<axis>[xyz])', plain)
+        if match:
+            found.setdefault(match['axis'], name)
+    return [found[axis] for axis in 'xyz'] if len(found) == 3 else []
+
+
+def _vector_unit(
+    name: str, columns: Sequence[FloatArray], told: str, unsure: list[str]
+) -> dict[str, Any]:
+    if told and _is_of(name, told):
+        return {'unit': told}
+    values = np.stack(columns, axis=1)
+    norm = float(np.nanmedian(np.linalg.norm(values, axis=1)))
+    counts = bool(np.all(values[np.isfinite(values)] % 1.0 == 0.0))
+    if name == 'angular_velocity':
+        if counts:
+            unsure.append(f'{name}: whole numbers, taken as counts of 1/131 °/s (±250 °/s)')
+            return {'scale': '1/131', 'unit': '°/s'}
+        unsure.append(f'{name}: no unit in the header, taken as rad/s')
+        return {'unit': 'rad/s'}
+    if counts and name == 'linear_acceleration':
+        nearest = min(COUNTS_PER_G, key=lambda c: abs(np.log(max(norm, 1e-9) / c)))
+        if 0.7 < norm / nearest < 1.4:
+            unsure.append(f'{name}: whole numbers, taken as counts of 1/{nearest} g')
+            return {'scale': f'1/{nearest}', 'unit': 'g'}
+    unit, size = min(NORMS[name].items(), key=lambda u: abs(np.log(max(norm, 1e-12) / u[1])))
+    if not 0.4 < norm / size < 2.5 or counts:
+        unsure.append(f'{name}: its norm, {norm:.4g}, is that of no unit: scale and unit?')
+    return {'unit': unit}
+
+
+def _scalar_unit(
+    name: str, column: str, values: FloatArray, told: str, unsure: list[str]
+) -> dict[str, Any]:
+    if told and _is_of(name, told):
+        return {'unit': told}
+    known = values[np.isfinite(values)]
+    middle = float(np.median(known)) if len(known) else np.nan
+    if name == 'humidity':
+        return {'unit': '%' if middle > 1.0 else '1'}
+    if name == 'supply_voltage':
+        return {'unit': 'mV' if middle > 100.0 else 'V'}
+    if -60.0 < middle < 130.0:
+        return {'unit': '°C'}
+    if 200.0 < middle < 400.0:
+        return {'unit': 'K'}
+    unsure.append(f'{name}: {column} is about {middle:.4g}, no temperature: scale and offset?')
+    return {'unit': '°C'}
+
+
+def _is_of(name: str, unit: str) -> bool:
+    return WRITTEN_AS.get(unit.lower(), unit).lower() in {known.lower() for known in UNITS[name]}
+
+
+def _time_unit(
+    name: str, values: FloatArray, told: str, warmth: FloatArray | None, unsure: list[str]
+) -> str:
+    """Return the unit in which period and change of temperature are those of a recording."""
+    if told in TIME_UNITS:
+        return told
+    known = values[np.isfinite(values)]
+    if len(known) < 2:
+        return 'iso8601'
+    step = float(np.median(np.abs(np.diff(known))))
+    possible = [u for u in _possible_units(known, step, warmth) if step > 0.0]
+    if not possible:
+        unsure.append(f'time: steps of {name} are {step:.4g}: unit?')
+        return 's'
+    periods = {unit: step * TIME_UNITS[unit] * 1e-9 for unit in possible}
+    unit = min(periods, key=lambda u: abs(np.log(periods[u] / USUAL_PERIOD_S)))
+    if len(possible) > 1:
+        unsure.append(f'time: {name} in {unit} makes a period of {periods[unit]:.3g} s')
+    return unit
+
+
+def _possible_units(time: FloatArray, step: float, warmth: FloatArray | None) -> Iterator[str]:
+    span = 0.0
+    if warmth is not None and np.isfinite(warmth).any() and np.nanmax(np.abs(warmth)) < 400.0:
+        known = warmth[np.isfinite(warmth)]
+        n = max(1, len(known) // 20)
+        span = abs(float(np.median(known[-n:]) - np.median(known[:n])))
+    for unit in ('s', 'ms', 'us', 'ns'):
+        seconds = TIME_UNITS[unit] * 1e-9
+        length = float(time.max() - time.min()) * seconds
+        if 1e-4 <= step * seconds <= 60.0 and span <= FASTEST_K_PER_S * length:
+            yield unit

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mappings guessed from headers and ranges, and parts of files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from imu_recording.recording import BagError
+from imu_recording.tables.csv_import import import_csv
+from imu_recording.tables.guess import guess_mapping
+from imu_recording.tables.row_range import row_range
+from imu_recording.user_error import UserError
+
+EXAMPLES = Path(__file__).resolve().parents[3] / 'examples'
+HEADERS = {
+    'SI': ('t', 's', 'ax,ay,az', 1.0, 'gx,gy,gz', 1.0, 'temp', 0.0),
+    'g and degrees per second': (
+        'Time (ms)', 'ms',
+        'Acc X [g],Acc Y [g],Acc Z [g]', 1 / 9.80665,
+        'gyro_x_dps,gyro_y_dps,gyro_z_dps', 180 / np.pi,
+        'IMU temperature (K)', 273.15,
+    ),
+    'mg by their norm': (
+        'timestamp_us', 'us',
+        'accelX,accelY,accelZ', 1000 / 9.80665,
+        'imu.gyro.x,imu.gyro.y,imu.gyro.z', 1.0,
+        'imu.temperature', 0.0,
+    ),
+}  # fmt: skip
+PER_SECOND = {'s': 1.0, 'ms': 1e3, 'us': 1e6}
+
+
+@pytest.mark.parametrize('name', HEADERS)
+@pytest.mark.parametrize('delimiter', [',', ';', '\t'])
+def test_what_is_guessed_reads_as_it_was_measured(
+    name: str, delimiter: str, tmp_path: Path
+) -> None:
+    time_name, unit, forces, force, rates, rate, warmth, zero = HEADERS[name]
+    rng = np.random.default_rng(3)
+    n = 400
+    time = 0.02 * np.arange(n)
+    acceleration = [0.1, -0.2, 9.75] + rng.normal(0.0, 0.02, (n, 3))
+    velocity = rng.normal(0.01, 0.002, (n, 3))
+    temperature = 30.0 + 0.001 * np.arange(n)
+    header = [time_name, *forces.split(','), *rates.split(','), warmth, 'status']
+    columns = np.column_stack([
+        time * PER_SECOND[unit], force * acceleration, rate * velocity, temperature + zero,
+        np.zeros(n),
+    ])  # fmt: skip
+    path = tmp_path / 'board.csv'
+    lines = [delimiter.join(header), *(delimiter.join(map(repr, r)) for r in columns.tolist())]
+    path.write_text('\n'.join(lines))
+    guess = guess_mapping(path)
+    recording = import_csv(path, guess.mapping)
+    np.testing.assert_allclose(recording.time, time, atol=1e-6)
+    np.testing.assert_allclose(recording.linear_acceleration, acceleration, rtol=1e-6)
+    np.testing.assert_allclose(recording.angular_velocity, velocity, rtol=1e-6)
+    np.testing.assert_allclose(recording.temperature, temperature, rtol=1e-6)
+    assert any('not used: status' in question for question in guess.unsure)
+    assert yaml.safe_load(yaml.safe_dump(guess.mapping)) == guess.mapping
+
+
+@pytest.mark.shared_data
+def test_public_files_need_the_mapping_of_the_examples(shared: Path) -> None:
+    told = yaml.safe_load((EXAMPLES / 'tofupilot_mapping.yaml').read_text())
+    guess = guess_mapping(shared / 'data' / 'tofupilot_chamber' / 'imu_raw_data.csv')
+    for key in ('time', 'columns', 'delimiter'):
+        assert guess.mapping[key] == told[key]
+    told = yaml.safe_load((EXAMPLES / 'freeimu_mapping.yaml').read_text())
+    guess = guess_mapping(shared / 'data' / 'freeimu_freezer' / 'Tempdata01-02-14.csv')
+    forces = 'linear_acceleration'
+    assert guess.mapping['time'] == told['time']
+    assert guess.mapping['columns'][forces] == told['columns'][forces]
+    for said in ('angular_velocity: whole numbers', 'dTemp is about', 'that of no unit'):
+        assert any(said in question for question in guess.unsure), said
+
+
+BAD = {
+    'no header': ('1,2,3\n4,5,6\n', 'no header'),
+    'nothing': ('', 'no header'),
+    'no vector': ('time,pressure\n1,2\n', 'no columns such as'),
+    'no time': ('ax,ay,az\n0,0,9.8\n', 'no column looks like the time'),
+    'twice the same': ('t,ax,ax,az\n0,0,0,9.8\n', 'the same name'),
+    'no data': ('t,ax,ay,az\n', 'as many cells as its header'),
+}
+
+
+@pytest.mark.parametrize('name', BAD)
+def test_what_cannot_be_guessed_asks_for_a_mapping(name: str, tmp_path: Path) -> None:
+    text, reason = BAD[name]
+    path = tmp_path / 'board.csv'
+    path.write_text(text)
+    with pytest.raises(BagError, match=reason):
+        guess_mapping(path)
+
+
+@pytest.fixture
+def numbered(tmp_path: Path) -> Path:
+    """A sample a second; line k + 2 holds second k."""
+    path = tmp_path / 'numbered.csv'
+    rows = [f'{k},0.0,0.0,{9.8 + 0.001 * k}' for k in range(100)]
+    path.write_text('\n'.join(['t,ax,ay,az', *rows]))
+    return path
+
+
+@pytest.mark.parametrize(
+    ('first', 'last', 'seconds'),
+    [
+        ('12', '20', range(10, 19)),
+        (None, '20', range(19)),
+        ('90s', None, range(90, 100)),
+        ('0.5min', '31s', range(30, 32)),
+        ('11', '5s', range(9, 15)),  # five seconds from the first line that is read
+    ],
+)
+def test_a_part_of_a_file(
+    numbered: Path, first: str | None, last: str | None, seconds: range
+) -> None:
+    mapping = guess_mapping(numbered).mapping
+    mapping['time']['unit'] = 's'
+    recording = import_csv(numbered, mapping, row_range(first, last))
+    found = (recording.linear_acceleration[:, 2] - 9.8) * 1000.0
+    assert np.rint(found).tolist() == list(seconds)
+
+
+def test_limits_that_leave_nothing_are_refused(numbered: Path) -> None:
+    mapping = guess_mapping(numbered).mapping
+    for first, last in (('500', None), ('3h', None)):
+        with pytest.raises(BagError, match='no row'):
+            import_csv(numbered, mapping, row_range(first, last))
+    for first, last, said in (('9', '3', 'after the end'), ('3 days', None, 'expected a line')):
+        with pytest.raises(UserError, match=said):
+            row_range(first, last)
