@@ -167,8 +167,15 @@ class Foreign(Effect):
 
 
 def test_an_effect_without_a_c_form_is_refused_by_name() -> None:
-    with pytest.raises(ModelError, match=r'gyroscope: foreign.*c_columns'):
-        c99_of(model_of([Foreign(), EFFECTS['bias_temperature']()]))
+    class PerRun(Foreign):
+        per_run = True
+
+        def c_columns(self, c):
+            return CColumns([c.temperature_difference])
+
+    for effect in (Foreign(), PerRun()):
+        with pytest.raises(ModelError, match=r'gyroscope: foreign.*c_columns'):
+            c99_of(model_of([effect, EFFECTS['bias_temperature']()]))
 
 
 @needs_compiler
@@ -186,6 +193,24 @@ def test_a_users_effect_brings_its_c_form(tmp_path: Path) -> None:
             return CColumns([c.exp(f'-{x} * {x}')])
 
     off_by(tmp_path, model_of([Own()]), [example_course(model_of([Own()]))])
+
+
+@needs_compiler
+def test_sums_within_a_users_effect_are_kept_together(tmp_path: Path) -> None:
+    class Shared(Foreign):
+        """Coefficients shared by the axes, written without parentheses; waits for a channel."""
+
+        channels = ('supply_voltage',)
+
+        def columns(self, conditions, state=None):
+            x = conditions.temperature_difference
+            return np.stack([x - 3.0, 2.0 - x, 0.0 * x], axis=1)[:, :, None], None
+
+        def c_columns(self, c):
+            x = c.temperature_difference
+            return CColumns([(f'{x} - {c.number(3.0)}', f'{c.number(2.0)} - {x}', '')])
+
+    off_by(tmp_path, model_of([Shared()]), [example_course(model_of([Shared()]))])
 
 
 def test_a_bending_effect_with_a_history_is_refused() -> None:

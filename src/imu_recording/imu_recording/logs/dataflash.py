@@ -82,9 +82,16 @@ def _opened(path: Path) -> Any:
         raise LogError(
             f'{path}: reading this log needs pymavlink (pip install pymavlink)'
         ) from None
+
+    class Index(DFReader.DFReader_binary):  # type: ignore[misc]
+        """The reader without its search for the time of day, which reads every message."""
+
+        def init_clock(self) -> None:
+            """Leave the clock as it is: since power-on."""
+
     try:
         with _silence():
-            return DFReader.DFReader_binary(str(path))
+            return Index(str(path))
     except Exception as error:  # noqa: BLE001 (the parser raises whatever damage leads to)
         reason = f'{type(error).__name__}: {error}'
         raise LogError(f'{path}: damaged, cannot be read ({reason})') from None

@@ -137,9 +137,10 @@ def _refuse_what_cannot_be_written(model: ThermalModel) -> None:
             raise ModelError(f'sensors.{sensor}.temperature_range: expected two numbers')
     without = {
         f'{sensor}: {effect.name}'
-        for sensor, part in model.sensors.items()
-        for _, effect, _ in part.device_terms()
-        if type(effect).c_columns is Effect.c_columns
+        for sensor in SENSORS
+        if sensor in model.sensors
+        for _, effect, _ in model.sensors[sensor].device_terms()
+        if effect.per_run or effect.c_columns(_form(effect, sensor, Signals())) is None
     }
     if without:
         raise ModelError(
@@ -149,6 +150,7 @@ def _refuse_what_cannot_be_written(model: ThermalModel) -> None:
 
 
 def _form(effect: Effect, sensor: Sensor, signals: Signals) -> CForm:
+    """Return the names and operators for one effect."""
     return CForm(sensor, signals, effect.name, effect.channels, held=effect.bends)
 
 
@@ -195,6 +197,8 @@ def _block(
     form = _form(effect, sensor, signals)
     made = effect.c_columns(form)
     assert made is not None  # noqa: S101 (refused before)
+    for channel in effect.channels:  # one that the effect only waits for
+        signals.channels.setdefault(channel, 1)
     mixed = coefficients if made.mixing is None else made.mixing @ coefficients
     lines = [*form.locals, *_sums(made, mixed)]
     if effect.bends:
@@ -209,14 +213,14 @@ def _sums(made: CColumns, coefficients: FloatArray) -> list[str]:
     """Return the statements error[i] += coefficient * column."""
     lines: list[str] = []
     for expression, row in zip(made.expressions, np.asarray(coefficients), strict=True):
-        per_axis = (expression,) * 3 if isinstance(expression, str) else expression
         values = row if np.ndim(row) else np.full(3, row)
-        if isinstance(expression, str) and not expression.isidentifier():
-            lines.append(f'const imu_thermal_real c{len(lines)} = {expression};')
-            per_axis = (f'c{len(lines) - 1}',) * 3
+        if isinstance(expression, str):
+            name = f'c{len(lines)}'
+            lines.append(f'const imu_thermal_real {name} = {expression};')
+            expression = (name,) * 3  # noqa: PLW2901 (the same for every axis)
         lines += [
-            f'error[{axis}] += REAL({float(value)!r}) * {column};'
-            for axis, (column, value) in enumerate(zip(per_axis, values, strict=True))
+            f'error[{axis}] += REAL({float(value)!r}) * ({column});'
+            for axis, (column, value) in enumerate(zip(expression, values, strict=True))
             if column
         ]
     return lines
