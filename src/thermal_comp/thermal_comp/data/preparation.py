@@ -230,6 +230,24 @@ def prepare_run(
     return replace(run, measured={s: _block_measurement(run, s) for s in SENSORS})
 
 
+def in_longer_blocks(run: PreparedRun, factor: int) -> PreparedRun:
+    """Return the run in blocks `factor` times as long."""
+    place = run.slot // factor
+    first = np.flatnonzero(np.diff(place, prepend=place[0] - 1))
+    last = np.append(first[1:], len(place)) - 1
+    full = last - first + 1 >= 0.5 * factor
+    first, last = first[full], last[full]
+    starts = np.column_stack([run.starts[first, 0], run.starts[last, 1]])
+    longer = replace(
+        run,
+        starts=starts,
+        slot=place[first],
+        period=factor * run.period,
+        cv_group=run.cv_group[(first + last) // 2],
+    )
+    return replace(longer, measured={s: _block_measurement(longer, s) for s in run.measured})
+
+
 def block_length(recording: ImuRecording) -> float:
     """Return the length of a recording's blocks [s]: so that there are BLOCKS, if that may be.
 

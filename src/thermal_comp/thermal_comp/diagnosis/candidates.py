@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any
@@ -123,30 +123,39 @@ def missing_channels(effect: type[Effect], runs: Sequence[PreparedRun]) -> list[
     return [c for c in effect.channels if not all(run.conditions.has(c) for run in runs)]
 
 
-def moved_forms(design: CandidateDesign, form: Form, ratio: float) -> list[Form]:
-    """Return the form with each shape parameter moved up and down, within its bounds."""
-    effects = list(_moved(form.effect, ratio))
-    design.terms([part for effect in effects for part in effect.parts()])
-    return [form_of(design, effect, form.run) for effect in effects]
+def moved_forms(
+    design: CandidateDesign, form: Form, ratio: float, ways: Sequence[Sequence[float]]
+) -> list[Form | None]:
+    """Return the form with its shape parameters moved, None where that leaves their bounds.
+
+    Each of `ways` says by what power of `ratio` every parameter is multiplied.
+    """
+    effects = [_moved(form.effect, ratio, way) for way in ways]
+    design.terms([part for effect in effects if effect for part in effect.parts()])
+    return [None if e is None else form_of(design, e, form.run) for e in effects]
 
 
-def _moved(effect: Effect, ratio: float) -> Iterator[Effect]:
+def _moved(effect: Effect, ratio: float, powers: Sequence[float]) -> Effect | None:
+    left = iter(powers)
+    changed: dict[str, Any] = {}
     for item in fields(effect):
         if item.metadata['given']:
             continue
         value: Any = getattr(effect, item.name)
         low, high = item.metadata.get('searched') or item.metadata['bounds']
+        step = item.metadata.get('step')
         several = isinstance(value, tuple)
-        values = value if several else (value,)
-        for k, number in enumerate(values):
-            for moved in _neighbours(float(number), ratio, item.metadata.get('step')):
-                if low <= moved <= high:
-                    new = (*values[:k], moved, *values[k + 1 :])
-                    yield replace(effect, **{item.name: new if several else moved})
+        new = tuple(
+            float(f'{_neighbour(float(number), ratio, step, next(left)):.12g}')
+            for number in (value if several else (value,))
+        )
+        if not all(low <= number <= high for number in new):
+            return None
+        changed[item.name] = new if several else new[0]
+    return replace(effect, **changed)
 
 
-def _neighbours(number: float, ratio: float, step: float | None) -> tuple[float, float]:
+def _neighbour(number: float, ratio: float, step: float | None, power: float) -> float:
     if step is None:
-        return number * ratio, number / ratio
-    distance = step * (ratio - 1.0) / 0.25
-    return number + distance, number - distance
+        return float(number * ratio**power)
+    return number + power * step * (ratio - 1.0) / 0.25

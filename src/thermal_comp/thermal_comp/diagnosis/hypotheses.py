@@ -37,8 +37,10 @@ LEAST_GAIN = 2.0
 """Least gain of ln evidence, before any prior, from which an addition is looked at closely."""
 PROMISING_SHARE = 0.3
 """Share of the best single effect's gain a form may lose because the grid of shapes is coarse."""
-SHAPE_RATIOS = (1.25, 1.1, 1.04, 1.015, 1.005)
-"""Factors by which shape parameters are moved, ever smaller."""
+SHAPE_RATIOS = (1.25, 1.06, 1.02, 1.005)
+"""Factors by which shape parameters are moved, ever smaller; the peak lies between them."""
+LEAST_MOVE = 0.05
+"""Gain of ln evidence from which a move goes on."""
 MOST_MOVES = 12
 """Moves of a shape by one factor."""
 CURVATURE_RATIO = 1.04
@@ -309,32 +311,40 @@ class SensorHypotheses:
         one = components[place]
         if one.form.free == 0:
             return components
-        best, value = components, self._likely(components)
+        each_way = _unit_ways(one.form.free)
+        known: dict[Effect, float] = {}
+
+        def likely(form: Form) -> float:
+            if form.effect not in known:
+                known[form.effect] = self._likely(self._with(components, place, form))
+            return known[form.effect]
+
+        best = one.form
         with self._trials(components):
             for ratio in SHAPE_RATIOS:
                 for _ in range(MOST_MOVES):
-                    trials = self._moved(best, place, ratio)
-                    values = [self._likely(trial) for trial in trials]
-                    if not values or max(values) < value + 0.05:
+                    near = moved_forms(self.design, best, ratio, each_way)
+                    inside = [form for form in near if form is not None]
+                    nearest = max(inside, key=likely, default=best)
+                    if likely(nearest) < likely(best) + LEAST_MOVE:
                         break
-                    value = max(values)
-                    best = trials[int(np.argmax(values))]
-        found = form_of(self.design, best[place].form.effect, one.form.run)
-        return [*components[:place], replace(one, form=found), *components[place + 1 :]]
+                    best = nearest
+                values = [None if form is None else likely(form) for form in near]
+                peak = moved_forms(self.design, best, ratio, [_peak(likely(best), values)])[0]
+                if peak is not None and likely(peak) > likely(best):
+                    best = peak
+        return self._with(components, place, form_of(self.design, best.effect, one.form.run))
+
+    @staticmethod
+    def _with(components: Sequence[Component], place: int, form: Form) -> list[Component]:
+        """Return the components with one in another form."""
+        changed = replace(components[place], form=form)
+        return [*components[:place], changed, *components[place + 1 :]]
 
     def _trials(self, components: Sequence[Component]) -> AbstractContextManager[None]:
         """Return a context for columns that are tried beside nuisances and components alone."""
         beside = [c for prior in self._likeliest[1] for c in prior.columns]
         return self.design.trials([*beside, *(c for one in components for c in one.columns)])
-
-    def _moved(
-        self, components: Sequence[Component], place: int, ratio: float
-    ) -> list[list[Component]]:
-        one = components[place]
-        return [
-            [*components[:place], replace(one, form=form), *components[place + 1 :]]
-            for form in moved_forms(self.design, one.form, ratio)
-        ]
 
     def _scaled(self, components: list[Component], place: int) -> tuple[list[Component], float]:
         """Return the components with one's best amplitude, and ln of the sum over amplitudes.
@@ -400,10 +410,9 @@ class SensorHypotheses:
             return share
         here = self._likely(components)
         with self._trials(components):
-            drops = [
-                max(here - self._likely(trial), 1e-3)
-                for trial in self._moved(components, place, CURVATURE_RATIO)
-            ]
+            near = moved_forms(self.design, one.form, CURVATURE_RATIO, _unit_ways(one.form.free))
+            trials = [self._likely(self._with(components, place, f)) for f in near if f]
+            drops = [max(here - trial, 1e-3) for trial in trials]
         if not drops:
             return share
         widths = np.log(CURVATURE_RATIO) * np.sqrt(np.pi / np.array(drops))
@@ -423,6 +432,25 @@ def _leaves_a_trace(design: CandidateDesign, family: Family) -> bool:
     """Tell whether any column of the family is more than rounding beside the base model."""
     columns = [c for form in family.forms for term in form.terms for c in term.columns]
     return bool((design.normal[:, columns, columns] > 0.0).any())
+
+
+def _unit_ways(parameters: int) -> list[list[float]]:
+    """Return each parameter's way up and down alone."""
+    return [
+        [way * (other == one) for other in range(parameters)]
+        for one in range(parameters)
+        for way in (1.0, -1.0)
+    ]
+
+
+def _peak(here: float, near: Sequence[float | None]) -> list[float]:
+    """Return where a parabola in each parameter has its peak, as powers of the ratio."""
+    powers = []
+    for up, down in zip(near[::2], near[1::2], strict=True):
+        bend = 0.0 if up is None or down is None else 2.0 * here - up - down
+        slope = 0.0 if up is None or down is None else up - down
+        powers.append(float(np.clip(0.5 * slope / bend, -1.0, 1.0)) if bend > 0.0 else 0.0)
+    return powers
 
 
 def _alike(forms: Sequence[Form]) -> list[list[Form]]:

@@ -12,7 +12,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.preparation import PreparedRun, in_longer_blocks
 from thermal_comp.diagnosis.candidates import missing_channels
 from thermal_comp.diagnosis.hypotheses import (
     NOT_IN_CATALOGUE,
@@ -22,6 +22,7 @@ from thermal_comp.diagnosis.hypotheses import (
     SensorHypotheses,
 )
 from thermal_comp.diagnosis.posterior import Explanation, explanations, probability
+from thermal_comp.diagnosis.spectral_lines import spectral_lines
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import NoiseModel
@@ -36,6 +37,10 @@ REFUTING_SHARE = 2e-4
 """… or this share of what it explains: the larger it is, the more a flaw in its form costs."""
 CHANGED_VARIANCE_SHARE = 0.8
 """Share of its variance below which noise is another one."""
+SEARCH_BLOCKS = 700
+"""Blocks that the longest run is searched in at least …"""
+LONGEST_SEARCH_BLOCK_S = 60.0
+"""… and the longest of them [s]: lags of half a minute still leave a trace in ramps."""
 Listed = dict[Sensor, tuple[Effect, ...]]
 Kind = Literal['complete', 'named', 'unexplained', 'unlogged']
 
@@ -120,7 +125,8 @@ def search_sensors(
     settings: Settings,
 ) -> dict[Sensor, SensorAnswer]:
     """Return what explains each sensor's residual, by itself, then where effects are coupled."""
-    searches = SensorSearches(ColumnSource(runs), base, noise, settings)
+    searched = in_search_blocks(runs, list(base))
+    searches = SensorSearches(ColumnSource(searched), base, noise, settings)
     # Most of the work is done in numpy and compiled loops, where sensors do not wait for another.
     with ThreadPoolExecutor() as pool:
         found = dict(zip(base, pool.map(searches.of_sensor, base), strict=True))
@@ -128,6 +134,19 @@ def search_sensors(
         if effect.coupled:
             found.update(searches.of_coupled(effect, found))
     return found
+
+
+def in_search_blocks(runs: Sequence[PreparedRun], sensors: Sequence[Sensor]) -> list[PreparedRun]:
+    """Return long runs in longer blocks: the work falls with them, slow effects lose nothing.
+
+    A line in the spectrum would be averaged away; with one the blocks stay as they are.
+    """
+    blocks = max(int(run.slot[-1] - run.slot[0]) + 1 for run in runs)
+    longest = int(LONGEST_SEARCH_BLOCK_S / runs[0].period)
+    factor = min(blocks // SEARCH_BLOCKS, longest)
+    if factor < 2 or any(spectral_lines(runs, sensor) for sensor in sensors):
+        return list(runs)
+    return [in_longer_blocks(run, factor) for run in runs]
 
 
 @dataclass(frozen=True, eq=False)

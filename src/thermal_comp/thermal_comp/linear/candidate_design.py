@@ -85,6 +85,8 @@ def smoothing_width(temperature: FloatArray, step: float) -> float:
 __all__ = ['RANK_TOLERANCE', 'CandidateDesign', 'ColumnSource', 'ColumnGroup']
 
 
+TRANSPOSED_ROWS = 128
+"""Rows that are transposed together: they stay in the processor's cache."""
 FIRST_COLUMN_CAPACITY = 1024
 """Columns there is room for at first; memory that is not written to costs nothing."""
 
@@ -96,6 +98,16 @@ class ColumnGroup:
     columns: tuple[int, ...]
     shared: bool = False
     """True where the three axes share the coefficients; else each axis has its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Partners:
+    """Columns of which products with new ones are computed, beside those made since."""
+
+    index: slice | list[int]
+    columns: FloatArray
+    """(3, k, rows)."""
+    first_new: int
 
 
 class CandidateDesign:
@@ -137,9 +149,7 @@ class CandidateDesign:
         self.right = np.zeros((3, FIRST_COLUMN_CAPACITY))
         self._size = np.zeros(0)
         self.width = 0
-        self._partners: Sequence[int] | None = None
-        self._first_new = 0
-        """Columns of which products with new ones are computed; None: all."""
+        self._partners: _Partners | None = None
         levels = stack_runs([np.ones((len(slot), 1)) for slot in slots], per_run=True)
         known = [per_axis(levels)[0], self._thermometer_noise()]
         known += [per_axis(self._evaluated(effect))[0] for effect in base]
@@ -166,7 +176,9 @@ class CandidateDesign:
     @contextmanager
     def _products_with(self, columns: Sequence[int] | None) -> Iterator[None]:
         """Compute products of new columns with these and each other alone; None: with all."""
-        self._partners, self._first_new = columns, self.width
+        if columns is not None:
+            index = slice(0, len(columns)) if columns == range(len(columns)) else list(columns)
+            self._partners = _Partners(index, self._columns[:, index], self.width)
         try:
             yield
         finally:
@@ -368,13 +380,13 @@ class CandidateDesign:
             before += np.einsum('np,np->p', columns, columns)
             columns = project_out(self.base[axis], columns)
             size += np.einsum('np,np->p', columns, columns)
-            self._columns[axis, start:stop] = columns.T
+            for row in range(0, self.rows, TRANSPOSED_ROWS):
+                piece = slice(row, row + TRANSPOSED_ROWS)
+                self._columns[axis, start:stop, piece] = columns[piece].T
         before, size = np.sqrt(before), np.sqrt(size)
         scale = np.where(size > 1e-6 * before, 1.0 / np.maximum(size, 1e-300), 0.0)
         self._size = np.concatenate([self._size, size])
         partners = self._partners
-        if partners is not None:
-            partners = [*partners, *range(self._first_new, start)]
         for axis in range(3):
             filled = self._columns[axis]
             new = filled[start:stop]
@@ -384,7 +396,9 @@ class CandidateDesign:
                 normal[start:stop, :start] = new @ filled[:start].T
             else:
                 normal[start:stop, :start] = 0.0
-                normal[start:stop, partners] = new @ filled[partners].T
+                normal[start:stop, partners.index] = new @ partners.columns[axis].T
+                made = slice(partners.first_new, start)
+                normal[start:stop, made] = new @ filled[made].T
             normal[:start, start:stop] = normal[start:stop, :start].T
             normal[start:stop, start:stop] = new @ new.T
             self.right[axis, start:stop] = new @ self.target[axis]

@@ -65,27 +65,28 @@ class ConditionedDesign:
         Widths are those of coefficients of columns of unit length; `beside`: those of all that a
         form adds, √Δχ², to what was integrated out.
         """
-        forms, size = columns.shape
+        forms = len(columns)
         blocks = self.normal[:, columns[:, :, None], columns[:, None, :]]
         right = self.right[:, columns]
-        half = self.coupling[:, :, columns]
+        half = self.coupling[:, :, columns].transpose(1, 2, 0, 3)
         if shared:
-            normal, right, half = blocks.sum(axis=0), right.sum(axis=0), half.sum(axis=1)
-            half = half.transpose(1, 0, 2)
-        else:
-            normal = np.zeros((forms, 3 * size, 3 * size))
-            for axis in range(3):
-                own = slice(axis * size, (axis + 1) * size)
-                normal[:, own, own] = blocks[axis]
-            right = right.transpose(1, 0, 2).reshape(forms, 3 * size)
-            half = half.transpose(2, 0, 1, 3).reshape(forms, -1, 3 * size)
-        values, vectors = np.linalg.eigh(normal - half.transpose(0, 2, 1) @ half)
-        values = np.maximum(values, 0.0)
-        squares = np.einsum('fij,fi->fj', vectors, right) ** 2
-        left = np.maximum(values.sum(axis=1), 1e-6) if beside else np.ones(forms)
-        variance = (deviations[:, None] ** 2 / left)[:, :, None]
-        gain: FloatArray = (squares / (values + 1.0 / variance)).sum(axis=2).T
-        determinant = np.log1p(variance * values).sum(axis=2).T
+            blocks, right, half = (x.sum(axis=0, keepdims=True) for x in (blocks, right, half))
+        # Blocks of axes are diagonalised by themselves; what couples them has a low rank.
+        values, vectors = np.linalg.eigh(blocks)
+        values = np.maximum(values.transpose(1, 2, 0).reshape(forms, -1), 0.0)
+        right = np.einsum('afij,afi->fja', vectors, right).reshape(values.shape)
+        half = np.einsum('afij,afki->fkja', vectors, half)
+        half = half.reshape(forms, half.shape[1], values.shape[1])
+        left = np.maximum(values.sum(axis=1) - (half**2).sum(axis=(1, 2)), 1e-6)
+        variance = deviations**2 / (left if beside else np.ones(forms))[:, None]
+        inverse = 1.0 / (values[:, None] + 1.0 / variance[:, :, None])
+        weighted = half[:, None] * inverse[:, :, None, :]
+        inner = np.eye(half.shape[1]) - weighted @ half.transpose(0, 2, 1)[:, None]
+        across = weighted @ right[:, None, :, None]
+        gain: FloatArray = (right[:, None] ** 2 * inverse).sum(axis=2)
+        gain += (across * np.linalg.solve(inner, across)).sum(axis=(2, 3))
+        determinant = np.log1p(variance[:, :, None] * values[:, None]).sum(axis=2)
+        determinant += np.linalg.slogdet(inner)[1]
         evidence = log_evidence(
             self.chi_square - gain, self.log_determinant + determinant, self.rows
         )

@@ -16,6 +16,8 @@ from imu_workbench.web.case.version import Version, parameter_text
 from imu_workbench.web.plot import Look, Plot
 from imu_workbench.web.session import Session
 
+_NO_VERSION = -1
+
 
 @dataclass(frozen=True)
 class AddActions:
@@ -51,7 +53,32 @@ class AddPage:
                 with ui.element('section').classes('card'):
                     ui.html('<h2>Versions</h2>', sanitize=False)
                     self._versions = ui.element('div')
+                    self._selects()
                     self._buttons()
+
+    def _selects(self) -> None:
+        # Made once: a list that is open stays open while the versions are drawn again.
+        with ui.row().classes('actions') as self._choices:
+            self._shown = ui.select(
+                {}, label='Show', on_change=lambda event: self._on_show(event.value)
+            )
+            self._earlier = ui.select(
+                {}, label='Compare with', on_change=lambda event: self._on_compare(event.value)
+            )
+            for select in (self._shown, self._earlier):
+                select.props('dense outlined options-dense').classes('choice')
+        self._choices.set_visibility(False)
+
+    async def _on_show(self, version: int | None) -> None:
+        state = self._session.state
+        if state is not None and version is not None and version != state.current:
+            await self._actions.show_version(version)
+
+    async def _on_compare(self, version: int | None) -> None:
+        earlier = None if version == _NO_VERSION else version
+        state = self._session.state
+        if state is not None and version is not None and earlier != state.earlier:
+            await self._actions.compare_with(earlier)
 
     def _buttons(self) -> None:
         with ui.row().classes('actions'):
@@ -134,6 +161,7 @@ class AddPage:
         self._versions.clear()
         self._remarks.clear()
         state = self._session.state
+        self._choices.set_visibility(state is not None and state.version is not None)
         if state is None or state.version is None:
             return
         with self._remarks:
@@ -154,18 +182,11 @@ class AddPage:
                 sanitize=False,
             )
         names = {i: f'v{i + 1}' for i in range(len(state.versions))}
-        with self._versions, ui.row().classes('actions'):
-            ui.select(
-                names, value=state.current, label='Show',
-                on_change=lambda event: self._actions.show_version(event.value),
-            ).props('dense outlined options-dense').classes('choice')  # fmt: skip
-            ui.select(
-                {-1: 'nothing'} | names, value=-1 if state.earlier is None else state.earlier,
-                label='Compare with',
-                on_change=lambda event: self._actions.compare_with(
-                    None if event.value == -1 else event.value
-                ),
-            ).props('dense outlined options-dense').classes('choice')  # fmt: skip
+        self._shown.set_options(names, value=state.current)
+        self._earlier.set_options(
+            {_NO_VERSION: 'nothing'} | names,
+            value=_NO_VERSION if state.earlier is None else state.earlier,
+        )
 
     def _row(self, number: int, sensors: list[str]) -> str:
         state = self._session.state
