@@ -230,3 +230,18 @@ def test_time_and_memory_follow_the_samples_not_the_span() -> None:
     )
     assert run.slot[-1] < 2400 // 20
     assert any('samples: stamps jump 1 time, by 1.1 years: 1200 of' in n for n in run.notes)
+
+
+def test_runs_of_one_campaign_have_blocks_of_one_length() -> None:
+    long, short = still(3.0, 1.0), still(0.25, 10.0, seed=1, run='short')
+    runs = prepare([long, short])
+    assert [run.period for run in runs] == [20.0, 20.0]
+    assert len(runs[1]) == 45
+    alone = prepare([short])[0]
+    assert alone.period == pytest.approx(2.0)
+    np.testing.assert_allclose(
+        runs[1].measured['gyroscope'],
+        alone.measured['gyroscope'].reshape(45, 10, 3).mean(axis=1),
+        rtol=0.0,
+        atol=1e-12,
+    )

@@ -27,7 +27,7 @@ def rows():
 
 
 def student_t(rows, priors):
-    """ln of the density of the rows, by their dense covariance, less that of noise alone."""
+    """Return ln of the density of the rows by their dense covariance, less that of noise alone."""
     columns, target = rows
     covariance = np.eye(3 * ROWS)
     for prior in priors:

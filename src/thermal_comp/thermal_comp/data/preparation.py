@@ -59,6 +59,8 @@ class PreparedRun:
     """(m,) part of the run that is held out together, 1 …; 0 is never held out."""
     has_cycles: bool
     """Whether the parts are thermal cycles; else they are contiguous blocks."""
+    sampled: bool = False
+    """Whether the fine rows are samples, whose stamps may jitter, and not means."""
     hash: str = ''
     """SHA-256 of the columns it was prepared from."""
     notes: tuple[str, ...] = ()
@@ -140,12 +142,12 @@ def prepare(
 ) -> list[PreparedRun]:
     """Return one prepared run per recording, start-up transients cut, gaps left out.
 
-    `period` is the length of the blocks [s], 0 for the full rate; None: `block_length` of each
-    run. `truth` gives the true inputs; None means a device at rest: gravity along `up_axis`, no
-    rotation, the run's mean field.
+    `period` is the length of the blocks [s], 0 for the full rate; None: the longest run's
+    `block_length`. `truth` gives the true inputs; None means a device at rest: gravity along
+    `up_axis`, no rotation, the run's mean field.
     """
     names: dict[str, int] = {}
-    return [
+    runs = [
         prepare_run(
             recording,
             run_name(recording, number, names),
@@ -154,6 +156,7 @@ def prepare(
         )
         for number, recording in enumerate(recordings, 1)
     ]
+    return in_common_blocks(runs) if period is None else runs
 
 
 def run_name(recording: ImuRecording, number: int, taken: dict[str, int]) -> str:
@@ -201,51 +204,53 @@ def prepare_run(
     offset = (fine.stamp[0] - origin) * 1e-9
     conditions = truth(fine)
     conditions = replace(conditions, time=conditions.time + offset)
-    step = float(np.median(np.diff(conditions.time))) if len(fine) > 1 else 1.0
-    length = max(period, step)
-    if 0 < period < step:
-        notes.append(f'samples are {step:g} s apart: errors are on single samples, not on means')
-    starts, slot = _blocks(conditions.time, length, step, sampled=sampled)
-    holes = int(slot[-1] - slot[0] + 1 - len(slot)) if len(slot) else 0
+    run = in_blocks(
+        PreparedRun(
+            name=name,
+            device=recording.device,
+            conditions=conditions,
+            starts=np.zeros((0, 2), dtype=np.int64),
+            slot=np.zeros(0, dtype=np.int64),
+            period=period,
+            measured={},
+            fine_measured={s: _finite_or_nan(getattr(fine, SENSOR_FIELDS[s])) for s in SENSORS},
+            cv_group=np.zeros(0, dtype=np.int64),
+            has_cycles=False,
+            sampled=sampled,
+            hash=columns_hash(whole),
+        ),
+        period,
+    )
+    if 0 < period < run.period:
+        notes.append(
+            f'samples are {run.period:g} s apart: errors are on single samples, not on means'
+        )
+    holes = int(run.slot[-1] - run.slot[0] + 1 - len(run)) if len(run) else 0
     if holes:
-        notes.append(f'{holes * length:.0f} s in gaps or half-empty blocks left out')
-    cv_group, has_cycles = _cv_groups(conditions.cycle, starts)
-    if not has_cycles:
-        count = int(cv_group.max(initial=0))
+        notes.append(f'{holes * run.period:.0f} s in gaps or half-empty blocks left out')
+    if not run.has_cycles:
+        count = int(run.cv_group.max(initial=0))
         notes.append(f'no thermal cycles: held out are {count} contiguous blocks of the run')
-    run = PreparedRun(
-        name=name,
-        device=recording.device,
-        conditions=conditions,
-        starts=starts,
-        slot=slot,
-        period=length,
-        measured={},
-        fine_measured={s: _finite_or_nan(getattr(fine, SENSOR_FIELDS[s])) for s in SENSORS},
-        cv_group=cv_group,
-        has_cycles=has_cycles,
-        hash=columns_hash(whole),
-        notes=tuple(f'{name}: {note}' for note in notes),
-    )
-    return replace(run, measured={s: _block_measurement(run, s) for s in SENSORS})
+    return replace(run, notes=tuple(f'{name}: {note}' for note in notes))
 
 
-def in_longer_blocks(run: PreparedRun, factor: int) -> PreparedRun:
-    """Return the run in blocks `factor` times as long."""
-    place = run.slot // factor
-    first = np.flatnonzero(np.diff(place, prepend=place[0] - 1))
-    last = np.append(first[1:], len(place)) - 1
-    full = last - first + 1 >= 0.5 * factor
-    first, last = first[full], last[full]
-    starts = np.column_stack([run.starts[first, 0], run.starts[last, 1]])
-    longer = replace(
-        run,
-        starts=starts,
-        slot=place[first],
-        period=factor * run.period,
-        cv_group=run.cv_group[(first + last) // 2],
+def in_common_blocks(runs: Sequence[PreparedRun]) -> list[PreparedRun]:
+    """Return the runs in blocks of one length, the longest that any of them has."""
+    longest = max((run.period for run in runs), default=0.0)
+    return [run if run.period == longest else in_blocks(run, longest) for run in runs]
+
+
+def in_blocks(run: PreparedRun, period: float) -> PreparedRun:
+    """Return the run in blocks of another length [s]; that of its rows where they are longer."""
+    time = run.conditions.time
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+    length = max(period, step)
+    starts, slot = _blocks(time, length, step, sampled=run.sampled)
+    cv_group, has_cycles = _cv_groups(run.conditions.cycle, starts)
+    new = replace(
+        run, starts=starts, slot=slot, period=length, cv_group=cv_group, has_cycles=has_cycles
     )
-    return replace(longer, measured={s: _block_measurement(longer, s) for s in run.measured})
+    return replace(new, measured={s: _block_measurement(new, s) for s in new.fine_measured})
 
 
 def block_length(recording: ImuRecording) -> float:

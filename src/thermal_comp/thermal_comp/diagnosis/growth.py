@@ -132,13 +132,11 @@ def grow(
     report: Callable[[str], None] = lambda _: None,
     *,
     named_only: bool = False,
-    candidates: Mapping[Sensor, Sequence[tuple[str, ...]]] | None = None,
 ) -> Growth:
     """Diagnose and add the strongest effect, again and again, until nothing can be named.
 
     What is left is taken out by whatever lowers the held-out error by more than chance: effects
-    whose cause is undecided, then the empirical term; not with `named_only`. `candidates` are
-    sets of effects by sensor that are tried whole.
+    whose cause is undecided, then the empirical term; not with `named_only`.
     """
     noise = _noise(runs, model)
     steps: list[Step] = []
@@ -163,7 +161,7 @@ def grow(
         noise = _noise(runs, current)
     if not named_only:
         report('looking for what repeats without a name …')
-        further = _predictive(current, runs, settings, candidates or {})
+        further = _predictive(current, runs, settings, diagnosis)
         if further is not None:
             growth, first = further, first or further.before
             steps += further.steps
@@ -182,17 +180,18 @@ def _predictive(
     model: ThermalModel | None,
     runs: Sequence[PreparedRun],
     settings: Settings,
-    candidates: Mapping[Sensor, Sequence[tuple[str, ...]]],
+    diagnosis: Diagnosis,
 ) -> Growth | None:
-    """Return the model with what lowers the held-out error, cause undecided; None: nothing."""
+    """Return the model with what lowers the held-out error, cause undecided; None: nothing.
+
+    What the diagnosis thinks possible is tried beside what forward selection finds.
+    """
     listed, noise = _base(runs, model), _noise(runs, model)
     tried = [s for s in noise if not any(_shared_or_empirical(e) for e in listed[s])]
-    chosen = {
-        s: predictive_effects(
-            runs, s, listed[s], noise[s], settings.catalogue, candidates.get(s, ())
-        )
-        for s in tried
-    }
+    chosen = {}
+    for s in tried:
+        possible = [e.names for e in diagnosis.explanations if e.sensor == s and e.names]
+        chosen[s] = predictive_effects(runs, s, listed[s], noise[s], settings.catalogue, possible)
     beside = {s: (*listed[s], *chosen.get(s, ())) for s in listed}
     if any(chosen.values()):
         fitted = fit_prepared(beside, runs, noise=noise)

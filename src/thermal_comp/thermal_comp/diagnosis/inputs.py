@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording
 
-from thermal_comp.data.preparation import PreparedRun, prepare_run, run_name
+from thermal_comp.data.preparation import PreparedRun, in_common_blocks, prepare_run, run_name
 from thermal_comp.data.quality import (
     QualityFinding,
     check_recording,
@@ -70,6 +70,8 @@ def prepare_inputs(
         findings += found
         scales.append(scales_of(clean))
         runs.append(prepare_run(clean, run_name(recording, number, taken), period=period))
+    if period is None:
+        runs = in_common_blocks(runs)
     for number, finding in wrong_units(scales, names, findings):
         findings.append(replace(finding, rows=len(runs[number].conditions)))
         runs[number] = _without(runs[number], finding)

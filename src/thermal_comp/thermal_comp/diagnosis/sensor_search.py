@@ -12,7 +12,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun, in_longer_blocks
+from thermal_comp.data.preparation import PreparedRun, in_blocks
 from thermal_comp.diagnosis.candidates import missing_channels
 from thermal_comp.diagnosis.hypotheses import (
     NOT_IN_CATALOGUE,
@@ -146,7 +146,7 @@ def in_search_blocks(runs: Sequence[PreparedRun], sensors: Sequence[Sensor]) -> 
     factor = min(blocks // SEARCH_BLOCKS, longest)
     if factor < 2 or any(spectral_lines(runs, sensor) for sensor in sensors):
         return list(runs)
-    return [in_longer_blocks(run, factor) for run in runs]
+    return [in_blocks(run, factor * run.period) for run in runs]
 
 
 @dataclass(frozen=True, eq=False)
