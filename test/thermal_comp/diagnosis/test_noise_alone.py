@@ -10,7 +10,11 @@ import pytest
 from imu_workbench.simulate.hidden_effect import practice_campaign
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.diagnosis.inputs import clock_windows, slope_of_windows
-from thermal_comp.diagnosis.noise_level import noise_above_reference, shipped_reference
+from thermal_comp.diagnosis.noise_level import (
+    is_reference_chip,
+    noise_above_reference,
+    shipped_reference,
+)
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.process import OU_TIME_CONSTANTS
 
@@ -75,3 +79,21 @@ def test_a_run_of_gaps_has_no_say_about_the_clock_and_no_warning() -> None:
     assert both == alone
     assert alone is not None
     assert alone.slope == pytest.approx(1e-5, rel=0.05)
+
+
+def test_noise_of_another_chip_is_not_measured_by_this_ones() -> None:
+    table = shipped_reference()
+    louder = {
+        sensor: NoiseModel(
+            np.full(3, 3.0 * row['white']),
+            OU_TIME_CONSTANTS,
+            np.full((len(OU_TIME_CONSTANTS), 3), 9.0 * row['flicker']),
+        )
+        for sensor, row in table.items()
+    }
+    row = table['accelerometer']
+    usual = NoiseModel(
+        np.full(3, row['white']), OU_TIME_CONSTANTS, np.zeros((len(OU_TIME_CONSTANTS), 3))
+    )
+    assert not is_reference_chip(louder)
+    assert is_reference_chip({**louder, 'gyroscope': noise(1.2, 9.0), 'accelerometer': usual})

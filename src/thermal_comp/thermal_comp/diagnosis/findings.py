@@ -14,7 +14,11 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.quality import QualityFinding
 from thermal_comp.diagnosis.hypotheses import NOT_IN_CATALOGUE, UNLOGGED
 from thermal_comp.diagnosis.inputs import ClockFinding
-from thermal_comp.diagnosis.noise_level import REPORTED_EVIDENCE, noise_above_reference
+from thermal_comp.diagnosis.noise_level import (
+    REPORTED_EVIDENCE,
+    is_reference_chip,
+    noise_above_reference,
+)
 from thermal_comp.diagnosis.posterior import CREDIBLE, probability
 from thermal_comp.diagnosis.result import Finding, SensorState
 from thermal_comp.diagnosis.sensor_search import SensorAnswer
@@ -160,8 +164,10 @@ def noise_findings(
     *,
     bandwidth_known: bool = False,
 ) -> dict[Sensor, Finding]:
-    """Return what is too high in the noise, by sensor."""
-    findings = {}
+    """Return what is too high in the noise, by sensor; nothing of a chip without reference."""
+    findings: dict[Sensor, Finding] = {}
+    if reference is None and not is_reference_chip(noise):
+        return findings
     for sensor, model in noise.items():
         above = noise_above_reference(
             model, sensor, (reference or {}).get(sensor), bandwidth_known=bandwidth_known

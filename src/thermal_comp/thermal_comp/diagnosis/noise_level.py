@@ -18,6 +18,8 @@ from thermal_comp.model.values import NoiseModel
 
 REPORTED_RATIO = 1.5
 """Ratio to the reference from which noise is reported."""
+SAME_CHIP_RATIO = 1.5
+"""White noise of devices of one chip differs by less: 20 % is usual."""
 WALK_RATIO = 3.0
 """A random walk's slow processes exceed the reference by this much more than its fast ones."""
 LOG_RATIO_STD = 0.1
@@ -46,6 +48,17 @@ def shipped_reference() -> Mapping[str, Mapping[str, float]]:
     text = files('thermal_comp').joinpath('noise_reference.yaml').read_text('utf-8')
     table: dict[str, Any] = yaml.safe_load(text)['lsm9ds1']
     return table
+
+
+def is_reference_chip(noise: Mapping[Sensor, NoiseModel]) -> bool:
+    """Tell whether the white noise of most sensors is that of the shipped reference's chip.
+
+    Where it is not, this is another chip, or its samples are too slow to tell: its noise is not
+    to be measured by that of this one.
+    """
+    table = shipped_reference()
+    ratios = [_rms(model.white) / table[sensor]['white'] for sensor, model in noise.items()]
+    return 1.0 / SAME_CHIP_RATIO < float(np.median(ratios)) < SAME_CHIP_RATIO
 
 
 def bandwidth_known(recordings: Sequence[ImuRecording]) -> bool:
