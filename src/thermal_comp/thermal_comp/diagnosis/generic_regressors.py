@@ -95,9 +95,13 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
         line = partial(spans.narrow_band, frequency)
         made.append(('frequency', 'line whose amplitude and phase wander', line, True))
     lost = lost_channels(design)
-    if {'heater', 'compressor'} & set(lost):
-        # The field of a machine stands still in the chamber: each orientation sees it turned.
-        turned = design.sensor == 'magnetometer' and len(runs) > 1
+    # The field of a machine stands still in the chamber: each orientation sees it turned.
+    turned = design.sensor == 'magnetometer' and len(runs) > 1
+    chamber = any(
+        run.conditions.setpoint is not None or run.conditions.chamber_temperature is not None
+        for run in runs
+    )
+    if {'heater', 'compressor'} & set(lost) and (turned or chamber):
         for settling in CHAMBER_SETTLING_S:
             trace = partial(spans.chamber_power, settling)
             made.append(('chamber', 'heat and cold the chamber needs', trace, turned))

@@ -123,15 +123,26 @@ class SensorHypotheses:
         self.thermometer = thermometer_errors(design)
         """Columns of what an error of the thermometer does."""
         self._nuisances = nuisance_priors(design, self.thermometer)
+        self._told = 0.0
+        """χ² of what other sensors tell of the thermometer."""
         self.families = [f for f in families(design, catalogue) if _leaves_a_trace(design, f)]
         self.regressors = generic_regressors(design)
         self.rows = 3 * design.rows - design.base_rank
+        self._completed: set[tuple[int, ...]] = set()
+        self._weigh_nuisances()
+
+    def inform(self, normal: FloatArray, right: FloatArray) -> None:
+        """Take what others tell of the thermometer's errors, (p, p) and (p,), as further rows."""
+        self._told += self.design.inform(self.thermometer, normal, right)
+        self._weigh_nuisances()
+
+    def _weigh_nuisances(self) -> None:
         self._likeliest = max(
             self._nuisances, key=lambda pair: pair[0] + self._joint((), pair[1])[0]
         )
         self.nothing = self.log_evidence(())[0]
-        self._completed: set[tuple[int, ...]] = set()
-        self.explained_by_thermometer = self._joint((), self._likeliest[1][:1])[1]
+        alone = self._joint((), self._likeliest[1][:1])[1]
+        self.explained_by_thermometer = max(alone - self._told, 0.0)
         """Δχ² of the thermometer's errors alone."""
         self._explained_by_nuisances = self._joint((), self._likeliest[1])[1]
 
@@ -232,24 +243,30 @@ class SensorHypotheses:
         return max(len(family.forms), self.design.rows if chosen else 1)
 
     def conditioned(
-        self, components: Sequence[Component], generic: CoefficientPrior | None = None
+        self,
+        components: Sequence[Component],
+        generic: CoefficientPrior | None = None,
+        *,
+        thermometer: bool = True,
     ) -> ConditionedDesign:
         """Return the equations with nuisances and components integrated out.
 
-        `generic`: a generic regressor's coefficients are integrated out as well.
+        `generic`: a generic regressor's coefficients are integrated out as well; `thermometer`:
+        whether the thermometer's errors are.
         """
         design = self.design
         if generic is not None and generic.columns not in self._completed:
             design.complete_products(generic.columns)
             self._completed.add(generic.columns)
         width = design.width
+        nuisances = self._likeliest[1] if thermometer else self._likeliest[1][1:]
         further = [generic] if generic is not None else []
         return conditioned(
             design.normal[:, :width, :width],
             design.right[:, :width],
             design.chi_square,
             self.rows,
-            [*self._likeliest[1], *(c.prior for c in components), *further],
+            [*nuisances, *(c.prior for c in components), *further],
         )
 
     def log_evidence(self, components: Sequence[Component]) -> tuple[float, float]:

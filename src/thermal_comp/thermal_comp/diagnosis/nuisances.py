@@ -11,7 +11,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis import priors
-from thermal_comp.effects.operators import play
+from thermal_comp.effects.operators import follow, play
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior
 
@@ -60,53 +60,79 @@ def _slow_directions(design: CandidateDesign, run: PreparedRun) -> FloatArray:
 def thermometer_errors(design: CandidateDesign) -> ColumnGroup:
     """What errors of the die thermometer do: slope at this temperature × error [K], axes alike.
 
-    Columns: its lag and what is left of a second one, its hysteresis, the share of the air's
-    temperature that it reads, its transients after power-on; by
-    priors.thermometer_deviations().
+    Columns: its lag and what is left of a second one, what it follows more slowly, its
+    hysteresis, the share of the air's temperature that it reads, its transients after power-on;
+    by priors.thermometer_deviations().
     """
     slopes = _slopes(design)
 
     def columns(run: PreparedRun) -> FloatArray:
         conditions = run.conditions
-        temperature, time = conditions.temperature, conditions.time
-        rate = np.gradient(temperature, time)
+        temperature = conditions.temperature
         behind = play(temperature, priors.THERMOMETER_HYSTERESIS_K)[0] - temperature
         air = conditions.chamber_temperature
         apart = np.zeros_like(temperature) if air is None else air - temperature
-        since = time - time[0]
+        since = conditions.time - conditions.time[0]
         decays = [np.exp(-since / settling) for settling in priors.THERMOMETER_SETTLING_S]
-        errors = np.stack([rate, np.gradient(rate, time), behind, apart, *decays], axis=1)
-        return run.block_mean(errors)[:, None, :] * slopes(run)[:, :, None]
+        further = np.stack([behind, apart, *decays], axis=1)
+        errors = run.block_mean(np.concatenate([_history(run), further], axis=1))
+        return errors[:, None, :] * slopes(run)[:, :, None]
 
     return design.generic_terms([(columns, False)], runs=design.source.smoothed)[0]
+
+
+def _history(run: PreparedRun) -> FloatArray:
+    """(n, q) derivatives of the temperature and what it is ahead of slower nodes."""
+    temperature, time = run.conditions.temperature, run.conditions.time
+    rate = np.gradient(temperature, time)
+    parts = [
+        follow(time, temperature, seconds)[0] - temperature
+        for seconds in priors.THERMOMETER_PARTS_S
+    ]
+    return np.stack([rate, np.gradient(rate, time), *parts], axis=1)
 
 
 def _slopes(design: CandidateDesign) -> Callable[[PreparedRun], FloatArray]:
     """Return the (m, 3) slope over temperature of a run along the design's axes [unit/K].
 
-    It is the derivative of a cubic through all runs, each with its own level and line.
+    It is the derivative of a cubic through all runs, each with its own level and line, beside
+    the temperature's history, which a lag would else bend into it; both are as large as the
+    priors of bends and of the thermometer's lag allow (ridge regression).
     """
-    runs = design.source.runs
+    runs = design.source.smoothed
     names = [run.name for run in runs]
     low = min(float(run.temperature.min()) for run in runs)
     span = max(max(float(run.temperature.max()) for run in runs) - low, 1e-6)
     rows, values = [], []
     for number, (run, valid) in enumerate(zip(runs, design.valid, strict=True)):
         x = (run.temperature[valid] - low) / span
-        columns = np.zeros((len(x), 2 * len(runs) + 2))
-        columns[:, 2 * number : 2 * number + 2] = np.stack([np.ones_like(x), x], axis=1)
-        columns[:, -2:] = np.stack([x**2, x**3], axis=1)
-        rows.append(columns)
+        lines = np.zeros((len(x), 2 * len(runs)))
+        lines[:, 2 * number : 2 * number + 2] = np.stack([np.ones_like(x), x], axis=1)
+        history = run.block_mean(_history(run))[valid]
+        rows.append(np.column_stack([lines, x**2, x**3, history]))
         values.append(run.measured[design.sensor][valid])
-    answer = np.linalg.lstsq(
-        np.concatenate(rows), np.concatenate(values) @ design.axes, rcond=1e-9
-    )
-    line, (square, cube) = answer[0][1:-2:2], answer[0][-2:]
+    stacked, measured = np.concatenate(rows), np.concatenate(values) @ design.axes
+    lines = 2 * len(runs)
+    plain = np.linalg.lstsq(stacked[:, :lines], measured, rcond=1e-9)[0]
+    history = priors.thermometer_deviations(priors.THERMOMETER_LAGS_S[-1][0])
+    allowed = np.full(stacked.shape[1], np.inf)
+    allowed[lines : lines + 2] = priors.SLOPE_BEND * span
+    allowed[lines + 2 :] = history[: stacked.shape[1] - lines - 2]
+    coefficients = np.empty((stacked.shape[1], 3))
+    for axis in range(3):
+        typical = float(np.abs(plain[1::2, axis]).mean()) / span
+        left = float((measured[:, axis] - stacked[:, :lines] @ plain[:, axis]).std())
+        penalty = np.diag(left / np.maximum(allowed * typical, 1e-300))
+        ridge = np.concatenate([stacked, penalty])
+        size = np.maximum(np.abs(ridge).max(axis=0), 1e-300)
+        target = np.append(measured[:, axis], np.zeros(len(penalty)))
+        coefficients[:, axis] = np.linalg.lstsq(ridge / size, target, rcond=1e-9)[0] / size
+    line, (square, cube) = coefficients[1:lines:2], coefficients[lines : lines + 2]
 
     def slope(run: PreparedRun) -> FloatArray:
         x = ((run.temperature - low) / span)[:, None]
-        return (
-            np.asarray(line[names.index(run.name)] + 2.0 * square * x + 3.0 * cube * x**2) / span
+        return np.asarray(
+            (line[names.index(run.name)] + 2.0 * square * x + 3.0 * cube * x**2) / span
         )
 
     return slope

@@ -60,10 +60,18 @@ THERMOMETER_AIR_S = 300.0
 """Time constant of die against air [s]: what lags by a time less reads that share of the air."""
 THERMOMETER_HYSTERESIS_K = 0.15
 """Half-width of its hysteresis [K]: two counts of an LSM9DS1's."""
-THERMOMETER_SETTLING_S = (60.0, 300.0)
+THERMOMETER_PARTS_S = (30.0, 100.0, 300.0, 1000.0)
+"""Time constants of what it follows beside the die: package, board, housing [s] …"""
+THERMOMETER_PART_SHARE = 0.3
+"""… and standard deviation of each one's share of its lag."""
+SLOPE_BEND = 0.3
+"""Standard deviation of the change of a slope over the temperatures of a run, of itself."""
+THERMOMETER_SETTLING_S = (40.0, 120.0, 360.0)
 """Times over which it settles after power-on [s] …"""
 THERMOMETER_TRANSIENT_K = 0.5
 """… and standard deviation of what it is off by at first [K]: self-heating of 0.3 to 1 K."""
+THERMOMETER_FLAW = 0.1
+"""Share of the thermometer's errors to which other sensors tell them: a lag has no exact form."""
 
 SHAPE_STEP_LN = 0.3
 """Distance of neighbouring forms on a search grid, in ln of the shape parameter."""
@@ -72,10 +80,12 @@ SHAPE_STEP_LN = 0.3
 def thermometer_deviations(lag: float) -> FloatArray:
     """Return (p,) standard deviations of the thermometer's errors, in the order of the columns.
 
-    They are lag [s], its square [s²], hysteresis [K/K], share of the air [K/K], transients [K].
+    They are lag [s], its square [s²], what it follows slowly [K/K], hysteresis [K/K], share of
+    the air [K/K], transients [K].
     """
+    parts = [THERMOMETER_PART_SHARE * lag / seconds for seconds in THERMOMETER_PARTS_S]
     transients = [THERMOMETER_TRANSIENT_K] * len(THERMOMETER_SETTLING_S)
-    return np.array([lag, lag**2, 1.0, lag / THERMOMETER_AIR_S, *transients])
+    return np.array([lag, lag**2, *parts, 1.0, lag / THERMOMETER_AIR_S, *transients])
 
 
 def amplitude_log_prior(strongest: float | None, spread: float = AMPLITUDE_RATIO_LN) -> FloatArray:

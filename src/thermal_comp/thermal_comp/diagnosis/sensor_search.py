@@ -14,6 +14,7 @@ from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun, in_blocks
 from thermal_comp.diagnosis.candidates import missing_channels
+from thermal_comp.diagnosis.common_thermometer import told_by_others
 from thermal_comp.diagnosis.hypotheses import (
     NOT_IN_CATALOGUE,
     UNLOGGED,
@@ -31,6 +32,8 @@ from thermal_comp.noise.of_runs import independent_axes, noise_beside, turned_ru
 
 BELIEVED = 0.8
 """Probability that something is missing from which it is said: a false word costs four missed."""
+SURE_OF_NOTHING = 0.95
+"""Probability that a sensor lacks nothing from which it need not be asked again."""
 REFUTING_CHI2 = 20.0
 """χ² against an effect of several sensors from which no flaw in its form excuses it …"""
 REFUTING_SHARE = 2e-4
@@ -130,6 +133,7 @@ def search_sensors(
     # Most of the work is done in numpy and compiled loops, where sensors do not wait for another.
     with ThreadPoolExecutor() as pool:
         found = dict(zip(base, pool.map(searches.of_sensor, base), strict=True))
+    found |= searches.with_one_thermometer(found)
     for effect in settings.catalogue.values():
         if effect.coupled:
             found.update(searches.of_coupled(effect, found))
@@ -174,6 +178,22 @@ class SensorSearches:
         if _quieter(noise, before, runs[0].period):
             found = self._under(noise, sensor, beside, axes)
         return found
+
+    def with_one_thermometer(
+        self, found: Mapping[Sensor, SensorAnswer]
+    ) -> dict[Sensor, SensorAnswer]:
+        """Return what changes where the others tell of the thermometer's errors.
+
+        A sensor that lacks nothing is not asked again.
+        """
+        told = told_by_others({s: (a.hypotheses, a.sets) for s, a in found.items()})
+        again = {}
+        for sensor, answer in found.items():
+            nothing = probability(answer.explanations, lambda e: e.names == ())
+            if sensor in told and nothing < SURE_OF_NOTHING:
+                answer.hypotheses.inform(told[sensor].normal, told[sensor].right)
+                again[sensor] = self._answer(answer.hypotheses, answer.hypotheses.sets())
+        return again
 
     def of_coupled(
         self, effect: type[Effect], found: Mapping[Sensor, SensorAnswer]

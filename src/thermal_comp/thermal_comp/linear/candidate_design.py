@@ -150,6 +150,7 @@ class CandidateDesign:
         self._size = np.zeros(0)
         self.width = 0
         self._partners: _Partners | None = None
+        self._further_chi_square = 0.0
         levels = stack_runs([np.ones((len(slot), 1)) for slot in slots], per_run=True)
         known = [per_axis(levels)[0], self._thermometer_noise()]
         known += [per_axis(self._evaluated(effect))[0] for effect in base]
@@ -191,10 +192,26 @@ class CandidateDesign:
             filled = self._columns[axis, : self.width]
             self.right[axis, : self.width] = filled @ self.target[axis]
 
+    def inform(self, term: ColumnGroup, normal: FloatArray, right: FloatArray) -> float:
+        """Take equations of a shared term's coefficients, in their own units, as further rows.
+
+        Returns the χ² they add: what the coefficients they speak for explain of them.
+        """
+        size = self._size[list(term.columns)]
+        inverse = np.where(size > 0.0, 1.0 / np.maximum(size, 1e-300), 0.0)
+        further = normal * np.outer(inverse, inverse)
+        answer = np.linalg.pinv(further, rcond=1e-12, hermitian=True) @ (right * inverse)
+        added = further @ answer
+        index = list(term.columns)
+        self.normal[0][np.ix_(index, index)] += further
+        self.right[0, index] += added
+        self._further_chi_square += float(answer @ added)
+        return float(answer @ added)
+
     @property
     def chi_square(self) -> float:
         """χ² of the residual of the base model."""
-        return float((self.target**2).sum())
+        return float((self.target**2).sum()) + self._further_chi_square
 
     def term(self, effect: Effect) -> ColumnGroup:
         """Return the effect's columns in the design, computed on first use."""

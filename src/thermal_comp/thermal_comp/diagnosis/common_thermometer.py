@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One thermometer, several sensors: what one tells of the thermometer's errors holds for all.
+
+A lag that accelerometer, gyroscope and magnetometer show alike, each in proportion to its slope
+over temperature, is the thermometer's; one that a single sensor shows is that sensor's. With c
+the thermometer's errors and D the covariance of their prior, a sensor's rows beside a set of
+effects say ln p(rows | c) = bᵀc − ½ cᵀNc up to a constant, so that of several sensors, with
+N = Σ N_s and b = Σ b_s,
+
+    ln p(rows) = Σ ln p_s + ½ bᵀ(D⁻¹ + N)⁻¹b − ½ ln |I + DN|.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.diagnosis import priors
+from thermal_comp.diagnosis.hypotheses import EffectSet, SensorHypotheses
+from thermal_comp.linear.gaussian_evidence import NOISE_ROWS, log_sum
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """What rows tell of the thermometer's errors, in their own units."""
+
+    normal: FloatArray
+    """(p, p)."""
+    right: FloatArray
+    """(p,)."""
+
+    def __add__(self, other: Information) -> Information:
+        return Information(self.normal + other.normal, self.right + other.right)
+
+
+@dataclass(frozen=True, eq=False)
+class _Reading:
+    """A sensor's information beside a set of effects, and ln of what speaks for the set."""
+
+    information: Information
+    log_weight: float
+
+
+Searched = Mapping[Sensor, tuple[SensorHypotheses, Sequence[EffectSet]]]
+"""Hypotheses about each sensor and the sets that were looked at."""
+
+
+def told_by_others(searched: Searched) -> dict[Sensor, Information]:
+    """Return for each sensor what the others tell of the thermometer's errors.
+
+    Every sensor is read twice: beside its likeliest set, and beside the likeliest without effects
+    of the temperature's history, which the thermometer may imitate. The combination counts that
+    is likeliest for all sensors together.
+    """
+    readings = {sensor: _readings(*found) for sensor, found in searched.items()}
+    likeliest = max(product(*readings.values()), key=_log_posterior)
+    told = {}
+    for place, sensor in enumerate(readings):
+        others = [r.information for k, r in enumerate(likeliest) if k != place]
+        if others:
+            told[sensor] = _as_far_as_it_holds(_sum(others))
+    return told
+
+
+def _readings(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> list[_Reading]:
+    """Return the readings of one sensor."""
+    best = max(sets, key=lambda s: s.log_posterior)
+    plain = [s for s in sets if not any(c.form.effect.kin == 'temperature' for c in s.components)]
+    without = max(plain, key=lambda s: s.log_posterior)
+    return [_reading(hypotheses, some) for some in dict.fromkeys((best, without))]
+
+
+def _reading(hypotheses: SensorHypotheses, some: EffectSet) -> _Reading:
+    state = hypotheses.conditioned(some.components, thermometer=False)
+    columns = list(hypotheses.thermometer.columns)
+    half = state.coupling[:, :, columns].sum(axis=1)
+    normal = state.normal[:, columns][:, :, columns].sum(axis=0) - half.T @ half
+    right = state.right[:, columns].sum(axis=0)
+    left = state.chi_square - right @ np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ right
+    variance = max(float(left + NOISE_ROWS) / (state.rows + NOISE_ROWS), 1.0)
+    size = hypotheses.design.size_of(hypotheses.thermometer)
+    told = Information(normal * np.outer(size, size) / variance, right * size / variance)
+    return _Reading(told, some.log_posterior - _log_evidence(told))
+
+
+def _log_posterior(readings: Sequence[_Reading]) -> float:
+    together = _sum([reading.information for reading in readings])
+    return sum(reading.log_weight for reading in readings) + _log_evidence(together)
+
+
+def _sum(each: Sequence[Information]) -> Information:
+    return sum(each[1:], each[0])
+
+
+def _log_evidence(told: Information) -> float:
+    """Return ln of what integrating over the thermometer's errors adds to the evidence."""
+    parts = []
+    for seconds, probability in priors.THERMOMETER_LAGS_S:
+        deviation = priors.thermometer_deviations(seconds)
+        inner = np.eye(len(deviation)) + told.normal * np.outer(deviation, deviation)
+        right = told.right * deviation
+        gain = 0.5 * right @ np.linalg.solve(inner, right) - 0.5 * np.linalg.slogdet(inner)[1]
+        parts.append(float(gain) + float(np.log(probability)))
+    return log_sum(parts)
+
+
+def _as_far_as_it_holds(told: Information) -> Information:
+    """Return the information with the errors known to a share of themselves at best.
+
+    Six columns are no exact account of a thermometer.
+    """
+    deviation = priors.thermometer_deviations(max(s for s, _ in priors.THERMOMETER_LAGS_S))
+    inner = np.eye(len(deviation)) + told.normal * np.outer(deviation, deviation)
+    mean = deviation * np.linalg.solve(inner, told.right * deviation)
+    spread = np.diag(np.square(priors.THERMOMETER_FLAW * np.maximum(abs(mean), 0.1 * deviation)))
+    softened = np.linalg.inv(np.eye(len(mean)) + told.normal @ spread)
+    return Information(softened @ told.normal, softened @ told.right)
