@@ -10,7 +10,6 @@ from functools import partial
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from scipy.interpolate import BSpline
-from scipy.ndimage import gaussian_filter1d
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
@@ -18,8 +17,6 @@ from thermal_comp.diagnosis.spectral_lines import spectral_lines
 from thermal_comp.effects.operators import follow, play
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 
-SMOOTHING_S = 60.0
-"""Standard deviation of the filter before the temperature's rate is taken [s]."""
 DEW_POINTS_C = (-12.0, -2.0, 8.0)
 UPTAKES_S = (1200.0, 5000.0)
 """Time constants of the package's moisture [s]."""
@@ -58,7 +55,7 @@ class GenericRegressor:
 
 def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
     """Return the generic regressors of the variables that were logged."""
-    runs = design.source.runs
+    runs = design.source.smoothed
     spans = _spans(runs)
     made: list[tuple[str, str, Callable[[PreparedRun], FloatArray], bool]] = [
         ('temperature', 'curve over temperature', spans.temperature, False),
@@ -106,7 +103,7 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
             trace = partial(spans.chamber_power, settling)
             made.append(('chamber', 'heat and cold the chamber needs', trace, turned))
     functions = [(function, per_run) for _, _, function, per_run in made]
-    terms = design.generic_terms(functions, beside=range(design.width))
+    terms = design.generic_terms(functions, beside=range(design.width), runs=runs)
     return [
         GenericRegressor(row[0], row[1], term, _betrayed(design, row[0], lost))
         for row, term in zip(made, terms, strict=True)
@@ -272,8 +269,7 @@ class _Spans:
 
     @staticmethod
     def _rate(run: PreparedRun) -> FloatArray:
-        smooth = gaussian_filter1d(run.temperature, SMOOTHING_S / run.period)
-        return np.asarray(np.gradient(smooth, run.time))
+        return np.asarray(np.gradient(run.temperature, run.time))
 
 
 def _spans(runs: Sequence[PreparedRun]) -> _Spans:

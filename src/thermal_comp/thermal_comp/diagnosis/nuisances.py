@@ -112,22 +112,22 @@ def _slopes(design: CandidateDesign) -> Callable[[PreparedRun], FloatArray]:
         rows.append(np.column_stack([lines, x**2, x**3, history]))
         values.append(run.measured[design.sensor][valid])
     stacked, measured = np.concatenate(rows), np.concatenate(values) @ design.axes
-    lines = 2 * len(runs)
-    plain = np.linalg.lstsq(stacked[:, :lines], measured, rcond=1e-9)[0]
+    width = 2 * len(runs)
+    plain = np.linalg.lstsq(stacked[:, :width], measured, rcond=1e-9)[0]
     history = priors.thermometer_deviations(priors.THERMOMETER_LAGS_S[-1][0])
     allowed = np.full(stacked.shape[1], np.inf)
-    allowed[lines : lines + 2] = priors.SLOPE_BEND * span
-    allowed[lines + 2 :] = history[: stacked.shape[1] - lines - 2]
+    allowed[width : width + 2] = priors.SLOPE_BEND * span
+    allowed[width + 2 :] = history[: stacked.shape[1] - width - 2]
     coefficients = np.empty((stacked.shape[1], 3))
     for axis in range(3):
         typical = float(np.abs(plain[1::2, axis]).mean()) / span
-        left = float((measured[:, axis] - stacked[:, :lines] @ plain[:, axis]).std())
+        left = float((measured[:, axis] - stacked[:, :width] @ plain[:, axis]).std())
         penalty = np.diag(left / np.maximum(allowed * typical, 1e-300))
         ridge = np.concatenate([stacked, penalty])
         size = np.maximum(np.abs(ridge).max(axis=0), 1e-300)
         target = np.append(measured[:, axis], np.zeros(len(penalty)))
         coefficients[:, axis] = np.linalg.lstsq(ridge / size, target, rcond=1e-9)[0] / size
-    line, (square, cube) = coefficients[1:lines:2], coefficients[lines : lines + 2]
+    line, (square, cube) = coefficients[1:width:2], coefficients[width : width + 2]
 
     def slope(run: PreparedRun) -> FloatArray:
         x = ((run.temperature - low) / span)[:, None]

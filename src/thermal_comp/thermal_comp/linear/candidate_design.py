@@ -9,28 +9,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
-from scipy.ndimage import gaussian_filter1d
 
-from thermal_comp.data.conditions import Conditions, Sensor
+from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.smoothing import smoothed_temperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import orthonormal, per_axis, project_out, stack_runs
 from thermal_comp.linear.normal_equations import RANK_TOLERANCE, pseudo_solve
 from thermal_comp.linear.whitening import RowWhitening, apply_gains, apply_transposed
 from thermal_comp.model.values import NoiseModel
-
-SMOOTHING_S = 20.0
-"""Standard deviation of the filter that tells the thermometer's noise from temperature [s] …"""
-SMOOTHED_NOISE_K = 0.023
-"""… where rows have this noise [K] …"""
-SMOOTHED_PERIOD_S = 5.0
-"""… and this distance [s].
-
-A derivative through a Gaussian of width w carries noise of variance noise² · period / w³, corners
-of the profile are blurred in proportion to w: the least sum lies at w⁴ ∝ noise² · period.
-"""
-NARROWEST_S, WIDEST_S = 5.0, 40.0
-"""Bounds of the filter's width [s]."""
 
 
 class ColumnSource:
@@ -49,7 +36,7 @@ class ColumnSource:
         """The runs with the smoothed temperature."""
         for run in self.runs:
             conditions = run.conditions
-            smoothed = _smoothed(conditions)
+            smoothed = smoothed_temperature(conditions.time, conditions.temperature)
             self.temperature_noise.append(run.block_mean(smoothed - conditions.temperature))
             self.smoothed.append(
                 replace(run, conditions=replace(conditions, temperature=smoothed))
@@ -65,21 +52,6 @@ class ColumnSource:
                 for run in self.smoothed
             ]
         return self._kept[key]
-
-
-def _smoothed(conditions: Conditions) -> FloatArray:
-    """(n,) die temperature through a Gaussian as wide as its noise asks for."""
-    step = float(np.median(np.diff(conditions.time)))
-    width = smoothing_width(conditions.temperature, step)
-    return np.asarray(gaussian_filter1d(conditions.temperature, width / step))
-
-
-def smoothing_width(temperature: FloatArray, step: float) -> float:
-    """Return the standard deviation of the filter [s] for rows `step` [s] apart."""
-    bends = np.abs(np.diff(temperature, 2))
-    noise = float(bends.mean() * np.sqrt(np.pi / 2.0 / 6.0)) if len(bends) else 0.0
-    width = SMOOTHING_S * (noise / SMOOTHED_NOISE_K) ** 0.5 * (step / SMOOTHED_PERIOD_S) ** 0.25
-    return float(np.clip(width, NARROWEST_S, WIDEST_S))
 
 
 __all__ = ['RANK_TOLERANCE', 'CandidateDesign', 'ColumnSource', 'ColumnGroup']

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The temperature behind a noisy thermometer is found, of chamber ramps and of quiet days alike."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+from thermal_comp.data.smoothing import smoothed_temperature
+
+
+def ramps(step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Time and °C up and down at 2 K/min with dwells of half an hour."""
+    time = np.arange(0.0, 20_000.0, step)
+    rate = 2.0 / 60.0 * np.sign(np.sin(2.0 * np.pi * time / 7200.0))
+    dwell = np.abs(np.sin(2.0 * np.pi * time / 7200.0)) < np.sin(np.pi / 4.0)
+    return time, 20.0 + np.cumsum(np.where(dwell, 0.0, rate)) * step
+
+
+def days(step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Time and °C of two days: slow swings of a few kelvin."""
+    time = np.arange(0.0, 172_800.0, step)
+    wander = np.cumsum(np.random.default_rng(2).standard_normal(len(time)))
+    slow = gaussian_filter1d(wander, 1800.0 / step)
+    day = 6.0 * np.sin(2.0 * np.pi * time / 86_400.0)
+    return time, 15.0 + day + 2.0 * (slow - slow.mean()) / slow.std()
+
+
+@pytest.mark.parametrize(('made', 'step'), [(ramps, 5.0), (ramps, 1.0), (days, 10.0)])
+@pytest.mark.parametrize('noise', [0.01, 0.05])
+def test_no_width_of_a_gaussian_finds_rate_better_by_much(made, step: float, noise: float) -> None:
+    time, true = made(step)
+    measured = true + noise * np.random.default_rng(1).standard_normal(len(time))
+    rate = np.gradient(true, time)
+
+    def error(found: np.ndarray) -> float:
+        return float(np.std(np.gradient(found, time) - rate))
+
+    widths = np.geomspace(2.0 * step, 2000.0, 30) / step
+    best = min(error(gaussian_filter1d(measured, width)) for width in widths)
+    assert error(smoothed_temperature(time, measured)) < 1.15 * best
+
+
+def test_a_quantised_thermometer_is_smoothed_between_its_counts() -> None:
+    time, true = days(10.0)
+    counts = 0.125 * np.round(true / 0.125)
+    smoothed = smoothed_temperature(time, counts)
+    assert np.std(smoothed - true) < 0.6 * np.std(counts - true)
+
+
+def test_what_lies_beyond_a_gap_is_not_mixed_in() -> None:
+    time, true = ramps(5.0)
+    later = np.where(np.arange(len(time)) < 2000, 0.0, 40.0)
+    noise = 0.02 * np.random.default_rng(1).standard_normal(len(time))
+    measured = true + later + noise
+    apart = smoothed_temperature(time + 20.0 * later, measured)
+    assert np.abs(apart - true - later).max() < 0.1
+
+
+def test_too_few_rows_stay_as_they_are() -> None:
+    values = np.array([20.0, 20.1, 20.0])
+    np.testing.assert_array_equal(smoothed_temperature(np.arange(3.0), values), values)
