@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from imu_recording.recording import ImuRecording
 
-from thermal_comp.comparison.compare import compare_prepared
+from thermal_comp.comparison.compare import Comparison, compare_prepared
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.change import changes
@@ -19,13 +19,14 @@ from thermal_comp.diagnosis.findings import (
     noise_findings,
     quality_finding,
     ranked,
+    rms_of,
     sensor_state,
     unnamed_findings,
 )
 from thermal_comp.diagnosis.identifiability import undecidable
 from thermal_comp.diagnosis.inputs import prepare_inputs
 from thermal_comp.diagnosis.posterior import credible
-from thermal_comp.diagnosis.result import Diagnosis, Finding, NamedExplanation
+from thermal_comp.diagnosis.result import Diagnosis, Finding, NamedExplanation, Prediction
 from thermal_comp.diagnosis.sensor_search import (
     Listed,
     SensorAnswer,
@@ -36,7 +37,7 @@ from thermal_comp.diagnosis.sensor_search import (
 )
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
-from thermal_comp.effects.effect import Effect
+from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.fitting.fit import fit_prepared, usable_sensors
 from thermal_comp.model.values import NoiseModel, ThermalModel
 from thermal_comp.noise.of_runs import determined_noise, noise_beside
@@ -107,6 +108,7 @@ def diagnose_prepared(
             for s in noise
         },
         greyed_out=greyed_out(runs, settings.catalogue),
+        predictions=_predictions(base, answers, current, explained),
         undetermined=explained.undetermined,
         undecided=undecidable(runs, base, noise, settings.catalogue),
         notes=(*current.notes, *notes, *short),
@@ -131,17 +133,52 @@ def _explained(
     answers: Mapping[Sensor, SensorAnswer],
     noise: Mapping[Sensor, NoiseModel],
 ) -> Explained:
-    """Return the base fitted together with everything that was named."""
+    """Return the base fitted with all that was named, and what is closest where nothing was."""
     listed = named_beside(base, answers)
     coupled = {e for effects in listed.values() for e in effects if e.coupled}
     for effect in coupled:
         for sensor in listed:
             if sensor in effect.sensors and effect not in listed[sensor]:
                 listed[sensor] = (*listed[sensor], effect)
+    closest = {s: joined_effects([*base[s], *a.closest]) for s, a in answers.items() if a.closest}
+    listed |= closest
     if all(listed[s] == base[s] for s in listed):
         return Explained(None, None, ())
     model = fit_prepared(listed, runs, noise=noise)
     comparison = compare_prepared(model, runs)
     before = fit_prepared(base, runs, noise=noise, refine=False).provenance.notes
-    new = tuple(note for note in model.provenance.notes if note not in before)
+    told = tuple(f'{sensor}:' for sensor in closest)
+    new = tuple(
+        note
+        for note in model.provenance.notes
+        if note not in before and not (told and note.startswith(told))
+    )
     return Explained(model, comparison, new)
+
+
+def _predictions(
+    base: Listed,
+    answers: Mapping[Sensor, SensorAnswer],
+    current: Comparison,
+    explained: Explained,
+) -> tuple[Prediction, ...]:
+    """Return what each sensor's correction would leave."""
+    made = []
+    for sensor, answer in answers.items():
+        before, after = current.sensors[sensor], current.sensors[sensor]
+        terms: tuple[str, ...] = ()
+        if explained.model is not None and explained.comparison is not None:
+            after = explained.comparison.sensors[sensor]
+            known = len(base[sensor])
+            terms = tuple(e.name for e in explained.model.sensors[sensor].effects[known:])
+        made.append(
+            Prediction(
+                sensor,
+                terms,
+                rms_of(before.held_out_rms),
+                rms_of(after.held_out_rms),
+                rms_of(after.noise_floor),
+                bool(answer.closest),
+            )
+        )
+    return tuple(made)

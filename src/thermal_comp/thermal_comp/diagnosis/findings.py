@@ -62,9 +62,9 @@ def effect_findings(
                 answer.needed_evidence,
                 probability=probability(answer.explanations, lambda e, n=name: n in e.names),  # type: ignore[misc]
                 ambiguous_with=tuple(rival for rival, _ in rivals[:2]),
-                error_before=_rms(current.sensors[sensor].held_out_rms),
-                error_after=_rms(after.sensors[sensor].held_out_rms) if after else None,
-                noise_floor=_rms(after.sensors[sensor].noise_floor) if after else None,
+                error_before=rms_of(current.sensors[sensor].held_out_rms),
+                error_after=rms_of(after.sensors[sensor].held_out_rms) if after else None,
+                noise_floor=rms_of(after.sensors[sensor].noise_floor) if after else None,
                 unit=SENSOR_UNITS[sensor],
                 rivals=tuple({'name': n, 'probability': p} for n, p in rivals),
                 parameters=_parameters(effect, sensor, explained),
@@ -149,8 +149,8 @@ def unnamed_findings(sensor: Sensor, answer: SensorAnswer, current: Comparison) 
             answer.needed_evidence,
             probability=likeliest.probability,
             depends_on=likeliest.depends_on,
-            error_before=_rms(before.held_out_rms),
-            noise_floor=_rms(before.noise_floor),
+            error_before=rms_of(before.held_out_rms),
+            noise_floor=rms_of(before.noise_floor),
             unit=SENSOR_UNITS[sensor],
             text=text,
         )
@@ -182,8 +182,8 @@ def noise_findings(
             sensor,
             above.evidence,
             REPORTED_EVIDENCE,
-            error_before=_rms(state.held_out_rms),
-            noise_floor=_rms(state.noise_floor),
+            error_before=rms_of(state.held_out_rms),
+            noise_floor=rms_of(state.noise_floor),
             unit=SENSOR_UNITS[sensor],
             text=f'{sensor}: noise above the reference, {white}bias instability × '
             f'{above.flicker_ratio:.2f}',
@@ -258,5 +258,6 @@ def quality_finding(defect: QualityFinding) -> Finding:
     )
 
 
-def _rms(per_axis: np.ndarray) -> float:
+def rms_of(per_axis: np.ndarray) -> float:
+    """Return the rms over the axes."""
     return float(np.sqrt(np.mean(np.square(per_axis))))

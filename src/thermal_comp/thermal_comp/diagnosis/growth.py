@@ -15,9 +15,10 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.candidates import missing_channels
 from thermal_comp.diagnosis.diagnose import Settings, base_effects, diagnose_prepared
+from thermal_comp.diagnosis.findings import rms_of
 from thermal_comp.diagnosis.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.priors import NOTHING
-from thermal_comp.diagnosis.result import Diagnosis
+from thermal_comp.diagnosis.result import Diagnosis, Prediction
 from thermal_comp.diagnosis.sensor_search import Listed
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.effects.empirical_term import Empirical
@@ -86,10 +87,30 @@ class Growth(Presented):
     diagnosis: Diagnosis | None = None
     """What is said about the grown model; None where it was not asked for."""
 
+    @property
+    def predictions(self) -> tuple[Prediction, ...]:
+        """What the grown model leaves of each sensor's error."""
+        made = []
+        for sensor, before in self.before.sensors.items():
+            after = self.after.sensors[sensor]
+            steps = [step for step in self.steps if sensor in step.sensors]
+            made.append(
+                Prediction(
+                    sensor,
+                    tuple(name for step in steps for name in step.added.split(' + ')),
+                    rms_of(before.held_out_rms),
+                    rms_of(after.held_out_rms),
+                    rms_of(after.noise_floor),
+                    any(step.empirical for step in steps),
+                )
+            )
+        return tuple(made)
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain values: the comparison after growing, and the steps to it."""
         return self.after.to_dict() | {
             'steps': [step.to_dict() for step in self.steps],
+            'prediction': {p.sensor: p.to_dict() for p in self.predictions},
             'parameters': fitted_shapes(self.model),
             'unneeded': list(self.unneeded),
             'worse': list(self.worse),
@@ -304,9 +325,9 @@ def _step(
     return Step(
         added,
         sensors,
-        _rms(before.held_out_rms),
-        _rms(after.held_out_rms),
-        _rms(after.noise_floor),
+        rms_of(before.held_out_rms),
+        rms_of(after.held_out_rms),
+        rms_of(after.noise_floor),
         ambiguous_with,
         empirical,
         lowered=falls(before.held_out_squares, after.held_out_squares, after.noise_floor**2),
@@ -337,7 +358,3 @@ def _unneeded(
             if effect.name != added and lost < 0.0:
                 found.append(f'{sensor}: {effect.name}')
     return tuple(found)
-
-
-def _rms(per_axis: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(np.square(per_axis))))

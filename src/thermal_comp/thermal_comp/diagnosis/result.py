@@ -99,6 +99,30 @@ class NamedExplanation:
 
 
 @dataclass(frozen=True)
+class Prediction:
+    """What a correction of one sensor leaves, held out; rms over the axes [SI]."""
+
+    sensor: str
+    terms: tuple[str, ...]
+    """Effects beyond the model that was diagnosed."""
+    error_before: float
+    error_after: float
+    noise_floor: float
+    empirical: bool
+    """Whether the cause is undecided: the terms only lower the error."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values; the sensor is the key it stands under."""
+        return {
+            'terms': list(self.terms),
+            'error_before': self.error_before,
+            'error_after': self.error_after,
+            'noise_floor': self.noise_floor,
+            'empirical': self.empirical,
+        }
+
+
+@dataclass(frozen=True)
 class SensorState:
     """One sensor under the model that was diagnosed; rms per axis in its SI unit."""
 
@@ -169,6 +193,8 @@ class Diagnosis(Presented):
     """Pairs of effects that these runs cannot tell apart."""
     explanations: tuple[NamedExplanation, ...] = ()
     """Per sensor the fewest explanations that hold 95 % together, most probable first."""
+    predictions: tuple[Prediction, ...] = ()
+    """What adding what was named would leave, and where nothing is named, the closest effects."""
 
     @property
     def verdict(self) -> str:
@@ -187,6 +213,7 @@ class Diagnosis(Presented):
             'verdict': self.verdict,
             'findings': [finding.to_dict() for finding in self.findings],
             'explanations': [explanation.to_dict() for explanation in self.explanations],
+            'prediction': {one.sensor: one.to_dict() for one in self.predictions},
             'sensors': {name: state.to_dict() for name, state in self.sensors.items()},
             'greyed_out': dict(self.greyed_out),
             'undetermined': list(self.undetermined),

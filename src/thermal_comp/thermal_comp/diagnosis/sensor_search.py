@@ -114,6 +114,14 @@ class SensorAnswer:
             return ()
         return tuple(c.form.effect for c in self.likeliest.components)
 
+    @property
+    def closest(self) -> tuple[Effect, ...]:
+        """The effects that come closest where something acts that has no name; () elsewhere."""
+        if self.kind not in {'unexplained', 'unlogged'}:
+            return ()
+        best = max(self.sets, key=lambda s: s.log_posterior)
+        return tuple(c.form.effect for c in best.components)
+
 
 def _one_fewer(fewer: Explanation, said: Explanation, doubt: float) -> bool:
     """Tell whether an explanation does with an effect less and is not unlikely beside `said`."""

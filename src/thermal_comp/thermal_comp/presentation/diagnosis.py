@@ -32,6 +32,7 @@ def diagnosis_text(content: Mapping[str, Any]) -> str:
     for finding in content['findings']:
         lines += _finding_lines(finding)
     lines += explanation_lines(content['explanations'])
+    lines += prediction_lines(content['prediction'])
     for sensor, state in content['sensors'].items():
         unit = DISPLAY_UNITS[sensor]
         error, floor = (
@@ -69,6 +70,23 @@ def _summary(content: Mapping[str, Any]) -> str:
         what = ' or '.join(n for n in names if n) or f'depends on {finding["depends_on"]}'
         parts.append(f'{what} ({finding["sensor"]})')
     return f': {", ".join(parts)}' if parts else ''
+
+
+def prediction_lines(prediction: Mapping[str, Any]) -> list[str]:
+    """Return what adding effects would bring where no cause is decided."""
+    lines = []
+    for sensor, one in prediction.items():
+        if not (one['empirical'] and one['terms']):
+            continue
+        unit = DISPLAY_UNITS[sensor]
+        before, after, floor = (
+            shown(one[key] * unit.factor) for key in ('error_before', 'error_after', 'noise_floor')
+        )
+        lines.append(
+            f'  {sensor}: add {", ".join(one["terms"])} would bring held-out error {before} → '
+            f'{after} {unit.unit}, noise floor {floor}; cause undecided'
+        )
+    return lines
 
 
 def explanation_lines(explanations: Sequence[Mapping[str, Any]]) -> list[str]:
