@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -160,7 +160,7 @@ def _beside(
 
 
 def _channel_flaws(
-    hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedDesign, own: Sequence[str]
+    hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedDesign, own: Set[str]
 ) -> list[float]:
     """Return ln of the evidence of errors of the channels that the effects of a set need."""
     size = float(np.sqrt(max(some.weakest, 1.0)))
