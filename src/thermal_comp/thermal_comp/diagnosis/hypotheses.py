@@ -141,13 +141,10 @@ class SensorHypotheses:
             self._nuisances, key=lambda pair: pair[0] + self._joint((), pair[1])[0]
         )
         self.nothing = self.log_evidence(())[0]
+        alone = self._joint((), self._likeliest[1][:1])[1]
+        self.explained_by_thermometer = max(alone - self._told, 0.0)
+        """Δχ² of the thermometer's errors alone."""
         self._explained_by_nuisances = self._joint((), self._likeliest[1])[1]
-
-    def explained_by_thermometer(self, components: Sequence[Component]) -> float:
-        """Return the Δχ² of the thermometer's errors beside effects."""
-        beside, others = self._likeliest[1], self._likeliest[1][1:]
-        added = self._joint(components, beside)[1] - self._joint(components, others)[1]
-        return max(added - self._told, 0.0)
 
     def sets(self) -> list[EffectSet]:
         """Return the sets that were looked at, most probable first."""

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,8 +29,8 @@ MOST_SETS = 4
 """Sets whose equations are given a flaw."""
 THERMOMETER_SEEN = 20.0
 """Δχ² from which errors of the thermometer act, so that their equations may have a flaw."""
-SECOND_PART_GAIN = 10.0
-"""Gain of ln evidence of one thing lacking from which another may be lacking beside it."""
+LEAST_WAYS = 4
+"""Ways in which something without a name may act at least: one that is looked for is not all."""
 APPROXIMATE = 0.75
 """Probability of a flaw from which a form is called approximate."""
 
@@ -91,7 +91,7 @@ def _exact_weight(hypotheses: SensorHypotheses, some: EffectSet) -> float:
 
 def _may_be_flawed(hypotheses: SensorHypotheses, some: EffectSet) -> bool:
     """Tell whether anything is explained by equations: effects' or the thermometer's."""
-    return bool(some.components) or hypotheses.explained_by_thermometer(()) > THERMOMETER_SEEN
+    return bool(some.components) or hypotheses.explained_by_thermometer > THERMOMETER_SEEN
 
 
 def _named(some: EffectSet, rest: Sequence[_Beside], total: float) -> Explanation:
@@ -145,7 +145,7 @@ def _beside(
     gains = _gains(hypotheses, some, state, amplitude)
     common = _common_course(hypotheses, some) if courses else []
     own = {c.removesuffix('_voltage') for one in some.components for c in one.form.effect.channels}
-    measured = _channel_flaws(hypotheses, some, state, own)
+    measured = [gain for r, gain in gains if r.depends_on in own]
     if measured:
         gains = [(r, gain) for r, gain in gains if r.depends_on not in own]
         share = float(np.log(priors.CHANNEL_FLAWED / len(measured)))
@@ -154,19 +154,9 @@ def _beside(
         mine = [(r, g) for r, g in gains if bool(r.unlogged) == (kind == UNLOGGED)]
         beside = [_Beside(kind, r.unlogged or r.depends_on, g) for r, g in mine]
         beside += [c for c in common if c.kind == kind]
-        share = float(np.log(prior * once / max(len(beside), 1)))
+        share = float(np.log(prior * once / max(len(beside), LEAST_WAYS)))
         found += [replace(b, log_weight=b.log_weight + share) for b in beside]
     return found
-
-
-def _channel_flaws(
-    hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedDesign, own: Set[str]
-) -> list[float]:
-    """Return ln of the evidence of errors of the channels that the effects of a set need."""
-    size = float(np.sqrt(max(some.weakest, 1.0)))
-    share = priors.flaw_log_prior(size, priors.FORM_SHARE, priors.FORM_SHARE_LN)
-    flaws = [r for r in hypotheses.regressors if r.depends_on in own]
-    return [_gain(state, r, share, beside=True)[0] for r in flaws]
 
 
 def _gains(
@@ -215,39 +205,9 @@ def _flaw(
 ) -> float:
     """Return ln of prior times evidence of what the equations of effects and thermometer lack.
 
-    It is a share of the weakest effect: what is as large as that would be an effect as well. It
-    may have two parts.
+    It is a share of the weakest effect: what is as large as that would be an effect as well.
     """
-    thermometer = hypotheses.explained_by_thermometer(some.components)
-    weakest = float(np.sqrt(max(some.weakest, thermometer)))
-    form = priors.flaw_log_prior(weakest, priors.FORM_SHARE, priors.FORM_SHARE_LN)
-    fitted = _gains_of_larger(some, sets, form)
-    one, part, gain = _flaw_part(hypotheses, some, weakest, state, fitted)
-    approximate = float(np.log(priors.FORM_APPROXIMATE))
-    if gain < SECOND_PART_GAIN:
-        return one + approximate
-    if isinstance(part, Component):
-        wide = replace(part, amplitude=float(priors.AMPLITUDES[-1]))
-        beside = hypotheses.conditioned([*some.components, wide])
-    else:
-        width = np.full(len(part.term.columns), priors.AMPLITUDES[-1])
-        generic = CoefficientPrior(part.term.columns, shared=False, deviation=width)
-        beside = hypotheses.conditioned(some.components, generic)
-    other, _, _ = _flaw_part(hypotheses, some, weakest, beside, {})
-    return float(np.logaddexp(one, one + other + approximate)) + approximate
-
-
-def _flaw_part(
-    hypotheses: SensorHypotheses,
-    some: EffectSet,
-    weakest: float,
-    state: ConditionedDesign,
-    fitted: Mapping[str, float],
-) -> tuple[float, Component | GenericRegressor, float]:
-    """Return ln of the evidence of one thing that is lacking, the likeliest, and ln of its own.
-
-    `fitted`: ln of the evidence of effects that were fitted beside the set.
-    """
+    weakest = float(np.sqrt(max(some.weakest, hypotheses.explained_by_thermometer)))
     form = priors.flaw_log_prior(weakest, priors.FORM_SHARE, priors.FORM_SHARE_LN)
     chance = priors.flaw_log_prior(weakest, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
     like_kin = hypotheses.additions(some, form, state, beside=True)
@@ -256,21 +216,19 @@ def _flaw_part(
     kin = {f.name for f in hypotheses.families if any(e.is_kin_of(f.effect()) for e in effects)}
     if not effects:
         kin = {f.name for f in hypotheses.families if f.effect.kin == 'temperature'}
-    kindred: list[tuple[float, Component | GenericRegressor]] = [
-        (max(a.log_gain, fitted.get(name, a.log_gain)), a.component)
+    fitted = _gains_of_larger(some, sets, form)
+    kindred = [
+        max(a.log_gain, fitted.get(name, a.log_gain))
         for name, a in like_kin.items()
         if name in kin
     ]
-    others: list[tuple[float, Component | GenericRegressor]] = [
-        (a.log_gain, a.component) for name, a in by_chance.items() if name not in kin
-    ]
-    others += [(_gain(state, r, form, beside=True)[0], r) for r in hypotheses.regressors]
+    others = [a.log_gain for name, a in by_chance.items() if name not in kin]
+    others += [_gain(state, r, form, beside=True)[0] for r in hypotheses.regressors]
     share = priors.LIKE_KIN if kindred else 0.0
-    parts = [log_sum([g for g, _ in others]) + float(np.log((1.0 - share) / len(others)))]
+    parts = [log_sum(others) + float(np.log((1.0 - share) / len(others)))]
     if kindred:
-        parts.append(log_sum([g for g, _ in kindred]) + float(np.log(share / len(kindred))))
-    gain, likeliest = max([*kindred, *others], key=lambda pair: pair[0])
-    return log_sum(parts), likeliest, gain
+        parts.append(log_sum(kindred) + float(np.log(share / len(kindred))))
+    return log_sum(parts) + float(np.log(priors.FORM_APPROXIMATE))
 
 
 def _gains_of_larger(
@@ -285,8 +243,7 @@ def _gains_of_larger(
         further = [c for c in larger.components if c.name not in some.names]
         fitted = larger.weakest > 0.0 and len(larger.components) == len(some.components) + 1
         if len(further) == 1 and fitted:
-            added = max(larger.explained - some.explained, 0.0)
-            size = float(np.log(max(np.sqrt(added), priors.AMPLITUDES[0])))
+            size = float(np.log(max(np.sqrt(larger.weakest), priors.AMPLITUDES[0])))
             prior = float(np.interp(size, np.log(priors.AMPLITUDES), log_prior))
             evidence = larger.log_posterior - larger.log_prior
             gains[further[0].name] = evidence - some.log_posterior + some.log_prior + prior

@@ -39,8 +39,6 @@ FORM_SHARE, FORM_SHARE_LN = 0.015, 0.6
 """Median and standard deviation of ln of the amplitude of what an equation lacks, as a share of
 the effect's own: second-order terms of laws of this kind are a per cent, seldom ten."""
 
-MOST_FLAW_SHARE = 0.15
-"""Share from which it is no flaw: an equation that is a sixth off is another one."""
 LIKENESS_SHARE, LIKENESS_SHARE_LN = 0.01, 1.0
 """The same where what it lacks looks like an effect that is no kin of it, by chance."""
 
@@ -75,8 +73,6 @@ THERMOMETER_TRANSIENT_K = 0.5
 THERMOMETER_FLAW = 0.1
 """Share of the thermometer's errors to which other sensors tell them: a lag has no exact form."""
 
-NEVER = -1e9
-"""ln of a prior that nothing overcomes."""
 SHAPE_STEP_LN = 0.3
 """Distance of neighbouring forms on a search grid, in ln of the shape parameter."""
 
@@ -101,8 +97,7 @@ def amplitude_log_prior(strongest: float | None, spread: float = AMPLITUDE_RATIO
 
 def flaw_log_prior(strongest: float, median: float, spread: float) -> FloatArray:
     """Return (s,) ln of the prior over AMPLITUDES of what an effect's equation lacks."""
-    share = AMPLITUDES / max(strongest, 1.0)
-    return np.where(share > MOST_FLAW_SHARE, NEVER, _log_normal(share, median, spread))
+    return _log_normal(AMPLITUDES / max(strongest, 1.0), median, spread)
 
 
 def _log_normal(ratio: FloatArray, median: float, spread: float) -> FloatArray:
