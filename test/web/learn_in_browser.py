@@ -18,7 +18,7 @@ from .conftest import Server, servers
 
 ROOT = Path(__file__).resolve().parents[2]
 RATE = 2e-4
-"""So little that a gradient may stand for it: what is hidden follows the temperature's rate [m/s² per °C/min]."""
+"""What is hidden follows the temperature's rate [m/s² per °C/min], or a gradient: it is small."""
 
 
 @pytest.fixture(scope='module')
