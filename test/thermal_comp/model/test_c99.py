@@ -25,9 +25,14 @@ from imu_recording import read_bag
 
 FIRMWARE = Path(__file__).parents[3] / 'firmware'
 DEVICE_EFFECTS = sorted(name for name, effect in EFFECTS.items() if effect.kind == 'device')
-needs_compiler = pytest.mark.skipif(
-    not (shutil.which('cc') and shutil.which('make')), reason='no C compiler here'
-)
+
+
+@pytest.fixture
+def compiler() -> None:
+    """A C compiler; without one a test fails rather than passing unseen."""
+    missing = [name for name in ('cc', 'make', 'cmake') if not shutil.which(name)]
+    if missing:
+        pytest.fail(f'no {", ".join(missing)}: apt install build-essential cmake', pytrace=False)
 
 
 def model_of(effects: Sequence[Effect], seed: int = 0) -> ThermalModel:
@@ -74,7 +79,7 @@ def off_by(folder: Path, model: ThermalModel, courses: Sequence[Conditions]) -> 
     return [float(x) for x in re.findall(r'off by (\S+) of', done.stdout)]
 
 
-@needs_compiler
+@pytest.mark.usefixtures('compiler')
 @pytest.mark.parametrize('name', DEVICE_EFFECTS)
 def test_effect_in_c_is_the_effect(name: str, tmp_path: Path) -> None:
     model = model_of([EFFECTS[name]()])
@@ -82,7 +87,7 @@ def test_effect_in_c_is_the_effect(name: str, tmp_path: Path) -> None:
     assert len(off) == 2 * sum(bool(part.effects) for part in model.sensors.values())
 
 
-@needs_compiler
+@pytest.mark.usefixtures('compiler')
 def test_all_effects_at_once_share_what_they_follow(tmp_path: Path) -> None:
     model = model_of([EFFECTS[name]() for name in DEVICE_EFFECTS])
     off_by(tmp_path, model, [example_course(model), example_course(model)])
@@ -91,7 +96,7 @@ def test_all_effects_at_once_share_what_they_follow(tmp_path: Path) -> None:
     assert 'imu_thermal_lag lag[16];' in (tmp_path / 'imu_thermal.h').read_text()
 
 
-@needs_compiler
+@pytest.mark.usefixtures('compiler')
 def test_bundled_bags_are_compensated_alike(bags: Path, tmp_path: Path) -> None:
     names = ['bias_temperature', 'bias_temperature_curvature', 'thermal_lag', 'thermal_hysteresis']
     effects = [EFFECTS[name]() for name in [*names, 'temperature_rate', 'warm_up']]
@@ -111,7 +116,7 @@ def test_bundled_bags_are_compensated_alike(bags: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(last[14:17], subtracted[-1], atol=1e-12)
 
 
-@needs_compiler
+@pytest.mark.usefixtures('compiler')
 def test_a_slow_lag_at_a_high_rate_holds_in_single_precision(tmp_path: Path) -> None:
     """An hour's lag at 952 Hz: a step changes it by less than single precision resolves."""
     n = 200_000
@@ -125,10 +130,8 @@ def test_a_slow_lag_at_a_high_rate_holds_in_single_precision(tmp_path: Path) -> 
     assert max(off_by(tmp_path, model, [course])[3:]) < 1e-5
 
 
-@needs_compiler
+@pytest.mark.usefixtures('compiler')
 def test_the_package_config_is_found(tmp_path: Path) -> None:
-    if not shutil.which('cmake'):
-        pytest.skip('no cmake here')
     write_c(tmp_path / 'thermal', model_of([EFFECTS['thermal_lag']()]))
     user = tmp_path / 'user'
     user.mkdir()
@@ -178,7 +181,7 @@ def test_an_effect_without_a_c_form_is_refused_by_name() -> None:
             c99_of(model_of([effect, EFFECTS['bias_temperature']()]))
 
 
-@needs_compiler
+@pytest.mark.usefixtures('compiler')
 def test_a_users_effect_brings_its_c_form(tmp_path: Path) -> None:
     class Own(Foreign):
         """The activity dip of CONTRIBUTING.md."""
@@ -195,7 +198,7 @@ def test_a_users_effect_brings_its_c_form(tmp_path: Path) -> None:
     off_by(tmp_path, model_of([Own()]), [example_course(model_of([Own()]))])
 
 
-@needs_compiler
+@pytest.mark.usefixtures('compiler')
 def test_sums_within_a_users_effect_are_kept_together(tmp_path: Path) -> None:
     class Shared(Foreign):
         """Coefficients shared by the axes, written without parentheses; waits for a channel."""

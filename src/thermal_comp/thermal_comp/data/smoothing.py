@@ -16,6 +16,7 @@ from scipy.fft import dct, next_fast_len
 SHORTEST_S, LONGEST_S = 1.0, 3600.0
 """Times over which a spline may smooth [s], r^−¼."""
 LEAST_ROWS = 8
+"""Pieces with fewer rows stay as they were measured."""
 MARGIN = 8.0
 """Widths after which a spline has forgotten its end."""
 GAP_STEPS = 20.0
