@@ -296,6 +296,10 @@ class SensorHypotheses:
         left = [c for c in components if name is not None and c.name != name]
         return 2.0 * (self.log_evidence(components)[0] - self.log_evidence(left)[0])
 
+    def speaks_for(self, components: Sequence[Component]) -> float:
+        """Return ln of the evidence for effects in their forms, relative to nothing's."""
+        return self.log_evidence(components)[0] - self.nothing
+
     def needed_evidence(self, belief: float) -> float:
         """Return 2 ln of the Bayes factor that makes one effect, known in form, so probable."""
         odds = np.log(belief / (1.0 - belief)) + np.log(priors.NOTHING) - self._log_prior(1)

@@ -34,6 +34,10 @@ BELIEVED = 0.8
 """Probability that something is missing from which it is said: a false word costs four missed."""
 SURE_OF_NOTHING = 0.95
 """Probability that a sensor lacks nothing from which it need not be asked again."""
+TOLD_DIFFERENCE = 0.5
+"""Difference of ln evidence between sets that what others tell has to make …"""
+COMPARED_SETS = 5
+"""… among so many of the likeliest."""
 REFUTING_CHI2 = 20.0
 """χ² against an effect of several sensors from which no flaw in its form excuses it …"""
 REFUTING_SHARE = 2e-4
@@ -192,15 +196,20 @@ class SensorSearches:
     ) -> dict[Sensor, SensorAnswer]:
         """Return what changes where the others tell of the thermometer's errors.
 
-        A sensor that lacks nothing is not asked again.
+        A sensor that lacks nothing is not asked again, nor one to whose likeliest sets it makes
+        no difference.
         """
         told = told_by_others({s: (a.hypotheses, a.sets) for s, a in found.items()})
         again = {}
         for sensor, answer in found.items():
             nothing = probability(answer.explanations, lambda e: e.names == ())
             if sensor in told and nothing < SURE_OF_NOTHING:
-                answer.hypotheses.inform(told[sensor].normal, told[sensor].right)
-                again[sensor] = self._answer(answer.hypotheses, answer.hypotheses.sets())
+                hypotheses, likeliest = answer.hypotheses, answer.sets[:COMPARED_SETS]
+                before = [hypotheses.speaks_for(s.components) for s in likeliest]
+                hypotheses.inform(told[sensor].normal, told[sensor].right)
+                after = [hypotheses.speaks_for(s.components) for s in likeliest]
+                if np.ptp(np.subtract(after, before)) > TOLD_DIFFERENCE:
+                    again[sensor] = self._answer(hypotheses, hypotheses.sets())
         return again
 
     def of_coupled(

@@ -71,6 +71,8 @@ class ConditionedDesign:
         half = self.coupling[:, :, columns].transpose(1, 2, 0, 3)
         if shared:
             blocks, right, half = (x.sum(axis=0, keepdims=True) for x in (blocks, right, half))
+        if len(blocks) * columns.shape[1] <= half.shape[2]:
+            blocks, right, half = _as_one_axis(blocks, right, half)
         # Blocks of axes are diagonalised by themselves; what couples them has a low rank.
         values, vectors = np.linalg.eigh(blocks)
         values = np.maximum(values.transpose(1, 2, 0).reshape(forms, -1), 0.0)
@@ -91,6 +93,24 @@ class ConditionedDesign:
             self.chi_square - gain, self.log_determinant + determinant, self.rows
         )
         return np.asarray(evidence), gain
+
+
+def _as_one_axis(
+    blocks: FloatArray, right: FloatArray, half: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return blocks (a, f, p, p) and what couples them, (a, f, k, p), as one block (1, f, ap, ap).
+
+    It pays where few columns are coupled by many coefficients.
+    """
+    axes, forms, columns = right.shape
+    size = axes * columns
+    across = half.transpose(1, 2, 0, 3).reshape(forms, -1, size)
+    whole = -across.transpose(0, 2, 1) @ across
+    for axis in range(axes):
+        own = slice(axis * columns, (axis + 1) * columns)
+        whole[:, own, own] += blocks[axis]
+    together = right.transpose(1, 0, 2).reshape(1, forms, size)
+    return whole[None], together, np.zeros((1, forms, 0, size))
 
 
 def conditioned(
