@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -96,3 +99,15 @@ def synthetic_run(
 def run() -> Callable[..., ImuRecording]:
     """Return the function that makes a synthetic run."""
     return synthetic_run
+
+
+@pytest.fixture(scope='session')
+def writers() -> ModuleType:
+    """Return what writes recordings as the logs of autopilots."""
+    path = Path(__file__).parents[1] / 'imu_recording' / 'log_writers.py'
+    spec = importlib.util.spec_from_file_location('log_writers', path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

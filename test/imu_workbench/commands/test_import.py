@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 from pathlib import Path
 from types import ModuleType
@@ -14,19 +13,6 @@ from imu_workbench.__main__ import main
 from thermal_comp.model.file import load_model
 
 from imu_recording import read_bag
-
-ROOT = Path(__file__).parents[3]
-
-
-@pytest.fixture(scope='module')
-def writers() -> ModuleType:
-    path = ROOT / 'test' / 'imu_recording' / 'log_writers.py'
-    spec = importlib.util.spec_from_file_location('log_writers', path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.mark.parametrize('suffix', ['ulg', 'bin'])

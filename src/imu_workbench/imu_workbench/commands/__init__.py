@@ -10,6 +10,7 @@ COMMANDS: dict[str, str] = {
     'compare': 'compare',
     'apply': 'apply',
     'export': 'export',
+    'second-opinion': 'second_opinion',
     'report': 'report',
     'demo': 'demo',
     'simulate': 'simulate',

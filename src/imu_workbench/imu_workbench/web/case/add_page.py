@@ -141,6 +141,8 @@ class AddPage:
             for name, effect in self._session.effects.items():
                 if sensor not in effect['sensors']:
                     continue
+                if not effect['searched'] and name not in inside:
+                    continue  # not added by its name: `auto` adds it, or a model began with it
                 reason = state.unusable.get(name, '')
                 box = ui.checkbox(
                     name.replace('_', ' '),

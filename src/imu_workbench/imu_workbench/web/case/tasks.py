@@ -213,7 +213,7 @@ def report_task(
 def effect_explanations(catalogue: Mapping[str, type[Effect]]) -> dict[str, dict[str, Any]]:
     """Return what `explain` says of every effect, by name."""
     return {
-        name: explanation(effect) | {'coupled': effect.coupled}
+        name: explanation(effect) | {'coupled': effect.coupled, 'searched': effect.searched}
         for name, effect in catalogue.items()
     }
 

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Say what the temperature curves of an autopilot are worth, from the log they come from."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from imu_recording.logs.dataflash import is_dataflash
+from imu_recording.logs.import_log import import_log, is_log
+from imu_recording.plausibility import admitted
+from imu_recording.user_error import UserError
+from thermal_comp.comparison.second_opinion import SecondOpinion, SensorOpinion, second_opinion
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.motion import refuse_moving
+from thermal_comp.data.quality import check_recording
+from thermal_comp.model.export.autopilot_fit import FITS, Autopilot
+from thermal_comp.presentation.display import shown
+from thermal_comp.presentation.second_opinion import opinion_picture
+
+from imu_recording import ImuRecording, read_bag
+from imu_workbench.answer import Answer, show_progress
+from imu_workbench.commands.compare import claim_picture
+from imu_workbench.commands.options import add_accept_argument
+
+HELP = 'Judge the curves that PX4 or ArduPilot would fit to a warm-up log: good, or not, and why.'
+EPILOG = (
+    'A log (.ulg, .bin) is judged by the curves of its own autopilot, a bag of `import` by those\n'
+    'of --autopilot. Held out: each part of the log is judged by the curve of the rest.\n'
+    'examples:\n'
+    '  python -m imu_workbench second-opinion warmup.ulg --plot opinion.png\n'
+    '  python -m imu_workbench second-opinion warmup/imu0 --autopilot ardupilot'
+)
+NAMES: dict[Autopilot, str] = {'px4': 'PX4', 'ardupilot': 'ArduPilot'}
+UNITS: dict[Sensor, tuple[float, str]] = {
+    'accelerometer': (1e3 / 9.80665, 'mg'),
+    'gyroscope': (180.0 / np.pi, '°/s'),
+}
+"""Factor from SI and unit, as pilots know them."""
+GOOD = 1.5
+"""Times the noise floor up to which curves are good."""
+SMALL = 2.0
+"""Times the noise floor up to which what cooling leaves is small."""
+WIDE_K = 25.0
+"""Range from which a log covers the weather [K]."""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    parser.add_argument('logs', metavar='LOG', type=Path, nargs='+', help='.ulg, .bin or a bag')
+    parser.add_argument(
+        '--autopilot', choices=tuple(FITS), help='whose curves; without it that of the log'
+    )
+    parser.add_argument('--plot', metavar='FILE', type=Path, help='draw it (.png, .svg, .pdf)')
+    parser.add_argument('--seed', type=int, default=0, help='of what is drawn (%(default)s)')
+    parser.add_argument(
+        '--force', action='store_true', help='replace what exists under the name of the picture'
+    )
+    add_accept_argument(parser)
+
+
+def run(options: argparse.Namespace) -> Answer:
+    """Judge every IMU of every log."""
+    if options.plot:
+        claim_picture(options.plot, force=options.force)
+    rows, lines, opinions = [], [], []
+    for name, recording, own in _imus(options):
+        show_progress(f'{name}: fitting …')
+        autopilot = options.autopilot or own
+        clean, defects = check_recording(admitted(recording, options.accept), name)
+        refuse_moving(clean)
+        try:
+            opinion = second_opinion(clean, autopilot, seed=options.seed)
+        except UserError as error:
+            raise UserError(f'{name}: {error}') from None
+        faults = [f'{defect.name}: {defect.text}' for defect in defects]
+        said = verdict(opinion)
+        rows.append(_row(name, opinion, faults, said))
+        lines += [name, *(f'  first: {fault}' for fault in faults), *(f'  {s}' for s in said)]
+        opinions.append((name, opinion))
+    if options.plot:
+        opinion_picture(opinions, UNITS).savefig(options.plot, dpi=120)
+        lines.append(f'wrote {options.plot}')
+    return Answer({'schema': 1, 'imus': rows, 'plot': options.plot}, '\n'.join(lines))
+
+
+def _imus(options: argparse.Namespace) -> Iterator[tuple[str, ImuRecording, Autopilot]]:
+    """Yield name, recording and autopilot of every IMU."""
+    for path in options.logs:
+        if path.is_dir():
+            yield str(path), read_bag(path), 'px4'
+            continue
+        if not path.is_file():
+            raise UserError(f'{path}: no such file')
+        if not is_log(path):
+            raise UserError(f'{path} is no log of an autopilot: `import` it, then give the bag')
+        show_progress(f'reading {path} …')
+        own: Autopilot = 'ardupilot' if is_dataflash(path.read_bytes()[:16]) else 'px4'
+        for imu in import_log(path):
+            yield f'{path} {imu.name}', imu.recording, own
+
+
+def verdict(opinion: SecondOpinion) -> list[str]:
+    """Return the verdict in three lines: these curves, the way back, what to do."""
+    low, high = opinion.temperature_range
+    worst = max(_times_floor(s, s.held_out) for s in opinion.sensors.values())
+    judged = (
+        'good: noise leaves as much'
+        if worst <= GOOD
+        else f'{shown(worst, 2)} times what noise would leave'
+    )
+    name = NAMES[opinion.autopilot]
+    each = '; '.join(
+        f'{sensor} {_in_units(sensor, _rms(part.held_out))}, '
+        f'nothing subtracted {_in_units(sensor, _rms(part.raw))}'
+        for sensor, part in opinion.sensors.items()
+    )
+    lines = [
+        f"{name}'s curves between {low:.0f} and {high:.0f} °C leave, held out: {each} – {judged}."
+    ]
+    back = '; '.join(
+        f'{sensor} {_band(sensor, part.cooling)}' for sensor, part in opinion.sensors.items()
+    )
+    why = (
+        f'{100.0 * opinion.both_ways:.0f} % of the range was passed both ways, which tells a lag '
+        'from a curve'
+        if opinion.decidable
+        else 'one warm-up cannot tell a lag from a curve'
+    )
+    lines.append(f'Cooling as fast as it warmed, they will leave: {back}; {why}.')
+    lines.append(f'Advice: {_advice(opinion, worst)}.')
+    return lines
+
+
+def _advice(opinion: SecondOpinion, worst: float) -> str:
+    low, high = opinion.temperature_range
+    later = max(_times_floor(s, s.cooling[1:2]) for s in opinion.sensors.values())
+    advice = []
+    if not opinion.decidable:
+        advice.append('keep logging while the board cools down again, and ask once more')
+    if high - low < WIDE_K:
+        advice.append(f'start colder or end warmer: {high - low:.0f} K is a narrow range')
+    if opinion.decidable and max(worst, later) > max(GOOD, SMALL):
+        advice.append(
+            'a cubic is not enough: `import`, `auto`, then `export --to c99`, which has the lag'
+        )
+    elif worst > GOOD:
+        advice.append('do not load these curves yet')
+    elif opinion.decidable:
+        advice.append(f'load these curves; they hold between {low:.0f} and {high:.0f} °C')
+    else:
+        advice.append('until then they are good for warming up')
+    return '; '.join(advice)
+
+
+def _row(name: str, opinion: SecondOpinion, faults: list[str], said: list[str]) -> dict[str, Any]:
+    return {
+        'imu': name,
+        'device': opinion.device,
+        'autopilot': opinion.autopilot,
+        'verdict': said,
+        'faults': faults,
+        'temperature_range': opinion.temperature_range,
+        'both_ways': opinion.both_ways,
+        'lag_or_curve': 'told apart' if opinion.decidable else 'cannot be told apart',
+        'sensors': {
+            sensor: {
+                'coefficients': part.cubic.coefficients,
+                'reference_temperature': part.cubic.reference,
+                'temperature_range': [part.cubic.low, part.cubic.high],
+                'raw_rms': part.raw,
+                'held_out_rms': part.held_out,
+                'noise_floor': part.noise_floor,
+                'cooling_rms_percentiles_2_5_50_97_5': part.cooling,
+            }
+            for sensor, part in opinion.sensors.items()
+        },
+    }
+
+
+def _times_floor(part: SensorOpinion, errors: np.ndarray[Any, Any]) -> float:
+    return _rms(errors) / max(_rms(part.noise_floor), 1e-300)
+
+
+def _rms(values: np.ndarray[Any, Any]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _in_units(sensor: Sensor, value: float) -> str:
+    factor, unit = UNITS[sensor]
+    return f'{shown(factor * value, 2)} {unit}'
+
+
+def _band(sensor: Sensor, percentiles: np.ndarray[Any, Any]) -> str:
+    factor, unit = UNITS[sensor]
+    low, _, high = (shown(factor * value, 2) for value in percentiles)
+    return f'{low} … {high} {unit}'

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verb `second-opinion` on logs an autopilot would have kept."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from imu_workbench.__main__ import main
+
+from imu_recording import read_bag
+
+
+def test_logs_are_judged_by_their_own_autopilot(
+    writers: ModuleType, bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board = read_bag(bags / 'dut1_z')
+    ulog, dataflash = tmp_path / 'flight.ulg', tmp_path / 'flight.bin'
+    ulog.write_bytes(writers.ulog_bytes([board]))
+    dataflash.write_bytes(writers.dataflash_bytes([board]))
+    told, picture = tmp_path / 's.json', tmp_path / 'o.png'
+    command = ['second-opinion', str(ulog), str(dataflash)]
+    assert main([*command, '--json', str(told), '--plot', str(picture)]) == 0
+    assert picture.read_bytes().startswith(b'\x89PNG')
+    imus = json.loads(told.read_text())['imus']
+    assert [imu['autopilot'] for imu in imus] == ['px4', 'ardupilot']
+    for imu in imus:
+        assert imu['lag_or_curve'] == 'told apart'
+        assert len(imu['verdict']) == 3
+        assert set(imu['sensors']) == {'accelerometer', 'gyroscope'}
+    assert "PX4's curves between" in capsys.readouterr().out
+    assert main([*command, '--plot', str(picture)]) == 2  # the picture exists
+
+
+def test_what_is_no_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = tmp_path / 'board.csv'
+    table.write_text('t,x\n0,1\n')
+    assert main(['second-opinion', str(table)]) == 2
+    assert '`import` it' in capsys.readouterr().err
+    assert main(['second-opinion', str(tmp_path / 'missing.ulg')]) == 2
