@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Filters as processes over DDS: losses, latency and CPU per message; run by filters.py.
 
-python benchmarks/filters_live.py node SECONDS RATE_HZ RAW(0|1) feeds an ahrs_filter;
+python benchmarks/filters_live.py node SECONDS RATE_HZ feeds an ahrs_filter;
 python benchmarks/filters_live.py chain SECONDS MODEL runs driver, compensation and filter.
 Each prints one JSON line.
 """
@@ -72,10 +72,9 @@ def feed(out: Publisher, out_field: Publisher, count: int, rate_hz: float) -> No
         time.sleep(BATCH_S)
 
 
-def one_node(seconds: float, rate_hz: float, *, raw: bool) -> dict[str, Any]:
+def one_node(seconds: float, rate_hz: float) -> dict[str, Any]:
     """Feed an ahrs_filter; return losses, CPU per message and latency from stamp to receipt."""
-    options = ['raw_subscription:=' + str(raw).lower(), 'publish_euler:=false']
-    child = start('orientation_filters', 'ahrs_filter_node', options)
+    child = start('orientation_filters', 'ahrs_filter_node', ['publish_euler:=false'])
     rclpy.init()
     node = rclpy.create_node('filters_live')
     out = node.create_publisher(Imu, 'imu/data_raw', QOS)
@@ -192,7 +191,7 @@ def main() -> int:
     if kind == 'chain':
         result = chain(float(seconds), rest[0])
     else:
-        result = one_node(float(seconds), float(rest[0]), raw=rest[1] == '1')
+        result = one_node(float(seconds), float(rest[0]))
     print(json.dumps(result))
     return 0
 

@@ -21,7 +21,6 @@ setup(
             'py.typed',
             'report/html/templates/*',
             'data/*.csv',
-            'layouts/*',
             'web/*.css',
             'web/*.js',
         ]

@@ -15,6 +15,7 @@ BELOW = {
     'imu_recording': (),
     **dict.fromkeys(PEERS, ('imu_recording',)),
     'imu_workbench': ('imu_recording', *PEERS),
+    'imu_bringup': ('imu_recording', *PEERS),
 }
 RCLPY_IN_WORKBENCH = (
     'replay.py',

@@ -19,10 +19,11 @@ NODES = {
     'thermal_comp': ['thermal_comp_node'],
     'orientation_filters': ['complementary_filter_node', 'ahrs_filter_node'],
     'chamber_profile': ['chamber_profile_node', 'reference_logger_node'],
+    'imu_bringup': ['imu_chain_node'],
 }
 
 
-def test_colcon_sees_six_ament_python_packages() -> None:
+def test_colcon_sees_seven_ament_python_packages() -> None:
     listed = subprocess.run(
         [str(Path(sys.executable).parent / 'colcon'), 'list', '--base-paths', 'src'],
         cwd=ROOT,
@@ -32,7 +33,7 @@ def test_colcon_sees_six_ament_python_packages() -> None:
     ).stdout
     kinds = {line.split('\t')[0]: line.split('\t')[2] for line in listed.splitlines()}
     assert kinds == dict.fromkeys(PACKAGES, '(ros.ament_python)')
-    assert len(PACKAGES) == 6
+    assert len(PACKAGES) == 7
 
 
 @pytest.mark.parametrize('package', PACKAGES)

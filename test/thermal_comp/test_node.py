@@ -83,14 +83,21 @@ def test_covariance_is_noise_plus_model_uncertainty(ros: Any, model_path: str) -
 def test_known_covariances_and_orientation_are_kept(ros: Any, model_path: str) -> None:
     sent: list[tuple[str, Any]] = []
     compensation = node(ros, sent, model=model_path)
-    compensation.on_temperature(temperature_from_sample(TemperatureSample(SECOND, 20.0)))
+    compensation.inputs['imu/temperature'](
+        temperature_from_sample(TemperatureSample(SECOND, 20.0))
+    )
     message = imu_from_sample(
-        ImuSample(SECOND, (0.0,) * 3, UP, angular_velocity_covariance=(4e-6, *[0.0] * 8)),
-        orientation=(0.0, 0.0, 0.6, 0.8),
-        orientation_covariance=(1e-4, *[0.0] * 8),
+        ImuSample(
+            SECOND,
+            (0.0,) * 3,
+            UP,
+            angular_velocity_covariance=(4e-6, *[0.0] * 8),
+            orientation=(0.0, 0.0, 0.6, 0.8),
+            orientation_covariance=(1e-4, *[0.0] * 8),
+        )
     )
     message.linear_acceleration_covariance[0] = -1.0
-    compensation.on_imu(message)
+    compensation.inputs['imu/data_raw'](message)
     (imu,) = imu_messages(sent)
     assert imu.angular_velocity_covariance[0] == pytest.approx(4e-6)
     assert imu.linear_acceleration_covariance[0] == -1.0
@@ -136,7 +143,7 @@ def test_the_newest_temperature_not_later_than_the_sample_counts(
     sent: list[tuple[str, Any]] = []
     compensation = node(ros, sent, model=model_path)
     for stamp, temperature in ((1, 25.0), (3, 35.0), (2, 30.0)):
-        compensation.on_temperature(
+        compensation.inputs['imu/temperature'](
             temperature_from_sample(TemperatureSample(stamp * SECOND, temperature))
         )
     feed(compensation, 2 * SECOND)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from imu_recording.ros.lifecycle_node import ConfiguredNode
+from imu_recording.ros.messages import ImuSample, MagneticSample, TemperatureSample
 from imu_recording.ros.parameter import NodeConfig
 from imu_recording.ros.run_node import run_node
 from imu_recording.user_error import UserError
@@ -16,11 +17,14 @@ from sensor_msgs.msg import Imu, MagneticField, Temperature
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-from imu_driver.board.sample import MessageBytes, Sample
+from imu_driver.board.sample import TEMPERATURE_VARIANCE, Sample, diagonal
 from imu_driver.board.session import WarningEvent
 from imu_driver.board.stream_statistics import SixPositionCheck, rest_report
 from imu_driver.driver import DriverParameters, ImuDriver
 from imu_driver.driver_status import DriverStatus
+
+NO_ORIENTATION = (0.0, 0.0, 0.0, 0.0)
+"""Stands in the message of a device that reports none (its covariance says so, REP-145)."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,7 @@ class ImuDriverNode(ConfiguredNode):
     """
 
     config_class = DriverConfig
+    captures_bytes = True
     config: DriverConfig
 
     def __init__(self, name: str = 'imu_driver', **options: Any) -> None:
@@ -49,10 +54,10 @@ class ImuDriverNode(ConfiguredNode):
     def setup(self, config: DriverConfig) -> None:
         """Check that the driver can be built, and create the publishers."""
         self._prepared: ImuDriver | None = self._new_driver(config)
-        self._messages = _messages(config)
-        self._temperature = self.output(Temperature, 'imu/temperature')
-        self._magnetic_field = self.output(MagneticField, 'imu/mag')
-        self._imu = self.output(Imu, 'imu/data_raw')
+        self.reconfigured(config)
+        self._temperature = self.sample_output(Temperature, 'imu/temperature')
+        self._magnetic_field = self.sample_output(MagneticField, 'imu/mag')
+        self._imu = self.sample_output(Imu, 'imu/data_raw')
         self._supply = self.output(Float64, 'imu/supply_voltage')
 
     def activated(self) -> None:
@@ -70,7 +75,11 @@ class ImuDriverNode(ConfiguredNode):
 
     def reconfigured(self, config: DriverConfig) -> None:
         """Take over new noise figures."""
-        self._messages = _messages(config)
+        self._variances = (
+            diagonal(config.angular_velocity_stddev**2),
+            diagonal(config.linear_acceleration_stddev**2),
+            diagonal(config.magnetic_field_stddev**2),
+        )
 
     def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
         """Return the status of device and line, of the node while nothing is read."""
@@ -87,13 +96,27 @@ class ImuDriverNode(ConfiguredNode):
 
     def publish(self, sample: Sample) -> None:
         """Publish, temperature first."""
-        messages = self._messages
+        stamp, frame_id = sample.stamp, self.config.frame_id
+        rate, force, field = self._variances
         if sample.temperature is not None:
-            self._temperature.publish(messages.temperature(sample.stamp, sample.temperature))
+            self._temperature.send(
+                TemperatureSample(stamp, sample.temperature, TEMPERATURE_VARIANCE, frame_id)
+            )
         if sample.magnetic_field is not None:
-            field = messages.magnetic_field(sample.stamp, sample.magnetic_field)
-            self._magnetic_field.publish(field)
-        self._imu.publish(messages.imu(sample))
+            self._magnetic_field.send(
+                MagneticSample(stamp, sample.magnetic_field, field, frame_id)
+            )
+        self._imu.send(
+            ImuSample(
+                stamp,
+                sample.angular_velocity,
+                sample.linear_acceleration,
+                rate,
+                force,
+                frame_id,
+                NO_ORIENTATION,
+            )
+        )
 
     def on_restart_stream(self, _: Any, response: Any) -> Any:
         """Stop and start the device's stream."""
@@ -125,15 +148,6 @@ class ImuDriverNode(ConfiguredNode):
             self.get_logger().warning(event)
         else:
             self.get_logger().info(event)
-
-
-def _messages(config: DriverConfig) -> MessageBytes:
-    return MessageBytes(
-        config.frame_id,
-        angular_velocity_stddev=config.angular_velocity_stddev,
-        linear_acceleration_stddev=config.linear_acceleration_stddev,
-        magnetic_field_stddev=config.magnetic_field_stddev,
-    )
 
 
 def main() -> int:

@@ -10,13 +10,11 @@ from geometry_msgs.msg import Vector3Stamped
 from imu_recording.ros.lifecycle_node import ConfiguredNode
 from imu_recording.ros.messages import (
     ImuSample,
+    MagneticSample,
+    VectorSample,
     fill_quaternion,
     fill_stamp,
-    imu_from_sample,
-    vector_message,
 )
-from imu_recording.ros.messages import sample_from_imu as imu_of
-from imu_recording.ros.messages import sample_from_magnetic_field as field_of
 from imu_recording.ros.parameter import NodeConfig, parameter
 from imu_recording.ros.run_node import run_node
 from imu_recording.user_error import UserError
@@ -29,7 +27,6 @@ from orientation_filters.complementary.parameters import ComplementaryParameters
 from orientation_filters.filters import preset_changes
 from orientation_filters.live_filter import LiveEstimate, LiveFilter
 from orientation_filters.parameters import PRESET_NAMES, FilterParameters, check_mount
-from orientation_filters.raw_messages import field_from_bytes, imu_from_bytes
 
 
 @dataclass(frozen=True)
@@ -40,9 +37,6 @@ class OutputConfig(NodeConfig):
     publish_tf: bool = parameter(False, 'Publish world → body on /tf (needs tf2_msgs)')
     world_frame_id: str = parameter('world', 'Name of the parent frame on /tf')
     body_frame_id: str = parameter('', 'Frame of the output; empty: as the input')
-    raw_subscription: bool = parameter(
-        False, 'Take messages undecoded: half the load, for rates above 500 Hz'
-    )
 
 
 @dataclass(frozen=True)
@@ -101,27 +95,25 @@ class FilterNode(ConfiguredNode):
         """Create filter, inputs and outputs."""
         check_mount(config)
         self.filter = LiveFilter(self.filter_name, config)
-        raw = config.raw_subscription
-        self._imu_sample = imu_from_bytes if raw else imu_of
-        self._field_sample = field_from_bytes if raw else field_of
-        self._orientation = self.output(Imu, 'imu/data')
-        self._euler = self.output(Vector3Stamped, '~/euler') if config.publish_euler else None
+        self._orientation = self.sample_output(Imu, 'imu/data')
+        euler = config.publish_euler
+        self._euler = self.sample_output(Vector3Stamped, '~/euler') if euler else None
         self._tf = self.output(transform_class(), '/tf') if config.publish_tf else None
-        self.input(Imu, 'imu/data_raw', self.on_imu, raw=raw)
+        self.sample_input(Imu, 'imu/data_raw', self.on_imu)
         if config.use_magnetometer:
-            self.input(MagneticField, 'imu/mag', self.on_magnetic_field, raw=raw)
+            self.sample_input(MagneticField, 'imu/mag', self.on_magnetic_field)
 
     def reconfigured(self, config: Any) -> None:
         """Take over changed parameters; the estimate goes on."""
         self.filter.set_parameters(config)
 
-    def on_imu(self, message: Any) -> None:
-        """Take an Imu."""
-        self._publish(self.filter.add_imu(self._imu_sample(message)))
+    def on_imu(self, sample: ImuSample) -> None:
+        """Take an IMU sample."""
+        self._publish(self.filter.add_imu(sample))
 
-    def on_magnetic_field(self, message: Any) -> None:
-        """Take a MagneticField."""
-        self._publish(self.filter.add_field(self._field_sample(message)))
+    def on_magnetic_field(self, sample: MagneticSample) -> None:
+        """Take a magnetometer sample."""
+        self._publish(self.filter.add_field(sample))
 
     def finish(self) -> None:
         """Publish what still waits for a magnetometer sample: the input has ended."""
@@ -135,15 +127,15 @@ class FilterNode(ConfiguredNode):
         if self.filter.refusal:
             self.refuse(self.filter.refusal)
         for found in estimates:
-            sample = found.sample
-            if self.config.body_frame_id:
-                sample = replace(sample, frame_id=self.config.body_frame_id)
-            message = imu_from_sample(
-                sample, orientation=found.orientation, orientation_covariance=found.covariance
+            sample = replace(
+                found.sample,
+                frame_id=self.config.body_frame_id or found.sample.frame_id,
+                orientation=found.orientation,
+                orientation_covariance=found.covariance,
             )
-            self._orientation.publish(message)
+            self._orientation.send(sample)
             if self._euler:
-                self._euler.publish(vector_message(sample.stamp, found.euler, sample.frame_id))
+                self._euler.send(VectorSample(sample.stamp, found.euler, sample.frame_id))
             if self._tf:
                 self._tf.publish(transform_message(self.config.world_frame_id, sample, found))
 

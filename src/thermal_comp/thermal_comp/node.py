@@ -16,10 +16,9 @@ from imu_recording.logging_contract import (
 from imu_recording.ros.lifecycle_node import LATCHED, ConfiguredNode
 from imu_recording.ros.message_cdr import message_class
 from imu_recording.ros.messages import (
-    imu_from_sample,
-    magnetic_field_from_sample,
-    sample_from_imu,
-    sample_from_magnetic_field,
+    ImuSample,
+    MagneticSample,
+    TemperatureSample,
     stamp_of,
 )
 from imu_recording.ros.parameter import NodeConfig, parameter
@@ -79,20 +78,20 @@ class ThermalCompNode(ConfiguredNode):
         self.check = StreamCheck()
         if config.state_file and (reason := restore_state(self.compensator, config.state_file)):
             self.get_logger().info(f'history begins anew: {reason}')
-        self._imu = self.output(Imu, 'imu_compensated/data_raw')
-        self._mag = self.output(MagneticField, 'imu_compensated/mag')
+        self._imu = self.sample_output(Imu, 'imu_compensated/data_raw')
+        self._mag = self.sample_output(MagneticField, 'imu_compensated/mag')
         self._applied = self.output(String, f'{COMPENSATED}/{APPLIED_MODEL}', latched=True)
         self._label = model_label(model) if model.sensors else ''
         source = self.resolve_topic_name('imu/data_raw').rpartition('/')[0]
         self.input(String, f'{source}/{APPLIED_MODEL}', self.on_applied_model, qos=LATCHED)
-        self.input(Temperature, 'imu/temperature', self.on_temperature)
+        self.sample_input(Temperature, 'imu/temperature', self.on_temperature)
         for channel in sorted(self.compensator.channels):
             track = TRACK_OF_FIELD[channel]
             value = VALUE_OF_MESSAGE[track.message_type]
             callback = partial(self.on_channel, channel, value)
             self.input(message_class(track.message_type), track.topic, callback)
-        self.input(Imu, 'imu/data_raw', self.on_imu)
-        self.input(MagneticField, 'imu/mag', self.on_magnetic_field)
+        self.sample_input(Imu, 'imu/data_raw', self.on_imu)
+        self.sample_input(MagneticField, 'imu/mag', self.on_magnetic_field)
         if config.state_file:
             timer = self.create_timer(10.0, self.save_state)
             self._entities.append(lambda: self.destroy_timer(timer))
@@ -102,11 +101,10 @@ class ThermalCompNode(ConfiguredNode):
         if not self.config.again:
             self.compensator.applied_before = message.data
 
-    def on_temperature(self, message: Temperature) -> None:
+    def on_temperature(self, sample: TemperatureSample) -> None:
         """Take in a die temperature."""
-        temperature = float(message.temperature)
-        if self.check.on_temperature(temperature) or self.config.accept_units:
-            self.compensator.on_temperature(stamp_of(message), temperature)
+        if self.check.on_temperature(sample.temperature) or self.config.accept_units:
+            self.compensator.on_temperature(sample.stamp, sample.temperature)
 
     def on_channel(self, channel: str, name: str, message: Any) -> None:
         """Take in a channel; messages without a stamp count from their receipt."""
@@ -115,34 +113,29 @@ class ThermalCompNode(ConfiguredNode):
         stamp = stamp_of(message) if hasattr(message, 'header') else self.compensator.newest
         self.compensator.on_channel(channel, stamp, plain)
 
-    def on_imu(self, message: Imu) -> None:
+    def on_imu(self, sample: ImuSample) -> None:
         """Publish the compensated sample; orientation fields pass through.
 
         What cannot have been measured in SI units is passed on as it came.
         """
-        sample = sample_from_imu(message)
         if self._refused(self.check.on_imu(sample)):
-            self._imu.publish(message)
+            self._imu.send(sample)
             return
         rate, force = self.compensator.on_imu(
             sample.stamp, sample.angular_velocity, sample.linear_acceleration
         )
-        published = imu_from_sample(compensated_imu(sample, rate, force))
-        published.orientation = message.orientation
-        published.orientation_covariance = message.orientation_covariance
-        self._imu.publish(published)
+        self._imu.send(compensated_imu(sample, rate, force))
         if self._label:  # what is subtracted is told once, to everybody who ever listens
             self._applied.publish(String(data=self._label))
             self._label = ''
 
-    def on_magnetic_field(self, message: MagneticField) -> None:
+    def on_magnetic_field(self, sample: MagneticSample) -> None:
         """Publish the compensated field."""
-        sample = sample_from_magnetic_field(message)
         if self._refused(self.check.on_magnetic_field(sample.magnetic_field)):
-            self._mag.publish(message)
+            self._mag.send(sample)
             return
         field = self.compensator.on_magnetic_field(sample.stamp, sample.magnetic_field)
-        self._mag.publish(magnetic_field_from_sample(compensated_field(sample, field)))
+        self._mag.send(compensated_field(sample, field))
 
     def _refused(self, possible: bool) -> bool:
         return not (self.config.accept_units or (possible and not self.check.objection))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from importlib import import_module
@@ -38,6 +39,7 @@ class RecorderNode(ConfiguredNode):
         super().__init__('recorder', **options)
         self.unknown: set[str] = set()
         """Topics of a type that is not installed."""
+        self._waiting: deque[tuple[str, str, bytes, int, list[Qos]]] = deque()
 
     def setup(self, config: RecorderConfig) -> None:
         """Take the folder and begin to look for topics."""
@@ -54,6 +56,7 @@ class RecorderNode(ConfiguredNode):
 
     def deactivated(self) -> None:
         """Close the bag."""
+        self.write_waiting()
         self.attempt(self.recorder.close)
 
     def diagnostics(self) -> Status:
@@ -87,6 +90,7 @@ class RecorderNode(ConfiguredNode):
     def flush(self) -> None:
         """Put what was received on disk; wait a little for a chamber that has just appeared."""
         expecting = not self._capture and self.count_publishers(RUN_TOPIC) > 0
+        self.write_waiting()
         self.attempt(partial(self.recorder.flush, expecting=expecting))
 
     def attempt(self, act: Callable[..., None], *arguments: Any) -> None:
@@ -115,6 +119,8 @@ class RecorderNode(ConfiguredNode):
             known = topic in self.inputs or topic in self.unknown
             if known or not self.recorder.needs(topic):
                 continue
+            if self.take_within(topic, types[0]):
+                continue
             offers = self.get_publishers_info_by_topic(topic)
             if offers:
                 self.subscribe(topic, types[0], [offer.qos_profile for offer in offers])
@@ -131,9 +137,24 @@ class RecorderNode(ConfiguredNode):
         qos, offered = matching_qos(offers, self.config.qos_depth)
 
         def on_bytes(data: bytes) -> None:
+            self.write_waiting()
             self.attempt(self.recorder.record, topic, message_type, data, self.now(), offered)
 
         self.input(message_class, topic, on_bytes, qos=qos, raw=True)
+
+    def take_within(self, topic: str, message_type: str) -> bool:
+        """Take the messages of a node of this process; return whether there is one."""
+        offered = [qos_profile(reliable=True, latched=False, depth=self.config.qos_depth)]
+
+        def on_bytes(data: bytes) -> None:
+            self._waiting.append((topic, message_type, data, self.now(), offered))
+
+        return self.serialised_input(topic, on_bytes)
+
+    def write_waiting(self) -> None:
+        """Record what nodes of this process have sent: their threads never wait for the disk."""
+        while self._waiting:
+            self.attempt(self.recorder.record, *self._waiting.popleft())
 
     def listen(self, message_class: type, topic: str, callback: Callable[[Any], None]) -> None:
         """Subscribe to a latched topic in every state: what it said before counts, too."""

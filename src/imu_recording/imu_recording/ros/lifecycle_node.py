@@ -8,9 +8,10 @@ construct the same class with `capture` and `now` and call its callbacks directl
 
 from __future__ import annotations
 
+import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, replace
 from typing import Any, ClassVar
@@ -22,6 +23,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from imu_recording.ros.diagnostics import InputTimeout, Status, StatusLog, diagnostic_array
+from imu_recording.ros.exchange import CapturedOutput, Exchange, SampleOutput
 from imu_recording.ros.parameter import (
     NodeConfig,
     ParameterError,
@@ -31,6 +33,7 @@ from imu_recording.ros.parameter import (
     listed,
     unknown_parameters,
 )
+from imu_recording.ros.sample_bytes import form_of
 
 ACTIVE = 'active'
 INACTIVE = 'inactive'
@@ -48,7 +51,9 @@ class ConfiguredNode(LifecycleNode):
     Subclasses set `config_class` and implement `setup(config)`, which creates inputs and outputs,
     and `diagnostics()`. With `capture`, outputs call `capture(topic, message)`, nothing is sent;
     `inputs` maps topic to callback for those who feed messages by hand. `now` replaces the
-    clock.
+    clock. Nodes of one process that share an `exchange` pass samples to each other as values,
+    in the sender's thread; `lock` keeps what samples, timers and parameters do apart.
+    `known_elsewhere` names parameters that other nodes of the process have.
     """
 
     config_class: ClassVar[type[NodeConfig]] = NodeConfig
@@ -56,6 +61,8 @@ class ConfiguredNode(LifecycleNode):
     """Whether `run_node` uses the events executor: half the cost per message at high rates."""
     logs_status: ClassVar[bool] = False
     """Whether what `diagnostics` says is logged too where it changes."""
+    captures_bytes: ClassVar[bool] = False
+    """Whether `capture` gets samples serialised, for the sake of simulated campaigns."""
     expects: ClassVar[str] = ''
     """Input that must not stop: a warning when it does; where there is one, status is logged."""
 
@@ -66,15 +73,22 @@ class ConfiguredNode(LifecycleNode):
         capture: Callable[[str, Any], None] | None = None,
         now: Callable[[], int] | None = None,
         parameters: Mapping[str, Any] | None = None,
+        exchange: Exchange | None = None,
+        known_elsewhere: Collection[str] = (),
         **node_options: Any,
     ) -> None:
+        self.lock = threading.RLock()
+        self._active = False
         overrides = [Parameter(key, value=value) for key, value in (parameters or {}).items()]
         super().__init__(name, parameter_overrides=overrides, **node_options)
         self._capture = capture
         self._now = now
+        self._exchange = exchange or Exchange()
         self._entities: list[Callable[[], None]] = []
         self.inputs: dict[str, Callable[[Any], None]] = {}
         self.outputs: list[str] = []
+        self.hosted: list[ConfiguredNode] = []
+        """Nodes that `run_node` runs beside this one, in the same executor."""
         self.refused = ''
         self._status_log = StatusLog()
         self._input_timeout = InputTimeout()
@@ -85,7 +99,8 @@ class ConfiguredNode(LifecycleNode):
                 default = ['']
             self.declare_parameter(item.name, default, parameter_descriptor(item.metadata))
         self.add_on_set_parameters_callback(self._on_set_parameters)
-        for note in unknown_parameters(self._parameter_overrides, self._fields):
+        known = {*self._fields, *known_elsewhere}
+        for note in unknown_parameters(self._parameter_overrides, known):
             self.get_logger().warning(note)
         self._diagnostics_publisher = self._publisher(
             DiagnosticArray, '/diagnostics', QoSProfile(depth=10), managed=False
@@ -137,6 +152,55 @@ class ConfiguredNode(LifecycleNode):
             self._entities.append(lambda: self.destroy_lifecycle_publisher(publisher))
         return publisher
 
+    def sample_output(self, message_type: type, topic: str) -> Any:
+        """Create an output whose `send` takes samples of a message type that `form_of` knows."""
+        publisher, form = self.output(message_type, topic), form_of(message_type)
+        if self._capture:
+            return CapturedOutput(
+                publisher, form.to_bytes if self.captures_bytes else form.to_message
+            )
+        local = self._exchange.topic(self.resolve_topic_name(topic))
+        local.offered += 1
+
+        def withdraw() -> None:
+            local.offered -= 1
+
+        self._entities.append(withdraw)
+        return SampleOutput(publisher, form, local)
+
+    def sample_input(
+        self, message_type: type, topic: str, callback: Callable[[Any], None]
+    ) -> None:
+        """Call back with samples while the node is active: of this process, else of messages."""
+        form = form_of(message_type)
+        name = self.resolve_topic_name(topic)
+        if not self._capture and self._exchange.offers(name):
+            take = self._when_active(topic, callback)
+            self._entities.append(self._exchange.topic(name).listen(take, serialised=False))
+        else:
+            self.input(message_type, topic, lambda data: callback(form.from_bytes(data)), raw=True)
+        self.inputs[topic] = lambda message: callback(form.from_message(message))
+
+    def serialised_input(self, topic: str, callback: Callable[[bytes], None]) -> bool:
+        """Call back with the messages of a topic of this process; False where it has none."""
+        if not self._exchange.offers(topic):
+            return False
+        self.inputs[topic] = callback
+        take = self._when_active(topic, callback)
+        self._entities.append(self._exchange.topic(topic).listen(take, serialised=True))
+        return True
+
+    def _when_active(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
+        if topic == self.expects:
+            callback = self._input_timeout.watched(callback)
+
+        def when_active(received: Any) -> None:
+            with self.lock:
+                if self._active:
+                    callback(received)
+
+        return when_active
+
     def input(
         self, message_type: type, topic: str, callback: Callable[[Any], None], **options: Any
     ) -> None:
@@ -146,21 +210,19 @@ class ConfiguredNode(LifecycleNode):
             return
         qos = QoSProfile(depth=self.config.qos_depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
-        if topic == self.expects:
-            callback = self._input_timeout.watched(callback)
-
-        def when_active(message: Any) -> None:
-            if self.state == ACTIVE:
-                callback(message)
-
         subscription = self.create_subscription(
-            message_type, topic, when_active, options.pop('qos', qos), **options
+            message_type,
+            topic,
+            self._when_active(topic, callback),
+            options.pop('qos', qos),
+            **options,
         )
         self._entities.append(lambda: self.destroy_subscription(subscription))
 
     def publish_diagnostics(self) -> None:
         """Publish one DiagnosticArray with this node's status."""
-        level, line, values = self.diagnostics()
+        with self.lock:
+            level, line, values = self.diagnostics()
         if self.expects and self.state == ACTIVE:
             topic = self.resolve_topic_name(self.expects)
             level, line, values = self._input_timeout.applied(topic, (level, line, values))
@@ -214,10 +276,12 @@ class ConfiguredNode(LifecycleNode):
             self.get_logger().info(self._in_and_out())
         with self._errors_logged():
             self.activated()
+        self._active = True
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop."""
+        self._active = False
         self.deactivated()
         return super().on_deactivate(state)
 
@@ -228,6 +292,7 @@ class ConfiguredNode(LifecycleNode):
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop and release."""
+        self._active = False
         if state.label == ACTIVE:
             self.deactivated()
         self._release()
@@ -287,8 +352,9 @@ class ConfiguredNode(LifecycleNode):
                 )
             if running and values:
                 config = replace(self.config, **values)
-                self.reconfigured(config)
-                self.config = config
+                with self.lock:
+                    self.reconfigured(config)
+                    self.config = config
         except (ValueError, OSError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

@@ -24,7 +24,7 @@ NOT_REPORTED: Covariance = (-1.0,) + (0.0,) * 8
 
 @dataclass(frozen=True)
 class ImuSample:
-    """One sensor_msgs/Imu without its orientation."""
+    """One sensor_msgs/Imu."""
 
     stamp: int
     angular_velocity: Vector
@@ -34,6 +34,9 @@ class ImuSample:
     angular_velocity_covariance: Covariance = UNKNOWN
     linear_acceleration_covariance: Covariance = UNKNOWN
     frame_id: str = 'imu_link'
+    orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    """xyzw, sensor → world."""
+    orientation_covariance: Covariance = NOT_REPORTED
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,15 @@ class TemperatureSample:
     frame_id: str = 'imu_link'
 
 
+@dataclass(frozen=True)
+class VectorSample:
+    """One geometry_msgs/Vector3Stamped."""
+
+    stamp: int
+    vector: Vector
+    frame_id: str = 'imu_link'
+
+
 def stamp_of(message: Any) -> int:
     """Return the header's stamp [ns]."""
     stamp = message.header.stamp
@@ -76,6 +88,8 @@ def sample_from_imu(message: Any) -> ImuSample:
         angular_velocity_covariance=_covariance(message.angular_velocity_covariance),
         linear_acceleration_covariance=_covariance(message.linear_acceleration_covariance),
         frame_id=message.header.frame_id,
+        orientation=_quaternion(message.orientation),
+        orientation_covariance=_covariance(message.orientation_covariance),
     )
 
 
@@ -99,13 +113,14 @@ def sample_from_temperature(message: Any) -> TemperatureSample:
     )
 
 
-def imu_from_sample(
-    sample: ImuSample,
-    *,
-    orientation: Sequence[float] | None = None,
-    orientation_covariance: Sequence[float] = UNKNOWN,
-) -> Any:
-    """Return a sensor_msgs/Imu; `orientation` xyzw sensor → world, None: not reported."""
+def sample_from_vector(message: Any) -> VectorSample:
+    """Return the sample of a geometry_msgs/Vector3Stamped."""
+    vector = _vector(message.vector, UNKNOWN)
+    return VectorSample(stamp_of(message), vector, message.header.frame_id)
+
+
+def imu_from_sample(sample: ImuSample) -> Any:
+    """Return a sensor_msgs/Imu."""
     from sensor_msgs.msg import Imu
 
     message = Imu()
@@ -114,11 +129,8 @@ def imu_from_sample(
     _fill_vector(message.linear_acceleration, sample.linear_acceleration)
     message.angular_velocity_covariance = _nine(sample.angular_velocity_covariance)
     message.linear_acceleration_covariance = _nine(sample.linear_acceleration_covariance)
-    if orientation is None:
-        message.orientation_covariance = _nine(NOT_REPORTED)
-        return message
-    message.orientation_covariance = _nine(orientation_covariance)
-    fill_quaternion(message.orientation, orientation)
+    message.orientation_covariance = _nine(sample.orientation_covariance)
+    fill_quaternion(message.orientation, sample.orientation)
     return message
 
 
@@ -164,6 +176,11 @@ def vector_message(stamp: int, vector: Sequence[float], frame_id: str = 'imu_lin
     return message
 
 
+def vector_from_sample(sample: VectorSample) -> Any:
+    """Return a geometry_msgs/Vector3Stamped."""
+    return vector_message(sample.stamp, sample.vector, sample.frame_id)
+
+
 def quaternion_message(stamp: int, orientation: Sequence[float], frame_id: str = '') -> Any:
     """Return a geometry_msgs/QuaternionStamped; `orientation` xyzw."""
     from geometry_msgs.msg import QuaternionStamped
@@ -207,6 +224,10 @@ def _vector(vector: Any, covariance: Sequence[float]) -> Vector:
         nan = float('nan')
         return nan, nan, nan
     return float(vector.x), float(vector.y), float(vector.z)
+
+
+def _quaternion(value: Any) -> Quaternion:
+    return float(value.x), float(value.y), float(value.z), float(value.w)
 
 
 def _covariance(values: Sequence[float]) -> Covariance:

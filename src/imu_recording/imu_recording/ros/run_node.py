@@ -133,7 +133,8 @@ def _executor(node: ConfiguredNode) -> Callable[[], None]:
         executor = EventsExecutor()
     else:
         executor = SingleThreadedExecutor()
-    executor.add_node(node)
+    for each in (node, *node.hosted):
+        executor.add_node(each)
     return partial(executor.spin_once, timeout_sec=SPIN_TIMEOUT_S)
 
 

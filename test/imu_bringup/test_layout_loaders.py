@@ -4,12 +4,12 @@
 import json
 import re
 import xml.etree.ElementTree as ET
-from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-LAYOUTS = files('imu_workbench') / 'layouts'
+LAYOUTS = Path(__file__).resolve().parents[2] / 'src' / 'imu_bringup' / 'layouts'
 
 
 @pytest.fixture(scope='module')

@@ -6,7 +6,6 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from orientation_filters.node import AhrsFilterNode, ComplementaryFilterNode
 from sensor_msgs.msg import Imu
 from thermal_comp.node import ThermalCompNode
 
-LAYOUTS = files('imu_workbench') / 'layouts'
+LAYOUTS = Path(__file__).resolve().parents[2] / 'src' / 'imu_bringup' / 'layouts'
 FLOATS = ('double', 'float')
 
 
@@ -223,7 +222,7 @@ def test_the_attitude_panel_shows_the_frames_the_filters_send(
                 message.header.stamp.sec = 1 + step // 100
                 message.header.stamp.nanosec = step * 10_000_000
                 message.linear_acceleration.z = 9.81
-                node.on_imu(message)
+                node.inputs['imu/data_raw'](message)
             node.destroy_node()
     transforms = [m.transforms[0] for topic, m in sent if topic == '/tf']
     frames = {t.child_frame_id for t in transforms} | {t.header.frame_id for t in transforms}

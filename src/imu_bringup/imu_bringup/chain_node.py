@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Driver, compensation, filters and recorder in one process: samples pass as values, not messages.
+
+Every stage is the node it is as a process of its own: name, parameters, lifecycle, diagnostics,
+topics. A message is made only for a topic that somebody outside subscribes to.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, fields
+from typing import Any, Final
+
+from imu_driver.node import ImuDriverNode
+from imu_recording.recorder.node import RecorderNode
+from imu_recording.ros.exchange import Exchange
+from imu_recording.ros.lifecycle_node import ACTIVE, INACTIVE, ConfiguredNode
+from imu_recording.ros.parameter import NodeConfig, config_from_values, parameter
+from imu_recording.ros.run_node import run_node
+from imu_recording.user_error import UserError
+from orientation_filters.node import AhrsFilterNode, ComplementaryFilterNode
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from thermal_comp.node import ThermalCompNode
+
+FILTERS: Final = {
+    'none': (),
+    'complementary': (ComplementaryFilterNode,),
+    'ahrs': (AhrsFilterNode,),
+    'both': (ComplementaryFilterNode, AhrsFilterNode),
+}
+TOPIC: Final = 'topic'
+"""Value of `transport` for a driver that is not ours."""
+
+
+@dataclass(frozen=True)
+class ChainConfig(NodeConfig):
+    """Parameters of imu_chain; the stages have their own under their names."""
+
+    transport: str = parameter(
+        '',
+        "Source: as of imu_driver (empty: what is set there), or 'topic': imu/data_raw, imu/mag "
+        'and imu/temperature of another driver, remapped',
+    )
+    model: str = parameter('', 'Path of the thermal model; empty: nothing is compensated')
+    filter: str = parameter('ahrs', 'Orientation filter', choices=tuple(FILTERS))
+    record: str = parameter('', 'Folder of the bag; empty: nothing is recorded')
+
+
+STAGES: Final = (
+    ImuDriverNode,
+    ThermalCompNode,
+    ComplementaryFilterNode,
+    AhrsFilterNode,
+    RecorderNode,
+)
+PARAMETERS: Final = {item.name for node in STAGES for item in fields(node.config_class)} | {
+    item.name for item in fields(ChainConfig)
+}
+
+
+class ImuChainNode(ConfiguredNode):
+    """Hosts driver, compensation, filters and recorder; takes them through their lifecycle.
+
+    The filters listen to imu_compensated/… where there is a model, else to imu/…, and publish
+    imu/data; two of them imu/data_complementary and imu/data_ahrs. Parameters of a stage are
+    given as for its own process; -p without a node's name reaches every stage that has it.
+    """
+
+    config_class = ChainConfig
+    event_driven = True
+    config: ChainConfig
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__('imu_chain', known_elsewhere=PARAMETERS, **options)
+        config = config_from_values(ChainConfig, self._values())
+        options.pop('parameters', None)
+        shared = {**options, 'exchange': Exchange(), 'known_elsewhere': PARAMETERS}
+        self.hosted = self._stages(config, shared)
+
+    def _stages(self, config: ChainConfig, shared: dict[str, Any]) -> list[ConfiguredNode]:
+        """Return the nodes in the order in which samples pass through them."""
+        stages: list[ConfiguredNode] = []
+        if config.transport != TOPIC:
+            source = {'transport': config.transport} if config.transport else {}
+            stages.append(ImuDriverNode(parameters=source, **shared))
+        if config.model:
+            stages.append(ThermalCompNode(parameters={'model': config.model}, **shared))
+        for node_class in FILTERS[config.filter]:
+            renamed = ['imu/data_raw', 'imu/mag'] if config.model else []
+            rules = [f'{name}:={name.replace("imu", "imu_compensated")}' for name in renamed]
+            if config.filter == 'both':
+                rules.append(f'imu/data:=imu/data_{node_class.filter_name}')
+            remaps = [word for rule in rules for word in ('-r', rule)]
+            arguments = ['--ros-args', *remaps] if remaps else None
+            stages.append(node_class(cli_args=arguments, **shared))
+        if config.record:
+            stages.append(RecorderNode(parameters={'output': config.record}, **shared))
+        return stages
+
+    def setup(self, _: ChainConfig) -> None:
+        """Configure the stages, first to last: who listens within finds who sends."""
+        for stage in self.hosted:
+            if stage.state == 'unconfigured':
+                stage.trigger_configure()
+            if stage.state == 'unconfigured':
+                self._clean_up()
+                raise UserError(f'{stage.get_name()}: {stage.refused}')
+
+    def activated(self) -> None:
+        """Activate the stages, last to first: who listens is there before the first sample."""
+        for stage in reversed(self.hosted):
+            if stage.state == INACTIVE:
+                stage.trigger_activate()
+
+    def deactivated(self) -> None:
+        """Deactivate the stages, first to last: what is under way still arrives."""
+        for stage in self.hosted:
+            if stage.state == ACTIVE:
+                stage.trigger_deactivate()
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Release what the stages hold."""
+        self._clean_up()
+        return super().on_cleanup(state)
+
+    def _clean_up(self) -> None:
+        for stage in self.hosted:
+            if stage.state == INACTIVE:
+                stage.trigger_cleanup()
+
+    def destroy_node(self) -> None:
+        """Destroy the stages, too; first to last, so that nothing is sent to one that is gone."""
+        for stage in self.hosted:
+            stage.end()
+        for stage in self.hosted:
+            stage.destroy_node()
+        super().destroy_node()
+
+    def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
+        """Return the state of every stage; a warning where one does not take part."""
+        states = {stage.get_name(): stage.state for stage in self.hosted}
+        idle = [f'{name} is {state}' for name, state in states.items() if state != ACTIVE]
+        waits = bool(idle) and self.state == ACTIVE
+        return int(waits), '; '.join(idle) if waits else self.state, dict(states)
+
+
+def main() -> int:
+    """Run the chain."""
+    sys.setswitchinterval(5e-4)  # [s]; no thread waits the 5 ms of the default for its turn
+    return run_node(ImuChainNode)

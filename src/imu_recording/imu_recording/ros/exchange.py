@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Topics of samples: values to nodes of the same process, messages to others if there are any."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from imu_recording.ros.sample_bytes import SampleForm
+
+Take = Callable[[Any], None]
+
+
+@dataclass
+class LocalTopic:
+    """Who in this process listens to a topic."""
+
+    samples: tuple[Take, ...] = ()
+    """Those that take samples."""
+    serialised: tuple[Take, ...] = ()
+    """Those that take serialised messages."""
+    offered: int = 0
+    """How many outputs of this process the topic has."""
+
+    def listen(self, take: Take, *, serialised: bool) -> Callable[[], None]:
+        """Hand what is sent to `take` from now on; return the call that ends it."""
+        name = 'serialised' if serialised else 'samples'  # replaced, as a sender may be at it
+        setattr(self, name, (*getattr(self, name), take))
+        return lambda: setattr(self, name, tuple(t for t in getattr(self, name) if t != take))
+
+
+class Exchange:
+    """The topics of nodes that share a process, by full name.
+
+    Whoever listens to a topic that a node of the process offers is called with its samples,
+    in the thread and at the moment of sending; no message is made for it.
+    """
+
+    def __init__(self) -> None:
+        self._topics: dict[str, LocalTopic] = {}
+
+    def topic(self, name: str) -> LocalTopic:
+        """Return the topic of this full name."""
+        return self._topics.setdefault(name, LocalTopic())
+
+    def offers(self, name: str) -> bool:
+        """Tell whether a node of this process sends on the topic."""
+        return name in self._topics and self._topics[name].offered > 0
+
+
+class SampleOutput:
+    """Sends samples while its node is active; serialises one only if somebody asks for bytes."""
+
+    def __init__(self, publisher: Any, form: SampleForm, local: LocalTopic) -> None:
+        self._publisher = publisher
+        self._to_bytes = form.to_bytes
+        self._local = local
+
+    def send(self, sample: Any) -> None:
+        """Send a sample."""
+        publisher, local = self._publisher, self._local
+        if not publisher.is_activated:
+            return
+        if local.serialised or publisher.get_subscription_count():
+            data = self._to_bytes(sample)
+            publisher.publish(data)
+            for take in local.serialised:
+                take(data)
+        for take in local.samples:
+            take(sample)
+
+
+class CapturedOutput:
+    """Stands in for an output: hands every message to a function instead of DDS."""
+
+    def __init__(self, publisher: Any, convert: Callable[[Any], Any]) -> None:
+        self._publisher = publisher
+        self._convert = convert
+
+    def send(self, sample: Any) -> None:
+        """Hand the message over."""
+        self._publisher.publish(self._convert(sample))
