@@ -51,6 +51,8 @@ class SensorPlan:
     low: float
     high: float
     """Fitted temperatures [°C]."""
+    temperature_only: bool
+    """Whether the error depends on the die temperature alone."""
 
 
 def plan_of(model: SensorModel) -> SensorPlan:
@@ -67,6 +69,7 @@ def plan_of(model: SensorModel) -> SensorPlan:
         variance=np.sum([r**2 for r in rms], axis=0) if rms else np.zeros(3),
         low=model.temperature_range[0],
         high=model.temperature_range[1],
+        temperature_only=all(effect.temperature_only for _, effect, _ in terms),
     )
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from bisect import insort
 from dataclasses import dataclass, field, replace
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -79,6 +80,8 @@ class Compensator:
     def __init__(self, model: ThermalModel, *, temperature_timeout: float = TIMEOUT_S) -> None:
         self.model = model
         self._plans = {s: plan_of(model.sensors[s]) for s in SENSORS if s in model.sensors}
+        self._found: dict[Sensor, tuple[float, SensorError]] = {}
+        """Newest temperature and its error, of sensors whose error it decides alone."""
         self._noise_of: dict[tuple[Sensor, int], FloatArray] = {}
         self.timeout_ns = round(temperature_timeout * 1e9)
         self.condition = Condition(history='lost' if _needs_history(model) else 'not needed')
@@ -135,8 +138,12 @@ class Compensator:
     def on_channel(self, name: str, stamp: int, value: float | Vector) -> None:
         """Take in a value of a channel of Conditions, measured at `stamp` [ns]."""
         values = self._channels.setdefault(name, [])
-        insort(values, (stamp, value), key=lambda item: item[0])
-        del values[:-REMEMBERED]
+        if not values or stamp >= values[-1][0]:
+            values.append((stamp, value))
+        else:
+            insort(values, (stamp, value), key=lambda item: item[0])
+        if len(values) > REMEMBERED:
+            del values[0]
 
     def on_imu(
         self, stamp: int, angular_velocity: Vector, linear_acceleration: Vector
@@ -201,11 +208,7 @@ class Compensator:
         if not isinstance(temperature, float):
             unknown = np.diag(plan.variance)
             return CompensatedVector(measured, unknown, self._noise(sensor), compensated=False)
-        again = sensor == 'magnetometer' and stamp == self.newest and not keep
-        states = self._before_row if again else self.histories.get(sensor)
-        found = sensor_error(plan, self._conditions(sensor, stamp, temperature), states)
-        if keep:
-            self.histories[sensor] = found.states
+        found = self._error(plan, sensor, stamp, temperature, keep=keep)
         self._note(plan, temperature, found)
         value = [m - e for m, e in zip(measured, found.error[0].tolist(), strict=True)]
         return CompensatedVector(
@@ -214,6 +217,22 @@ class Compensator:
             self._noise(sensor),
             compensated=True,
         )
+
+    def _error(
+        self, plan: SensorPlan, sensor: Sensor, stamp: int, temperature: float, *, keep: bool
+    ) -> SensorError:
+        """Return the error of one sample; where the temperature stays, that of the one before."""
+        before = self._found.get(sensor)
+        if before is not None and before[0] == temperature:
+            return before[1]
+        again = sensor == 'magnetometer' and stamp == self.newest and not keep
+        states = self._before_row if again else self.histories.get(sensor)
+        found = sensor_error(plan, self._conditions(sensor, stamp, temperature), states)
+        if plan.temperature_only:
+            self._found[sensor] = temperature, found
+        elif keep:
+            self.histories[sensor] = found.states
+        return found
 
     def _note(self, plan: SensorPlan, temperature: float, found: SensorError) -> None:
         self.condition.temperature = temperature
@@ -292,8 +311,8 @@ def output_covariance(given: tuple[float, ...], measured: CompensatedVector) -> 
     """
     if given[0] == NOT_REPORTED:
         return given
-    noise = np.array(given).reshape(3, 3) if any(given) else np.diag(measured.noise_variance)
-    return tuple((noise + measured.covariance).ravel().tolist())
+    noise = given if any(given) else np.diag(measured.noise_variance).ravel().tolist()
+    return tuple(map(add, noise, measured.covariance.ravel().tolist()))
 
 
 def compensated_imu(

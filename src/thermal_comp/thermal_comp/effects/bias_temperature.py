@@ -32,6 +32,7 @@ class BiasTemperature(Effect):
     )
     reference: ClassVar[str] = 'IEEE 2700 (zero-g, zero-rate, zero-field offset over temperature)'
     searched: ClassVar[bool] = False
+    temperature_only: ClassVar[bool] = True
 
     def columns(
         self, conditions: Conditions, state: State | None = None

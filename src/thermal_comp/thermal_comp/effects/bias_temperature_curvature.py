@@ -36,6 +36,7 @@ class BiasTemperatureCurvature(Effect):
         'IEEE 2700 (offset over temperature); IEEE 1293 (bias temperature model)'
     )
     bends: ClassVar[bool] = True
+    temperature_only: ClassVar[bool] = True
     kin: ClassVar[Kin] = 'temperature'
     separated_by_cycles: ClassVar[tuple[str, ...]] = (
         'thermal_lag',

@@ -217,7 +217,12 @@ def _problems_of_the_columns(effect: Effect, sensor: Sensor) -> list[str]:
             )
             break
     problems += _problems_of_the_c_form(effect, sensor, whole)
-    return problems + _problems_without_channels(effect, conditions) + _problems_far_out(effect)
+    return [
+        *problems,
+        *_problems_without_channels(effect, conditions),
+        *_problems_far_out(effect),
+        *_problems_of_temperature_alone(effect, conditions),
+    ]
 
 
 def _problems_of_the_c_form(effect: Effect, sensor: Sensor, columns: FloatArray) -> list[str]:
@@ -250,6 +255,22 @@ def _problems_far_out(effect: Effect) -> list[str]:
         if not bool(np.all(far <= FASTER * near))
         else []
     )
+
+
+def _problems_of_temperature_alone(effect: Effect, conditions: Conditions) -> list[str]:
+    """Columns said to depend on the temperature alone are the same in another place and time."""
+    if not effect.temperature_only:
+        return []
+    elsewhere = replace(
+        conditions,
+        time=conditions.time + 1e5,
+        specific_force=2.0 - conditions.specific_force,
+        angular_velocity=1.0 - conditions.angular_velocity,
+        magnetic_field=1e-5 - conditions.magnetic_field,
+    )
+    columns, state = effect.columns(conditions)
+    alike = state is None and np.array_equal(columns, effect.columns(elsewhere)[0])
+    return [] if alike else ['columns depend on more than temperature_only says']
 
 
 def _problems_without_channels(effect: Effect, conditions: Conditions) -> list[str]:

@@ -120,6 +120,9 @@ class Effect:
     model was fitted at its slope at the edge runs on."""
     repeatable: ClassVar[bool] = False
     """True where it may occur more than once."""
+    temperature_only: ClassVar[bool] = False
+    """True where it depends on the sample's own die temperature alone: a compensator that meets
+    the temperature again has its columns already."""
     time_only: ClassVar[bool] = False
     """True where it depends on time alone, so that noise that wanders may look like it."""
     kin: ClassVar[Kin] = ''
