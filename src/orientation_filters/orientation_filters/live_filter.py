@@ -13,6 +13,7 @@ import numpy as np
 from imu_recording.ros.messages import Covariance, ImuSample, MagneticSample
 
 from orientation_filters.filters import FilterError, check_cutoff, module
+from orientation_filters.live_state import live_state
 from orientation_filters.magnetometer_pairing import MagnetometerPairing, Pair
 from orientation_filters.parameters import FilterParameters
 from orientation_filters.result import (
@@ -109,9 +110,8 @@ class LiveFilter:
         """Why nothing is estimated; '' while all is well."""
         self._parameters = parameters
         self._module = module(name, parameters)
-        self._params = parameters.kernel_params()
-        self._state = self._module.initial_state()
         self._compile()
+        self._state = live_state(self._module, parameters.kernel_params())
         self._pairing = MagnetometerPairing(use_magnetometer=parameters.use_magnetometer)
         mount = np.array(parameters.mount)
         self._mount = None if np.array_equal(mount, IDENTITY) else mount / np.linalg.norm(mount)
@@ -121,14 +121,14 @@ class LiveFilter:
     def _compile(self) -> None:
         """Call the kernel once, so that loading it does not delay the first samples."""
         sample = Sample(1, (0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY), (2e-5, 0.0, -4e-5))
-        self._module.update(self._state, self._params, sample)
+        live_state(self._module, self._parameters.kernel_params()).update(sample)
 
     def set_parameters(self, parameters: FilterParameters) -> None:
         """Take over parameters that changed; the state goes on."""
         if self._statistics.knows_rate:
             check_cutoff(parameters, self._statistics.rate_hz)
         self._parameters = parameters
-        self._params = parameters.kernel_params()
+        self._state.set_params(parameters.kernel_params())
 
     def add_imu(self, sample: ImuSample) -> list[LiveEstimate]:
         """Take an IMU sample; return the attitudes that are known now."""
@@ -155,7 +155,7 @@ class LiveFilter:
         if self._mount is not None:
             imu, m = _mounted(imu, m, self._mount)
         sample = Sample(imu.stamp, imu.angular_velocity, imu.linear_acceleration, m)
-        self._state, found = self._module.update(self._state, self._params, sample)
+        found = self._state.update(sample)
         self._statistics.add(imu.stamp, found.flags)
         self._check_cutoff()
         if found.flags & (DROPPED | NOT_STARTED) or self.refusal:
@@ -188,7 +188,7 @@ class LiveFilter:
             'rate_hz': statistics.rate_hz,
             'jitter_ms': statistics.jitter_ms,
             'disturbed_fraction': statistics.disturbed_fraction,
-            **dict(zip(('bias_x', 'bias_y', 'bias_z'), self._state.bias, strict=True)),
+            **dict(zip(('bias_x', 'bias_y', 'bias_z'), self._state.state.bias, strict=True)),
             'resets': max(statistics.counts['reinitialised'] - 1, 0),
             'exact_pairs': self._pairing.exact,
             'unused_magnetometer_samples': self._pairing.unused,

@@ -9,6 +9,8 @@ MathWorks' ahrsfilter documents parameters and defaults; ENU and NED. Magnetic q
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from imu_recording.recording import ImuRecording
 
@@ -68,6 +70,13 @@ def update(state: State, params: Params, sample: Sample) -> tuple[State, Estimat
     """Return state and estimate after a sample."""
     state, flags = _update(state, params, sample)
     return state, estimate(state, params, sample.stamp, flags)
+
+
+@kernel
+def step(states: Any, params: Any, sample: Sample) -> Estimate:
+    """Return the estimate after a sample; state and parameters are held (`live_state`)."""
+    states[0], found = update(states[0], params[0], sample)
+    return found
 
 
 @inline

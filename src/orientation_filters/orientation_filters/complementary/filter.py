@@ -10,7 +10,7 @@ detection and bias learning; `adaptive` is a filter of its own, see there.
 from __future__ import annotations
 
 from math import exp, pi, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from imu_recording.recording import ImuRecording
@@ -182,6 +182,13 @@ def update(state: State, params: Params, sample: Sample) -> tuple[State, Estimat
     state, flags = _update(state, params, sample, params.learn_bias, params.adaptive)
     q, covariance = _shown(state, sample.stamp, flags, params.adaptive)
     return state, Estimate(orientation=q, covariance=covariance, flags=flags)
+
+
+@kernel
+def step(states: Any, params: Any, sample: Sample) -> Estimate:
+    """Return the estimate after a sample; state and parameters are held (`live_state`)."""
+    states[0], found = update(states[0], params[0], sample)
+    return found
 
 
 @inline
