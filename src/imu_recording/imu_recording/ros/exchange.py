@@ -5,11 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from time import monotonic
 from typing import Any
 
 from imu_recording.ros.sample_bytes import SampleForm
 
 Take = Callable[[Any], None]
+
+COUNT_PERIOD_S = 0.1
+"""Subscribers are counted so often [s]: much less than a topic takes to be discovered."""
 
 
 @dataclass
@@ -56,13 +60,19 @@ class SampleOutput:
         self._publisher = publisher
         self._to_bytes = form.to_bytes
         self._local = local
+        self._has_subscribers = False
+        self._counted_at = float('-inf')
 
     def send(self, sample: Any) -> None:
         """Send a sample."""
         publisher, local = self._publisher, self._local
         if not publisher.is_activated:
             return
-        if local.serialised or publisher.get_subscription_count():
+        now = monotonic()
+        if now - self._counted_at > COUNT_PERIOD_S:
+            self._has_subscribers = publisher.get_subscription_count() > 0
+            self._counted_at = now
+        if local.serialised or self._has_subscribers:
             data = self._to_bytes(sample)
             publisher.publish(data)
             for take in local.serialised:
