@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from imu_recording.ros.messages import (
     ImuSample,
     MagneticSample,
@@ -326,3 +327,37 @@ def test_stamps_that_stand_still_are_named(ros: Any, model_path: str) -> None:
     for _ in range(30):
         feed(compensation, 0, 30.0)
     assert 'stand still at 0 ns' in compensation.diagnostics()[1]
+
+
+def test_data_of_another_device_pass_unchanged_and_are_an_error(ros: Any, model_path: str) -> None:
+    driver = ros.create_node('some_driver', namespace='/here')
+    publisher = driver.create_publisher(Imu, 'imu/data_raw', 10)
+    compensation = ThermalCompNode(namespace='/here', parameters={'model': model_path})
+    assert compensation.autostart()
+    sent: list[ImuSample] = []
+    compensation._imu.send = sent.append
+    own = compensation.compensator.model.device
+    sample = ImuSample(SECOND, (0.0,) * 3, UP)
+    for name, device in (
+        ('here/some_driver', 'DUT9'), ('there/some_driver', own), ('here/some_driver', own),
+    ):  # fmt: skip
+        status = DiagnosticStatus(name=name, hardware_id=device)
+        compensation.inputs['/diagnostics'](DiagnosticArray(status=[status]))
+        compensation.on_temperature(TemperatureSample(SECOND, 30.0))
+        compensation.on_imu(sample)
+    level, line, _ = compensation.diagnostics()
+    assert sent[:2] == [sample] * 2
+    assert sent[2] != sample
+    assert level == 0, line
+    compensation.check_source('DUT9')
+    level, line, _ = compensation.diagnostics()
+    assert level == 2
+    assert f'the model is of {own}, the recording of DUT9' in line
+    assert 'allow_other_device' in line
+    compensation.destroy_node()
+    allowed = ThermalCompNode(parameters={'model': model_path, 'allow_other_device': True})
+    assert allowed.autostart()
+    assert '/diagnostics' not in allowed.inputs
+    allowed.destroy_node()
+    driver.destroy_publisher(publisher)
+    driver.destroy_node()

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from imu_recording.logging_contract import (
     APPLIED_MODEL,
     COMPENSATED,
@@ -32,7 +33,7 @@ from thermal_comp.compensation.state import restore_state, save_state
 from thermal_comp.compensation.stream import Compensator, compensated_field, compensated_imu
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import check_device, load_model, model_label
-from thermal_comp.model.values import ThermalModel
+from thermal_comp.model.values import ModelError, ThermalModel
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,9 @@ class ThermalCompConfig(NodeConfig):
     )
     device: str = parameter('', 'Device the model has to be of; empty: any')
     again: bool = parameter(False, 'Compensate data that say they are compensated already')
+    allow_other_device: bool = parameter(
+        False, 'Compensate data of a driver that names another device than the model'
+    )
     accept_units: bool = parameter(False, 'Compensate numbers that cannot be SI units')
     state_file: str = parameter('', 'File that keeps the history over a restart; empty: none')
 
@@ -76,6 +80,7 @@ class ThermalCompNode(ConfiguredNode):
         check_device(model, config.device)
         self.compensator = Compensator(model, temperature_timeout=config.temperature_timeout)
         self.check = StreamCheck()
+        self._other_device = ''
         if config.state_file and (reason := restore_state(self.compensator, config.state_file)):
             self.get_logger().info(f'history begins anew: {reason}')
         self._imu = self.sample_output(Imu, 'imu_compensated/data_raw')
@@ -84,6 +89,8 @@ class ThermalCompNode(ConfiguredNode):
         self._label = model_label(model) if model.sensors else ''
         source = self.resolve_topic_name('imu/data_raw').rpartition('/')[0]
         self.input(String, f'{source}/{APPLIED_MODEL}', self.on_applied_model, qos=LATCHED)
+        if model.device and not config.allow_other_device:
+            self.input(DiagnosticArray, '/diagnostics', self.on_diagnostics)
         self.sample_input(Temperature, 'imu/temperature', self.on_temperature)
         for channel in sorted(self.compensator.channels):
             track = TRACK_OF_FIELD[channel]
@@ -100,6 +107,23 @@ class ThermalCompNode(ConfiguredNode):
         """Take in that what comes was compensated already: it is passed on, unless told."""
         if not self.config.again:
             self.compensator.applied_before = message.data
+
+    def on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Take in what device the driver says it reads: the model has to be of that one."""
+        senders = self.get_publishers_info_by_topic('imu/data_raw')
+        names = {f'{s.node_namespace}/{s.node_name}'.lstrip('/') for s in senders}
+        for status in message.status:
+            if status.name in names and status.hardware_id:
+                self.check_source(status.hardware_id)
+
+    def check_source(self, device: str) -> None:
+        """Refuse to compensate data of this device with a model of another."""
+        try:
+            check_device(self.compensator.model, device)
+        except ModelError as error:
+            self._other_device = str(error)
+        else:
+            self._other_device = ''
 
     def on_temperature(self, sample: TemperatureSample) -> None:
         """Take in a die temperature."""
@@ -138,6 +162,8 @@ class ThermalCompNode(ConfiguredNode):
         self._mag.send(compensated_field(sample, field))
 
     def _refused(self, possible: bool) -> bool:
+        if self._other_device:
+            return True
         return not (self.config.accept_units or (possible and not self.check.objection))
 
     def save_state(self) -> None:
@@ -155,6 +181,9 @@ class ThermalCompNode(ConfiguredNode):
             return 0, self.state, {}
         level, said, values = self.compensator.report()
         values['damaged'] = self.check.damaged
+        if self._other_device:
+            way = 'data pass through unchanged; parameter allow_other_device compensates them'
+            return 2, f'{self._other_device}: {way}', values
         if self.check.objection and not self.config.accept_units:
             way = 'data pass through unchanged; parameter accept_units compensates them'
             return 2, f'{self.check.objection}: {way}', values

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from imu_recording.bags.files import locate_bag
 from imu_recording.recorder.node import RecorderNode
 from imu_recording.recorder.plan import (
     RecorderConfig,
@@ -168,3 +169,19 @@ def until(condition: Any, seconds: float) -> None:
     while not condition():
         assert time.monotonic() < end, 'timed out'
         time.sleep(0.01)
+
+
+def test_what_did_not_arrive_is_said_in_diagnostics_and_metadata(ros: Any, tmp_path: Path) -> None:
+    node = RecorderNode(capture=lambda *_: None, parameters={'output': str(tmp_path / 'bag')})
+    assert node.autostart()
+    node.subscribe('/imu/data_raw', 'sensor_msgs/msg/Imu')
+    for i in [*range(40), *range(45, 50)]:
+        node.inputs['/imu/data_raw'](imu_bytes(i * 10_000_000))
+    node.flush()
+    level, line, values = node.losses.applied(node.diagnostics())
+    assert (level, values['samples_missing']) == (1, 5)
+    assert line.startswith('5 samples missing')
+    node.end()
+    node.destroy_node()
+    custom = locate_bag(tmp_path / 'bag').custom
+    assert custom['messages_lost'] == '/imu/data_raw 5'

@@ -6,7 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from imu_recording.ros.lifecycle_node import ConfiguredNode
+from imu_recording.ros.diagnostics import InputTimeout
+from imu_recording.ros.lifecycle_node import CapturedPublisher, ConfiguredNode
+from imu_recording.ros.losses import REMEMBERED_CALLS, StampGaps
 from imu_recording.ros.messages import float_message
 from imu_recording.ros.parameter import NodeConfig, parameter
 from rclpy.parameter import Parameter
@@ -148,3 +150,58 @@ def test_diagnostics_carry_stamp_level_and_values(ros: Any) -> None:
     assert (status.level, status.message, status.hardware_id) == (b'\x01', 'doubling', 'd')
     assert {v.key: v.value for v in status.values}['factor'] == '2'
     node.destroy_node()
+
+
+class Hearer(Doubler):
+    expects = 'in'
+
+    def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
+        return 0, 'well', {}
+
+
+def test_a_node_that_hears_nothing_names_the_topic_and_what_is_close(ros: Any) -> None:
+    clock = [0.0]
+    node = Hearer('hearer', namespace='/here')
+    node._input_timeout = InputTimeout(lambda: clock[0])
+    assert node.autostart()
+    other = ros.create_node('other', namespace='/here')
+    publisher = other.create_publisher(Float64, 'inn', 10)
+    heard: list[Any] = []
+    node._diagnostics_publisher = CapturedPublisher('/diagnostics', lambda _, m: heard.append(m))
+    for clock[0] in (4.0, 6.0):
+        node.publish_diagnostics()
+    early, late = (message.status[0] for message in heard)
+    assert (early.level, early.message) == (b'\x00', 'well')
+    assert late.level == b'\x01'
+    assert late.message == '/here/in has no publisher; /here/inn has'
+    other.destroy_publisher(publisher)
+    other.destroy_node()
+    node.destroy_node()
+
+
+def test_losses_are_counted_and_warned_of_while_they_are_new(ros: Any) -> None:
+    node, sent = make()
+    node.said = (0, 'well')
+    assert node.autostart()
+    for stamp in [*range(0, 500, 10), 530]:
+        node.losses.gaps_of('/in').add(stamp)
+    node.losses.dropped['/in'] += 2
+    node.publish_diagnostics()
+    for _ in range(REMEMBERED_CALLS):
+        node.publish_diagnostics()
+    first, *_, last = [message.status[0] for topic, message in sent if topic == '/diagnostics']
+    assert first.level == b'\x01'
+    assert first.message.startswith('2 messages dropped, 3 samples missing in the last 10 s')
+    assert last.message == 'doubling'
+    assert {v.key: v.value for v in last.values}['samples_missing'] == '3'
+    assert node.losses.by_topic() == {'/in': 3}
+    node.destroy_node()
+
+
+def test_another_rate_is_no_loss() -> None:
+    gaps = StampGaps()
+    stamp = 0
+    for step in [10] * 50 + [25] * 60 + [50] + [25] * 3 + [20_000_000_000] + [25] * 3:
+        stamp += step
+        gaps.add(stamp)
+    assert gaps.missing == 1

@@ -22,7 +22,9 @@ from imu_recording.recording import BagError, RecordingError
 from imu_recording.ros.diagnostics import Status
 from imu_recording.ros.lifecycle_node import ACTIVE, ConfiguredNode
 from imu_recording.ros.run_node import run_node
+from imu_recording.ros.sample_bytes import stamp_from_bytes
 
+IMU = 'sensor_msgs/msg/Imu'
 DISCOVERY_PERIOD_S = 0.5
 FLUSH_PERIOD_S = 1.0
 LOW_DISK_BYTES = 1 << 30
@@ -33,6 +35,7 @@ class RecorderNode(ConfiguredNode):
     """Records topics as they appear, raw, to a bag; to one for each run a chamber announces."""
 
     config_class = RecorderConfig
+    logs_status = True
     config: RecorderConfig
 
     def __init__(self, **options: Any) -> None:
@@ -57,6 +60,7 @@ class RecorderNode(ConfiguredNode):
     def deactivated(self) -> None:
         """Close the bag."""
         self.write_waiting()
+        self.recorder.note_losses(self.losses.by_topic())
         self.attempt(self.recorder.close)
 
     def diagnostics(self) -> Status:
@@ -136,7 +140,11 @@ class RecorderNode(ConfiguredNode):
             return
         qos, offered = matching_qos(offers, self.config.qos_depth)
 
+        count = self.losses.gaps_of(topic).add if message_type == IMU else None
+
         def on_bytes(data: bytes) -> None:
+            if count:
+                count(stamp_from_bytes(data))
             self.write_waiting()
             self.attempt(self.recorder.record, topic, message_type, data, self.now(), offered)
 

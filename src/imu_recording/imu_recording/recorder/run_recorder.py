@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from imu_recording.bags.metadata import Qos
@@ -93,6 +93,12 @@ class RunRecorder:
                     self._write(message)
         if self._bag is not None:
             self._bag.flush()
+
+    def note_losses(self, lost: Mapping[str, int]) -> None:
+        """Say in the bag's metadata how many messages of each topic did not arrive."""
+        if self._bag is not None and lost:
+            told = ', '.join(f'{topic} {number}' for topic, number in lost.items())
+            self._bag.metadata['messages_lost'] = told
 
     def close(self) -> None:
         """Finish the bag."""

@@ -15,6 +15,8 @@ from imu_recording.ros.messages import fill_stamp
 
 INPUT_TIMEOUT_S = 10.0
 """A topic without a message for so long has ended or broken [s]."""
+FIRST_INPUT_S = 5.0
+"""A node that has heard nothing for so long after its activation says so [s]."""
 LOG_REPEAT_S = 60.0
 """A status that comes and goes is logged once in so long [s]."""
 
@@ -36,6 +38,13 @@ class InputTimeout:
     def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
         self._now = now
         self._received_at = math.inf
+        self._started_at = math.inf
+
+    @property
+    def is_overdue(self) -> bool:
+        """Whether no message has come since the restart, FIRST_INPUT_S ago and more."""
+        never = math.isinf(self._received_at)
+        return never and self._now() - self._started_at > FIRST_INPUT_S
 
     def watched(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return the callback; each call counts as a message."""
@@ -47,8 +56,9 @@ class InputTimeout:
         return counted
 
     def restart(self) -> None:
-        """Wait for a first message, however long it takes."""
+        """Wait for a first message."""
         self._received_at = math.inf
+        self._started_at = self._now()
 
     def applied(self, topic: str, status: Status) -> Status:
         """Return the status; in place of one that is no error a warning after the timeout."""

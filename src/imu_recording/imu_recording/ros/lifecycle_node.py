@@ -18,12 +18,14 @@ from typing import Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from imu_recording.ros.diagnostics import InputTimeout, Status, StatusLog, diagnostic_array
 from imu_recording.ros.exchange import CapturedOutput, Exchange, SampleOutput
+from imu_recording.ros.losses import Losses, nothing_heard
 from imu_recording.ros.parameter import (
     NodeConfig,
     ParameterError,
@@ -92,6 +94,7 @@ class ConfiguredNode(LifecycleNode):
         self.refused = ''
         self._status_log = StatusLog()
         self._input_timeout = InputTimeout()
+        self.losses = Losses()
         self._fields = {item.name: item for item in fields(self.config_class)}
         for item in self._fields.values():
             default = default_of(item)
@@ -174,12 +177,23 @@ class ConfiguredNode(LifecycleNode):
         """Call back with samples while the node is active: of this process, else of messages."""
         form = form_of(message_type)
         name = self.resolve_topic_name(topic)
+        if topic == self.expects:
+            callback = self._gaps_counted(name, callback)
         if not self._capture and self._exchange.offers(name):
             take = self._when_active(topic, callback)
             self._entities.append(self._exchange.topic(name).listen(take, serialised=False))
         else:
             self.input(message_type, topic, lambda data: callback(form.from_bytes(data)), raw=True)
         self.inputs[topic] = lambda message: callback(form.from_message(message))
+
+    def _gaps_counted(self, name: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
+        count = self.losses.gaps_of(name).add
+
+        def counted(sample: Any) -> None:
+            count(sample.stamp)
+            callback(sample)
+
+        return counted
 
     def serialised_input(self, topic: str, callback: Callable[[bytes], None]) -> bool:
         """Call back with the messages of a topic of this process; False where it has none."""
@@ -215,9 +229,35 @@ class ConfiguredNode(LifecycleNode):
             topic,
             self._when_active(topic, callback),
             options.pop('qos', qos),
+            event_callbacks=self._loss_events(topic),
             **options,
         )
         self._entities.append(lambda: self.destroy_subscription(subscription))
+
+    def _loss_events(self, topic: str) -> SubscriptionEventCallbacks:
+        name = self.resolve_topic_name(topic)
+
+        def lost(event: Any) -> None:
+            self.losses.dropped[name] += event.total_count_change
+
+        return SubscriptionEventCallbacks(message_lost=lost)
+
+    def _never_heard(self) -> str:
+        """Return why the input that must not stop has brought nothing yet; '' where it has."""
+        if self._capture or not self._input_timeout.is_overdue:
+            return ''
+        topic = self.resolve_topic_name(self.expects)
+        if self._exchange.offers(topic):
+            return f'{topic}: no sample yet'
+        topics = dict(self.get_topic_names_and_types())
+        kinds = topics.get(topic, [])
+        own = {topic, *map(self.resolve_topic_name, self.outputs)}
+        others = [
+            name
+            for name, types in sorted(topics.items())
+            if name not in own and types == kinds and self.count_publishers(name)
+        ]
+        return nothing_heard(topic, self.count_publishers(topic), others)
 
     def publish_diagnostics(self) -> None:
         """Publish one DiagnosticArray with this node's status."""
@@ -226,6 +266,10 @@ class ConfiguredNode(LifecycleNode):
         if self.expects and self.state == ACTIVE:
             topic = self.resolve_topic_name(self.expects)
             level, line, values = self._input_timeout.applied(topic, (level, line, values))
+            if level < 2 and (reason := self._never_heard()):
+                level, line = 1, reason
+        if self.inputs and self.state == ACTIVE:
+            level, line, values = self.losses.applied((level, line, values))
         if (self.logs_status or self.expects) and self.state == ACTIVE and not self._capture:
             self._log_status(level, line)
         name = self.get_fully_qualified_name().lstrip('/')

@@ -42,6 +42,14 @@ def _read_header(data: bytes) -> tuple[int, str, int]:
     return seconds * _NANOSECONDS + nanoseconds, frame_id, 4 + (12 + length + 7) // 8 * 8
 
 
+def stamp_from_bytes(data: bytes) -> int:
+    """Return the stamp [ns] of any message that begins with a header; −1 if it is big-endian."""
+    if data[:2] != LITTLE_ENDIAN:
+        return -1
+    seconds, nanoseconds = _STAMP.unpack_from(data, 4)
+    return int(seconds) * _NANOSECONDS + int(nanoseconds)
+
+
 @lru_cache(maxsize=64)
 def _frame(frame_id: str) -> bytes:
     """Return what stands between the stamp and the first double."""
