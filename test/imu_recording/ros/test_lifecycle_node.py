@@ -205,3 +205,11 @@ def test_another_rate_is_no_loss() -> None:
         stamp += step
         gaps.add(stamp)
     assert gaps.missing == 1
+
+
+def test_stamps_in_bursts_tell_no_loss() -> None:
+    gaps = StampGaps()
+    for burst in range(100):
+        for sample in range(4):
+            gaps.add(8_000_000 * burst + 100_000 * sample)
+    assert gaps.missing == 0

@@ -24,6 +24,8 @@ REMEMBERED_CALLS = 10
 class StampGaps:
     """Counts the samples missing in a series of stamps against their nominal interval.
 
+    Stamps that are not regular, of a driver that stamps what arrives together, have none.
+
     >>> gaps = StampGaps()
     >>> for stamp in [*range(0, 300, 10), 330, 340]:
     ...     gaps.add(stamp)
@@ -54,9 +56,16 @@ class StampGaps:
             self.missing += lost
             self._longer += lost
         if len(self._steps) >= LEARNED_FROM:  # known now, or another rate: nothing was missing
-            self._interval = median(self._steps)
+            self._interval = _regular_interval(self._steps)
             self.missing -= self._longer
             self._steps, self._longer = [], 0
+
+
+def _regular_interval(steps: list[int]) -> float:
+    """Return the median step; 0 where more than a tenth of the steps are far from it."""
+    middle = median(steps)
+    far = sum(not middle / TOLERANCE <= step <= TOLERANCE * middle for step in steps)
+    return middle if 10 * far <= len(steps) else 0.0
 
 
 class Losses:
