@@ -20,6 +20,7 @@ setup(
         NAME: [
             'py.typed',
             'report/html/templates/*',
+            'report/schemas/*',
             'data/*.csv',
             'web/*.css',
             'web/*.js',
