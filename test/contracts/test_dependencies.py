@@ -28,6 +28,7 @@ LIBRARIES = {
     'cobs': ('cobs', ''),
     'filterpy': ('filterpy', ''),
     'plotly': ('plotly', ''),
+    'GTC': ('GTC', ''),
     'matplotlib': ('matplotlib', ''),
     'nicegui': ('nicegui', ''),
     'fastapi': ('nicegui', ''),

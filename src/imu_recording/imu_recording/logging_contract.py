@@ -35,7 +35,7 @@ COMPENSATED = 'imu_compensated'
 APPLIED_MODEL = 'applied_model'
 """Latched text beside compensated messages: device and hash of the model that was subtracted."""
 
-METADATA_KEYS = ('device', 'run', 'up_axis', 'profile', 'compensated')
+METADATA_KEYS = ('device', 'run', 'up_axis', 'profile', 'compensated', 'simulated')
 """Keys of a bag's custom_data that fill the fields of the same name."""
 
 

@@ -126,6 +126,8 @@ class ImuRecording:
     """Name of the thermal profile."""
     compensated: str = ''
     """Device and hash of the thermal model that was subtracted; '' for what was measured."""
+    simulated: str = ''
+    """What simulated it; '' for what a device measured."""
     namespace: str = ''
     """ROS namespace the IMU topics were recorded in, '' or '/dut1'."""
     source: str = ''

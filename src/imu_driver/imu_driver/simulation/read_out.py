@@ -29,6 +29,8 @@ VIBRATION_RATE = 119.0
 """Rate at which the variance within a sample's interval is taken [Hz]."""
 VIBRATION_FREQUENCY = 24.5
 """A two-pole compressor motor's shaft [Hz]."""
+SIMULATOR = 'imu_driver.simulation'
+"""What `simulated` of a recording says."""
 START_NS = 1_600_000_000_000_000_000
 """Stamp of the start of a run; runs of one campaign follow each other by a day."""
 DAY_NS = 86_400_000_000_000
@@ -115,6 +117,7 @@ def read_out(run: DeviceRun, how: ReadOut) -> ImuRecording:
         device=run.device.name,
         up_axis=run.orientation,
         profile=run.environment.profile,
+        simulated=SIMULATOR,
         **columns,
         **tracks(run, time, how),
     )

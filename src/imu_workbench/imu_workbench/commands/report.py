@@ -22,9 +22,14 @@ from imu_workbench.commands.options import (
     read_recordings,
 )
 from imu_workbench.report.content import command_line, versions
+from imu_workbench.report.laboratory import read_laboratory
+from imu_workbench.report.limits import read_limits
 
-HELP = 'Write the report of one or several devices as one HTML page: figures, tables, claims.'
-EPILOG = 'example:\n  python -m imu_workbench report bags/dut?_? -o report.html --json report.json'
+HELP = 'Write the calibration certificate and report of devices as one HTML page.'
+EPILOG = (
+    'example:\n  python -m imu_workbench report bags/dut1_? -o report.html '
+    '--laboratory examples/laboratory.yaml'
+)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,6 +49,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--no-diagnosis', action='store_true', help='leave the search for missing effects out'
     )
+    parser.add_argument(
+        '--laboratory',
+        metavar='YAML',
+        type=Path,
+        help='what the certificate states of laboratory and instruments: examples/laboratory.yaml',
+    )
+    parser.add_argument(
+        '--limits',
+        metavar='YAML',
+        type=Path,
+        help='limits of the coefficients, decided with their uncertainty (examples/limits.yaml)',
+    )
     add_output_argument(parser, 'HTML', 'page to write')
     add_effects_argument(parser)
 
@@ -52,12 +69,15 @@ def run(options: argparse.Namespace) -> Answer:
     """Analyse the recordings, write the page."""
     from imu_workbench.parallel import keep_memory
     from imu_workbench.report.analysis import UNNAMED, analyse_recordings, named
+    from imu_workbench.report.attitude import is_slow
     from imu_workbench.report.content import report_content
     from imu_workbench.report.html.document import report_page, report_text
 
     claim_output(options.output, force=options.force)
     catalogue = effect_catalogue(options.effects)
     models = load_models(options.model, catalogue)
+    laboratory = read_laboratory(options.laboratory) if options.laboratory else None
+    limits = read_limits(options.limits) if options.limits else None
     keep_memory()
     recordings = read_recordings(options, every_device=True)
     devices = sorted({recording.device for recording in named(recordings)})
@@ -67,13 +87,19 @@ def run(options: argparse.Namespace) -> Answer:
     analysis = analyse_recordings(
         recordings,
         models,
-        attitudes=not options.no_attitude,
+        attitudes=not options.no_attitude and not all(map(is_slow, recordings)),
         diagnosis=not options.no_diagnosis,
         catalogue=catalogue,
         workers=os.cpu_count() or 1,
     )
     show_progress('writing the page …')
-    content = report_content(analysis, commands=[command_line()], versions=versions())
+    content = report_content(
+        analysis,
+        commands=[command_line()],
+        versions=versions(),
+        laboratory=laboratory,
+        limits=limits,
+    )
     options.output.write_text(report_page(content), 'utf-8')
     return Answer(content, f'{report_text(content)}\n\nwrote {options.output}')
 

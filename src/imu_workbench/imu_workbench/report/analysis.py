@@ -12,11 +12,12 @@ from imu_recording.recording import SENSOR_FIELDS, FloatArray, columns_hash
 from imu_recording.user_error import UserError
 from numpy.typing import NDArray
 from thermal_comp.comparison.compare import Comparison, compare_prepared
+from thermal_comp.data.conditions import SENSORS
 from thermal_comp.data.motion import resting
 from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.data.quality import check_quality
 from thermal_comp.diagnosis.diagnose import Settings, diagnose
-from thermal_comp.diagnosis.growth import grow
+from thermal_comp.diagnosis.growth import Growth, add_effect
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
@@ -68,6 +69,17 @@ class DeviceAnalysis:
 
 
 @dataclass(frozen=True, eq=False)
+class Certified:
+    """The model a certificate is about: the given one, or a line and what the diagnosis names."""
+
+    model: ThermalModel
+    comparison: Comparison
+    runs: tuple[PreparedRun, ...]
+    added: tuple[str, ...] = ()
+    """Effects the diagnosis named, which no given model had."""
+
+
+@dataclass(frozen=True, eq=False)
 class Analysis:
     """Results over all recordings."""
 
@@ -81,6 +93,8 @@ class Analysis:
     """Diagnosis of each device as plain values, with the steps that would follow."""
     left_out: tuple[str, ...] = ()
     """What is said of recordings in which the device moves: nothing here is about them."""
+    certified: Mapping[str, Certified] = field(default_factory=dict)
+    """What the certificate of each device states the coefficients of."""
 
 
 def analyse_recordings(
@@ -108,7 +122,9 @@ def analyse_recordings(
     *results, pooling = run_tasks([*filtering, *diagnosing, PoolingTask(prepared, lines)], workers)
     show_progress('')
     angles = results[: len(filtering)] or [()] * len(recordings)
-    diagnoses = results[len(filtering) :]
+    diagnosed = results[len(filtering) :]
+    certified = certified_models(devices, prepared, diagnosed, given)
+    diagnoses = [found for found, _ in diagnosed]
     by_name = {run.name: run for run in prepared}
     runs = [
         analyse_run(recording, devices[recording.device].model, by_name.get(recording.run), found)
@@ -121,7 +137,30 @@ def analyse_recordings(
         slopes=slopes_of(runs),
         diagnoses={d['device']: d for d in diagnoses if 'problem' not in d},
         left_out=tuple(left_out),
+        certified=certified,
     )
+
+
+def certified_models(
+    devices: Mapping[str, DeviceAnalysis],
+    prepared: Sequence[PreparedRun],
+    diagnoses: Sequence[tuple[Mapping[str, Any], Growth | None]],
+    given: Mapping[str, ThermalModel],
+) -> dict[str, Certified]:
+    """Return what is certified of every device: the given model, else a line and what is named."""
+    grown = {found['device']: growth for found, growth in diagnoses if growth}
+    result: dict[str, Certified] = {}
+    for device in devices.values():
+        if device.model is None or device.comparison is None:
+            continue
+        runs = tuple(run for run in prepared if run.device == device.name)
+        growth = None if device.name in given else grown.get(device.name)
+        if growth is None:
+            result[device.name] = Certified(device.model, device.comparison, runs)
+        else:
+            added = tuple(f'{s.added} ({"+".join(s.sensors)})' for s in growth.steps)
+            result[device.name] = Certified(growth.model, growth.after, runs, added)
+    return result
 
 
 def fit_devices(
@@ -273,22 +312,38 @@ class DiagnosisTask:
         """As long as filtering so many rows [10⁶]."""
         return 3.0 + 1.5e-6 * sum(map(len, self.recordings))
 
-    def run(self) -> dict[str, Any]:
-        """Return the diagnosis as plain values, with `steps` where effects can be added.
+    def run(self) -> tuple[dict[str, Any], Growth | None]:
+        """Return the diagnosis as plain values, with `steps`, and the model with what it names.
 
         Where the recordings cannot be diagnosed, `problem` says why and nothing else is there.
         """
         try:
             content = diagnose(self.recordings, self.model, catalogue=self.catalogue).to_dict()
         except ModelError as error:
-            return {'device': self.device, 'problem': f'not diagnosed: {error}'}
-        steps: list[dict[str, Any]] = []
-        if any(finding['kind'] == 'effect' for finding in content['findings']):
-            runs = prepare(check_quality(self.recordings)[0])
-            steps = [
-                step.to_dict() for step in grow(self.model, runs, Settings(self.catalogue)).steps
-            ]
-        return content | {'steps': steps}
+            return {'device': self.device, 'problem': f'not diagnosed: {error}'}, None
+        growth = self._with_named(content['findings'])
+        steps = [step.to_dict() for step in growth.steps] if growth else []
+        return content | {'steps': steps}, growth
+
+    def _with_named(self, findings: Sequence[Mapping[str, Any]]) -> Growth | None:
+        """Return the model with every effect that was named, all of one diagnosis."""
+        named = [finding for finding in findings if finding['kind'] == 'effect']
+        if not named:
+            return None
+        runs = prepare(check_quality(self.recordings)[0])
+        model, growths = self.model, []
+        for finding in named:
+            sensors = [s for s in SENSORS if s in finding['sensor'].split('+')]
+            growths.append(
+                add_effect(model, runs, finding['name'], Settings(self.catalogue), sensors)
+            )
+            model = growths[-1].model
+        steps = tuple(
+            replace(step, ambiguous_with=tuple(finding['ambiguous_with']))
+            for finding, growth in zip(named, growths, strict=True)
+            for step in growth.steps
+        )
+        return replace(growths[-1], before=growths[0].before, steps=steps)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from orientation_filters.filters import state_bytes
 from imu_workbench.answer import plain
 from imu_workbench.report.analysis import Analysis, RunAnalysis
 from imu_workbench.report.attitude import Attitude
+from imu_workbench.report.certificate.content import certificates
 from imu_workbench.report.claims.attitude import attitude_claims
 from imu_workbench.report.claims.claim import Claim
 from imu_workbench.report.claims.model import gaussianity_claim, linearity_claim
@@ -29,6 +30,8 @@ from imu_workbench.report.claims.thermal import (
     slope_table,
 )
 from imu_workbench.report.error_steps import error_steps_content
+from imu_workbench.report.laboratory import Laboratory
+from imu_workbench.report.limits import Limits
 from imu_workbench.report.measured import (
     PAPER_TABLES,
     cycle_content,
@@ -46,6 +49,8 @@ from imu_workbench.tables import paper
 from imu_workbench.tables.paper import PAPER_NOTES
 
 TITLE = 'Temperature error of MEMS IMUs'
+PAPER_PROFILE = 'paper_betta2022'
+"""Plan of the campaigns that are compared with the paper."""
 ALL_POINTS = 6_000
 """Points per channel of all runs together: what keeps the page light."""
 
@@ -56,10 +61,13 @@ def report_content(
     commands: Sequence[str],
     versions: dict[str, str],
     growth: Mapping[str, Any] | None = None,
+    laboratory: Laboratory | None = None,
+    limits: Limits | None = None,
 ) -> dict[str, Any]:
     """Return the content of a report; `commands` and `versions` say how it was made.
 
-    `growth` is what a ModelGrowthTask found.
+    `growth` is what a ModelGrowthTask found. `laboratory` and `limits` are what the certificates
+    state and decide by; without them they say that nothing was stated.
     """
     points = int(np.clip(ALL_POINTS / max(1, len(analysis.runs)), 400, 2000))
     statistics = [
@@ -79,6 +87,8 @@ def report_content(
         'schema': 1,
         'title': TITLE,
         'lead': lead(analysis),
+        'certificates': certificates(analysis, laboratory or Laboratory(), limits),
+        'follows_paper': any(r.recording.profile.startswith(PAPER_PROFILE) for r in analysis.runs),
         'devices': devices,
         'left_out': list(analysis.left_out),
         'recordings': [
@@ -210,7 +220,7 @@ def lead(analysis: Analysis) -> str:
     )
 
 
-PACKAGES = ('imu_workbench', 'numpy', 'scipy', 'numba', 'rosbags', 'plotly')
+PACKAGES = ('imu_workbench', 'numpy', 'scipy', 'numba', 'rosbags', 'plotly', 'GTC')
 
 
 def versions() -> dict[str, str]:

@@ -26,7 +26,7 @@ def summary_section(content: Mapping[str, Any]) -> Section:
             recordings_card(content),
             *(card for card in sensors if card),
             *attitude_cards(content),
-            claims_card(content),
+            *([claims_card(content)] if content['follows_paper'] else []),
         ],
         'notes': [
             *(

@@ -13,6 +13,7 @@ from thermal_comp.presentation.display import shown
 from imu_workbench.report.claims.claim import VERDICT_NAMES
 from imu_workbench.report.figures.attitude import FILTER_NAMES
 from imu_workbench.report.html.attitude import attitude_section
+from imu_workbench.report.html.certificate import budget_section, certificate_section
 from imu_workbench.report.html.claims import (
     claims_section,
     paper_section,
@@ -32,25 +33,25 @@ from imu_workbench.report.html.modelled import (
     fit_section,
     model_section,
 )
-from imu_workbench.report.html.render import render_page
+from imu_workbench.report.html.render import Section, render_page
 
 
 def report_page(content: Mapping[str, Any]) -> str:
     """Return the page as one HTML text that needs no network."""
     sections = (
+        *(certificate_section(found) for found in content['certificates'].values()),
         summary_section(content),
-        claims_section(content),
-        plan_section(content),
-        statistics_section(content),
-        cycle_section(content),
+        comparison_section(content),
+        model_section(content),
+        budget_section(content['certificates']),
+        diagnosis_section(content),
         dependence_section(content),
         fit_section(content),
-        comparison_section(content),
-        diagnosis_section(content),
-        model_section(content),
+        plan_section(content),
+        cycle_section(content),
         attitude_section(content),
         growth_section(content),
-        paper_section(content),
+        *(paper_annex(content) if content['follows_paper'] else ()),
         recordings_section(content),
         reproduce_section(content),
     )
@@ -59,9 +60,16 @@ def report_page(content: Mapping[str, Any]) -> str:
     return render_page(content['title'], subtitle, [s for s in sections if s])
 
 
+def paper_annex(content: Mapping[str, Any]) -> tuple[Section | None, ...]:
+    """Return the comparison with the paper: its claims, its tables, its own numbers."""
+    return claims_section(content), statistics_section(content), paper_section(content)
+
+
 def report_text(content: Mapping[str, Any]) -> str:
     """Return the summary for the terminal."""
     lines = [content['lead'], '']
+    for name, found in content['certificates'].items():
+        lines += [f'{name}: {found["conclusion"]}', '']
     for found in content['comparison'].values():
         lines += [comparison_text(found), '']
     for found in content['diagnosis'].values():
@@ -72,8 +80,8 @@ def report_text(content: Mapping[str, Any]) -> str:
     lines += content['left_out']
     lines += note_lines(content)
     lines += attitude_lines(content)
-    lines += ['', 'Claims of the paper:']
-    for claim in content['claims']:
+    lines += ['', 'Claims of the paper:'] if content['follows_paper'] else []
+    for claim in content['claims'] if content['follows_paper'] else ():
         lines.append(f'  [{VERDICT_NAMES[claim["verdict"]]}] {claim["claim"]}')
         if claim['ours'] != '–':
             lines.append(f'      {claim["ours"]}')

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The calibration certificate: coefficients of a device with their uncertainty budgets."""

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Uncertainty budget of one coefficient after the GUM, checked by Monte Carlo (JCGM 100, 101).
+
+GTC propagates: every input is an uncertain number, the measurement model is written out once, and
+components, combined uncertainty and effective degrees of freedom follow from it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from GTC import component, dof, uncertainty, ureal
+from imu_recording.recording import FloatArray, IntArray
+from scipy.stats import t as student
+
+MONTE_CARLO_DRAWS = 20_000
+LEVEL = 0.95
+"""Coverage of the interval whose factor is k95."""
+Shape = Literal['normal', 'rectangular']
+Kind = Literal['offset', 'temperature', 'span']
+
+
+@dataclass(frozen=True)
+class Input:
+    """One input quantity of the measurement model; its estimate is zero."""
+
+    source: str
+    uncertainty: float
+    """Standard uncertainty [`unit`]."""
+    unit: str
+    degrees: float = math.inf
+    """Of freedom."""
+    kind: Kind = 'offset'
+    """offset: adds to the value; temperature: an error of every temperature; span: an error of
+    the difference between the ends of the temperature range [K]."""
+    shape: Shape = 'normal'
+
+
+@dataclass(frozen=True)
+class Measurand:
+    """How a coefficient depends on its inputs.
+
+    y = (x + Σ offsets − slope · Σ temperatures) / (1 + Σ spans / range)^power
+    """
+
+    value: float
+    slope: float = 0.0
+    """Change of the value with temperature [unit/K]."""
+    span: float = math.inf
+    """Range of temperature it was found over [K]."""
+    power: int = 0
+    """Power of 1/K in its unit."""
+
+    def of(self, inputs: Sequence[Input], values: Sequence[Any]) -> Any:
+        """Return y for values of the inputs: numbers, arrays or uncertain numbers."""
+        by_kind: dict[str, Any] = {'offset': 0.0, 'temperature': 0.0, 'span': 0.0}
+        for item, value in zip(inputs, values, strict=True):
+            by_kind[item.kind] = by_kind[item.kind] + value
+        top = self.value + by_kind['offset'] - self.slope * by_kind['temperature']
+        return top / (1.0 + by_kind['span'] / self.span) ** self.power
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of a budget."""
+
+    input: Input
+    contribution: float
+    """|sensitivity| · standard uncertainty [unit of the coefficient]."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """A coefficient with its combined standard uncertainty and what it is made of."""
+
+    value: float
+    unit: str
+    rows: tuple[Row, ...]
+    combined: float
+    """Combined standard uncertainty."""
+    degrees: float
+    """Effective degrees of freedom (Welch–Satterthwaite)."""
+    not_included: tuple[str, ...]
+    """Sources that could not be counted, and why."""
+    monte_carlo: float
+    """Standard deviation of a Monte Carlo propagation of the same inputs."""
+
+    @property
+    def expanded(self) -> float:
+        """U at k = 2."""
+        return 2.0 * self.combined
+
+    @property
+    def coverage_factor(self) -> float:
+        """Student's factor for 95 % at the effective degrees of freedom."""
+        degrees = self.degrees if math.isfinite(self.degrees) else 1e9
+        return float(student.ppf(0.5 + LEVEL / 2.0, degrees))
+
+    @property
+    def deciding(self) -> float:
+        """Half-width that decides on conformity: k = 2, or k95 where that is larger."""
+        return max(2.0, self.coverage_factor) * self.combined
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, shares in percent of the combined variance."""
+        variance = self.combined**2
+        return {
+            'value': self.value,
+            'unit': self.unit,
+            'combined': self.combined,
+            'expanded': self.expanded,
+            'degrees': self.degrees,
+            'coverage_factor': self.coverage_factor,
+            'monte_carlo': self.monte_carlo,
+            'not_included': list(self.not_included),
+            'rows': [
+                {
+                    'source': row.input.source,
+                    'uncertainty': row.input.uncertainty,
+                    'unit': row.input.unit,
+                    'shape': row.input.shape,
+                    'degrees': row.input.degrees,
+                    'contribution': row.contribution,
+                    'share': 100.0 * row.contribution**2 / variance if variance else 0.0,
+                }
+                for row in self.rows
+            ],
+        }
+
+
+def budget_of(
+    measurand: Measurand,
+    unit: str,
+    inputs: Sequence[Input],
+    not_included: Sequence[str] = (),
+    *,
+    draws: int = MONTE_CARLO_DRAWS,
+    seed: int = 0,
+) -> Budget:
+    """Return the budget of a coefficient; inputs without uncertainty are no lines of it."""
+    used = [item for item in inputs if item.uncertainty > 0.0]
+    numbers = [ureal(0.0, item.uncertainty, max(1.0, item.degrees)) for item in used]
+    result = measurand.of(used, numbers)
+    return Budget(
+        measurand.value,
+        unit,
+        tuple(Row(i, abs(component(result, x))) for i, x in zip(used, numbers, strict=True)),
+        float(uncertainty(result)) if used else 0.0,
+        float(dof(result)) if used else math.inf,
+        tuple(not_included),
+        monte_carlo(measurand, used, draws=draws, seed=seed) if used else 0.0,
+    )
+
+
+def monte_carlo(measurand: Measurand, inputs: Sequence[Input], *, draws: int, seed: int) -> float:
+    """Return the standard deviation of y over draws of the inputs (JCGM 101, 7)."""
+    generator = np.random.default_rng(seed)
+    values = [_draw(generator, item, draws) for item in inputs]
+    return float(np.std(measurand.of(inputs, values), ddof=1))
+
+
+def _draw(generator: np.random.Generator, item: Input, draws: int) -> FloatArray:
+    if item.shape == 'rectangular':
+        half = math.sqrt(3.0) * item.uncertainty
+        return generator.uniform(-half, half, draws)
+    return generator.normal(0.0, item.uncertainty, draws)
+
+
+def scatter_inputs(
+    noise: float, noise_degrees: float, values: FloatArray, run: IntArray, unit: str
+) -> tuple[list[Input], list[str]]:
+    """Return noise, repeatability over cycles and run-to-run, and what could not be told.
+
+    Nested analysis of variance of the (k,) values of single cycles in their runs (k,): each level
+    counts for what it scatters beyond the one below it, so that nothing is counted twice. The
+    degrees of freedom of a difference of mean squares are Satterthwaite's.
+    """
+    inputs = [Input('noise', noise, unit, noise_degrees)]
+    missing: list[str] = []
+    groups = [values[run == r] for r in np.unique(run)]
+    counts = np.array([len(group) for group in groups])
+    within = float(counts.sum() - len(groups))
+    known, known_degrees = noise**2, noise_degrees
+    if within > 0:
+        square = sum(float(((g - g.mean()) ** 2).sum()) for g in groups) / within
+        mean_square = square / counts.sum()
+        inputs += _beyond(
+            'repeatability over cycles', mean_square, within, known, known_degrees, unit
+        )
+        if mean_square > known:
+            known, known_degrees = mean_square, within
+    else:
+        missing.append('repeatability over cycles: single cycles do not tell it')
+    if len(groups) > 1:
+        between = float(np.var([g.mean() for g in groups], ddof=1)) / len(groups)
+        inputs += _beyond('run to run', between, len(groups) - 1.0, known, known_degrees, unit)
+    else:
+        missing.append('run to run: not told by the runs of this coefficient')
+    return inputs, missing
+
+
+def _beyond(
+    source: str, square: float, degrees: float, known: float, known_degrees: float, unit: str
+) -> list[Input]:
+    """Return the input for what a variance of the mean exceeds the known one by."""
+    excess = square - known
+    if excess <= 0.0:
+        return [Input(source, 0.0, unit)]
+    spread = square**2 / degrees + known**2 / known_degrees
+    return [Input(source, math.sqrt(excess), unit, excess**2 / spread)]

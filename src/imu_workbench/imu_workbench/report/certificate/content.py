@@ -1,0 +1,372 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Everything a calibration certificate says, as plain values; ISO/IEC 17025:2017, 7.8.
+
+`doc/certificate.md` lists clause by clause where each requirement is met.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import ImuRecording
+from thermal_comp.model.values import fitted_shapes
+from thermal_comp.presentation.diagnosis import verdict_line
+from thermal_comp.presentation.display import DISPLAY_UNITS, fixed, shown, with_uncertainty
+
+from imu_workbench.report.analysis import Analysis, Certified
+from imu_workbench.report.certificate.quantities import Quantity, quantities
+from imu_workbench.report.laboratory import NOT_STATED, Laboratory
+from imu_workbench.report.limits import Limits
+
+NAMED_STEPS = {'pass': 'kept', 'fail': 'not kept', 'undecided': 'not decided'}
+RULES = {
+    'guarded': 'guarded acceptance (ILAC-G8:09/2019): kept where the value is inside the limits '
+    'by its expanded uncertainty, not kept where it is outside by it, else not decided; the '
+    'probability of a wrong statement is at most 2.5 %',
+    'simple': 'simple acceptance (ILAC-G8:09/2019): the value alone decides; near a limit the '
+    'probability of a wrong statement is up to 50 %',
+}
+
+
+def certificates(
+    analysis: Analysis, laboratory: Laboratory, limits: Limits | None
+) -> dict[str, dict[str, Any]]:
+    """Return the certificate of each device that has a model."""
+    return {
+        name: certificate(name, certified, analysis, laboratory, limits)
+        for name, certified in analysis.certified.items()
+    }
+
+
+def certificate(
+    device: str,
+    certified: Certified,
+    analysis: Analysis,
+    laboratory: Laboratory,
+    limits: Limits | None,
+) -> dict[str, Any]:
+    """Return what the certificate of one device says."""
+    recordings = [run.recording for run in analysis.runs if run.device == device]
+    hashes = {run.name: run.hash for run in analysis.runs}
+    up_axes = {recording.run: recording.up_axis for recording in recordings}
+    found = quantities(
+        certified.model, certified.runs, [up_axes.get(r.name, '') for r in certified.runs],
+        laboratory,
+    )  # fmt: skip
+    decisions = decided(found, limits)
+    simulated = laboratory.simulated or any(recording.simulated for recording in recordings)
+    errors = error_content(certified)
+    diagnosis = analysis.diagnoses.get(device)
+    low, high = _range(part.temperature_range for part in certified.model.sensors.values())
+    return {
+        'schema': 1,
+        'device': {
+            'name': device,
+            'type': laboratory.text('device', 'type'),
+            'manufacturer': laboratory.text('device', 'manufacturer'),
+            'serial': laboratory.content.get('device', {}).get('serial', device),
+            'condition': laboratory.text('device', 'condition'),
+        },
+        'simulated': simulated,
+        'laboratory': {
+            'name': laboratory.text('laboratory', 'name'),
+            'address': laboratory.text('laboratory', 'address'),
+            'accreditation': laboratory.text('laboratory', 'accreditation'),
+            'customer': _joined(laboratory.text('customer', key) for key in ('name', 'address')),
+            'number': laboratory.text('certificate', 'number'),
+            'date_of_issue': laboratory.text('certificate', 'date_of_issue'),
+            'received': laboratory.text('received'),
+            'place': laboratory.text('place'),
+            'operator': laboratory.text('operator'),
+            'approved_by': laboratory.text('approved_by'),
+            'traceability': laboratory.text('traceability'),
+            'deviations': laboratory.text('deviations'),
+            'chamber': laboratory.instrument('chamber'),
+            'thermometer': laboratory.instrument('thermometer'),
+        },
+        'recordings': [recording_row(r, hashes.get(r.run, '')) for r in recordings],
+        'conditions': conditions(recordings, low, high),
+        'method': method(certified, recordings, found),
+        'reference_temperature': certified.model.reference_temperature,
+        'quantities': [quantity_content(q) for q in found],
+        'not_determined': not_determined(found, certified),
+        'shapes': fitted_shapes(certified.model),
+        'errors': errors,
+        'period': certified.comparison.period,
+        'not_included': sorted({text for q in found for text in q.budget.not_included}),
+        'decisions': decisions,
+        'rule': RULES[limits.rule] if limits else '',
+        'limits_source': limits.source if limits else '',
+        'validity': validity(recordings, low, high),
+        'monte_carlo_deviation': monte_carlo_deviation(found),
+        'added': list(certified.added),
+        'conclusion': conclusion(certified, errors, decisions, diagnosis, (low, high)),
+    }
+
+
+def recording_row(recording: ImuRecording, digest: str) -> dict[str, Any]:
+    """Return name, date (UTC), length, rate, orientation and hash of one recording."""
+    start = dt.datetime.fromtimestamp(int(recording.stamp[0]) // 10**9, dt.UTC)
+    period = float(np.median(np.diff(recording.stamp))) * 1e-9
+    return {
+        'name': recording.run,
+        'start': start.strftime('%Y-%m-%d %H:%M'),
+        'hours': float(recording.time[-1]) / 3600.0,
+        'rate_hz': 1.0 / period,
+        'up_axis': recording.up_axis,
+        'sha256': digest,
+    }
+
+
+def conditions(recordings: Sequence[ImuRecording], low: float, high: float) -> dict[str, str]:
+    """Return plan and conditions as run, from the recordings alone."""
+    profiles = sorted({r.profile for r in recordings if r.profile})
+    cycles = sorted({int(r.cycle.max()) for r in recordings if r.cycle is not None})
+    rates = [rate for r in recordings if (rate := ramp_rate(r)) is not None]
+    result = {
+        'plan': ', '.join(profiles) or NOT_STATED,
+        'thermal cycles per run': ', '.join(map(str, cycles)) or 'none recorded',
+        'die temperature': f'{fixed(low, 1)} … {fixed(high, 1)} °C',
+        'fastest change of die temperature': f'{shown(max(rates), 2)} K/min' if rates else '–',
+        'orientations (axis up)': ', '.join(r.up_axis or '?' for r in recordings).replace(
+            '-', '−'
+        ),
+    }
+    for name, label, unit, factor in (
+        ('chamber_temperature', 'chamber air', '°C', 1.0),
+        ('humidity', 'relative humidity', '%', 100.0),
+        ('supply_voltage', 'supply', 'V', 1.0),
+    ):
+        tracks = [t for r in recordings if (t := getattr(r, name)) is not None]
+        values = np.concatenate(tracks) * factor if tracks else np.empty(0)
+        values = values[np.isfinite(values)]
+        if len(values):
+            span = f'{shown(float(values.min()))} … {shown(float(values.max()))}'
+            result[label] = f'{span} {unit}'
+        else:
+            result[label] = 'not recorded'
+    return result
+
+
+def ramp_rate(recording: ImuRecording) -> float | None:
+    """Return the fastest change of die temperature over five minutes [K/min]."""
+    known = np.isfinite(recording.temperature)
+    time, temperature = recording.time[known], recording.temperature[known]
+    if len(time) < 2 or time[-1] - time[0] < 600.0:
+        return None
+    at = np.arange(time[0], time[-1], 300.0)
+    change = np.diff(np.interp(at, time, temperature)) / 5.0
+    return float(np.abs(change).max())
+
+
+def method(
+    certified: Certified, recordings: Sequence[ImuRecording], found: Sequence[Quantity]
+) -> list[str]:
+    """Return the method in five sentences."""
+    count = len(recordings)
+    period = shown(certified.comparison.period, 2)
+    reference = fixed(certified.model.reference_temperature, 0)
+    folds = certified.comparison.folds
+    deviation = shown(100.0 * monte_carlo_deviation(found), 1)
+    rested = (
+        f'The device rested in a climatic chamber in {count} run{"s" * (count > 1)}, while the '
+        'air was led through the plan; its outputs and its own thermometer were recorded together.'
+    )
+    averaged = (
+        f'Outputs were averaged over {period} s, without the samples of the start-up; the error '
+        'of each axis is written as level + slope · (T − T₀) + named effects, T the device’s own '
+        f'temperature and T₀ = {reference} °C.'
+    )
+    fitted = (
+        'Coefficients were found by generalised least squares under the coloured noise that the '
+        'data show, shape parameters (time constants and the like) by search.'
+    )
+    judged = (
+        f'Errors after compensation are of data the fit had not seen, {folds}; the noise floor is '
+        'what noise alone would leave.'
+    )
+    propagated = (
+        'Uncertainties follow the GUM (JCGM 100): U is k = 2 times the combined standard '
+        'uncertainty, ν its effective degrees of freedom; a Monte Carlo propagation (JCGM 101) '
+        f'differs by {deviation} % at most.'
+    )
+    return [rested, averaged, fitted, judged, propagated]
+
+
+def monte_carlo_deviation(found: Sequence[Quantity]) -> float:
+    """Return the largest relative difference of Monte Carlo and GUM uncertainty."""
+    ratios = [q.budget.monte_carlo / q.budget.combined for q in found if q.budget.combined > 0.0]
+    return float(max((abs(ratio - 1.0) for ratio in ratios), default=0.0))
+
+
+def quantity_content(quantity: Quantity) -> dict[str, Any]:
+    """Return one coefficient with its budget."""
+    return {
+        'sensor': quantity.sensor,
+        'axis': quantity.axis,
+        'coefficient': quantity.coefficient,
+        'detection_limit': quantity.detection_limit,
+        **quantity.budget.to_dict(),
+    }
+
+
+def not_determined(found: Sequence[Quantity], certified: Certified) -> list[str]:
+    """Return which results a reader may look for in vain, and why."""
+    result = []
+    for sensor in certified.model.sensors:
+        names = {q.coefficient for q in found if q.sensor == sensor}
+        if not names:
+            result.append(f'{sensor}: not measured in every run')
+        elif 'bias' not in names:
+            why = (
+                'the field in the chamber is not known'
+                if sensor == 'magnetometer'
+                else 'the orientation of a run is not known'
+            )
+            result.append(f'bias of the {sensor}: {why}')
+    return result
+
+
+def error_content(certified: Certified) -> list[dict[str, Any]]:
+    """Return rms errors before and after, with the noise floor, per axis [display unit]."""
+    rows = []
+    for sensor, part in certified.comparison.sensors.items():
+        unit = DISPLAY_UNITS[sensor]
+        for i, axis in enumerate('xyz'):
+            before, after, floor = (
+                float(values[i]) * unit.factor
+                for values in (part.measured_rms, part.held_out_rms, part.noise_floor)
+            )
+            rows.append(
+                {
+                    'sensor': sensor,
+                    'axis': axis,
+                    'unit': unit.unit,
+                    'before': before,
+                    'after': after,
+                    'floor': floor,
+                    'ratio': after / floor if floor > 0.0 else math.nan,
+                }
+            )
+    return rows
+
+
+def decided(found: Sequence[Quantity], limits: Limits | None) -> list[dict[str, Any]]:
+    """Return the decision on every coefficient that has a limit."""
+    rows = []
+    for quantity in found if limits else ():
+        assert limits is not None  # noqa: S101 (the loop is empty without)
+        name = quantity.coefficient.partition(' [')[0]
+        limit = limits.of(quantity.sensor, name)
+        if limit is None or limit.unit != quantity.budget.unit:
+            continue
+        decision = limit.decide(quantity.budget.value, quantity.budget.deciding, limits.rule)
+        rows.append(
+            {
+                'sensor': quantity.sensor,
+                'axis': quantity.axis,
+                'coefficient': quantity.coefficient,
+                'lower': limit.lower,
+                'upper': limit.upper,
+                'unit': limit.unit,
+                'decision': decision,
+            }
+        )
+    return rows
+
+
+def validity(recordings: Sequence[ImuRecording], low: float, high: float) -> str:
+    """Return where and when the results hold."""
+    rates = [rate for r in recordings if (rate := ramp_rate(r)) is not None]
+    change = f', changing by at most {shown(max(rates), 2)} K/min' if rates else ''
+    return (
+        f'The results hold for the device as recorded, between {fixed(low, 1)} and '
+        f'{fixed(high, 1)} °C of its own thermometer{change}; drift after the recordings is not '
+        'part of the uncertainty, and no interval of recalibration is recommended.'
+    )
+
+
+def conclusion(
+    certified: Certified,
+    errors: Sequence[Mapping[str, Any]],
+    decisions: Sequence[Mapping[str, Any]],
+    diagnosis: Mapping[str, Any] | None,
+    span: tuple[float, float],
+) -> str:
+    """Return the outcome in one sentence."""
+    ratios = [row for row in errors if math.isfinite(row['ratio'])]
+    worst = max(ratios, key=lambda row: row['ratio'], default=None)
+    text = f'Between {fixed(span[0], 1)} and {fixed(span[1], 1)} °C a line per axis'
+    named = shape_texts(certified)
+    if named:
+        text = f'{text}, with {", ".join(named)},'
+    if worst:
+        text = (
+            f'{text} leaves at most {shown(worst["ratio"], 2)} × the noise '
+            f'({worst["sensor"]} {worst["axis"]})'
+        )
+    left = still_missing(certified, diagnosis)
+    if left:
+        text = f'{text}; {left}'
+    if decisions:
+        counts = {kind: sum(d['decision'] == kind for d in decisions) for kind in NAMED_STEPS}
+        told = [f'{n} {NAMED_STEPS[kind]}' for kind, n in counts.items() if n]
+        text = f'{text}; of {len(decisions)} limits {", ".join(told)}'
+    return f'{text}.'
+
+
+def shape_texts(certified: Certified) -> list[str]:
+    """Return every effect beyond the line with its sensors and its shape parameters."""
+    shapes = fitted_shapes(certified.model)
+    sensors: dict[str, list[str]] = {}
+    for sensor, part in certified.model.sensors.items():
+        for effect in part.effects:
+            if effect.searched or effect.kind != 'device':
+                sensors.setdefault(effect.name, []).append(sensor)
+    result = []
+    for name, where in sensors.items():
+        values = [
+            f'{s["parameter"].replace("_", " ")} {_expanded(s)} {s["unit"]}'
+            for s in shapes
+            if s['effect'] == name and not isinstance(s['value'], list)
+        ]
+        detail = f' ({"; ".join(dict.fromkeys(values))})' if values else ''
+        result.append(f'{name.replace("_", " ")} of the {" and ".join(where)}{detail}')
+    return result
+
+
+def _expanded(shape: Mapping[str, Any]) -> str:
+    """Return value ± U at k = 2 of a shape parameter."""
+    return with_uncertainty(shape['value'], None if shape['std'] is None else 2.0 * shape['std'])
+
+
+def still_missing(certified: Certified, diagnosis: Mapping[str, Any] | None) -> str:
+    """Return what the diagnosis says is missing beyond what was added; '' where nothing is."""
+    if diagnosis is None:
+        return 'missing effects were not searched for'
+    shared = [s for s in diagnosis['steps'] if s['ambiguous_with'] and certified.added]
+    if shared:
+        names = '; '.join(
+            f'{s["added"]} ({s["sensor"]}) cannot be told from {", ".join(s["ambiguous_with"])}'
+            for s in shared
+        )
+        return names.replace('_', ' ')
+    others = [f for f in diagnosis['findings'] if f['kind'] not in ('effect', 'data_quality')]
+    if certified.added and not others:
+        return ''
+    if diagnosis['verdict'] == 'complete':
+        return 'no further effect was found'
+    return verdict_line(diagnosis).replace('_', ' ')
+
+
+def _range(ranges: Iterable[tuple[float, float]]) -> tuple[float, float]:
+    lows, highs = zip(*ranges, strict=True)
+    return float(min(lows)), float(max(highs))
+
+
+def _joined(texts: Iterable[str]) -> str:
+    return ', '.join(text for text in texts if text != NOT_STATED) or NOT_STATED

@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The two pages of a certificate and its annex with the uncertainty budgets."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from imu_recording.recording import SENSOR_UNITS
+from thermal_comp.presentation.display import DISPLAY_UNITS, fixed, shown, with_uncertainty
+
+from imu_workbench.report.html.render import Row, Section
+
+SMALL_UNITS = {
+    'gyroscope': ('m°/s', 1e3 * 180.0 / math.pi),
+    'accelerometer': ('mm/s²', 1e3),
+    'magnetometer': ('nT', 1e9),
+}
+"""Units of what changes per kelvin, and their factor from SI."""
+DECISIONS = {'pass': 'kept', 'fail': 'NOT KEPT', 'undecided': 'not decided'}
+
+
+def certificate_section(found: Mapping[str, Any]) -> Section:
+    """Return the certificate of one device: two pages."""
+    device = found['device']
+    values = {
+        'found': found,
+        'instruments': found['laboratory'],
+        'recordings': [
+            [
+                row['name'],
+                row['start'],
+                f'{fixed(row["hours"], 1)} h',
+                f'{shown(row["rate_hz"])} Hz',
+                (row['up_axis'] or '–').replace('-', '−'),
+                row['sha256'],
+            ]
+            for row in found['recordings']
+        ],
+        'results': result_rows(found),
+        'shapes': shape_rows(found),
+        'errors': [
+            [
+                f'{row["sensor"].capitalize()} {row["axis"]}',
+                shown(row['before']),
+                shown(row['after']),
+                shown(row['floor']),
+                shown(row['ratio'], 2),
+                row['unit'],
+                detection_limit(found, row['sensor'], row['axis']),
+            ]
+            for row in found['errors']
+        ],
+        'decisions': decision_rows(found),
+    }
+    return Section(
+        f'certificate-{device["name"]}',
+        f'Calibration certificate: temperature error of {device["name"]}',
+        'certificate.html',
+        values,
+        short=f'Certificate {device["name"]}',
+    )
+
+
+def budget_section(certificates: Mapping[str, Mapping[str, Any]]) -> Section | None:
+    """Return the uncertainty budgets of every device."""
+    if not certificates:
+        return None
+    devices = [
+        {
+            'name': name,
+            'tables': budget_tables(found),
+            'deviation': shown(100.0 * found['monte_carlo_deviation'], 2),
+            'not_included': found['not_included'],
+        }
+        for name, found in certificates.items()
+    ]
+    title = 'Uncertainty budgets'
+    return Section('budget', title, 'budget.html', {'devices': devices}, short='Budgets')
+
+
+def displayed(sensor: str, unit: str) -> tuple[str, float]:
+    """Return the unit a coefficient is shown in and its factor from SI.
+
+    >>> displayed('gyroscope', 'rad/s/K')[0], displayed('magnetometer', 'T')[0]
+    ('m°/s/K', 'µT')
+    """
+    own = SENSOR_UNITS[sensor]
+    if not unit.startswith(own):
+        return unit, 1.0
+    rest = unit.removeprefix(own)
+    if rest:
+        name, factor = SMALL_UNITS[sensor]
+        return f'{name}{rest}', factor
+    shown_in = DISPLAY_UNITS[sensor]  # type: ignore[index]
+    return shown_in.unit, shown_in.factor
+
+
+def result_rows(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return a row per sensor and coefficient, a cell per axis: value ± U, ν and k95."""
+    rows: dict[tuple[str, str], dict[str, Any]] = {}
+    for quantity in found['quantities']:
+        sensor, name = quantity['sensor'], quantity['coefficient']
+        unit, factor = displayed(sensor, quantity['unit'])
+        row = rows.setdefault(
+            (sensor, name),
+            {'sensor': sensor.capitalize(), 'name': name.replace('_', ' '), 'unit': unit,
+             'cells': {}},
+        )  # fmt: skip
+        row['cells'][quantity['axis']] = {
+            'value': with_uncertainty(quantity['value'] * factor, quantity['expanded'] * factor),
+            'detail': f'ν {degrees(quantity["degrees"])}'
+            + (
+                f', k₉₅ {shown(quantity["coverage_factor"])}'
+                if quantity['coverage_factor'] > 2.05
+                else ''
+            ),
+        }
+    return list(rows.values())
+
+
+def degrees(value: float | None) -> str:
+    """Return effective degrees of freedom: truncated, above a hundred they no longer matter.
+
+    >>> degrees(4.97), degrees(250.0), degrees(None)
+    ('4', '> 100', '∞')
+    """
+    if value is None or not math.isfinite(value):
+        return '∞'
+    return '> 100' if value > 100 else str(int(value))
+
+
+def shape_rows(found: Mapping[str, Any]) -> list[Row]:
+    """Return every shape parameter with U at k = 2."""
+    rows = []
+    for shape in found['shapes']:
+        several = isinstance(shape['value'], list)
+        values = shape['value'] if several else [shape['value']]
+        spread = shape['std'] if several else [shape['std']]
+        spread = [*spread, *[None] * (len(values) - len(spread))]
+        text = ', '.join(
+            with_uncertainty(v, None if s is None else 2.0 * s)
+            for v, s in zip(values, spread, strict=True)
+        )
+        rows.append(
+            [
+                f'{shape["sensor"].capitalize()}: {shape["effect"].replace("_", " ")}',
+                shape['parameter'].replace('_', ' '),
+                text,
+                shape['unit'],
+            ]
+        )
+    return rows
+
+
+def detection_limit(found: Mapping[str, Any], sensor: str, axis: str) -> str:
+    """Return the detection limit of an axis' slope with its unit."""
+    for quantity in found['quantities']:
+        if (quantity['sensor'], quantity['axis'], quantity['coefficient']) == (
+            sensor, axis, 'slope',
+        ):  # fmt: skip
+            unit, factor = displayed(sensor, quantity['unit'])
+            return f'{shown(quantity["detection_limit"] * factor, 2)} {unit}'
+    return '–'
+
+
+def decision_rows(found: Mapping[str, Any]) -> list[Row]:
+    """Return a row per sensor and coefficient with limits: bounds, decision per axis."""
+    rows: dict[tuple[str, str], Row] = {}
+    for one in found['decisions']:
+        unit, factor = displayed(one['sensor'], one['unit'])
+        bounds = [
+            shown(value * factor) if value is not None and math.isfinite(value) else 'none'
+            for value in (one['lower'], one['upper'])
+        ]
+        row = rows.setdefault(
+            (one['sensor'], one['coefficient']),
+            [
+                f'{one["sensor"].capitalize()}: {one["coefficient"].replace("_", " ")}',
+                f'{bounds[0]} … {bounds[1]} {unit}',
+            ],
+        )
+        row.append(f'{one["axis"]}: {DECISIONS[one["decision"]]}')
+    return [[*row, *[''] * (5 - len(row))] for row in rows.values()]
+
+
+def budget_tables(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return a table per sensor: a row per coefficient and axis, a column per source."""
+    tables = []
+    for sensor in dict.fromkeys(q['sensor'] for q in found['quantities']):
+        own = [q for q in found['quantities'] if q['sensor'] == sensor]
+        sources = list(dict.fromkeys(row['source'] for q in own for row in q['rows']))
+        tables.append(
+            {
+                'sensor': sensor.capitalize(),
+                'head': [['Coefficient', 'unit', *sources, 'u', 'ν', 'Monte Carlo']],
+                'rows': [budget_row(q, sources) for q in own],
+            }
+        )
+    return tables
+
+
+def budget_row(quantity: Mapping[str, Any], sources: Sequence[str]) -> Row:
+    """Return the contributions of one coefficient with their share of the variance."""
+    unit, factor = displayed(quantity['sensor'], quantity['unit'])
+    by_source = {row['source']: row for row in quantity['rows']}
+    cells = [
+        f'{shown(by_source[s]["contribution"] * factor, 2)} ({fixed(by_source[s]["share"], 0)} %)'
+        if s in by_source
+        else '–'
+        for s in sources
+    ]
+    name = quantity['coefficient'].replace('_', ' ')
+    return [
+        f'{name} {quantity["axis"]}',
+        unit,
+        *cells,
+        shown(quantity['combined'] * factor),
+        degrees(quantity['degrees']),
+        shown(quantity['monte_carlo'] * factor),
+    ]

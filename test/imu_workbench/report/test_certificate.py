@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The certificate states what was put in, within its uncertainty, and invents nothing."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from imu_recording.user_error import UserError
+from imu_workbench.report.analysis import analyse_recordings
+from imu_workbench.report.certificate.budget import Input, Measurand, budget_of, scatter_inputs
+from imu_workbench.report.content import report_content
+from imu_workbench.report.html.document import report_page
+from imu_workbench.report.laboratory import Laboratory, read_laboratory
+from imu_workbench.report.limits import Limit, Limits
+
+EXAMPLE = Path(__file__).resolve().parents[3] / 'examples' / 'laboratory.yaml'
+SLOPES = {
+    'accelerometer': (2e-3, -1e-3, 3e-3),
+    'gyroscope': (4e-5, -2e-5, 1e-5),
+    'magnetometer': (2e-7, -1e-7, 3e-7),
+}
+
+
+@pytest.fixture(scope='module')
+def analysis(run):
+    recordings = [run('dut1', up, seed=i, cycles=3) for i, up in enumerate('xyz')]
+    return analyse_recordings(recordings, attitudes=False, diagnosis=False)
+
+
+def content_of(analysis, **options):
+    return report_content(analysis, commands=['report'], versions={}, **options)
+
+
+@pytest.fixture(scope='module')
+def content(analysis):
+    limits = Limits({'gyroscope': {'slope': Limit(-3e-5, 3e-5, 'rad/s/K')}})
+    return content_of(analysis, laboratory=read_laboratory(EXAMPLE), limits=limits)
+
+
+@pytest.fixture(scope='module')
+def certificate(content):
+    return content['certificates']['dut1']
+
+
+def coefficients(certificate, name):
+    return [q for q in certificate['quantities'] if q['coefficient'] == name]
+
+
+def test_slopes_lie_within_their_uncertainty(certificate) -> None:
+    for quantity in coefficients(certificate, 'slope'):
+        truth = SLOPES[quantity['sensor']]['xyz'.index(quantity['axis'])]
+        allowed = 1.5 * max(2.0, quantity['coverage_factor']) * quantity['combined']
+        assert abs(quantity['value'] - truth) < allowed, quantity['sensor']
+        assert quantity['combined'] < 0.05 * abs(truth)
+
+
+def test_biases_are_those_of_axes_whose_input_is_known(certificate) -> None:
+    found = coefficients(certificate, 'bias')
+    assert {q['sensor'] for q in found} == {'accelerometer', 'gyroscope'}
+    for quantity in found:
+        assert abs(quantity['value']) < quantity['expanded']
+    assert (
+        'bias of the magnetometer: the field in the chamber is not known'
+        in (certificate['not_determined'])
+    )
+
+
+def test_contributions_sum_to_the_combined_variance(certificate) -> None:
+    for quantity in certificate['quantities']:
+        total = sum(row['contribution'] ** 2 for row in quantity['rows'])
+        assert total == pytest.approx(quantity['combined'] ** 2, rel=1e-9)
+        assert quantity['monte_carlo'] == pytest.approx(quantity['combined'], rel=0.05)
+        assert quantity['degrees'] is None or quantity['degrees'] >= 1.0
+
+
+def test_limits_are_decided_with_the_uncertainty(certificate, content) -> None:
+    decisions = {d['axis']: d['decision'] for d in certificate['decisions']}
+    assert decisions == {'x': 'fail', 'y': 'pass', 'z': 'pass'}
+    assert 'of 3 limits 2 kept, 1 not kept' in certificate['conclusion']
+    assert 'NOT KEPT' in report_page(content)
+
+
+def test_what_was_not_given_is_not_stated(analysis) -> None:
+    content = content_of(analysis)
+    found = content['certificates']['dut1']
+    assert found['laboratory']['operator'] == 'not stated'
+    assert found['laboratory']['thermometer']['uncertainty'] == 'not stated'
+    assert 'thermometer calibration: not stated' in found['not_included']
+    assert not found['simulated']
+    page = report_page(content)
+    assert 'class="watermark"' not in page
+    assert 'No limits of these coefficients were given' in page
+
+
+def test_simulated_data_say_so(analysis, content) -> None:
+    assert content['certificates']['dut1']['simulated']  # as the laboratory states
+    assert 'class="watermark"' in report_page(content)
+    runs = tuple(
+        replace(run, recording=replace(run.recording, simulated='some simulator'))
+        for run in analysis.runs
+    )
+    assert content_of(replace(analysis, runs=runs))['certificates']['dut1']['simulated']
+
+
+def test_a_thermometer_adds_its_share_to_every_slope(analysis) -> None:
+    def combined(expanded: float) -> float:
+        stated = Laboratory({'thermometer': {'expanded_uncertainty': expanded}})
+        found = content_of(analysis, laboratory=stated)['certificates']['dut1']
+        return coefficients(found, 'slope')[0]['combined']
+
+    span = np.ptp(analysis.certified['dut1'].model.sensors['gyroscope'].temperature_range)
+    slope = coefficients(content_of(analysis)['certificates']['dut1'], 'slope')[0]['value']
+    gained = combined(4.0) ** 2 - combined(2.0) ** 2
+    assert gained == pytest.approx(2.0 * (slope / span) ** 2 * (2.0**2 - 1.0**2), rel=1e-6)
+
+
+def test_the_paper_is_an_annex_of_its_campaigns_only(analysis, content) -> None:
+    assert 'Claims of the paper' not in report_page(content)
+    runs = tuple(
+        replace(run, recording=replace(run.recording, profile='paper_betta2022'))
+        for run in analysis.runs
+    )
+    assert 'Claims of the paper' in report_page(content_of(replace(analysis, runs=runs)))
+
+
+def test_a_mistake_in_the_laboratory_file_names_its_place(tmp_path: Path) -> None:
+    path = tmp_path / 'laboratory.yaml'
+    path.write_text('thermometer: {expanded_uncertainty: -1}\n')
+    with pytest.raises(UserError, match=r'thermometer.expanded_uncertainty: -1'):
+        read_laboratory(path)
+    path.write_text('operater: nobody\n')
+    with pytest.raises(UserError, match='did you mean operator'):
+        read_laboratory(path)
+
+
+def test_monte_carlo_sees_what_is_not_linear() -> None:
+    small = budget_of(
+        Measurand(1.0, span=60.0, power=1), 'T/K', [Input('c', 0.1, 'K', kind='span')]
+    )
+    assert small.monte_carlo == pytest.approx(small.combined, rel=0.02)
+    large = budget_of(
+        Measurand(1.0, span=6.0, power=2), 'T/K²', [Input('c', 1.2, 'K', kind='span')]
+    )
+    assert large.monte_carlo > 1.1 * large.combined
+
+
+def covered(generator, scatter, devices: int) -> float:
+    """Return how many 95 % intervals hold the truth, of slopes that scatter by noise, cycle, run.
+
+    `scatter` draws the three standard deviations of a device.
+    """
+    number = np.repeat(np.arange(3), 4)
+    hits = 0
+    for _ in range(devices):
+        noise, cycle, runs = scatter(generator)
+        values = (
+            generator.normal(0.0, runs, 3)[number]
+            + generator.normal(0.0, cycle, 12)
+            + generator.normal(0.0, noise, 12)
+        )
+        inputs, _ = scatter_inputs(noise / np.sqrt(12), 200.0, values, number, 'T/K')
+        budget = budget_of(Measurand(float(values.mean())), 'T/K', inputs, draws=2)
+        hits += abs(budget.value) <= budget.coverage_factor * budget.combined
+    return hits / devices
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    """Over devices from one whose noise hides everything to one that every run changes."""
+
+    def any_device(generator):
+        return 1.0, 10.0 ** generator.uniform(-1.5, 0.5), 10.0 ** generator.uniform(-1.5, 0.5)
+
+    assert covered(np.random.default_rng(3), any_device, 1000) == pytest.approx(0.95, abs=0.02)
+
+
+@pytest.mark.parametrize('sigma', [(1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.3, 1.0, 2.0)])
+def test_no_kind_of_device_is_far_from_it(sigma) -> None:
+    """Two degrees of freedom between runs cannot tell a small scatter from none."""
+    share = covered(np.random.default_rng(3), lambda _: sigma, 1000)
+    assert 0.91 < share < 0.985, sigma
