@@ -32,7 +32,7 @@ def test_the_papers_plan_takes_twelve_hours(tmp_path: Path, capsys) -> None:
     cold = (setpoint == -10).sum() * 10
     assert cold == pytest.approx(4 * 1800, rel=0.01)
     page = paths['html'].read_text()
-    assert 'plotly' in page
+    assert 'id="plotly"' in page
     assert 'http' not in page.split('<main')[1].split('<script')[0]
 
 

@@ -124,6 +124,10 @@ def test_the_paper_is_an_annex_of_its_campaigns_only(analysis, content) -> None:
     assert 'Claims of the paper' in report_page(content_of(replace(analysis, runs=runs)))
 
 
+def test_a_page_of_one_device_stays_below_five_megabytes(content) -> None:
+    assert len(report_page(content).encode()) < 5e6
+
+
 def test_a_mistake_in_the_laboratory_file_names_its_place(tmp_path: Path) -> None:
     path = tmp_path / 'laboratory.yaml'
     path.write_text('thermometer: {expanded_uncertainty: -1}\n')

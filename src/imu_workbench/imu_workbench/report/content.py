@@ -51,7 +51,7 @@ from imu_workbench.tables.paper import PAPER_NOTES
 TITLE = 'Temperature error of MEMS IMUs'
 PAPER_PROFILE = 'paper_betta2022'
 """Plan of the campaigns that are compared with the paper."""
-ALL_POINTS = 6_000
+ALL_POINTS = 4_500
 """Points per channel of all runs together: what keeps the page light."""
 
 
@@ -69,7 +69,7 @@ def report_content(
     `growth` is what a ModelGrowthTask found. `laboratory` and `limits` are what the certificates
     state and decide by; without them they say that nothing was stated.
     """
-    points = int(np.clip(ALL_POINTS / max(1, len(analysis.runs)), 400, 2000))
+    points = int(np.clip(ALL_POINTS / max(1, len(analysis.runs)), 400, 1500))
     statistics = [
         {
             'name': run.name,
@@ -126,7 +126,7 @@ def report_content(
             if device.comparison
         },
         'models': {
-            device.name: model_content(device.model) for device in analysis.devices if device.model
+            name: model_content(certified.model) for name, certified in analysis.certified.items()
         },
         'diagnosis': dict(analysis.diagnoses),
         'staircase': error_steps_content(analysis),

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from thermal_comp.model.values import SensorModel, ThermalModel
+from thermal_comp.model.values import SensorModel, ThermalModel, fitted_shapes
 
 
 def model_content(model: ThermalModel) -> dict[str, Any]:
@@ -24,6 +24,7 @@ def model_content(model: ThermalModel) -> dict[str, Any]:
         'terms': [
             term for sensor, part in model.sensors.items() for term in sensor_terms(sensor, part)
         ],
+        'shapes': fitted_shapes(model),
         'history': [
             {
                 'name': name,

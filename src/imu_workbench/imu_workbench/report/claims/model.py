@@ -35,17 +35,25 @@ def linearity_claim(analysis: Analysis) -> Claim:
     deviation = np.concatenate([row['deviation'] for row in rows])
     clear = np.concatenate([row['clear'] for row in rows])
     bent = int((deviation[clear] > LARGEST_DEVIATION).sum())
+    missing = [
+        f'{" or ".join([f["name"], *f["ambiguous_with"]])} of the {f["sensor"]} is missing'
+        for found in analysis.diagnoses.values()
+        for f in found['findings']
+        if f['kind'] == 'effect'
+    ]
     return Claim(
         'linear',
         said,
         f'R² {shown(float(squared.min()))} … {shown(float(squared.max()), 4)} on block means; bin '
         f'means deviate from the model by up to {shown(100 * float(deviation[clear].max()), 2)} % '
         f'of its span; {bent} of {int(clear.sum())} channels by more than 10 %'
+        + ''.join(f'; {text.replace("_", " ")}' for text in missing)
         if clear.any()
         else 'no channel depends on temperature beyond its noise',
-        'supported' if not bent else 'not',
+        'supported' if not bent and not missing else 'not',
         'Largest mean residual in a bin of 2 K as a part of the model’s span, for channels whose '
-        'span is above three times the residual’s standard deviation.',
+        'span is above three times the residual’s standard deviation; not enough where the '
+        'diagnosis names an effect beyond the line.',
         {'channels': rows},
     )
 

@@ -15,6 +15,7 @@ from imu_workbench.report.figures.modelled import (
     fit_figure,
     residual_figure,
 )
+from imu_workbench.report.html.certificate import shape_rows
 from imu_workbench.report.html.render import Row, Section
 
 ERRORS = {
@@ -47,7 +48,12 @@ def dependence_section(content: Mapping[str, Any]) -> Section | None:
         }
         for sensor in sensors
     ]
-    values = {'sensors': sensors, 'slopes': slopes, 'pooled': pooled_rows(content['pooled'])}
+    values = {
+        'sensors': sensors,
+        'slopes': slopes,
+        'pooled': pooled_rows(content['pooled']),
+        'chosen': worst_channel(content),
+    }
     title = 'Dependence on temperature'
     return Section('dependence', title, 'dependence.html', values, figures)
 
@@ -103,6 +109,7 @@ def fit_section(content: Mapping[str, Any]) -> Section | None:
                 )
     values = {
         'choices': {'Run': list(fits), 'Sensor': _sensors_of(fits), 'Axis': list('xyz')},
+        'chosen': worst_channel(content),
         'gaussianity': gaussianity_rows(content),
     }
     return Section('fit', 'Fit and distributions', 'fit.html', values, figures)
@@ -154,6 +161,10 @@ def comparison_section(content: Mapping[str, Any]) -> Section | None:
         ],
         'columns': list(ERRORS.values()),
         'choices': {'Run': list(residuals), 'Sensor': _sensors_of(residuals)},
+        'chosen': worst_channel(content),
+        'added': '; '.join(
+            a for c in content['certificates'].values() for a in c['added']
+        ).replace('_', ' '),
         'has_maps': any(key.startswith('where|') for key in figures),
     }
     title = 'Model against measurement'
@@ -224,10 +235,11 @@ def model_section(content: Mapping[str, Any]) -> Section | None:
                     ]
                     for term in model['terms']
                 ],
+                'shapes': shape_rows(model),
                 'history': history_rows(model['history']),
             }
         )
-    return Section('model', 'The models', 'model.html', {'models': models})
+    return Section('model', 'The certified model', 'model.html', {'models': models})
 
 
 def history_rows(versions: Sequence[Mapping[str, Any]]) -> list[Row]:
@@ -238,6 +250,29 @@ def history_rows(versions: Sequence[Mapping[str, Any]]) -> list[Row]:
         [f'{i}. {version["name"]}', version['effects'], str(version['bags']), version['package']]
         for i, version in enumerate(versions, 1)
     ]
+
+
+def worst_channel(content: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return run, sensor and axis whose error is most times its noise floor; () where unknown."""
+    found = [
+        (error / floor, device, sensor, axis)
+        for device, comparison in content['comparison'].items()
+        for sensor, part in comparison['sensors'].items()
+        for error, floor, axis in zip(
+            part['held_out_rms'], part['noise_floor'], 'xyz', strict=True
+        )
+        if error is not None and floor
+    ]
+    if not found:
+        return ()
+    _, device, sensor, axis = max(found)
+    runs = [
+        (max(ratio for row in where['ratio'] for ratio in row if ratio is not None), run)
+        for run, parts in content['residuals'].items()
+        if content['device_of_run'][run] == device
+        and (where := parts.get(sensor, {}).get('where'))
+    ]
+    return (max(runs)[1], sensor, axis) if runs else (sensor, axis)
 
 
 def noise_floor(content: Mapping[str, Any], run: str, sensor: str) -> list[float] | None:
