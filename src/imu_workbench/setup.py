@@ -33,7 +33,11 @@ setup(
         (f'share/{NAME}/config', glob('config/*.yaml')),
     ],
     install_requires=['setuptools', 'jinja2', 'markupsafe'],
-    extras_require={'test': ['pytest'], 'web': ['nicegui', 'tsdownsample']},
+    extras_require={
+        'test': ['pytest'],
+        'web': ['nicegui', 'tsdownsample'],
+        'pdf': ['weasyprint', 'matplotlib', 'lxml', 'signxml'],
+    },
     zip_safe=False,
     maintainer='imu_thermal maintainers',
     maintainer_email='maintainers@imu-thermal.example.org',

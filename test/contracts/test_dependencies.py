@@ -29,6 +29,7 @@ LIBRARIES = {
     'filterpy': ('filterpy', ''),
     'plotly': ('plotly', ''),
     'GTC': ('GTC', ''),
+    'weasyprint': ('weasyprint', ''),
     'matplotlib': ('matplotlib', ''),
     'nicegui': ('nicegui', ''),
     'fastapi': ('nicegui', ''),

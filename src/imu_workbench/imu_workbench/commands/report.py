@@ -25,7 +25,8 @@ from imu_workbench.report.content import command_line, versions
 from imu_workbench.report.laboratory import read_laboratory
 from imu_workbench.report.limits import read_limits
 
-HELP = 'Write the calibration certificate and report of devices as one HTML page.'
+FORMATS = ('html', 'pdf')
+HELP = 'Write calibration certificate and report of devices: one HTML page, or PDF.'
 EPILOG = (
     'example:\n  python -m imu_workbench report bags/dut1_? -o report.html '
     '--laboratory examples/laboratory.yaml'
@@ -61,7 +62,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help='limits of the coefficients, decided with their uncertainty (examples/limits.yaml)',
     )
-    add_output_argument(parser, 'HTML', 'page to write')
+    parser.add_argument(
+        '--format',
+        choices=FORMATS,
+        default='html',
+        help='html (default): one page with live figures; pdf: certificate and annexes on paper',
+    )
+    add_output_argument(parser, 'FILE', 'file to write')
     add_effects_argument(parser)
 
 
@@ -72,8 +79,11 @@ def run(options: argparse.Namespace) -> Answer:
     from imu_workbench.report.attitude import is_slow
     from imu_workbench.report.content import report_content
     from imu_workbench.report.html.document import report_page, report_text
+    from imu_workbench.report.pdf import check_pdf, report_pdf
 
     claim_output(options.output, force=options.force)
+    if options.format == 'pdf':
+        check_pdf()
     catalogue = effect_catalogue(options.effects)
     models = load_models(options.model, catalogue)
     laboratory = read_laboratory(options.laboratory) if options.laboratory else None
@@ -100,7 +110,10 @@ def run(options: argparse.Namespace) -> Answer:
         laboratory=laboratory,
         limits=limits,
     )
-    options.output.write_text(report_page(content), 'utf-8')
+    if options.format == 'pdf':
+        options.output.write_bytes(report_pdf(content))
+    else:
+        options.output.write_text(report_page(content), 'utf-8')
     return Answer(content, f'{report_text(content)}\n\nwrote {options.output}')
 
 

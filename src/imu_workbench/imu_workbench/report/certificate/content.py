@@ -15,13 +15,23 @@ import numpy as np
 from imu_recording.recording import ImuRecording
 from thermal_comp.model.values import fitted_shapes
 from thermal_comp.presentation.diagnosis import verdict_line
-from thermal_comp.presentation.display import DISPLAY_UNITS, fixed, shown, with_uncertainty
+from thermal_comp.presentation.display import (
+    DISPLAY_UNITS,
+    SENSORS,
+    fixed,
+    shown,
+    with_uncertainty,
+)
 
 from imu_workbench.report.analysis import Analysis, Certified
 from imu_workbench.report.certificate.quantities import Quantity, quantities
 from imu_workbench.report.laboratory import NOT_STATED, Laboratory
 from imu_workbench.report.limits import Limits
+from imu_workbench.report.modelled import errors_of_run
+from imu_workbench.report.series import line
 
+RESIDUAL_POINTS = 600
+"""Points of a residual's line on paper."""
 NAMED_STEPS = {'pass': 'kept', 'fail': 'not kept', 'undecided': 'not decided'}
 RULES = {
     'guarded': 'guarded acceptance (ILAC-G8:09/2019): kept where the value is inside the limits '
@@ -96,6 +106,7 @@ def certificate(
         'not_determined': not_determined(found, certified),
         'shapes': fitted_shapes(certified.model),
         'errors': errors,
+        'residuals': residuals(certified),
         'period': certified.comparison.period,
         'not_included': sorted({text for q in found for text in q.budget.not_included}),
         'decisions': decisions,
@@ -253,6 +264,33 @@ def error_content(certified: Certified) -> list[dict[str, Any]]:
                 }
             )
     return rows
+
+
+def residuals(certified: Certified) -> dict[str, dict[str, Any]]:
+    """Return per run and sensor what the certified model leaves over time [display unit]."""
+    result: dict[str, dict[str, Any]] = {}
+    for run in certified.runs:
+        errors = errors_of_run(run, certified.model)
+        gap = 3.0 * run.period / 3600.0
+        result[run.name] = {
+            sensor: {
+                'unit': DISPLAY_UNITS[sensor].unit,
+                'floor': certified.comparison.sensors[sensor].noise_floor
+                * DISPLAY_UNITS[sensor].factor,
+                'axes': {
+                    axis: line(
+                        errors.time / 3600.0,
+                        DISPLAY_UNITS[sensor].of(errors.residual(sensor)[:, i]),
+                        points=RESIDUAL_POINTS,
+                        max_gap=gap,
+                    )
+                    for i, axis in enumerate('xyz')
+                },
+            }
+            for sensor in SENSORS
+            if sensor in errors.measured and sensor in certified.comparison.sensors
+        }
+    return result
 
 
 def decided(found: Sequence[Quantity], limits: Limits | None) -> list[dict[str, Any]]:

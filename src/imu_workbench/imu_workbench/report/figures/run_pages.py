@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One picture per run for paper: temperature, and what the certified model leaves."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from imu_workbench.report.figures.palette import COLOURS
+
+SIZE_INCHES = (7.1, 7.6)
+STYLE: Any = {
+    'svg.fonttype': 'none',
+    'font.size': 7.5,
+    'font.family': 'DejaVu Sans',
+    'svg.hashsalt': '',
+}
+LIGHT = COLOURS['light']
+
+
+def run_picture(plan: Mapping[str, Any] | None, residuals: Mapping[str, Any]) -> str:
+    """Return SVG of one run: its temperatures above the residual of each sensor.
+
+    `plan` is that of a recording's content, `residuals` those of the run in a certificate.
+    """
+    with rc_context(STYLE):
+        figure = Figure(figsize=SIZE_INCHES, layout='constrained')
+        panels = figure.subplots(1 + len(residuals), 1, sharex=True, squeeze=False)[:, 0]
+        for label, track in (plan or {'tracks': {}})['tracks'].items():
+            panels[0].plot(_numbers(track['x']), _numbers(track['y']), linewidth=0.8, label=label)
+        panels[0].set_ylabel('temperature [°C]')
+        for panel, (sensor, found) in zip(panels[1:], residuals.items(), strict=True):
+            for axis, line in found['axes'].items():
+                panel.plot(
+                    _numbers(line['x']), _numbers(line['y']), linewidth=0.6, color=LIGHT[axis],
+                    label=axis,
+                )  # fmt: skip
+            floor = max(found['floor'])
+            panel.axhspan(
+                -2.0 * floor, 2.0 * floor, color='0.88', zorder=0, label='± 2 σ of noise'
+            )
+            panel.set_ylabel(f'{sensor} residual [{found["unit"]}]')
+        for panel in panels:
+            panel.grid(visible=True, color='0.92', linewidth=0.5)
+            panel.legend(
+                loc='lower right', bbox_to_anchor=(1.0, 0.97), ncols=4, frameon=False, fontsize=6.5
+            )
+        panels[-1].set_xlabel('time [h]')
+        text = io.StringIO()
+        figure.savefig(text, format='svg', metadata={'Date': None})
+    return text.getvalue()
+
+
+def _numbers(values: Any) -> np.ndarray:
+    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The certificate and its annexes on paper: WeasyPrint lays the same templates out as pages."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping
+from importlib.util import find_spec
+from typing import Any
+
+from imu_recording.user_error import UserError
+
+from imu_workbench.report.html.certificate import budget_section, certificate_section
+from imu_workbench.report.html.claims import reproduce_section
+from imu_workbench.report.html.measured import recordings_section
+from imu_workbench.report.html.modelled import model_section
+from imu_workbench.report.html.render import Section, templates
+
+SYSTEM_LIBRARIES = 'apt install libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0'
+
+
+def check_pdf() -> None:
+    """Refuse with the way out where a library that PDF needs is missing."""
+    missing = [name for name in ('weasyprint', 'matplotlib') if find_spec(name) is None]
+    if missing:
+        raise UserError(f'PDF needs {missing[0]}: pip install -r requirements-pdf.txt')
+    try:
+        import weasyprint  # noqa: F401 (it opens Pango when it is imported)
+    except OSError as error:
+        library = str(error).splitlines()[0]
+        raise UserError(f'PDF needs Pango ({library}): {SYSTEM_LIBRARIES}') from None
+
+
+def report_pdf(content: Mapping[str, Any]) -> bytes:
+    """Return certificates and annexes as PDF: A4, numbered pages, every run."""
+    check_pdf()
+    from weasyprint import HTML
+
+    pages = printed_page(content)
+    found: bytes = HTML(string=pages).write_pdf()
+    return found
+
+
+def printed_page(content: Mapping[str, Any]) -> str:
+    """Return what is printed as one HTML text, pictures included."""
+    certificates = content['certificates']
+    if not certificates:
+        problems = '; '.join(d['problem'] for d in content['devices'] if d['problem'])
+        raise UserError(f'no certificate: {problems}')
+    annexes = (
+        model_section(content),
+        budget_section(certificates),
+        recordings_section(content),
+        reproduce_section(content),
+    )
+    return (
+        templates()
+        .get_template('print.html')
+        .render(
+            title=f'Calibration certificate {", ".join(certificates)}',
+            number=', '.join(found['laboratory']['number'] for found in certificates.values()),
+            certificates=[certificate_section(found) for found in certificates.values()],
+            pictures=list(run_pictures(content)),
+            annexes=[section for section in annexes if isinstance(section, Section)],
+            simulated=any(found['simulated'] for found in certificates.values()),
+        )
+    )
+
+
+def run_pictures(content: Mapping[str, Any]) -> Iterator[dict[str, str]]:
+    """Give name, device and picture of every run that a certificate is about."""
+    from imu_workbench.report.figures.run_pages import run_picture
+
+    plans = {recording['name']: recording['plan'] for recording in content['recordings']}
+    for device, found in content['certificates'].items():
+        for run, residuals in found['residuals'].items():
+            picture = run_picture(plans.get(run), residuals)
+            coded = base64.b64encode(picture.encode()).decode()
+            yield {'device': device, 'run': run, 'source': f'data:image/svg+xml;base64,{coded}'}

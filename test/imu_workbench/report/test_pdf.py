@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The certificate takes two pages, the whole at most ten, with every run."""
+
+import importlib.util
+import re
+
+import pytest
+from imu_recording.user_error import UserError
+from imu_workbench.report import pdf
+from imu_workbench.report.analysis import analyse_recordings
+from imu_workbench.report.content import report_content
+from weasyprint import HTML
+
+
+@pytest.fixture(scope='module')
+def content(run):
+    recordings = [run('dut1', up, seed=i, cycles=3) for i, up in enumerate('xyz')]
+    analysis = analyse_recordings(recordings, attitudes=False, diagnosis=False)
+    return report_content(analysis, commands=['report'], versions={'GTC': '1'})
+
+
+@pytest.fixture(scope='module')
+def page(content) -> str:
+    return pdf.printed_page(content)
+
+
+def test_pages(page) -> None:
+    assert len(HTML(string=page).render().pages) <= 10
+    alone = re.sub(r'<section class="(run|annex)">.*?</section>', '', page, flags=re.DOTALL)
+    assert len(HTML(string=alone).render().pages) == 2
+
+
+def test_every_run_has_its_page_and_nothing_is_dark(page) -> None:
+    for axis in 'xyz':
+        assert f'Annex: run dut1_{axis} of dut1' in page
+    assert 'data-theme' not in page
+    assert '<script' not in page
+
+
+def test_it_is_a_pdf(content) -> None:
+    assert pdf.report_pdf(content).startswith(b'%PDF-')
+
+
+def test_a_missing_library_is_named_with_the_way_out(monkeypatch) -> None:
+    known = importlib.util.find_spec
+    monkeypatch.setattr(
+        pdf, 'find_spec', lambda name: None if name == 'weasyprint' else known(name)
+    )
+    with pytest.raises(UserError, match=r'requirements-pdf\.txt'):
+        pdf.check_pdf()
+
+
+def test_without_a_certificate_it_says_why(content) -> None:
+    nothing = content | {'certificates': {}, 'devices': [{'name': 'a', 'problem': 'no die'}]}
+    with pytest.raises(UserError, match='no certificate: no die'):
+        pdf.printed_page(nothing)
