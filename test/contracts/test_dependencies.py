@@ -30,6 +30,8 @@ LIBRARIES = {
     'plotly': ('plotly', ''),
     'GTC': ('GTC', ''),
     'weasyprint': ('weasyprint', ''),
+    'lxml': ('lxml', ''),
+    'signxml': ('signxml', ''),
     'matplotlib': ('matplotlib', ''),
     'nicegui': ('nicegui', ''),
     'fastapi': ('nicegui', ''),

@@ -7,7 +7,9 @@ import argparse
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+from imu_recording.user_error import UserError
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import load_model
@@ -25,7 +27,7 @@ from imu_workbench.report.content import command_line, versions
 from imu_workbench.report.laboratory import read_laboratory
 from imu_workbench.report.limits import read_limits
 
-FORMATS = ('html', 'pdf')
+FORMATS = ('html', 'pdf', 'dcc')
 HELP = 'Write calibration certificate and report of devices: one HTML page, or PDF.'
 EPILOG = (
     'example:\n  python -m imu_workbench report bags/dut1_? -o report.html '
@@ -66,7 +68,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         '--format',
         choices=FORMATS,
         default='html',
-        help='html (default): one page with live figures; pdf: certificate and annexes on paper',
+        help='html (default): one page with live figures; pdf: certificate and annexes on '
+        'paper; dcc: PTB Digital Calibration Certificate (XML)',
+    )
+    parser.add_argument(
+        '--schema', metavar='XSD', type=Path, help='dcc.xsd to validate a DCC against'
+    )
+    parser.add_argument(
+        '--sign',
+        metavar='PEM',
+        type=Path,
+        nargs=2,
+        help='private key and its certificate: sign a DCC (XMLDSig, enveloped)',
     )
     add_output_argument(parser, 'FILE', 'file to write')
     add_effects_argument(parser)
@@ -78,12 +91,10 @@ def run(options: argparse.Namespace) -> Answer:
     from imu_workbench.report.analysis import UNNAMED, analyse_recordings, named
     from imu_workbench.report.attitude import is_slow
     from imu_workbench.report.content import report_content
-    from imu_workbench.report.html.document import report_page, report_text
-    from imu_workbench.report.pdf import check_pdf, report_pdf
+    from imu_workbench.report.html.document import report_text
 
     claim_output(options.output, force=options.force)
-    if options.format == 'pdf':
-        check_pdf()
+    check_format(options)
     catalogue = effect_catalogue(options.effects)
     models = load_models(options.model, catalogue)
     laboratory = read_laboratory(options.laboratory) if options.laboratory else None
@@ -110,11 +121,56 @@ def run(options: argparse.Namespace) -> Answer:
         laboratory=laboratory,
         limits=limits,
     )
+    note = write_report(content, options)
+    return Answer(content, f'{report_text(content)}\n\nwrote {options.output}{note}')
+
+
+def check_format(options: argparse.Namespace) -> None:
+    """Refuse at once what could not be written in the end."""
+    from imu_workbench.report.dcc import check_dcc, load_schema
+    from imu_workbench.report.pdf import check_pdf
+
+    if options.format != 'dcc' and (options.schema or options.sign):
+        raise UserError('--schema and --sign are for --format dcc')
+    if options.format == 'pdf':
+        check_pdf()
+    elif options.format == 'dcc':
+        check_dcc(signed=bool(options.sign))
+        for path in (options.schema, *(options.sign or ())):
+            if path and not path.is_file():
+                raise UserError(f'{path}: no such file')
+        if options.schema:
+            load_schema(options.schema)
+
+
+def write_report(content: Mapping[str, Any], options: argparse.Namespace) -> str:
+    """Write the report in its format; return what is to be said beside its name."""
+    from imu_workbench.report.dcc import (
+        VERSION,
+        certificate_xml,
+        load_schema,
+        signed,
+        validated,
+        xml_bytes,
+    )
+    from imu_workbench.report.html.document import report_page
+    from imu_workbench.report.pdf import report_pdf
+
+    if options.format == 'html':
+        options.output.write_text(report_page(content), 'utf-8')
+        return ''
     if options.format == 'pdf':
         options.output.write_bytes(report_pdf(content))
-    else:
-        options.output.write_text(report_page(content), 'utf-8')
-    return Answer(content, f'{report_text(content)}\n\nwrote {options.output}')
+        return ''
+    schema, version = load_schema(options.schema) if options.schema else (None, VERSION)
+    root = certificate_xml(content, version)
+    note = f'structure of schema {version}, not validated: give --schema dcc.xsd'
+    if schema is not None:
+        note = validated(root, schema, options.schema)
+    if options.sign:
+        root, note = signed(root, *options.sign), f'{note}, signed'
+    options.output.write_bytes(xml_bytes(root))
+    return f' ({note})'
 
 
 def load_models(

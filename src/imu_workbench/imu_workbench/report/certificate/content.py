@@ -85,6 +85,7 @@ def certificate(
         'laboratory': {
             'name': laboratory.text('laboratory', 'name'),
             'address': laboratory.text('laboratory', 'address'),
+            'country': laboratory.text('laboratory', 'country'),
             'accreditation': laboratory.text('laboratory', 'accreditation'),
             'customer': _joined(laboratory.text('customer', key) for key in ('name', 'address')),
             'number': laboratory.text('certificate', 'number'),

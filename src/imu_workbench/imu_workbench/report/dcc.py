@@ -1,0 +1,325 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The certificate as a Digital Calibration Certificate: XML after PTB's schema, units after D-SI.
+
+Structure: https://ptb.de/dcc, version 3. Units: SmartCom "Digital System of Units" (D-SI).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from imu_recording.user_error import UserError
+
+VERSION = '3.0.0'
+"""Of the schema where none is given."""
+DCC, SI = 'https://ptb.de/dcc', 'https://ptb.de/si'
+UNITS = {'m/s²': r'\metre\second\tothe{-2}', 'rad/s': r'\radian\second\tothe{-1}', 'T': r'\tesla'}
+PER_KELVIN = {
+    '': '',
+    '/K': r'\kelvin\tothe{-1}',
+    '/K²': r'\kelvin\tothe{-2}',
+    '/K³': r'\kelvin\tothe{-3}',
+}
+SHAPES = {'s': r'\second', 'K': r'\kelvin', '°C': r'\degreecelsius', 'Hz': r'\hertz', '1': r'\one'}
+COVERAGE = 0.95
+
+
+def check_dcc(signed: bool) -> None:
+    """Refuse with the way out where a library is missing."""
+    for name in ('lxml', *(('signxml',) if signed else ())):
+        if find_spec(name) is None:
+            raise UserError(f'a DCC needs {name}: pip install -r requirements-pdf.txt')
+
+
+def dsi_unit(unit: str) -> str | None:
+    r"""Return a coefficient's unit in D-SI's notation, None where it has no such form.
+
+    >>> print(dsi_unit('rad/s/K'))
+    \radian\second\tothe{-1}\kelvin\tothe{-1}
+    """
+    for name, written in UNITS.items():
+        rest = unit.removeprefix(name)
+        if unit.startswith(name) and rest in PER_KELVIN:
+            return written + PER_KELVIN[rest]
+    return SHAPES.get(unit)
+
+
+def certificate_xml(content: Mapping[str, Any], version: str = VERSION) -> Any:
+    """Return the certificate of the one device of a report as an lxml element.
+
+    Raises UserError where what the schema cannot do without is not stated.
+    """
+    certificates = content['certificates']
+    if len(certificates) != 1:
+        raise UserError(
+            f'a DCC is of one device, these recordings are of {len(certificates)} with a model: '
+            f'{", ".join(certificates) or "none"}'
+        )
+    found = next(iter(certificates.values()))
+    lab = found['laboratory']
+    if not re.fullmatch('[A-Z]{2}', lab['country']):
+        raise UserError(
+            'a DCC needs the country of the laboratory: give --laboratory with '
+            'laboratory.country, two letters of ISO 3166-1'
+        )
+    from lxml.etree import Element
+
+    root = Element(
+        f'{{{DCC}}}digitalCalibrationCertificate',
+        {'schemaVersion': version},
+        nsmap={'dcc': DCC, 'si': SI},
+    )
+    _add(root, _administrative(found, content['reproduce']['versions']))
+    results = _node('measurementResults', [_measurement(found)])
+    _add(root, results)
+    return root
+
+
+Node = tuple[str, Any]
+"""Name and text, or name and the nodes in it."""
+
+
+def _node(name: str, inside: Any) -> Node:
+    return name, inside
+
+
+def _text(name: str, *texts: str) -> Node:
+    return name, [('content', text) for text in texts]
+
+
+def _add(parent: Any, node: Node) -> None:
+    """Append a node and what is in it; names are of DCC unless they begin with `si:`."""
+    from lxml.etree import SubElement
+
+    name, inside = node
+    space = SI if name.startswith('si:') else DCC
+    element = SubElement(parent, f'{{{space}}}{name.removeprefix("si:")}')
+    if isinstance(inside, str):
+        element.text = inside
+        if name == 'content':
+            element.set('lang', 'en')
+    else:
+        for one in inside:
+            _add(element, one)
+
+
+def _administrative(found: Mapping[str, Any], versions: Mapping[str, str]) -> Node:
+    lab, device = found['laboratory'], found['device']
+    days = sorted(row['start'][:10] for row in found['recordings'])
+    serial = [('issuer', 'manufacturer'), ('value', device['serial']), _text('name', 'serial')]
+    received = lab['received']
+    dates = [('receiptDate', received)] if re.match(r'\d{4}-', received) else []
+    simulated = 'Simulated data: nothing here was measured.'
+    stated = [simulated] if found['simulated'] else []
+    return _node(
+        'administrativeData',
+        [
+            _node('dccSoftware', [_node('software', _software(versions))]),
+            _node(
+                'coreData',
+                [
+                    ('countryCodeISO3166_1', lab['country']),
+                    ('usedLangCodeISO639_1', 'en'),
+                    ('mandatoryLangCodeISO639_1', 'en'),
+                    ('uniqueIdentifier', lab['number']),
+                    *dates,
+                    ('beginPerformanceDate', days[0]),
+                    ('endPerformanceDate', days[-1]),
+                    ('performanceLocation', 'other'),
+                ],
+            ),
+            _node(
+                'items',
+                [
+                    _node(
+                        'item',
+                        [
+                            _text('name', device['name']),
+                            _node('manufacturer', [_text('name', device['manufacturer'])]),
+                            ('model', device['type']),
+                            _node('identifications', [_node('identification', serial)]),
+                        ],
+                    )
+                ],
+            ),
+            _node('calibrationLaboratory', [_node('contact', _contact(lab, 'name', 'address'))]),
+            _node('respPersons', [_node('respPerson', _person(lab['operator']))]),
+            _node('customer', _contact(lab, 'customer', 'customer')),
+            _node(
+                'statements',
+                [
+                    _node('statement', [_text('declaration', text)])
+                    for text in [*stated, found['validity'], found['conclusion'], *_rule(found)]
+                ],
+            ),
+        ],
+    )
+
+
+def _software(versions: Mapping[str, str]) -> list[Node]:
+    return [_text('name', 'imu_workbench'), ('release', versions.get('imu_workbench', '') or '–')]
+
+
+def _person(name: str) -> list[Node]:
+    return [_node('person', [_text('name', name)]), ('role', 'operator')]
+
+
+def _contact(lab: Mapping[str, Any], name: str, place: str) -> list[Node]:
+    return [
+        _text('name', lab[name]),
+        ('eMail', 'not stated'),
+        _node('location', [_text('further', lab[place])]),
+    ]
+
+
+def _rule(found: Mapping[str, Any]) -> list[str]:
+    decided = [
+        f'{d["sensor"]} {d["axis"]} {d["coefficient"]}: {d["decision"]}'
+        for d in found['decisions']
+    ]
+    return [f'Decision rule: {found["rule"]}. {"; ".join(decided)}'] if decided else []
+
+
+def _measurement(found: Mapping[str, Any]) -> Node:
+    lab = found['laboratory']
+    equipment = [
+        _node(
+            'measuringEquipment',
+            [
+                _text('name', f'{name}: {lab[name]["type"]}'),
+                _text(
+                    'description',
+                    f'certificate {lab[name]["certificate"]}; uncertainty '
+                    f'{lab[name]["uncertainty"]}',
+                ),
+            ],
+        )
+        for name in ('chamber', 'thermometer')
+    ]
+    conditions = '; '.join(f'{name}: {value}' for name, value in found['conditions'].items())
+    recordings = '; '.join(
+        f'{row["name"]} {row["start"]} UTC sha256 {row["sha256"]}' for row in found['recordings']
+    )
+    method = [
+        _text('name', 'Thermal calibration in a climatic chamber'),
+        _text('description', *found['method']),
+        ('norm', 'JCGM 100:2008'),
+    ]
+    return _node(
+        'measurementResult',
+        [
+            _text('name', 'Temperature error of an inertial measurement unit'),
+            _text('description', f'Recordings: {recordings}', f'Conditions: {conditions}'),
+            _node('usedMethods', [_node('usedMethod', method)]),
+            _node('measuringEquipments', equipment),
+            _node('results', [_result(sensor, found) for sensor in _sensors(found)]),
+        ],
+    )
+
+
+def _sensors(found: Mapping[str, Any]) -> list[str]:
+    return list(dict.fromkeys(quantity['sensor'] for quantity in found['quantities']))
+
+
+def _result(sensor: str, found: Mapping[str, Any]) -> Node:
+    rows = [_quantity(q) for q in found['quantities'] if q['sensor'] == sensor]
+    rows += [
+        _shape(s, v, d) for s in found['shapes'] if s['sensor'] == sensor for v, d in _each(s)
+    ]
+    return _node('result', [_text('name', sensor), _node('data', [_node('list', rows)])])
+
+
+def _each(shape: Mapping[str, Any]) -> list[tuple[float, float | None]]:
+    value, std = shape['value'], shape['std']
+    if not isinstance(value, list):
+        return [(value, std)]
+    return [(v, std[i] if i < len(std) else None) for i, v in enumerate(value)]
+
+
+def _quantity(quantity: Mapping[str, Any]) -> Node:
+    name = f'{quantity["coefficient"].replace("_", " ")}, axis {quantity["axis"]}'
+    unit = dsi_unit(quantity['unit'])
+    return _real(name, quantity['value'], quantity['expanded'], unit, quantity['unit'])
+
+
+def _shape(shape: Mapping[str, Any], value: float, std: float | None) -> Node:
+    name = f'{shape["effect"]}, {shape["parameter"]}'.replace('_', ' ')
+    expanded = None if std is None else 2.0 * std
+    return _real(name, value, expanded, dsi_unit(shape['unit']), shape['unit'])
+
+
+def _real(name: str, value: float, expanded: float | None, unit: str | None, written: str) -> Node:
+    """Return a quantity; as text where its unit has no form in D-SI."""
+    if unit is None:
+        spread = f' ± {expanded:.3g} (k = 2)' if expanded else ''
+        text = f'{value:.9g}{spread} {written}'
+        return _node('quantity', [_text('name', name), _text('noQuantity', text)])
+    uncertainty: Sequence[Node] = ()
+    if expanded:
+        uncertainty = [
+            _node(
+                'si:expandedUnc',
+                [
+                    ('si:uncertainty', f'{expanded:.6g}'),
+                    ('si:coverageFactor', '2'),
+                    ('si:coverageProbability', f'{COVERAGE:g}'),
+                ],
+            )
+        ]
+    real = [('si:value', f'{value:.12g}'), ('si:unit', unit), *uncertainty]
+    return _node('quantity', [_text('name', name), _node('si:real', real)])
+
+
+def load_schema(path: Path) -> tuple[Any, str]:
+    """Return the schema of a file and its version; what it imports lies in the same folder."""
+    from lxml import etree
+
+    missing: list[str] = []
+
+    class Beside(etree.Resolver):  # type: ignore[misc]
+        def resolve(self, url: str, _: str, context: Any) -> Any:
+            if Path(url) == path:
+                return None
+            near = path.parent / url.rpartition('/')[2]
+            if not near.is_file():
+                missing.append(f'{path}: imports {url}; put {near.name} beside it')
+                return None
+            return self.resolve_filename(str(near), context)
+
+    parser = etree.XMLParser(no_network=True)
+    parser.resolvers.add(Beside())
+    try:
+        document = etree.parse(str(path), parser)
+        schema = etree.XMLSchema(document)
+    except (etree.XMLSyntaxError, etree.XMLSchemaParseError) as error:
+        reason = missing[0] if missing else f'{path}: no schema that can be read: {error}'
+        raise UserError(reason) from None
+    return schema, document.getroot().get('version') or VERSION
+
+
+def validated(root: Any, schema: Any, path: Path) -> str:
+    """Return that the certificate holds to the schema; raise UserError with the first fault."""
+    if not schema.validate(root):
+        fault = schema.error_log[0]
+        raise UserError(f'{path}: the certificate does not hold to it: {fault.message}')
+    return f'validated against {path}'
+
+
+def signed(root: Any, key: Path, certificate: Path) -> Any:
+    """Return the certificate with an enveloped XML signature (XMLDSig)."""
+    from signxml import XMLSigner
+
+    return XMLSigner().sign(root, key=key.read_bytes(), cert=certificate.read_text('ascii'))
+
+
+def xml_bytes(root: Any) -> bytes:
+    """Return the document."""
+    from lxml.etree import tostring
+
+    # A signature holds for the text as it stands: nothing is indented after it.
+    written: bytes = tostring(root, xml_declaration=True, encoding='UTF-8')
+    return written
