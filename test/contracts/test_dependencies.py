@@ -29,6 +29,7 @@ LIBRARIES = {
     'filterpy': ('filterpy', ''),
     'plotly': ('plotly', ''),
     'GTC': ('GTC', ''),
+    'allantools': ('allantools', ''),
     'weasyprint': ('weasyprint', ''),
     'lxml': ('lxml', ''),
     'signxml': ('signxml', ''),

@@ -298,6 +298,8 @@ def load_schema(path: Path) -> tuple[Any, str]:
     except (etree.XMLSyntaxError, etree.XMLSchemaParseError) as error:
         reason = missing[0] if missing else f'{path}: no schema that can be read: {error}'
         raise UserError(reason) from None
+    if missing:
+        raise UserError(missing[0])
     return schema, document.getroot().get('version') or VERSION
 
 

@@ -10,7 +10,11 @@ from typing import Any
 
 from imu_recording.user_error import UserError
 
-from imu_workbench.report.html.certificate import budget_section, certificate_section
+from imu_workbench.report.html.certificate import (
+    allan_section,
+    budget_section,
+    certificate_section,
+)
 from imu_workbench.report.html.claims import reproduce_section
 from imu_workbench.report.html.measured import recordings_section
 from imu_workbench.report.html.modelled import model_section
@@ -50,6 +54,7 @@ def printed_page(content: Mapping[str, Any]) -> str:
     annexes = (
         model_section(content),
         budget_section(certificates),
+        allan_section(certificates),
         recordings_section(content),
         reproduce_section(content),
     )

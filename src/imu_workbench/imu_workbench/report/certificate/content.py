@@ -24,6 +24,7 @@ from thermal_comp.presentation.display import (
 )
 
 from imu_workbench.report.analysis import Analysis, Certified
+from imu_workbench.report.certificate.allan import allan_content
 from imu_workbench.report.certificate.quantities import Quantity, quantities
 from imu_workbench.report.laboratory import NOT_STATED, Laboratory
 from imu_workbench.report.limits import Limits
@@ -108,6 +109,9 @@ def certificate(
         'shapes': fitted_shapes(certified.model),
         'errors': errors,
         'residuals': residuals(certified),
+        'allan': allan_content(
+            certified.model, certified.runs, laboratory.content.get('datasheet', {})
+        ),
         'period': certified.comparison.period,
         'not_included': sorted({text for q in found for text in q.budget.not_included}),
         'decisions': decisions,

@@ -80,6 +80,43 @@ def budget_section(certificates: Mapping[str, Mapping[str, Any]]) -> Section | N
     return Section('budget', title, 'budget.html', {'devices': devices}, short='Budgets')
 
 
+def allan_section(certificates: Mapping[str, Mapping[str, Any]]) -> Section | None:
+    """Return the noise coefficients of every device."""
+    devices = [
+        {
+            'name': name,
+            'rows': [
+                [
+                    f'{row["sensor"].capitalize()}: {row["coefficient"]}',
+                    *(interval(axis) for axis in row['axes']),
+                    row['unit'],
+                    shown(row['datasheet']),
+                ]
+                for row in found['allan']
+            ],
+        }
+        for name, found in certificates.items()
+        if found['allan']
+    ]
+    if not devices:
+        return None
+    return Section(
+        'allan', 'Noise: Allan deviation', 'allan.html', {'devices': devices}, {}, 'Noise'
+    )
+
+
+def interval(axis: Sequence[float] | None) -> str:
+    """Return a value with its interval.
+
+    >>> interval([0.344, 0.341, 0.347]), interval(None)
+    ('0.344 (0.341 … 0.347)', '–')
+    """
+    if axis is None:
+        return '–'
+    value, low, high = map(shown, axis)
+    return f'{value} ({low} … {high})'
+
+
 def displayed(sensor: str, unit: str) -> tuple[str, float]:
     """Return the unit a coefficient is shown in and its factor from SI.
 

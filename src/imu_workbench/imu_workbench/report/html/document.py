@@ -13,7 +13,11 @@ from thermal_comp.presentation.display import shown
 from imu_workbench.report.claims.claim import VERDICT_NAMES
 from imu_workbench.report.figures.attitude import FILTER_NAMES
 from imu_workbench.report.html.attitude import attitude_section
-from imu_workbench.report.html.certificate import budget_section, certificate_section
+from imu_workbench.report.html.certificate import (
+    allan_section,
+    budget_section,
+    certificate_section,
+)
 from imu_workbench.report.html.claims import (
     claims_section,
     paper_section,
@@ -44,6 +48,7 @@ def report_page(content: Mapping[str, Any]) -> str:
         comparison_section(content),
         model_section(content),
         budget_section(content['certificates']),
+        allan_section(content['certificates']),
         diagnosis_section(content),
         dependence_section(content),
         fit_section(content),

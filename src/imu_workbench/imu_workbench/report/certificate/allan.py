@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Allan deviation of what the certified model leaves: three noise coefficients per axis.
+
+Overlapping estimator and equivalent degrees of freedom of allantools; coefficients and units as in
+IEEE Std 952 and 1293. σ²(τ) = N²/τ + (2 ln 2/π) B² + K² τ/3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import allantools
+import numpy as np
+from imu_recording.recording import GRAVITY, FloatArray
+from imu_recording.synchronise import longest_stretch
+from scipy.optimize import nnls
+from scipy.stats import chi2
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.model.values import ThermalModel
+from thermal_comp.presentation.display import SENSORS
+
+LEVEL = 0.95
+SHORTEST = 64
+"""Samples from which a stretch has an Allan deviation worth the name."""
+LEAST_SHARE = 0.5
+"""Share of the variance at its best averaging time that a coefficient must have to be told."""
+FLICKER = 2.0 * math.log(2.0) / math.pi
+DEGREE, HOUR, MICRO_G = math.degrees(1.0), 3600.0, 1e-6 * GRAVITY
+COEFFICIENTS: Mapping[str, Mapping[Sensor, tuple[str, str, float]]] = {
+    'random_walk': {
+        'gyroscope': ('angle random walk', '°/√h', DEGREE * 60.0),
+        'accelerometer': ('velocity random walk', 'm/s/√h', 60.0),
+        'magnetometer': ('white noise', 'nT·√s', 1e9),
+    },
+    'bias_instability': {
+        'gyroscope': ('bias instability', '°/h', DEGREE * HOUR),
+        'accelerometer': ('bias instability', 'µg', 1.0 / MICRO_G),
+        'magnetometer': ('bias instability', 'nT', 1e9),
+    },
+    'rate_random_walk': {
+        'gyroscope': ('rate random walk', '°/h/√h', DEGREE * HOUR * 60.0),
+        'accelerometer': ('acceleration random walk', 'µg/√h', 60.0 / MICRO_G),
+        'magnetometer': ('random walk', 'nT/√h', 60.0 * 1e9),
+    },
+}
+"""Name, unit and factor from SI of each coefficient of each sensor."""
+
+
+@dataclass(frozen=True, eq=False)
+class AllanDeviation:
+    """Allan deviation of one axis over all runs."""
+
+    taus: FloatArray
+    """(k,) averaging times [s]."""
+    deviation: FloatArray
+    """(k,) [unit]."""
+    degrees: FloatArray
+    """(k,) equivalent degrees of freedom."""
+
+
+def allan_content(
+    model: ThermalModel, runs: Sequence[PreparedRun], datasheet: Mapping[str, Any]
+) -> list[dict[str, Any]]:
+    """Return one row per sensor and coefficient: a value with its 95 % interval per axis.
+
+    `datasheet` holds values by sensor and coefficient, in the units of the rows.
+    """
+    rows = []
+    for sensor in SENSORS:
+        if sensor not in model.sensors:
+            continue
+        axes = [allan_deviation(left_over(model, runs, sensor, axis)) for axis in range(3)]
+        fitted = [coefficients(one) if one else {} for one in axes]
+        for key, units in COEFFICIENTS.items():
+            name, unit, factor = units[sensor]
+            rows.append(
+                {
+                    'sensor': sensor,
+                    'coefficient': name,
+                    'unit': unit,
+                    'axes': [
+                        [factor * value for value in found[key]] if key in found else None
+                        for found in fitted
+                    ],
+                    'datasheet': datasheet.get(sensor, {}).get(key),
+                }
+            )
+    return rows
+
+
+def left_over(
+    model: ThermalModel, runs: Sequence[PreparedRun], sensor: Sensor, axis: int
+) -> list[tuple[FloatArray, float]]:
+    """Return samples without a gap (n,) and their period [s], of each run, model subtracted."""
+    found = []
+    for run in runs:
+        error = model.sensors[sensor].modelled_error(run.conditions.of(sensor))[0]
+        values = (run.fine_measured[sensor] - error)[:, axis]
+        good = np.isfinite(values)
+        if good.sum() < SHORTEST:
+            continue
+        stamp = np.round(run.conditions.time[good] * 1e9).astype(np.int64)
+        stretch, _ = longest_stretch('samples', stamp)
+        period = float(np.median(np.diff(stamp))) * 1e-9
+        steps = np.diff(stamp[stretch]) * 1e-9 > 1.5 * period
+        edges = [0, *(np.flatnonzero(steps) + 1).tolist(), len(steps) + 1]
+        first, last = max(pairwise(edges), key=lambda e: e[1] - e[0])
+        if last - first >= SHORTEST:
+            found.append((values[good][stretch][first:last], period))
+    return found
+
+
+def allan_deviation(pieces: Sequence[tuple[FloatArray, float]]) -> AllanDeviation | None:
+    """Return the overlapping Allan deviation of pieces with one period, None where there is none.
+
+    Variances of pieces are averaged with their equivalent degrees of freedom (Greenhall and Riley)
+    as weights; averaging times are octaves up to a quarter of the longest piece.
+    """
+    if not pieces:
+        return None
+    period = pieces[0][1]
+    pieces = [piece for piece in pieces if abs(piece[1] / period - 1.0) < 0.01]
+    longest = max(len(values) for values, _ in pieces)
+    octaves = 2 ** np.arange(int(math.log2(longest / 4.0)) + 1, dtype=np.int64)
+    weighted, degrees = np.zeros(len(octaves)), np.zeros(len(octaves))
+    for values, _ in pieces:
+        fits = octaves[octaves <= len(values) / 4]
+        taus, deviation, _, _ = allantools.oadev(
+            values - values.mean(), rate=1.0 / period, data_type='freq', taus=fits * period
+        )
+        for k, (tau, sigma) in enumerate(zip(taus, deviation, strict=True)):
+            edf = allantools.edf_greenhall(
+                alpha=noise_type(tau, taus, deviation), d=2, m=round(tau / period),
+                N=len(values) + 1, overlapping=True, modified=False,
+            )  # fmt: skip
+            weighted[k] += edf * sigma**2
+            degrees[k] += edf
+    known = degrees > 0.0
+    return AllanDeviation(
+        np.asarray(octaves[known] * period, np.float64),
+        np.sqrt(weighted[known] / degrees[known]),
+        degrees[known],
+    )
+
+
+def noise_type(tau: float, taus: FloatArray, deviation: FloatArray) -> int:
+    """Return the power of the frequency noise's spectrum at an averaging time: 0, −1 or −2."""
+    slope = np.gradient(np.log(deviation), np.log(taus)) if len(taus) > 1 else np.array([-0.5])
+    here = float(slope[int(np.argmin(np.abs(taus - tau)))])
+    return 0 if here < -0.25 else -1 if here < 0.25 else -2
+
+
+def coefficients(found: AllanDeviation) -> dict[str, tuple[float, float, float]]:
+    """Return value and 95 % interval of the coefficients that the data tell, SI units.
+
+    Nonnegative least squares of the variance, each averaging time weighted by its degrees of
+    freedom; the interval is that of the deviation where the coefficient's share is largest.
+    """
+    taus = found.taus
+    columns = np.column_stack([1.0 / taus, np.full(len(taus), FLICKER), taus / 3.0])
+    variance = found.deviation**2
+    weight = np.sqrt(found.degrees / 2.0) / variance
+    scale = np.abs(columns * weight[:, None]).max(axis=0)
+    squares = nnls(columns * weight[:, None] / scale, variance * weight)[0] / scale
+    share = columns * squares
+    share /= share.sum(axis=1, keepdims=True)
+    result = {}
+    for k, key in enumerate(COEFFICIENTS):
+        best = int(np.argmax(share[:, k]))
+        if share[best, k] < LEAST_SHARE:
+            continue
+        value, degrees = math.sqrt(squares[k]), found.degrees[best]
+        low, high = (
+            value * math.sqrt(degrees / chi2.ppf(p, degrees))
+            for p in (0.5 + LEVEL / 2.0, 0.5 - LEVEL / 2.0)
+        )
+        result[key] = (value, low, high)
+    return result

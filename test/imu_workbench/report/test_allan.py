@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Noise that was put in comes out of the Allan deviation, in the units of IEEE 952."""
+
+import math
+
+import numpy as np
+import pytest
+from imu_workbench.report.analysis import analyse_recordings
+from imu_workbench.report.certificate.allan import (
+    COEFFICIENTS,
+    allan_content,
+    allan_deviation,
+    coefficients,
+)
+
+PERIOD = 0.5
+
+
+def pieces(make, runs: int = 3, n: int = 20_000):
+    return [(make(np.random.default_rng(seed), n), PERIOD) for seed in range(runs)]
+
+
+def test_white_noise_is_angle_random_walk() -> None:
+    density = 2e-4  # rad/s·√s
+    found = allan_deviation(
+        pieces(lambda rng, n: 3.0 + rng.normal(0.0, density / math.sqrt(PERIOD), n))
+    )
+    assert found is not None
+    told = coefficients(found)
+    value, low, high = told['random_walk']
+    assert low < density < high
+    assert value == pytest.approx(density, rel=0.02)
+    assert 'rate_random_walk' not in told
+    factor = COEFFICIENTS['random_walk']['gyroscope'][2]
+    assert factor * density == pytest.approx(math.degrees(density) * 60.0)
+
+
+def test_a_random_walk_is_told_beside_white_noise() -> None:
+    walk = 3e-6  # rad/s/√s
+
+    def make(rng, n):
+        steps = rng.normal(0.0, walk * math.sqrt(PERIOD), n)
+        return np.cumsum(steps) + rng.normal(0.0, 1e-4, n)
+
+    found = allan_deviation(pieces(make, runs=6))
+    assert found is not None
+    value, low, high = coefficients(found)['rate_random_walk']
+    assert low < walk < high
+    assert value == pytest.approx(walk, rel=0.35)
+
+
+def test_intervals_hold_the_density_as_often_as_they_say() -> None:
+    hits = 0
+    for seed in range(200):
+        values = np.random.default_rng(seed).normal(0.0, 1.0, 2000)
+        found = allan_deviation([(values, 1.0)])
+        assert found is not None
+        _, low, high = coefficients(found)['random_walk']
+        hits += low < 1.0 < high
+    assert 0.90 < hits / 200 <= 1.0
+
+
+def test_too_little_has_none() -> None:
+    assert allan_deviation([]) is None
+
+
+def test_a_simulated_device_shows_its_noise(run) -> None:
+    recordings = [run('dut1', up, seed=i, cycles=3) for i, up in enumerate('xz')]
+    certified = analyse_recordings(recordings, attitudes=False, diagnosis=False).certified['dut1']
+    stated = {'gyroscope': {'random_walk': 0.3}}
+    rows = allan_content(certified.model, certified.runs, stated)
+    row = next(r for r in rows if r['coefficient'] == 'angle random walk')
+    assert row['datasheet'] == 0.3
+    for axis in row['axes']:  # noise 1e-4 rad/s at 1 Hz
+        assert axis[0] == pytest.approx(math.degrees(1e-4) * 60.0, rel=0.1)
