@@ -81,6 +81,18 @@ def test_limits_are_decided_with_the_uncertainty(certificate, content) -> None:
     assert 'NOT KEPT' in report_page(content)
 
 
+def test_a_limit_without_a_result_is_named_and_a_wrong_unit_refused(analysis) -> None:
+    absent = Limits({'magnetometer': {'bias': Limit(-1.0, 1.0, 'T')}})
+    found = content_of(analysis, limits=absent)
+    assert found['certificates']['dut1']['without_result'] == ['bias of the magnetometer']
+    assert 'Limits without a result here: bias of the magnetometer' in report_page(found)
+    wrong = Limits({'gyroscope': {'slope': Limit(-1.0, 1.0, 'rad/s')}})
+    with pytest.raises(
+        UserError, match=r'gyroscope\.slope is in rad/s, its coefficient in rad/s/K'
+    ):
+        content_of(analysis, limits=wrong)
+
+
 def test_what_was_not_given_is_not_stated(analysis) -> None:
     content = content_of(analysis)
     found = content['certificates']['dut1']

@@ -109,6 +109,8 @@ def test_a_signature_holds_and_breaks(content, tmp_path: Path) -> None:
     paths = tmp_path / 'key.pem', tmp_path / 'certificate.pem'
     paths[0].write_bytes(key.private_bytes(pem, private, serialization.NoEncryption()))
     paths[1].write_bytes(certificate.public_bytes(pem))
+    with pytest.raises(UserError, match='no key and certificate in PEM'):
+        signed(certificate_xml(content), paths[1], paths[1])
     text = xml_bytes(signed(certificate_xml(content), *paths))
     expected = SignatureConfiguration(require_x509=True)
     options = {'x509_cert': certificate, 'expect_config': expected}

@@ -28,7 +28,7 @@ from imu_workbench.report.laboratory import read_laboratory
 from imu_workbench.report.limits import read_limits
 
 FORMATS = ('html', 'pdf', 'dcc')
-HELP = 'Write calibration certificate and report of devices: one HTML page, or PDF.'
+HELP = 'Write calibration certificate and report of devices: HTML, PDF or DCC.'
 EPILOG = (
     'example:\n  python -m imu_workbench report bags/dut1_? -o report.html '
     '--laboratory examples/laboratory.yaml'

@@ -315,7 +315,10 @@ def signed(root: Any, key: Path, certificate: Path) -> Any:
     """Return the certificate with an enveloped XML signature (XMLDSig)."""
     from signxml import XMLSigner
 
-    return XMLSigner().sign(root, key=key.read_bytes(), cert=certificate.read_text('ascii'))
+    try:
+        return XMLSigner().sign(root, key=key.read_bytes(), cert=certificate.read_text('ascii'))
+    except (ValueError, TypeError) as error:
+        raise UserError(f'{key}, {certificate}: no key and certificate in PEM: {error}') from None
 
 
 def xml_bytes(root: Any) -> bytes:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from imu_recording.recording import ImuRecording
+from imu_recording.user_error import UserError
 from thermal_comp.model.values import fitted_shapes
 from thermal_comp.presentation.diagnosis import verdict_line
 from thermal_comp.presentation.display import (
@@ -115,6 +116,7 @@ def certificate(
         'period': certified.comparison.period,
         'not_included': sorted({text for q in found for text in q.budget.not_included}),
         'decisions': decisions,
+        'without_result': without_result(decisions, limits),
         'rule': RULES[limits.rule] if limits else '',
         'limits_source': limits.source if limits else '',
         'validity': validity(recordings, low, high),
@@ -305,8 +307,13 @@ def decided(found: Sequence[Quantity], limits: Limits | None) -> list[dict[str, 
         assert limits is not None  # noqa: S101 (the loop is empty without)
         name = quantity.coefficient.partition(' [')[0]
         limit = limits.of(quantity.sensor, name)
-        if limit is None or limit.unit != quantity.budget.unit:
+        if limit is None:
             continue
+        if limit.unit != quantity.budget.unit:
+            raise UserError(
+                f'limits: {quantity.sensor}.{name} is in {limit.unit}, its coefficient in '
+                f'{quantity.budget.unit}'
+            )
         decision = limit.decide(quantity.budget.value, quantity.budget.deciding, limits.rule)
         rows.append(
             {
@@ -320,6 +327,18 @@ def decided(found: Sequence[Quantity], limits: Limits | None) -> list[dict[str, 
             }
         )
     return rows
+
+
+def without_result(decisions: Sequence[Mapping[str, Any]], limits: Limits | None) -> list[str]:
+    """Return the limits nothing is said about: no such coefficient was determined."""
+    told = {(d['sensor'], d['coefficient'].partition(' [')[0]) for d in decisions}
+    given = limits.sensors.items() if limits else ()
+    return [
+        f'{name} of the {sensor}'
+        for sensor, named in given
+        for name in named
+        if (sensor, name) not in told
+    ]
 
 
 def validity(recordings: Sequence[ImuRecording], low: float, high: float) -> str:
