@@ -264,21 +264,25 @@ def _sensor(
     )
 
 
-def draw_device(seed: int) -> DeviceParameters:
+TYPICAL_SPREAD = {
+    'accelerometer': (0.15, 2.5e-3),
+    'gyroscope': (1.0 * DEGREE, 15e-3 * DEGREE),
+    'magnetometer': (8e-6, 0.1e-6),
+}
+"""Standard deviation of bias [SI unit] and of its slope [SI unit/K] over devices of the class."""
+
+
+def draw_device(seed: int | tuple[int, ...]) -> DeviceParameters:
     """Return a device of the LSM9DS1's class, every parameter drawn from its usual spread."""
-    draw = np.random.default_rng((seed, 9))
-    noise = {key: np.full(3, value) for key, value in MEAN_STD.items()}
-    typical = {
-        'accelerometer': (0.15, 2.5e-3),
-        'gyroscope': (1.0 * DEGREE, 15e-3 * DEGREE),
-        'magnetometer': (8e-6, 0.1e-6),
-    }
+    key = (seed,) if isinstance(seed, int) else seed
+    draw = np.random.default_rng((*key, 9))
+    noise = {name: np.full(3, value) for name, value in MEAN_STD.items()}
     triad = {
         name: _sensor(name, draw.normal(0.0, bias, 3), draw.normal(0.0, slope, 3), noise, draw)
-        for name, (bias, slope) in typical.items()
+        for name, (bias, slope) in TYPICAL_SPREAD.items()
     }
     return DeviceParameters(
-        f'drawn{seed}',
+        'drawn' + '_'.join(map(str, key)),
         triad['accelerometer'],
         triad['gyroscope'],
         triad['magnetometer'],

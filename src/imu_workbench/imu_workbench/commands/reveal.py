@@ -20,6 +20,7 @@ from thermal_comp.model.values import ThermalModel
 from imu_recording import ImuRecording, read_bag
 from imu_workbench.answer import Answer
 from imu_workbench.commands.options import add_effects_argument, add_model_argument
+from imu_workbench.simulate.fleet import fleet_truth
 from imu_workbench.simulate.hidden_effect import (
     VERDICTS,
     Score,
@@ -37,7 +38,10 @@ HELP = 'Diagnose a campaign of `simulate --hide`, then open the truth and compar
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     parser.add_argument(
-        'folder', type=Path, metavar='DIR', help='the folder `simulate … --hide` wrote'
+        'folder',
+        type=Path,
+        metavar='DIR',
+        help='the folder `simulate … --hide` or `--fleet` wrote',
     )
     add_model_argument(parser, 'model of an earlier campaign, for what `simulate … --aged` wrote')
     add_effects_argument(parser)
@@ -45,6 +49,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> Answer:
     """Diagnose first, then look."""
+    population = fleet_truth(options.folder)
+    if population is not None:
+        return _fleet(population)
     truth, bags = find_truth(options.folder)
     catalogue = effect_catalogue(options.effects)
     if any(one['law'] not in {*HIDEABLE, *catalogue} for one in all_hidden(truth)):
@@ -76,6 +83,21 @@ def run(options: argparse.Namespace) -> Answer:
     reported = '; '.join(content['reported']) or 'nothing'
     lines.append(f'reported: {reported} (verdict: {diagnosis["verdict"]})')
     return Answer(content, '\n'.join(lines))
+
+
+def _fleet(truth: Mapping[str, Any]) -> Answer:
+    """Tell what the lots of a simulated fleet are made of, and which devices are odd."""
+    lines = [f'{len(truth["devices"])} devices of {len(truth["lots"])} lots']
+    for lot, drawn in truth['lots'].items():
+        common = '; '.join(
+            f'{effect["name"]} in {effect["sensor"]} of {100 * effect["prevalence"]:.0f} %'
+            for effect in drawn['effects']
+            if effect['prevalence']
+        )
+        lines.append(f'lot {lot}: {common or "nothing hidden in many"}')
+    odd = {name: one['outlier'] for name, one in truth['devices'].items() if one['outlier']}
+    lines += [f'outlier {name}: {what}' for name, what in odd.items()]
+    return Answer({'schema': 1, 'truth': truth, 'outliers': odd}, '\n'.join(lines))
 
 
 def _recordings(bags: Sequence[Path], model: ThermalModel | None) -> Iterator[ImuRecording]:

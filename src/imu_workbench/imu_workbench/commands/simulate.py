@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import re
 from pathlib import Path
 from typing import Any
 
 from imu_driver.simulation.devices import DEVICES
 from imu_driver.simulation.hidden import HIDEABLE, NOTHING, check_hideable
+from imu_driver.simulation.population import draw_lots
 from imu_recording.recording import columns_hash
 from imu_recording.user_error import UserError
 
@@ -23,6 +25,7 @@ from imu_workbench.commands.options import (
     replacing,
 )
 from imu_workbench.simulate.campaign import ORIENTATIONS, Logging, simulate_campaign, simulate_run
+from imu_workbench.simulate.fleet import FleetPlan, write_fleet
 from imu_workbench.simulate.hidden_effect import (
     TRUTH_FILE,
     HiddenEffect,
@@ -90,6 +93,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help=f'where to hide each, or all: {", ".join(SENSORS)} (default: by seed)',
     )
     parser.add_argument(
+        '--fleet',
+        type=int,
+        metavar='N',
+        help='N devices drawn from a population, one folder each; rows are means, and what the '
+        'lots are made of, which devices are odd and which effects are hidden goes to '
+        f'DIR/{TRUTH_FILE}, which only `reveal DIR` opens',
+    )
+    parser.add_argument('--lots', type=int, metavar='K', help='lots of the fleet (default 1)')
+    parser.add_argument(
         '--aged',
         action='store_true',
         help='the same device a year later, on another day: slopes, offsets and what --hide hides '
@@ -100,6 +112,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> Answer:
     """Simulate, write, and say what was written."""
     _check(options)
+    if options.fleet is not None:
+        return _fleet(options)
     logging = Logging(options.rate, options.mean or bool(options.hide), options.chamber_period)
     truth = options.output / TRUTH_FILE
     if truth.exists() and not options.force:
@@ -130,6 +144,26 @@ def run(options: argparse.Namespace) -> Answer:
     )
     truth.unlink(missing_ok=True)
     return _written(_paths(options), recordings)
+
+
+def _fleet(options: argparse.Namespace) -> Answer:
+    """Stream a population to bags."""
+    lots = options.lots or 1
+    plan = FleetPlan(
+        options.profile,
+        options.fleet,
+        lots,
+        options.seed,
+        Logging(options.rate, mean=True, chamber_period=options.chamber_period),
+    )
+    bags = write_fleet(plan, options.output, len(os.sched_getaffinity(0)))
+    content = {'schema': 1, 'devices': options.fleet, 'lots': lots, 'bags': bags}
+    return Answer(
+        content,
+        f'{options.output}: {options.fleet} devices in {lots} lots, {bags} bags\n'
+        f'next: `fleet {options.output} -o FLEET`, then '
+        f'`reveal {options.output} --fleet FLEET`',
+    )
 
 
 def _hidden(options: argparse.Namespace, logging: Logging) -> Answer:
@@ -232,10 +266,27 @@ def _check(options: argparse.Namespace) -> None:
         raise UserError(f'--chamber-period {options.chamber_period:g}: it must be above 0')
     if options.seed < 0:
         raise UserError(f'--seed {options.seed}: it must not be negative')
+    if options.fleet is not None or options.lots is not None:
+        _check_fleet(options)
     if options.sensor and not options.hide:
         raise UserError('--sensor says where to hide something: it needs --hide')
     if options.hide or options.aged:
         _check_hidden(options)
+
+
+def _check_fleet(options: argparse.Namespace) -> None:
+    if options.fleet is None:
+        raise UserError(f'--lots {options.lots}: it divides a fleet: give --fleet N too')
+    draw_lots(1 if options.lots is None else options.lots, options.seed)
+    if options.fleet < (options.lots or 1):
+        raise UserError(
+            f'--fleet {options.fleet}: it must be at least 1, and a device for each lot'
+        )
+    if options.hide or options.aged or options.orientation or options.field_jumps:
+        raise UserError(
+            '--fleet draws its own devices and effects in all three orientations: leave --hide, '
+            '--aged, --orientation and --field-jumps away'
+        )
 
 
 def _check_hidden(options: argparse.Namespace) -> None:
