@@ -69,7 +69,7 @@ install_packages() { # with uv, in a third of pip's time; where that fails, with
 }
 
 ros=$(ros_prefix)
-requirements=(requirements.txt requirements-logs.txt requirements-web.txt requirements-pdf.txt requirements-bench.txt)
+requirements=(requirements.txt requirements-logs.txt requirements-web.txt requirements-pdf.txt requirements-fleet.txt requirements-bench.txt)
 venv_options=()
 if [ -n "$ros" ]; then
   [ "${ROS_DISTRO:-jazzy}" = jazzy ] ||

@@ -37,6 +37,7 @@ setup(
         'test': ['pytest'],
         'web': ['nicegui', 'tsdownsample'],
         'pdf': ['weasyprint', 'matplotlib', 'lxml', 'signxml'],
+        'fleet': ['dask', 'distributed', 'pyarrow', 'duckdb', 'fsspec', 'scikit-learn'],
     },
     zip_safe=False,
     maintainer='imu_thermal maintainers',

@@ -28,8 +28,8 @@ OUTLIER_DEVIATIONS = 4.0
 OUTLIER_MAGNITUDE = 8.0
 """Magnitude of the effect an outlier has and the others lack, as `simulate --magnitude`."""
 COMMON_EFFECTS = (
-    ('thermal_lag', 'gyroscope', 1.2),
-    ('bias_temperature_curvature', 'accelerometer', 1.2),
+    ('thermal_lag', 'gyroscope', 0.4),
+    ('bias_temperature_curvature', 'accelerometer', 0.3),
 )
 """Effect, sensor and median magnitude of what many devices have: weak in a single one."""
 RARE_EFFECT = ('thermal_hysteresis', 'magnetometer')

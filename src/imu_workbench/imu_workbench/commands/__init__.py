@@ -27,6 +27,7 @@ COMMANDS: dict[str, str] = {
     'check-tables': 'check_tables',
     'explain': 'explain',
     'check-effect': 'check_effect',
+    'fleet': 'fleet',
     'serve': 'serve',
 }
 """Verb → module in this package. A verb's executable comes from here as well."""

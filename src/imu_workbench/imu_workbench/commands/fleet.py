@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Estimate many devices, then say what they share and which are odd."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+from imu_recording.user_error import UserError
+
+from imu_workbench.answer import Answer, show_progress
+from imu_workbench.fleet.extra import require_fleet
+
+HELP = 'Estimate many devices on a cluster; what they share, which are odd; one page of it.'
+EPILOG = """\
+example:
+  python -m imu_workbench simulate short_20min --fleet 200 --lots 4 --seed 3 -o fleet_bags
+  python -m imu_workbench fleet fleet_bags -o fleet_out
+
+SOURCE is a bag, a folder with bags at any depth, a glob, a URL that fsspec knows (s3://, ssh://),
+or a list: .txt with a source a line, .csv with the columns source, lot, type. Without a list the
+lot is the part of the path that is written lot=NAME. Bags of one device stand in one folder.
+A run that was interrupted goes on where it was; a device is estimated again where its files, the
+settings or the version have changed."""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    parser.add_argument('sources', nargs='+', metavar='SOURCE', help='where the bags are (below)')
+    parser.add_argument(
+        '-o',
+        '--output',
+        metavar='DIR',
+        type=Path,
+        required=True,
+        help='folder of the results; one that holds results is brought up to date',
+    )
+    parser.add_argument(
+        '--scheduler', metavar='ADDRESS', default='', help='a running Dask scheduler, tcp://…'
+    )
+    parser.add_argument(
+        '--workers', type=int, metavar='N', help='processes on this machine (default: its cores)'
+    )
+    parser.add_argument(
+        '--memory', default='500MB', metavar='SIZE', help='limit of each (default 500MB)'
+    )
+    parser.add_argument(
+        '--diagnose', action='store_true', help='also diagnose each device by itself (slow)'
+    )
+
+
+def run(options: argparse.Namespace) -> Answer:
+    """Estimate what is new, then study all."""
+    require_fleet()
+    from imu_workbench.fleet.engine import Cluster, run_fleet
+    from imu_workbench.fleet.estimate import Settings
+    from imu_workbench.fleet.sources import find_devices
+
+    workers = options.workers or len(os.sched_getaffinity(0))
+    if workers < 1:
+        raise UserError(f'--workers {options.workers}: it must be at least 1')
+    if options.output.exists() and not options.output.is_dir():
+        raise UserError(f'{options.output} is a file: results need a folder')
+    show_progress('looking for bags …')
+    devices = find_devices(options.sources)
+    progress = run_fleet(
+        devices,
+        options.output,
+        Settings(options.diagnose),
+        Cluster(options.scheduler, workers, options.memory),
+        clock=time.time_ns,
+        report=show_progress,
+    )
+    done = f'{progress.estimated} estimated, {progress.unchanged} unchanged'
+    text = [f'{progress.devices} devices: {done}, {len(progress.failed)} failed']
+    text += [f'failed: {device}: {reason}' for device, reason in progress.failed.items()]
+    content = {
+        'schema': 1,
+        'devices': progress.devices,
+        'estimated': progress.estimated,
+        'unchanged': progress.unchanged,
+        'failed': progress.failed,
+    }
+    return Answer(content, '\n'.join(text))

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs the devices of a fleet on Dask, writes what comes back, and goes on after an interruption.
+
+A device is done once its rows stand in a file of results; what was under way when a run ended is
+done again. A device whose files, settings and version are those of its rows is left alone.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from imu_recording.user_error import UserError
+
+from imu_workbench.fleet.estimate import Settings, estimate_device, failed_row, version
+from imu_workbench.fleet.sources import DeviceSource
+from imu_workbench.fleet.table import Row, compact, finished, write_rows
+
+TASKS_PER_WORKER = 4
+"""Devices a worker has waiting: enough to be never idle, few enough for a small scheduler."""
+FLUSH_S = 2.0
+"""At most this much work is lost when everything is killed [s]."""
+DEATHS = 2
+"""Workers that may die of one device before it is given up."""
+CONNECT_S = 10.0
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Where the work is done."""
+
+    scheduler: str = ''
+    """Address of a running scheduler; '' starts workers on this machine."""
+    workers: int = 1
+    memory: str = '500MB'
+    """Limit of each worker on this machine."""
+    processes: bool = True
+
+
+@dataclass
+class Progress:
+    """What a run has done."""
+
+    devices: int = 0
+    """Devices in the sources."""
+    unchanged: int = 0
+    estimated: int = 0
+    failed: dict[str, str] = field(default_factory=dict)
+    """Reason by device."""
+
+
+def run_fleet(
+    sources: Sequence[DeviceSource],
+    folder: Path,
+    settings: Settings,
+    cluster: Cluster,
+    *,
+    clock: Callable[[], int],
+    report: Callable[[str], None] = lambda _: None,
+) -> Progress:
+    """Estimate every device that is new or has changed; return what was done.
+
+    `clock` gives nanoseconds that increase; `report` takes a line of progress. Raises UserError
+    where the scheduler does not answer.
+    """
+    known = finished(folder)
+    todo = [
+        source
+        for source in sources
+        if known.get(source.key) != (source.fingerprint, settings.hash, version())
+    ]
+    progress = Progress(len(sources), len(sources) - len(todo))
+    twice = _given_twice(sources)
+    rows = [
+        failed_row(source, settings, twice[source.key]) for source in todo if source.key in twice
+    ]
+    for row in rows:
+        progress.failed[row['device']] = row['reason']
+    if rows:
+        write_rows(folder, rows, clock())
+    todo = [source for source in todo if source.key not in twice]
+    if todo:
+        with connected(cluster) as client:
+            _run(client, todo, folder, settings, progress, clock, report)
+    compact(folder)
+    return progress
+
+
+def _given_twice(sources: Sequence[DeviceSource]) -> dict[str, str]:
+    """Return, by source, why a device that stands in several folders is not estimated."""
+    names = Counter(source.device for source in sources if source.device)
+    return {
+        source.key: f'{source.device} stands in {names[source.device]} folders: put its bags '
+        'into one, or give each device a name of its own'
+        for source in sources
+        if names[source.device] > 1
+    }
+
+
+def _run(
+    client: Any,
+    todo: Sequence[DeviceSource],
+    folder: Path,
+    settings: Settings,
+    progress: Progress,
+    clock: Callable[[], int],
+    report: Callable[[str], None],
+) -> None:
+    waiting: list[Row] = []
+    flushed = clock()
+    try:
+        for rows in outcomes(client, todo, settings):
+            waiting += rows
+            if rows[0]['role'] == 'failed':
+                progress.failed[rows[0]['device']] = rows[0]['reason']
+            else:
+                progress.estimated += 1
+            done = progress.estimated + len(progress.failed)
+            report(f'{done} of {len(todo)}: {rows[0]["device"]}')
+            if (now := clock()) - flushed > FLUSH_S * 1e9:
+                write_rows(folder, waiting, now)
+                waiting, flushed = [], now
+    finally:
+        if waiting:
+            write_rows(folder, waiting, clock())
+
+
+def outcomes(client: Any, todo: Sequence[DeviceSource], settings: Settings) -> Iterator[list[Row]]:
+    """Yield the rows of each device as they come: a task a device, a few ahead of the workers."""
+    from distributed import as_completed
+
+    left = iter(todo)
+    running: dict[str, DeviceSource] = {}
+
+    def submit(source: DeviceSource) -> Any:
+        future = client.submit(estimate_device, source, settings, pure=False, retries=1)
+        running[future.key] = source
+        return future
+
+    ahead = TASKS_PER_WORKER * max(1, sum(client.nthreads().values()))
+    coming = as_completed([submit(source) for source in islice(left, ahead)])
+    for future in coming:
+        source = running.pop(future.key)
+        if future.status == 'finished':
+            yield future.result()
+        else:
+            reason = f'{type(future.exception()).__name__}: no worker survived or finished it'
+            yield [failed_row(source, settings, reason, again=True)]
+        future.release()
+        for following in islice(left, 1):
+            coming.add(submit(following))
+
+
+@contextmanager
+def connected(cluster: Cluster) -> Iterator[Any]:
+    """Give a client of the cluster; workers that were started here end with it."""
+    import dask
+    from distributed import Client, LocalCluster
+
+    chosen = {
+        'distributed.scheduler.allowed-failures': DEATHS,
+        'distributed.comm.timeouts.connect': f'{CONNECT_S:g}s',
+        'distributed.admin.tick.limit': '1h',
+    }
+    with dask.config.set(chosen):
+        if cluster.scheduler:
+            try:
+                client = Client(cluster.scheduler, timeout=CONNECT_S)
+            except (OSError, ValueError) as error:
+                raise UserError(
+                    f'--scheduler {cluster.scheduler}: no answer ({error}); start one with '
+                    '`dask scheduler` and workers with `dask worker ADDRESS`'
+                ) from None
+            with client:
+                yield client
+            return
+        with (
+            LocalCluster(
+                n_workers=cluster.workers,
+                threads_per_worker=1,
+                processes=cluster.processes,
+                memory_limit=cluster.memory if cluster.processes else None,
+                dashboard_address=None,
+                silence_logs=50,
+            ) as local,
+            Client(local) as client,
+        ):
+            yield client

@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One device of a fleet: its bags in, its rows out. This is what a worker runs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from imu_recording.plausibility import admitted
+from imu_recording.recording import SENSOR_UNITS, FloatArray, RecordingError, columns_hash
+from thermal_comp.comparison.compare import Comparison, compare_prepared
+from thermal_comp.data.conditions import SENSORS, Sensor
+from thermal_comp.data.motion import refuse_moving
+from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.diagnosis.diagnose import diagnose
+from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.fitting.fit import fit_prepared, package_version
+from thermal_comp.model.values import SensorModel, ThermalModel
+
+from imu_recording import ImuRecording, read_bag
+from imu_workbench.fleet.candidates import candidate_gains
+from imu_workbench.fleet.sources import DeviceSource
+from imu_workbench.fleet.table import SCHEMA, Row
+
+AXES = ('x', 'y', 'z')
+BIN_K = 1.0
+"""Width of the bins of temperature that block means are kept in [K]."""
+LINE = BiasTemperature()
+"""The model of every device: the paper's line per axis."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the rows of a device depend on beside its bags."""
+
+    diagnose: bool = False
+    """Also diagnose each device by itself."""
+    schema: int = SCHEMA
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of the settings."""
+        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()
+
+
+def version() -> str:
+    """Return the version of the package that estimates."""
+    return package_version()
+
+
+def estimate_device(source: DeviceSource, settings: Settings) -> list[Row]:
+    """Return the rows of one device; one row with the reason where it cannot be estimated."""
+    try:
+        recordings = [admitted(one) for one in _recordings(source)]
+        rows = _estimated(recordings, settings)
+        device = source.device or recordings[0].device or Path(source.key.split('#')[0]).name
+        digest = hashlib.sha256(''.join(columns_hash(r) for r in recordings).encode()).hexdigest()
+    except Exception as error:  # noqa: BLE001 (one device in thousands never ends the run)
+        return [failed_row(source, settings, f'{type(error).__name__}: {error}')]
+    return [_identified(row, source, settings, device, digest) for row in rows]
+
+
+def failed_row(
+    source: DeviceSource, settings: Settings, reason: str, *, again: bool = False
+) -> Row:
+    """Return the row of a device that has no estimate; `again`: the next run tries once more."""
+    device = source.device or Path(source.key.split('#')[0]).name
+    row = _identified({'role': 'failed', 'reason': reason}, source, settings, device, '')
+    return {**row, 'fingerprint': ''} if again else row
+
+
+def _identified(
+    row: Row, source: DeviceSource, settings: Settings, device: str, input_hash: str
+) -> Row:
+    return {
+        **row,
+        'lot': source.lot,
+        'type': source.type,
+        'device': device,
+        'source': source.key,
+        'fingerprint': source.fingerprint,
+        'input_hash': input_hash,
+        'settings': settings.hash,
+        'version': version(),
+    }
+
+
+def _recordings(source: DeviceSource) -> Iterator[ImuRecording]:
+    for bag in source.bags:
+        with _local(bag) as path:
+            recording = read_bag(path)
+        if source.device and recording.device and recording.device != source.device:
+            raise RecordingError(f'{bag}: holds {recording.device}, not {source.device}')
+        refuse_moving(recording)
+        yield recording
+
+
+@contextmanager
+def _local(url: str) -> Iterator[Path]:
+    """Give a path where the bag of a URL can be read; what is far is fetched for that long."""
+    if '://' not in url:
+        yield Path(url)
+        return
+    from fsspec.core import url_to_fs
+
+    files, path = url_to_fs(url)
+    with TemporaryDirectory() as folder:
+        target = Path(folder) / path.rstrip('/').rpartition('/')[2]
+        files.get(path, str(target), recursive=True)
+        yield target
+
+
+def _estimated(recordings: Sequence[ImuRecording], settings: Settings) -> list[Row]:
+    named = {recording.device for recording in recordings if recording.device}
+    if len(named) > 1:
+        raise RecordingError(f'several devices in one: {", ".join(sorted(named))}')
+    runs = prepare(recordings)
+    model = fit_prepared([LINE], runs)
+    comparison = compare_prepared(model, runs)
+    noise = {s: part.noise for s in SENSORS if (part := model.sensors.get(s)) and part.noise}
+    alone = [fit_prepared([LINE], [run], noise=noise) for run in runs]
+    rows: list[Row] = []
+    for sensor in (sensor for sensor in SENSORS if sensor in model.sensors):
+        part = model.sensors[sensor]
+        fitted = _fitted_rows(sensor, part, runs, alone, comparison)
+        rows += [{**row, 'measured_at': int(recordings[0].stamp[0])} for row in fitted]
+        rows += _candidate_rows(sensor, part, runs)
+    if settings.diagnose:
+        rows += _diagnosed_rows(recordings, model)
+    return rows
+
+
+def _fitted_rows(
+    sensor: Sensor,
+    part: SensorModel,
+    runs: Sequence[PreparedRun],
+    alone: Sequence[ThermalModel],
+    comparison: Comparison,
+) -> list[Row]:
+    """Return a row per axis: slope, its deviation, that of each run, means by temperature."""
+    compared = comparison.sensors[sensor]
+    slopes = part.coefficients[0]
+    std = np.sqrt(np.diag(part.covariance)).reshape(slopes.shape)
+    each = [one.sensors[sensor].coefficients[0][0] for one in alone if sensor in one.sensors]
+    run, temperature, mean, variance = block_means(runs, sensor, part)
+    return [
+        {
+            'sensor': sensor,
+            'axis': axis,
+            'effect': LINE.name,
+            'role': 'fitted',
+            'unit': f'{SENSOR_UNITS[sensor]}/K',
+            'coefficients': slopes[:, a].tolist(),
+            'std': std[:, a].tolist(),
+            'run_coefficients': [float(one[a]) for one in each],
+            'measured_rms': float(compared.measured_rms[a]),
+            'held_out_rms': float(compared.held_out_rms[a]),
+            'noise_floor': float(compared.noise_floor[a]),
+            'block_run': run,
+            'block_temperature': temperature,
+            'block_mean': mean[:, a].tolist(),
+            'block_variance': variance[:, a].tolist(),
+        }
+        for a, axis in enumerate(AXES)
+    ]
+
+
+def block_means(
+    runs: Sequence[PreparedRun], sensor: Sensor, part: SensorModel
+) -> tuple[list[int], list[float], FloatArray, FloatArray]:
+    """Return run, temperature [°C], (n, 3) mean and (n, 3) variance [unit, unit²] per bin.
+
+    A bin is BIN_K wide; the variance is that of a mean as long as the run stayed in the bin.
+    """
+    number, temperature, mean, variance = [], [], [], []
+    assert part.noise is not None  # noqa: S101 (a fitted model has it)
+    for r, run in enumerate(runs):
+        measured = run.measured[sensor]
+        valid = np.isfinite(measured).all(axis=1)
+        place = np.round(run.temperature / BIN_K).astype(int)
+        for bin_ in np.unique(place[valid]):
+            rows = valid & (place == bin_)
+            number.append(r)
+            temperature.append(float(run.temperature[rows].mean()))
+            mean.append(measured[rows].mean(axis=0))
+            variance.append(part.noise.variance_of_means(rows.sum() * run.period))
+    return number, temperature, np.array(mean), np.array(variance)
+
+
+def _candidate_rows(sensor: Sensor, part: SensorModel, runs: Sequence[PreparedRun]) -> list[Row]:
+    """Return a row per effect and axis: what each of its forms would take up."""
+    assert part.noise is not None  # noqa: S101 (a fitted model has it)
+    return [
+        {
+            'sensor': sensor,
+            'axis': axis,
+            'effect': found.effect,
+            'role': 'candidate',
+            'forms': list(found.forms),
+            'gain': found.gain[:, a].tolist(),
+            'degrees': found.degrees,
+        }
+        for found in candidate_gains(runs, sensor, part.noise, LINE)
+        for a, axis in enumerate(AXES)
+    ]
+
+
+def _diagnosed_rows(recordings: Sequence[ImuRecording], model: ThermalModel) -> list[Row]:
+    found = diagnose(recordings, model)
+    return [
+        {
+            'sensor': finding.sensor,
+            'axis': '',
+            'effect': finding.name or finding.kind,
+            'role': 'diagnosed',
+            'probability': finding.probability,
+        }
+        for finding in found.findings
+    ]

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Results of a fleet as a Parquet dataset: one row a device × sensor × axis × effect.
+
+`DIR/results/lot=A/part-….parquet`. A file is written beside its place and moved there: it is whole
+or absent. A device that was estimated again stands in a newer file; readers take its newest rows.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from imu_recording.user_error import UserError
+
+RESULTS = 'results'
+SCHEMA = 1
+Row = dict[str, Any]
+"""One row; absent columns are null."""
+
+COLUMNS: dict[str, str] = {
+    'device': 'string',
+    'type': 'string',
+    'sensor': 'string',
+    'axis': 'string',
+    'effect': 'string',
+    'role': 'string',
+    'unit': 'string',
+    'coefficients': 'list<double>',
+    'std': 'list<double>',
+    'run_coefficients': 'list<double>',
+    'forms': 'list<string>',
+    'gain': 'list<double>',
+    'degrees': 'int64',
+    'probability': 'double',
+    'measured_rms': 'double',
+    'held_out_rms': 'double',
+    'noise_floor': 'double',
+    'block_run': 'list<int16>',
+    'block_temperature': 'list<double>',
+    'block_mean': 'list<double>',
+    'block_variance': 'list<double>',
+    'measured_at': 'int64',
+    'source': 'string',
+    'fingerprint': 'string',
+    'input_hash': 'string',
+    'settings': 'string',
+    'version': 'string',
+    'written': 'int64',
+    'reason': 'string',
+}
+"""Column → type. `role`: 'fitted' (coefficients, their standard deviations, those of each run
+alone, block means by temperature), 'candidate' (whitened sum of squares an effect would take up,
+per form), 'diagnosed' (probability), 'failed' (reason)."""
+
+
+def arrow_schema() -> Any:
+    """Return the schema of a file of results."""
+    import pyarrow as pa
+
+    plain = {
+        'string': pa.string(),
+        'double': pa.float64(),
+        'int64': pa.int64(),
+        'list<double>': pa.list_(pa.float64()),
+        'list<string>': pa.list_(pa.string()),
+        'list<int16>': pa.list_(pa.int16()),
+    }
+    return pa.schema([(name, plain[kind]) for name, kind in COLUMNS.items()])
+
+
+def write_rows(folder: Path, rows: Sequence[Row], written: int) -> None:
+    """Add rows (each with its `lot`) to the dataset; `written` [ns] makes them the newest."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    lots: dict[str, list[Row]] = defaultdict(list)
+    for row in rows:
+        own = {key: value for key, value in row.items() if key != 'lot'}
+        lots[row['lot']].append({**own, 'written': written})
+    for lot, own_rows in lots.items():
+        home = folder / RESULTS / f'lot={quote(lot, safe="")}'
+        home.mkdir(parents=True, exist_ok=True)
+        partial = home / f'.part-{written}.partial'
+        pq.write_table(pa.Table.from_pylist(own_rows, arrow_schema()), partial, compression='zstd')
+        os.replace(partial, home / f'part-{written}.parquet')  # noqa: PTH105 (atomic, says so)
+
+
+class FleetTable:
+    """The newest rows of every device, queried with SQL as `results`."""
+
+    def __init__(self, folder: Path) -> None:
+        import duckdb
+
+        if not any((folder / RESULTS).glob('*/*.parquet')):
+            raise UserError(f'{folder}: no results here; `fleet SOURCE… -o {folder}` writes them')
+        self.folder = folder
+        self._database = duckdb.connect(config={'threads': 2, 'memory_limit': '1GB'})
+        pattern = str(folder / RESULTS / '*' / '*.parquet').replace("'", "''")
+        self._database.execute(
+            f"""
+            CREATE VIEW everything AS
+              SELECT * FROM read_parquet('{pattern}', hive_partitioning = true, filename = true,
+                                         hive_types = {{'lot': VARCHAR}});
+            CREATE TABLE newest AS SELECT source, max(written) AS written,
+              max_by(filename, (written, filename)) AS filename FROM everything GROUP BY source;
+            CREATE VIEW results AS SELECT everything.* EXCLUDE (filename) FROM everything
+              JOIN newest USING (source, written, filename)
+            """  # noqa: S608 (the pattern is quoted)
+        )
+
+    def rows(self, query: str, **values: Any) -> list[tuple[Any, ...]]:
+        """Return the rows of a query over `results`; $name takes its value."""
+        found: list[tuple[Any, ...]] = self._database.execute(query, values).fetchall()
+        return found
+
+    def columns(self, query: str, **values: Any) -> Mapping[str, Any]:
+        """Return the columns of a query as numpy arrays, by name."""
+        return dict(self._database.execute(query, values).fetchnumpy())
+
+
+def finished(folder: Path) -> dict[str, tuple[str, str, str]]:
+    """Return fingerprint, settings and version of what is done, by source."""
+    if not any((folder / RESULTS).glob('*/*.parquet')):
+        return {}
+    query = """SELECT source, any_value(fingerprint), any_value(settings), any_value(version)
+               FROM results GROUP BY source"""
+    return {key: (a, b, c) for key, a, b, c in FleetTable(folder).rows(query)}
+
+
+def compact(folder: Path) -> None:
+    """Write the newest rows of a lot into one file where it has many, then drop the others.
+
+    Interrupted in between, old files stand beside the new one with the same rows: readers take
+    each device from one file, and the next run tidies up.
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+    import pyarrow.dataset as ds
+    import pyarrow.parquet as pq
+
+    for home in sorted((folder / RESULTS).glob('lot=*')):
+        for left in home.glob('.part-*.partial'):
+            left.unlink()
+        parts = sorted(home.glob('part-*.parquet'))
+        if len(parts) < 2:
+            continue
+        table = ds.dataset(parts, schema=arrow_schema()).to_table()
+        newest = table.group_by('source').aggregate([('written', 'max')])
+        keys = dict(
+            zip(newest['source'].to_pylist(), newest['written_max'].to_pylist(), strict=True)
+        )
+        wanted = pa.array([keys[source] for source in table['source'].to_pylist()])
+        kept = table.filter(pc.equal(table['written'], wanted))
+        partial = home / '.part-whole.partial'
+        pq.write_table(kept, partial, compression='zstd')
+        partial.replace(parts[-1])  # its name comes last: it wins over what is double
+        for part in parts[:-1]:
+            part.unlink()

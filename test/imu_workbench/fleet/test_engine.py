@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The engine of a fleet: what is done is done once, and a bad device is a row."""
+
+from __future__ import annotations
+
+import itertools
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from imu_driver.simulation.devices import TYPICAL_SPREAD
+from imu_recording.user_error import UserError
+from imu_workbench.__main__ import main
+from imu_workbench.fleet import engine
+from imu_workbench.fleet.engine import Cluster, Progress, run_fleet
+from imu_workbench.fleet.estimate import Settings
+from imu_workbench.fleet.sources import find_devices
+from imu_workbench.fleet.table import FleetTable
+from imu_workbench.simulate.campaign import Logging
+from imu_workbench.simulate.fleet import FleetPlan, fleet_truth, write_fleet
+
+HERE = Cluster(workers=1, processes=False)
+
+
+@pytest.fixture(scope='module')
+def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp('fleet') / 'bags'
+    write_fleet(FleetPlan('short_20min', 3, 2, 3, Logging(0.5, mean=True)), folder, 1)
+    return folder
+
+
+def run(sources: list[Path], folder: Path, start: int = 1) -> Progress:
+    ticks = itertools.count(start * 10**12, 3 * 10**9)
+    devices = find_devices([str(source) for source in sources])
+    return run_fleet(devices, folder, Settings(), HERE, clock=lambda: next(ticks))
+
+
+def test_rows_tell_the_slopes_and_a_second_run_does_only_what_changed(
+    bags: Path, tmp_path: Path
+) -> None:
+    copied = tmp_path / 'bags'
+    shutil.copytree(bags, copied, copy_function=shutil.copy2)
+    out = tmp_path / 'out'
+    first = run([copied], out)
+    assert (first.devices, first.estimated, first.failed) == (3, 3, {})
+    assert run([copied], out, 2).unchanged == 3
+    touched = next((copied / 'lot=A' / 'A00001' / 'x').glob('*.mcap'))
+    touched.write_bytes(touched.read_bytes())
+    second = run([copied], out, 3)
+    assert (second.estimated, second.unchanged) == (1, 2)
+    found = FleetTable(out).rows(
+        'SELECT device, lot, list(coefficients[1] ORDER BY sensor, axis), '
+        'list(std[1] ORDER BY sensor, axis), count(DISTINCT input_hash) FROM results '
+        "WHERE role = 'fitted' GROUP BY device, lot ORDER BY device"
+    )
+    truth = fleet_truth(bags)
+    assert truth is not None
+    assert [row[:2] for row in found] == [('A00001', 'A'), ('A00002', 'A'), ('B00003', 'B')]
+    for device, _, slopes, std, hashes in found:
+        wanted = np.array(truth['devices'][device]['slopes']).reshape(3, 3)
+        error = np.array(slopes).reshape(3, 3) - wanted[[0, 1, 2]]
+        of_the_class = np.array([[TYPICAL_SPREAD[name][1]] for name in sorted(TYPICAL_SPREAD)])
+        # Hidden effects and the thermometer's own error move a slope beyond its deviation.
+        assert (np.abs(error) < 6 * np.array(std).reshape(3, 3) + 0.3 * of_the_class).all()
+        assert hashes == 1
+
+
+def test_a_bad_device_is_a_row_with_its_reason(bags: Path, tmp_path: Path) -> None:
+    copied = tmp_path / 'bags'
+    shutil.copytree(bags, copied)
+    broken = next((copied / 'lot=A' / 'A00001' / 'x').glob('*.mcap'))
+    broken.write_bytes(b'no bag')
+    shutil.copytree(copied / 'lot=A' / 'A00002', copied / 'lot=A' / 'again')
+    done = run([copied], tmp_path / 'out')
+    assert done.estimated == 1
+    assert sorted(done.failed) == ['A00001', 'A00002']
+    assert 'stands in 2 folders' in done.failed['A00002']
+    rows = FleetTable(tmp_path / 'out').rows(
+        "SELECT device, reason FROM results WHERE role = 'failed' ORDER BY device"
+    )
+    assert [row[0] for row in rows] == ['A00001', 'A00002', 'A00002']
+    assert all(row[1] for row in rows)
+
+
+def test_what_was_written_before_an_interruption_is_not_done_again(
+    bags: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = engine.outcomes
+
+    def interrupted(*arguments: object) -> object:
+        yield next(whole(*arguments))  # type: ignore[arg-type]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(engine, 'outcomes', interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run([bags], tmp_path)
+    monkeypatch.setattr(engine, 'outcomes', whole)
+    after = run([bags], tmp_path, 2)
+    assert (after.unchanged, after.estimated) == (1, 2)
+    rows = FleetTable(tmp_path).rows("SELECT count(*) FROM results WHERE role = 'fitted'")
+    assert rows == [(27,)]
+
+
+def test_sources_are_globs_lists_and_urls(bags: Path, tmp_path: Path) -> None:
+    listed = tmp_path / 'list.csv'
+    listed.write_text(f'source,lot,type\n{bags}/lot=A/A00001,Q,LSM\nfile://{bags}/lot=B,,\n')
+    devices = find_devices([str(listed), f'{bags}/lot=A/A0000?'])
+    assert [(d.device, d.lot, d.type) for d in devices] == [
+        ('A00002', 'A', 'none'), ('B00003', 'B', 'none'), ('A00001', 'Q', 'LSM'),
+    ]  # fmt: skip
+    assert all(len(device.bags) == 3 for device in devices)
+    with pytest.raises(UserError, match='no bag here'):
+        find_devices([str(tmp_path / 'nowhere')])
+    listed.write_text('path\nx\n')
+    with pytest.raises(UserError, match='a list has source'):
+        find_devices([str(listed)])
+
+
+def test_mistakes_are_one_line(
+    bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engine, 'CONNECT_S', 0.2)
+    call = ['fleet', str(bags), '-o', str(tmp_path / 'out')]
+    assert main([*call, '--scheduler', 'tcp://127.0.0.1:9']) == 2
+    assert 'no answer' in capsys.readouterr().err
+    monkeypatch.setattr('imu_workbench.fleet.extra.LIBRARIES', ())
+    monkeypatch.setattr('imu_workbench.fleet.extra.find_spec', lambda name: None)
+    assert main(call) == 2
+    assert 'requirements-fleet.txt' in capsys.readouterr().err
