@@ -54,7 +54,7 @@ No key: apt has none or none new enough, or the library is optional. Every other
 package of that name.
 """
 STANDARD = {*sys.stdlib_module_names, 'compression'}  # compression.zstd: since Python 3.14
-PIP = re.compile(r'from requirements\*\.txt: ([^-]*?)\s*-->')
+PIP = re.compile(r'from requirements\*\.txt: (.*?)\s*-->')
 """The comment of a package.xml that lists what comes from no apt package."""
 
 

@@ -122,6 +122,8 @@ def test_mistakes_are_one_line(
 ) -> None:
     monkeypatch.setattr(engine, 'CONNECT_S', 0.2)
     call = ['fleet', str(bags), '-o', str(tmp_path / 'out')]
+    assert main(['reveal', str(bags), '--fleet', str(tmp_path)]) == 2
+    assert 'no results here' in capsys.readouterr().err
     assert main([*call, '--scheduler', 'tcp://127.0.0.1:9']) == 2
     assert 'no answer' in capsys.readouterr().err
     monkeypatch.setattr('imu_workbench.fleet.extra.LIBRARIES', ())

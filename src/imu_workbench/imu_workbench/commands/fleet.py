@@ -57,6 +57,8 @@ def run(options: argparse.Namespace) -> Answer:
     from imu_workbench.fleet.engine import Cluster, run_fleet
     from imu_workbench.fleet.estimate import Settings
     from imu_workbench.fleet.sources import find_devices
+    from imu_workbench.fleet.study import study
+    from imu_workbench.fleet.summary import study_lines
 
     workers = options.workers or len(os.sched_getaffinity(0))
     if workers < 1:
@@ -74,13 +76,14 @@ def run(options: argparse.Namespace) -> Answer:
         report=show_progress,
     )
     done = f'{progress.estimated} estimated, {progress.unchanged} unchanged'
+    show_progress('studying the fleet …')
+    found = study(options.output)
     text = [f'{progress.devices} devices: {done}, {len(progress.failed)} failed']
     text += [f'failed: {device}: {reason}' for device, reason in progress.failed.items()]
-    content = {
-        'schema': 1,
+    run_content = {
         'devices': progress.devices,
         'estimated': progress.estimated,
         'unchanged': progress.unchanged,
         'failed': progress.failed,
     }
-    return Answer(content, '\n'.join(text))
+    return Answer({**found, 'run': run_content}, '\n'.join([*text, *study_lines(found)]))

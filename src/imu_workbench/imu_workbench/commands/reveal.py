@@ -20,6 +20,7 @@ from thermal_comp.model.values import ThermalModel
 from imu_recording import ImuRecording, read_bag
 from imu_workbench.answer import Answer
 from imu_workbench.commands.options import add_effects_argument, add_model_argument
+from imu_workbench.fleet.extra import require_fleet
 from imu_workbench.simulate.fleet import fleet_truth
 from imu_workbench.simulate.hidden_effect import (
     VERDICTS,
@@ -44,6 +45,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help='the folder `simulate … --hide` or `--fleet` wrote',
     )
     add_model_argument(parser, 'model of an earlier campaign, for what `simulate … --aged` wrote')
+    parser.add_argument(
+        '--fleet', type=Path, metavar='DIR', help='results of `fleet`, for a simulated fleet'
+    )
     add_effects_argument(parser)
 
 
@@ -51,7 +55,9 @@ def run(options: argparse.Namespace) -> Answer:
     """Diagnose first, then look."""
     population = fleet_truth(options.folder)
     if population is not None:
-        return _fleet(population)
+        return _fleet(population, options.fleet)
+    if options.fleet:
+        raise UserError(f'{options.folder}: no fleet was simulated here; leave --fleet away')
     truth, bags = find_truth(options.folder)
     catalogue = effect_catalogue(options.effects)
     if any(one['law'] not in {*HIDEABLE, *catalogue} for one in all_hidden(truth)):
@@ -85,8 +91,18 @@ def run(options: argparse.Namespace) -> Answer:
     return Answer(content, '\n'.join(lines))
 
 
-def _fleet(truth: Mapping[str, Any]) -> Answer:
-    """Tell what the lots of a simulated fleet are made of, and which devices are odd."""
+def _fleet(truth: Mapping[str, Any], results: Path | None) -> Answer:
+    """Tell what the lots of a simulated fleet are made of, which devices are odd, what was found.
+
+    The study of the results comes first.
+    """
+    content: dict[str, Any] = {'schema': 1}
+    if results:
+        require_fleet()
+        from imu_workbench.fleet.against_truth import score_fleet
+        from imu_workbench.fleet.study import study
+
+        content['score'] = score_fleet(study(results), truth)
     lines = [f'{len(truth["devices"])} devices of {len(truth["lots"])} lots']
     for lot, drawn in truth['lots'].items():
         common = '; '.join(
@@ -97,7 +113,9 @@ def _fleet(truth: Mapping[str, Any]) -> Answer:
         lines.append(f'lot {lot}: {common or "nothing hidden in many"}')
     odd = {name: one['outlier'] for name, one in truth['devices'].items() if one['outlier']}
     lines += [f'outlier {name}: {what}' for name, what in odd.items()]
-    return Answer({'schema': 1, 'truth': truth, 'outliers': odd}, '\n'.join(lines))
+    if results:
+        lines += content['score']['lines']
+    return Answer({**content, 'truth': truth, 'outliers': odd}, '\n'.join(lines))
 
 
 def _recordings(bags: Sequence[Path], model: ThermalModel | None) -> Iterator[ImuRecording]:

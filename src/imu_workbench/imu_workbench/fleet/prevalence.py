@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which effects a lot has, in which share of its devices: joint evidence of all of them.
+
+Where an effect is absent, what it takes up of a device's whitened residual is χ² with p degrees of
+freedom; where it is present, its coefficients are the device's own, drawn with g times the
+variance of their estimate, and it is (1 + g) χ²_p. With one form of the effect for the lot and a
+share π of devices that have it, the Bayes factor against "none has it" is
+Σ_i ln(1 − π + π B_i),  ln B_i = S_i g / (2 (1 + g)) − p ln(1 + g) / 2,
+averaged over a grid of forms, ln g and π. So an effect that no device shows alone is named by
+many.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from imu_recording.recording import FloatArray
+from scipy.special import logsumexp
+
+from imu_workbench.fleet.table import FleetTable
+
+SHARES = np.linspace(0.025, 1.0, 40)
+"""Grid of π, each as probable as the next."""
+RATIOS = np.geomspace(0.25, 1e5, 24)
+"""Grid of g."""
+NAMED = 0.95
+"""Probability from which an effect is named."""
+ALONE = 3.0
+"""ln of the Bayes factor from which a device shows an effect by itself."""
+
+
+@dataclass(frozen=True)
+class Prevalence:
+    """One effect in one sensor of a lot."""
+
+    lot: str
+    sensor: str
+    effect: str
+    form: str
+    """Its shape parameters, the most probable of the grid."""
+    devices: int
+    evidence: float
+    """ln of the joint Bayes factor against none."""
+    probability: float
+    """Among the effects tried in this sensor and none, one of them at most."""
+    share: float
+    """Of the devices that have it."""
+    share_range: tuple[float, float]
+    """Between these it is with 90 %."""
+    alone: int
+    """Devices that show it by themselves."""
+
+    @property
+    def named(self) -> bool:
+        """Whether it is the probable answer."""
+        return self.probability >= NAMED
+
+
+def joint_evidence(gain: FloatArray, degrees: int) -> tuple[FloatArray, FloatArray]:
+    """Return (forms, g, π) ln Bayes factors of a lot and (n, forms, g) those of the devices.
+
+    `gain` (n, forms) is what each form takes up of a device, with `degrees` of freedom.
+    """
+    single = gain[:, :, None] * (RATIOS / (1.0 + RATIOS)) / 2.0 - degrees * np.log1p(RATIOS) / 2.0
+    joint = np.empty((*single.shape[1:], len(SHARES)))
+    for k, share in enumerate(SHARES):
+        mixed = np.logaddexp(np.log1p(-share) if share < 1.0 else -np.inf, np.log(share) + single)
+        joint[:, :, k] = mixed.sum(axis=0)
+    return joint, single
+
+
+def prevalences(table: FleetTable, odd: Collection[tuple[str, str]] = ()) -> list[Prevalence]:
+    """Return every effect tried, by lot and sensor, the most probable first.
+
+    `odd` (device, sensor) are left out: what only they have is no property of the lot.
+    """
+    groups = table.rows(
+        "SELECT DISTINCT lot, sensor FROM results WHERE role = 'candidate' ORDER BY lot, sensor"
+    )
+    found: list[Prevalence] = []
+    for lot, sensor in groups:
+        tried = [one for one in _tried(table, lot, sensor, odd) if one.devices]
+        total = logsumexp([np.log(max(1, len(tried))), *(one.evidence for one in tried)])
+        for one in sorted(tried, key=lambda one: -one.evidence):
+            probability = float(np.exp(one.evidence - total))
+            found.append(Prevalence(**{**vars(one), 'probability': probability}))
+    return found
+
+
+def _tried(
+    table: FleetTable, lot: str, sensor: str, odd: Collection[tuple[str, str]]
+) -> list[Prevalence]:
+    every = table.rows(
+        """SELECT effect, any_value(forms), sum(degrees), list(gain ORDER BY axis),
+                  any_value(device)
+           FROM results WHERE role = 'candidate' AND lot = $lot AND sensor = $sensor
+           GROUP BY effect, source HAVING count(*) = 3 ORDER BY effect""",
+        lot=lot,
+        sensor=sensor,
+    )
+    rows = [row for row in every if (row[4], sensor) not in odd]
+    found = []
+    for effect in dict.fromkeys(row[0] for row in rows):
+        own = [row for row in rows if row[0] == effect]
+        gain = np.array([row[3] for row in own], dtype=float).sum(axis=1)
+        shown = np.isfinite(gain).all(axis=0)
+        forms = [form for form, seen in zip(own[0][1], shown, strict=True) if seen]
+        if forms:
+            where = (lot, sensor, effect)
+            found.append(_of_effect(where, forms, gain[:, np.flatnonzero(shown)], int(own[0][2])))
+    return found
+
+
+def _of_effect(
+    where: tuple[str, str, str], forms: Sequence[str], gain: FloatArray, degrees: int
+) -> Prevalence:
+    joint, single = joint_evidence(gain, degrees)
+    evidence = float(logsumexp(joint) - np.log(joint.size))
+    weight = np.exp(joint - joint.max())
+    weight /= weight.sum()
+    share = weight.sum(axis=(0, 1))
+    below = np.cumsum(share)
+    best = np.unravel_index(int(np.argmax(joint)), joint.shape)
+    form, ratio = int(best[0]), int(best[1])
+    return Prevalence(
+        *where,
+        form=forms[form],
+        devices=len(gain),
+        evidence=evidence,
+        probability=0.0,
+        share=float(share @ SHARES),
+        share_range=(
+            float(SHARES[np.searchsorted(below, 0.05)]),
+            float(SHARES[min(np.searchsorted(below, 0.95), len(SHARES) - 1)]),
+        ),
+        alone=int((single[:, form, ratio] > ALONE).sum()),
+    )

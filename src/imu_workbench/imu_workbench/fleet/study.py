@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All that is said of a fleet, as one dictionary: page, JSON and terminal show the same."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from imu_workbench.fleet.clusters import find_clusters
+from imu_workbench.fleet.control import control_chart
+from imu_workbench.fleet.population import Population, error_variances, populations
+from imu_workbench.fleet.prevalence import prevalences
+from imu_workbench.fleet.screening import Screening, odd_devices, screen
+from imu_workbench.fleet.table import FleetTable
+from imu_workbench.fleet.vectors import SENSORS, Vectors, read_vectors
+
+SCHEMA = 1
+
+
+def study(folder: Path) -> dict[str, Any]:
+    """Return populations, odd devices, clusters, prevalence, control charts and failures."""
+    table = FleetTable(folder)
+    sensors = [vectors for name in SENSORS if len(vectors := read_vectors(table, name))]
+    screened = [(vectors, screen(vectors)) for vectors in sensors]
+    odd = odd_devices(screened)
+    names = {one.device for one in odd}
+    lots = [
+        population
+        for vectors in sensors
+        for population in populations(vectors, [d not in names for d in vectors.device])
+    ]
+    return {
+        'schema': SCHEMA,
+        'devices': int(table.rows('SELECT count(DISTINCT source) FROM results')[0][0]),
+        'estimated': max((len(vectors) for vectors in sensors), default=0),
+        'failed': dict(
+            table.rows("SELECT device, reason FROM results WHERE role = 'failed' ORDER BY device")
+        ),
+        'without_lot': int(
+            table.rows("SELECT count(DISTINCT source) FROM results WHERE lot = 'none'")[0][0]
+        ),
+        'populations': [_population(one, sensors) for one in lots],
+        'odd': [asdict(one) for one in odd],
+        'clusters': _clusters(sensors, names),
+        'prevalence': [
+            {**asdict(one), 'named': one.named}
+            for one in prevalences(table, {(o.device, o.sensor) for o in odd})
+            if one.named or one.probability > 0.05
+        ],
+        'control': [entry for vectors in sensors for entry in _control(vectors)],
+        'scores': _scores(screened),
+    }
+
+
+def _population(one: Population, sensors: list[Vectors]) -> dict[str, Any]:
+    vectors = next(v for v in sensors if v.sensor == one.sensor)
+    group = vectors.of((vectors.type == one.type) & (vectors.lot == one.lot))
+    return {
+        'type': one.type,
+        'lot': one.lot,
+        'sensor': one.sensor,
+        'unit': one.unit,
+        'devices': one.devices,
+        'mean': one.mean.tolist(),
+        'mean_std': np.sqrt(np.diag(one.mean_covariance)).tolist(),
+        'covariance': one.covariance.tolist(),
+        'std': np.sqrt(np.diag(one.covariance)).tolist(),
+        'run_std': one.run_std.tolist(),
+        'estimate_std': np.sqrt(np.median(error_variances(group), axis=0)).tolist(),
+    }
+
+
+def _clusters(sensors: list[Vectors], odd: set[str]) -> list[dict[str, Any]]:
+    """Return the clusters of each type, over the devices that have every sensor."""
+    if not sensors:
+        return []
+    common = set.intersection(*(set(v.device.tolist()) for v in sensors))
+    whole = [v.of(np.isin(v.device, sorted(common))) for v in sensors]
+    found = []
+    for kind in np.unique(whole[0].type):
+        own = [v.of(v.type == kind) for v in whole]
+        clusters = find_clusters(own, [d not in odd for d in own[0].device])
+        found.append({'type': str(kind), 'count': clusters.count, 'lots': clusters.table})
+    return found
+
+
+def _control(vectors: Vectors) -> list[dict[str, Any]]:
+    """Return a chart per type, lot and axis, devices in the order they were measured."""
+    found = []
+    for (kind, lot), group in vectors.groups():
+        if len(group) < 2:
+            continue
+        order = np.lexsort((group.device, group.measured_at))
+        for a, axis in enumerate('xyz'):
+            chart = control_chart(group.coefficients[order, a])
+            found.append(
+                {
+                    'type': kind,
+                    'lot': lot,
+                    'sensor': vectors.sensor,
+                    'axis': axis,
+                    'unit': vectors.unit,
+                    'centre': chart.centre,
+                    'sigma': chart.sigma,
+                    'limits': list(chart.limits),
+                    'beyond': [str(group.device[order[i]]) for i in chart.beyond],
+                    'drift_at': [str(group.device[order[i]]) for i in chart.on_one_side],
+                }
+            )
+    return found
+
+
+def _scores(screened: list[tuple[Vectors, Screening]]) -> dict[str, dict[str, float]]:
+    """Return, by device and sensor, −log10 of the smaller p-value: the map of the page."""
+    found: dict[str, dict[str, float]] = {}
+    for vectors, screening in screened:
+        p = np.fmin(screening.coefficients, screening.misfit)
+        score = -np.log10(np.maximum(p, 1e-300))
+        for device, value in zip(vectors.device, score, strict=True):
+            if np.isfinite(value):
+                found.setdefault(str(device), {})[vectors.sensor] = float(value)
+    return found

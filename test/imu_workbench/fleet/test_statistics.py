@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the statistics of a fleet find in populations whose truth is known."""
+
+from __future__ import annotations
+
+import numpy as np
+from imu_workbench.fleet.clusters import find_clusters
+from imu_workbench.fleet.control import control_chart
+from imu_workbench.fleet.population import device_effects, fit_population
+from imu_workbench.fleet.prevalence import SHARES, joint_evidence
+from imu_workbench.fleet.screening import Screening, odd_devices, screen
+from imu_workbench.fleet.vectors import Vectors
+
+MIX = np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [-0.3, 0.2, 0.9]])
+"""Axes of a lot correlate."""
+
+
+def vectors(coefficients: np.ndarray, misfit: np.ndarray, lots: list[str]) -> Vectors:
+    n = len(coefficients)
+    return Vectors(
+        'gyroscope', 'rad/s/K', np.array([f'd{k:05d}' for k in range(n)]), np.full(n, 'none'),
+        np.array(lots), coefficients, np.full((n, 3), 0.01), np.full((n, 3), 0.01),
+        np.full(n, 3), misfit, np.arange(n),
+    )  # fmt: skip
+
+
+def test_the_population_is_told_apart_from_the_error_of_the_estimates() -> None:
+    draw = np.random.default_rng(1)
+    truth = np.array([5.0, -2.0, 1.0]) + draw.normal(size=(3000, 3)) @ MIX.T
+    std = draw.uniform(0.3, 1.5, (3000, 3))
+    measured = truth + std * draw.normal(size=(3000, 3))
+    mean, of_mean, covariance = fit_population(measured, std**2)
+    np.testing.assert_allclose(covariance, MIX @ MIX.T, atol=0.12)
+    assert (np.abs(mean - [5.0, -2.0, 1.0]) < 4 * np.sqrt(np.diag(of_mean))).all()
+    shrunk, posterior = device_effects(measured, std**2, mean, covariance)
+    left = shrunk - truth
+    assert (left**2).mean() < 0.75 * ((measured - truth) ** 2).mean()
+    distance = np.einsum('ni,nij,nj->n', left, np.linalg.inv(posterior), left)
+    assert 2.85 < distance.mean() < 3.15  # the posterior says how far it is off
+
+
+def test_screening_finds_outliers_of_four_sigma_and_leaves_the_others_in_peace() -> None:
+    draw = np.random.default_rng(2)
+    values, misfit = draw.normal(size=(4000, 3)) @ MIX.T, 0.02 * draw.normal(size=4000)
+    seeded, foreign = np.arange(0, 4000, 80), np.arange(40, 4000, 400)
+    values[seeded, 1] = 4.0 * draw.choice([-1.0, 1.0], len(seeded))
+    misfit[foreign] += 0.3
+    fleet = vectors(values, misfit, ['A', 'B'] * 2000)
+    screened = screen(fleet)
+    odd = {one.device for one in odd_devices([(fleet, screened)] * 3)}  # level of three sensors
+    wanted = {fleet.device[k] for k in (*seeded, *foreign)}
+    assert len(odd & wanted) >= 0.95 * len(wanted)
+    assert len(odd - wanted) <= 0.01 * (4000 - len(wanted))
+    assert isinstance(screened, Screening)
+
+
+def test_clusters_are_found_not_told() -> None:
+    draw = np.random.default_rng(3)
+    centres = draw.normal(0.0, 6.0, (6, 3))
+    own = draw.integers(6, size=600)
+    fleet = vectors(centres[own] + draw.normal(size=(600, 3)) @ MIX.T, own * 0.0, ['A'] * 600)
+    found = find_clusters([fleet], [True] * 600)
+    assert found.count == 6
+    share = [np.unique(own[found.label == k], return_counts=True)[1].max() for k in range(6)]
+    assert sum(share) > 0.97 * 600
+    one = vectors(draw.normal(size=(300, 3)), np.zeros(300), ['A'] * 300)
+    assert find_clusters([one], [True] * 300).count == 1
+
+
+def test_thirty_devices_name_what_none_shows_alone() -> None:
+    draw = np.random.default_rng(4)
+    has = np.arange(30) < 24
+    gain = draw.chisquare(3, (30, 1)) * np.where(has, 3.0, 1.0)[:, None]  # g = 2
+    joint, single = joint_evidence(gain, 3)
+    assert np.median(single.max(axis=2)) < 3.0
+    assert joint.max() > 5.0
+    weight = np.exp(joint - joint.max()).sum(axis=(0, 1))
+    assert 0.5 < weight @ SHARES / weight.sum() < 1.0
+    nothing, _ = joint_evidence(draw.chisquare(3, (30, 1)), 3)
+    assert np.log(np.exp(nothing).mean()) < 0.0
+
+
+def test_a_control_chart_sees_a_step_and_a_wild_value() -> None:
+    draw = np.random.default_rng(5)
+    values = draw.normal(size=200)
+    assert len(control_chart(values).beyond) <= 3
+    values[50] = 9.0
+    values[150:] += 2.0
+    chart = control_chart(values)
+    assert 50 in chart.beyond
+    assert any(place > 155 for place in chart.on_one_side)
