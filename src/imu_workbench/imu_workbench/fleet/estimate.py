@@ -10,10 +10,12 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from imu_recording.plausibility import admitted
-from imu_recording.recording import SENSOR_UNITS, FloatArray, RecordingError, columns_hash
+from imu_recording.recording import SENSOR_UNITS, RecordingError, columns_hash
+from numpy.typing import NDArray
 from thermal_comp.comparison.compare import Comparison, compare_prepared
 from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.data.motion import refuse_moving
@@ -148,7 +150,7 @@ def _fitted_rows(
     slopes = part.coefficients[0]
     std = np.sqrt(np.diag(part.covariance)).reshape(slopes.shape)
     each = [one.sensors[sensor].coefficients[0][0] for one in alone if sensor in one.sensors]
-    run, temperature, mean, variance = block_means(runs, sensor, part)
+    blocks = block_means(runs, sensor, part)
     return [
         {
             'sensor': sensor,
@@ -162,10 +164,11 @@ def _fitted_rows(
             'measured_rms': float(compared.measured_rms[a]),
             'held_out_rms': float(compared.held_out_rms[a]),
             'noise_floor': float(compared.noise_floor[a]),
-            'block_run': run,
-            'block_temperature': temperature,
-            'block_mean': mean[:, a].tolist(),
-            'block_variance': variance[:, a].tolist(),
+            'block_run': blocks['run'].tolist(),
+            'block_temperature': blocks['temperature'].tolist(),
+            'block_mean': blocks['mean'][:, a].tolist(),
+            'block_variance': blocks['variance'][:, a].tolist(),
+            'block_seconds': blocks['seconds'].tolist(),
         }
         for a, axis in enumerate(AXES)
     ]
@@ -173,24 +176,29 @@ def _fitted_rows(
 
 def block_means(
     runs: Sequence[PreparedRun], sensor: Sensor, part: SensorModel
-) -> tuple[list[int], list[float], FloatArray, FloatArray]:
-    """Return run, temperature [°C], (n, 3) mean and (n, 3) variance [unit, unit²] per bin.
+) -> dict[str, NDArray[Any]]:
+    """Return run, temperature [°C], seconds (n,), mean and variance (n, 3) of each bin.
 
-    A bin is BIN_K wide; the variance is that of a mean as long as the run stayed in the bin.
+    A bin is BIN_K wide; the variance [unit²] is that of a mean over as long as the run stayed in
+    the bin.
     """
-    number, temperature, mean, variance = [], [], [], []
     assert part.noise is not None  # noqa: S101 (a fitted model has it)
+    found: dict[str, list[Any]] = {
+        name: [] for name in ('run', 'temperature', 'seconds', 'mean', 'variance')
+    }
     for r, run in enumerate(runs):
         measured = run.measured[sensor]
         valid = np.isfinite(measured).all(axis=1)
         place = np.round(run.temperature / BIN_K).astype(int)
         for bin_ in np.unique(place[valid]):
             rows = valid & (place == bin_)
-            number.append(r)
-            temperature.append(float(run.temperature[rows].mean()))
-            mean.append(measured[rows].mean(axis=0))
-            variance.append(part.noise.variance_of_means(rows.sum() * run.period))
-    return number, temperature, np.array(mean), np.array(variance)
+            seconds = float(rows.sum() * run.period)
+            found['run'].append(r)
+            found['temperature'].append(float(run.temperature[rows].mean()))
+            found['seconds'].append(seconds)
+            found['mean'].append(measured[rows].mean(axis=0))
+            found['variance'].append(part.noise.variance_of_means(seconds))
+    return {name: np.array(values) for name, values in found.items()}
 
 
 def _candidate_rows(sensor: Sensor, part: SensorModel, runs: Sequence[PreparedRun]) -> list[Row]:

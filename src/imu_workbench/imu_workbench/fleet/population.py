@@ -49,15 +49,18 @@ def error_variances(vectors: Vectors) -> FloatArray:
     The scatter from run to run is pooled over the devices, and counts only beyond what the fits
     say of single runs.
     """
-    own = vectors.std**2
+    variance: FloatArray = vectors.std**2 + run_variance(vectors) / vectors.runs[:, None]
+    return variance
+
+
+def run_variance(vectors: Vectors) -> FloatArray:
+    """Return (3,) the variance between runs of a device beyond what fits say of single runs."""
     several = vectors.runs > 1
     if not several.any():
-        return own
-    runs = vectors.runs[several, None]
-    beyond = vectors.run_std[several] ** 2 - runs * own[several]
-    pooled = np.maximum(0.0, np.nanmedian(beyond, axis=0))
-    variance: FloatArray = own + pooled / vectors.runs[:, None]
-    return variance
+        return np.zeros(3)
+    alone = vectors.runs[several, None] * vectors.std[several] ** 2
+    beyond: FloatArray = np.median(vectors.run_std[several] ** 2 - alone, axis=0)
+    return np.maximum(0.0, beyond)
 
 
 def fit_population(

@@ -122,8 +122,8 @@ def _of_effect(
     weight /= weight.sum()
     share = weight.sum(axis=(0, 1))
     below = np.cumsum(share)
-    best = np.unravel_index(int(np.argmax(joint)), joint.shape)
-    form, ratio = int(best[0]), int(best[1])
+    form, rest = divmod(int(np.argmax(joint)), joint[0].size)
+    ratio = rest // len(SHARES)
     return Prevalence(
         *where,
         form=forms[form],
@@ -133,7 +133,7 @@ def _of_effect(
         share=float(share @ SHARES),
         share_range=(
             float(SHARES[np.searchsorted(below, 0.05)]),
-            float(SHARES[min(np.searchsorted(below, 0.95), len(SHARES) - 1)]),
+            float(SHARES[min(int(np.searchsorted(below, 0.95)), len(SHARES) - 1)]),
         ),
         alone=int((single[:, form, ratio] > ALONE).sum()),
     )

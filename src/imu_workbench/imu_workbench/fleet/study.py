@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from imu_recording.user_error import UserError
 
 from imu_workbench.fleet.clusters import find_clusters
 from imu_workbench.fleet.control import control_chart
 from imu_workbench.fleet.population import Population, error_variances, populations
 from imu_workbench.fleet.prevalence import prevalences
 from imu_workbench.fleet.screening import Screening, odd_devices, screen
+from imu_workbench.fleet.shortening import curve_content, shortening_curve
 from imu_workbench.fleet.table import FleetTable
 from imu_workbench.fleet.vectors import SENSORS, Vectors, read_vectors
 
@@ -32,6 +34,7 @@ def study(folder: Path) -> dict[str, Any]:
         for vectors in sensors
         for population in populations(vectors, [d not in names for d in vectors.device])
     ]
+    curve = shortening_curve(table, sensors, sorted(names))
     return {
         'schema': SCHEMA,
         'devices': int(table.rows('SELECT count(DISTINCT source) FROM results')[0][0]),
@@ -50,9 +53,23 @@ def study(folder: Path) -> dict[str, Any]:
             for one in prevalences(table, {(o.device, o.sensor) for o in odd})
             if one.named or one.probability > 0.05
         ],
+        'shortening': curve and curve_content(curve),
         'control': [entry for vectors in sensors for entry in _control(vectors)],
         'scores': _scores(screened),
     }
+
+
+def fleet_curve(folder: Path) -> dict[str, Any]:
+    """Return the shortening curve alone; UserError where no lot is large enough for one."""
+    table = FleetTable(folder)
+    sensors = [vectors for name in SENSORS if len(vectors := read_vectors(table, name))]
+    odd = odd_devices([(vectors, screen(vectors)) for vectors in sensors])
+    curve = shortening_curve(table, sensors, [one.device for one in odd])
+    if curve is None:
+        raise UserError(
+            f'{folder}: no devices with two runs or more, which a shorter campaign is judged by'
+        )
+    return curve_content(curve)
 
 
 def _population(one: Population, sensors: list[Vectors]) -> dict[str, Any]:

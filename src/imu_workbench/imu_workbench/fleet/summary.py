@@ -29,6 +29,8 @@ def study_lines(found: Mapping[str, Any]) -> list[str]:
         kind = '' if one['type'] == 'none' else f' of type {one["type"]}'
         lines.append(f'clusters{kind}: {one["count"]}')
     lines += [prevalence_line(one) for one in found['prevalence'] if one['named']]
+    if found['shortening']:
+        lines += curve_lines(found['shortening'])[:1]
     odd = found['odd']
     lines += [f'odd: {one["device"]} {one["sensor"]}: {one["reason"]}' for one in odd[:SHOWN]]
     if len(odd) > SHOWN:
@@ -44,3 +46,25 @@ def prevalence_line(one: Mapping[str, Any]) -> str:
         f'{one["lot"]} ({low:.0f} … {high:.0f} %); {one["alone"]} of {one["devices"]} devices '
         'show it alone'
     )
+
+
+def curve_lines(curve: Mapping[str, Any]) -> list[str]:
+    """Return how short a calibration may be, then the curve of one pose."""
+    shortest, bound = curve['shortest'], curve['good_enough']
+    if shortest:
+        count, poses = shortest['temperatures'], shortest['poses']
+        first = (
+            f'short calibration: {count} temperatures in {poses} pose{"s"[: poses > 1]} '
+            f'reach {bound:g} × the error of the full campaign or less in every sensor'
+        )
+    else:
+        first = f'short calibration: none reaches {bound:g} × the error of the full campaign'
+    lines = [first]
+    for point in curve['points']:
+        if point['prior']:
+            low, high = point['ratio_range']
+            lines.append(
+                f'{point["sensor"]}: {point["temperatures"]} temperatures, {point["poses"]} '
+                f'poses: {point["ratio"]:.3f} ({low:.3f} … {high:.3f})'
+            )
+    return lines

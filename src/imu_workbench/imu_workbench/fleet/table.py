@@ -17,7 +17,7 @@ from urllib.parse import quote
 from imu_recording.user_error import UserError
 
 RESULTS = 'results'
-SCHEMA = 1
+SCHEMA = 2
 Row = dict[str, Any]
 """One row; absent columns are null."""
 
@@ -43,6 +43,7 @@ COLUMNS: dict[str, str] = {
     'block_temperature': 'list<double>',
     'block_mean': 'list<double>',
     'block_variance': 'list<double>',
+    'block_seconds': 'list<double>',
     'measured_at': 'int64',
     'source': 'string',
     'fingerprint': 'string',

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How short a calibration may be, from rows whose truth is known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from chamber_profile.profile.file import load_profile
+from imu_workbench.__main__ import main
+from imu_workbench.fleet.shortening import curve_content, shortening_curve
+from imu_workbench.fleet.study import study
+from imu_workbench.fleet.table import FleetTable, Row, write_rows
+from imu_workbench.fleet.vectors import read_vectors
+
+TEMPERATURES = np.arange(0.0, 41.0)
+LOT_STD, RUNS = 0.3, 3
+
+
+def rows_of(device: int, draw: np.random.Generator, noise: float) -> list[Row]:
+    """Rows of one gyroscope: runs of lines of one slope with white bin means."""
+    rows: list[Row] = []
+    run = np.repeat(np.arange(RUNS), len(TEMPERATURES))
+    x = np.tile(TEMPERATURES, RUNS)
+    for axis in 'xyz':
+        y = (2.0 + LOT_STD * draw.normal()) * (x - 20.0) + draw.normal(size=RUNS)[run]
+        y += noise * draw.normal(size=len(x))
+        each = [np.polyfit(x[run == r], y[run == r], 1)[0] for r in range(RUNS)]
+        rows.append(
+            {
+                'lot': 'A', 'type': 'none', 'device': f'd{device:03d}', 'source': f'd{device:03d}',
+                'sensor': 'gyroscope', 'axis': axis, 'effect': 'bias_temperature',
+                'role': 'fitted', 'unit': 'rad/s/K', 'coefficients': [float(np.mean(each))],
+                'std': [noise / np.sqrt(RUNS * np.sum((TEMPERATURES - 20.0) ** 2))],
+                'run_coefficients': each, 'held_out_rms': 1.0, 'noise_floor': 1.0,
+                'measured_at': device, 'block_run': run.tolist(), 'block_temperature': x.tolist(),
+                'block_mean': y.tolist(), 'block_variance': [noise**2] * len(x),
+                'block_seconds': [60.0] * len(x), 'fingerprint': 'f', 'settings': 's',
+                'version': 'v',
+            }
+        )  # fmt: skip
+    return rows
+
+
+def curve_of(folder: Path, noise: float, devices: int = 80) -> dict:
+    draw = np.random.default_rng(9)
+    rows = [row for device in range(devices) for row in rows_of(device, draw, noise)]
+    write_rows(folder, rows, 1)
+    table = FleetTable(folder)
+    curve = shortening_curve(table, [read_vectors(table, 'gyroscope')], [])
+    assert curve is not None
+    return curve_content(curve)
+
+
+def point(curve: dict, temperatures: int, *, prior: bool) -> dict:
+    return next(
+        one
+        for one in curve['points']
+        if (one['temperatures'], one['poses'], one['prior']) == (temperatures, 1, prior)
+    )
+
+
+def test_a_known_lot_shortens_a_noisy_calibration(tmp_path: Path) -> None:
+    curve = curve_of(tmp_path, noise=15.0)
+    alone, known = point(curve, 2, prior=False), point(curve, 2, prior=True)
+    # Two ends 40 K apart: slope error 15 √2 / 40 = 0.53; its prior is 0.3 wide.
+    judged = np.sum((TEMPERATURES - 20.0) ** 2) / len(TEMPERATURES)
+    full = 15.0**2 * (1 + judged / (2 * judged * len(TEMPERATURES)))
+    slope = (15.0 * np.sqrt(2) / 40.0) ** 2
+    shrunk = 1 / (1 / slope + 1 / LOT_STD**2)
+    assert alone['ratio'] == pytest.approx(np.sqrt((15**2 + slope * judged) / full), rel=0.03)
+    assert known['ratio'] == pytest.approx(np.sqrt((15**2 + shrunk * judged) / full), rel=0.03)
+    assert known['ratio_range'][0] < known['ratio'] < known['ratio_range'][1]
+    # What is not measured at all is the mean of the lot.
+    nothing = np.sqrt((15**2 + LOT_STD**2 * judged) / full)
+    assert point(curve, 1, prior=True)['ratio'] == pytest.approx(nothing, rel=0.03)
+
+
+def test_the_profile_is_one_a_chamber_runs(tmp_path: Path) -> None:
+    curve = curve_of(tmp_path, noise=1.0)
+    assert curve['shortest'] == {'temperatures': 2, 'poses': 1}
+    written = tmp_path / 'short.yaml'
+    assert main(['plan', '--fleet', str(tmp_path), '-o', str(written)]) == 0
+    assert load_profile(str(written)).name == 'short_fleet'
+    assert main(['plan', '--fleet', str(tmp_path), '-o', str(written)]) == 2  # it exists
+    assert main(['plan', '--fleet', str(tmp_path / 'none'), '-o', str(tmp_path / 'new')]) == 2
+    assert main(['plan']) == 2
+    assert study(tmp_path)['shortening'] == curve
