@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import shutil
 from pathlib import Path
 
@@ -100,6 +101,16 @@ def test_what_was_written_before_an_interruption_is_not_done_again(
     assert (after.unchanged, after.estimated) == (1, 2)
     rows = FleetTable(tmp_path).rows("SELECT count(*) FROM results WHERE role = 'fitted'")
     assert rows == [(27,)]
+
+
+@pytest.mark.end_to_end
+def test_the_verb_starts_workers_and_writes_the_page(bags: Path, tmp_path: Path) -> None:
+    out, answer = tmp_path / 'out', tmp_path / 'answer.json'
+    call = ['fleet', f'{bags}/lot=B', '-o', str(out), '--workers', '1', '--json', str(answer)]
+    assert main(call) == 0
+    assert json.loads(answer.read_text())['run']['estimated'] == 1
+    assert json.loads((out / 'study.json').read_text())['devices'] == 1
+    assert '<title>Fleet</title>' in (out / 'report.html').read_text()
 
 
 def test_sources_are_globs_lists_and_urls(bags: Path, tmp_path: Path) -> None:

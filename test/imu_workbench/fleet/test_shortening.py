@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from chamber_profile.profile.file import load_profile
 from imu_workbench.__main__ import main
+from imu_workbench.fleet.page import fleet_page
 from imu_workbench.fleet.shortening import curve_content, shortening_curve
 from imu_workbench.fleet.study import study
 from imu_workbench.fleet.table import FleetTable, Row, write_rows
@@ -86,4 +87,7 @@ def test_the_profile_is_one_a_chamber_runs(tmp_path: Path) -> None:
     assert main(['plan', '--fleet', str(tmp_path), '-o', str(written)]) == 2  # it exists
     assert main(['plan', '--fleet', str(tmp_path / 'none'), '-o', str(tmp_path / 'new')]) == 2
     assert main(['plan']) == 2
-    assert study(tmp_path)['shortening'] == curve
+    found = study(tmp_path)
+    assert found['shortening'] == curve
+    page = fleet_page(found, tmp_path)
+    assert all(f'id="{name}"' in page for name in ('odd', 'control', 'prevalence', 'shortening'))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from imu_recording.user_error import UserError
 
-from imu_workbench.answer import Answer, show_progress
+from imu_workbench.answer import Answer, show_progress, write_json
 from imu_workbench.fleet.extra import require_fleet
 
 HELP = 'Estimate many devices on a cluster; what they share, which are odd; one page of it.'
@@ -56,6 +56,7 @@ def run(options: argparse.Namespace) -> Answer:
     require_fleet()
     from imu_workbench.fleet.engine import Cluster, run_fleet
     from imu_workbench.fleet.estimate import Settings
+    from imu_workbench.fleet.page import fleet_page
     from imu_workbench.fleet.sources import find_devices
     from imu_workbench.fleet.study import study
     from imu_workbench.fleet.summary import study_lines
@@ -78,6 +79,9 @@ def run(options: argparse.Namespace) -> Answer:
     done = f'{progress.estimated} estimated, {progress.unchanged} unchanged'
     show_progress('studying the fleet …')
     found = study(options.output)
+    write_json(found, options.output / 'study.json')
+    page = options.output / 'report.html'
+    page.write_text(fleet_page(found, options.output), encoding='utf-8')
     text = [f'{progress.devices} devices: {done}, {len(progress.failed)} failed']
     text += [f'failed: {device}: {reason}' for device, reason in progress.failed.items()]
     run_content = {
@@ -86,4 +90,6 @@ def run(options: argparse.Namespace) -> Answer:
         'unchanged': progress.unchanged,
         'failed': progress.failed,
     }
-    return Answer({**found, 'run': run_content}, '\n'.join([*text, *study_lines(found)]))
+    return Answer(
+        {**found, 'run': run_content}, '\n'.join([*text, *study_lines(found), f'page: {page}'])
+    )

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The study of a fleet as one HTML page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from imu_workbench.fleet.figures import (
+    MAP_DEVICES,
+    control_figure,
+    distribution_figure,
+    map_figure,
+    shortening_figure,
+)
+from imu_workbench.fleet.summary import curve_lines
+from imu_workbench.fleet.table import FleetTable
+from imu_workbench.fleet.vectors import SENSORS, Vectors, read_vectors
+from imu_workbench.report.html.render import Section, render_page
+
+LISTED = 200
+"""Rows of a table; the rest stands in study.json."""
+
+
+def fleet_page(found: Mapping[str, Any], folder: Path) -> str:
+    """Return what `study` found in a folder of results as a page."""
+    table = FleetTable(folder)
+    sensors = [vectors for name in SENSORS if len(vectors := read_vectors(table, name))]
+    sections = [_summary(found)]
+    if sensors:
+        sections += [_odd(found, table), _distributions(sensors), _control(found, sensors)]
+    sections.append(_prevalence(found))
+    if found['shortening']:
+        sections.append(_shortening(found['shortening']))
+    subtitle = f'{found["estimated"]} of {found["devices"]} devices estimated'
+    return render_page('Fleet', subtitle, sections)
+
+
+def _summary(found: Mapping[str, Any]) -> Section:
+    lots = sorted({one['lot'] for one in found['populations']})
+    facts = {
+        'Devices': str(found['devices']),
+        'Estimated': str(found['estimated']),
+        'Failed': str(len(found['failed'])),
+        'Lots': ', '.join(lots) or 'none with enough devices',
+        'Outside their lot': str(len({one['device'] for one in found['odd']})),
+        'Clusters': ', '.join(str(one['count']) for one in found['clusters']) or '–',
+    }
+    if found['without_lot']:
+        facts['Without a lot'] = f'{found["without_lot"]}, taken as one'
+    populations = [
+        [
+            one['lot'],
+            f'{one["sensor"]} [{one["unit"]}]',
+            str(one['devices']),
+            *(f'{value:+.3g}' for value in one['mean']),
+            *(f'{value:.2g}' for value in one['std']),
+            f'{max(one["estimate_std"]):.2g}',
+        ]
+        for one in found['populations']
+    ]
+    clusters = [
+        {
+            'caption': f'Clusters {"" if one["type"] == "none" else "of type " + one["type"]}',
+            'head': ['cluster', *(f'lot {lot}' for lot in next(iter(one['lots'].values()), {}))],
+            'rows': [
+                [str(int(place) + 1), *(str(count) for count in row.values())]
+                for place, row in one['lots'].items()
+            ],
+        }
+        for one in found['clusters']
+    ]
+    values = {
+        'facts': facts,
+        'failed': [[d, why] for d, why in list(found['failed'].items())[:LISTED]],
+        'populations': populations,
+        'clusters': clusters,
+    }
+    return Section('summary', 'Devices and lots', 'fleet_summary.html', values)
+
+
+def _odd(found: Mapping[str, Any], table: FleetTable) -> Section:
+    odd = found['odd']
+    names = sorted({one['device'] for one in odd})
+    homes = dict(
+        table.rows(
+            """SELECT device, any_value(split_part(source, '#', 1)) FROM results
+               WHERE device IN (SELECT unnest($names)) GROUP BY device""",
+            names=names,
+        )
+    )
+    rows = [
+        [
+            one['device'],
+            one['lot'],
+            one['sensor'],
+            one['reason'],
+            f'{one["p_value"]:.1e}',
+            homes.get(one['device'], ''),
+        ]
+        for one in odd[:LISTED]
+    ]
+    scores = found['scores']
+    shown = min(MAP_DEVICES, len(scores))
+    values = {
+        'odd_count': len(names),
+        'devices': found['estimated'],
+        'map_shown': shown,
+        'rows': rows,
+        'more': f'{len(odd) - LISTED} more stand in study.json' if len(odd) > LISTED else '',
+    }
+    figures = {'fleet_map': map_figure(scores, SENSORS)} if shown else {}
+    return Section('odd', 'Odd devices', 'fleet_odd.html', values, figures)
+
+
+def _distributions(sensors: Sequence[Vectors]) -> Section:
+    values = {
+        'text': 'Slopes of bias over temperature, as estimated; what is far outside is not drawn.',
+        'key': 'fleet_distributions',
+        'caption': 'Devices by slope, sensor, axis and lot.',
+    }
+    figures = {'fleet_distributions': distribution_figure(sensors)}
+    return Section('distributions', 'Distributions', 'fleet_figure.html', values, figures)
+
+
+def _control(found: Mapping[str, Any], sensors: Sequence[Vectors]) -> Section:
+    drift = sum(bool(chart['drift_at']) for chart in found['control'])
+    values = {
+        'text': 'Individuals in the order of lots and of measurement; limits are three standard '
+        'deviations by the moving range. Eight in a row on one side of the centre, a sign of '
+        f'drift, stand in {drift} of {len(found["control"])} charts.',
+        'key': 'fleet_control',
+        'caption': 'Control charts by sensor and axis.',
+    }
+    figures = {'fleet_control': control_figure(sensors, found['control'])}
+    return Section('control', 'Control charts', 'fleet_figure.html', values, figures)
+
+
+def _prevalence(found: Mapping[str, Any]) -> Section:
+    rows = [
+        [
+            one['lot'],
+            one['sensor'],
+            one['effect'],
+            one['form'],
+            f'{100 * one["share"]:.0f} %',
+            f'{100 * one["share_range"][0]:.0f} … {100 * one["share_range"][1]:.0f} %',
+            f'{one["alone"]} of {one["devices"]}',
+            f'{one["probability"]:.3f}',
+        ]
+        for one in found['prevalence']
+    ]
+    return Section('prevalence', 'Prevalence', 'fleet_prevalence.html', {'rows': rows})
+
+
+def _shortening(curve: Mapping[str, Any]) -> Section:
+    answer = curve_lines(curve)[0].capitalize()
+    values = {
+        'text': f'{answer}. Error on runs that neither the short nor the full campaign has seen; '
+        f'{curve["devices"]} devices; bars: 5 … 95 % of a bootstrap over them.',
+        'key': 'fleet_shortening',
+        'caption': 'Error of a short calibration over that of the full campaign; the line is the '
+        'bound. One temperature tells no slope: the mean of the lot stands for it, off the scale.',
+    }
+    figures = {'fleet_shortening': shortening_figure(curve)}
+    title = 'How short a calibration may be'
+    return Section('shortening', title, 'fleet_figure.html', values, figures, 'Shortening')
