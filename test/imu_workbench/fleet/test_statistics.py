@@ -57,12 +57,12 @@ def test_screening_finds_outliers_of_four_sigma_and_leaves_the_others_in_peace()
 def test_clusters_are_found_not_told() -> None:
     draw = np.random.default_rng(3)
     centres = draw.normal(0.0, 6.0, (6, 3))
-    own = draw.integers(6, size=600)
-    fleet = vectors(centres[own] + draw.normal(size=(600, 3)) @ MIX.T, own * 0.0, ['A'] * 600)
-    found = find_clusters([fleet], [True] * 600)
+    own = draw.integers(6, size=300)
+    fleet = vectors(centres[own] + draw.normal(size=(300, 3)) @ MIX.T, own * 0.0, ['A'] * 300)
+    found = find_clusters([fleet], [True] * 300)
     assert found.count == 6
     share = [np.unique(own[found.label == k], return_counts=True)[1].max() for k in range(6)]
-    assert sum(share) > 0.97 * 600
+    assert sum(share) > 0.97 * 300
     one = vectors(draw.normal(size=(300, 3)), np.zeros(300), ['A'] * 300)
     assert find_clusters([one], [True] * 300).count == 1
 

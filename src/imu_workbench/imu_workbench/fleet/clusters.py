@@ -5,14 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from imu_recording.recording import IntArray
+from imu_recording.recording import FloatArray, IntArray
 
 from imu_workbench.fleet.vectors import Vectors
 
 MOST_CLUSTERS = 12
-STUDIED = 2000
+STUDIED = 4000
 """Devices the mixture is fitted to; the others are assigned."""
 WORSE_IN_A_ROW = 3
 """The search ends where so many numbers of clusters in a row bring nothing."""
@@ -33,27 +34,18 @@ class Clusters:
 def find_clusters(sensors: Sequence[Vectors], ordinary: Sequence[bool]) -> Clusters:
     """Return the clusters of the coefficients of all sensors (the same devices in each).
 
-    The parts of the mixture share a covariance. The fit knows nothing of lots and sees `ordinary`
+    The fit knows nothing of lots and sees `ordinary`
     devices only; every device is assigned.
     """
-    from sklearn.mixture import GaussianMixture
-
     values = np.hstack([vectors.coefficients for vectors in sensors])
     y = (values - np.median(values, axis=0)) / np.maximum(values.std(axis=0), 1e-300)
     seen = y[np.asarray(ordinary, dtype=bool)]
     draw = np.random.default_rng(SEED)
     if len(seen) > STUDIED:
         seen = seen[draw.choice(len(seen), STUDIED, replace=False)]
-    best, least, worse = None, np.inf, 0
-    for count in range(1, min(MOST_CLUSTERS, len(seen) // (2 * y.shape[1])) + 1):
-        mixture = GaussianMixture(count, covariance_type='tied', n_init=3, random_state=SEED)
-        bic = mixture.fit(seen).bic(seen)
-        worse = 0 if bic < least else worse + 1
-        if bic < least:
-            best, least = mixture, bic
-        if worse == WORSE_IN_A_ROW:
-            break
-    label = np.zeros(len(y), dtype=np.int64) if best is None else best.predict(y)
+    label = np.zeros(len(y), dtype=np.int64)
+    if (mixture := _best_mixture(seen)) is not None:
+        label = mixture.predict(y)
     names, sizes = np.unique(label, return_counts=True)
     rank = {int(name): place for place, name in enumerate(names[np.argsort(-sizes)])}
     ranked = np.array([rank[int(one)] for one in label], dtype=np.int64)
@@ -65,3 +57,21 @@ def find_clusters(sensors: Sequence[Vectors], ordinary: Sequence[bool]) -> Clust
         for place in sorted(set(rank.values()))
     }
     return Clusters(len(rank), ranked, table)
+
+
+def _best_mixture(values: FloatArray) -> Any:
+    """Return the mixture of the least BIC, of one covariance for all parts or one for each."""
+    from sklearn.mixture import GaussianMixture
+
+    found: list[tuple[float, Any]] = []
+    for form in ('tied', 'full'):
+        least, worse = np.inf, 0
+        for count in range(1, min(MOST_CLUSTERS, len(values) // (2 * values.shape[1])) + 1):
+            mixture = GaussianMixture(count, covariance_type=form, n_init=2, random_state=SEED)
+            bic = float(mixture.fit(values).bic(values))
+            found.append((bic, mixture))
+            worse = 0 if bic < least else worse + 1
+            least = min(bic, least)
+            if worse == WORSE_IN_A_ROW:
+                break
+    return min(found, key=lambda pair: pair[0])[1] if found else None

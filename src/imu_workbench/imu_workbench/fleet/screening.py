@@ -30,6 +30,8 @@ TRIMMED = 1e-3
 LEAST_DEVICES = 12
 """A smaller lot tells nothing about oddness."""
 ROUNDS = 10
+START = 300
+"""Devices, at least half of them more, that the robust start of a larger lot is made of."""
 SEED = 5
 """Of the subsets that the minimum covariance determinant starts from."""
 
@@ -114,8 +116,8 @@ def _first_clean(y: FloatArray) -> NDArray[np.bool_]:
 
 
 def _spread_out(n: int) -> slice:
-    """Every k-th device: two thousand are as good a start as all."""
-    return slice(None, None, max(1, n // 2000))
+    """Every k-th device: a few hundred are as good a start as all."""
+    return slice(None, None, max(1, n // START))
 
 
 def _left_out(y: FloatArray, kept: NDArray[np.bool_]) -> FloatArray:

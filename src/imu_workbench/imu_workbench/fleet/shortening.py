@@ -31,7 +31,7 @@ from imu_workbench.fleet.vectors import Vectors
 MOST_TEMPERATURES = 6
 GOOD_ENOUGH = 1.1
 """Ratio to the error of the full campaign that a short one may reach."""
-STUDIED = 800
+STUDIED = 500
 """Devices the curve is made of; more do not change it."""
 BOOTSTRAPS = 400
 SEED = 11
