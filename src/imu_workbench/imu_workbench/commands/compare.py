@@ -8,6 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from imu_recording.user_error import UserError
+from thermal_comp.comparison.across import compare_across
 from thermal_comp.comparison.compare import compare_prepared
 from thermal_comp.data.preparation import prepare
 from thermal_comp.effects.bias_temperature import BiasTemperature
@@ -38,6 +39,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         parser, 'model file of `fit`; without it a line per axis is fitted to these bags'
     )
     parser.add_argument(
+        '--across',
+        action='store_true',
+        help="bags of several devices: each device's model on the runs of every other",
+    )
+    parser.add_argument(
         '--plot', metavar='FILE', type=Path, help='draw the residual over time (.png, .svg, .pdf)'
     )
     parser.add_argument(
@@ -50,6 +56,8 @@ def run(options: argparse.Namespace) -> Answer:
     if options.plot:
         claim_picture(options.plot, force=options.force)
     model = load_model(options.model, effect_catalogue(options.effects)) if options.model else None
+    if options.across:
+        return _across(options)
     recordings = read_recordings(options, at_rest=True, model=model)
     show_progress('comparing …')
     runs = prepare(recordings)
@@ -61,6 +69,24 @@ def run(options: argparse.Namespace) -> Answer:
         residual_picture(comparison).savefig(options.plot, dpi=120)
         lines.append(f'wrote {options.plot}')
     return Answer(content, '\n'.join(lines))
+
+
+def _across(options: argparse.Namespace) -> Answer:
+    """Apply the model of every device to every other."""
+    if options.model or options.plot:
+        raise UserError('--across fits a line to each device: leave --model and --plot away')
+    recordings = read_recordings(options, every_device=True, at_rest=True)
+    show_progress('comparing across devices …')
+    pairs = compare_across([BiasTemperature()], prepare(recordings))
+    lines = ['model    on       sensor          raw       own       foreign   compatible']
+    lines += [
+        f'{pair.model:8} {pair.device:8} {pair.sensor:13} {pair.raw:9.3g} {pair.own:9.3g} '
+        f'{pair.foreign:9.3g}   {pair.compatible} of {pair.coefficients}  [{pair.unit}]'
+        for pair in pairs
+    ]
+    good = sum(pair.good_enough for pair in pairs)
+    lines.append(f'{good} of {len(pairs)} models are good enough for the other device')
+    return Answer({'schema': 1, 'pairs': [pair.to_dict() for pair in pairs]}, '\n'.join(lines))
 
 
 def claim_picture(target: Path, *, force: bool) -> None:

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Is the model of one device good enough for another?
+
+For every ordered pair of devices the model fitted to the one is applied to the runs of the other,
+levels taken from these runs. Beside it stand what is measured without a model and what a device's
+own model leaves on a run it has not seen. Two values of a coefficient are compatible where they
+differ by at most twice the standard uncertainty of their difference (JCGM 200:2012, 2.47).
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import SENSOR_UNITS, FloatArray
+
+from thermal_comp.data.conditions import SENSORS, Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.effects.effect import Effect
+from thermal_comp.fitting.fit import fit_prepared
+from thermal_comp.model.values import ModelError, ThermalModel
+
+COVERAGE = 2.0
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The model of one device on the runs of another, in one sensor; rms over axes [unit]."""
+
+    model: str
+    device: str
+    sensor: Sensor
+    unit: str
+    raw: float
+    """Without a model, about the mean of each run."""
+    own: float
+    """With the device's own model: of its other runs where it has several, else of the same."""
+    foreign: float
+    """With the other device's model."""
+    compatible: int
+    """Coefficients that are compatible."""
+    coefficients: int
+
+    @property
+    def good_enough(self) -> bool:
+        """Whether every coefficient is compatible."""
+        return self.compatible == self.coefficients
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        return {**asdict(self), 'good_enough': self.good_enough}
+
+
+def compare_across(effects: Sequence[Effect], runs: Sequence[PreparedRun]) -> list[Pair]:
+    """Return every ordered pair of devices by sensor; ModelError where there is one device only.
+
+    `effects` have no shape parameters that are searched, so that their coefficients compare.
+    """
+    by_device: dict[str, list[PreparedRun]] = defaultdict(list)
+    for run in runs:
+        by_device[run.device].append(run)
+    if len(by_device) < 2:
+        raise ModelError(
+            f'only {", ".join(by_device)}: a comparison across devices needs the runs of two'
+        )
+    models = {name: fit_prepared(effects, own) for name, own in by_device.items()}
+    found = []
+    for device, own in by_device.items():
+        held_out = _held_out(effects, own, models[device])
+        for other, model in models.items():
+            for sensor in SENSORS:
+                if other == device or not {sensor} <= set(model.sensors) & set(held_out):
+                    continue
+                compatible = _compatible(model, models[device], sensor)
+                found.append(
+                    Pair(
+                        other,
+                        device,
+                        sensor,
+                        SENSOR_UNITS[sensor],
+                        _rms([_rest(run, None, sensor) for run in own]),
+                        held_out[sensor],
+                        _rms([_rest(run, model, sensor) for run in own]),
+                        int(compatible.sum()),
+                        len(compatible),
+                    )
+                )
+    return found
+
+
+def _held_out(
+    effects: Sequence[Effect], runs: Sequence[PreparedRun], whole: ThermalModel
+) -> dict[Sensor, float]:
+    """Return what a device's own model leaves, each run without itself where it has several."""
+    models = [
+        fit_prepared(effects, [other for other in runs if other is not run])
+        if len(runs) > 1
+        else whole
+        for run in runs
+    ]
+    return {
+        sensor: _rms([_rest(r, m, sensor) for r, m in zip(runs, models, strict=True)])
+        for sensor in SENSORS
+        if all(sensor in model.sensors for model in models)
+    }
+
+
+def _rest(run: PreparedRun, model: ThermalModel | None, sensor: Sensor) -> FloatArray:
+    """Return (m, 3) block means minus the model, about their mean."""
+    rest = np.array(run.measured[sensor])
+    if model is not None:
+        error, _ = model.sensors[sensor].modelled_error(run.conditions.of(sensor))
+        rest = rest - run.block_mean(error)
+    centred: FloatArray = rest - np.nanmean(rest, axis=0)
+    return centred
+
+
+def _rms(parts: Sequence[FloatArray]) -> float:
+    return float(np.sqrt(np.nanmean(np.concatenate(parts) ** 2)))
+
+
+def _compatible(first: ThermalModel, second: ThermalModel, sensor: Sensor) -> FloatArray:
+    values, variances = [], []
+    for model in (first, second):
+        part = model.sensors[sensor]
+        values.append(np.concatenate([c.ravel() for c in part.coefficients]))
+        variances.append(np.diag(part.covariance))
+    difference = np.abs(values[0] - values[1])
+    within: FloatArray = difference <= COVERAGE * np.sqrt(variances[0] + variances[1])
+    return within
