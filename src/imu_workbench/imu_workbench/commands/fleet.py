@@ -44,7 +44,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         '--workers', type=int, metavar='N', help='processes on this machine (default: its cores)'
     )
     parser.add_argument(
-        '--memory', default='500MB', metavar='SIZE', help='limit of each (default 500MB)'
+        '--memory', metavar='SIZE', help='limit of each (default 500MB, 2GB with --diagnose)'
     )
     parser.add_argument(
         '--diagnose', action='store_true', help='also diagnose each device by itself (slow)'
@@ -62,6 +62,7 @@ def run(options: argparse.Namespace) -> Answer:
     from imu_workbench.fleet.summary import study_lines
 
     workers = options.workers or len(os.sched_getaffinity(0))
+    memory = options.memory or ('2GB' if options.diagnose else '500MB')
     if workers < 1:
         raise UserError(f'--workers {options.workers}: it must be at least 1')
     if options.output.exists() and not options.output.is_dir():
@@ -72,7 +73,7 @@ def run(options: argparse.Namespace) -> Answer:
         devices,
         options.output,
         Settings(options.diagnose),
-        Cluster(options.scheduler, workers, options.memory),
+        Cluster(options.scheduler, workers, memory),
         clock=time.time_ns,
         report=show_progress,
     )

@@ -149,7 +149,8 @@ def outcomes(client: Any, todo: Sequence[DeviceSource], settings: Settings) -> I
         if future.status == 'finished':
             yield future.result()
         else:
-            reason = f'{type(future.exception()).__name__}: no worker survived or finished it'
+            name = type(future.exception()).__name__
+            reason = f'{name}: its workers died; where memory ran out, --memory gives them more'
             yield [failed_row(source, settings, reason, again=True)]
         future.release()
         for following in islice(left, 1):
