@@ -57,14 +57,14 @@ def test_screening_finds_outliers_of_four_sigma_and_leaves_the_others_in_peace()
 def test_clusters_are_found_not_told() -> None:
     draw = np.random.default_rng(3)
     centres = draw.normal(0.0, 6.0, (6, 3))
-    own = draw.integers(6, size=300)
-    fleet = vectors(centres[own] + draw.normal(size=(300, 3)) @ MIX.T, own * 0.0, ['A'] * 300)
-    found = find_clusters([fleet], [True] * 300)
+    own = draw.integers(6, size=180)
+    fleet = vectors(centres[own] + draw.normal(size=(180, 3)) @ MIX.T, own * 0.0, ['A'] * 180)
+    found = find_clusters([fleet], [True] * 180)
     assert found.count == 6
     share = [np.unique(own[found.label == k], return_counts=True)[1].max() for k in range(6)]
-    assert sum(share) > 0.97 * 300
-    one = vectors(draw.normal(size=(300, 3)), np.zeros(300), ['A'] * 300)
-    assert find_clusters([one], [True] * 300).count == 1
+    assert sum(share) > 0.97 * 180
+    one = vectors(draw.normal(size=(180, 3)), np.zeros(180), ['A'] * 180)
+    assert find_clusters([one], [True] * 180).count == 1
 
 
 def test_thirty_devices_name_what_none_shows_alone() -> None:

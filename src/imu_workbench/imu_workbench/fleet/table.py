@@ -105,7 +105,7 @@ class FleetTable:
             f"""
             CREATE VIEW everything AS
               SELECT * FROM read_parquet('{pattern}', hive_partitioning = true, filename = true,
-                                         hive_types = {{'lot': VARCHAR}});
+                                         union_by_name = true, hive_types = {{'lot': VARCHAR}});
             CREATE TABLE newest AS SELECT source, max(written) AS written,
               max_by(filename, (written, filename)) AS filename FROM everything GROUP BY source;
             CREATE VIEW results AS SELECT everything.* EXCLUDE (filename) FROM everything
