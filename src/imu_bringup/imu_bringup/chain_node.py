@@ -86,13 +86,9 @@ class ImuChainNode(ConfiguredNode):
         if config.model:
             stages.append(ThermalCompNode(parameters={'model': config.model}, **shared))
         for node_class in FILTERS[config.filter]:
-            renamed = ['imu/data_raw', 'imu/mag'] if config.model else []
-            rules = [f'{name}:={name.replace("imu", "imu_compensated")}' for name in renamed]
-            if config.filter == 'both':
-                rules.append(f'imu/data:=imu/data_{node_class.filter_name}')
-            remaps = [word for rule in rules for word in ('-r', rule)]
-            arguments = ['--ros-args', *remaps] if remaps else None
-            stages.append(node_class(cli_args=arguments, **shared))
+            name = node_class.filter_name if config.filter == 'both' else ''
+            remaps = filter_remaps(name, compensated=bool(config.model))
+            stages.append(node_class(cli_args=remaps or None, **shared))
         if config.record:
             stages.append(RecorderNode(parameters={'output': config.record}, **shared))
         return stages
@@ -142,6 +138,22 @@ class ImuChainNode(ConfiguredNode):
         idle = [f'{name} is {state}' for name, state in states.items() if state != ACTIVE]
         waits = bool(idle) and self.state == ACTIVE
         return int(waits), '; '.join(idle) if waits else self.state, dict(states)
+
+
+def filter_remaps(name: str, *, compensated: bool) -> list[str]:
+    """Return the arguments that connect a filter; `name` where it is one of several, else ''.
+
+    >>> filter_remaps('ahrs', compensated=False)
+    ['--ros-args', '-r', 'imu/data:=imu/data_ahrs']
+    >>> filter_remaps('', compensated=True)[1:]
+    ['-r', 'imu/data_raw:=imu_compensated/data_raw', '-r', 'imu/mag:=imu_compensated/mag']
+    """
+    renamed = ('data_raw', 'mag') if compensated else ()
+    rules = [f'imu/{topic}:=imu_compensated/{topic}' for topic in renamed]
+    if name:
+        rules.append(f'imu/data:=imu/data_{name}')
+    remaps = [word for rule in rules for word in ('-r', rule)]
+    return ['--ros-args', *remaps] if remaps else []
 
 
 def main() -> int:
