@@ -349,6 +349,8 @@ def test_data_of_another_device_pass_unchanged_and_are_an_error(ros: Any, model_
     assert sent[:2] == [sample] * 2
     assert sent[2] != sample
     assert level == 0, line
+    compensation.check_source(compensation.compensator.model.device.upper())
+    assert compensation.diagnostics()[0] < 2
     compensation.check_source('DUT9')
     level, line, _ = compensation.diagnostics()
     assert level == 2

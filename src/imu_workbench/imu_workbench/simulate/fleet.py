@@ -120,7 +120,7 @@ def fleet_truth(folder: Path) -> Mapping[str, Any] | None:
     if not file.is_file():
         return None
     try:
-        content: Mapping[str, Any] = json.loads(file.read_text('utf-8'))
+        content: Any = json.loads(file.read_text('utf-8'))
     except ValueError as error:
         raise UserError(f'{file}: not what `simulate` writes ({error})') from None
-    return content if content.get('kind') == FLEET else None
+    return content if isinstance(content, dict) and content.get('kind') == FLEET else None

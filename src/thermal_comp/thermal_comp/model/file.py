@@ -83,11 +83,14 @@ def load_model(
 
 
 def check_device(model: ThermalModel | None, device: str) -> None:
-    """Refuse a recording of another device; one whose device is not named passes."""
+    """Refuse a recording of another device; one whose device is not named passes.
+
+    Boards tell their names in capitals, files seldom do: that is no difference.
+    """
     if model is None:
         return
     known = model.device.split('+') if model.pooled else [model.device]
-    if device and model.device and device not in known:
+    if device and model.device and device.casefold() not in map(str.casefold, known):
         raise ModelError(
             f'device: the model is of {model.device}, the recording of {device}; '
             'fit a model of that device, or several together with --pooled'
