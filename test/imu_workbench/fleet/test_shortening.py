@@ -12,8 +12,10 @@ from imu_workbench.__main__ import main
 from imu_workbench.fleet.page import fleet_page
 from imu_workbench.fleet.shortening import curve_content, shortening_curve
 from imu_workbench.fleet.study import study
+from imu_workbench.fleet.summary import study_lines
 from imu_workbench.fleet.table import FleetTable, Row, write_rows
 from imu_workbench.fleet.vectors import read_vectors
+from imu_workbench.report.limits import Limit, Limits
 
 TEMPERATURES = np.arange(0.0, 41.0)
 LOT_STD, RUNS = 0.3, 3
@@ -87,7 +89,11 @@ def test_the_profile_is_one_a_chamber_runs(tmp_path: Path) -> None:
     assert main(['plan', '--fleet', str(tmp_path), '-o', str(written)]) == 2  # it exists
     assert main(['plan', '--fleet', str(tmp_path / 'none'), '-o', str(tmp_path / 'new')]) == 2
     assert main(['plan']) == 2
-    found = study(tmp_path)
+    limits = Limits({'gyroscope': {'slope': Limit(-1e-9, 1e-9, 'rad/s/K')}})
+    found = study(tmp_path, limits)
     assert found['shortening'] == curve
+    assert [one['capable'] for one in found['capability']] == [False] * 3
+    assert any('has Cpk' in line for line in study_lines(found))
     page = fleet_page(found, tmp_path)
+    assert 'Capability, worst first' in page
     assert all(f'id="{name}"' in page for name in ('odd', 'control', 'prevalence', 'shortening'))

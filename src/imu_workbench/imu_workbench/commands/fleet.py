@@ -47,6 +47,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         '--memory', metavar='SIZE', help='limit of each (default 500MB, 2GB with --diagnose)'
     )
     parser.add_argument(
+        '--limits',
+        metavar='YAML',
+        type=Path,
+        help='limits of slopes: each lot gets its process capability Cpk',
+    )
+    parser.add_argument(
         '--diagnose', action='store_true', help='also diagnose each device by itself (slow)'
     )
 
@@ -60,6 +66,7 @@ def run(options: argparse.Namespace) -> Answer:
     from imu_workbench.fleet.sources import find_devices
     from imu_workbench.fleet.study import study
     from imu_workbench.fleet.summary import study_lines
+    from imu_workbench.report.limits import read_limits
 
     workers = options.workers or len(os.sched_getaffinity(0))
     memory = options.memory or ('2GB' if options.diagnose else '500MB')
@@ -67,6 +74,7 @@ def run(options: argparse.Namespace) -> Answer:
         raise UserError(f'--workers {options.workers}: it must be at least 1')
     if options.output.exists() and not options.output.is_dir():
         raise UserError(f'{options.output} is a file: results need a folder')
+    limits = read_limits(options.limits) if options.limits else None
     show_progress('looking for bags …')
     devices = find_devices(options.sources)
     progress = run_fleet(
@@ -79,7 +87,7 @@ def run(options: argparse.Namespace) -> Answer:
     )
     done = f'{progress.estimated} estimated, {progress.unchanged} unchanged'
     show_progress('studying the fleet …')
-    found = study(options.output)
+    found = study(options.output, limits)
     write_json(found, options.output / 'study.json')
     page = options.output / 'report.html'
     page.write_text(fleet_page(found, options.output), encoding='utf-8')

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from imu_workbench.fleet.capability import CAPABLE
 from imu_workbench.fleet.figures import (
     MAP_DEVICES,
     control_figure,
@@ -75,9 +76,25 @@ def _summary(found: Mapping[str, Any]) -> Section:
         'facts': facts,
         'failed': [[d, why] for d, why in list(found['failed'].items())[:LISTED]],
         'populations': populations,
+        'capability': [_capability(one) for one in found['capability']],
+        'capable': CAPABLE,
         'clusters': clusters,
     }
     return Section('summary', 'Devices and lots', 'fleet_summary.html', values)
+
+
+def _capability(one: Mapping[str, Any]) -> list[str]:
+    low, high = one['interval']
+    limits = ('–' if value is None else f'{value:.3g}' for value in (one['lower'], one['upper']))
+    return [
+        one['lot'],
+        f'{one["sensor"]} {one["axis"]} [{one["unit"]}]',
+        str(one['devices']),
+        *limits,
+        f'{one["cpk"]:.2f}',
+        f'{low:.2f} … {high:.2f}',
+        'yes' if one['capable'] else 'no',
+    ]
 
 
 def _odd(found: Mapping[str, Any], table: FleetTable) -> Section:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from imu_recording.user_error import UserError
 
+from imu_workbench.fleet.capability import capabilities
 from imu_workbench.fleet.clusters import find_clusters
 from imu_workbench.fleet.control import control_chart
 from imu_workbench.fleet.population import Population, error_variances, populations
@@ -18,12 +19,16 @@ from imu_workbench.fleet.screening import Screening, odd_devices, screen
 from imu_workbench.fleet.shortening import curve_content, shortening_curve
 from imu_workbench.fleet.table import FleetTable
 from imu_workbench.fleet.vectors import SENSORS, Vectors, read_vectors
+from imu_workbench.report.limits import Limits
 
 SCHEMA = 1
 
 
-def study(folder: Path) -> dict[str, Any]:
-    """Return populations, odd devices, clusters, prevalence, control charts and failures."""
+def study(folder: Path, limits: Limits | None = None) -> dict[str, Any]:
+    """Return populations, odd devices, clusters, prevalence, control charts and failures.
+
+    With `limits`: the capability of each lot to keep them.
+    """
     table = FleetTable(folder)
     sensors = [vectors for name in SENSORS if len(vectors := read_vectors(table, name))]
     screened = [(vectors, screen(vectors)) for vectors in sensors]
@@ -35,6 +40,7 @@ def study(folder: Path) -> dict[str, Any]:
         for population in populations(vectors, [d not in names for d in vectors.device])
     ]
     curve = shortening_curve(table, sensors, sorted(names))
+    described = [_population(one, sensors) for one in lots]
     return {
         'schema': SCHEMA,
         'devices': int(table.rows('SELECT count(DISTINCT source) FROM results')[0][0]),
@@ -45,7 +51,11 @@ def study(folder: Path) -> dict[str, Any]:
         'without_lot': int(
             table.rows("SELECT count(DISTINCT source) FROM results WHERE lot = 'none'")[0][0]
         ),
-        'populations': [_population(one, sensors) for one in lots],
+        'populations': described,
+        'capability': [
+            {**asdict(one), 'capable': one.capable}
+            for one in (capabilities(described, limits) if limits else ())
+        ],
         'odd': [asdict(one) for one in odd],
         'clusters': _clusters(sensors, names),
         'prevalence': [

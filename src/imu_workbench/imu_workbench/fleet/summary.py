@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from imu_workbench.fleet.capability import CAPABLE
+
 SHOWN = 20
 """Odd devices that are listed; all stand in the JSON and on the page."""
 
@@ -25,6 +27,7 @@ def study_lines(found: Mapping[str, Any]) -> list[str]:
             f'lot {one["lot"]} {one["sensor"]}: slopes {mean} ± {std} {one["unit"]} '
             f'({one["devices"]} devices)'
         )
+    lines += [capability_line(one) for one in found['capability'] if not one['capable']]
     for one in found['clusters']:
         kind = '' if one['type'] == 'none' else f' of type {one["type"]}'
         lines.append(f'clusters{kind}: {one["count"]}')
@@ -36,6 +39,15 @@ def study_lines(found: Mapping[str, Any]) -> list[str]:
     if len(odd) > SHOWN:
         lines.append(f'and {len(odd) - SHOWN} more')
     return lines
+
+
+def capability_line(one: Mapping[str, Any]) -> str:
+    """Return how well a lot keeps the limits of one slope."""
+    low, high = one['interval']
+    return (
+        f'lot {one["lot"]} {one["sensor"]} {one["axis"]}: {one["coefficient"]} has Cpk '
+        f'{one["cpk"]:.2f} ({low:.2f} … {high:.2f}); {CAPABLE} is wanted'
+    )
 
 
 def prevalence_line(one: Mapping[str, Any]) -> str:
