@@ -79,6 +79,7 @@ def test_versions_are_compared_and_the_report_is_saved(server, watch, tmp_path):
     page.get_by_role('tab', name='Add').click()
     page.get_by_role('combobox', name='Compare with').click()
     page.get_by_role('option', name='nothing').click()
+    page.get_by_role('option').first.wait_for(state='detached')  # the list fades for a moment
     page.get_by_role('combobox', name='Show').click()
     page.get_by_role('option', name='v1').click()
     page.locator('tr.on', has_text='v1').wait_for()
