@@ -98,7 +98,8 @@ def _imus(options: argparse.Namespace) -> Iterator[tuple[str, ImuRecording, Auto
         if not is_log(path):
             raise UserError(f'{path} is no log of an autopilot: `import` it, then give the bag')
         show_progress(f'reading {path} …')
-        own: Autopilot = 'ardupilot' if is_dataflash(path.read_bytes()[:16]) else 'px4'
+        with path.open('rb') as stream:
+            own: Autopilot = 'ardupilot' if is_dataflash(stream.read(16)) else 'px4'
         for imu in import_log(path):
             yield f'{path} {imu.name}', imu.recording, own
 
