@@ -17,6 +17,7 @@ from thermal_comp.comparison.second_opinion import SecondOpinion, SensorOpinion,
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.motion import refuse_moving
 from thermal_comp.data.quality import check_recording
+from thermal_comp.diagnosis.findings import rms_of
 from thermal_comp.model.export.autopilot_fit import FITS, Autopilot
 from thermal_comp.presentation.display import shown
 from thermal_comp.presentation.second_opinion import opinion_picture
@@ -115,8 +116,8 @@ def verdict(opinion: SecondOpinion) -> list[str]:
     )
     name = NAMES[opinion.autopilot]
     each = '; '.join(
-        f'{sensor} {_in_units(sensor, _rms(part.held_out))}, '
-        f'nothing subtracted {_in_units(sensor, _rms(part.raw))}'
+        f'{sensor} {_in_units(sensor, rms_of(part.held_out))}, '
+        f'nothing subtracted {_in_units(sensor, rms_of(part.raw))}'
         for sensor, part in opinion.sensors.items()
     )
     lines = [
@@ -183,11 +184,7 @@ def _row(name: str, opinion: SecondOpinion, faults: list[str], said: list[str]) 
 
 
 def _times_floor(part: SensorOpinion, errors: np.ndarray[Any, Any]) -> float:
-    return _rms(errors) / max(_rms(part.noise_floor), 1e-300)
-
-
-def _rms(values: np.ndarray[Any, Any]) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
+    return rms_of(errors) / max(rms_of(part.noise_floor), 1e-300)
 
 
 def _in_units(sensor: Sensor, value: float) -> str:
