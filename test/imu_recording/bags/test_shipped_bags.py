@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from anyreader_columns import columns
 
-from imu_recording import read_bag
+from imu_recording import read_bag, write_bag
 
 BAGS = ['dut1_x', 'dut1_motion']  # the others are written alike
 
@@ -25,6 +25,15 @@ recording = read_bag(sys.argv[1])
 write_bag(recording, sys.argv[2])
 print(len(read_bag(sys.argv[2])))
 """
+
+
+def test_every_bag_says_what_simulated_it(bags: Path, tmp_path: Path) -> None:
+    shipped = sorted(path.parent for path in bags.glob('*/metadata.yaml'))
+    assert len(shipped) == 13
+    said = {path.name: read_bag(path).simulated for path in shipped}
+    assert set(said.values()) == {'imu_driver.simulation'}, said
+    write_bag(read_bag(shipped[0]), tmp_path / 'copy')
+    assert read_bag(tmp_path / 'copy').simulated == 'imu_driver.simulation'
 
 
 @pytest.mark.parametrize('name', BAGS)

@@ -97,6 +97,7 @@ def test_what_was_not_given_is_not_stated(analysis) -> None:
     content = content_of(analysis)
     found = content['certificates']['dut1']
     assert found['laboratory']['operator'] == 'not stated'
+    assert found['device']['serial'] == 'not stated'
     assert found['laboratory']['thermometer']['uncertainty'] == 'not stated'
     assert 'thermometer calibration: not stated' in found['not_included']
     assert not found['simulated']

@@ -55,6 +55,7 @@ def assemble_recording(
         up_axis=_up_axis(metadata.get('up_axis', ''), tracks['linear_acceleration'], notes),
         profile=metadata.get('profile', ''),
         compensated=metadata.get('compensated', ''),
+        simulated=metadata.get('simulated', ''),
         namespace=namespace,
         source=source,
         notes=tuple(notes),

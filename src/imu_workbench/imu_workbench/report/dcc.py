@@ -14,6 +14,8 @@ from typing import Any
 
 from imu_recording.user_error import UserError
 
+from imu_workbench.report.laboratory import NOT_STATED
+
 VERSION = '3.0.0'
 """Of the schema where none is given."""
 DCC, SI = 'https://ptb.de/dcc', 'https://ptb.de/si'
@@ -110,7 +112,12 @@ def _add(parent: Any, node: Node) -> None:
 def _administrative(found: Mapping[str, Any], versions: Mapping[str, str]) -> Node:
     lab, device = found['laboratory'], found['device']
     days = sorted(row['start'][:10] for row in found['recordings'])
-    serial = [('issuer', 'manufacturer'), ('value', device['serial']), _text('name', 'serial')]
+    if device['serial'] == NOT_STATED:  # the schema wants an identification: what recordings say
+        identity = [('issuer', 'other'), ('value', device['name']), _text('name', 'recorded as')]
+    else:
+        identity = [
+            ('issuer', 'manufacturer'), ('value', device['serial']), _text('name', 'serial'),
+        ]  # fmt: skip
     received = lab['received']
     dates = [('receiptDate', received)] if re.match(r'\d{4}-', received) else []
     simulated = 'Simulated data: nothing here was measured.'
@@ -141,7 +148,7 @@ def _administrative(found: Mapping[str, Any], versions: Mapping[str, str]) -> No
                             _text('name', device['name']),
                             _node('manufacturer', [_text('name', device['manufacturer'])]),
                             ('model', device['type']),
-                            _node('identifications', [_node('identification', serial)]),
+                            _node('identifications', [_node('identification', identity)]),
                         ],
                     )
                 ],

@@ -80,7 +80,7 @@ def certificate(
             'name': device,
             'type': laboratory.text('device', 'type'),
             'manufacturer': laboratory.text('device', 'manufacturer'),
-            'serial': laboratory.content.get('device', {}).get('serial', device),
+            'serial': laboratory.text('device', 'serial'),
             'condition': laboratory.text('device', 'condition'),
         },
         'simulated': simulated,
