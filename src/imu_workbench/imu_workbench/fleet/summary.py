@@ -9,7 +9,7 @@ from typing import Any
 from imu_workbench.fleet.capability import CAPABLE
 
 SHOWN = 20
-"""Odd devices that are listed; all stand in the JSON and on the page."""
+"""Odd devices, and slopes beyond their limits, that are listed; all stand in the JSON."""
 
 
 def study_lines(found: Mapping[str, Any]) -> list[str]:
@@ -27,7 +27,10 @@ def study_lines(found: Mapping[str, Any]) -> list[str]:
             f'lot {one["lot"]} {one["sensor"]}: slopes {mean} ± {std} {one["unit"]} '
             f'({one["devices"]} devices)'
         )
-    lines += [capability_line(one) for one in found['capability'] if not one['capable']]
+    missed = [one for one in found['capability'] if not one['capable']]
+    lines += [capability_line(one) for one in missed[:SHOWN]]
+    if len(missed) > SHOWN:
+        lines.append(f'and {len(missed) - SHOWN} slopes more')
     for one in found['clusters']:
         kind = '' if one['type'] == 'none' else f' of type {one["type"]}'
         lines.append(f'clusters{kind}: {one["count"]}')
