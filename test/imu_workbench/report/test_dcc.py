@@ -80,12 +80,14 @@ def test_a_schema_it_imports_lies_beside_it(tmp_path: Path) -> None:
         load_schema(path)
 
 
-def test_what_the_schema_needs_is_asked_for(content) -> None:
+def test_a_country_that_is_not_stated_is_said_to_be_none(content) -> None:
     certificate = content['certificates']['dut1']
     laboratory = certificate['laboratory'] | {'country': 'not stated'}
     nowhere = {'dut1': certificate | {'laboratory': laboratory}}
-    with pytest.raises(UserError, match=r'laboratory\.country'):
-        certificate_xml(content | {'certificates': nowhere})
+    root = certificate_xml(content | {'certificates': nowhere})
+    assert found(root, '//dcc:countryCodeISO3166_1') == ['ZZ']
+    assert any('Country of the laboratory: not stated' in text for text in root.itertext())
+    assert found(certificate_xml(content), '//dcc:countryCodeISO3166_1') == ['XX']
     with pytest.raises(UserError, match='of one device'):
         certificate_xml(content | {'certificates': {'a': certificate, 'b': certificate}})
 

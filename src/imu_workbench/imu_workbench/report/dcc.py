@@ -16,6 +16,8 @@ from imu_recording.user_error import UserError
 
 from imu_workbench.report.laboratory import NOT_STATED
 
+NO_COUNTRY = 'ZZ'
+"""Where the country is not stated, which the schema wants (ISO 3166-1, user-assigned)."""
 VERSION = '3.0.0'
 """Of the schema where none is given."""
 DCC, SI = 'https://ptb.de/dcc', 'https://ptb.de/si'
@@ -53,7 +55,7 @@ def dsi_unit(unit: str) -> str | None:
 def certificate_xml(content: Mapping[str, Any], version: str = VERSION) -> Any:
     """Return the certificate of the one device of a report as an lxml element.
 
-    Raises UserError where what the schema cannot do without is not stated.
+    Raises UserError where it is not of one device.
     """
     certificates = content['certificates']
     if len(certificates) != 1:
@@ -62,12 +64,6 @@ def certificate_xml(content: Mapping[str, Any], version: str = VERSION) -> Any:
             f'{", ".join(certificates) or "none"}'
         )
     found = next(iter(certificates.values()))
-    lab = found['laboratory']
-    if not re.fullmatch('[A-Z]{2}', lab['country']):
-        raise UserError(
-            'a DCC needs the country of the laboratory: give --laboratory with '
-            'laboratory.country, two letters of ISO 3166-1'
-        )
     from lxml.etree import Element
 
     root = Element(
@@ -109,6 +105,10 @@ def _add(parent: Any, node: Node) -> None:
             _add(element, one)
 
 
+def _country(laboratory: Mapping[str, Any]) -> str:
+    return NO_COUNTRY if laboratory['country'] == NOT_STATED else str(laboratory['country'])
+
+
 def _administrative(found: Mapping[str, Any], versions: Mapping[str, str]) -> Node:
     lab, device = found['laboratory'], found['device']
     days = sorted(row['start'][:10] for row in found['recordings'])
@@ -122,6 +122,8 @@ def _administrative(found: Mapping[str, Any], versions: Mapping[str, str]) -> No
     dates = [('receiptDate', received)] if re.match(r'\d{4}-', received) else []
     simulated = 'Simulated data: nothing here was measured.'
     stated = [simulated] if found['simulated'] else []
+    if lab['country'] == NOT_STATED:
+        stated.append(f'Country of the laboratory: {NOT_STATED}; {NO_COUNTRY} stands for it.')
     return _node(
         'administrativeData',
         [
@@ -129,7 +131,7 @@ def _administrative(found: Mapping[str, Any], versions: Mapping[str, str]) -> No
             _node(
                 'coreData',
                 [
-                    ('countryCodeISO3166_1', lab['country']),
+                    ('countryCodeISO3166_1', _country(lab)),
                     ('usedLangCodeISO639_1', 'en'),
                     ('mandatoryLangCodeISO639_1', 'en'),
                     ('uniqueIdentifier', lab['number']),
