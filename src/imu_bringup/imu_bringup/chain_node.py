@@ -90,7 +90,8 @@ class ImuChainNode(ConfiguredNode):
             remaps = filter_remaps(name, compensated=bool(config.model))
             stages.append(node_class(cli_args=remaps or None, **shared))
         if config.record:
-            stages.append(RecorderNode(parameters={'output': config.record}, **shared))
+            recorded = {'output': config.record, **origin_of(config.transport)}
+            stages.append(RecorderNode(parameters=recorded, **shared))
         return stages
 
     def setup(self, _: ChainConfig) -> None:
@@ -154,6 +155,18 @@ def filter_remaps(name: str, *, compensated: bool) -> list[str]:
         rules.append(f'imu/data:=imu/data_{name}')
     remaps = [word for rule in rules for word in ('-r', rule)]
     return ['--ros-args', *remaps] if remaps else []
+
+
+def origin_of(transport: str) -> dict[str, list[str]]:
+    """Return the recorder's `metadata` that marks what a simulated board sent.
+
+    >>> origin_of('simulated://dut1')
+    {'metadata': ['simulated=simulated://dut1']}
+    >>> origin_of('/dev/ttyACM0')
+    {}
+    """
+    simulated = transport.startswith('simulated://')
+    return {'metadata': [f'simulated={transport}']} if simulated else {}
 
 
 def main() -> int:

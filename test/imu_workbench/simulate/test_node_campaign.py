@@ -36,6 +36,7 @@ def test_each_bag_holds_every_device_in_its_orientation(campaign) -> None:
     for axis, name in enumerate('xyz'):
         assert bag_namespaces(campaign / name) == ['/dut1', '/dut2']
         recording = read_bag(campaign / name, namespace='/dut2')
+        assert recording.simulated == 'imu_driver.simulation'
         assert recording.up_axis == f'+{name}'
         assert recording.profile == 'short_20min'
         assert recording.linear_acceleration.mean(axis=0).argmax() == axis

@@ -20,6 +20,7 @@ from chamber_profile.run.values import CONFIRM, DONE
 from imu_driver.board.lsm9ds1 import DEFAULT_FULL_SCALE
 from imu_driver.board.sample import SampleScale
 from imu_driver.node import ImuDriverNode
+from imu_driver.simulation.read_out import SIMULATOR
 from imu_driver.simulation.stream import SimulatedDevice
 from imu_driver.wire.frames import MAGNETOMETER_NEW, TEMPERATURE_NEW, DataFrame
 from imu_recording.logging_contract import (
@@ -211,7 +212,11 @@ class _NodeRun:
         recorder = RecorderNode(
             capture=lambda *_: None,
             now=self.now,
-            parameters={'output': str(plan.directory), 'run': plan.directory.name},
+            parameters={
+                'output': str(plan.directory),
+                'run': plan.directory.name,
+                'metadata': [f'simulated={SIMULATOR}'],
+            },
             **self.options,
         )
         recorder.trigger_configure()
