@@ -55,25 +55,25 @@ def recordings_card(content: Mapping[str, Any]) -> Card:
 
 
 def sensor_card(content: Mapping[str, Any], sensor: str) -> Card | None:
-    """Return the error of a sensor's worst channel; None where nothing is known of it."""
-    parts = [
-        found['sensors'][sensor]
-        for found in content['comparison'].values()
-        if sensor in found['sensors']
+    """Return the errors of the channel that is most times its noise floor; None: none is known."""
+    channels = [
+        (after / floor, before, after, floor, f'{device} {axis}')
+        for device, found in content['comparison'].items()
+        if (part := found['sensors'].get(sensor))
+        for before, after, floor, axis in zip(
+            part['measured_rms'], part['held_out_rms'], part['noise_floor'], 'xyz', strict=True
+        )
+        if before is not None and after is not None and floor
     ]
-    if not parts:
+    if not channels:
         return None
     unit = DISPLAY_UNITS[sensor]
-    measured, held_out, floor = (
-        max((v for part in parts for v in part[name] if v is not None), default=float('nan'))
-        * unit.factor
-        for name in ('measured_rms', 'held_out_rms', 'noise_floor')
-    )
+    _, before, after, floor, channel = max(channels)
     return _card(
         f'{sensor.capitalize()} error, worst channel (rms)',
-        f'{shown(measured)} → {shown(held_out)}',
+        f'{shown(before * unit.factor)} → {shown(after * unit.factor)}',
         unit.unit,
-        f'measured → held out; noise floor {shown(floor)} {unit.unit}',
+        f'{channel}: measured → held out; noise floor {shown(floor * unit.factor)} {unit.unit}',
     )
 
 
