@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Probabilities of explanations: they sum to one, and the set that is reported is the smallest."""
 
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
@@ -58,3 +59,56 @@ def test_what_was_put_in_is_the_likeliest_explanation(sizes, names) -> None:
     said = answer(*sizes)
     assert said.likeliest.names == names
     assert probability(said.explanations, lambda e: e.names == names) > 0.5
+
+
+def said_of(
+    error: np.ndarray, catalogue: tuple[str, ...], only: int | None = None, **logged: np.ndarray
+) -> SensorAnswer:
+    """Return what explains a gyroscope's error (n,) in three runs, or in only one of them.
+
+    `logged`: channels beside the temperature.
+    """
+    shaped = error[:, None] * np.array([1.0, -0.5, 0.7])
+    felt = [{'angular_velocity': shaped * (only in (None, k))} for k in range(3)]
+    runs = prepare([
+        replace(run(up, seed=k, error=felt[k]), **logged) for k, up in enumerate(('+x', '+y', '+z'))
+    ])  # fmt: skip
+    base = {'gyroscope': (BiasTemperature(),)}
+    settings = Settings({name: EFFECTS[name] for name in catalogue})
+    noise = determined_noise(runs, base)[0]
+    return search_sensors(runs, base, noise, settings)['gyroscope']
+
+
+def test_what_the_equation_of_a_large_effect_lacks_is_no_second_effect() -> None:
+    """A lag that grows by a fifth towards the cold, as oil and grease do."""
+    time, temperature, *_ = chamber()
+    step = float(time[1] - time[0])
+    short, long = (temperature - lagging(temperature, s, step) for s in (280.0, 340.0))
+    share = (temperature + 10.0) / 60.0
+    error = 6e-4 * (share * short + (1.0 - share) * long)
+    said = said_of(error, tuple(EFFECTS))
+    assert said.likeliest.names in {('thermal_lag',), ('thermal_lag_two_stage',)}
+    assert said.likeliest.approximate
+
+
+def test_a_course_over_time_may_be_a_channel_that_was_not_logged() -> None:
+    time = chamber()[0]
+    waves = 4e-4 * np.sin(2.0 * np.pi * time / 9000.0 + (time / 2e4) ** 2)
+    unknown = said_of(waves, ('thermal_lag', 'warm_up')).explanations
+    by_name = {e.names: e.probability for e in unknown[:2]}
+    assert set(by_name) == {('not_in_catalogue',), ('unlogged',)}
+    assert min(by_name.values()) > 0.2
+    every = ('heater', 'compressor', 'supply_voltage', 'humidity')
+    constant = {name: np.zeros(len(time)) for name in every}
+    logged = said_of(
+        waves, ('thermal_lag', 'warm_up'), **constant, vibration=np.zeros((len(time), 3))
+    )
+    assert logged.likeliest.names == ('not_in_catalogue',)
+    assert probability(logged.explanations, lambda e: e.names == ('unlogged',)) < 0.05
+
+
+def test_several_steps_may_be_one_supply_that_is_switched() -> None:
+    time = chamber()[0]
+    switched = 6e-4 * ((time > 14_000.0) & (time < 29_000.0))
+    said = said_of(switched, tuple(EFFECTS), only=1)
+    assert said.kind == 'unlogged'

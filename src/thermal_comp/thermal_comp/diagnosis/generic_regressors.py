@@ -51,6 +51,8 @@ class GenericRegressor:
     term: ColumnGroup
     unlogged: str = ''
     """Channel whose absence it would betray; '' where it is a law of what was logged."""
+    suspect: str = ''
+    """Lost channel that may have the same course by chance; '' for none."""
 
 
 def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
@@ -105,9 +107,33 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
     functions = [(function, per_run) for _, _, function, per_run in made]
     terms = design.generic_terms(functions, beside=range(design.width), runs=runs)
     return [
-        GenericRegressor(row[0], row[1], term, _betrayed(design, row[0], lost))
+        GenericRegressor(
+            row[0], row[1], term, betrayed, '' if betrayed else _suspect(design, row[0])
+        )
         for row, term in zip(made, terms, strict=True)
+        for betrayed in [_betrayed(design, row[0], lost)]
     ]
+
+
+def all_variables(design: CandidateDesign) -> ColumnGroup:
+    """Return a smooth function of temperature and branch, rate, time and what channels say."""
+    runs = design.source.runs
+    spans = _spans(design.source.smoothed)
+    channels = [
+        name
+        for name in ('heater', 'compressor', 'supply_voltage', 'humidity')
+        if all(run.conditions.has(name) for run in runs)
+    ]
+
+    def columns(run: PreparedRun) -> FloatArray:
+        parts = [spans.temperature(run), spans.branch(run), spans.rate(run)]
+        parts += [spans.rate_products(run), spans.time(run), spans.slope_in_time(run)]
+        parts += [spans.channel(name, run) for name in channels]
+        return np.concatenate(parts, axis=1)
+
+    functions = [(columns, False)]
+    width = range(design.width)
+    return design.generic_terms(functions, beside=width, runs=design.source.smoothed)[0]
 
 
 def lost_channels(design: CandidateDesign) -> list[str]:
@@ -120,6 +146,33 @@ def lost_channels(design: CandidateDesign) -> list[str]:
     ]
 
 
+def lost_over_time(design: CandidateDesign) -> str:
+    """Return the lost channel that may have any course over time, '' for none."""
+    return _suspect(design, 'time')
+
+
+def _suspect(design: CandidateDesign, depends_on: str) -> str:
+    """Return a lost channel that may have the course of a dependence by chance, '' for none.
+
+    What is switched may have any course over time; the air leads the die in every ramp.
+    """
+    lost = lost_channels(design)
+    air = any(
+        run.conditions.has(name)
+        for run in design.source.runs
+        for name in ('chamber_temperature', 'device_temperature')
+    )
+    machines = {'heater', 'compressor'} <= set(lost)
+    lost_names = ['chamber'] if machines else [c.removesuffix('_voltage') for c in lost]
+    if depends_on in {'time', 'phase', 'cycle'}:
+        return next(iter(lost_names), '')
+    if depends_on in {'rate', 'branch'}:
+        if not air:
+            return 'chamber_temperature'
+        return next((c for c in lost_names if c in {'chamber', 'heater', 'compressor'}), '')
+    return ''
+
+
 def _betrayed(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> str:
     """Return the lost channel that a dependence would betray, '' for none.
 
@@ -130,7 +183,8 @@ def _betrayed(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> 
     switched = design.sensor != 'magnetometer' and depends_on in {'heater', 'compressor'}
     order = {
         'compressor': ('vibration', 'supply_voltage'),
-        'heater': ('supply_voltage',),
+        'heater': ('supply_voltage', 'compressor', 'vibration'),
+        'vibration': ('compressor',) if design.sensor == 'magnetometer' else (),
         'phase': ('heater', 'compressor', 'supply_voltage'),
         'chamber': ('heater', 'compressor', 'supply_voltage', 'vibration'),
     }

@@ -12,7 +12,12 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.diagnosis import priors
 from thermal_comp.diagnosis.candidates import Family, Form, families, form_of, moved_forms
-from thermal_comp.diagnosis.generic_regressors import generic_regressors, lost_channels
+from thermal_comp.diagnosis.generic_regressors import (
+    all_variables,
+    generic_regressors,
+    lost_channels,
+    lost_over_time,
+)
 from thermal_comp.diagnosis.nuisances import nuisance_priors, thermometer_errors
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.candidate_design import CandidateDesign
@@ -127,6 +132,10 @@ class SensorHypotheses:
         """χ² of what other sensors tell of the thermometer."""
         self.families = [f for f in families(design, catalogue) if _leaves_a_trace(design, f)]
         self.regressors = generic_regressors(design)
+        self.discrepancy = all_variables(design)
+        """A smooth function of all that was logged, for what equations lack."""
+        self.lost_over_time = lost_over_time(design)
+        """Lost channel that may have any course over time; '' where none is."""
         self.rows = 3 * design.rows - design.base_rank
         self._completed: set[tuple[int, ...]] = set()
         self._weigh_nuisances()
@@ -185,37 +194,25 @@ class SensorHypotheses:
                 if promising and place < most:
                     larger[names] = self.fitted_set((*before.components, addition.component))
                 elif not before.components:
-                    prior = self._log_prior(1)
+                    prior = self.log_prior(1)
                     one = (addition.component,)
                     larger[names] = EffectSet(one, prior + addition.log_gain, prior, 0.0, 0.0)
         return larger
 
-    def additions(
-        self,
-        before: EffectSet,
-        amplitude_prior: FloatArray | None = None,
-        state: ConditionedDesign | None = None,
-        *,
-        beside: bool = False,
-    ) -> dict[str, Addition]:
-        """Return what each family not in the set would add to it, roughly.
-
-        `beside`: amplitudes are those of what the set leaves of a family's columns.
-        """
-        state = state or self.conditioned(before.components)
-        if amplitude_prior is None:
-            strongest = float(np.sqrt(before.explained)) if before.components else None
-            amplitude_prior = priors.amplitude_log_prior(strongest)
+    def additions(self, before: EffectSet) -> dict[str, Addition]:
+        """Return what each family not in the set would add to it, roughly."""
+        state = self.conditioned(before.components)
+        strongest = float(np.sqrt(before.explained)) if before.components else None
+        amplitude_prior = priors.amplitude_log_prior(strongest)
         taken = {c.name for c in before.components if not c.form.effect.repeatable}
         offered = [f for f in self.families if f.name not in taken]
-        return {f.name: self._addition(state, f, amplitude_prior, beside) for f in offered}
+        return {f.name: self._addition(state, f, amplitude_prior) for f in offered}
 
     def _addition(
         self,
         state: ConditionedDesign,
         family: Family,
         amplitude_prior: FloatArray,
-        beside: bool = False,
     ) -> Addition:
         count = self._form_count(family)
         before = state.log_evidence
@@ -224,7 +221,7 @@ class SensorHypotheses:
         for forms in _alike(family.forms):
             columns = np.array([[c for t in form.terms for c in t.columns] for form in forms])
             evidence, gain = state.evidences(
-                columns, priors.AMPLITUDES, shared=forms[0].terms[0].shared, beside=beside
+                columns, priors.AMPLITUDES, shared=forms[0].terms[0].shared
             )
             weighted = evidence + amplitude_prior - before
             each = np.logaddexp.reduce(weighted, axis=1)
@@ -302,7 +299,7 @@ class SensorHypotheses:
 
     def needed_evidence(self, belief: float) -> float:
         """Return 2 ln of the Bayes factor that makes one effect, known in form, so probable."""
-        odds = np.log(belief / (1.0 - belief)) + np.log(priors.NOTHING) - self._log_prior(1)
+        odds = np.log(belief / (1.0 - belief)) + np.log(priors.NOTHING) - self.log_prior(1)
         return 2.0 * float(odds)
 
     def single(self, family: Family) -> EffectSet:
@@ -405,7 +402,7 @@ class SensorHypotheses:
         ]
         weakest = self._joint(components, self._likeliest[1])[1] - max(others)
         explained -= self._explained_by_nuisances
-        prior = self._log_prior(len(components)) + self._amplitudes_log_prior(components)
+        prior = self.log_prior(len(components)) + self._amplitudes_log_prior(components)
         return EffectSet(
             tuple(components),
             prior + evidence + occam - nothing,
@@ -441,7 +438,7 @@ class SensorHypotheses:
         # A peak as wide as the grid or wider is what the sum over the grid is.
         return share + min(wide, float(np.log(one.forms)))
 
-    def _log_prior(self, effects: int) -> float:
+    def log_prior(self, effects: int) -> float:
         """Return ln of the prior of a set of so many effects, which are all equally likely."""
         more = priors.ANOTHER_EFFECT
         count = (1.0 - priors.NOTHING) * (1.0 - more) * more ** (effects - 1)

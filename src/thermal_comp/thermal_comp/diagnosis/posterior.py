@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -19,6 +20,7 @@ from thermal_comp.diagnosis.hypotheses import (
     EffectSet,
     SensorHypotheses,
 )
+from thermal_comp.linear.candidate_design import ColumnGroup
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior, ConditionedDesign, log_sum
 
 CREDIBLE = 0.95
@@ -63,20 +65,44 @@ class _Beside:
     """Whether all that is known is that runs share a course over time."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """A set with the equations beside its effects and what a free flaw adds."""
+
+    set: EffectSet
+    state: ConditionedDesign
+    free_flaw: float
+    course: float
+    """ln of the evidence for a course that the runs share; −∞ where none was looked for."""
+
+    @property
+    def course_size(self) -> float:
+        """√Δχ² of that course."""
+        return float(np.sqrt(2.0 * max(self.course, 0.0)))
+
+
+def _fitted(hypotheses: SensorHypotheses, some: EffectSet, *, courses: bool) -> _Fitted:
+    state = hypotheses.conditioned(some.components)
+    free = _free_flaw(hypotheses, some, state)
+    return _Fitted(some, state, free, _common_course(hypotheses, some) if courses else -np.inf)
+
+
 def explanations(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> list[Explanation]:
     """Return the explanations of one sensor, most probable first; probabilities sum to 1."""
     best = max(sets, key=lambda s: s.log_posterior)
     close = [s for s in sets if s.log_posterior > best.log_posterior - WORTH_A_LOOK][:MOST_SETS]
     # What a smaller set leaves to a further effect may be a flaw of its own equations.
     close += [s for s in sets if s not in close and set(s.names) <= set(best.names)]
-    weighed: list[tuple[EffectSet, list[_Beside]]] = []
-    for some in sets:
-        rest = (
-            _beside(hypotheses, some, sets, courses=some is best or not some.components)
-            if some in close
-            else [_Beside('', None, _exact_weight(hypotheses, some))]
-        )
-        weighed.append((some, rest))
+    fitted = [
+        _fitted(hypotheses, some, courses=some is best or not some.components) for some in close
+    ]
+    weighed: list[tuple[EffectSet, list[_Beside]]] = [
+        (s, [_Beside('', None, _exact_weight(hypotheses, s))]) for s in sets if s not in close
+    ]
+    flaws = _flaws(hypotheses, fitted)
+    weighed += [
+        (one.set, _beside(hypotheses, one, flaw)) for one, flaw in zip(fitted, flaws, strict=True)
+    ]
     total = log_sum([s.log_posterior + b.log_weight for s, rest in weighed for b in rest])
     found = [_named(some, rest, total) for some, rest in weighed]
     found += [_unnamed(kind, weighed, total) for kind in (NOT_IN_CATALOGUE, UNLOGGED)]
@@ -126,36 +152,59 @@ def _unnamed(
     )
 
 
-def _beside(
-    hypotheses: SensorHypotheses, some: EffectSet, sets: Sequence[EffectSet], *, courses: bool
-) -> list[_Beside]:
-    """Return what may act beside the effects of a set: nothing, a flaw, something unknown.
-
-    `courses`: a course over time that the axes share is looked for as well.
-    """
-    state = hypotheses.conditioned(some.components)
+def _beside(hypotheses: SensorHypotheses, one: _Fitted, flaw: float) -> list[_Beside]:
+    """Return what may act beside the effects of a set: nothing, a flaw, something unknown."""
+    some, state = one.set, one.state
     found = [_Beside('', None, _exact_weight(hypotheses, some))]
-    strongest = float(np.sqrt(some.explained)) if some.components else None
     if _may_be_flawed(hypotheses, some):
-        found.append(_Beside('flaw', None, _flaw(hypotheses, some, sets, state)))
+        found.append(_Beside('flaw', None, flaw))
+    strongest = float(np.sqrt(some.explained)) if some.components else None
     amplitude = priors.amplitude_log_prior(strongest, priors.UNNAMED_RATIO_LN)
-    once = priors.ANOTHER_EFFECT if some.components else 1.0 - priors.NOTHING
-    if not some.components:
-        once /= priors.NOTHING
     gains = _gains(hypotheses, some, state, amplitude)
-    common = _common_course(hypotheses, some) if courses else []
     own = {c.removesuffix('_voltage') for one in some.components for c in one.form.effect.channels}
     measured = [gain for r, gain in gains if r.depends_on in own]
     if measured:
         gains = [(r, gain) for r, gain in gains if r.depends_on not in own]
         share = float(np.log(priors.CHANNEL_FLAWED / len(measured)))
         found.append(_Beside('flaw', None, log_sum(measured) + share))
-    for kind, prior in ((NOT_IN_CATALOGUE, priors.NOT_IN_CATALOGUE), (UNLOGGED, priors.UNLOGGED)):
-        mine = [(r, g) for r, g in gains if bool(r.unlogged) == (kind == UNLOGGED)]
-        beside = [_Beside(kind, r.unlogged or r.depends_on, g) for r, g in mine]
-        beside += [c for c in common if c.kind == kind]
-        share = float(np.log(prior * once / max(len(beside), LEAST_WAYS)))
+    course = one.course + _at(one.course_size, amplitude)
+    return found + _unknown(hypotheses, some, gains, course)
+
+
+def _unknown(
+    hypotheses: SensorHypotheses,
+    some: EffectSet,
+    gains: Sequence[tuple[GenericRegressor, float]],
+    course: float,
+) -> list[_Beside]:
+    """Return what speaks for a law that is not in the catalogue, and for a lost channel.
+
+    A lost channel betrays itself by the trace it leaves in others. What follows time, or the
+    phase of the cycle, may be either.
+    """
+    once = priors.ANOTHER_EFFECT if some.components else 1.0 - priors.NOTHING
+    if not some.components:
+        once /= priors.NOTHING
+    lost = hypotheses.lost_over_time
+    laws = [_Beside(NOT_IN_CATALOGUE, r.depends_on, g) for r, g in gains if not r.unlogged]
+    laws += [_Beside(NOT_IN_CATALOGUE, 'time', course, course=True)]
+    traces = [_Beside(UNLOGGED, r.unlogged, g) for r, g in gains if r.unlogged]
+    either = [_Beside(UNLOGGED, r.suspect, g) for r, g in gains if r.suspect]
+    either += [_Beside(UNLOGGED, lost, course, course=True)] if lost else []
+    found = []
+    for beside, prior, ways in (
+        (laws, priors.NOT_IN_CATALOGUE, len(laws)),
+        (traces, priors.UNLOGGED, len(traces)),
+        (either, priors.UNLOGGED, len(laws)),
+    ):
+        share = float(np.log(prior * once / max(ways, LEAST_WAYS)))
         found += [replace(b, log_weight=b.log_weight + share) for b in beside]
+    steps = max(Counter(some.names).values(), default=0)
+    if steps > 1 and lost:
+        # One channel that is switched makes as many steps as it likes.
+        size = len(some.names)
+        once = hypotheses.log_prior(size - steps + 1) - hypotheses.log_prior(size)
+        found.append(_Beside(UNLOGGED, lost, once + float(np.log(priors.UNLOGGED))))
     return found
 
 
@@ -167,7 +216,7 @@ def _gains(
 ) -> list[tuple[GenericRegressor, float]]:
     """Return by generic regressor ln of the evidence it adds; the best with another beside it."""
     regressors = hypotheses.regressors
-    each = [_gain(state, r, amplitude) for r in regressors]
+    each = [_gain(state, r.term, amplitude) for r in regressors]
     gains = [gain for gain, _ in each]
     place = int(np.argmax(gains))
     if gains[place] > 0.0:
@@ -176,91 +225,110 @@ def _gains(
         best = CoefficientPrior(term.columns, shared=False, deviation=width)
         both = hypotheses.conditioned(some.components, best)
         others = [r for r in regressors if r is not regressors[place]]
-        second = log_sum([_gain(both, r, amplitude)[0] for r in others])
+        second = log_sum([_gain(both, r.term, amplitude)[0] for r in others])
         more = second + float(np.log(priors.ANOTHER_EFFECT / len(others)))
         gains[place] = float(np.logaddexp(gains[place], gains[place] + more))
     return list(zip(regressors, gains, strict=True))
 
 
 def _gain(
-    state: ConditionedDesign,
-    regressor: GenericRegressor,
-    amplitude: FloatArray,
-    *,
-    beside: bool = False,
+    state: ConditionedDesign, term: ColumnGroup, amplitude: FloatArray, *, beside: bool = False
 ) -> tuple[float, float]:
-    """Return ln of the evidence a regressor adds and its best amplitude."""
-    columns = np.array([regressor.term.columns])
-    shared = regressor.term.shared
-    evidence, _ = state.evidences(columns, priors.AMPLITUDES, shared=shared, beside=beside)
+    """Return ln of the evidence a flexible function adds and its best amplitude.
+
+    `amplitude` (s,) is ln of the prior over AMPLITUDES; `beside`: of all that the function adds.
+    """
+    evidence, _ = state.evidences(
+        np.array([term.columns]), priors.AMPLITUDES, shared=term.shared, beside=beside
+    )
     weighted = evidence[0] + amplitude - state.log_evidence
     return log_sum(weighted), float(priors.AMPLITUDES[int(np.argmax(weighted))])
 
 
-def _flaw(
-    hypotheses: SensorHypotheses,
-    some: EffectSet,
-    sets: Sequence[EffectSet],
-    state: ConditionedDesign,
-) -> float:
-    """Return ln of prior times evidence of what the equations of effects and thermometer lack.
+def _free_flaw(hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedDesign) -> float:
+    """Return ln of the evidence that a smooth function of all that was logged adds to a set.
 
-    It is a share of the weakest effect: what is as large as that would be an effect as well.
+    It is as large as a share of what the equations of effects and thermometer explain (Kennedy
+    and O'Hagan, Bayesian Calibration of Computer Models, 2001).
     """
-    weakest = float(np.sqrt(max(some.weakest, hypotheses.explained_by_thermometer)))
-    form = priors.flaw_log_prior(weakest, priors.FORM_SHARE, priors.FORM_SHARE_LN)
-    chance = priors.flaw_log_prior(weakest, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
-    like_kin = hypotheses.additions(some, form, state, beside=True)
-    by_chance = hypotheses.additions(some, chance, state, beside=True)
-    effects = [c.form.effect for c in some.components]
-    kin = {f.name for f in hypotheses.families if any(e.is_kin_of(f.effect()) for e in effects)}
-    if not effects:
-        kin = {f.name for f in hypotheses.families if f.effect.kin == 'temperature'}
-    fitted = _gains_of_larger(some, sets, form)
-    kindred = [
-        max(a.log_gain, fitted.get(name, a.log_gain))
-        for name, a in like_kin.items()
-        if name in kin
-    ]
-    others = [a.log_gain for name, a in by_chance.items() if name not in kin]
-    others += [_gain(state, r, form, beside=True)[0] for r in hypotheses.regressors]
-    share = priors.LIKE_KIN if kindred else 0.0
-    parts = [log_sum(others) + float(np.log((1.0 - share) / len(others)))]
-    if kindred:
-        parts.append(log_sum(kindred) + float(np.log(share / len(kindred))))
+    size = priors.flaw_log_prior(_explained_by_equations(hypotheses, some))
+    return _gain(state, hypotheses.discrepancy, size, beside=True)[0]
+
+
+def _explained_by_equations(hypotheses: SensorHypotheses, some: EffectSet) -> float:
+    """Return √Δχ² that the equations of effects and thermometer explain."""
+    return float(np.sqrt(max(some.explained, hypotheses.explained_by_thermometer)))
+
+
+def _flaws(hypotheses: SensorHypotheses, fitted: Sequence[_Fitted]) -> list[float]:
+    """Return ln of prior times evidence of what each set's equations lack.
+
+    It is a smooth function of all that was logged, or follows one variable (not temperature
+    alone: curves over it are what laws are told by), or looks like a kindred effect (a lag of two
+    stages like a gradient), or by chance like another: what was fitted with that effect, right or
+    flawed itself, is then this set in a flawed form. All four are equally likely.
+    """
+    flaws: dict[int, float] = {}
+    for place in sorted(range(len(fitted)), key=lambda k: -len(fitted[k].set.names)):
+        some = fitted[place].set
+        larger = []
+        for other, flaw in flaws.items():
+            further = Counter(fitted[other].set.names) - Counter(some.names)
+            if further.total() == 1 and len(fitted[other].set.names) == len(some.names) + 1:
+                whole = np.logaddexp(_exact_weight(hypotheses, fitted[other].set), flaw)
+                larger.append((next(iter(further)), fitted[other].set, float(whole)))
+        flaws[place] = _flaw(hypotheses, fitted[place], larger)
+    return [flaws[place] for place in range(len(fitted))]
+
+
+def _flaw(
+    hypotheses: SensorHypotheses, one: _Fitted, larger: Sequence[tuple[str, EffectSet, float]]
+) -> float:
+    """Return the flaw of one set; `larger`: effect more, set with it, its weight, flaw or not."""
+    some = one.set
+    explained = _explained_by_equations(hypotheses, some)
+    log_prior = priors.flaw_log_prior(explained)
+    likeness = priors.flaw_log_prior(explained, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
+    variables = [r.term for r in hypotheses.regressors if r.depends_on != 'temperature']
+    single = [_gain(one.state, term, log_prior, beside=True)[0] for term in variables]
+    single.append(one.course + _at(one.course_size, log_prior))
+    kin = _kin(hypotheses, some)
+    alike: list[float] = []
+    others: list[float] = []
+    for further, with_it, weight in larger:
+        size = float(np.sqrt(max(with_it.explained - some.explained, 0.0)))
+        gain = with_it.log_posterior - with_it.log_prior + some.log_prior - some.log_posterior
+        (alike if further in kin else others).append(gain + weight + _at(size, likeness))
+    ways = [(one.free_flaw, 1), (log_sum(single), len(single))]
+    ways += [(log_sum(alike), len(kin))] if alike else []
+    ways += [(log_sum(others), len(hypotheses.families))] if others else []
+    parts = [gain - float(np.log(count * len(ways))) for gain, count in ways]
     return log_sum(parts) + float(np.log(priors.FORM_APPROXIMATE))
 
 
-def _gains_of_larger(
-    some: EffectSet, sets: Sequence[EffectSet], log_prior: FloatArray
-) -> dict[str, float]:
-    """Return ln of the evidence that one effect more adds where it was fitted beside the others.
-
-    `log_prior` (s,) over AMPLITUDES is that of its amplitude, as what the others leave of it.
-    """
-    gains = {}
-    for larger in sets:
-        further = [c for c in larger.components if c.name not in some.names]
-        fitted = larger.weakest > 0.0 and len(larger.components) == len(some.components) + 1
-        if len(further) == 1 and fitted:
-            size = float(np.log(max(np.sqrt(larger.weakest), priors.AMPLITUDES[0])))
-            prior = float(np.interp(size, np.log(priors.AMPLITUDES), log_prior))
-            evidence = larger.log_posterior - larger.log_prior
-            gains[further[0].name] = evidence - some.log_posterior + some.log_prior + prior
-    return gains
+def _kin(hypotheses: SensorHypotheses, some: EffectSet) -> set[str]:
+    """Return the families kindred to an effect of the set, or to the temperature's errors."""
+    families = hypotheses.families
+    if not some.components:
+        return {f.name for f in families if f.effect.kin == 'temperature'}
+    effects = [c.form.effect for c in some.components]
+    return {f.name for f in families if any(e.is_kin_of(f.effect()) for e in effects)}
 
 
-def _common_course(hypotheses: SensorHypotheses, some: EffectSet) -> list[_Beside]:
-    """Return what a course over time that the runs repeat from their start speaks for.
+def _common_course(hypotheses: SensorHypotheses, some: EffectSet) -> float:
+    """Return ln of what speaks for a course over time that the runs repeat from their start.
 
     One that only the axes share says nothing: slow noise may be common to them.
     """
     terms = [term for c in some.components for term in c.form.terms]
     terms.append(hypotheses.thermometer)
-    common = coherence(hypotheses.design, terms)
-    if not np.isfinite(common.runs):
-        return []
-    return [_Beside(NOT_IN_CATALOGUE, 'time', 0.5 * common.runs, course=True)]
+    return 0.5 * coherence(hypotheses.design, terms).runs
+
+
+def _at(size: float, log_prior: FloatArray) -> float:
+    """Return ln of a prior over AMPLITUDES at an amplitude [√Δχ²]."""
+    known = float(np.log(max(size, priors.AMPLITUDES[0])))
+    return float(np.interp(known, np.log(priors.AMPLITUDES), log_prior))
 
 
 def credible(found: Sequence[Explanation]) -> list[Explanation]:

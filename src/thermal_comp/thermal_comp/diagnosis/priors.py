@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from scipy.special import ndtr
 
-NOTHING = 0.5
-"""That a sensor's model lacks nothing: who asks for a diagnosis has a reason, or is prudent."""
+NOTHING = 0.6
+"""That a sensor's model lacks nothing: most effects are felt by one sensor of three."""
 
 ANOTHER_EFFECT = 0.2
 """That beside so many effects of a sensor there is one more: most campaigns have a single one."""
@@ -29,23 +30,20 @@ a thousand times that; effects of the field's literature span three decades."""
 AMPLITUDE_RATIO_LN = 1.5
 """Standard deviation of ln of the ratio of two effects on one sensor: 1:4 is usual, 1:20 rare."""
 
-UNNAMED_RATIO_LN = 1.0
+UNNAMED_RATIO_LN = 1.2
 """The same for what has no name beside effects that have one: small things are their flaws."""
 
 FORM_APPROXIMATE = 0.5
 """That an effect's equation is only nearly right: it is a first-order law of a solid body."""
 
-FORM_SHARE, FORM_SHARE_LN = 0.015, 0.6
-"""Median and standard deviation of ln of the amplitude of what an equation lacks, as a share of
-the effect's own: second-order terms of laws of this kind are a per cent, seldom ten."""
-
-LIKENESS_SHARE, LIKENESS_SHARE_LN = 0.01, 1.0
-"""The same where what it lacks looks like an effect that is no kin of it, by chance."""
+FORM_SHARE, FORM_SHARE_LN = 0.06, 1.2
+"""Median and standard deviation of ln of the amplitude of what equations lack, as a share of all
+they explain: laws of this kind are right to some per cent, seldom to a fifth."""
+LIKENESS_SHARE, LIKENESS_SHARE_LN = 0.03, 0.8
+"""The same where it looks like another effect: what is a tenth or more is that effect."""
 
 CHANNEL_FLAWED = 0.3
 """That what an effect of a channel lacks is the channel's own error: noise, another place."""
-LIKE_KIN = 0.5
-"""That what an equation lacks looks like a kindred effect: a lag of two stages like a gradient."""
 
 SLOW_NOISE = ((0.0, 0.5), (3.0, 0.3), (15.0, 0.2))
 """Slow noise beyond the fitted one, in units of its variance, with probabilities: what a few
@@ -95,9 +93,17 @@ def amplitude_log_prior(strongest: float | None, spread: float = AMPLITUDE_RATIO
     return _log_normal(AMPLITUDES / max(strongest, 1.0), 1.0, spread)
 
 
-def flaw_log_prior(strongest: float, median: float, spread: float) -> FloatArray:
-    """Return (s,) ln of the prior over AMPLITUDES of what an effect's equation lacks."""
-    return _log_normal(AMPLITUDES / max(strongest, 1.0), median, spread)
+def flaw_log_prior(
+    explained: float, share: float = FORM_SHARE, spread: float = FORM_SHARE_LN
+) -> FloatArray:
+    """Return (s,) ln of the prior over AMPLITUDES of what equations lack that explain √Δχ².
+
+    What is smaller than the grid's first explains nothing, as that one.
+    """
+    ratio = AMPLITUDES / max(explained, 1.0)
+    edges = np.log(np.sqrt(ratio[1:] * ratio[:-1]) / share) / spread
+    below = np.concatenate([[0.0], ndtr(edges), [1.0]])
+    return np.asarray(np.log(np.maximum(np.diff(below), 1e-300)))
 
 
 def _log_normal(ratio: FloatArray, median: float, spread: float) -> FloatArray:

@@ -210,6 +210,8 @@ class SensorSearches:
                 after = [hypotheses.speaks_for(s.components) for s in likeliest]
                 if np.ptp(np.subtract(after, before)) > TOLD_DIFFERENCE:
                     again[sensor] = self._answer(hypotheses, hypotheses.sets())
+                else:
+                    hypotheses.inform(-told[sensor].normal, -told[sensor].right)
         return again
 
     def of_coupled(
