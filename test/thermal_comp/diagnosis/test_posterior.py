@@ -70,9 +70,8 @@ def said_of(
     """
     shaped = error[:, None] * np.array([1.0, -0.5, 0.7])
     felt = [{'angular_velocity': shaped * (only in (None, k))} for k in range(3)]
-    runs = prepare([
-        replace(run(up, seed=k, error=felt[k]), **logged) for k, up in enumerate(('+x', '+y', '+z'))
-    ])  # fmt: skip
+    recordings = [run(up, seed=k, error=felt[k]) for k, up in enumerate(('+x', '+y', '+z'))]
+    runs = prepare([replace(recording, **logged) for recording in recordings])
     base = {'gyroscope': (BiasTemperature(),)}
     settings = Settings({name: EFFECTS[name] for name in catalogue})
     noise = determined_noise(runs, base)[0]
