@@ -195,7 +195,7 @@ def _unknown(
     for beside, prior, ways in (
         (laws, priors.NOT_IN_CATALOGUE, len(laws)),
         (traces, priors.UNLOGGED, len(traces)),
-        (either, priors.UNLOGGED, len(laws)),
+        (either, priors.UNLOGGED * priors.LOST_WITHOUT_TRACE, len(laws)),
     ):
         share = float(np.log(prior * once / max(ways, LEAST_WAYS)))
         found += [replace(b, log_weight=b.log_weight + share) for b in beside]

@@ -23,6 +23,9 @@ NOT_IN_CATALOGUE = 0.15
 UNLOGGED = 0.15
 """That it follows a variable that was not logged, where a variable is missing."""
 
+LOST_WITHOUT_TRACE = 0.5
+"""That such a variable leaves no trace in those that were logged, only a course over time."""
+
 AMPLITUDES: FloatArray = np.geomspace(1.0, 4096.0, 13)
 """Standard deviations of an amplitude [√Δχ²], all equally likely: from what no test would find to
 a thousand times that; effects of the field's literature span three decades."""
