@@ -20,20 +20,20 @@ LIBRARIES = {
     'jsonschema': ('jsonschema', 'python3-jsonschema'),
     'serial': ('pyserial', 'python3-serial'),
     'jinja2': ('Jinja2', 'python3-jinja2'),
-    'markupsafe': ('Jinja2', 'python3-markupsafe'),
-    'numba': ('numba', ''),
-    'rosbags': ('rosbags', ''),
-    'lz4': ('lz4', ''),
-    'backports': ('backports.zstd', ''),
-    'cobs': ('cobs', ''),
-    'filterpy': ('filterpy', ''),
+    'markupsafe': ('Jinja2', 'python3-jinja2'),
+    'numba': ('numba', 'python3-numba'),
+    'rosbags': ('rosbags', 'python3-rosbags-pip'),
+    'lz4': ('lz4', 'python3-rosbags-pip'),
+    'backports': ('backports.zstd', 'python3-rosbags-pip'),
+    'cobs': ('cobs', 'python-cobs-pip'),
+    'filterpy': ('filterpy', 'python3-filterpy-pip'),
     'plotly': ('plotly', ''),
     'GTC': ('GTC', ''),
     'allantools': ('allantools', ''),
-    'weasyprint': ('weasyprint', ''),
-    'lxml': ('lxml', ''),
+    'weasyprint': ('weasyprint', 'python3-weasyprint-pip'),
+    'lxml': ('lxml', 'python3-lxml'),
     'signxml': ('signxml', ''),
-    'matplotlib': ('matplotlib', ''),
+    'matplotlib': ('matplotlib', 'python3-matplotlib'),
     'nicegui': ('nicegui', ''),
     'fastapi': ('nicegui', ''),
     'uvicorn': ('nicegui', ''),
@@ -43,19 +43,17 @@ LIBRARIES = {
     'pyarrow': ('pyarrow', ''),
     'duckdb': ('duckdb', ''),
     'fsspec': ('fsspec', ''),
-    'sklearn': ('scikit-learn', ''),
-    'pymodbus': ('pymodbus', ''),
-    'pymavlink': ('pymavlink', ''),
+    'sklearn': ('scikit-learn', 'python3-sklearn'),
+    'pymodbus': ('pymodbus', 'python3-pymodbus-pip'),
+    'pymavlink': ('pymavlink', 'python3-pymavlink-pip'),
     'pyulog': ('pyulog', ''),
 }
-"""Import name → distribution that brings it, rosdep key.
-
-No key: apt has none or none new enough, or the library is optional. Every other import is a ROS
-package of that name.
+"""Import name → distribution that brings it, key of rosdep (of the distribution or of one that
+requires it); '' where rosdep has none: optional. Other imports are ROS packages of that name.
 """
 STANDARD = {*sys.stdlib_module_names, 'compression'}  # compression.zstd: since Python 3.14
-PIP = re.compile(r'from requirements\*\.txt: (.*?)\s*-->')
-"""The comment of a package.xml that lists what comes from no apt package."""
+OPTIONAL = re.compile(r'no rosdep key, pip install: (.*?)\s*-->')
+"""The comment of a package.xml that lists optional libraries."""
 
 
 def imports(package: Path) -> set[str]:
@@ -77,9 +75,23 @@ def test_package_xml_declares_what_is_imported(package: Path) -> None:
     declared = {element.text for element in ET.fromstring(text).iter('exec_depend')}  # noqa: S314
     libraries = {LIBRARIES.get(name, (name, name)) for name in names}
     assert declared == {key for _, key in libraries if key}
-    comment = PIP.search(text)
+    comment = OPTIONAL.search(text)
     listed = set(comment[1].split(', ')) if comment else set()
     assert listed == {distribution for distribution, key in libraries if not key}
+
+
+def test_what_a_release_asks_of_a_package() -> None:
+    release = (ROOT / 'doc/release.md').read_text()
+    for package in PACKAGES:
+        root = ET.parse(package / 'package.xml').getroot()  # noqa: S314
+        home, maintainer = root.find('url'), root.find('maintainer')
+        assert home is not None
+        assert home.text in release
+        assert maintainer is not None
+        assert maintainer.get('email', '') in release
+        assert (package / 'LICENSE').read_text() == (ROOT / 'LICENSE').read_text()
+        changes = (package / 'CHANGELOG.rst').read_text()
+        assert f'Changelog for package {package.name}' in changes
 
 
 def test_requirements_pin_every_library() -> None:

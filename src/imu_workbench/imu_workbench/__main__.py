@@ -31,6 +31,10 @@ from imu_recording.user_error import UserError, did_you_mean
 from imu_workbench.answer import Answer, error_line, show_progress, write_json
 from imu_workbench.commands import COMMANDS
 
+OWN_PACKAGES = ('imu_recording', 'imu_driver', 'thermal_comp', 'orientation_filters',
+                'chamber_profile', 'imu_workbench')  # fmt: skip
+"""A module of these that is missing is no library to install."""
+
 
 class _Parser(argparse.ArgumentParser):
     """Says what is wrong with the arguments in one line."""
@@ -51,7 +55,13 @@ def build_parser(verb: str | None = None) -> argparse.ArgumentParser:
         if verb not in (None, name):
             verbs.add_parser(name)
             continue
-        command = import_module(f'imu_workbench.commands.{module_name}')
+        try:
+            command = import_module(f'imu_workbench.commands.{module_name}')
+        except ModuleNotFoundError as error:
+            if verb or not missing_library(error):
+                raise
+            verbs.add_parser(name, help=f'(not available: {missing_library(error)})')
+            continue
         child = verbs.add_parser(
             name,
             help=command.HELP,
@@ -94,10 +104,11 @@ def main(argv: list[str] | None = None) -> int:
     except BrokenPipeError:  # who reads has seen enough
         _discard_output()
         return 0
-    except (UserError, OSError) as error:
+    except (UserError, OSError, ModuleNotFoundError) as error:
         show_progress('')
         if not is_users(error):
             raise
+        error = missing_library(error) or error
         sys.stderr.write(f'{verb}: {error_line(error)}\n')
         return 2
     except KeyboardInterrupt:
@@ -146,11 +157,25 @@ def _answer(options: argparse.Namespace) -> int:
 def is_users(error: Exception) -> bool:
     """Tell whether an error is the user's to mend: their input, or a file, folder, port of theirs.
 
-    A file of the package itself that cannot be opened is a bug.
+    A file of the package itself that cannot be opened is a bug, so is a module.
     """
+    if isinstance(error, ModuleNotFoundError):
+        return missing_library(error) is not None
     name = getattr(error, 'filename', None)
     own = Path(__file__).resolve().parents[1]
     return not (isinstance(name, str) and Path(name).resolve().is_relative_to(own))
+
+
+def missing_library(error: Exception) -> UserError | None:
+    """Return what to do about a library that is not installed; None where something else is wrong.
+
+    >>> missing_library(ModuleNotFoundError("No module named 'allantools'", name='allantools'))
+    UserError('needs allantools, which is not installed (pip install allantools)')
+    """
+    library = (getattr(error, 'name', None) or '').partition('.')[0]
+    if not isinstance(error, ModuleNotFoundError) or not library or library in OWN_PACKAGES:
+        return None
+    return UserError(f'needs {library}, which is not installed (pip install {library})')
 
 
 def run_process(argv: list[str]) -> int:

@@ -98,8 +98,12 @@ def run_filter(
 def module(name: str, parameters: FilterParameters) -> ModuleType:
     """Return the module that runs a filter: the compiled one, or the one on filterpy."""
     if getattr(parameters, 'implementation', 'native') == 'filterpy':
-        from orientation_filters.ahrs import filterpy_kalman
-
+        try:
+            from orientation_filters.ahrs import filterpy_kalman
+        except ImportError as error:
+            raise FilterError(
+                f'implementation filterpy needs filterpy (pip install filterpy): {error}'
+            ) from error
         return filterpy_kalman
     return FILTERS[name]
 
