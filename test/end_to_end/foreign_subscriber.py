@@ -59,7 +59,7 @@ def main() -> int:
     awaited = {item.removeprefix('node:') for item in wanted if item.startswith('node:')}
 
     def on_diagnostics(message: diagnostic_msgs.msg.DiagnosticArray) -> None:
-        awaited.difference_update(status.name for status in message.status)
+        awaited.difference_update(status.name.partition(':')[0] for status in message.status)
 
     node.create_subscription(TYPES['DiagnosticArray'], '/diagnostics', on_diagnostics, 10)
     for item in wanted:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from imu_recording.ros.diagnostics import node_of
 from imu_workbench.web.live import readings as view
 from imu_workbench.web.live.listener import Listener, Watch
 from imu_workbench.web.live.topics import namespaces
@@ -68,7 +69,7 @@ def all_is_heard(watch: Watch) -> bool:
         streams = ('raw', 'difference', 'difference_field', 'complementary', 'ahrs')
         enough = all(len(state.tracks[n].recent.since(0).stamp) >= 50 for n in streams)
         single = all(state.tracks[n].newest >= 0 for n in ('temperature', 'air', 'setpoint'))
-        said = {name.rpartition('/')[2] for name in state.statuses}
+        said = {node_of(name).rpartition('/')[2] for name in state.statuses}
         left = math.isfinite(view.chamber_times(state.statuses)[1])
     return enough and single and left and bool(state.phase) and said >= set(NODES)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from chamber_profile.node import ChamberProfileNode
 from imu_driver.node import ImuDriverNode
 from imu_recording.ros.message_cdr import message_class
@@ -61,7 +62,11 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[dict[str,
         chamber = nodes[2]
         chamber.command('start')
         chamber.advance()
-        values = {node.get_name(): node.diagnostics()[2] for node in nodes}
+        values = {
+            f'{node.hardware}/{node.get_name()}: {task}': status[2]
+            for node in nodes
+            for task, status in node.tasks().items()
+        }
         yield topics, values
         chamber.run.conductor.stop_at_once()
         chamber.run.conductor.close()
@@ -93,9 +98,10 @@ def topic_of(series: str, topics: dict[str, str]) -> tuple[str, list[str]]:
 def check_series(series: str, topics: dict[str, str], values: dict[str, dict]) -> None:
     """Check one series: a number in a message, or a number among a node's diagnostics."""
     if series.startswith('/diagnostics/'):
-        node, key = series.removeprefix('/diagnostics/').split('/', 1)
-        float(str(values[node][key]))
-        assert not values[node].get('device'), 'the device would stand in the name of the series'
+        hardware, task, key = series.removeprefix('/diagnostics/').split('/', 2)
+        told = values[f'{hardware}/{task}']
+        float(str(told[key]))
+        assert not told.get('device'), 'the device would stand in the name of the series'
         return
     topic, names = topic_of(series, topics)
     assert field_type(topics[topic], names) in FLOATS, series
@@ -188,7 +194,8 @@ def test_every_foxglove_path_is_published(foxglove: dict[str, Any], system: Any)
             r'/diagnostics\.status\[:\]\{name=="(.+)"\}\.values\[:\]\{key=="(.+)"\}\.value', value
         )
         if told:
-            float(str(values[told[1]][told[2]]))
+            named = {name.partition('/')[2]: said for name, said in values.items()}
+            float(str(named[told[1]][told[2]]))
             continue
         topic, *names = value.removesuffix('.@rad2deg').split('.')
         kind = field_type(topics[topic], names)
@@ -228,3 +235,14 @@ def test_the_attitude_panel_shows_the_frames_the_filters_send(
     frames = {t.child_frame_id for t in transforms} | {t.header.frame_id for t in transforms}
     assert {f'frame:{frame}' for frame in frames} == set(panel['transforms'])
     assert panel['followTf'] in frames
+
+
+def test_the_aggregator_takes_every_task_once(system: tuple[dict[str, str], dict]) -> None:
+    config = yaml.safe_load((LAYOUTS.parent / 'config/diagnostic_aggregator.yaml').read_text())
+    groups = [g for g in config['/**']['ros__parameters'].values() if isinstance(g, dict)]
+    assert {group['type'] for group in groups} == {'diagnostic_aggregator/GenericAnalyzer'}
+    names = [name.partition('/')[2] for name in system[1]]
+    names += ['recorder: recording', 'imu_chain: stages', 'reference_logger: port']
+    for name in [*names, 'ahrs_filter: input', 'dut1/thermal_comp: input']:
+        takers = [g['path'] for g in groups if any(part in name for part in g['contains'])]
+        assert len(takers) == 1, name

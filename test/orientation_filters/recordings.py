@@ -29,6 +29,8 @@ def world_vectors(world_frame: str) -> tuple[FloatArray, FloatArray]:
     level, sunk = FIELD * np.cos(DIP), FIELD * np.sin(DIP)
     if world_frame == 'ned':
         return np.array([0, 0, -GRAVITY]), np.array([level, 0, sunk])
+    if world_frame == 'nwu':
+        return np.array([0, 0, GRAVITY]), np.array([level, 0, -sunk])
     return np.array([0, 0, GRAVITY]), np.array([0, level, -sunk])
 
 

@@ -12,6 +12,7 @@ from orientation_filters.filters import FILTERS, filter_parameters, run_filter
 from orientation_filters.result import JAMMED, SIX_AXIS
 from orientation_filters.rotation.arrays import (
     conjugate,
+    enu_from,
     inclination_angle,
     multiply,
     rotate,
@@ -38,7 +39,7 @@ def test_ahrs_finds_random_attitudes_and_the_bias(world_frame: str) -> None:
     assert np.degrees(np.sqrt(np.mean(np.square(bias_300)))) <= 0.025
 
 
-@pytest.mark.parametrize('world_frame', ['enu', 'ned'])
+@pytest.mark.parametrize('world_frame', ['enu', 'ned', 'nwu'])
 @pytest.mark.parametrize('name', ['complementary', 'ahrs'])
 @pytest.mark.parametrize('preset', ['paper', 'robust'])
 def test_both_filters_hold_the_attitude_in_both_frames(
@@ -50,6 +51,17 @@ def test_both_filters_hold_the_attitude_in_both_frames(
         result = run_filter(name, recording, world_frame=world_frame, preset=preset)
         assert np.degrees(rotation_angle(multiply(conjugate(truth), result.orientation[-1]))) < 0.1
         assert np.all(np.linalg.eigvalsh(result.covariance[-1]) > 0)
+
+
+@pytest.mark.parametrize('name', FILTERS)
+@pytest.mark.parametrize('world_frame', ['ned', 'nwu'])
+def test_every_world_frame_tells_the_same_attitude(name: str, world_frame: str) -> None:
+    recording = rest(random_attitude(3), seed=3, seconds=20.0, noise=0.01)
+    options = {'magnetic_declination': 0.2}
+    enu = run_filter(name, recording, **options).orientation[-1]
+    other = run_filter(name, recording, world_frame=world_frame, **options).orientation[-1]
+    apart = rotation_angle(multiply(conjugate(enu), enu_from(world_frame, other)))
+    assert np.degrees(apart) < 1e-3
 
 
 @pytest.mark.parametrize('name', FILTERS)

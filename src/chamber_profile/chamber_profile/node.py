@@ -38,6 +38,8 @@ class ChamberProfileNode(ConfiguredNode):
     """
 
     config_class = ChamberConfig
+    task = 'run'
+    hardware = 'chamber'
     config: ChamberConfig
 
     def __init__(self, **options: Any) -> None:

@@ -67,6 +67,7 @@ class ImuChainNode(ConfiguredNode):
     """
 
     config_class = ChainConfig
+    task = 'stages'
     event_driven = True
     config: ChainConfig
 

@@ -35,6 +35,7 @@ class DriverStatus:
     def __init__(self, driver: ImuDriver) -> None:
         self._driver = driver
         self._past: deque[dict[str, int]] = deque(maxlen=WARNING_CALLS)
+        self._past_steps: deque[int] = deque(maxlen=WARNING_CALLS)
 
     def report(self, now: int) -> tuple[int, str, dict[str, Any]]:
         """Return level, line and values at ROS time `now` [ns]; call it once a second."""
@@ -67,6 +68,22 @@ class DriverStatus:
             return WARN, '; '.join(warnings), values
         return OK, f'{rate:.1f} Hz', values
 
+    def clock(self, session: DeviceSession) -> tuple[int, str, dict[str, Any]]:
+        """Return how well the device's clock is followed; call it once a second."""
+        clock = session.clock
+        before = self._past_steps[0] if self._past_steps else clock.steps
+        self._past_steps.append(clock.steps)
+        values: dict[str, Any] = {
+            'tick_wraps': clock.wraps,
+            'clock_skew_ppm': clock.skew_ppm,
+            'clock_residual_us': clock.residual * 1e6,
+            'host_clock_steps': clock.steps,
+        }
+        if clock.steps > before:
+            jumps = f'the host clock stepped {clock.steps - before} times'
+            return WARN, f'{jumps} in the last {WARNING_CALLS} s', values
+        return OK, f'{clock.skew_ppm:.0f} ppm from the host clock', values
+
     def _recent(self, counted: dict[str, int]) -> dict[str, int]:
         """Return the counts that rose over the last WARNING_CALLS calls, by how much."""
         since = self._past[0] if self._past else counted
@@ -88,7 +105,6 @@ def _counted(session: DeviceSession, reader: DeviceReader) -> dict[str, int]:
         'device_restarts': session.restarts,
         'device_exchanges': session.exchanges,
         'configuration_changes': session.configuration_changes,
-        'host_clock_steps': session.clock.steps,
     }
 
 
@@ -98,9 +114,6 @@ def _session_values(session: DeviceSession) -> dict[str, Any]:
         'nominal_rate_hz': session.nominal_rate,
         'samples_received': session.sequence.received,
         'bytes': session.counts.bytes,
-        'tick_wraps': session.clock.wraps,
-        'clock_skew_ppm': session.clock.skew_ppm,
-        'clock_residual_us': session.clock.residual * 1e6,
     }
     if session.sequence.missing:
         gap = session.sequence.missing[-1]

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from imu_recording.ros.diagnostics import Status
 from imu_recording.ros.lifecycle_node import ConfiguredNode
 from imu_recording.ros.messages import ImuSample, MagneticSample, TemperatureSample
 from imu_recording.ros.parameter import NodeConfig
@@ -40,6 +41,7 @@ class ImuDriverNode(ConfiguredNode):
     """
 
     config_class = DriverConfig
+    task = 'stream'
     captures_bytes = True
     config: DriverConfig
 
@@ -86,6 +88,13 @@ class ImuDriverNode(ConfiguredNode):
         if self.driver is None:
             return super().diagnostics()
         return self._status.report(self.now())
+
+    def tasks(self) -> dict[str, Status]:
+        """Return the status of the stream and, of a device, that of its clock."""
+        tasks = super().tasks()
+        if self.driver and self.driver.session:
+            tasks['clock'] = self._status.clock(self.driver.session)
+        return tasks
 
     def publish_diagnostics(self) -> None:
         """Publish the status and, where the board measures it, the supply; once a second."""

@@ -22,7 +22,7 @@ from orientation_filters.errors import (
     errors_by_temperature,
 )
 from orientation_filters.filters import FILTERS, run_filter, sample_rate, state_bytes
-from orientation_filters.rotation.arrays import enu_from_ned
+from orientation_filters.rotation.arrays import enu_from
 from orientation_filters.smoothing import run_smoother
 from orientation_filters.upsampling import upsample
 from thermal_comp.compensation.recording import plan_of, sensor_error
@@ -145,7 +145,8 @@ def _estimate(name: str, recording: ImuRecording, options: dict[str, Any]) -> Fl
         q = run_smoother(name, recording, **options | {'preset': 'robust'}).orientation
     else:
         q = run_filter(name, recording, **options).orientation
-    return enu_from_ned(q) if options.get('world_frame') == 'ned' else q
+    frame = options.get('world_frame', 'enu')
+    return q if frame == 'enu' else enu_from(frame, q)
 
 
 def _costs(

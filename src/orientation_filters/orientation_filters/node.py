@@ -74,6 +74,7 @@ class FilterNode(ConfiguredNode):
 
     filter_name: ClassVar[str]
     event_driven = True
+    task = 'orientation'
     expects = 'imu/data_raw'
     config: OutputConfig
 

@@ -18,7 +18,7 @@ from orientation_filters.magnetic_reference import FieldParams
 from orientation_filters.rest_detection import RestParams
 from orientation_filters.sample_checks import SampleParams
 
-WORLD_FRAMES = ('enu', 'ned')
+WORLD_FRAMES = ('enu', 'ned', 'nwu')
 PRESET_NAMES = ('paper', 'robust')
 Presets = Mapping[str, Mapping[str, Any]]
 """Preset → values that differ from the defaults."""
@@ -35,7 +35,11 @@ class FilterParameters:
         'Values of the parameters that are not set: as in the paper, or robust',
         choices=PRESET_NAMES,
     )
-    world_frame: str = parameter('enu', 'Axes of the world', choices=WORLD_FRAMES)
+    world_frame: str = parameter(
+        'enu',
+        'Axes of the world: east north up, north east down, north west up',
+        choices=WORLD_FRAMES,
+    )
     use_magnetometer: bool = parameter(
         True, 'Heading from the magnetometer; false: from the gyroscope'
     )
@@ -240,4 +244,8 @@ def check_mount(parameters: FilterParameters) -> None:
 def world_axes(world_frame: str, declination: float) -> tuple[float, tuple[float, float]]:
     """Return world z of the upward direction, and world x, y of magnetic north."""
     east, north = sin(declination), cos(declination)
-    return (-1.0, (north, east)) if world_frame == 'ned' else (1.0, (east, north))
+    return {
+        'enu': (1.0, (east, north)),
+        'ned': (-1.0, (north, east)),
+        'nwu': (1.0, (north, -east)),
+    }[world_frame]

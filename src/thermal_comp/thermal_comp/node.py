@@ -14,7 +14,8 @@ from imu_recording.logging_contract import (
     TRACK_OF_FIELD,
     VALUE_OF_MESSAGE,
 )
-from imu_recording.ros.lifecycle_node import LATCHED, ConfiguredNode
+from imu_recording.ros.diagnostics import NO_HARDWARE, node_of
+from imu_recording.ros.lifecycle_node import ConfiguredNode, latched_qos
 from imu_recording.ros.message_cdr import message_class
 from imu_recording.ros.messages import (
     ImuSample,
@@ -65,6 +66,7 @@ class ThermalCompNode(ConfiguredNode):
     config: ThermalCompConfig
     config_class = ThermalCompConfig
     event_driven = True
+    task = 'compensation'
     expects = 'imu/data_raw'
 
     def __init__(self, **options: Any) -> None:
@@ -88,7 +90,7 @@ class ThermalCompNode(ConfiguredNode):
         self._applied = self.output(String, f'{COMPENSATED}/{APPLIED_MODEL}', latched=True)
         self._label = model_label(model) if model.sensors else ''
         source = self.resolve_topic_name('imu/data_raw').rpartition('/')[0]
-        self.input(String, f'{source}/{APPLIED_MODEL}', self.on_applied_model, qos=LATCHED)
+        self.input(String, f'{source}/{APPLIED_MODEL}', self.on_applied_model, qos=latched_qos())
         if model.device and not config.allow_other_device:
             self.input(DiagnosticArray, '/diagnostics', self.on_diagnostics)
         self.sample_input(Temperature, 'imu/temperature', self.on_temperature)
@@ -113,7 +115,8 @@ class ThermalCompNode(ConfiguredNode):
         senders = self.get_publishers_info_by_topic('imu/data_raw')
         names = {f'{s.node_namespace}/{s.node_name}'.lstrip('/') for s in senders}
         for status in message.status:
-            if status.name in names and status.hardware_id:
+            known = status.hardware_id not in ('', NO_HARDWARE)
+            if known and node_of(status.name) in names:
                 self.check_source(status.hardware_id)
 
     def check_source(self, device: str) -> None:

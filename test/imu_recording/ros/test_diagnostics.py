@@ -34,9 +34,11 @@ def test_a_status_that_comes_and_goes_is_logged_once_a_minute() -> None:
 
 
 def test_the_message_holds_level_line_and_values() -> None:
-    message = diagnostic_array('imu', 1_500_000_000, (1, 'slow', {'device': 7, 'rate_hz': 99.5}))
+    message = diagnostic_array(
+        'imu', 1_500_000_000, {'rate': (1, 'slow', {'device': 7, 'rate_hz': 99.5})}
+    )
     (status,) = message.status
-    assert (status.level, status.name, status.message) == (b'\x01', 'imu', 'slow')
+    assert (status.level, status.name, status.message) == (b'\x01', 'imu: rate', 'slow')
     assert status.hardware_id == '7'
     assert {item.key: item.value for item in status.values} == {'device': '7', 'rate_hz': '99.5'}
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1, 500_000_000)

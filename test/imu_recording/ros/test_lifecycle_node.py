@@ -6,12 +6,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import pytest
 from imu_recording.ros.diagnostics import InputTimeout
 from imu_recording.ros.lifecycle_node import CapturedPublisher, ConfiguredNode
 from imu_recording.ros.losses import REMEMBERED_CALLS, StampGaps
 from imu_recording.ros.messages import float_message
-from imu_recording.ros.parameter import NodeConfig, parameter
+from imu_recording.ros.parameter import NodeConfig, ParameterError, parameter
 from rclpy.parameter import Parameter
+from rclpy.qos import ReliabilityPolicy
 from std_msgs.msg import Float64
 
 STAMP = 1_700_000_000_500_000_000
@@ -121,9 +123,50 @@ def test_a_list_of_numbers_may_be_of_integers(ros: Any) -> None:
     assert node.autostart()
     assert node.config.weights == [1.0, 0.0]
     node.destroy_node()
-    node, _ = make(weights='heavy')
+    with pytest.raises(ParameterError, match="weights is 'heavy', expected a list"):
+        make(weights='heavy')
+
+
+def test_a_double_stays_a_double(ros: Any) -> None:
+    node, _ = make(factor=3)
+    assert type(node.get_parameter('factor').value) is float
+    assert node.set_parameters([Parameter('factor', value=4)])[0].successful
+    assert node.get_parameter('factor').type_ == Parameter.Type.DOUBLE
+    assert not node.set_parameters([Parameter('factor', value='much')])[0].successful
+    assert not node.describe_parameter('factor').dynamic_typing
+    assert node.set_parameters([Parameter('weights', value=[2, 1])])[0].successful
+    assert node.get_parameter('weights').type_ == Parameter.Type.DOUBLE_ARRAY
+    node.destroy_node()
+
+
+def test_qos_overrides_are_honoured(ros: Any) -> None:
+    overrides = {
+        'qos_overrides./in.subscription.reliability': 'reliable',
+        'qos_overrides./in.subscription.depth': 7,
+        'qos_overrides./out.publisher.reliability': 'best_effort',
+    }
+    node = Doubler('doubler', parameters=overrides)
+    assert node.autostart()
+    (heard,) = node.get_subscriptions_info_by_topic('/in')
+    (sent,) = node.get_publishers_info_by_topic('/out')
+    assert heard.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    assert sent.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+    assert node.get_parameter('qos_overrides./in.subscription.depth').value == 7
+    node.destroy_node()
+
+
+def test_a_refused_node_says_why_in_diagnostics(ros: Any) -> None:
+    node, sent = make(topic='taken')
     assert not node.autostart()
-    assert node.refused == "weights is 'heavy', expected a list such as [a, b]"
+    node.publish_diagnostics()
+    (status,) = sent[-1][1].status
+    assert (status.level, status.name) == (b'\x02', 'doubler: node')
+    assert status.message == 'topic taken: choose another'
+    assert status.hardware_id == 'none'
+    assert node.set_parameters([Parameter('topic', value='free')])[0].successful
+    assert node.autostart()
+    node.publish_diagnostics()
+    assert sent[-1][1].status[0].message == 'doubling'
     node.destroy_node()
 
 
@@ -170,8 +213,9 @@ def test_a_node_that_hears_nothing_names_the_topic_and_what_is_close(ros: Any) -
     node._diagnostics_publisher = CapturedPublisher('/diagnostics', lambda _, m: heard.append(m))
     for clock[0] in (4.0, 6.0):
         node.publish_diagnostics()
-    early, late = (message.status[0] for message in heard)
-    assert (early.level, early.message) == (b'\x00', 'well')
+    early, late = (message.status[1] for message in heard)
+    assert early.name == 'here/hearer: input'
+    assert (early.level, early.message) == (b'\x00', 'receiving')
     assert late.level == b'\x01'
     assert late.message == '/here/in has no publisher; /here/inn has'
     other.destroy_publisher(publisher)
@@ -189,10 +233,10 @@ def test_losses_are_counted_and_warned_of_while_they_are_new(ros: Any) -> None:
     node.publish_diagnostics()
     for _ in range(REMEMBERED_CALLS):
         node.publish_diagnostics()
-    first, *_, last = [message.status[0] for topic, message in sent if topic == '/diagnostics']
+    first, *_, last = [message.status[1] for topic, message in sent if topic == '/diagnostics']
     assert first.level == b'\x01'
     assert first.message.startswith('2 messages dropped, 3 samples missing in the last 10 s')
-    assert last.message == 'doubling'
+    assert last.message == 'receiving'
     assert {v.key: v.value for v in last.values}['samples_missing'] == '3'
     assert node.losses.by_topic() == {'/in': 3}
     node.destroy_node()

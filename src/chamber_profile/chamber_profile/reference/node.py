@@ -42,6 +42,8 @@ class ReferenceLoggerNode(ConfiguredNode):
     """Publishes each line of a data logger as temperatures, stamped with the time of receipt."""
 
     config_class = ReferenceLoggerConfig
+    task = 'port'
+    hardware = 'reference_logger'
     logs_status = True
 
     def __init__(self, **options: Any) -> None:

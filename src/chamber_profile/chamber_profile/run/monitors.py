@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from imu_recording.ros.diagnostics import node_of
 from sensor_msgs.msg import Temperature
 
 from chamber_profile.run.conductor import ExternalReadings
@@ -56,10 +57,14 @@ class RunMonitors:
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
         """Take the recorder's status."""
-        for status in message.status:
-            if status.name.rpartition('/')[2] == self._config.recorder:
-                level = status.level[0] if isinstance(status.level, bytes) else status.level
-                self._recorder_error = status.message if level == ERROR_LEVEL else ''
+        tasks = [
+            status
+            for status in message.status
+            if node_of(status.name).rpartition('/')[2] == self._config.recorder
+        ]
+        errors = [task.message for task in tasks if _level(task) == ERROR_LEVEL]
+        if tasks:
+            self._recorder_error = '; '.join(errors)
 
     def readings(self) -> ExternalReadings:
         """Return the readings now, with what is missing or failed as `fault`."""
@@ -82,3 +87,7 @@ class RunMonitors:
 
     def _age(self, stamp: int) -> float:
         return (self._now() - stamp) * 1e-9
+
+
+def _level(status: Any) -> int:
+    return int(status.level[0] if isinstance(status.level, bytes) else status.level)

@@ -20,7 +20,7 @@ from imu_recording.recorder.run_announcement import RUN_TOPIC, parse_announcemen
 from imu_recording.recorder.run_recorder import RunRecorder
 from imu_recording.recording import BagError, RecordingError
 from imu_recording.ros.diagnostics import Status
-from imu_recording.ros.lifecycle_node import ACTIVE, ConfiguredNode
+from imu_recording.ros.lifecycle_node import ACTIVE, ConfiguredNode, latched_qos
 from imu_recording.ros.run_node import run_node
 from imu_recording.ros.sample_bytes import stamp_from_bytes
 
@@ -35,6 +35,7 @@ class RecorderNode(ConfiguredNode):
     """Records topics as they appear, raw, to a bag; to one for each run a chamber announces."""
 
     config_class = RecorderConfig
+    task = 'recording'
     logs_status = True
     config: RecorderConfig
 
@@ -188,11 +189,6 @@ def matching_qos(offers: Sequence[Any], depth: int) -> tuple[Any, list[Qos]]:
     if not reliable:
         qos.reliability = ReliabilityPolicy.BEST_EFFORT
     return qos, [qos_profile(reliable=reliable, latched=latched, depth=depth)]
-
-
-def latched_qos() -> Any:
-    """Return the profile of a subscription that also gets what was said before it."""
-    return QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def recorder_health(

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -19,6 +19,9 @@ FIRST_INPUT_S = 5.0
 """A node that has heard nothing for so long after its activation says so [s]."""
 LOG_REPEAT_S = 60.0
 """A status that comes and goes is logged once in so long [s]."""
+
+NO_HARDWARE = 'none'
+"""hardware_id of a task that no hardware is known of, as diagnostic_updater has it."""
 
 Status = tuple[int, str, dict[str, Any]]
 """Level (0 ok, 1 warn, 2 error), one line, values."""
@@ -94,21 +97,37 @@ class StatusLog:
         return True
 
 
-def diagnostic_array(name: str, stamp: int, status: Status) -> DiagnosticArray:
-    """Return level, line and values of the node `name` at ROS time `stamp` [ns]."""
-    level, line, values = status
+def diagnostic_array(
+    name: str, stamp: int, tasks: Mapping[str, Status], hardware: str = NO_HARDWARE
+) -> DiagnosticArray:
+    """Return the status of each task of the node `name` at ROS time `stamp` [ns].
+
+    Names are `node: task`, as those of diagnostic_updater; the hardware's is the `device` among
+    the values of a task, else `hardware`.
+    """
+    devices = [str(v['device']) for _, _, v in tasks.values() if v.get('device')]
     message = DiagnosticArray()
     message.status = [
         DiagnosticStatus(
             level=bytes([level]),
-            name=name,
+            name=f'{name}: {task}',
             message=line,
-            hardware_id=str(values.get('device', '')),
+            hardware_id=devices[0] if devices else hardware,
             values=[KeyValue(key=str(k), value=_shown(v)) for k, v in values.items()],
         )
+        for task, (level, line, values) in tasks.items()
     ]
     fill_stamp(message.header.stamp, stamp)
     return message
+
+
+def node_of(status_name: str) -> str:
+    """Return the node a status is of, without its task.
+
+    >>> node_of('dut1/imu_driver: stream'), node_of('/some_driver')
+    ('dut1/imu_driver', 'some_driver')
+    """
+    return status_name.partition(':')[0].strip().lstrip('/')
 
 
 def _shown(value: Any) -> str:

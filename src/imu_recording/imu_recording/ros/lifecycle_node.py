@@ -13,17 +13,29 @@ import time
 import traceback
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import fields, replace
+from dataclasses import Field, fields, replace
 from typing import Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from imu_recording.ros.diagnostics import InputTimeout, Status, StatusLog, diagnostic_array
+from imu_recording.ros.diagnostics import (
+    NO_HARDWARE,
+    InputTimeout,
+    Status,
+    StatusLog,
+    diagnostic_array,
+)
 from imu_recording.ros.exchange import CapturedOutput, Exchange, SampleOutput
 from imu_recording.ros.losses import Losses, nothing_heard
 from imu_recording.ros.parameter import (
@@ -31,6 +43,7 @@ from imu_recording.ros.parameter import (
     ParameterError,
     checked,
     config_from_values,
+    converted,
     default_of,
     listed,
     unknown_parameters,
@@ -39,12 +52,28 @@ from imu_recording.ros.sample_bytes import form_of
 
 ACTIVE = 'active'
 INACTIVE = 'inactive'
-LATCHED = QoSProfile(
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
-"""Who subscribes later still gets the newest message."""
+UNCONFIGURED = 'unconfigured'
+
+
+def latched_qos() -> QoSProfile:
+    """Return the profile under which who subscribes later still gets the newest message."""
+    return QoSProfile(
+        depth=1,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )
+
+
+def overridable() -> QoSOverridingOptions:
+    """Return that parameters `qos_overrides.<topic>.…` may change a profile."""
+    return QoSOverridingOptions(
+        (
+            QoSPolicyKind.HISTORY,
+            QoSPolicyKind.DEPTH,
+            QoSPolicyKind.RELIABILITY,
+            QoSPolicyKind.DURABILITY,
+        )
+    )
 
 
 class ConfiguredNode(LifecycleNode):
@@ -61,6 +90,10 @@ class ConfiguredNode(LifecycleNode):
     config_class: ClassVar[type[NodeConfig]] = NodeConfig
     event_driven: ClassVar[bool] = False
     """Whether `run_node` uses the events executor: half the cost per message at high rates."""
+    task: ClassVar[str] = 'node'
+    """What `diagnostics` is about: the second half of its name on /diagnostics."""
+    hardware: ClassVar[str] = NO_HARDWARE
+    """hardware_id where no task's values have a `device`."""
     logs_status: ClassVar[bool] = False
     """Whether what `diagnostics` says is logged too where it changes."""
     captures_bytes: ClassVar[bool] = False
@@ -97,10 +130,12 @@ class ConfiguredNode(LifecycleNode):
         self.losses = Losses()
         self._fields = {item.name: item for item in fields(self.config_class)}
         for item in self._fields.values():
-            default = default_of(item)
-            if default == []:  # has no type in rclpy; `_values` turns it back
-                default = ['']
-            self.declare_parameter(item.name, default, parameter_descriptor(item.metadata))
+            given = self._parameter_overrides.get(item.name)
+            if given is not None:
+                self._parameter_overrides[item.name] = self._typed(given)
+            descriptor = parameter_descriptor(item)
+            self.declare_parameter(item.name, ros_value(default_of(item)), descriptor)
+        self.add_pre_set_parameters_callback(self._all_typed)
         self.add_on_set_parameters_callback(self._on_set_parameters)
         known = {*self._fields, *known_elsewhere}
         for note in unknown_parameters(self._parameter_overrides, known):
@@ -134,6 +169,10 @@ class ConfiguredNode(LifecycleNode):
         """Return level (0 ok, 1 warn, 2 error), one line, and values for /diagnostics."""
         return 0, self.state, {}
 
+    def tasks(self) -> dict[str, Status]:
+        """Return the status of each task; the first says most of the node."""
+        return {self.task: self.diagnostics()}
+
     # What a subclass uses ---------------------------------------------------------------------
 
     @property
@@ -148,7 +187,7 @@ class ConfiguredNode(LifecycleNode):
     def output(self, message_type: type, topic: str, *, latched: bool = False) -> Any:
         """Create a reliable publisher that sends while the node is active."""
         qos = QoSProfile(depth=self.config.qos_depth, reliability=ReliabilityPolicy.RELIABLE)
-        qos = LATCHED if latched else qos
+        qos = latched_qos() if latched else qos
         publisher = self._publisher(message_type, topic, qos, managed=True)
         self.outputs.append(topic)
         if not self._capture:
@@ -230,6 +269,7 @@ class ConfiguredNode(LifecycleNode):
             self._when_active(topic, callback),
             options.pop('qos', qos),
             event_callbacks=self._loss_events(topic),
+            qos_overriding_options=overridable(),
             **options,
         )
         self._entities.append(lambda: self.destroy_subscription(subscription))
@@ -260,21 +300,32 @@ class ConfiguredNode(LifecycleNode):
         return nothing_heard(topic, self.count_publishers(topic), others)
 
     def publish_diagnostics(self) -> None:
-        """Publish one DiagnosticArray with this node's status."""
-        with self.lock:
-            level, line, values = self.diagnostics()
-        if self.expects and self.state == ACTIVE:
-            topic = self.resolve_topic_name(self.expects)
-            level, line, values = self._input_timeout.applied(topic, (level, line, values))
-            if level < 2 and (reason := self._never_heard()):
-                level, line = 1, reason
-        if self.inputs and self.state == ACTIVE:
-            level, line, values = self.losses.applied((level, line, values))
+        """Publish one DiagnosticArray with the status of each task of this node."""
+        statuses = self._statuses()
         if (self.logs_status or self.expects) and self.state == ACTIVE and not self._capture:
+            level, line, _ = max(statuses.values(), key=lambda status: status[0])
             self._log_status(level, line)
         name = self.get_fully_qualified_name().lstrip('/')
-        message = diagnostic_array(name, self.now(), (level, line, values))
+        message = diagnostic_array(name, self.now(), statuses, self.hardware)
         self._diagnostics_publisher.publish(message)
+
+    def _statuses(self) -> dict[str, Status]:
+        if self.refused and self.state == UNCONFIGURED:
+            return {self.task: (2, self.refused, {})}
+        with self.lock:
+            statuses = self.tasks()
+        if self.inputs and self.state == ACTIVE:
+            statuses['input'] = self._input_status()
+        return statuses
+
+    def _input_status(self) -> Status:
+        """Return whether what this node listens to comes, and all of it."""
+        status: Status = 0, 'receiving', {'topics': len(self.inputs)}
+        if self.expects:
+            status = self._input_timeout.applied(self.resolve_topic_name(self.expects), status)
+            if reason := self._never_heard():
+                status = 1, reason, status[2]
+        return self.losses.applied(status)
 
     def _log_status(self, level: int, line: str) -> None:
         if not self._status_log.is_new(time.monotonic(), level, line):
@@ -373,7 +424,7 @@ class ConfiguredNode(LifecycleNode):
         if self._capture:
             return CapturedPublisher(topic, self._capture)
         create = self.create_lifecycle_publisher if managed else self.create_publisher
-        return create(message_type, topic, qos)
+        return create(message_type, topic, qos, qos_overriding_options=overridable())
 
     # Parameters -------------------------------------------------------------------------------
 
@@ -383,6 +434,24 @@ class ConfiguredNode(LifecycleNode):
             name: [] if isinstance(value, list) and value == [''] else value
             for name, value in values.items()
         }
+
+    def _typed(self, given: Parameter) -> Parameter:
+        """Return a parameter of the type it is declared with, or raise ParameterError."""
+        value = ros_value(converted(self._fields[given.name], given.value))
+        return Parameter(given.name, value=value)
+
+    def _all_typed(self, changes: list[Parameter]) -> list[Parameter]:
+        """Return the parameters, whole numbers as doubles where those are declared."""
+        typed = []
+        for change in changes:
+            if change.name not in self._fields:
+                typed.append(change)
+                continue
+            try:
+                typed.append(self._typed(change))
+            except ParameterError:  # the declared type refuses it
+                typed.append(change)
+        return typed
 
     def _on_set_parameters(self, changes: list[Parameter]) -> SetParametersResult:
         own = [change for change in changes if change.name in self._fields]
@@ -416,17 +485,25 @@ class CapturedPublisher:
         self._capture(self.topic_name, message)
 
 
-def parameter_descriptor(metadata: Mapping[str, Any]) -> ParameterDescriptor:
-    """Return the descriptor of a field declared by `parameter`, from its metadata."""
+def ros_value(value: Any) -> Any:
+    """Return a value that has a type in rclpy: an empty list has none, `_values` turns it back."""
+    return [''] if value == [] else value
+
+
+def parameter_descriptor(item: Field[Any]) -> ParameterDescriptor:
+    """Return the descriptor of a field declared by `parameter`."""
+    metadata = item.metadata
     unit = f' [{metadata["unit"]}]' if metadata['unit'] else ''
     choices = f'; one of {listed(metadata["choices"])}' if metadata['choices'] else ''
-    descriptor = ParameterDescriptor(  # dynamic: what is wrong is told here, not by rcl
-        description=f'{metadata["description"]}{unit}{choices}', dynamic_typing=True
-    )
+    descriptor = ParameterDescriptor(description=f'{metadata["description"]}{unit}{choices}')
     if metadata['bounds']:
         low, high = metadata['bounds']
-        descriptor.floating_point_range = [
-            FloatingPointRange(from_value=float(low), to_value=float(high))
-        ]
         descriptor.additional_constraints = f'{low:g} … {high:g}'
+        if isinstance(default_of(item), int):
+            bounds = IntegerRange(from_value=int(low), to_value=int(high))
+            descriptor.integer_range = [bounds]
+        else:
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=float(low), to_value=float(high))
+            ]
     return descriptor

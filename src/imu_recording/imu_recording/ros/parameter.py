@@ -112,8 +112,7 @@ def listed(choices: Iterable[str]) -> str:
 
 def checked(item: Field[Any], value: Any) -> Any:
     """Return the value as the type of the field's default; raise ParameterError if it is not."""
-    default = default_of(item)
-    value = _converted(item.name, default, value)
+    value = converted(item, value)
     bounds = item.metadata['bounds']
     if bounds is not None:
         numbers = value if isinstance(value, list) else [value]
@@ -127,6 +126,11 @@ def checked(item: Field[Any], value: Any) -> Any:
     if choices and value not in choices:
         raise ParameterError(f'{item.name} is {value!r}, expected one of {listed(choices)}')
     return value
+
+
+def converted(item: Field[Any], value: Any) -> Any:
+    """Return the value as the type of the field's default; ParameterError where it has none."""
+    return _converted(item.name, default_of(item), value)
 
 
 def _converted(name: str, default: Any, value: Any) -> Any:

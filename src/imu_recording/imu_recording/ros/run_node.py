@@ -59,7 +59,11 @@ class Interrupts:
 SPIN_TIMEOUT_S = 0.05
 """An interrupt is seen at most this long after it came [s]."""
 REFUSED = 2
-"""Exit code where the arguments or the configuration are refused."""
+"""Exit code where the arguments or, of a node with an end, the configuration are refused."""
+UNCONFIGURED_WAY = (
+    'unconfigured: set what is wrong (ros2 param set {0} …), then configure and activate '
+    '(ros2 lifecycle set {0} configure)'
+)
 
 Spin = Callable[[Any, Callable[[], None], Interrupts], int]
 """Runs a node until it is to end, calling the second argument over and over; the exit code."""
@@ -73,8 +77,10 @@ def run_node(
 ) -> int:
     """Run a node until Ctrl-C; return the process's exit code (2: refused).
 
-    The ROS context lives until the node is released, so that its last messages still go out.
-    `spin` is the loop of a node that ends in a way of its own.
+    Arguments that cannot be read end it; a configuration that is refused leaves it unconfigured
+    with the reason in its diagnostics. The ROS context lives until the node is released, so that
+    its last messages still go out. `spin` is the loop of a node that ends in a way of its own,
+    also by a refused configuration.
     """
     arguments = list(sys.argv if args is None else args)
     if asks_for_help(arguments):
@@ -85,7 +91,9 @@ def run_node(
     try:
         node = _new_node(node_class, arguments)
         if node.get_parameter('autostart').value and not node.autostart():
-            return REFUSED
+            if spin:
+                return REFUSED
+            node.get_logger().warning(UNCONFIGURED_WAY.format(node.get_fully_qualified_name()))
         return (spin or _until_interrupted)(node, _executor(node), interrupts)
     except UserError as error:
         sys.stderr.write(f'{error}; --help lists what can be given\n')

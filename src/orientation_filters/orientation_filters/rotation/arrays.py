@@ -11,8 +11,12 @@ from imu_recording.recording import FloatArray
 
 IDENTITY: FloatArray = np.array([0.0, 0.0, 0.0, 1.0])
 
-NED_FROM_ENU: FloatArray = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
-"""Rotation that takes ENU coordinates to NED coordinates (its own inverse up to sign)."""
+ENU_FROM: dict[str, FloatArray] = {
+    'enu': IDENTITY,
+    'ned': np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]),
+    'nwu': np.array([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]),
+}
+"""World frame → rotation that takes its coordinates to ENU coordinates."""
 
 
 def conjugate(q: FloatArray) -> FloatArray:
@@ -149,6 +153,11 @@ def euler_zyx(q: FloatArray) -> FloatArray:
     return np.stack([np.where(locked, 0.0, roll), np.arcsin(sine), yaw], axis=-1) + 0.0
 
 
-def enu_from_ned(q: FloatArray) -> FloatArray:
-    """Return sensor → ENU from sensor → NED, and the other way round."""
-    return normalised(multiply(NED_FROM_ENU, q))
+def enu_from(world_frame: str, q: FloatArray) -> FloatArray:
+    """Return sensor → ENU from sensor → `world_frame` (a key of ENU_FROM).
+
+    >>> east = rotate(enu_from('nwu', IDENTITY), np.array([0.0, -1.0, 0.0]))  # −west
+    >>> east.round(9).tolist()
+    [1.0, 0.0, 0.0]
+    """
+    return normalised(multiply(ENU_FROM[world_frame], q))
