@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from anyreader_columns import columns
 
 from imu_recording import read_bag, write_bag
@@ -34,6 +35,19 @@ def test_every_bag_says_what_simulated_it(bags: Path, tmp_path: Path) -> None:
     assert set(said.values()) == {'imu_driver.simulation'}, said
     write_bag(read_bag(shipped[0]), tmp_path / 'copy')
     assert read_bag(tmp_path / 'copy').simulated == 'imu_driver.simulation'
+
+
+def test_a_replay_offers_what_the_nodes_did(bags: Path, tmp_path: Path) -> None:
+    shipped = sorted(path.parent for path in bags.glob('*/metadata.yaml'))
+    write_bag(read_bag(shipped[-1]), tmp_path / 'copy')
+    for path in (*shipped, tmp_path / 'copy'):
+        content = yaml.safe_load((path / 'metadata.yaml').read_text())
+        topics = content['rosbag2_bagfile_information']['topics_with_message_count']
+        for topic in (entry['topic_metadata'] for entry in topics):
+            (profile,) = topic['offered_qos_profiles']
+            latched = topic['name'] == '/chamber/phase'
+            assert profile['reliability'] == 'reliable'
+            assert profile['durability'] == ('transient_local' if latched else 'volatile')
 
 
 @pytest.mark.parametrize('name', BAGS)

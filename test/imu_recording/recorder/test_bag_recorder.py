@@ -86,7 +86,12 @@ def test_an_interrupted_recording_is_continued(tmp_path: Path) -> None:
     first = BagRecorder(tmp_path / 'run', metadata=METADATA)
     feed(first, messages[:45])
     first.flush()
+    with pytest.raises(BagError, match=r'run_0\.mcap: another recorder is writing it'):
+        BagRecorder(tmp_path / 'run')
+    assert first._open is not None
+    os.close(first._open.descriptor)  # as a kill does
     second = BagRecorder(tmp_path / 'run', metadata=METADATA)
+    assert list(second.repaired.values()) == [45]
     feed(second, messages[45:])
     second.close()
     assert len(read_bag(tmp_path / 'run')) == 30
@@ -147,6 +152,9 @@ def test_kill_9_loses_nothing_that_was_flushed(tmp_path: Path) -> None:
     assert len(recording) == 1  # one stamp, repeated
     repeated = next(note for note in recording.notes if 'repeated stamp' in note)
     assert int(repeated.split()[1]) + 1 >= flushed
+    again = BagRecorder(tmp_path / 'run')
+    assert list(again.repaired.values()) == [count_messages(tmp_path / 'run')]
+    assert count_messages(tmp_path / 'run') >= flushed
 
 
 def count_messages(path: Path) -> int:

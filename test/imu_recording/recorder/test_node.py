@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from imu_recording.bags.files import locate_bag
 from imu_recording.recorder.node import RecorderNode
 from imu_recording.recorder.plan import (
@@ -24,6 +25,8 @@ from imu_recording.recorder.plan import (
 from imu_recording.ros.messages import ImuSample, imu_from_sample
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
+from rosbags.highlevel import AnyReader
+from sensor_msgs.msg import Imu
 
 from imu_recording import BagError, RecordingError, read_bag
 
@@ -161,6 +164,15 @@ def test_killed_process_keeps_all_but_the_last_second(ros_network: Any, tmp_path
     assert len(recording) >= owed > 10
     assert np.array_equal(recording.angular_velocity[:owed, 0], np.arange(owed))
     assert recording.vibration is not None
+    again = RecorderNode(capture=lambda *_: None, parameters={'output': str(tmp_path / 'bag')})
+    assert again.autostart()  # which repairs what the kill has cut
+    with AnyReader([tmp_path / 'bag']) as reader:
+        assert reader.message_count >= 2 * owed
+        offered = {c.topic: c.ext.offered_qos_profiles[0] for c in reader.connections}
+    assert offered['/imu/data_raw'].reliability.name == 'RELIABLE'
+    assert offered['/imu/vibration'].reliability.name == 'BEST_EFFORT'
+    assert len(read_bag(tmp_path / 'bag')) == len(recording)
+    again.destroy_node()
     node.destroy_node()
 
 
@@ -185,3 +197,28 @@ def test_what_did_not_arrive_is_said_in_diagnostics_and_metadata(ros: Any, tmp_p
     node.destroy_node()
     custom = locate_bag(tmp_path / 'bag').custom
     assert custom['messages_lost'] == '/imu/data_raw 5'
+
+
+def test_a_simulated_board_is_marked_in_the_bag_that_is_under_way(
+    ros: Any, tmp_path: Path
+) -> None:
+    board = ros.create_node('imu_driver', namespace='/dut1')
+    publisher = board.create_publisher(Imu, 'imu/data_raw', 10)
+    node = RecorderNode(parameters={'output': str(tmp_path / 'bag')})
+    assert node.autostart()
+    node.subscribe('/dut1/imu/data_raw', 'sensor_msgs/msg/Imu')
+    until(lambda: node.records('dut1/imu_driver'), 10)
+    data = serialize_message(imu_from_sample(ImuSample(START, (0, 0, 0), (0, 0, 9.8))))
+    node.inputs['/dut1/imu/data_raw'](data)
+    node.flush()
+    for name, source in (('other/imu_driver', 'dut9'), ('dut1/imu_driver', 'dut1')):
+        values = [KeyValue(key='transport', value=f'simulated://{source}')]
+        status = DiagnosticStatus(name=f'{name}: stream', values=values)
+        node.on_diagnostics(DiagnosticArray(status=[status]))
+    (tmp_path / 'bag' / 'metadata.yaml').rename(tmp_path / 'moved.yaml')
+    recording = read_bag(tmp_path / 'bag', namespace='dut1')
+    assert recording.simulated == 'simulated://dut1'
+    assert 'simulated://dut1' in (tmp_path / 'moved.yaml').read_text()
+    node.destroy_node()
+    board.destroy_publisher(publisher)
+    board.destroy_node()

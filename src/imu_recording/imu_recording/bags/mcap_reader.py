@@ -99,7 +99,7 @@ class McapScan:
     def _record(self, opcode: int, content: memoryview, size: int, place: int) -> None:
         whole = len(content) == size
         if opcode == CHUNK:
-            self._chunk(content, size, place)
+            self.chunk(content, size, place)
         elif whole:
             self.declare(opcode, bytes(content))
 
@@ -120,7 +120,7 @@ class McapScan:
             name, values = _parse('sm', content)
             self.metadata[name] = values
 
-    def _chunk(self, content: memoryview, size: int, place: int) -> None:
+    def chunk(self, content: memoryview, size: int, place: int) -> None:
         """Decompress one chunk, or what is there of it, and scan it."""
         if len(content) < _CHUNK_HEAD.size:
             return

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from imu_recording.bags.compression import compress_chunk
@@ -23,6 +23,8 @@ METADATA_INDEX, SUMMARY_OFFSET, DATA_END = 0x0D, 0x0E, 0x0F
 LIBRARY = 'imu_recording'
 LATEST_STAMP = 2**63 - 1
 _MESSAGE = struct.Struct('<BQHIQQ')
+MESSAGE_HEAD = _MESSAGE.size
+"""Bytes of a message record before the serialised message."""
 
 
 @dataclass
@@ -33,6 +35,45 @@ class _OpenChunk:
     first: int = LATEST_STAMP
     last: int = 0
     index: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class WrittenChunk:
+    """A chunk that is in the file, as its index in the summary tells."""
+
+    first: int
+    last: int
+    """Times of receipt [ns]."""
+    place: int
+    length: int
+    """Of the whole record [bytes]."""
+    indexes: Mapping[int, int]
+    """Channel → place of its message index."""
+    indexes_length: int
+    compression: str
+    packed: int
+    """Bytes of the compressed records."""
+    size: int
+    """Bytes of the records."""
+
+    def record(self) -> bytes:
+        """Return the chunk index."""
+        offsets = b''.join(struct.pack('<HQ', *entry) for entry in self.indexes.items())
+        head = (self.first, self.last, self.place, self.length, len(offsets))
+        return _record(
+            CHUNK_INDEX,
+            struct.pack('<QQQQI', *head)
+            + offsets
+            + struct.pack('<Q', self.indexes_length)
+            + _text(self.compression)
+            + struct.pack('<QQ', self.packed, self.size),
+        )
+
+
+def message_index(channel: int, entries: Sequence[tuple[int, int]]) -> bytes:
+    """Return the message index of a chunk's channel: time of receipt [ns], place in the chunk."""
+    body = b''.join(struct.pack('<QQ', *entry) for entry in entries)
+    return _record(MESSAGE_INDEX, struct.pack('<HI', channel, len(body)) + body)
 
 
 @dataclass
@@ -119,24 +160,43 @@ class McapStream:
         pieces = [_record(CHUNK, head + packed)]
         length = len(pieces[0])
         at = start + length
-        offsets = b''
+        indexes = {}
         for channel, entries in chunk.index.items():
-            body = b''.join(struct.pack('<QQ', *entry) for entry in entries)
-            content = struct.pack('<HI', channel, len(body)) + body
-            offsets += struct.pack('<HQ', channel, at)
-            pieces.append(_record(MESSAGE_INDEX, content))
+            indexes[channel] = at
+            pieces.append(message_index(channel, entries))
             at += len(pieces[-1])
-        self._chunk_index.append(
-            _record(
-                CHUNK_INDEX,
-                struct.pack('<QQQQI', first, chunk.last, start, length, len(offsets))
-                + offsets
-                + struct.pack('<Q', at - start - length)
-                + _text(self.compression)
-                + struct.pack('<QQ', len(packed), len(records)),
-            )
+        written = WrittenChunk(
+            first=first,
+            last=chunk.last,
+            place=start,
+            length=length,
+            indexes=indexes,
+            indexes_length=at - start - length,
+            compression=self.compression,
+            packed=len(packed),
+            size=len(records),
         )
+        self._chunk_index.append(written.record())
         return self._out(b''.join(pieces))
+
+    def resume_chunk(self, chunk: WrittenChunk, counts: Mapping[int, int]) -> None:
+        """Take in a chunk that is in the file already, with its messages by channel."""
+        self._chunk_index.append(chunk.record())
+        for channel, count in counts.items():
+            self._sequence[channel - 1] += count
+        if counts:
+            self._first = min(self._first, chunk.first)
+            self._last = max(self._last, chunk.last)
+
+    def resume_metadata(self, place: int, length: int, content: bytes) -> None:
+        """Take in a metadata record that is in the file already."""
+        name = content[: 4 + int.from_bytes(content[:4], 'little')]
+        index = struct.pack('<QQ', place, length) + name
+        self._metadata_index.append(_record(METADATA_INDEX, index))
+
+    def drop_declarations(self) -> None:
+        """Leave channels added since the last flush out of the next chunk: the file has them."""
+        self._chunk.records.clear()
 
     def metadata(self, name: str, values: Mapping[str, str]) -> bytes:
         """Return a metadata record."""

@@ -15,6 +15,8 @@ from rosbags.typesys import (
 )
 from rosbags.typesys.store import Typestore
 
+from imu_recording.bags.installed_types import installed_types
+
 
 class DecodeError(ValueError):
     """Bytes that are no message of their type, or a definition that defines no type."""
@@ -46,18 +48,21 @@ def types_of(message_type: str, definition: str) -> Typestore:
 
 @cache
 def definition_of(message_type: str) -> str:
-    """Return the text of a standard type's definition, '' for a type that is not standard."""
-    types = standard_types()
-    if message_type not in types.fielddefs:
-        return ''
-    return str(types.generate_msgdef(message_type, ros_version=2)[0])
+    """Return the text of a type's definition, standard or installed; '' where it is neither."""
+    types = _types_with(message_type)
+    return str(types.generate_msgdef(message_type, ros_version=2)[0]) if types else ''
 
 
 @cache
 def hash_of(message_type: str) -> str:
-    """Return the RIHS01 hash of a standard type, '' for a type that is not standard."""
+    """Return the RIHS01 hash of a type, standard or installed; '' where it is neither."""
+    types = _types_with(message_type)
+    return str(types.hash_rihs01(message_type)) if types else ''
+
+
+def _types_with(message_type: str) -> Typestore | None:
     types = standard_types()
-    return str(types.hash_rihs01(message_type)) if message_type in types.fielddefs else ''
+    return types if message_type in types.fielddefs else installed_types(message_type)
 
 
 def _parsed(message_type: str, definition: str) -> Any:

@@ -31,17 +31,17 @@ class RecordedFile:
     """Messages by topic."""
 
 
-def inspect_file(path: Path) -> tuple[RecordedFile, dict[str, str]]:
-    """Return what an mcap file holds, closed or not, and its message types by topic."""
+def inspect_file(path: Path) -> tuple[RecordedFile, dict[str, tuple[str, list[Qos]]]]:
+    """Return what an mcap file holds, closed or not, and type and offered QoS by topic."""
     from imu_recording.bags.mcap_reader import McapScan  # only here: it brings compiled kernels
 
-    topics: dict[str, str] = {}
+    topics: dict[str, tuple[str, list[Qos]]] = {}
     counts: list[int] = []
     span: list[int] = []
 
     def select(channel: Channel) -> int:
         if channel.topic not in topics:
-            topics[channel.topic] = channel.message_type
+            topics[channel.topic] = channel.message_type, qos_from_text(channel.qos)
             counts.append(0)
         return list(topics).index(channel.topic)
 

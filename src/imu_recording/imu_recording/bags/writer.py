@@ -12,11 +12,20 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.interfaces import Connection
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer, WriterError
 
 from imu_recording.bags.cdr import ENCAPSULATION, LAYOUTS, NANOSECONDS, encode_messages
 from imu_recording.bags.message_types import standard_types
+from imu_recording.bags.metadata import INFINITE_DURATION
 from imu_recording.logging_contract import (
     IMU,
     IMU_TOPIC,
@@ -36,6 +45,21 @@ COMPRESSIONS = {
     'message': CompressionMode.MESSAGE,
     'file': CompressionMode.FILE,
 }
+_FOREVER = QosTime(**INFINITE_DURATION)
+RELIABLE = Qos(
+    history=QosHistory.KEEP_LAST,
+    depth=500,
+    reliability=QosReliability.RELIABLE,
+    durability=QosDurability.VOLATILE,
+    deadline=_FOREVER,
+    lifespan=_FOREVER,
+    liveliness=QosLiveliness.AUTOMATIC,
+    liveliness_lease_duration=_FOREVER,
+    avoid_ros_namespace_conventions=False,
+)
+"""What the nodes offer."""
+LATCHED = RELIABLE._replace(depth=1, durability=QosDurability.TRANSIENT_LOCAL)
+"""What they offer for the phase: who comes later still gets it, also from a replay."""
 END_OF_STAMPS = (1 << 31) * 1_000_000_000
 """builtin_interfaces/Time counts seconds in 31 bits [ns]."""
 ROWS_PER_STRETCH = 1 << 14
@@ -121,7 +145,10 @@ def _write(writer: Writer, parts: Sequence[ImuRecording]) -> None:
     connections = [
         {
             track.topic: writer.add_connection(
-                f'{part.namespace}/{track.topic}', track.message_type, typestore=types
+                f'{part.namespace}/{track.topic}',
+                track.message_type,
+                typestore=types,
+                offered_qos_profiles=(LATCHED if track.topic == PHASE_TOPIC else RELIABLE,),
             )
             for track in recorded_tracks(part)
         }

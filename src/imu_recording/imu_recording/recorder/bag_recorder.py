@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from imu_recording.bags.mcap_repair import repair_mcap
 from imu_recording.bags.mcap_writer import McapStream
 from imu_recording.bags.message_types import definition_of
 from imu_recording.bags.metadata import Qos, RecordedFile, inspect_file, qos_text, write_metadata
@@ -35,7 +37,7 @@ class BagRecorder:
 
     A new file begins when the phase on chamber/phase changes (`split_at_phase`) or a file exceeds
     `split_bytes` (0: never). What was flushed is on disk. A folder that holds files of an
-    interrupted recording is continued with the next number; nothing is overwritten. With
+    interrupted recording is continued with the next number; files that were cut are repaired. With
     `sync=False` nothing waits for the disk.
     """
 
@@ -60,6 +62,8 @@ class BagRecorder:
         self._phase = ''
         self._types: dict[str, tuple[str, list[Qos]]] = {}
         self._open: _OpenFile | None = None
+        self.repaired: dict[Path, int] = {}
+        """Files that a kill had cut, and how many messages each of them has."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             old = sorted(self.folder.glob(f'{self.folder.name}_*.mcap'), key=_number)
@@ -67,10 +71,14 @@ class BagRecorder:
             raise BagError(f'{self.folder}: cannot be written ({error.strerror})') from None
         self._files: list[RecordedFile] = []
         for path in old:
+            if (messages := repair_mcap(path, sync=sync)) is not None:
+                self.repaired[path] = messages
             file, types = inspect_file(path)
             self._files.append(file)
-            self._types |= {topic: (kind, []) for topic, kind in types.items()}
+            self._types |= types
         self._next = 1 + max(map(_number, old), default=-1)
+        if self.repaired:
+            self._write_metadata()
 
     def record(
         self,
@@ -108,6 +116,16 @@ class BagRecorder:
         self._write(self._open.stream.flush())
         self._to_disk(self._open)
 
+    def note(self, key: str, value: str) -> None:
+        """Add to the metadata of the bag, in the file under way as well."""
+        if self.metadata.get(key) == value:
+            return
+        self.metadata[key] = value
+        if self._open is not None:
+            stream = self._open.stream
+            self._write(stream.flush() + stream.metadata('custom_data', self.metadata))
+            self._write_metadata()
+
     def follow_phase(self, data: bytes | memoryview) -> None:
         """Begin a new file where this message of chamber/phase tells another phase."""
         phase = bytes(data[8:]).split(b'\0')[0].split(b' ')[0].decode(errors='replace')
@@ -141,6 +159,7 @@ class BagRecorder:
         stream = McapStream(compression=self._compression)
         try:
             descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+            fcntl.flock(descriptor, fcntl.LOCK_EX)  # so that nobody repairs what is being written
         except OSError as error:
             raise BagError(f'{path}: cannot be written ({error.strerror})') from None
         self._open = _OpenFile(path, descriptor, stream)

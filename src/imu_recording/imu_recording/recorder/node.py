@@ -9,6 +9,7 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
@@ -19,12 +20,13 @@ from imu_recording.recorder.plan import MEGABYTE, RecorderConfig, output_folder
 from imu_recording.recorder.run_announcement import RUN_TOPIC, parse_announcement
 from imu_recording.recorder.run_recorder import RunRecorder
 from imu_recording.recording import BagError, RecordingError
-from imu_recording.ros.diagnostics import Status
+from imu_recording.ros.diagnostics import Status, node_of
 from imu_recording.ros.lifecycle_node import ACTIVE, ConfiguredNode, latched_qos
 from imu_recording.ros.run_node import run_node
 from imu_recording.ros.sample_bytes import stamp_from_bytes
 
 IMU = 'sensor_msgs/msg/Imu'
+DIAGNOSTICS = '/diagnostics'
 DISCOVERY_PERIOD_S = 0.5
 FLUSH_PERIOD_S = 1.0
 LOW_DISK_BYTES = 1 << 30
@@ -48,8 +50,13 @@ class RecorderNode(ConfiguredNode):
     def setup(self, config: RecorderConfig) -> None:
         """Take the folder and begin to look for topics."""
         self.recorder = RunRecorder(config, output_folder(config.output))
+        for file, messages in self.recorder.repaired.items():
+            self.get_logger().warning(f'{file} was cut: repaired, {messages} messages')
         self.failure = ''
         self.listen(String, RUN_TOPIC, self.on_run)
+        if not self._capture:
+            heard = self.create_subscription(DiagnosticArray, DIAGNOSTICS, self.on_diagnostics, 10)
+            self._entities.append(lambda: self.destroy_subscription(heard))
         self.every(DISCOVERY_PERIOD_S, self.discover)
         self.every(FLUSH_PERIOD_S, self.flush)
 
@@ -91,6 +98,19 @@ class RecorderNode(ConfiguredNode):
             return
         self.log_folder()
         self.discover()
+
+    def on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Mark the bag where the driver of a recorded topic says that its board is simulated."""
+        for status in message.status:
+            values = {item.key: item.value for item in status.values}
+            source = values.get('transport', '')
+            if source.startswith('simulated://') and self.records(node_of(status.name)):
+                self.attempt(self.recorder.note_simulation, source)
+
+    def records(self, node: str) -> bool:
+        """Tell whether a topic that is recorded comes from a node, named without the first /."""
+        senders = (s for topic in self.inputs for s in self.get_publishers_info_by_topic(topic))
+        return any(f'{s.node_namespace}/{s.node_name}'.lstrip('/') == node for s in senders)
 
     def flush(self) -> None:
         """Put what was received on disk; wait a little for a chamber that has just appeared."""

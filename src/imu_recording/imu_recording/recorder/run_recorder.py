@@ -35,12 +35,18 @@ class RunRecorder:
         self.plan = recording_plan(config, output, RunAnnouncement())
         _check_writable(output)
         self._announcement = RunAnnouncement()
-        self._bag: BagRecorder | None = None
+        self._simulated = ''
+        self._bag = self._interrupted_bag()
         self._taken = 0
         self._held: list[Message] | None = []
         self._flushes = 0
         self._wanted: dict[str, bool] = {}
         self._latched: dict[str, Message] = {}
+
+    @property
+    def repaired(self) -> Mapping[Path, int]:
+        """Files of the bag that a kill had cut, and how many messages each of them has."""
+        return self._bag.repaired if self._bag else {}
 
     @property
     def messages(self) -> int:
@@ -98,7 +104,13 @@ class RunRecorder:
         """Say in the bag's metadata how many messages of each topic did not arrive."""
         if self._bag is not None and lost:
             told = ', '.join(f'{topic} {number}' for topic, number in lost.items())
-            self._bag.metadata['messages_lost'] = told
+            self._bag.note('messages_lost', told)
+
+    def note_simulation(self, source: str) -> None:
+        """Say in the metadata of this bag and of all that follow what simulated the data."""
+        self._simulated = source
+        if self._bag is not None:
+            self._bag.note('simulated', source)
 
     def close(self) -> None:
         """Finish the bag."""
@@ -118,15 +130,22 @@ class RunRecorder:
         elif topic.endswith(f'/{PHASE_TOPIC}'):
             self._bag.follow_phase(data)
 
+    def _interrupted_bag(self) -> BagRecorder | None:
+        """Return the bag that is there already, its files repaired where they were cut."""
+        folder = self.plan.folder
+        is_there = folder is not None and any(folder.glob(f'{folder.name}_*.mcap'))
+        return self._open_bag() if is_there else None
+
     def _repeated(self, received: int) -> list[Message]:
         return [(t, kind, data, received, qos) for t, kind, data, _, qos in self._latched.values()]
 
     def _open_bag(self) -> BagRecorder:
         plan = self.plan
         assert plan.folder is not None  # noqa: S101 (callers checked)
+        simulated = {'simulated': self._simulated} if self._simulated else {}
         return BagRecorder(
             plan.folder,
-            metadata=plan.metadata,
+            metadata={**plan.metadata, **simulated},
             split_at_phase=plan.at_phase,
             split_bytes=plan.split_bytes,
         )
