@@ -35,6 +35,8 @@ COMPENSATED = 'imu_compensated'
 APPLIED_MODEL = 'applied_model'
 """Latched text beside compensated messages: device and hash of the model that was subtracted."""
 
+MESSAGES_LOST = 'messages_lost'
+"""Key of custom_data under which a recorder says `<topic> <number>, …` of what it did not get."""
 METADATA_KEYS = ('device', 'run', 'up_axis', 'profile', 'compensated', 'simulated')
 """Keys of a bag's custom_data that fill the fields of the same name."""
 

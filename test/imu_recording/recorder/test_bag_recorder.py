@@ -198,3 +198,13 @@ def test_a_disk_that_does_not_take_the_data_is_an_error(tmp_path: Path, monkeypa
     monkeypatch.undo()
     recorder.close()  # there is no file left to close
     assert len(read_bag(tmp_path / 'run')) >= 15
+
+
+def test_what_the_recorder_lost_stands_in_one_note(tmp_path: Path) -> None:
+    recorder = BagRecorder(tmp_path / 'run', metadata=METADATA)
+    feed(recorder, standard_messages(30))
+    recorder.note('messages_lost', '/imu/data_raw 12, /imu/mag 3')
+    recorder.close()
+    notes = read_bag(tmp_path / 'run').notes
+    told = 'the recorder lost 15 messages: 12 on /imu/data_raw, 3 on /imu/mag'
+    assert [note for note in notes if 'lost' in note] == [told]

@@ -18,6 +18,7 @@ from imu_recording.logging_contract import (
     IMU,
     IMU_TOPIC,
     MAGNETIC_TOPIC,
+    MESSAGES_LOST,
     METADATA_KEYS,
     STRING,
     TEMPERATURE,
@@ -57,6 +58,9 @@ def read_bag(
         columns[told] = TopicColumns(Track(APPLIED_MODEL, STRING, ()), told, 1)
     notes = [note for bag in bags for note in bag.notes]
     notes += _temperature_topics(types, chosen)
+    notes += [
+        note for bag in bags if (note := lost_note(bag.custom.get(MESSAGES_LOST, ''), space))
+    ]
     for bag in bags:
         for file in bag.files:
             try:
@@ -174,6 +178,22 @@ def _metadata(bags: Sequence[Bag], space: str) -> dict[str, str]:
                 )
             metadata.setdefault(key, value)
     return metadata
+
+
+def lost_note(lost: str, space: str) -> str:
+    """Return what a recorder says it did not get, of a namespace and of topics outside of any.
+
+    >>> lost_note('/dut1/imu/mag 7, /dut2/imu/mag 2, /chamber/phase 1', '/dut1')
+    'the recorder lost 8 messages: 7 on /dut1/imu/mag, 1 on /chamber/phase'
+    """
+    pairs = [entry.strip().rpartition(' ') for entry in lost.split(',') if entry.strip()]
+    counts = {
+        topic: int(number)
+        for topic, _, number in pairs
+        if number.isdecimal() and topic.startswith((f'{space}/', '/chamber/'))
+    }
+    told = ', '.join(f'{number} on {topic}' for topic, number in counts.items())
+    return f'the recorder lost {sum(counts.values())} messages: {told}' if counts else ''
 
 
 def _refuse_empty(name: str, columns: Mapping[str, TopicColumns]) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from imu_recording.bags.metadata import Qos
 from imu_recording.free_space import standing_folder
-from imu_recording.logging_contract import PHASE_TOPIC
+from imu_recording.logging_contract import MESSAGES_LOST, PHASE_TOPIC
 from imu_recording.recorder.bag_recorder import BagRecorder
 from imu_recording.recorder.plan import RecorderConfig, further_output, is_wanted, recording_plan
 from imu_recording.recorder.run_announcement import RunAnnouncement
@@ -104,7 +104,7 @@ class RunRecorder:
         """Say in the bag's metadata how many messages of each topic did not arrive."""
         if self._bag is not None and lost:
             told = ', '.join(f'{topic} {number}' for topic, number in lost.items())
-            self._bag.note('messages_lost', told)
+            self._bag.note(MESSAGES_LOST, told)
 
     def note_simulation(self, source: str) -> None:
         """Say in the metadata of this bag and of all that follow what simulated the data."""
