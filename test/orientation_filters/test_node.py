@@ -182,3 +182,16 @@ def test_tf_without_tf2_msgs_is_refused_in_one_line(ros: Any) -> None:
     else:
         assert node.autostart()
     node.destroy_node()
+
+
+def test_a_stream_in_another_unit_is_an_error_until_it_is_right(ros: Any, name: str) -> None:
+    still = rest(random_attitude(1), seed=1, seconds=30.0)
+    node = make(ros, name)
+    feed(node, replace(still, linear_acceleration=still.linear_acceleration / 9.80665))
+    level, line, _ = node.diagnostics()
+    assert level == 2
+    assert 'as if in g' in line
+    assert 'the orientation is wrong' in line
+    feed(node, replace(still, stamp=still.stamp + 40_000_000_000))
+    assert node.diagnostics()[0] < 2
+    node.destroy_node()

@@ -363,3 +363,25 @@ def test_data_of_another_device_pass_unchanged_and_are_an_error(ros: Any, model_
     allowed.destroy_node()
     driver.destroy_publisher(publisher)
     driver.destroy_node()
+
+
+@pytest.mark.parametrize(
+    ('value', 'words'),
+    [
+        (lambda k: float('nan'), 'the thermometer has no value (NaN)'),
+        (lambda k: 21.4375, 'the thermometer stands at 21.4375 °C for 12 min'),
+        (lambda k: 20.0 + k // 20, 'temperature in whole degrees'),
+        (lambda k: 20.0 + 0.0625 * (k % 3), ''),
+    ],
+)
+def test_a_thermometer_out_of_order_is_named(
+    ros: Any, model_path: str, value: Any, words: str
+) -> None:
+    compensation = node(ros, [], model=model_path)
+    for k in range(73):
+        stamp = (1 + 10 * k) * SECOND
+        compensation.on_temperature(TemperatureSample(stamp, value(k)))
+        compensation.on_imu(ImuSample(stamp, (0.0, 0.0, 0.0), UP))
+    level, said, _ = compensation.diagnostics()
+    assert words in said
+    assert level == int(bool(words)), said

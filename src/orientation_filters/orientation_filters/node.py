@@ -17,6 +17,7 @@ from imu_recording.ros.messages import (
 )
 from imu_recording.ros.parameter import NodeConfig, parameter
 from imu_recording.ros.run_node import run_node
+from imu_recording.stream_plausibility import StreamCheck
 from imu_recording.user_error import UserError
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -96,6 +97,9 @@ class FilterNode(ConfiguredNode):
         """Create filter, inputs and outputs."""
         check_mount(config)
         self.filter = LiveFilter(self.filter_name, config)
+        self.check = StreamCheck()
+        within = self._exchange.offers(self.resolve_topic_name('imu/data_raw'))
+        self._checks = not within  # a stage of this process has judged its samples already
         self._orientation = self.sample_output(Imu, 'imu/data')
         euler = config.publish_euler
         self._euler = self.sample_output(Vector3Stamped, '~/euler') if euler else None
@@ -110,6 +114,8 @@ class FilterNode(ConfiguredNode):
 
     def on_imu(self, sample: ImuSample) -> None:
         """Take an IMU sample."""
+        if self._checks:
+            self.check.on_imu(sample)
         self._publish(self.filter.add_imu(sample))
 
     def on_magnetic_field(self, sample: MagneticSample) -> None:
@@ -122,7 +128,12 @@ class FilterNode(ConfiguredNode):
 
     def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
         """Return rate, jitter, disturbed fraction, bias, resets and counts."""
-        return self.filter.status() if hasattr(self, 'filter') else super().diagnostics()
+        if not hasattr(self, 'filter'):
+            return super().diagnostics()
+        level, said, values = self.filter.status()
+        if self.check.objection:
+            return 2, f'{self.check.objection}: the orientation is wrong', values
+        return level, said, values
 
     def _publish(self, estimates: list[LiveEstimate]) -> None:
         if self.filter.refusal:

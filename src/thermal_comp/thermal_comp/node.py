@@ -26,6 +26,7 @@ from imu_recording.ros.messages import (
 from imu_recording.ros.parameter import NodeConfig, parameter
 from imu_recording.ros.run_node import run_node
 from imu_recording.stream_plausibility import StreamCheck
+from imu_recording.thermometer import LiveThermometer
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 from std_msgs.msg import String
 
@@ -82,6 +83,7 @@ class ThermalCompNode(ConfiguredNode):
         check_device(model, config.device)
         self.compensator = Compensator(model, temperature_timeout=config.temperature_timeout)
         self.check = StreamCheck()
+        self.thermometer = LiveThermometer()
         self._other_device = ''
         if config.state_file and (reason := restore_state(self.compensator, config.state_file)):
             self.get_logger().info(f'history begins anew: {reason}')
@@ -130,6 +132,7 @@ class ThermalCompNode(ConfiguredNode):
 
     def on_temperature(self, sample: TemperatureSample) -> None:
         """Take in a die temperature."""
+        self.thermometer.add(sample.stamp, sample.temperature)
         if self.check.on_temperature(sample.temperature) or self.config.accept_units:
             self.compensator.on_temperature(sample.stamp, sample.temperature)
 
@@ -190,9 +193,11 @@ class ThermalCompNode(ConfiguredNode):
         if self.check.objection and not self.config.accept_units:
             way = 'data pass through unchanged; parameter accept_units compensates them'
             return 2, f'{self.check.objection}: {way}', values
+        notes = [self.thermometer.fault]
         if self.check.damaged_now:
-            return max(level, 1), f'{said}; impossible samples pass through unchanged', values
-        return level, said, values
+            notes.append('impossible samples pass through unchanged')
+        told = [note for note in notes if note]
+        return max(level, int(bool(told))), '; '.join([said, *told]), values
 
 
 def main() -> int:

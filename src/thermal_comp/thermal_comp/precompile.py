@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from imu_recording import ImuRecording, read_bag, write_bag
-from thermal_comp.data.quality import far_rows
+from thermal_comp.data.defective_rows import far_rows
 from thermal_comp.effects.operators import follow, grow_and_melt, play
 from thermal_comp.linear.whitening import apply_gains, apply_transposed, innovation_gains
 from thermal_comp.model.values import NoiseModel

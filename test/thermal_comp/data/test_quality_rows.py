@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from thermal_comp.data.quality import STUCK_ROWS, check_recording, stuck_rows
+from thermal_comp.data.defective_rows import STUCK_ROWS, stuck_rows
+from thermal_comp.data.quality import check_recording
 
 from ..campaign import run
 

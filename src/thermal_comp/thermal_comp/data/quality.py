@@ -1,140 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Defects of the data before any physics: clipped, stuck, spiky, flipped, of a wrong unit."""
+"""Defects of the data before any physics: what is wrong with which rows, and without them."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
-from imu_recording.jit import njit
 from imu_recording.plausibility import FACTORS, rate_at_rest
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
 from numpy.typing import NDArray
 
+from thermal_comp.data.defective_rows import (
+    BoolArray,
+    pulsed_rows,
+    rail_rows,
+    some_rows,
+    spike_rows,
+    stuck_rows,
+    temperature_spikes,
+)
 from thermal_comp.data.startup import startup_rows
-
-BoolArray = NDArray[np.bool_]
-
-STUCK_S = 4.0
-"""A triad that repeats itself for longer is stuck [s]."""
-STUCK_ROWS = 4
-CHANCE = 1e-6
-"""A run of repeats expected less often than this in the whole recording is no chance."""
-SPIKE_SIGMA = 9.0
-"""A row that far from its neighbours is a spike."""
-SLOW_SPIKE_SIGMA = 14.0
-"""The same for rows slower than SLOW_S, between which switches of the chamber show."""
-SLOW_S = 2.0
-LEAST_TEMPERATURE_SPIKE = 3.0
-"""A die does not warm by so much for one sample [K]."""
-OTHERS_SIGMA = 6.0
-"""Other axes stay within this where a bit went wrong on one."""
-PULSE = 0.02
-"""Share of a switching channel's range by which it stands out of its neighbours."""
-PILE = 10
-"""At least this many values at the very extreme are a rail."""
-PILE_RATIO = 3.0
-"""A rail holds this many times more values than the steps just below it."""
-
-
-def stuck_rows(values: FloatArray, period: float) -> BoolArray:
-    """Return the rows (n,) in which all axes repeat the row before, for long enough."""
-    same = np.zeros(len(values) + 2, dtype=bool)
-    for rows in pieces(len(values) - 1):
-        behind = slice(rows.start + 1, rows.stop + 1)
-        same[rows.start + 2 : rows.stop + 2] = (values[behind] == values[rows]).all(axis=1)
-    stuck = np.zeros(len(values), dtype=bool)
-    runs = np.flatnonzero(same[1:] != same[:-1]).reshape(-1, 2)
-    least = max(STUCK_ROWS, int(np.ceil(STUCK_S / period)))
-    needed = _needed_repeats(runs[:, 1] - runs[:, 0], len(values), least)
-    for start, stop in runs:
-        if stop - start >= needed:
-            stuck[start:stop] = True
-    # A constant triad is no log.
-    return stuck & bool(stuck.mean() < 0.9)
-
-
-def _needed_repeats(lengths: NDArray[np.int64], rows: int, least: int) -> int:
-    """Return how many repeats in a row chance does not explain: rows · p^L < CHANCE.
-
-    p is the share of repeats outside runs of L or more, so L is raised until both agree: a quiet
-    triad of few quantisation steps repeats by chance, a stuck one does not raise its own limit.
-    """
-    needed = least
-    while True:
-        long = lengths >= needed
-        others = rows - int(lengths[long].sum())
-        share = int(lengths[~long].sum()) / max(others, 1)
-        if not 0.0 < share < 1.0:
-            return needed
-        wanted = int(np.floor(np.log(CHANCE / rows) / np.log(share))) + 1
-        if wanted <= needed:
-            return needed
-        needed = wanted
-
-
-def rail_rows(values: FloatArray) -> BoolArray:
-    """Return the rows (n,) that stand at a rail, or so near that their mean is touched by it."""
-    touched = np.zeros(len(values), dtype=bool)
-    for column in values.T:
-        for sign, pick in ((1.0, np.fmax), (-1.0, np.fmin)):
-            extreme = float(pick.reduce(column, initial=-sign * np.inf))
-            if not np.isfinite(extreme) or np.count_nonzero(column == extreme) < PILE:
-                continue
-            finite = column[np.isfinite(column)]
-            if len(finite) < 100 or np.ptp(finite) == 0.0:
-                break
-            noise = 1.4826 * float(np.median(np.abs(np.diff(finite)))) / np.sqrt(2.0)
-            if _piles_up(sign * finite, sign * extreme):
-                with np.errstate(invalid='ignore'):
-                    touched |= sign * column >= sign * extreme - 4.0 * noise
-    return touched
-
-
-def spike_rows(values: FloatArray, period: float = 0.0) -> BoolArray:
-    """Return the rows (n,) that stand alone, far from both neighbours."""
-    spikes = np.zeros(len(values), dtype=bool)
-    if len(values) < 5:
-        return spikes
-    limit = SPIKE_SIGMA if period < SLOW_S else SLOW_SPIKE_SIGMA
-    centre = some_rows(len(values) - 2) + 1
-    jump = values[centre] - 0.5 * (values[centre - 1] + values[centre + 1])
-    sigma = np.array([_robust_sigma(column) for column in jump.T])
-    sigma = np.where(sigma > 0.0, sigma, np.inf)
-    at = np.flatnonzero(far_rows(np.ascontiguousarray(values), limit * sigma))
-    if len(at):
-        before, here, after = values[at - 1], values[at], values[at + 1]
-        jump = np.abs(here - 0.5 * (before + after))
-        alone = (jump > limit * sigma) & (np.abs(before - after) < 0.5 * jump)
-        single = (jump > OTHERS_SIGMA * sigma).sum(axis=1) == 1
-        spikes[at] = alone.any(axis=1) & single
-    return spikes
-
-
-def temperature_spikes(recording: ImuRecording) -> BoolArray:
-    """Return the rows (n,) whose die temperature leaves that of both neighbours and comes back.
-
-    Neighbours are measurements, not the rows that hold them.
-    """
-    values, measured = recording.temperature, recording.temperature_stamp
-    first = np.arange(len(values))
-    if measured is not None:
-        first = np.flatnonzero(np.diff(measured, prepend=measured[:1] - 1))
-        values = values[first]
-    if len(values) < 5:
-        return np.zeros(len(recording), dtype=bool)
-    centre = some_rows(len(values) - 2) + 1
-    sigma = _robust_sigma(values[centre] - 0.5 * (values[centre - 1] + values[centre + 1]))
-    limit = max(LEAST_TEMPERATURE_SPIKE, SLOW_SPIKE_SIGMA * sigma)
-    spikes = far_rows(np.ascontiguousarray(values)[:, None], np.array([limit]))
-    at = np.flatnonzero(spikes)
-    jump = np.abs(values[at] - 0.5 * (values[at - 1] + values[at + 1]))
-    spikes[at] = np.abs(values[at - 1] - values[at + 1]) < 0.5 * jump
-    rows: BoolArray = np.repeat(spikes, np.diff(np.append(first, len(recording))))
-    return rows
+from thermal_comp.data.thermometer import instrument_faults
 
 
 def without_spikes(recording: ImuRecording) -> tuple[ImuRecording, list[str]]:
@@ -158,63 +47,6 @@ def without_spikes(recording: ImuRecording) -> tuple[ImuRecording, list[str]]:
             )
             recording = _blank(recording, name, rows)
     return recording, notes
-
-
-def pulsed_rows(channel: FloatArray) -> BoolArray:
-    """Return the rows (n,) in which a channel (n,) that switches stands off both neighbours.
-
-    What it does to a sensor for one row is no spike of the sensor.
-    """
-    pulsed = np.zeros(len(channel), dtype=bool)
-    span = np.nanmax(channel, initial=-np.inf) - np.nanmin(channel, initial=np.inf)
-    if len(channel) > 2 and span > 0.0:
-        with np.errstate(invalid='ignore'):
-            jump = np.abs(channel[1:-1] - 0.5 * (channel[:-2] + channel[2:]))
-            pulsed[1:-1] = jump > PULSE * span
-    return pulsed
-
-
-def _robust_sigma(values: FloatArray) -> float:
-    """Return 1.4826 times the median absolute deviation of what is finite, 0 for nothing."""
-    known = values[np.isfinite(values)]
-    if not len(known):
-        return 0.0
-    return 1.4826 * float(np.median(np.abs(known - np.median(known))))
-
-
-@njit
-def far_rows(values: FloatArray, limit: FloatArray) -> BoolArray:
-    """Return the inner rows of (n, k) that differ from the mean of both neighbours by more."""
-    rows, axes = values.shape
-    far = np.zeros(rows, dtype=np.bool_)
-    for row in range(1, rows - 1):
-        for axis in range(axes):
-            between = 0.5 * (values[row - 1, axis] + values[row + 1, axis])
-            if abs(values[row, axis] - between) > limit[axis]:
-                far[row] = True
-    return far
-
-
-def pieces(rows: int, length: int = 1 << 15) -> Iterator[slice]:
-    """Yield slices over rows that stay in the processor's cache."""
-    for start in range(0, rows, length):
-        yield slice(start, min(start + length, rows))
-
-
-def some_rows(rows: int, wanted: int = 200_000) -> NDArray[np.intp]:
-    """Return about so many of the rows, evenly spread: enough for a median."""
-    return np.arange(0, rows, max(rows // wanted, 1))
-
-
-def _piles_up(values: FloatArray, extreme: float) -> bool:
-    at_rail = int((values == extreme).sum())
-    if at_rail < PILE:
-        return False
-    others = np.unique(values[values < extreme])
-    if not len(others):
-        return False
-    below = [int((values == other).sum()) for other in others[-3:]]
-    return at_rail > PILE_RATIO * max(below)
 
 
 POSSIBLE = {
@@ -380,6 +212,8 @@ def check_recording(
     if cut:
         text = f'run {run}: first {cut} rows, starting at {factor:.2f} of the level'
         findings.append(QualityFinding('startup_transient', 'all', cut, text))
+    recording, found = _check_instruments(recording, run)
+    findings += found
     for channel, rows, text in impossible_rows(recording):
         count = int(rows.sum())
         found_here = f'run {run}: {channel} {text} in {count} of {len(rows)} rows'
@@ -412,6 +246,19 @@ def check_recording(
                 bad |= rows
         if bad.any():
             recording = _without(recording, sensor, bad)
+    return recording, findings
+
+
+def _check_instruments(
+    recording: ImuRecording, run: str
+) -> tuple[ImuRecording, list[QualityFinding]]:
+    """Find what is wrong with thermometer and clock; a temperature that stands still goes out."""
+    findings = []
+    for fault in instrument_faults(recording):
+        count = int(fault.rows.sum())
+        findings.append(QualityFinding(fault.name, 'all', count, f'run {run}: {fault.text}'))
+        if fault.unusable:
+            recording = _blank(recording, 'temperature', fault.rows)
     return recording, findings
 
 

@@ -210,6 +210,12 @@ DEFECTS = {
     'orientation_flip': 'split the recording where the device was turned',
     'unit_mismatch': 'convert to SI units before',
     'impossible_statistic': 'check what was logged',
+    'thermometer_missing': 'find out why the driver sends no temperature there',
+    'thermometer_constant': 'check that the driver reads the thermometer',
+    'thermometer_whole_degrees': 'let the driver send the fractions of a degree',
+    'thermometer_copied': 'log the temperature of the die itself',
+    'thermometer_scale': 'check the counts per kelvin, or the unit, of the thermometer',
+    'coarse_clock': 'stamp samples with a clock of microseconds',
 }
 
 

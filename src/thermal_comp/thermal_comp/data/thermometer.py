@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Faults of the die thermometer and of the clock, each with its consequence for a fit.
+
+Seen in logs of autopilots: no value, always the same one, whole degrees, another sensor's values,
+a scale of its own, stamps in steps as long as the samples' distance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from imu_recording.recording import FloatArray, ImuRecording
+from imu_recording.thermometer import (
+    CONSTANT_S,
+    FEWEST,
+    MISSING_ROWS,
+    is_constant,
+    is_whole_degrees,
+)
+from scipy.signal import lfilter
+
+from thermal_comp.data.defective_rows import BoolArray, some_rows
+
+MISSING_SHARE = 0.005
+"""Rows without a temperature are a fault from this share of all."""
+CHAMBER_MOVES = 5.0
+"""A thermometer that stands still while its chamber changes by so much has failed [K]."""
+COPIED_SHARE = 0.9
+"""Share of a thermometer's values that are, bit for bit, another sensor's of the time."""
+COPIED_VALUES = 10
+"""Different values from which such equality is no chance."""
+SCALE = (0.7, 1.4)
+"""Kelvins of the die for one of its surroundings: a device that warms them up has 1."""
+SCALE_SPAN = 10.0
+"""Change of the surroundings from which that ratio is judged [K]."""
+SCALE_FIT = 0.8
+"""Least share of the die's variance that follows the surroundings."""
+LAGS_S = (0.0, 60.0, 200.0, 600.0, 1800.0)
+"""The die follows with one of these time constants, or one near [s]."""
+CLOCK_STEPS_NS = (1_000_000_000, 100_000_000, 10_000_000, 1_000_000)
+"""Resolutions of a clock that are looked for [ns]."""
+CLOCK_SHARE = 0.2
+"""A resolution of so much of the samples' distance is coarse."""
+UNEVEN_SHARE = 0.02
+"""So many intervals are then longer or shorter than most."""
+OTHER_SENSORS = ('chamber_temperature', 'chamber_temperature_2', 'device_temperature')
+
+
+@dataclass(frozen=True, eq=False)
+class InstrumentFault:
+    """A fault of thermometer or clock in one recording."""
+
+    name: str
+    rows: BoolArray
+    """(n,) rows concerned."""
+    unusable: bool
+    """Whether the temperature of these rows is left out."""
+    text: str
+    """What is wrong, and what that does to a fit."""
+
+
+def instrument_faults(recording: ImuRecording) -> list[InstrumentFault]:
+    """Return the faults of thermometer and clock."""
+    return [*_clock(recording), *_thermometer(recording)]
+
+
+def _thermometer(recording: ImuRecording) -> Iterator[InstrumentFault]:
+    every = np.ones(len(recording), dtype=bool)
+    values = recording.temperature
+    known = np.isfinite(values)
+    if not known.any():
+        return  # one clear error elsewhere
+    lost = ~known
+    lost[: int(np.argmax(known))] = False  # nothing was measured yet
+    if lost.sum() >= max(MISSING_ROWS, MISSING_SHARE * len(values)):
+        text = f'no temperature in {int(lost.sum())} of {len(values)} rows: they fit nothing'
+        yield InstrumentFault('thermometer_missing', lost, False, text)
+    measured = _measured(recording)
+    if len(measured) < FEWEST:
+        return
+    if is_constant(measured):
+        moved = max((_span(getattr(recording, name)) for name in OTHER_SENSORS), default=0.0)
+        if recording.time[-1] >= CONSTANT_S or moved > CHAMBER_MOVES:
+            text = f'always {measured[0]:g} °C: no dependence on temperature can be fitted'
+            yield InstrumentFault('thermometer_constant', every, False, text)
+        return
+    stuck = _stuck_rows(recording)
+    if stuck.any():
+        text = (
+            f'one value in {int(stuck.sum())} rows while the chamber changes: they are left out, '
+            'as they would bend every curve'
+        )
+        yield InstrumentFault('thermometer_constant', stuck, True, text)
+    if is_whole_degrees(measured):
+        text = (
+            'temperature in whole degrees: slopes keep their value, but lag, hysteresis and what '
+            'else follows the rate of change drown in steps of 1 K'
+        )
+        yield InstrumentFault('thermometer_whole_degrees', every, False, text)
+    if source := _copied_from(recording):
+        text = f'temperature is a copy of {source}: what lies between the two is fitted as a lag'
+        yield InstrumentFault('thermometer_copied', every, False, text)
+        return
+    if ratio := _wrong_scale(recording):
+        text = (
+            f'the die moves {ratio:.2g} K for each kelvin around it: all slopes are '
+            f'{1.0 / ratio:.2g} times as large, and hold for this scale alone'
+        )
+        yield InstrumentFault('thermometer_scale', every, False, text)
+
+
+def _measured(recording: ImuRecording) -> FloatArray:
+    """Return the values that were measured, not the rows that hold them."""
+    values, stamp = recording.temperature, recording.temperature_stamp
+    if stamp is not None:
+        values = values[np.flatnonzero(np.diff(stamp, prepend=stamp[:1] - 1))]
+    return values[np.isfinite(values)]
+
+
+def _span(values: FloatArray | None) -> float:
+    if values is None or not np.isfinite(values).any():
+        return 0.0
+    return float(np.nanmax(values) - np.nanmin(values))
+
+
+def _stuck_rows(recording: ImuRecording) -> BoolArray:
+    """Return the rows (n,) of one value during which the surroundings change a lot."""
+    values = recording.temperature
+    stuck = np.zeros(len(values), dtype=bool)
+    edges = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0.0) + 1, [len(values)]))
+    long = np.flatnonzero(np.diff(edges) >= FEWEST)
+    for start, stop in zip(edges[long].tolist(), edges[long + 1].tolist(), strict=True):
+        for name in OTHER_SENSORS:
+            track = getattr(recording, name)
+            if track is not None and _span(track[start:stop]) > CHAMBER_MOVES:
+                stuck[start:stop] = True
+    return stuck & np.isfinite(values)
+
+
+def _copied_from(recording: ImuRecording) -> str:
+    """Return the track that the thermometer repeats, '' where it is none."""
+    values = recording.temperature
+    for name in OTHER_SENSORS:
+        track = getattr(recording, name)
+        if track is None:
+            continue
+        known = np.isfinite(values) & np.isfinite(track)
+        if known.sum() < FEWEST or len(np.unique(values[known])) < COPIED_VALUES:
+            continue
+        if float((values[known] == track[known]).mean()) > COPIED_SHARE:
+            return name
+    return ''
+
+
+def _wrong_scale(recording: ImuRecording) -> float:
+    """Return kelvins of the die per kelvin around it where that cannot be; 0 where it can."""
+    for name in ('device_temperature', 'chamber_temperature'):
+        track = getattr(recording, name)
+        if track is None:
+            continue
+        rows = some_rows(len(recording), 5000)
+        around, die, time = track[rows], recording.temperature[rows], recording.time[rows]
+        known = np.isfinite(around) & np.isfinite(die)
+        around, die, time = around[known], die[known], time[known]
+        if len(die) < FEWEST or np.ptp(around) < SCALE_SPAN or np.ptp(die) == 0.0:
+            continue
+        period = float(np.median(np.diff(time)))
+        ratio, share = max(
+            (_followed(around, die, period, lag) for lag in LAGS_S), key=lambda found: found[1]
+        )
+        return ratio if share > SCALE_FIT and not SCALE[0] < ratio < SCALE[1] else 0.0
+    return 0.0
+
+
+def _followed(
+    around: FloatArray, die: FloatArray, period: float, lag: float
+) -> tuple[float, float]:
+    """Return slope and share of variance of the die (n,) over its surroundings with a lag [s]."""
+    share = -np.expm1(-period / lag) if lag else 1.0
+    start = around[:1] * (1.0 - share)
+    followed = lfilter([share], [1.0, share - 1.0], around, zi=start)[0]
+    slope = float(np.polyfit(followed - followed.mean(), die, 1)[0])
+    return slope, float(np.corrcoef(followed, die)[0, 1]) ** 2
+
+
+def _clock(recording: ImuRecording) -> Iterator[InstrumentFault]:
+    if len(recording) < FEWEST:
+        return
+    intervals = np.diff(recording.stamp)
+    usual = float(np.median(intervals))
+    for step in CLOCK_STEPS_NS:
+        if ((recording.stamp - recording.stamp[0]) % step).any():
+            continue
+        uneven = np.abs(intervals - usual) >= step
+        if step >= CLOCK_SHARE * usual and uneven.mean() > UNEVEN_SHARE:
+            text = (
+                f'stamps in steps of {step * 1e-6:g} ms, samples {usual * 1e-6:.3g} ms apart: '
+                'densities of noise and lags are wrong by as much'
+            )
+            rows = np.append(uneven, False)
+            yield InstrumentFault('coarse_clock', rows, False, text)
+        return
