@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from imu_recording.plausibility import judged, possible
+from imu_recording.plausibility import POSSIBLE, judged, possible
 from imu_recording.recording import ImuRecording
 from imu_recording.ros.messages import ImuSample, Vector
 
@@ -21,6 +21,7 @@ JUMP_BACK_NS = 1_000_000_000
 """A stamp that much before the newest is a new start, not a late sample [ns]."""
 
 Row = tuple[int, Vector, Vector, Vector, float]
+_RATE, _FORCE = POSSIBLE['angular_velocity'], POSSIBLE['linear_acceleration']
 UNKNOWN: Vector = (np.nan, np.nan, np.nan)
 
 
@@ -64,9 +65,7 @@ class StreamCheck:
             self._standing += 1
             if self._standing >= FIRST_SAMPLES:
                 self.objection = f'the stamps stand still at {sample.stamp} ns'
-        return self._counted(
-            possible('angular_velocity', *rate) and possible('linear_acceleration', *force)
-        )
+        return self._counted(_within(rate, *_RATE) and _within(force, *_FORCE))
 
     @property
     def damaged_now(self) -> bool:
@@ -87,6 +86,12 @@ class StreamCheck:
             self._judged_first = True
             if not first:
                 self._rows = []
+
+
+def _within(vector: Vector, low: float, high: float) -> bool:
+    """Tell what `possible` does, of one vector: NaN can be anything."""
+    x, y, z = vector
+    return not (x < low or y < low or z < low or x > high or y > high or z > high)
 
 
 def _recording(rows: list[Row]) -> ImuRecording:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import isfinite, nan
 from typing import Any
 
@@ -47,9 +48,18 @@ class LiveEstimate:
     """xyzw, body → world."""
     covariance: Covariance
     """Nine numbers about the world's axes [rad²]."""
-    euler: tuple[float, float, float]
-    """Roll, pitch, yaw (ZYX) [rad]."""
     flags: int
+
+    @property
+    def euler(self) -> tuple[float, float, float]:
+        """Roll, pitch, yaw (ZYX) [rad]."""
+        return euler_zyx(self.orientation)
+
+
+@lru_cache(maxsize=256)
+def names_of(flags: int) -> tuple[str, ...]:
+    """Return the names of the flags that are set."""
+    return tuple(name for bit, (name, _) in FLAGS.items() if flags & bit)
 
 
 class SampleStatistics:
@@ -65,9 +75,8 @@ class SampleStatistics:
         """Count a sample and its flags."""
         self._recent.append(flags)
         self.counts['samples'] += 1
-        for bit, (name, _) in FLAGS.items():
-            if flags & bit:
-                self.counts[name] += 1
+        for name in names_of(flags):
+            self.counts[name] += 1
         if flags & DROPPED:
             return
         if self._last_stamp is not None and not flags & JUMPED_BACK:
@@ -104,7 +113,7 @@ class SampleStatistics:
 class LiveFilter:
     """Feeds `update` of one filter, sample by sample, and keeps statistics."""
 
-    def __init__(self, name: str, parameters: FilterParameters) -> None:
+    def __init__(self, name: str, parameters: FilterParameters, *, in_order: bool = False) -> None:
         self.name = name
         self.refusal = ''
         """Why nothing is estimated; '' while all is well."""
@@ -112,7 +121,9 @@ class LiveFilter:
         self._module = module(name, parameters)
         self._compile()
         self._state = live_state(self._module, parameters.kernel_params())
-        self._pairing = MagnetometerPairing(use_magnetometer=parameters.use_magnetometer)
+        self._pairing = MagnetometerPairing(
+            use_magnetometer=parameters.use_magnetometer, in_order=in_order
+        )
         mount = np.array(parameters.mount)
         self._mount = None if np.array_equal(mount, IDENTITY) else mount / np.linalg.norm(mount)
         self._statistics = SampleStatistics()
@@ -165,7 +176,6 @@ class LiveFilter:
             sample=imu,
             orientation=found.orientation,
             covariance=(xx, xy, xz, xy, yy, yz, xz, yz, zz),
-            euler=euler_zyx(found.orientation),
             flags=found.flags,
         )
 

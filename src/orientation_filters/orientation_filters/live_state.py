@@ -45,8 +45,7 @@ class CompiledState:
 
     def update(self, sample: Sample) -> Estimate:
         """Return the estimate after a sample."""
-        found: Estimate = self._step(self._states, self._params, sample)
-        return found
+        return Estimate(*self._step(self._states, self._params, *sample))
 
     @property
     def state(self) -> Any:

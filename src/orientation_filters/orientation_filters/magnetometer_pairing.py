@@ -2,7 +2,8 @@
 """Pairs of IMU and magnetometer samples of one stamp, whichever arrives first.
 
 A sample between two IMU stamps goes to the later one, as in `ImuRecording`. An IMU sample waits
-for a magnetometer sample only where one of the same stamp is due, and no longer than `wait`.
+for a magnetometer sample only where one of the same stamp is due, and no longer than `wait`; not
+at all where magnetometer samples come before the IMU samples of their stamp (`in_order`).
 """
 
 from __future__ import annotations
@@ -22,13 +23,16 @@ KEPT_FIELDS = 1000
 class MagnetometerPairing:
     """Queues of samples that wait for their counterpart; pairs come in order of IMU stamps."""
 
-    def __init__(self, *, use_magnetometer: bool = True, wait: int = 20_000_000) -> None:
+    def __init__(
+        self, *, use_magnetometer: bool = True, wait: int = 20_000_000, in_order: bool = False
+    ) -> None:
         self.exact = 0
         """IMU samples that met a magnetometer sample of their stamp."""
         self.unused = 0
         """Magnetometer samples no IMU sample followed, or that came too late."""
         self._use = use_magnetometer
         self._wait = wait
+        self._in_order = in_order
         self._pending: deque[ImuSample] = deque()
         self._fields: deque[MagneticSample] = deque(maxlen=KEPT_FIELDS)
         self._first_stamp: int | None = None
@@ -118,7 +122,9 @@ class MagnetometerPairing:
         if self._last_field is None:
             first = head.stamp if self._first_stamp is None else self._first_stamp
             return self._pending[-1].stamp - first < FIRST_FIELD_WAIT
-        if not self._synchronous or age >= self._wait or self._last_field > head.stamp:
+        if self._in_order or not self._synchronous or age >= self._wait:
+            return False
+        if self._last_field > head.stamp:
             return False
         since = head.stamp - self._last_field
         period = since if self._released is None else head.stamp - self._released

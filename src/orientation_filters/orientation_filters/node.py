@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from geometry_msgs.msg import Vector3Stamped
@@ -96,9 +96,10 @@ class FilterNode(ConfiguredNode):
     def setup(self, config: Any) -> None:
         """Create filter, inputs and outputs."""
         check_mount(config)
-        self.filter = LiveFilter(self.filter_name, config)
+        topics = [self.resolve_topic_name(topic) for topic in ('imu/data_raw', 'imu/mag')]
+        within = all(map(self._exchange.offers, topics))
+        self.filter = LiveFilter(self.filter_name, config, in_order=within)
         self.check = StreamCheck()
-        within = self._exchange.offers(self.resolve_topic_name('imu/data_raw'))
         self._checks = not within  # a stage of this process has judged its samples already
         self._orientation = self.sample_output(Imu, 'imu/data')
         euler = config.publish_euler
@@ -139,11 +140,16 @@ class FilterNode(ConfiguredNode):
         if self.filter.refusal:
             self.refuse(self.filter.refusal)
         for found in estimates:
-            sample = replace(
-                found.sample,
-                frame_id=self.config.body_frame_id or found.sample.frame_id,
-                orientation=found.orientation,
-                orientation_covariance=found.covariance,
+            measured = found.sample
+            sample = ImuSample(  # `replace` takes five times as long
+                measured.stamp,
+                measured.angular_velocity,
+                measured.linear_acceleration,
+                measured.angular_velocity_covariance,
+                measured.linear_acceleration_covariance,
+                self.config.body_frame_id or measured.frame_id,
+                found.orientation,
+                found.covariance,
             )
             self._orientation.send(sample)
             if self._euler:

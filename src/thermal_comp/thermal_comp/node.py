@@ -32,7 +32,7 @@ from std_msgs.msg import String
 
 from thermal_comp.compensation.recording import TIMEOUT_S
 from thermal_comp.compensation.state import restore_state, save_state
-from thermal_comp.compensation.stream import Compensator, compensated_field, compensated_imu
+from thermal_comp.compensation.stream import CompensatedSamples, Compensator
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import check_device, load_model, model_label
 from thermal_comp.model.values import ModelError, ThermalModel
@@ -82,6 +82,7 @@ class ThermalCompNode(ConfiguredNode):
         )
         check_device(model, config.device)
         self.compensator = Compensator(model, temperature_timeout=config.temperature_timeout)
+        self._compensated = CompensatedSamples()
         self.check = StreamCheck()
         self.thermometer = LiveThermometer()
         self._other_device = ''
@@ -154,7 +155,7 @@ class ThermalCompNode(ConfiguredNode):
         rate, force = self.compensator.on_imu(
             sample.stamp, sample.angular_velocity, sample.linear_acceleration
         )
-        self._imu.send(compensated_imu(sample, rate, force))
+        self._imu.send(self._compensated.imu(sample, rate, force))
         if self._label:  # what is subtracted is told once, to everybody who ever listens
             self._applied.publish(String(data=self._label))
             self._label = ''
@@ -165,7 +166,7 @@ class ThermalCompNode(ConfiguredNode):
             self._mag.send(sample)
             return
         field = self.compensator.on_magnetic_field(sample.stamp, sample.magnetic_field)
-        self._mag.send(compensated_field(sample, field))
+        self._mag.send(self._compensated.field(sample, field))
 
     def _refused(self, possible: bool) -> bool:
         if self._other_device:

@@ -9,7 +9,6 @@ Its bytes go through the same session as those of a real board.
 from __future__ import annotations
 
 import csv
-import threading
 import time
 from bisect import bisect_right
 from collections.abc import Callable
@@ -41,11 +40,16 @@ OPTIONS: Final = {
 class SimulatedTransport:
     """A line to an emulated board that keeps running between connections."""
 
-    def __init__(self, board: EmulatedBoard, now: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        board: EmulatedBoard,
+        now: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
         self._board = board
         self._now = now
+        self._sleep = sleep
         self._start = now()
-        self._closed = threading.Event()
 
     @classmethod
     def from_url(cls, url: str, rate: float = 0.0) -> SimulatedTransport:
@@ -81,7 +85,7 @@ class SimulatedTransport:
         """Return the bytes due by now; wait for the next, at most TIMEOUT."""
         wait = self._start + self._board.next_due - self._now()
         if wait > 0:
-            self._closed.wait(min(wait, TIMEOUT))
+            self._sleep(min(wait, TIMEOUT))
         return b''.join(sent.data for sent in self._board.advance(self._now() - self._start))
 
     def write(self, data: bytes) -> None:

@@ -216,12 +216,12 @@ class ConfiguredNode(LifecycleNode):
         """Call back with samples while the node is active: of this process, else of messages."""
         form = form_of(message_type)
         name = self.resolve_topic_name(topic)
-        if topic == self.expects:
-            callback = self._gaps_counted(name, callback)
-        if not self._capture and self._exchange.offers(name):
+        if not self._capture and self._exchange.offers(name):  # where nothing gets lost
             take = self._when_active(topic, callback)
             self._entities.append(self._exchange.topic(name).listen(take, serialised=False))
         else:
+            if topic == self.expects:
+                callback = self._gaps_counted(name, callback)
             self.input(message_type, topic, lambda data: callback(form.from_bytes(data)), raw=True)
         self.inputs[topic] = lambda message: callback(form.from_message(message))
 
