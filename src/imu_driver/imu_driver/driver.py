@@ -8,9 +8,9 @@ A thread reads bytes and makes samples (`DeviceReader`, `BagReader`), a second o
 from __future__ import annotations
 
 import threading
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from queue import Empty, SimpleQueue
 from typing import Final
 from urllib.parse import urlsplit
 
@@ -31,6 +31,8 @@ DATA_FRAME_BITS: Final = 31 * 10
 """A binary data frame on an 8N1 line."""
 QUEUE_CAPACITY: Final = 10_000
 """Samples: ten seconds at the highest rate."""
+ROOM_TIMEOUT: Final = 0.5
+"""[s] Who waits for room looks at least so often whether anybody still publishes."""
 
 
 @dataclass(frozen=True)
@@ -162,10 +164,10 @@ class SampleQueue:
         self.overflowed = 0
         """Samples dropped because the publisher did not keep up."""
         self._publish = publish
-        self._waiting: deque[list[Sample]] = deque()
+        self._waiting: SimpleQueue[list[Sample] | None] = SimpleQueue()  # None: the end
         self._fill = 0
-        self._wake = threading.Condition()
-        self._open = True
+        self._lock = threading.Lock()
+        self._room = threading.Event()
         self._thread = threading.Thread(target=self._run, name='imu_publisher', daemon=True)
 
     @property
@@ -186,44 +188,43 @@ class SampleQueue:
         """Append samples; where there is no room the oldest are dropped and counted."""
         if not samples:
             return
-        with self._wake:
-            self._waiting.append(samples)
+        with self._lock:
             self._fill += len(samples)
-            while self._fill > QUEUE_CAPACITY and len(self._waiting) > 1:
-                oldest = self._waiting.popleft()
-                self._fill -= len(oldest)
-                self.overflowed += len(oldest)
-            self.fullest = max(self.fullest, self._fill)
-            self._wake.notify_all()
+            self.fullest = max(self.fullest, min(self._fill, QUEUE_CAPACITY))
+        self._waiting.put(samples)
+        while self._fill > QUEUE_CAPACITY and self._waiting.qsize() > 1:
+            oldest = self._next_waiting() or []
+            self.overflowed += len(oldest)
 
     def put_when_room(self, samples: list[Sample]) -> None:
         """Append samples, waiting for the publisher where there is no room."""
-        with self._wake:
-            self._wake.wait_for(
-                lambda: self._fill + len(samples) <= QUEUE_CAPACITY or not self.running
-            )
+        while self._fill + len(samples) > QUEUE_CAPACITY and self.running:
+            self._room.clear()
+            if self._fill + len(samples) > QUEUE_CAPACITY:
+                self._room.wait(ROOM_TIMEOUT)
         self.put(samples)
 
     def stop(self) -> None:
         """Publish the rest and end the thread."""
-        with self._wake:
-            self._open = False
-            self._wake.notify_all()
+        self._waiting.put(None)
         self._thread.join()
 
+    def _next_waiting(self) -> list[Sample] | None:
+        try:
+            return self._taken(self._waiting.get_nowait())
+        except Empty:  # the publisher was quicker
+            return None
+
+    def _taken(self, samples: list[Sample] | None) -> list[Sample] | None:
+        if samples:
+            with self._lock:
+                self._fill -= len(samples)
+            self._room.set()
+        return samples
+
     def _run(self) -> None:
-        while True:
-            with self._wake:
-                while not self._waiting and self._open:
-                    self._wake.wait()
-                batches = list(self._waiting)
-                self._waiting.clear()
-                self._fill = 0
-                self._wake.notify_all()
-            if not batches:
-                return
-            for batch in batches:
-                self._publish(batch)
+        while samples := self._taken(self._waiting.get()):
+            self._publish(samples)
 
 
 class TransportError(UserError):

@@ -137,7 +137,8 @@ class DeviceClock:
 
     def observe(self, tick: int, arrival: int) -> Observation:
         """Take in a sample's tick and arrival; `settle` gives its stamp."""
-        if self.has_restarted(tick, arrival):
+        advance = 0 if self._origin is None else self._advance(tick, arrival)
+        if advance < 0:
             self.restart()
         elif arrival < self._arrival - STEP * NANOSECOND:
             self.steps += 1
@@ -146,7 +147,6 @@ class DeviceClock:
         if self._origin is None:
             self._origin = arrival
         else:
-            advance = self._advance(tick, arrival)
             self.wraps += (self._tick + advance) // TICK_RANGE
             self._elapsed += advance
         self._tick = tick
@@ -170,10 +170,12 @@ class DeviceClock:
         """
         if not observations:
             return []
-        if self._host_clock_stepped(observations[-1]):
+        line = self._active.line()
+        if self._host_clock_stepped(observations[-1], line):
             self._start()
             observations = [self.observe(o.tick, o.arrival) for o in observations]
-        x, y, slope = self._active.line()
+            line = self._active.line()
+        x, y, slope = line
         stamps = []
         for item in observations:
             estimate = item.offset
@@ -189,9 +191,9 @@ class DeviceClock:
             stamps.append(self._last_stamp)
         return stamps
 
-    def _host_clock_stepped(self, newest: Observation) -> bool:
+    def _host_clock_stepped(self, newest: Observation, line: tuple[float, float, float]) -> bool:
         """Whether the delay has jumped and stayed so; a congested line delays gradually more."""
-        x, y, slope = self._active.line()
+        x, y, slope = line
         if newest.offset - (y + slope * (newest.time - x)) < STEP:
             self._jumped_at = math.inf
         elif newest.offset - self._last_offset > STEP:
