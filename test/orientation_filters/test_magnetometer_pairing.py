@@ -78,3 +78,20 @@ def test_a_looping_bag_starts_over() -> None:
     pairs = feed(MagnetometerPairing(), loop + loop)
     assert len(pairs) == 100
     assert all(m is not None and m.stamp == s.stamp for s, m in pairs)
+
+
+@given(st.lists(st.booleans(), min_size=30, max_size=60))
+@settings(max_examples=50, deadline=None)
+def test_in_order_nothing_waits_and_the_pairs_are_the_same(measured: list[bool]) -> None:
+    messages: list = []
+    for k, has_field in enumerate([True, *measured]):
+        messages += [field(10 * k)] if has_field else []
+        messages.append(imu(10 * k))
+    pairing = MagnetometerPairing(in_order=True)
+    at_once = []
+    for message in messages:
+        is_imu = isinstance(message, ImuSample)
+        found = pairing.add_imu(message) if is_imu else pairing.add_field(message)
+        assert len(found) == is_imu
+        at_once += found
+    assert at_once == feed(MagnetometerPairing(), messages)

@@ -125,6 +125,8 @@ def test_a_list_of_numbers_may_be_of_integers(ros: Any) -> None:
     node.destroy_node()
     with pytest.raises(ParameterError, match="weights is 'heavy', expected a list"):
         make(weights='heavy')
+    with pytest.raises(ParameterError, match='factor is -1, expected 0 … 10'):
+        make(factor=-1)
 
 
 def test_a_double_stays_a_double(ros: Any) -> None:

@@ -132,6 +132,8 @@ class ConfiguredNode(LifecycleNode):
         for item in self._fields.values():
             given = self._parameter_overrides.get(item.name)
             if given is not None:
+                if item.metadata['bounds']:  # told here, as rcl's words are hard to read
+                    checked(item, given.value)
                 self._parameter_overrides[item.name] = self._typed(given)
             descriptor = parameter_descriptor(item)
             self.declare_parameter(item.name, ros_value(default_of(item)), descriptor)
