@@ -11,6 +11,7 @@ COMMANDS: dict[str, str] = {
     'apply': 'apply',
     'export': 'export',
     'second-opinion': 'second_opinion',
+    'still': 'still',
     'report': 'report',
     'demo': 'demo',
     'simulate': 'simulate',

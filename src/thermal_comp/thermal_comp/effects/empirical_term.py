@@ -83,49 +83,72 @@ class Empirical(Effect):
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
-        """Return (n, 31) columns [1]: polynomials, lags, branches, decays since power-on."""
+        """Return (n, 31) columns [1]: polynomials, lags, branches, decays since power-on.
+
+        Those of a group whose coefficients are zero on every axis are zero and have no history.
+        """
         time, temperature = conditions.time, conditions.temperature
+        with_curves, with_lags, with_plays, with_decays = self._groups_in_use()
         lag_states, play_states = state or ((None,) * len(LAGS_S), (None,) * len(HALF_WIDTHS_K))
-        x = np.clip((temperature - self.middle) / self.half_range, -1.0, 1.0)
-        every = legendre.legvander(x, DEGREES[-1])[:, DEGREES[0] :]
-        curves = every * (2.0 / np.array(DEGREES)) ** 2
-        followed = [
-            follow(time, temperature, lag, before)
-            for lag, before in zip(LAGS_S, lag_states, strict=True)
-        ]
-        behind = np.stack([lagged - temperature for lagged, _ in followed], axis=1)
-        lags = behind * (1.0 + ALIKE_IN_RAMPS_S / np.array(LAGS_S)) @ LAG_ROOT
-        played = [
-            play(temperature, width, before)
-            for width, before in zip(HALF_WIDTHS_K, play_states, strict=True)
-        ]
-        branches = np.stack([branch - temperature for branch, _ in played], axis=1)
-        decays = np.exp(-np.maximum(time, 0.0)[:, None] / np.array(DECAYS_S))
-        columns = np.concatenate(
-            [curves, lags / self.half_range, branches / self.half_range, decays], axis=1
-        )
-        return columns, (tuple(s for _, s in followed), tuple(s for _, s in played))
+        parts = [np.zeros((len(time), int(width))) for width in np.bincount(GROUPS)]
+        if with_curves:
+            x = np.clip((temperature - self.middle) / self.half_range, -1.0, 1.0)
+            every = legendre.legvander(x, DEGREES[-1])[:, DEGREES[0] :]
+            parts[0] = every * (2.0 / np.array(DEGREES)) ** 2
+        if with_lags:
+            followed = [
+                follow(time, temperature, lag, before)
+                for lag, before in zip(LAGS_S, lag_states, strict=True)
+            ]
+            behind = np.stack([lagged - temperature for lagged, _ in followed], axis=1)
+            lags = behind * (1.0 + ALIKE_IN_RAMPS_S / np.array(LAGS_S)) @ LAG_ROOT
+            parts[1], lag_states = lags / self.half_range, tuple(s for _, s in followed)
+        if with_plays:
+            played = [
+                play(temperature, width, before)
+                for width, before in zip(HALF_WIDTHS_K, play_states, strict=True)
+            ]
+            branches = np.stack([branch - temperature for branch, _ in played], axis=1)
+            parts[2], play_states = branches / self.half_range, tuple(s for _, s in played)
+        if with_decays:
+            parts[3] = np.exp(-np.maximum(time, 0.0)[:, None] / np.array(DECAYS_S))
+        after = (lag_states, play_states) if with_lags or with_plays else None
+        return np.concatenate(parts, axis=1), after
+
+    def _groups_in_use(self) -> list[bool]:
+        """Return of each group whether a coefficient may differ from zero."""
+        per_group = np.array(self.deviations).reshape(-1, 3)
+        return [bool(used) for used in (per_group > 0.0).any(axis=1)]
 
     def c_columns(self, c: CForm) -> CColumns:
         """Return polynomials, lags behind T, branches and decays; their scales are the mixing."""
         t = c.temperature
-        middle, half_range = c.number(self.middle), c.number(self.half_range)
-        x = c.let(c.clip(f'({t} - {middle}) / {half_range}', -1.0, 1.0))
-        powers = [c.number(1.0), x]
-        for k in range(1, DEGREES[-1]):  # Bonnet's recursion
-            up, down = c.number((2 * k + 1) / (k + 1)), c.number(k / (k + 1))
-            powers.append(c.let(f'{up} * {x} * {powers[k]} - {down} * {powers[k - 1]}'))
-        since = c.let(f'({c.time} > {c.number(0.0)} ? {c.time} : {c.number(0.0)})')
-        expressions = [
-            *(powers[degree] for degree in DEGREES),
-            *(c.behind(t, lag) for lag in LAGS_S),
-            *(f'({c.play(t, width)} - {t})' for width in HALF_WIDTHS_K),
-            *(c.exp(f'-{since} / {c.number(decay)}') for decay in DECAYS_S),
-        ]
+        with_curves, with_lags, with_plays, with_decays = self._groups_in_use()
+        expressions: list[str] = []
+        if with_curves:
+            expressions += self._c_polynomials(c)
+        if with_lags:
+            expressions += [c.behind(t, lag) for lag in LAGS_S]
+        if with_plays:
+            expressions += [f'({c.play(t, width)} - {t})' for width in HALF_WIDTHS_K]
+        if with_decays:
+            since = c.let(f'({c.time} > {c.number(0.0)} ? {c.time} : {c.number(0.0)})')
+            expressions += [c.exp(f'-{since} / {c.number(decay)}') for decay in DECAYS_S]
         lags = (1.0 + ALIKE_IN_RAMPS_S / np.array(LAGS_S))[:, None] * LAG_ROOT / self.half_range
         curves = np.diag((2.0 / np.array(DEGREES)) ** 2)
         branches = np.eye(len(HALF_WIDTHS_K)) / self.half_range
-        return CColumns(expressions, block_diag(curves, lags, branches, np.eye(len(DECAYS_S))))
+        mixing = block_diag(curves, lags, branches, np.eye(len(DECAYS_S)))
+        return CColumns(expressions, mixing[np.array(self._groups_in_use())[GROUPS]])
+
+    def _c_polynomials(self, c: CForm) -> list[str]:
+        """Return the Legendre polynomials by Bonnet's recursion."""
+        middle, half_range = c.number(self.middle), c.number(self.half_range)
+        x = c.let(c.clip(f'({c.temperature} - {middle}) / {half_range}', -1.0, 1.0))
+        powers = [c.number(1.0), x]
+        for k in range(1, DEGREES[-1]):
+            up, down = c.number((2 * k + 1) / (k + 1)), c.number(k / (k + 1))
+            powers.append(c.let(f'{up} * {x} * {powers[k]} - {down} * {powers[k - 1]}'))
+        return [powers[degree] for degree in DEGREES]
 
     def coefficient_deviations(self) -> FloatArray:
         """Return (p, 3) prior standard deviations of the coefficients [unit]."""

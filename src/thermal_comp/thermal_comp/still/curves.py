@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Temperature curves of accelerometer and gyroscope from the stretches at rest of many logs.
+
+The curve is a line, smooth bends (`empirical_term` without history) and, where the logs speak for
+it, a lag; what the levels of the stretches add says `levels.py`. The result is a thermal model
+like any other. Between the temperatures that were visited the bends are as uncertain as their
+size allows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.data.conditions import Conditions, Sensor
+from thermal_comp.fitting.fit import package_version
+from thermal_comp.fitting.inputs import check_temperature, device_of, usable_sensors
+from thermal_comp.model.values import ModelError, Provenance, ThermalModel
+from thermal_comp.still.log import PERIOD_S, RestingLog
+from thermal_comp.still.pool import YEAR_S, Pool, SensorCurve
+
+POOLED: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
+"""Sensors of which rest in an unknown pose says something."""
+POSE_NOTE = (
+    'accelerometer: from rest in few poses; a change of scale with temperature is part of the bias'
+)
+LEAST_POSES = 0.3
+"""Smallest singular value of the mean square of gravity's directions that are many poses."""
+
+
+@dataclass(frozen=True, eq=False)
+class StillCurves:
+    """Curves from still minutes, and what they stand on."""
+
+    model: ThermalModel
+    logs: Sequence[RestingLog]
+    """Those that rest."""
+    ages: FloatArray
+    """(logs,) years before the newest; NaN where the date is not known."""
+    sensors: Mapping[Sensor, SensorCurve]
+    temperature: FloatArray
+    """(b,) whole degrees of the range [°C]."""
+    minutes: FloatArray
+    """(b,) time at rest within half a degree of each [min]."""
+    odd: Sequence[str]
+    """Stretches that were left out for a level that the others do not lead to expect."""
+
+    @property
+    def base(self) -> float:
+        """Temperature from which curves count: the reference, or the end nearest to it [°C]."""
+        reference = self.model.reference_temperature
+        return float(np.clip(reference, self.temperature[0], self.temperature[-1]))
+
+    def curve(self, sensor: Sensor, temperature: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the (n, 3) change of the settled error since `base`, and its std [unit]."""
+        part = self.model.sensors[sensor]
+        rows = [
+            effect.columns(_settled(t, self.model))[0]
+            for t in (*temperature.tolist(), self.base)
+            for effect in part.effects
+        ]
+        k = len(part.effects)
+        columns = np.array([np.concatenate(rows[i : i + k], 1)[0] for i in range(0, len(rows), k)])
+        columns = columns[:-1] - columns[-1]
+        coefficients = np.concatenate(part.coefficients)
+        p = len(coefficients)
+        each = part.covariance.reshape(p, 3, p, 3)
+        variance = [np.einsum('np,pq,nq->n', columns, each[:, a, :, a], columns) for a in range(3)]
+        return columns @ coefficients, np.sqrt(np.maximum(np.stack(variance, axis=1), 0.0))
+
+
+def still_curves(logs: Sequence[RestingLog]) -> StillCurves:
+    """Return the curves of one device from the stretches at rest of its logs.
+
+    Raises ModelError where there is nothing to fit: no rest, one temperature, several devices.
+    """
+    resting = [log for log in logs if log.runs]
+    if not resting:
+        raise ModelError('; '.join(f'{log.name}: {log.note}' for log in logs) or 'no logs')
+    runs = [run for log in resting for run in log.runs]
+    of_log = np.repeat(np.arange(len(resting)), [len(log.runs) for log in resting])
+    device = device_of(runs)
+    temperatures = np.concatenate([run.temperature for run in runs])
+    check_temperature(runs)
+    span = float(temperatures.min()), float(temperatures.max())
+    known, notes = usable_sensors(runs)
+    sensors = [sensor for sensor in POOLED if sensor in known]
+    if len(sensors) < len(POOLED):
+        raise ModelError('; '.join(notes))
+    ages = _ages(resting)
+    pools = {sensor: Pool(runs, of_log, ages, sensor, span) for sensor in sensors}
+    odd = [f'{sensor}: {name}' for sensor, pool in pools.items() for name in pool.odd]
+    said = [*(note for pool in pools.values() for note in pool.notes), POSE_NOTE]
+    model = ThermalModel(
+        device=device,
+        sensors={sensor: pool.model() for sensor, pool in pools.items()},
+        reference_temperature=runs[0].conditions.reference_temperature,
+        provenance=Provenance(
+            sources={run.name: run.hash for run in runs},
+            version=package_version(),
+            notes=(*said, *(f'left out, its level is odd: {name}' for name in odd)),
+        ),
+    )
+    degrees = np.array(range(round(span[0]), round(span[1]) + 1), dtype=np.float64)
+    rows = np.round(temperatures - degrees[0]).astype(int).clip(0, len(degrees) - 1)
+    blocks = np.bincount(rows, minlength=len(degrees)).astype(np.float64)
+    minutes = blocks * (PERIOD_S / 60.0)
+    told = {sensor: pool.told() for sensor, pool in pools.items()}
+    return StillCurves(model, resting, ages, told, degrees, minutes, odd)
+
+
+def _ages(logs: Sequence[RestingLog]) -> FloatArray:
+    started = np.array([np.nan if log.started is None else log.started for log in logs])
+    newest = np.nanmax(started) if np.isfinite(started).any() else np.nan
+    ages: FloatArray = (newest - started) / YEAR_S
+    return ages
+
+
+def _settled(temperature: float, model: ThermalModel) -> Conditions:
+    """Return the conditions of one sample at a temperature that has long been held."""
+    still = np.zeros((1, 3))
+    return Conditions(
+        time=np.zeros(1),
+        temperature=np.array([temperature]),
+        specific_force=still,
+        angular_velocity=still,
+        magnetic_field=still,
+        reference_temperature=model.reference_temperature,
+    )

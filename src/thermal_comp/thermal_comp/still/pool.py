@@ -1,0 +1,379 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The stretches at rest of one sensor, pooled: curve, lag and levels, all logs or some of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from imu_recording.recording import FloatArray, IntArray
+from numpy.typing import NDArray
+
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.effects.effect import Effect
+from thermal_comp.effects.empirical_term import GROUPS, Empirical
+from thermal_comp.effects.thermal_lag import ThermalLag
+from thermal_comp.linear.design import Design
+from thermal_comp.linear.gaussian_evidence import log_sum
+from thermal_comp.model.values import SensorModel
+from thermal_comp.noise.of_runs import noise_of_runs
+from thermal_comp.still.forms import CURVE, LAGS, Form, near
+from thermal_comp.still.levels import LevelEquations, LevelSolution, solve_levels
+
+KINDS = int(GROUPS[-1]) + 1
+"""Groups of columns of `empirical_term`; its first are the polynomials."""
+OPEN = 1e6
+"""Prior standard deviation of a polynomial that decides nothing; its size is found here."""
+EARTH_RATE = 7.292115e-5
+"""[rad/s]."""
+GRAVITY, GRAVITY_STD = 9.80665, 0.015
+"""Standard gravity, and how far that of a place is from it [m/s²]."""
+OFFSET_STD = 1.0
+"""Zero-g level of an accelerometer [m/s²]."""
+USUAL: dict[Sensor, FloatArray] = {
+    'gyroscope': np.array([7e-4, 1e-4, 1e-3, 2e-5]),
+    'accelerometer': np.array([0.02, 0.005, 0.02, 2e-4]),
+}
+"""What a power-on changes, what a pose adds, the size of bends [unit], and what the slope of a
+stretch has beside the curve's [unit/K], as a rule."""
+LAG_STD: dict[Sensor, float] = {'gyroscope': 7e-4, 'accelerometer': 7e-3}
+"""Coefficient of a lag, as a rule: the slope [unit/K]."""
+STEEPER = 0.4
+"""What it counts more towards the ends of the range, in that."""
+AGEING_STD: dict[Sensor, float] = {'gyroscope': 0.01, 'accelerometer': 0.5}
+"""Ageing of a level, as a rule [unit a year]."""
+YEAR_S = 365.25 * 86400.0
+LEAST_AGE_S = 86400.0
+"""Span of dates from which ageing is asked for [s]."""
+ODD = 6.0
+"""Standard deviations from which a stretch is not what the others lead to expect …"""
+MOST_ODD = 0.1
+"""… and share of the stretches that may be left out for it."""
+CLEAR = 5.0
+"""ln of the Bayes factor from which there is a lag."""
+LEARNING_RATE = 0.1
+"""Weight of the evidence between forms, none of which is exact (Grünwald and van Ommen, Bayesian
+Analysis 12(4), 2017): with 1 their spread would be too small."""
+FOLDS = 10
+
+
+@dataclass(frozen=True, eq=False)
+class SensorCurve:
+    """What many logs say of one sensor."""
+
+    turn_on: FloatArray
+    """(3,) standard deviation of the level from power-on to power-on [unit]."""
+    pose: FloatArray
+    """(3,) of what a stretch's pose adds to it [unit]."""
+    log_levels: FloatArray
+    """(logs, 3) level of each log about that of all [unit]."""
+    ageing: FloatArray
+    """(2, 3) change of the level a year and its standard deviation [unit]; NaN: not asked."""
+    raw: FloatArray
+    """(3,) rms of block means about the level of their stretch: nothing subtracted [unit]."""
+    held_out: FloatArray
+    """(3,) the same with what other logs say subtracted [unit]."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Answer:
+    """Solution of the axes that belong together, and the form it was found with."""
+
+    each: Sequence[LevelSolution]
+    form: Form
+    of_forms: FloatArray = field(default_factory=lambda: np.zeros((CURVE, 3, CURVE, 3)))
+    """Covariance of the curve's coefficients from not knowing the form."""
+
+    @property
+    def log_evidence(self) -> float:
+        """Return ln of the marginal likelihood of all axes."""
+        return sum(solution.log_evidence for solution in self.each)
+
+
+class Pool:
+    """The stretches of one sensor: equations of each, solved together or without some logs."""
+
+    def __init__(
+        self,
+        runs: Sequence[PreparedRun],
+        of_log: IntArray,
+        ages: FloatArray,
+        sensor: Sensor,
+        span: tuple[float, float],
+    ) -> None:
+        """Take in stretches, the (stretches,) log of each, (logs,) ages, and the range [°C]."""
+        self._runs, self._of_log, self._sensor = runs, of_log, sensor
+        self._span = span
+        middle, half = 0.5 * (span[0] + span[1]), max(0.5 * (span[1] - span[0]), 1.0)
+        self._line = BiasTemperature()
+        self._bends = Empirical(middle, half, (OPEN,) * 3 + (0.0,) * 3 * (KINDS - 1))
+        self._noise, guessed = noise_of_runs(runs, sensor, LAGS)
+        self.notes = [guessed] if guessed else []
+        curve = {sensor: (self._line, self._bends)}
+        self._designs = [Design([run], curve, {sensor: self._noise}) for run in runs]
+        for design in self._designs:
+            design.equations()  # whitens what every form has
+        self._each: dict[Form, list[tuple[FloatArray, FloatArray]]] = {}
+        dated = np.isfinite(ages).all() and float(np.ptp(ages)) * YEAR_S >= LEAST_AGE_S
+        self._age = ages[of_log] if dated else None
+        self._up = np.array([_direction(run) for run in runs])
+        reference = runs[0].conditions.reference_temperature
+        self._middle = [float(run.temperature.mean()) - reference for run in runs]
+        self._axes = [(0, 1, 2)] if sensor == 'accelerometer' else [(0,), (1,), (2,)]
+        self.odd: list[str] = []
+        """Stretches whose level the others do not lead to expect: left out."""
+        self._kept: NDArray[np.bool_] = np.ones(len(runs), bool)
+        self._answer = self._without_odd()
+
+    def _equations(self, form: Form) -> list[tuple[FloatArray, FloatArray]]:
+        """Return gram and moment of each stretch: 3 levels, then (p, 3) coefficients."""
+        if form not in self._each:
+            effects = form.effects(self._line, self._bends)
+            # Of the empirical term the polynomials come first, the rest is zero.
+            width = CURVE if form.tied else 1 + len(GROUPS)
+            further = 3 * (1 + width)
+            own = np.r_[: 3 * (1 + CURVE), further : further + 3 * (form.coefficients - CURVE)]
+            found = []
+            for base in self._designs:
+                design = base.with_effects({self._sensor: effects})
+                design.raw, design.white = dict(base.raw), dict(base.white)
+                equations = design.equations()
+                found.append((equations.gram[np.ix_(own, own)], equations.moment[own, 0]))
+            self._each[form] = found
+        return self._each[form]
+
+    def _without_odd(self) -> _Answer:
+        """Return the solution of all stretches but those that are odd, and forget those."""
+        answer = self._searched()
+        while len(self.odd) < MOST_ODD * len(self._runs) and self._kept.sum() > 3:
+            apart = np.max([solution.apart for solution in answer.each], axis=0)
+            if not apart.max() > ODD:
+                break
+            row = int(np.flatnonzero(self._kept)[int(np.argmax(apart))])
+            self.odd.append(self._runs[row].name)
+            self._kept[row] = False
+            answer = self._searched()
+        return answer
+
+    def _searched(self) -> _Answer:
+        """Return the likeliest form; the others make its curve as uncertain as they differ."""
+        none = Form()
+        sigma = [solution.sigma for solution in self._solved(self._kept, none).each]
+        coarse = [Form(lag, tied) for lag in LAGS for tied in (False, True)]
+        tried = {form: self._solved(self._kept, form, sigma) for form in (none, *coarse)}
+        best = max(tried, key=lambda form: tried[form].log_evidence)
+        if tried[best].log_evidence < tried[none].log_evidence + CLEAR:
+            best = none
+        if best.lag is not None:
+            again = self._solved(self._kept, best)
+            sigma = [solution.sigma for solution in again.each]
+            tried = {form: self._solved(self._kept, form, sigma) for form in near(best)}
+            best = max(tried, key=lambda form: tried[form].log_evidence)
+        worth = np.array([one.log_evidence for one in tried.values()])
+        worth *= LEARNING_RATE
+        weight = np.exp(worth - log_sum(worth))
+        n = int(self._kept.sum())
+        curves = np.array([self._unpacked(one, n)[1][:CURVE] for one in tried.values()])
+        off = curves - curves[list(tried).index(best)]
+        spread = np.einsum('k,kpa,kqb->paqb', weight, off, off)
+        return replace(self._solved(self._kept, best), of_forms=spread)
+
+    def _solved(
+        self, kept: NDArray[np.bool_], form: Form, sigma: Sequence[FloatArray] | None = None
+    ) -> _Answer:
+        rows = np.flatnonzero(kept)
+        each = [
+            solve_levels(self._joined(rows, axes, form), None if sigma is None else sigma[number])
+            for number, axes in enumerate(self._axes)
+        ]
+        return _Answer(each, form)
+
+    def _joined(self, rows: IntArray, axes: tuple[int, ...], form: Form) -> LevelEquations:
+        """Return the equations of some stretches: levels, coefficients, slopes of stretches.
+
+        The axis comes last in each.
+        """
+        a, m, terms = len(axes), len(rows), form.coefficients
+        p, n = terms * a, m * a
+        gram, moment = np.zeros((2 * n + p, 2 * n + p)), np.zeros(2 * n + p)
+        own = np.array([3 * row + axis for row in range(1 + terms) for axis in axes])
+        every = self._equations(form)
+        for number, row in enumerate(rows):
+            at = number * a + np.arange(a)
+            place = np.concatenate([at, n + np.arange(p), n + p + at])
+            part, right = every[row]
+            # A slope of its own turns a stretch about its middle.
+            turned = np.concatenate([np.eye(a + p), np.zeros((a + p, a))], axis=1)
+            turned[np.arange(a), a + p + np.arange(a)] = -self._middle[row]
+            turned[a + np.arange(a), a + p + np.arange(a)] = 1.0
+            gram[np.ix_(place, place)] += turned.T @ part[np.ix_(own, own)] @ turned
+            moment[place] += turned.T @ right[own]
+        std = np.full(terms, np.inf)
+        std[CURVE:] = LAG_STD[self._sensor]
+        std[CURVE + 1 :] *= STEEPER
+        bending = np.full(terms, np.inf)
+        bending[1:CURVE] = 1.0
+        free = np.full(n, np.inf)
+        seen, target, common, common_std, alike = self._of_levels(rows)
+        return LevelEquations(
+            gram=gram,
+            moment=moment,
+            seen=seen,
+            target=target,
+            common=common,
+            common_std=common_std,
+            same_log=(self._of_log[rows][:, None] == self._of_log[rows]) * alike,
+            floor=np.full(m, EARTH_RATE**2 / 3.0 if a == 1 else 0.0),
+            fixed=np.concatenate([np.repeat(std, a), free]),
+            bending=np.concatenate([np.repeat(bending, a), free]),
+            slopes=np.arange(p + n) >= p,
+            usual=USUAL[self._sensor],
+        )
+
+    def _of_levels(
+        self, rows: IntArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return U, t, H, prior deviations of γ, and what poses leave alike of a power-on."""
+        k = len(rows)
+        ageing = AGEING_STD[self._sensor]
+        if len(self._axes) > 1:
+            common, std = np.ones((k, 1)), np.array([np.inf])
+            if self._age is not None:
+                common, std = np.column_stack([common, self._age[rows]]), np.append(std, ageing)
+            return np.eye(k), np.zeros(k), common, std, np.ones((k, k))
+        up = self._up[rows]
+        seen = np.zeros((k, 3 * k))
+        seen[np.repeat(np.arange(k), 3), np.arange(3 * k)] = up.ravel()
+        common = np.column_stack([up, np.ones(k)])
+        std = np.array([OFFSET_STD] * 3 + [GRAVITY_STD])
+        if self._age is not None:
+            common = np.column_stack([common, up * self._age[rows, None]])
+            std = np.append(std, [ageing] * 3)
+        return seen, np.full(k, GRAVITY), common, std, up @ up.T
+
+    def model(self) -> SensorModel:
+        """Return what was found as the model of the sensor."""
+        answer, rows = self._answer, np.flatnonzero(self._kept)
+        levels, found, covariance = self._unpacked(answer, len(rows))
+        sizes = np.zeros((KINDS, 3))
+        for solution, axes in zip(answer.each, self._axes, strict=True):
+            sizes[0, list(axes)] = solution.sigma[2]
+        bends = replace(self._bends, deviations=tuple(sizes.ravel().tolist()))
+        lag = () if answer.form.lag is None else (answer.form.lag,)
+        everything = np.zeros((1 + len(GROUPS) + len(lag), 3))
+        # The other groups of the empirical term stand between the polynomials and the lag.
+        place = np.r_[:CURVE, len(everything) - len(lag) : len(everything)]
+        everything[place] = found
+        wide = np.zeros((len(everything), 3, len(everything), 3))
+        wide[np.ix_(place, np.arange(3), place, np.arange(3))] = covariance
+        effects: tuple[Effect, ...] = (self._line, bends, *lag)
+        split = np.split(everything, [1, 1 + len(GROUPS)][: len(effects) - 1])
+        return SensorModel(
+            effects=effects,
+            coefficients=tuple(split),
+            covariance=wide.reshape(everything.size, everything.size),
+            noise=self._noise,
+            levels={self._runs[r].name: levels[k] for k, r in enumerate(rows.tolist())},
+            contributions={e.name: self._rms(e, c) for e, c in zip(effects, split, strict=True)},
+            temperature_range=self._span,
+        )
+
+    def _unpacked(self, answer: _Answer, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return levels (n, 3), coefficients (p, 3) and their covariance (p, 3, p, 3)."""
+        p = answer.form.coefficients
+        levels, found = np.zeros((n, 3)), np.zeros((p, 3))
+        covariance = np.zeros((p, 3, p, 3))
+        for solution, axes in zip(answer.each, self._axes, strict=True):
+            a, own = len(axes), slice(n * len(axes), (n + p) * len(axes))
+            index = np.array(axes)
+            levels[:, index] = solution.estimate[: n * a].reshape(n, a)
+            found[:, index] = solution.estimate[own].reshape(p, a)
+            part = solution.covariance[own, own].reshape(p, a, p, a)
+            covariance[np.ix_(np.arange(p), index, np.arange(p), index)] = part
+        covariance[:CURVE, :, :CURVE] += answer.of_forms
+        if answer.form.lag is None:
+            return levels, found, covariance
+        wide = np.zeros((CURVE + 1, 3, CURVE + 1, 3))
+        if answer.form.tied:
+            found = np.concatenate([found, self._slope_of(found, answer.form.lag)])
+            wide[:CURVE, :, :CURVE] = covariance
+            return levels, found, wide
+        wide[:] = covariance[: CURVE + 1, :, : CURVE + 1]
+        return levels, found[: CURVE + 1], wide
+
+    def _slope_of(self, curve: FloatArray, lag: ThermalLag) -> FloatArray:
+        """Return the (1, 3) coefficient of the lag that comes nearest to the curve behind it."""
+        behind = np.concatenate([run.columns(lag, self._sensor) for run in self._runs])[:, 0]
+        effects = self._line, self._bends
+        now, then = (
+            np.concatenate([
+                np.concatenate([run.columns(e, self._sensor) for e in form], axis=1)
+                for run in self._runs
+            ])[:, :CURVE]
+            for form in (effects, Form(lag, tied=True).effects(*effects))
+        )  # fmt: skip
+        slope: FloatArray = behind[None] @ ((then - now) @ curve) / max(behind @ behind, 1e-300)
+        return slope
+
+    def _rms(self, effect: Effect, coefficients: FloatArray) -> FloatArray:
+        """Return (3,) rms of an effect's error about the mean of all stretches."""
+        columns = [run.columns(effect, self._sensor) for run in self._runs]
+        rms: FloatArray = (np.concatenate(columns) @ coefficients).std(axis=0)
+        return rms
+
+    def told(self) -> SensorCurve:
+        """Return power-on, pose, ageing, and what the curve leaves of logs it has not seen."""
+        answer, rows = self._answer, np.flatnonzero(self._kept)
+        ageing = np.full((2, 3), np.nan)
+        of_logs = np.zeros((int(self._of_log.max()) + 1, 3))
+        for solution, axes in zip(answer.each, self._axes, strict=True):
+            equations = self._joined(rows, axes, answer.form)
+            inside, a = len(equations.moment), len(axes)
+            if self._age is not None:
+                last = slice(len(solution.estimate) - a, None)
+                deviation = np.sqrt(np.diag(solution.covariance)[last])
+                # Age counts backwards: what grows with it shrinks with time.
+                ageing[:, list(axes)] = -solution.estimate[last], deviation
+            left = equations.seen @ solution.estimate[: equations.seen.shape[1]]
+            left -= equations.target + equations.common @ solution.estimate[inside:]
+            turn, pose = solution.sigma[0] ** 2, solution.sigma[1] ** 2 + equations.floor
+            weighed = np.linalg.solve(turn * equations.same_log + np.diag(pose), left)
+            directions = self._up[rows] if a == 3 else np.ones((len(rows), 1))
+            for axis, along in zip(axes, directions.T, strict=True):
+                np.add.at(of_logs[:, axis], self._of_log[rows], turn * along * weighed)
+        sigma = np.repeat([s.sigma[:2] for s in answer.each], [len(a) for a in self._axes], 0)
+        return SensorCurve(sigma[:, 0], sigma[:, 1], of_logs, ageing, *self._held_out())
+
+    def _held_out(self) -> tuple[FloatArray, FloatArray]:
+        """Return (3,) rms about the level of each stretch, before and after, logs held out."""
+        sigma = [solution.sigma for solution in self._answer.each]
+        logs = np.unique(self._of_log[self._kept])
+        if len(logs) < 2:
+            return np.full(3, np.nan), np.full(3, np.nan)
+        form = self._answer.form
+        effects = (self._line, self._bends, *(() if form.lag is None else (form.lag,)))
+        before, after = [], []
+        for fold in range(min(FOLDS, len(logs))):
+            held = np.isin(self._of_log, logs[fold::FOLDS])
+            others = self._kept & ~held
+            found = self._unpacked(self._solved(others, form, sigma), int(others.sum()))[1]
+            for row in np.flatnonzero(self._kept & held).tolist():
+                run = self._runs[row]
+                columns = np.concatenate([run.columns(e, self._sensor) for e in effects], 1)
+                used = np.r_[:CURVE, columns.shape[1] - len(found) + CURVE : columns.shape[1]]
+                measured = run.measured[self._sensor]
+                left = measured - columns[:, used] @ found
+                before.append(measured - np.nanmean(measured, axis=0))
+                after.append(left - np.nanmean(left, axis=0))
+        rms = [np.sqrt(np.nanmean(np.concatenate(part) ** 2, axis=0)) for part in (before, after)]
+        return rms[0], rms[1]
+
+
+def _direction(run: PreparedRun) -> FloatArray:
+    """Return (3,) direction of gravity in a stretch."""
+    mean = np.nanmean(run.measured['accelerometer'], axis=0)
+    direction: FloatArray = mean / np.linalg.norm(mean)
+    return direction
