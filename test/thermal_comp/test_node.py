@@ -124,6 +124,20 @@ def test_without_a_fresh_temperature_data_pass_unchanged_and_uncertain(
     assert values['passed_on'] == 1
 
 
+def test_outside_the_fitted_range_the_error_of_the_edge_is_kept_on_request(
+    ros: Any, model_path: str
+) -> None:
+    sent: list[tuple[str, Any]] = []
+    compensation = node(ros, sent, model=model_path, extrapolate='clamp')
+    for second, temperature in enumerate((45.0, 50.0, 70.0), 1):
+        feed(compensation, second * SECOND, temperature)
+    low, inside, outside = imu_messages(sent)
+    assert outside.angular_velocity.x == pytest.approx(inside.angular_velocity.x)
+    assert inside.angular_velocity.x == pytest.approx(30.0 / 25.0 * low.angular_velocity.x)
+    assert outside.angular_velocity_covariance[0] > inside.angular_velocity_covariance[0]
+    assert 'outside the fitted range: compensated as at the edge' in compensation.diagnostics()[1]
+
+
 def test_outside_the_fitted_range_the_error_is_extrapolated_and_said(
     ros: Any, model_path: str
 ) -> None:

@@ -30,7 +30,11 @@ from imu_recording.thermometer import LiveThermometer
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 from std_msgs.msg import String
 
-from thermal_comp.compensation.recording import TIMEOUT_S
+from thermal_comp.compensation.recording import (
+    DEFAULT_EXTRAPOLATION,
+    EXTRAPOLATIONS,
+    TIMEOUT_S,
+)
 from thermal_comp.compensation.state import restore_state, save_state
 from thermal_comp.compensation.stream import CompensatedSamples, Compensator
 from thermal_comp.effects.user_effects import effect_catalogue
@@ -45,6 +49,11 @@ class ThermalCompConfig(NodeConfig):
     model: str = parameter('', 'Path of the model file; empty: pass data through')
     temperature_timeout: float = parameter(
         TIMEOUT_S, 'Age from which a temperature is not used', unit='s', bounds=(0.01, 3600.0)
+    )
+    extrapolate: str = parameter(
+        DEFAULT_EXTRAPOLATION,
+        'Outside the fitted temperatures: the tangent goes on, or the error of the edge is kept',
+        choices=EXTRAPOLATIONS,
     )
     effects: list[str] = parameter(  # noqa: RUF009 (a field with a factory)
         [], "Python files, or folders of them, with effects of the user's own that the model has"
@@ -81,7 +90,11 @@ class ThermalCompNode(ConfiguredNode):
             else ThermalModel('', {})
         )
         check_device(model, config.device)
-        self.compensator = Compensator(model, temperature_timeout=config.temperature_timeout)
+        self.compensator = Compensator(
+            model,
+            temperature_timeout=config.temperature_timeout,
+            extrapolation='clamp' if config.extrapolate == 'clamp' else 'line',
+        )
         self._compensated = CompensatedSamples()
         self.check = StreamCheck()
         self.thermometer = LiveThermometer()

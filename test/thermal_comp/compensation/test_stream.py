@@ -182,6 +182,14 @@ def test_rows_without_temperature_pass_and_extrapolated_rows_are_counted() -> No
     np.testing.assert_array_equal(done.angular_velocity[:10], raw.angular_velocity[:10])
     assert any('10 rows without a die temperature are passed on' in n for n in done.notes)
     assert any('10 rows outside the fitted temperatures are extrapolated' in n for n in done.notes)
+    held = compensate(raw, model, extrapolation='clamp')
+    assert any(
+        '10 rows outside the fitted temperatures are compensated as at' in n for n in held.notes
+    )
+    assert (
+        np.abs(held.angular_velocity[55] - raw.angular_velocity[55]).max()
+        < 0.5 * np.abs(done.angular_velocity[55] - raw.angular_velocity[55]).max()
+    )
 
 
 @pytest.mark.parametrize('name', ['bias_temperature', 'bias_temperature_curvature'])
@@ -206,6 +214,20 @@ def test_outside_the_fitted_range_the_error_runs_on_with_its_slope_at_the_edge(
     variance = found.covariance[:, 0, 0]
     assert (np.diff(variance[430:]) > 0.0).all()
     assert (np.diff(variance[:170]) < 0.0).all()
+
+
+@pytest.mark.parametrize('name', ['bias_temperature', 'bias_temperature_curvature', 'thermal_lag'])
+def test_clamped_the_error_outside_is_that_of_the_edge(name: str) -> None:
+    sensor = model_of(name).sensors['gyroscope']
+    plan = plan_of(sensor, 'clamp')
+    conditions = example_conditions(sensor='gyroscope')
+    warm = np.minimum(np.linspace(20.0, 140.0, len(conditions)), 80.0)
+    found = sensor_error(plan, replace(conditions, temperature=warm))
+    held = sensor_error(plan, replace(conditions, temperature=np.minimum(warm, plan.high)))
+    np.testing.assert_array_equal(found.error, held.error)
+    assert found.outside.any()
+    assert not held.outside.any()
+    assert (found.covariance[-1].diagonal() > held.covariance[-1].diagonal()).all()
 
 
 def test_a_late_sample_does_not_disturb_the_history() -> None:

@@ -8,7 +8,12 @@ from pathlib import Path
 
 from imu_recording.bags.compensated_copy import write_compensated_copy
 from imu_recording.user_error import UserError
-from thermal_comp.compensation.recording import TIMEOUT_S, compensate
+from thermal_comp.compensation.recording import (
+    DEFAULT_EXTRAPOLATION,
+    EXTRAPOLATIONS,
+    TIMEOUT_S,
+    compensate,
+)
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import load_model
 
@@ -44,6 +49,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=TIMEOUT_S,
         help='age from which a die temperature is not used, as of the node (%(default)g)',
     )
+    parser.add_argument(
+        '--extrapolate',
+        choices=EXTRAPOLATIONS,
+        default=DEFAULT_EXTRAPOLATION,
+        help='outside the fitted temperatures go on as a tangent, or keep the error of the edge, '
+        'as of the node (%(default)s, which leaves less: benchmarks/extrapolation.py)',
+    )
 
 
 def run(options: argparse.Namespace) -> Answer:
@@ -64,6 +76,7 @@ def run(options: argparse.Namespace) -> Answer:
             model,
             temperature_timeout=options.temperature_timeout,
             again='compensated' in options.accept,
+            extrapolation=options.extrapolate,
         )
         with replacing(target) as fresh:
             write_compensated_copy(compensated, bag, fresh, remap)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording, RecordingError
@@ -16,6 +16,18 @@ from thermal_comp.data.conditions import SENSORS, Conditions, Sensor, field_cond
 from thermal_comp.effects.effect import Effect, State, columns_from
 from thermal_comp.model.file import check_device, model_label
 from thermal_comp.model.values import SensorModel, ThermalModel
+
+Extrapolation = Literal['line', 'clamp']
+"""Outside the fitted temperatures the error runs on as a tangent, or stays as at the edge."""
+EXTRAPOLATIONS: tuple[Extrapolation, ...] = get_args(Extrapolation)
+OUTSIDE_THE_RANGE: Mapping[Extrapolation, str] = {
+    'line': 'extrapolated',
+    'clamp': 'compensated as at the edge',
+}
+"""What is done there, in words."""
+DEFAULT_EXTRAPOLATION: Extrapolation = 'line'
+"""Fitted to the middle of their range, models leave less beyond it as tangents than held at its
+ends, on simulated and on measured devices: benchmarks/extrapolation.py."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +65,12 @@ class SensorPlan:
     """Fitted temperatures [°C]."""
     temperature_only: bool
     """Whether the error depends on the die temperature alone."""
+    extrapolation: Extrapolation = DEFAULT_EXTRAPOLATION
 
 
-def plan_of(model: SensorModel) -> SensorPlan:
+def plan_of(
+    model: SensorModel, extrapolation: Extrapolation = DEFAULT_EXTRAPOLATION
+) -> SensorPlan:
     """Return the plan of a sensor model."""
     starts = np.cumsum([0, *(c.size for c in model.coefficients)]).tolist()
     terms = model.device_terms()
@@ -70,6 +85,7 @@ def plan_of(model: SensorModel) -> SensorPlan:
         low=model.temperature_range[0],
         high=model.temperature_range[1],
         temperature_only=all(effect.temperature_only for _, effect, _ in terms),
+        extrapolation=extrapolation,
     )
 
 
@@ -82,7 +98,8 @@ def sensor_error(
 ) -> SensorError:
     """Return the modelled error of the device effects for rows with a finite temperature.
 
-    Outside the fitted temperatures the model runs on as a tangent; there the whole modelled error
+    Outside the fitted temperatures the model runs on as a tangent, or sees the temperature of the
+    edge (`plan.extrapolation`); there the whole modelled error
     is taken to be uncertain in proportion to the distance, in units of half the range, beside
     what the coefficients leave open. An effect whose
     channel is not known in a row adds nothing there but its rms in the fit to the variance.
@@ -95,6 +112,8 @@ def sensor_error(
     if beyond.any():
         distance = beyond / (0.5 * max(plan.high - plan.low, 1.0))
         variance += distance[:, None] ** 2 * plan.variance
+        if plan.extrapolation == 'clamp':
+            conditions = replace(conditions, temperature=held)
     history = list(states or (None,) * len(plan.effects))
     jacobian = np.zeros((n, 3, len(plan.covariance) if uncertain else 0))
     skipped: dict[str, NDArray[np.bool_]] = {}
@@ -172,6 +191,7 @@ def compensate(
     *,
     temperature_timeout: float = TIMEOUT_S,
     again: bool = False,
+    extrapolation: Extrapolation = DEFAULT_EXTRAPOLATION,
 ) -> ImuRecording:
     """Return the recording with the modelled error of the device effects subtracted.
 
@@ -190,7 +210,11 @@ def compensate(
     recording = _with_held_temperature(recording)
     known = _fresh(recording, temperature_timeout)
     conditions = model_conditions(recording, model).rows(known)
-    found = {s: _sensor(model, conditions.of(s)) for s in SENSORS if s in model.sensors}
+    found = {
+        s: _sensor(plan_of(model.sensors[s], extrapolation), conditions.of(s))
+        for s in SENSORS
+        if s in model.sensors
+    }
     compensated: dict[str, Any] = {}
     for sensor, part in found.items():
         values = getattr(recording, SENSOR_FIELDS[sensor]).copy()
@@ -199,7 +223,7 @@ def compensate(
     notes = [
         *_device_notes(recording, model),
         *_passed_on_notes(recording, known, temperature_timeout),
-        *_applied_notes(model, found),
+        *_applied_notes(model, found, extrapolation),
     ]
     applied = '; '.join(filter(None, (recording.compensated, model_label(model))))
     return replace(recording, compensated=applied, **compensated).with_notes(*notes)
@@ -241,7 +265,9 @@ def _passed_on_notes(
     return notes
 
 
-def _applied_notes(model: ThermalModel, found: Mapping[Sensor, _Found]) -> list[str]:
+def _applied_notes(
+    model: ThermalModel, found: Mapping[Sensor, _Found], extrapolation: Extrapolation
+) -> list[str]:
     """Return which effects could not be applied, and how many rows were extrapolated."""
     notes = []
     for sensor, part in found.items():
@@ -252,7 +278,8 @@ def _applied_notes(model: ThermalModel, found: Mapping[Sensor, _Found]) -> list[
         ]
     outside = np.any([part.outside for part in found.values()], axis=0) if found else np.zeros(1)
     if outside.any():
-        notes.append(f'{int(outside.sum())} rows outside the fitted temperatures are extrapolated')
+        how = OUTSIDE_THE_RANGE[extrapolation]
+        notes.append(f'{int(outside.sum())} rows outside the fitted temperatures are {how}')
     return notes
 
 
@@ -302,11 +329,10 @@ class _Found:
     """Rows in which an effect was not applied, by effect."""
 
 
-def _sensor(model: ThermalModel, conditions: Conditions) -> _Found:
+def _sensor(plan: SensorPlan, conditions: Conditions) -> _Found:
     error = np.empty((len(conditions), 3))
     outside = np.zeros(len(conditions), dtype=bool)
     skipped: dict[str, int] = {}
-    plan = plan_of(model.sensors[conditions.sensor])
     states: tuple[State | None, ...] | None = None
     for start in range(0, len(conditions), ROWS_AT_A_TIME):
         rows = slice(start, start + ROWS_AT_A_TIME)

@@ -14,7 +14,10 @@ from imu_recording.recording import FloatArray
 from imu_recording.ros.messages import ImuSample, MagneticSample
 
 from thermal_comp.compensation.recording import (
+    DEFAULT_EXTRAPOLATION,
+    OUTSIDE_THE_RANGE,
     TIMEOUT_S,
+    Extrapolation,
     SensorError,
     SensorPlan,
     compensate,
@@ -89,9 +92,17 @@ class Condition:
 class Compensator:
     """Compensates a stream of one device; feed temperatures before samples of the same stamp."""
 
-    def __init__(self, model: ThermalModel, *, temperature_timeout: float = TIMEOUT_S) -> None:
+    def __init__(
+        self,
+        model: ThermalModel,
+        *,
+        temperature_timeout: float = TIMEOUT_S,
+        extrapolation: Extrapolation = DEFAULT_EXTRAPOLATION,
+    ) -> None:
         self.model = model
-        self._plans = {s: plan_of(model.sensors[s]) for s in SENSORS if s in model.sensors}
+        self._outside = OUTSIDE_THE_RANGE[extrapolation]
+        known = [s for s in SENSORS if s in model.sensors]
+        self._plans = {s: plan_of(model.sensors[s], extrapolation) for s in known}
         self._prepared: dict[Sensor, _Prepared] = {}
         """What the newest temperature makes of sensors whose error it decides alone."""
         self._needs_vibration = 'vibration' in self.channels
@@ -127,7 +138,10 @@ class Compensator:
         troubles = [
             ('no model: data pass through unchanged', not self.model.sensors),
             ('no fresh temperature: data pass through unchanged', now.samples and now.stale),
-            (f'{now.temperature:.1f} °C is outside the fitted range: extrapolated', now.outside),
+            (
+                f'{now.temperature:.1f} °C is outside the fitted range: {self._outside}',
+                now.outside,
+            ),
             (f'not applied: {", ".join(now.not_applied)}', bool(now.not_applied)),
             ('history lost', now.history == 'lost'),
         ]
