@@ -11,7 +11,13 @@ setup(
     name=NAME,
     version='0.2.0',
     packages=find_packages(),
-    package_data={NAME: ['py.typed', '*.yaml', 'model/export/*.in', 'model/export/*.cmake']},
+    package_data={
+        NAME: [
+            'py.typed',
+            '*.yaml',
+            *(f'model/export/*.{suffix}' for suffix in ('in', 'cmake', 'package.xml')),
+        ]
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ament_index_python import get_package_share_directory
+from catkin_pkg.package import parse_package
 from thermal_comp.compensation.recording import compensate
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects import EFFECTS, Effect
@@ -136,12 +138,12 @@ def test_the_package_config_is_found(tmp_path: Path) -> None:
     user = tmp_path / 'user'
     user.mkdir()
     (user / 'CMakeLists.txt').write_text(
-        'cmake_minimum_required(VERSION 3.16)\nproject(user LANGUAGES C)\n'
-        'find_package(imu_thermal REQUIRED)\nadd_executable(user user.c)\n'
+        'cmake_minimum_required(VERSION 3.16)\nproject(user LANGUAGES CXX)\n'
+        'find_package(imu_thermal REQUIRED)\nadd_executable(user user.cpp)\n'
         'target_link_libraries(user imu_thermal::imu_thermal)\n'
     )
-    (user / 'user.c').write_text(
-        '#include <imu_thermal.h>\nint main(void) {\n  imu_thermal_state state;\n'
+    (user / 'user.cpp').write_text(
+        '#include <imu_thermal.h>\nint main() {\n  imu_thermal_state state;\n'
         '  imu_thermal_start(&state);\n  return (int)state.started;\n}\n'
     )
     prefix = tmp_path / 'prefix'
@@ -154,6 +156,23 @@ def test_the_package_config_is_found(tmp_path: Path) -> None:
         install = ['--target', 'install'] if source != user else []
         subprocess.run(['cmake', '--build', build, *install], check=True, capture_output=True)
     subprocess.run([tmp_path / 'build_user' / 'user'], check=True)
+
+
+@pytest.mark.usefixtures('compiler')
+def test_ros_finds_the_package_where_it_is_installed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_c(tmp_path / 'thermal', model_of([EFFECTS['thermal_lag']()]))
+    prefix, build = tmp_path / 'prefix', tmp_path / 'build'
+    make = ['cmake', '-S', tmp_path / 'thermal', '-B', build, f'-DCMAKE_INSTALL_PREFIX={prefix}']
+    subprocess.run(make, check=True, capture_output=True)
+    install = ['cmake', '--build', build, '--target', 'install']
+    subprocess.run(install, check=True, capture_output=True)
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(prefix))
+    share = Path(get_package_share_directory('imu_thermal'))
+    package = parse_package(share)
+    assert package.name == 'imu_thermal'
+    assert package.get_build_type() == 'cmake'
 
 
 @dataclass(frozen=True)

@@ -79,7 +79,7 @@ typedef struct {
 } imu_thermal_play;
 """,
 }
-C99_FILES = ('imu_thermal.h', 'imu_thermal.c', 'CMakeLists.txt')
+C99_FILES = ('imu_thermal.h', 'imu_thermal.c', 'CMakeLists.txt', 'package.xml')
 LIBM = {'EXP(': 'exp', 'EXPM1(': 'expm1'}
 ADVANCE = """    const uint64_t since = (uint64_t)t - (uint64_t)state->newest;
     advance(state, (imu_thermal_real)since * REAL(1e-9), temperature, sample);
@@ -124,8 +124,13 @@ def c99_of(model: ThermalModel) -> C99:
         advance=ADVANCE if signals.listed else '',
         errors=''.join(_error_call(sensor) for sensor in bodies),
     )
-    cmake = resources.files(__package__).joinpath('imu_thermal.cmake').read_text('utf-8')
-    return C99(dict(zip(C99_FILES, (header, source, cmake), strict=True)), signals.channels)
+    shipped = resources.files(__package__)
+    further = [
+        shipped.joinpath(f'imu_thermal.{name}').read_text('utf-8')
+        for name in ('cmake', 'package.xml')
+    ]
+    files = dict(zip(C99_FILES, (header, source, *further), strict=True))
+    return C99(files, signals.channels)
 
 
 def _refuse_what_cannot_be_written(model: ThermalModel) -> None:

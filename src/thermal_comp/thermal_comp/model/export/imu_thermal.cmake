@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # find_package(imu_thermal) and target_link_libraries(... imu_thermal::imu_thermal) after
 # cmake -B build -DCMAKE_INSTALL_PREFIX=... && cmake --build build --target install
+# or, in the src folder of a ROS workspace, after colcon build.
 cmake_minimum_required(VERSION 3.16)
 project(imu_thermal LANGUAGES C)
 
@@ -22,3 +23,9 @@ install(TARGETS imu_thermal EXPORT imu_thermal ARCHIVE DESTINATION lib)
 install(FILES imu_thermal.h DESTINATION include)
 install(EXPORT imu_thermal FILE imu_thermalConfig.cmake NAMESPACE imu_thermal::
         DESTINATION lib/cmake/imu_thermal)
+
+# The mark by which ROS finds a package among those that are installed.
+file(WRITE "${CMAKE_CURRENT_BINARY_DIR}/marker" "")
+install(FILES "${CMAKE_CURRENT_BINARY_DIR}/marker" RENAME imu_thermal
+        DESTINATION share/ament_index/resource_index/packages)
+install(FILES package.xml DESTINATION share/imu_thermal)
