@@ -12,8 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+import numpy as np
 import thermal_comp.precompile
 from imu_driver.emulator.transport import SimulatedTransport
+from imu_recording.logs.ulog_stream import KNOWN, scan_messages
 from orientation_filters.filters import FILTERS
 from orientation_filters.precompile import precompile as precompile_filters
 
@@ -41,11 +43,18 @@ def precompile_simulation() -> None:
     SimulatedTransport.from_url('simulated://dut1').read()
 
 
+def precompile_logs() -> None:
+    """Go through a log without messages."""
+    table = np.zeros(1, np.int64)
+    scan_messages(np.frombuffer(b'', np.uint8), 0, table, KNOWN, table, table)
+
+
 def main() -> int:
     """Compile."""
     parts = (
         *(Compilation(name, 3.0, partial(precompile_filters, [name])) for name in FILTERS),
         Compilation('simulated chamber and device', 2.0, precompile_simulation),
+        Compilation('logs', 0.1, precompile_logs),
         Compilation('thermal model and bags', 1.0, thermal_comp.precompile.precompile),
     )
     run_tasks(parts, os.cpu_count() or 1)

@@ -44,6 +44,9 @@ GYROSCOPE, ACCELEROMETER, MAGNETOMETER = (
 PADDING = 528
 """Bytes at the end of a log that are no message: logs on flash chips end with a page."""
 
+ROWS_AT_A_TIME = 100_000
+"""Messages that are gathered at a time: where their bytes stand takes eight times their size."""
+
 Columns = Mapping[str, Any]
 
 
@@ -137,7 +140,11 @@ def _table(path: Path, reader: Any, name: str, *needed: str) -> dict[str, Any]:
     offsets = np.asarray(reader.offsets[number], np.int64) + 3
     offsets = offsets[offsets + types.itemsize <= reader.data_len]
     data = np.frombuffer(reader.data_map, np.uint8)
-    rows = data[offsets[:, None] + np.arange(types.itemsize)].view(types)[:, 0]
+    rows = np.empty(len(offsets), types)
+    for start in range(0, len(offsets), ROWS_AT_A_TIME):
+        some = slice(start, start + ROWS_AT_A_TIME)
+        places = offsets[some, None] + np.arange(types.itemsize)
+        rows[some] = data[places].view(types)[:, 0]
     columns = {}
     for column, factor in zip(form.columns, form.msg_mults, strict=True):
         values = rows[column]

@@ -22,6 +22,7 @@ from imu_recording.logs.flight_log import (
     check_columns,
     with_temperature,
 )
+from imu_recording.logs.ulog_stream import Topic, stream_topics
 from imu_recording.recording import FloatArray
 
 MAGIC = b'ULog\x01\x12\x35'
@@ -39,6 +40,10 @@ WAY_OUT = (
     'log every sensor at full rate: SDLOG_PROFILE bit 2 (thermal calibration), SDLOG_MODE 2 (from '
     'power-on)'
 )
+WHOLE_BELOW = 200_000_000
+"""Bytes up to which a file is read as a whole: its samples fit into memory as they are …"""
+MOST_ROWS = 1_000_000
+"""… and rows that are kept of each topic of a longer one, all IMUs together."""
 HARDWARE = ('ver_hw', 'ver_hw_subtype', 'ver_sw', 'ver_sw_branch', 'sys_mcu', 'sys_uuid')
 """What a log says of board and firmware."""
 
@@ -48,16 +53,17 @@ def is_ulog(start: bytes) -> bool:
     return start.startswith(MAGIC)
 
 
-def read_ulog(path: Path) -> FlightLog:
-    """Read a ULog; raise LogError where it is damaged beyond use, or lacks what is needed."""
-    log, said = _opened(path)
-    data = {(item.name, item.multi_id): item.data for item in log.data_list}
-    notes = []
-    if log.file_corruption or 'corruption' in said:
-        notes.append('the log is damaged: messages that could not be read are left out')
-    if log.dropouts:
-        lost = sum(dropout.duration for dropout in log.dropouts)
-        notes.append(f'{len(log.dropouts)} dropouts of the logger, {lost} ms in all')
+def read_ulog(
+    path: Path, *, whole_below: int = WHOLE_BELOW, most_rows: int = MOST_ROWS
+) -> FlightLog:
+    """Read a ULog; raise LogError where it is damaged beyond use, or lacks what is needed.
+
+    A file of `whole_below` bytes and more is read piece by piece; a topic with more than
+    `most_rows` samples in it as means of as many as it takes.
+    """
+    long = path.stat().st_size >= whole_below
+    log, said = _opened(path, header_only=long)
+    data, notes = _streamed(path, log, most_rows) if long else _held(log, said)
     for (topic, instance), item in data.items():
         check_columns(path, f'{topic} {instance}', item, ('timestamp', *COLUMNS[topic]))
     imus = _imus(path, data)
@@ -76,7 +82,44 @@ def read_ulog(path: Path) -> FlightLog:
     )
 
 
-def _opened(path: Path) -> tuple[Any, str]:
+def _held(log: Any, said: str) -> tuple[dict[Topic, Mapping[str, Any]], list[str]]:
+    """Return the topics of a log that was read as a whole, and what is said of it."""
+    damaged = log.file_corruption or 'corruption' in said
+    lost = sum(dropout.duration for dropout in log.dropouts)
+    data = {(item.name, item.multi_id): item.data for item in log.data_list}
+    return data, _damage_notes(damaged=damaged, dropouts=len(log.dropouts), lost_ms=lost)
+
+
+def _streamed(
+    path: Path, log: Any, most_rows: int
+) -> tuple[dict[Topic, Mapping[str, Any]], list[str]]:
+    """Return the topics of a long log as means, and what is said of it."""
+    columns = {name: (*COLUMNS[name], 'temperature', 'device_id') for name in TOPICS}
+    known = {name: tuple(dict.fromkeys(needed)) for name, needed in columns.items()}
+    try:
+        found = stream_topics(path, log.message_formats, known, most_rows)
+    except (KeyError, TypeError, ValueError) as error:
+        raise LogError(
+            f'{path}: damaged, cannot be read ({type(error).__name__}: {error})'
+        ) from None
+    notes = _damage_notes(
+        damaged=found.damaged > 0, dropouts=found.dropouts, lost_ms=found.dropout_ms
+    )
+    if found.averaged > 1:
+        notes.append(f'a long log: rows are means of {found.averaged} samples')
+    return dict(found.columns), notes
+
+
+def _damage_notes(*, damaged: bool, dropouts: int, lost_ms: int) -> list[str]:
+    notes = []
+    if damaged:
+        notes.append('the log is damaged: messages that could not be read are left out')
+    if dropouts:
+        notes.append(f'{dropouts} dropouts of the logger, {lost_ms} ms in all')
+    return notes
+
+
+def _opened(path: Path, *, header_only: bool) -> tuple[Any, str]:
     """Return the parsed log and what the parser printed."""
     try:
         from pyulog import ULog
@@ -89,7 +132,8 @@ def _opened(path: Path) -> tuple[Any, str]:
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said):
-            log = ULog(str(path), message_name_filter_list=list(TOPICS))
+            topics = list(TOPICS)
+            log = ULog(str(path), message_name_filter_list=topics, parse_header_only=header_only)
     except Exception as error:  # noqa: BLE001 (the parser raises whatever damage leads to)
         raise LogError(
             f'{path}: damaged, cannot be read ({type(error).__name__}: {error})'
