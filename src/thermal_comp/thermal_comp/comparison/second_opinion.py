@@ -2,17 +2,18 @@
 """A second opinion on the curves an autopilot fits to one log: what they leave, there and later.
 
 While the temperature only rises, every lag is a curve over temperature: the log cannot tell them
-apart, and a cubic takes both. What it then leaves when the board cools is predicted with a lag
-beside the cubic. Its coefficient has, where nothing is measured, the prior of a sensing element
-that follows the thermometer: as large as the slope over temperature; its time constant may be
-each of LAGS_S, or there is none. Given noise that is known, the coefficients of polynomial and
-lag are normally distributed for each time constant, and time constants weigh by their evidence
+apart, and a cubic takes both. What it then leaves when the board cools is predicted with a lag, or
+a hysteresis, beside the cubic. The lag's coefficient has, where nothing is measured, the prior of
+a sensing element that follows the thermometer: as large as the slope over temperature; that of a
+hysteresis is smaller. The time constant may be each of LAGS_S, the half-width each of
+HALF_WIDTHS_K, or there is neither. Given noise that is known, the coefficients are normally
+distributed for each of these, and they weigh by their evidence
 (MacKay, Information Theory, Inference, and Learning Algorithms, 2003, ch. 28).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +26,7 @@ from thermal_comp.data.preparation import PreparedRun, prepare_run
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.bias_temperature_curvature import BiasTemperatureCurvature
 from thermal_comp.effects.effect import Effect
+from thermal_comp.effects.thermal_hysteresis import ThermalHysteresis
 from thermal_comp.effects.thermal_lag import ThermalLag
 from thermal_comp.fitting.fit import fit_prepared, usable_sensors
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
@@ -40,10 +42,20 @@ POWERS = (BiasTemperature(), BiasTemperatureCurvature())
 """Effects that are a cubic together."""
 FLAT = 1e-6
 """Precision of their coefficients before the log is seen, of whitened columns of unit length."""
-LAGS_S = (30.0, 60.0, 120.0, 240.0, 480.0, 960.0)
-"""Time constants a lag may have [s]: package to enclosure."""
+LAGS_S = tuple(np.geomspace(15.0, 1200.0, 26).tolist())
+"""Time constants a lag may have [s]: package to enclosure, close enough together that the one
+between two of them is predicted as well."""
 LAG_BELIEF = 0.5
-"""Probability of a lag before the log is seen."""
+"""Probability of a lag before the log is seen …"""
+HALF_WIDTHS_K = tuple(np.geomspace(1.0, 10.0, 12).tolist())
+"""Half-widths a hysteresis may have [K]."""
+HYSTERESIS_BELIEF = 0.2
+"""… of a hysteresis …"""
+HYSTERESIS_SHARE = 0.2
+"""… and how large its coefficient is, as a rule, in slopes: a lag's is as large as the slope."""
+LEARNING_RATE = 0.1
+"""Weight of the evidence between forms of which none is exact (Grünwald and van Ommen, Bayesian
+Analysis 12(4), 2017): with 1 the prediction would be too sure (benchmarks/second_opinion.py)."""
 DRAWS = 400
 BAND = (2.5, 50.0, 97.5)
 """Percentiles of the prediction."""
@@ -181,11 +193,18 @@ def _when_cooling(
     noise = determined_noise([run], {sensor: POWERS})[0][sensor]
     design = CandidateDesign(ColumnSource([run]), sensor, noise, [])
     course = _there_and_back(run.block_conditions.of(sensor))
-    lags = [(), *((ThermalLag(seconds),) for seconds in LAGS_S)]
-    alternatives = [_Alternative(design, (*POWERS, *lag), course) for lag in lags]
-    belief = [1.0 - LAG_BELIEF, *[LAG_BELIEF / len(LAGS_S)] * len(LAGS_S)]
-    weight = np.array([one.log_evidence for one in alternatives]) + np.log(belief)
-    chosen = rng.choice(len(lags), DRAWS, p=np.exp(weight - log_sum(weight)))
+    histories: list[tuple[Effect | None, float]] = [(None, 0.0)]
+    histories += [(ThermalLag(seconds), 1.0) for seconds in LAGS_S]
+    histories += [(ThermalHysteresis((r,)), HYSTERESIS_SHARE) for r in HALF_WIDTHS_K]
+    alternatives = [_Alternative(design, effect, share, course) for effect, share in histories]
+    belief = [
+        1.0 - LAG_BELIEF - HYSTERESIS_BELIEF,
+        *[LAG_BELIEF / len(LAGS_S)] * len(LAGS_S),
+        *[HYSTERESIS_BELIEF / len(HALF_WIDTHS_K)] * len(HALF_WIDTHS_K),
+    ]
+    evidence = np.array([one.log_evidence for one in alternatives])
+    weight = LEARNING_RATE * evidence + np.log(belief)
+    chosen = rng.choice(len(histories), DRAWS, p=np.exp(weight - log_sum(weight)))
     subtracted, found = cubic.error(course.temperature), []
     for number in chosen:
         left = alternatives[number].drawn_error(rng) - subtracted
@@ -205,11 +224,12 @@ def _there_and_back(conditions: Conditions) -> Conditions:
 
 
 class _Alternative:
-    """A polynomial, with a lag or without, fitted to the log: coefficients and evidence."""
+    """A polynomial, with a lag, a hysteresis or without, fitted to the log: its evidence too."""
 
     def __init__(
-        self, design: CandidateDesign, effects: Sequence[Effect], course: Conditions
+        self, design: CandidateDesign, history: Effect | None, share: float, course: Conditions
     ) -> None:
+        effects = POWERS if history is None else (*POWERS, history)
         columns = [c for effect in effects for c in design.term(effect).columns]
         size = np.concatenate([design.size_of(design.term(effect)) for effect in effects])
         size = np.maximum(size, 1e-300)
@@ -220,9 +240,9 @@ class _Alternative:
             normal = design.normal[axis][np.ix_(columns, columns)]
             right = design.right[axis, columns]
             precision = np.full(len(columns), FLAT)
-            if len(effects) > len(POWERS):
+            if history is not None:
                 slope = right[0] / normal[0, 0] / size[0]
-                precision[-1] = 1.0 / max((slope * size[-1]) ** 2, 1e-12)
+                precision[-1] = 1.0 / max((share * slope * size[-1]) ** 2, 1e-12)
                 self.log_evidence += 0.5 * float(np.log(precision[-1]))
             lower = np.linalg.cholesky(normal + np.diag(precision))
             half = np.linalg.solve(lower, right)
