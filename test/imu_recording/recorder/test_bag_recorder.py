@@ -92,6 +92,10 @@ def test_an_interrupted_recording_is_continued(tmp_path: Path) -> None:
     os.close(first._open.descriptor)  # as a kill does
     second = BagRecorder(tmp_path / 'run', metadata=METADATA)
     assert list(second.repaired.values()) == [45]
+    second.close()
+    second = BagRecorder(tmp_path / 'run', metadata={'run': '3'})
+    assert second.metadata == METADATA | {'run': '3'}
+    second = BagRecorder(tmp_path / 'run', metadata=METADATA)
     feed(second, messages[45:])
     second.close()
     assert len(read_bag(tmp_path / 'run')) == 30

@@ -107,6 +107,16 @@ def qos_text(profiles: Sequence[Qos]) -> str:
     return yaml.safe_dump(list(profiles), sort_keys=False) if profiles else ''
 
 
+def known_metadata(folder: Path) -> dict[str, str]:
+    """Return the custom_data of a bag's metadata.yaml, nothing where it cannot be read."""
+    try:
+        content = yaml.safe_load((folder / 'metadata.yaml').read_text(encoding='utf-8'))
+        custom = content['rosbag2_bagfile_information']['custom_data'] or {}
+        return {str(key): str(value) for key, value in custom.items()}
+    except (OSError, yaml.YAMLError, KeyError, TypeError, AttributeError):
+        return {}
+
+
 def write_metadata(
     folder: Path,
     files: Sequence[RecordedFile],

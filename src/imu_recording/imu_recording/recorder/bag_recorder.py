@@ -13,7 +13,14 @@ from pathlib import Path
 from imu_recording.bags.mcap_repair import repair_mcap
 from imu_recording.bags.mcap_writer import McapStream
 from imu_recording.bags.message_types import definition_of
-from imu_recording.bags.metadata import Qos, RecordedFile, inspect_file, qos_text, write_metadata
+from imu_recording.bags.metadata import (
+    Qos,
+    RecordedFile,
+    inspect_file,
+    known_metadata,
+    qos_text,
+    write_metadata,
+)
 from imu_recording.logging_contract import PHASE_TOPIC, STRING
 from imu_recording.recording import BagError
 
@@ -76,6 +83,7 @@ class BagRecorder:
             file, types = inspect_file(path)
             self._files.append(file)
             self._types |= types
+        self.metadata = {**(known_metadata(self.folder) if old else {}), **self.metadata}
         self._next = 1 + max(map(_number, old), default=-1)
         if self.repaired:
             self._write_metadata()
