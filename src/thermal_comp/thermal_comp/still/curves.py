@@ -25,10 +25,9 @@ from thermal_comp.still.pool import YEAR_S, Pool, SensorCurve
 POOLED: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
 """Sensors of which rest in an unknown pose says something."""
 POSE_NOTE = (
-    'accelerometer: from rest in few poses; a change of scale with temperature is part of the bias'
+    'accelerometer: what its scale changes with temperature is part of the curve, in the poses in '
+    'which it rested'
 )
-LEAST_POSES = 0.3
-"""Smallest singular value of the mean square of gravity's directions that are many poses."""
 
 
 @dataclass(frozen=True, eq=False)
