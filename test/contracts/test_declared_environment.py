@@ -116,7 +116,7 @@ def test_an_optional_library_that_is_missing_is_named() -> None:
         'imu_recording',
         'from pathlib import Path\n'
         'from imu_recording.logs.ulog import _opened\n'
-        '_opened(Path("flight.ulg"))',
+        '_opened(Path("flight.ulg"), header_only=True)',
     )
     assert 'reading a ULog needs pyulog (pip install pyulog)' in done.stderr
 
