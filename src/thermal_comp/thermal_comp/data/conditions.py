@@ -19,6 +19,8 @@ REFERENCE_TEMPERATURE = 20.0
 
 STANDARD_GRAVITY = 9.80665
 """Specific force at rest [m/s²] where no local value is given."""
+EARTH_RATE = 7.292115e-5
+"""Rotation of the Earth [rad/s] (WGS 84)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,12 +107,18 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
     functions = [(function, per_run) for _, _, function, per_run in made]
     terms = design.generic_terms(functions, beside=range(design.width), runs=runs)
     return [
-        GenericRegressor(
-            row[0], row[1], term, betrayed, '' if betrayed else _suspect(design, row[0])
-        )
-        for row, term in zip(made, terms, strict=True)
-        for betrayed in [_betrayed(design, row[0], lost)]
+        _regressor(design, depends_on, name, term, lost)
+        for (depends_on, name, _, _), term in zip(made, terms, strict=True)
     ]
+
+
+def _regressor(
+    design: CandidateDesign, depends_on: str, name: str, term: ColumnGroup, lost: Sequence[str]
+) -> GenericRegressor:
+    """Return a regressor with the lost channel it would betray, or that may look like it."""
+    betrayed = _betrayed(design, depends_on, lost)
+    suspect = '' if betrayed else _suspect(design, depends_on, lost)
+    return GenericRegressor(depends_on, name, term, betrayed, suspect)
 
 
 def all_variables(design: CandidateDesign) -> ColumnGroup:
@@ -148,29 +154,27 @@ def lost_channels(design: CandidateDesign) -> list[str]:
 
 def lost_over_time(design: CandidateDesign) -> str:
     """Return the lost channel that may have any course over time, '' for none."""
-    return _suspect(design, 'time')
+    return _suspect(design, 'time', lost_channels(design))
 
 
-def _suspect(design: CandidateDesign, depends_on: str) -> str:
+def _suspect(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> str:
     """Return a lost channel that may have the course of a dependence by chance, '' for none.
 
     What is switched may have any course over time; the air leads the die in every ramp.
     """
-    lost = lost_channels(design)
-    air = any(
-        run.conditions.has(name)
-        for run in design.source.runs
-        for name in ('chamber_temperature', 'device_temperature')
-    )
-    machines = {'heater', 'compressor'} <= set(lost)
-    lost_names = ['chamber'] if machines else [c.removesuffix('_voltage') for c in lost]
-    if depends_on in {'time', 'phase', 'cycle'}:
-        return next(iter(lost_names), '')
+    machines = [c for c in lost if c in {'heater', 'compressor'}]
     if depends_on in {'rate', 'branch'}:
-        if not air:
-            return 'chamber_temperature'
-        return next((c for c in lost_names if c in {'chamber', 'heater', 'compressor'}), '')
-    return ''
+        air = any(
+            run.conditions.has(name)
+            for run in design.source.runs
+            for name in ('chamber_temperature', 'device_temperature')
+        )
+        candidates: Sequence[str] = machines if air else ['chamber_temperature']
+    else:
+        candidates = lost if depends_on in {'time', 'phase', 'cycle'} else []
+    if len(machines) == 2 and set(machines) <= set(candidates):
+        return 'chamber'
+    return candidates[0].removesuffix('_voltage') if candidates else ''
 
 
 def _betrayed(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> str:

@@ -15,7 +15,6 @@ from thermal_comp.diagnosis.candidates import Family, Form, families, form_of, m
 from thermal_comp.diagnosis.generic_regressors import (
     all_variables,
     generic_regressors,
-    lost_channels,
     lost_over_time,
 )
 from thermal_comp.diagnosis.nuisances import nuisance_priors, thermometer_errors
@@ -93,9 +92,7 @@ class EffectSet:
     log_prior: float
     """ln of its prior, of the effects and of their amplitudes."""
     explained: float
-    """Δχ² of the set together."""
-    weakest: float
-    """Least Δχ² that one of its effects adds to the others."""
+    """Δχ² of the set together; 0 where it was not fitted."""
 
     @property
     def names(self) -> Names:
@@ -111,7 +108,6 @@ class Addition:
     """ln of the evidence it adds, shapes and amplitude integrated."""
     peak: float
     """The same of its best form."""
-    delta_chi2: float
     component: Component
 
 
@@ -124,7 +120,6 @@ class SensorHypotheses:
         catalogue: Mapping[str, type[Effect]],
     ) -> None:
         self.design = design
-        self.lost = lost_channels(design)
         self.thermometer = thermometer_errors(design)
         """Columns of what an error of the thermometer does."""
         self._nuisances = nuisance_priors(design, self.thermometer)
@@ -158,9 +153,7 @@ class SensorHypotheses:
     def sets(self) -> list[EffectSet]:
         """Return the sets that were looked at, most probable first."""
         found: dict[Names, EffectSet] = {
-            (): EffectSet(
-                (), float(np.log(priors.NOTHING)), float(np.log(priors.NOTHING)), 0.0, 0.0
-            )
+            (): EffectSet((), float(np.log(priors.NOTHING)), float(np.log(priors.NOTHING)), 0.0)
         }
         grown = [found[()]]
         for size in range(1, MOST_EFFECTS + 1):
@@ -196,7 +189,7 @@ class SensorHypotheses:
                 elif not before.components:
                     prior = self.log_prior(1)
                     one = (addition.component,)
-                    larger[names] = EffectSet(one, prior + addition.log_gain, prior, 0.0, 0.0)
+                    larger[names] = EffectSet(one, prior + addition.log_gain, prior, 0.0)
         return larger
 
     def additions(self, before: EffectSet) -> dict[str, Addition]:
@@ -217,10 +210,10 @@ class SensorHypotheses:
         count = self._form_count(family)
         before = state.log_evidence
         integrals: list[float] = []
-        best: tuple[float, float, Component] | None = None
+        best: tuple[float, Component] | None = None
         for forms in _alike(family.forms):
             columns = np.array([[c for t in form.terms for c in t.columns] for form in forms])
-            evidence, gain = state.evidences(
+            evidence, _ = state.evidences(
                 columns, priors.AMPLITUDES, shared=forms[0].terms[0].shared
             )
             weighted = evidence + amplitude_prior - before
@@ -230,9 +223,9 @@ class SensorHypotheses:
             if best is None or each[k] > best[0]:
                 amplitude = float(priors.AMPLITUDES[int(np.argmax(weighted[k]))])
                 component = Component(forms[k], amplitude, count)
-                best = float(each[k]), float(gain[k].max()), component
+                best = float(each[k]), component
         assert best is not None  # noqa: S101 (no family is empty)
-        return Addition(log_sum(integrals), best[0], best[1], best[2])
+        return Addition(log_sum(integrals), *best)
 
     def _form_count(self, family: Family) -> int:
         """Return the number of forms that could have been chosen from."""
@@ -396,11 +389,6 @@ class SensorHypotheses:
             components, total = self._scaled(components, place)
             occam += total + self._shape_share(components, place)
         evidence, explained = self.log_evidence(components)
-        others = [
-            self._joint(components[:k] + components[k + 1 :], self._likeliest[1])[1]
-            for k in range(len(components))
-        ]
-        weakest = self._joint(components, self._likeliest[1])[1] - max(others)
         explained -= self._explained_by_nuisances
         prior = self.log_prior(len(components)) + self._amplitudes_log_prior(components)
         return EffectSet(
@@ -408,7 +396,6 @@ class SensorHypotheses:
             prior + evidence + occam - nothing,
             prior,
             max(explained, 0.0),
-            max(weakest, 0.0),
         )
 
     def _amplitudes_log_prior(self, components: Sequence[Component]) -> float:

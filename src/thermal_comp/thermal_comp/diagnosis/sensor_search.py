@@ -32,6 +32,8 @@ from thermal_comp.noise.of_runs import independent_axes, noise_beside, turned_ru
 
 BELIEVED = 0.8
 """Probability that something is missing from which it is said: a false word costs four missed."""
+DISPENSABLE = 0.5
+"""Odds from which a set that does with one effect less is said in place of the likeliest."""
 SURE_OF_NOTHING = 0.95
 """Probability that a sensor lacks nothing from which it need not be asked again."""
 TOLD_DIFFERENCE = 0.5
@@ -106,8 +108,7 @@ class SensorAnswer:
             return next(e for e in self.explanations if e.names == alone[kind])
         named = [e for e in self.explanations if e.names not in alone.values()]
         said = named[0]
-        doubt = (1.0 - BELIEVED) / BELIEVED
-        while fewer := next((e for e in named if _one_fewer(e, said, doubt)), None):
+        while fewer := next((e for e in named if _one_fewer(e, said)), None):
             said = fewer
         return said
 
@@ -127,10 +128,10 @@ class SensorAnswer:
         return tuple(c.form.effect for c in best.components)
 
 
-def _one_fewer(fewer: Explanation, said: Explanation, doubt: float) -> bool:
+def _one_fewer(fewer: Explanation, said: Explanation) -> bool:
     """Tell whether an explanation does with an effect less and is not unlikely beside `said`."""
     less = set(fewer.names) < set(said.names) and len(fewer.names) == len(said.names) - 1
-    return less and fewer.probability > doubt * said.probability
+    return less and fewer.probability > DISPENSABLE * said.probability
 
 
 def search_sensors(
@@ -210,7 +211,7 @@ class SensorSearches:
                 after = [hypotheses.speaks_for(s.components) for s in likeliest]
                 if np.ptp(np.subtract(after, before)) > TOLD_DIFFERENCE:
                     again[sensor] = self._answer(hypotheses, hypotheses.sets())
-                else:
+                else:  # the equations as they were, to which the answer belongs
                     hypotheses.inform(-told[sensor].normal, -told[sensor].right)
         return again
 

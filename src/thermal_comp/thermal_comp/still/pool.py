@@ -10,7 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 
-from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.conditions import EARTH_RATE, STANDARD_GRAVITY, Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
@@ -27,10 +27,8 @@ KINDS = int(GROUPS[-1]) + 1
 """Groups of columns of `empirical_term`; its first are the polynomials."""
 OPEN = 1e6
 """Prior standard deviation of a polynomial that decides nothing; its size is found here."""
-EARTH_RATE = 7.292115e-5
-"""[rad/s]."""
-GRAVITY, GRAVITY_STD = 9.80665, 0.015
-"""Standard gravity, and how far that of a place is from it [m/s²]."""
+GRAVITY_STD = 0.015
+"""How far the gravity of a place is from the standard one [m/s²]."""
 OFFSET_STD = 1.0
 """Zero-g level of an accelerometer [m/s²]."""
 USUAL: dict[Sensor, FloatArray] = {
@@ -252,7 +250,7 @@ class Pool:
         if self._age is not None:
             common = np.column_stack([common, up * self._age[rows, None]])
             std = np.append(std, [ageing] * 3)
-        return seen, np.full(k, GRAVITY), common, std, up @ up.T
+        return seen, np.full(k, STANDARD_GRAVITY), common, std, up @ up.T
 
     def model(self) -> SensorModel:
         """Return what was found as the model of the sensor."""

@@ -21,6 +21,7 @@ from imu_recording.recording import FloatArray, ImuRecording, IntArray
 from numpy.typing import NDArray
 
 from thermal_comp.data.binning import bin_means, bin_variances
+from thermal_comp.data.conditions import STANDARD_GRAVITY
 
 WINDOW_S = 1.0
 """Length of a window [s] …"""
@@ -40,7 +41,6 @@ LEAST_CHANGE = {'gyroscope': 5e-4, 'accelerometer': 5e-3}
 """Change of a mean that is none [rad/s, m/s²]: far below the slowest motion by hand."""
 FALL = 0.2
 """Specific force at rest is gravity within this share."""
-GRAVITY = 9.80665
 STEADY_TURN = 0.02
 """Mean rates of two stretches of a recording differ by less unless it turns in one [rad/s]."""
 LEAST_REST_S = 20.0
@@ -87,7 +87,7 @@ def find_rest(recording: ImuRecording, *, least_s: float = LEAST_REST_S) -> Rest
         resting &= scatter <= NOISE_FACTOR * noise[sensor] * (1.0 + chance)
         joined &= _alike(means[sensor], resting, LEAST_CHANGE[sensor])
     norm = np.linalg.norm(means['accelerometer'], axis=1)
-    resting &= np.abs(norm / GRAVITY - 1.0) < FALL
+    resting &= np.abs(norm / STANDARD_GRAVITY - 1.0) < FALL
     joined &= np.diff(recording.stamp[edges[:-1]]) < 2 * np.median(
         np.diff(recording.stamp[edges[:-1]])
     )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from imu_recording.recording import PHASES, SENSOR_UNITS, FloatArray
-from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.conditions import EARTH_RATE, Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.model.values import SensorModel, ThermalModel
@@ -27,8 +27,6 @@ from imu_workbench.report.certificate.replicates import Replicates, replicates
 from imu_workbench.report.laboratory import Laboratory
 from imu_workbench.report.modelled import RunErrors, errors_of_run
 
-EARTH_RATE = 7.292115e-5
-"""Rotation of the Earth [rad/s] (WGS 84)."""
 END_SHARE = 0.1
 """Share of the temperature range at each end that counts as its end."""
 NEAR_REFERENCE_K = 2.5
