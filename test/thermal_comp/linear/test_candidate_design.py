@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What effects look like in hindsight."""
+"""What effects look like in hindsight, and products of columns that are asked for."""
 
 import numpy as np
+from imu_recording.recording import ImuRecording
 from thermal_comp.data.conditions import Conditions
+from thermal_comp.diagnosis.inputs import prepare_inputs
 from thermal_comp.effects import EFFECTS
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
+from thermal_comp.model.values import NoiseModel
 
 STEP = 5.0
 TIME = np.arange(4000) * STEP
@@ -34,4 +38,43 @@ def test_other_effects_look_the_same_in_hindsight() -> None:
     effect = EFFECTS['thermal_lag']()
     np.testing.assert_array_equal(
         effect.columns_in_hindsight(conditions), effect.columns(conditions)[0]
+    )
+
+
+def design() -> CandidateDesign:
+    rng = np.random.default_rng(3)
+    still = rng.normal(0.0, 1.0, (len(TIME), 3))
+    stamp = (TIME * 1e9).astype(np.int64)
+    force, field = still + [0.0, 0.0, 9.8], 1e-6 * still
+    recording = ImuRecording(stamp, still, force, field, ramps(), up_axis='+z')
+    runs = prepare_inputs([recording]).runs
+    noise = NoiseModel(np.ones(3), np.zeros(0), np.zeros((0, 3)))
+    return CandidateDesign(ColumnSource(runs), 'gyroscope', noise, [EFFECTS['bias_temperature']()])
+
+
+def test_products_are_those_of_the_whitened_columns_whenever_they_are_asked_for() -> None:
+    made = design()
+    lags = [EFFECTS['thermal_lag'](time_constant=t) for t in (40.0, 90.0, 300.0)]
+    first = made.terms([lags[0], EFFECTS['temperature_rate']()])
+    with made.trials():
+        made.equations([*first[0].columns, *made.term(lags[1]).columns])
+    # What was tried is forgotten, and with it what was known of the place it stood in.
+    last = made.term(lags[2])
+    columns = [*first[0].columns, *first[1].columns, *last.columns]
+    for axis, whitened in enumerate(made.whitened_columns([*first, last])):
+        normal, right = (values[axis] for values in made.equations(columns))
+        np.testing.assert_allclose(normal, whitened.T @ whitened, atol=1e-12)
+        np.testing.assert_allclose(right, whitened.T @ made.target[axis], atol=1e-12)
+
+
+def test_what_others_tell_of_a_term_stays_when_further_products_are_computed() -> None:
+    made = design()
+    told = made.term(EFFECTS['thermal_lag'](time_constant=90.0))
+    before = made.equations(told.columns)[0]
+    made.inform(told, np.eye(len(told.columns)), np.ones(len(told.columns)))
+    after = made.equations(told.columns)[0]
+    assert (after != before).any()
+    made.term(EFFECTS['temperature_rate']())
+    np.testing.assert_array_equal(
+        made.products(told.columns)[0][:, told.columns][:, :, told.columns], after
     )

@@ -236,9 +236,7 @@ class _Alternative:
         self._columns = np.concatenate([e.columns(course)[0] for e in effects], axis=1) / size
         self._means, self._roots = np.zeros((3, len(columns))), []
         self.log_evidence = 0.0
-        for axis in range(3):
-            normal = design.normal[axis][np.ix_(columns, columns)]
-            right = design.right[axis, columns]
+        for axis, (normal, right) in enumerate(zip(*design.equations(columns), strict=True)):
             precision = np.full(len(columns), FLAT)
             if history is not None:
                 slope = right[0] / normal[0, 0] / size[0]

@@ -55,10 +55,13 @@ def families(design: CandidateDesign, catalogue: Mapping[str, type[Effect]]) -> 
     """Return the families of the catalogue whose channels were logged in every run."""
     tried = candidates(design, catalogue, campaign_of(design))
     design.terms([part for some in tried.values() for c in some for part in c.effect.parts()])
-    return [
+    made = [
         Family(catalogue[name], tuple(form_of(design, c.effect, c.run) for c in some))
         for name, some in tried.items()
     ]
+    for form in (form for family in made for form in family.forms if len(form.terms) > 1):
+        design.equations([column for term in form.terms for column in term.columns])
+    return made
 
 
 def candidates(

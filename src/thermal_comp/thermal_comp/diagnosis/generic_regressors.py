@@ -105,7 +105,7 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
             trace = partial(spans.chamber_power, settling)
             made.append(('chamber', 'heat and cold the chamber needs', trace, turned))
     functions = [(function, per_run) for _, _, function, per_run in made]
-    terms = design.generic_terms(functions, beside=range(design.width), runs=runs)
+    terms = design.generic_terms(functions, runs=runs)
     return [
         _regressor(design, depends_on, name, term, lost)
         for (depends_on, name, _, _), term in zip(made, terms, strict=True)
@@ -138,8 +138,7 @@ def all_variables(design: CandidateDesign) -> ColumnGroup:
         return np.concatenate(parts, axis=1)
 
     functions = [(columns, False)]
-    width = range(design.width)
-    return design.generic_terms(functions, beside=width, runs=design.source.smoothed)[0]
+    return design.generic_terms(functions, runs=design.source.smoothed)[0]
 
 
 def lost_channels(design: CandidateDesign) -> list[str]:

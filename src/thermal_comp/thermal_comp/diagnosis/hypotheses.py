@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -132,7 +131,6 @@ class SensorHypotheses:
         self.lost_over_time = lost_over_time(design)
         """Lost channel that may have any course over time; '' where none is."""
         self.rows = 3 * design.rows - design.base_rank
-        self._completed: set[tuple[int, ...]] = set()
         self._weigh_nuisances()
 
     def inform(self, normal: FloatArray, right: FloatArray) -> None:
@@ -244,20 +242,12 @@ class SensorHypotheses:
         `generic`: a generic regressor's coefficients are integrated out as well; `thermometer`:
         whether the thermometer's errors are.
         """
-        design = self.design
-        if generic is not None and generic.columns not in self._completed:
-            design.complete_products(generic.columns)
-            self._completed.add(generic.columns)
-        width = design.width
         nuisances = self._likeliest[1] if thermometer else self._likeliest[1][1:]
-        further = [generic] if generic is not None else []
-        return conditioned(
-            design.normal[:, :width, :width],
-            design.right[:, :width],
-            design.chi_square,
-            self.rows,
-            [*nuisances, *(c.prior for c in components), *further],
-        )
+        integrated = [*nuisances, *(c.prior for c in components)]
+        integrated += [generic] if generic is not None else []
+        design = self.design
+        normal, right = design.products([c for prior in integrated for c in prior.columns])
+        return conditioned(normal, right, design.chi_square, self.rows, integrated)
 
     def log_evidence(self, components: Sequence[Component]) -> tuple[float, float]:
         """Return ln evidence, nuisances integrated, and Δχ² beside them."""
@@ -272,14 +262,9 @@ class SensorHypotheses:
     def _joint(
         self, components: Sequence[Component], nuisances: Sequence[CoefficientPrior]
     ) -> tuple[float, float]:
-        design = self.design
-        return joint_evidence(
-            design.normal,
-            design.right,
-            design.chi_square,
-            self.rows,
-            [*nuisances, *(c.prior for c in components)],
-        )
+        together = [*nuisances, *(c.prior for c in components)]
+        normal, right = self.design.equations([c for prior in together for c in prior.columns])
+        return joint_evidence(normal, right, self.design.chi_square, self.rows, together)
 
     def evidence(self, components: Sequence[Component], name: str | None = None) -> float:
         """Return 2 ln of the Bayes factor of one effect in a set, or of the set."""
@@ -331,7 +316,7 @@ class SensorHypotheses:
             return known[form.effect]
 
         best = one.form
-        with self._trials(components):
+        with self.design.trials():
             for ratio in SHAPE_RATIOS:
                 for _ in range(MOST_MOVES):
                     near = moved_forms(self.design, best, ratio, each_way)
@@ -351,11 +336,6 @@ class SensorHypotheses:
         """Return the components with one in another form."""
         changed = replace(components[place], form=form)
         return [*components[:place], changed, *components[place + 1 :]]
-
-    def _trials(self, components: Sequence[Component]) -> AbstractContextManager[None]:
-        """Return a context for columns that are tried beside nuisances and components alone."""
-        beside = [c for prior in self._likeliest[1] for c in prior.columns]
-        return self.design.trials([*beside, *(c for one in components for c in one.columns)])
 
     def _scaled(self, components: list[Component], place: int) -> tuple[list[Component], float]:
         """Return the components with one's best amplitude, and ln of the sum over amplitudes.
@@ -414,7 +394,7 @@ class SensorHypotheses:
         if one.form.free == 0:
             return share
         here = self._likely(components)
-        with self._trials(components):
+        with self.design.trials():
             near = moved_forms(self.design, one.form, CURVATURE_RATIO, _unit_ways(one.form.free))
             trials = [self._likely(self._with(components, place, f)) for f in near if f]
             drops = [max(here - trial, 1e-3) for trial in trials]
@@ -436,7 +416,7 @@ class SensorHypotheses:
 def _leaves_a_trace(design: CandidateDesign, family: Family) -> bool:
     """Tell whether any column of the family is more than rounding beside the base model."""
     columns = [c for form in family.forms for term in form.terms for c in term.columns]
-    return bool((design.normal[:, columns, columns] > 0.0).any())
+    return bool((design.products(())[0][:, columns, columns] > 0.0).any())
 
 
 def _unit_ways(parameters: int) -> list[list[float]]:

@@ -59,7 +59,7 @@ __all__ = ['RANK_TOLERANCE', 'CandidateDesign', 'ColumnSource', 'ColumnGroup']
 
 TRANSPOSED_ROWS = 128
 """Rows that are transposed together: they stay in the processor's cache."""
-FIRST_COLUMN_CAPACITY = 1024
+FIRST_COLUMN_CAPACITY = 2048
 """Columns there is room for at first; memory that is not written to costs nothing."""
 
 
@@ -72,21 +72,12 @@ class ColumnGroup:
     """True where the three axes share the coefficients; else each axis has its own."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Partners:
-    """Columns of which products with new ones are computed, beside those made since."""
-
-    index: slice | list[int]
-    columns: FloatArray
-    """(3, k, rows)."""
-    first_new: int
-
-
 class CandidateDesign:
     """Whitened columns of one sensor, orthogonal to a base model, with their normal matrices.
 
     Rows of all runs stand below each other; every axis has a matrix of its own, because its noise
-    is its own and because an effect's column may differ between axes.
+    is its own and because an effect's column may differ between axes. Of the products of columns
+    those of one term are known at once; others are computed when they are first asked for.
     """
 
     def __init__(
@@ -117,11 +108,11 @@ class CandidateDesign:
         )
         self._terms: dict[Effect, ColumnGroup] = {}
         self._columns = np.zeros((3, FIRST_COLUMN_CAPACITY, self.rows))
-        self.normal = np.zeros((3, FIRST_COLUMN_CAPACITY, FIRST_COLUMN_CAPACITY))
+        self._normal = np.zeros((3, FIRST_COLUMN_CAPACITY, FIRST_COLUMN_CAPACITY))
+        self._known = np.zeros((FIRST_COLUMN_CAPACITY, FIRST_COLUMN_CAPACITY), dtype=bool)
         self.right = np.zeros((3, FIRST_COLUMN_CAPACITY))
         self._size = np.zeros(0)
         self.width = 0
-        self._partners: _Partners | None = None
         self._further_chi_square = 0.0
         levels = stack_runs([np.ones((len(slot), 1)) for slot in slots], per_run=True)
         known = [per_axis(levels)[0], self._thermometer_noise()]
@@ -132,37 +123,14 @@ class CandidateDesign:
         self.target = self._residual(measured)
 
     @contextmanager
-    def trials(self, beside: Sequence[int]) -> Iterator[None]:
-        """Forget, at the end, the columns made inside; products with `beside` alone are known.
-
-        Shapes are moved by the hundred, and products with all other columns are not needed.
-        """
+    def trials(self) -> Iterator[None]:
+        """Forget, at the end, the columns made inside: shapes are moved by the hundred."""
         before = self.width, self._size, self._terms
-        known = set(beside)
-        self._terms = {e: t for e, t in self._terms.items() if known.issuperset(t.columns)}
-        try:
-            with self._products_with(beside):
-                yield
-        finally:
-            self.width, self._size, self._terms = before
-
-    @contextmanager
-    def _products_with(self, columns: Sequence[int] | None) -> Iterator[None]:
-        """Compute products of new columns with these and each other alone; None: with all."""
-        if columns is not None:
-            index = slice(0, len(columns)) if columns == range(len(columns)) else list(columns)
-            self._partners = _Partners(index, self._columns[:, index], self.width)
+        self._terms = dict(self._terms)
         try:
             yield
         finally:
-            self._partners = None
-
-    def retarget(self, values: Sequence[FloatArray]) -> None:
-        """Take other values (m, 3) per run as what was measured; all rows must be valid."""
-        self.target = self._residual(values)
-        for axis in range(3):
-            filled = self._columns[axis, : self.width]
-            self.right[axis, : self.width] = filled @ self.target[axis]
+            self.width, self._size, self._terms = before
 
     def inform(self, term: ColumnGroup, normal: FloatArray, right: FloatArray) -> float:
         """Take equations of a shared term's coefficients, in their own units, as further rows.
@@ -175,7 +143,7 @@ class CandidateDesign:
         answer = np.linalg.pinv(further, rcond=1e-12, hermitian=True) @ (right * inverse)
         added = further @ answer
         index = list(term.columns)
-        self.normal[0][np.ix_(index, index)] += further
+        self._normal[0][np.ix_(index, index)] += further
         self.right[0, index] += added
         self._further_chi_square += float(answer @ added)
         return float(answer @ added)
@@ -204,32 +172,54 @@ class CandidateDesign:
     def generic_terms(
         self,
         functions: Sequence[tuple[Callable[[PreparedRun], FloatArray], bool]],
-        beside: Sequence[int] | None = None,
         runs: Sequence[PreparedRun] = (),
     ) -> list[ColumnGroup]:
         """Return the columns (m, p) or (m, 3, p) each function makes of a run; True: per run.
 
-        `runs` stand for those of the source, as with the smoothed temperature. Products of one
-        function's columns with another's are left out where `beside` says with which columns
-        they are needed; `complete_products` computes them later.
+        `runs` stand for those of the source, as with the smoothed temperature.
         """
         made = []
         for function, per_run in functions:
             parts = zip(runs or self.source.runs, self.valid, strict=True)
             columns = stack_runs([function(run)[ok] for run, ok in parts], per_run=per_run)
-            with self._products_with(beside):
-                start = self._append([per_axis(columns)[0]])
+            start = self._append([per_axis(columns)[0]])
             made.append(ColumnGroup(tuple(range(start, self.width))))
         return made
 
-    def complete_products(self, columns: Sequence[int]) -> None:
-        """Compute the products of columns with all others."""
+    def equations(self, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        """Return the normal matrices (3, k, k) of k columns and their right-hand sides (3, k)."""
         index = list(columns)
-        for axis in range(3):
-            filled = self._columns[axis, : self.width]
-            products = filled[index] @ filled.T
-            self.normal[axis][index, : self.width] = products
-            self.normal[axis][: self.width, index] = products.T
+        self._multiply(index, index)
+        return self._normal[:, np.array(index)[:, None], index], self.right[:, index]
+
+    def products(self, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        """Return normal matrices (3, c, c) and right-hand sides (3, c) of all columns, as views.
+
+        They hold the products of `columns` with all others and those of each term, no others.
+        """
+        index = list(columns)
+        self._multiply(index, range(self.width))
+        return self._normal[:, : self.width, : self.width], self.right[:, : self.width]
+
+    def _multiply(self, first: Sequence[int], second: Sequence[int]) -> None:
+        """Compute the products of columns with others that are not known yet."""
+        one, other = np.array(first, dtype=np.intp), np.array(second, dtype=np.intp)
+        for least_share in (0.5, 0.0):  # few columns with many others, then many with few
+            lacking = ~self._known[one[:, None], other]
+            rows = np.flatnonzero(lacking.sum(axis=1) > least_share * len(other))
+            if not len(rows):
+                continue
+            place = np.flatnonzero(lacking[rows].any(axis=0))
+            new = lacking[rows[:, None], place]
+            left, right = one[rows], other[place]
+            for columns, normal in zip(self._columns, self._normal, strict=True):
+                # Products that other sensors have informed are known and stay.
+                known = normal[left[:, None], right]
+                found = np.where(new, columns[left] @ columns[right].T, known)
+                normal[left[:, None], right] = found
+                normal[right[:, None], left] = found.T
+            self._known[left[:, None], right] = True
+            self._known[right[:, None], left] = True
 
     def size_of(self, term: ColumnGroup) -> FloatArray:
         """(p,) norm of the term's whitened columns before they were made one long."""
@@ -240,7 +230,7 @@ class CandidateDesign:
         own, common = self._split(terms)
         gain, rank, shared_normal, shared_right = self._eliminated(own, common)
         if common:
-            full = np.diag(self.normal.sum(axis=0))[common]
+            full = np.diag(self._normal.sum(axis=0))[common]
             answer, used = pseudo_solve(shared_normal, shared_right[:, None], full)
             gain += float(shared_right @ answer[:, 0])
             rank += used
@@ -270,33 +260,33 @@ class CandidateDesign:
     ) -> tuple[float, int, FloatArray, FloatArray]:
         """Return χ² and rank of each axis's own columns, and the equations of those shared."""
         gain, rank = 0.0, 0
-        normal, right = self.normal, self.right
-        size = len(common)
+        normal, right = self.equations([*own, *common])
+        first, size = len(own), len(common)
         shared_normal, shared_right = np.zeros((size, size)), np.zeros(size)
         for axis in range(3):
-            block, rows = normal[axis][np.ix_(own, own)], right[axis][own]
-            cross = normal[axis][np.ix_(own, common)]
+            rows, cross = right[axis, :first], normal[axis, :first, first:]
+            block = normal[axis, :first, :first]
             answer, used = pseudo_solve(block, np.column_stack([rows, cross]))
             gain += float(rows @ answer[:, 0])
             rank += used
-            shared_normal += normal[axis][np.ix_(common, common)] - cross.T @ answer[:, 1:]
-            shared_right += right[axis][common] - answer[:, 1:].T @ rows
+            shared_normal += normal[axis, first:, first:] - cross.T @ answer[:, 1:]
+            shared_right += right[axis, first:] - answer[:, 1:].T @ rows
         return gain, rank, shared_normal, shared_right
 
     def reduced(
         self, known: Sequence[int], columns: Sequence[int]
     ) -> tuple[FloatArray, FloatArray]:
         """Return normal matrices (3, k, k) and right-hand sides (3, k) with `known` taken out."""
-        size = len(columns)
-        normal, right = np.empty((3, size, size)), np.empty((3, size))
+        first = len(known)
+        normal, right = self.equations([*known, *columns])
+        left, left_right = normal[:, first:, first:].copy(), right[:, first:].copy()
         for axis in range(3):
-            block = self.normal[axis][np.ix_(known, known)]
-            cross = self.normal[axis][np.ix_(known, columns)]
-            rows = self.right[axis][list(known)]
-            answer, _ = pseudo_solve(block, np.column_stack([rows, cross]))
-            normal[axis] = self.normal[axis][np.ix_(columns, columns)] - cross.T @ answer[:, 1:]
-            right[axis] = self.right[axis][list(columns)] - cross.T @ answer[:, 0]
-        return normal, right
+            cross = normal[axis, :first, first:]
+            sides = np.column_stack([right[axis, :first], cross])
+            answer, _ = pseudo_solve(normal[axis, :first, :first], sides)
+            left[axis] -= cross.T @ answer[:, 1:]
+            left_right[axis] -= cross.T @ answer[:, 0]
+        return left, left_right
 
     def whitened_columns(self, terms: Sequence[ColumnGroup]) -> list[FloatArray]:
         """Return per axis the (rows, p) whitened columns, those shared last."""
@@ -375,22 +365,19 @@ class CandidateDesign:
         before, size = np.sqrt(before), np.sqrt(size)
         scale = np.where(size > 1e-6 * before, 1.0 / np.maximum(size, 1e-300), 0.0)
         self._size = np.concatenate([self._size, size])
-        partners = self._partners
+        self._known[start:stop] = self._known[:, start:stop] = False
         for axis in range(3):
-            filled = self._columns[axis]
-            new = filled[start:stop]
+            new = self._columns[axis, start:stop]
             new *= scale[:, None]
-            normal = self.normal[axis]
-            if partners is None:
-                normal[start:stop, :start] = new @ filled[:start].T
-            else:
-                normal[start:stop, :start] = 0.0
-                normal[start:stop, partners.index] = new @ partners.columns[axis].T
-                made = slice(partners.first_new, start)
-                normal[start:stop, made] = new @ filled[made].T
-            normal[:start, start:stop] = normal[start:stop, :start].T
-            normal[start:stop, start:stop] = new @ new.T
             self.right[axis, start:stop] = new @ self.target[axis]
+        first = start
+        for part in parts:
+            own = slice(first, first + part.shape[2])
+            for axis in range(3):
+                columns = self._columns[axis, own]
+                self._normal[axis, own, own] = columns @ columns.T
+            self._known[own, own] = True
+            first = own.stop
         return start
 
     def _grow(self, width: int) -> None:
@@ -398,5 +385,6 @@ class CandidateDesign:
         if width > room:
             more = max(room // 2, width - room)
             self._columns = np.pad(self._columns, ((0, 0), (0, more), (0, 0)))
-            self.normal = np.pad(self.normal, ((0, 0), (0, more), (0, more)))
+            self._normal = np.pad(self._normal, ((0, 0), (0, more), (0, more)))
+            self._known = np.pad(self._known, (0, more))
             self.right = np.pad(self.right, ((0, 0), (0, more)))

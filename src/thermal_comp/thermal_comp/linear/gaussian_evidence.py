@@ -14,10 +14,12 @@ after the other, and many forms of an effect are compared by small eigenproblems
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from imu_recording.jit import njit
 from imu_recording.recording import FloatArray, IntArray
 
 NOISE_ROWS = 10.0
@@ -40,7 +42,10 @@ class ConditionedDesign:
     """Normal equations of one sensor's columns, some of them integrated out."""
 
     normal: FloatArray
-    """(3, c, c)."""
+    """(3, c, c) before; of columns that are not integrated out, those of one form are enough."""
+    half: FloatArray
+    """(3, k, c) H: products between columns of one axis are less by HᵀH, because k coefficients
+    that each axis has for itself were integrated out."""
     right: FloatArray
     """(3, c)."""
     chi_square: float
@@ -57,6 +62,12 @@ class ConditionedDesign:
         """Evidence of what was integrated out so far."""
         return float(log_evidence(self.chi_square, self.log_determinant, self.rows))
 
+    def blocks(self, columns: IntArray) -> FloatArray:
+        """Return (3, f, p, p) the products that f forms of p columns (f, p) have left."""
+        half = self.half[:, :, columns].transpose(0, 2, 3, 1)
+        before = self.normal[:, columns[:, :, None], columns[:, None, :]]
+        return np.asarray(before - half @ half.transpose(0, 1, 3, 2))
+
     def evidences(
         self, columns: IntArray, deviations: FloatArray, *, shared: bool, beside: bool = False
     ) -> tuple[FloatArray, FloatArray]:
@@ -66,15 +77,14 @@ class ConditionedDesign:
         form adds, √Δχ², to what was integrated out.
         """
         forms = len(columns)
-        blocks = self.normal[:, columns[:, :, None], columns[:, None, :]]
-        right = self.right[:, columns]
+        blocks, right = self.blocks(columns), self.right[:, columns]
         half = self.coupling[:, :, columns].transpose(1, 2, 0, 3)
         if shared:
             blocks, right, half = (x.sum(axis=0, keepdims=True) for x in (blocks, right, half))
         if len(blocks) * columns.shape[1] <= half.shape[2]:
             blocks, right, half = _as_one_axis(blocks, right, half)
         # Blocks of axes are diagonalised by themselves; what couples them has a low rank.
-        values, vectors = np.linalg.eigh(blocks)
+        values, vectors = _eigen(blocks)
         values = np.maximum(values.transpose(1, 2, 0).reshape(forms, -1), 0.0)
         right = np.einsum('afij,afi->fja', vectors, right).reshape(values.shape)
         half = np.einsum('afij,afki->fkja', vectors, half)
@@ -93,6 +103,14 @@ class ConditionedDesign:
             self.chi_square - gain, self.log_determinant + determinant, self.rows
         )
         return np.asarray(evidence), gain
+
+
+def _eigen(blocks: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return eigenvalues and eigenvectors of symmetric blocks (a, f, p, p)."""
+    if blocks.shape[-1] == 1:
+        return blocks[..., 0], np.ones_like(blocks)
+    values, vectors = np.linalg.eigh(blocks)
+    return values, vectors
 
 
 def _as_one_axis(
@@ -125,24 +143,28 @@ def conditioned(
     First those whose coefficients each axis has for itself, then those the axes share.
     """
     index, deviation = _joined([p for p in priors if not p.shared])
-    normal, right, determinant = normal.copy(), right.copy(), 0.0
+    common, deviation_common = _joined([p for p in priors if p.shared])
+    right, determinant = right.copy(), 0.0
+    halves = np.empty((3, len(index), right.shape[1]))
+    crosses = np.empty((3, len(common), right.shape[1]))
     for axis in range(3):
         cross = normal[axis][index] * deviation[:, None]
         lower = np.linalg.cholesky(np.eye(len(index)) + cross[:, index] * deviation)
         half = np.linalg.solve(lower, np.column_stack([cross, right[axis][index] * deviation]))
-        normal[axis] -= half[:, :-1].T @ half[:, :-1]
+        halves[axis] = half[:, :-1]
+        crosses[axis] = normal[axis][common] - halves[axis][:, common].T @ halves[axis]
         right[axis] -= half[:, :-1].T @ half[:, -1]
         chi_square -= float(half[:, -1] @ half[:, -1])
         determinant += 2.0 * float(np.log(np.diag(lower)).sum())
-    index, deviation = _joined([p for p in priors if p.shared])
-    crosses = normal[:, index] * deviation[:, None]
-    lower = np.linalg.cholesky(np.eye(len(index)) + crosses.sum(axis=0)[:, index] * deviation)
+    crosses *= deviation_common[:, None]
+    inner = crosses.sum(axis=0)[:, common] * deviation_common
+    lower = np.linalg.cholesky(np.eye(len(common)) + inner)
     coupling = np.linalg.solve(lower, crosses).transpose(1, 0, 2)
-    answer = np.linalg.solve(lower, right.sum(axis=0)[index] * deviation)
+    answer = np.linalg.solve(lower, right.sum(axis=0)[common] * deviation_common)
     right = right - np.einsum('kac,k->ac', coupling, answer)
     chi_square -= float(answer @ answer)
     determinant += 2.0 * float(np.log(np.diag(lower)).sum())
-    return ConditionedDesign(normal, right, chi_square, determinant, rows, coupling)
+    return ConditionedDesign(normal, halves, right, chi_square, determinant, rows, coupling)
 
 
 def _joined(priors: Sequence[CoefficientPrior]) -> tuple[list[int], FloatArray]:
@@ -168,40 +190,45 @@ def joint_evidence(
     rows: int,
     priors: Sequence[CoefficientPrior],
 ) -> tuple[float, float]:
-    """Return ln evidence and Δχ² of columns together, those that the axes share as one."""
-    own = [
-        (c, s) for p in priors if not p.shared for c, s in zip(p.columns, p.deviation, strict=True)
-    ]
-    common = [
-        (c, s) for p in priors if p.shared for c, s in zip(p.columns, p.deviation, strict=True)
-    ]
-    index, deviation = [c for c, _ in own], np.array([s for _, s in own])
-    index_common, deviation_common = [c for c, _ in common], np.array([s for _, s in common])
-    shared_normal, shared_right = np.eye(len(common)), np.zeros(len(common))
-    left, determinant = chi_square, 0.0
-    for axis in range(3):
-        block, rows_right = normal[axis], right[axis]
-        between = block[np.ix_(index, index_common)] * np.outer(deviation, deviation_common)
-        if own:
-            inner = block[np.ix_(index, index)] * np.outer(deviation, deviation)
-            lower = np.linalg.cholesky(np.eye(len(own)) + inner)
-            half = np.linalg.solve(
-                lower, np.column_stack([rows_right[index] * deviation, between])
-            )
-            left -= float(half[:, 0] @ half[:, 0])
-            determinant += 2.0 * float(np.log(np.diag(lower)).sum())
-            shared_normal -= half[:, 1:].T @ half[:, 1:]
-            shared_right -= half[:, 1:].T @ half[:, 0]
-        shared_normal += block[np.ix_(index_common, index_common)] * np.outer(
-            deviation_common, deviation_common
-        )
-        shared_right += rows_right[index_common] * deviation_common
-    if common:
-        lower = np.linalg.cholesky(shared_normal)
-        half_shared = np.linalg.solve(lower, shared_right)
-        left -= float(half_shared @ half_shared)
-        determinant += 2.0 * float(np.log(np.diag(lower)).sum())
-    return float(log_evidence(left, determinant, rows)), chi_square - left
+    """Return ln evidence and Δχ² of columns together, those that the axes share as one.
+
+    `normal` (3, k, k) and `right` (3, k) are the equations of the columns of `priors`, in order.
+    """
+    shared = np.array([p.shared for p in priors for _ in p.columns], dtype=bool)
+    _, deviation = _joined(priors)
+    size = len(shared)
+    whole = np.zeros((3, size + 1, size + 1))
+    whole[:, :size, :size] = normal * np.outer(deviation, deviation)
+    whole[:, :size, size] = right * deviation
+    own = size - int(shared.sum())
+    order = np.append(np.argsort(shared, kind='stable'), size)
+    determinant, gain = _eliminated(whole.take(order, axis=1).take(order, axis=2), own)
+    return float(log_evidence(chi_square - gain, determinant, rows)), gain
+
+
+@njit(cache=True, nogil=True)
+def _eliminated(whole: FloatArray, own: int) -> tuple[float, float]:
+    """Return ln |I + Λ XᵀX| and Δχ² of equations (3, k + 1, k + 1), the right-hand side last.
+
+    Gaussian elimination of the upper triangles: of the first `own` unknowns in each axis, then,
+    in what is left of the three together, of those they share.
+    """
+    size = whole.shape[1]
+    determinant = 0.0
+    for axis in range(4):
+        if axis == 3:
+            for i in range(own, size):
+                for k in range(i, size):
+                    whole[0, i, k] += whole[1, i, k] + whole[2, i, k]
+        matrix = whole[axis % 3]
+        for j in range(own if axis == 3 else 0, size - 1 if axis == 3 else own):
+            pivot = matrix[j, j] + 1.0
+            determinant += math.log(pivot)
+            for i in range(j + 1, size):
+                factor = matrix[j, i] / pivot
+                for k in range(i, size):
+                    matrix[i, k] -= factor * matrix[j, k]
+    return determinant, -whole[0, size - 1, size - 1]
 
 
 def log_sum(values: FloatArray | Sequence[float]) -> float:
