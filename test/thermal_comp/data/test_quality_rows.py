@@ -40,6 +40,23 @@ def test_a_sensor_stuck_for_minutes_is_found_to_the_row(noise: float) -> None:
     np.testing.assert_array_equal(stuck, np.arange(5001, 5091))
 
 
+def ramped_counts(noise: float) -> np.ndarray:
+    """Return (20000, 3) counts of dwells and ramps, of white noise of that many counts."""
+    rng = np.random.default_rng(6)
+    ramps = np.interp(np.arange(20_000) % 5000, [0, 1500, 2500, 4000, 5000], [0, 0, 9, 9, 0])
+    return np.round(ramps[:, None] * [1.0, -0.7, 0.4] + 0.1 + rng.normal(0.0, noise, (20_000, 3)))
+
+
+def test_counts_much_coarser_than_the_noise_stand_still_in_dwells() -> None:
+    assert not stuck_rows(ramped_counts(0.12), PERIOD).any()
+
+
+def test_a_sensor_of_coarse_counts_that_was_stuck_leaves_by_more_than_one() -> None:
+    values = ramped_counts(0.12)
+    values[1600:2400] = values[1600]
+    assert stuck_rows(values, PERIOD)[1601:2400].all()
+
+
 def test_the_least_run_is_enough_where_nothing_repeats_by_chance() -> None:
     values = np.random.default_rng(3).normal(size=(20_000, 3))
     values[700 : 701 + STUCK_ROWS] = values[700]

@@ -22,6 +22,8 @@ from imu_recording import ImuRecording, read_bag
 
 BAGS = Path(__file__).parents[3] / 'bags'
 
+LONG_S = 3 * 12 * 3600.0
+
 
 def noise(white: float, flicker: float) -> NoiseModel:
     """Return the gyroscope's reference noise, its parts multiplied."""
@@ -43,13 +45,21 @@ def test_louder_bias_instability_is_found_whatever_the_rows_are() -> None:
 
 
 def test_white_noise_counts_only_where_the_bandwidth_is_known() -> None:
-    assert noise_above_reference(noise(5.0, 1.0), 'gyroscope') is None
-    known = noise_above_reference(noise(5.0, 1.0), 'gyroscope', bandwidth_known=True)
+    assert noise_above_reference(noise(5.0, 1.0), 'gyroscope', duration=LONG_S) is None
+    known = noise_above_reference(
+        noise(5.0, 1.0), 'gyroscope', duration=LONG_S, bandwidth_known=True
+    )
     assert known is not None
     assert known.white_ratio == pytest.approx(5.0)
-    coloured = noise_above_reference(noise(5.0, 2.0), 'gyroscope')
+    coloured = noise_above_reference(noise(5.0, 2.0), 'gyroscope', duration=LONG_S)
     assert coloured is not None
     assert coloured.evidence < known.evidence
+
+
+def test_twenty_minutes_tell_too_little_of_slow_noise_to_call_it_loud() -> None:
+    assert noise_above_reference(noise(1.0, 2.0), 'gyroscope', duration=1200.0) is None
+    much = noise_above_reference(noise(1.0, 10.0), 'gyroscope', duration=1200.0)
+    assert much is not None
 
 
 def clocked(slope: float, *, gap_every: int | None) -> ImuRecording:

@@ -12,7 +12,7 @@ from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording, Rec
 from numpy.typing import NDArray
 
 from thermal_comp.data.binning import vibration_of
-from thermal_comp.data.conditions import SENSORS, Conditions, Sensor, field_conditions
+from thermal_comp.data.conditions import PER_RUN, SENSORS, Conditions, Sensor, field_conditions
 from thermal_comp.effects.effect import Effect, State, columns_from
 from thermal_comp.model.file import check_device, model_label
 from thermal_comp.model.values import SensorModel, ThermalModel
@@ -165,7 +165,7 @@ def _unknown_rows(effect: Effect, conditions: Conditions) -> NDArray[np.bool_]:
         values: Any = getattr(conditions, channel)
         if values is None:
             return np.ones(len(conditions), dtype=bool)
-        if channel != 'orientation':
+        if channel not in PER_RUN:
             unknown |= ~np.isfinite(values).reshape(len(unknown), -1).all(axis=1)
     return unknown
 

@@ -48,6 +48,8 @@ class Conditions:
     """[°C]."""
     orientation: FloatArray | None = None
     """(3, 3) rotation from the chamber's frame into the sensor's; None where unknown."""
+    hard_iron: FloatArray | None = None
+    """(3,) constant offset in `magnetic_field` [T]; None where no orientations tell it."""
     chamber_temperature: FloatArray | None = None
     device_temperature: FloatArray | None = None
     humidity: FloatArray | None = None
@@ -87,7 +89,7 @@ class Conditions:
         taken: dict[str, Any] = {
             item.name: value[selection]
             for item in fields(self)
-            if item.name not in ('orientation',)
+            if item.name not in PER_RUN
             and isinstance(value := getattr(self, item.name), np.ndarray)
         }
         return replace(self, **taken)
@@ -98,6 +100,8 @@ class Conditions:
         return value is not None and bool(np.isfinite(value).any())
 
 
+PER_RUN = ('orientation', 'hard_iron')
+"""Conditions that are one for all samples of a run."""
 CHANNELS = tuple(
     name for name in OPTIONAL_FIELDS if name in {item.name for item in fields(Conditions)}
 )

@@ -28,6 +28,8 @@ OTHERS_SIGMA = 6.0
 """Other axes stay within this where a bit went wrong on one."""
 PULSE = 0.02
 """Share of a switching channel's range by which it stands out of its neighbours."""
+COARSE_SHARE = 0.95
+"""Changes of one count among all from which counts are coarser than the noise."""
 PILE = 10
 """At least this many values at the very extreme are a rail."""
 PILE_RATIO = 3.0
@@ -35,7 +37,11 @@ PILE_RATIO = 3.0
 
 
 def stuck_rows(values: FloatArray, period: float) -> BoolArray:
-    """Return the rows (n,) in which all axes repeat the row before, for long enough."""
+    """Return the rows (n,) in which all axes repeat the row before, for long enough.
+
+    Counts coarser than the noise repeat themselves while nothing changes, and leave a stretch by
+    one count: what leaves it by more was stuck.
+    """
     same = np.zeros(len(values) + 2, dtype=bool)
     for rows in pieces(len(values) - 1):
         behind = slice(rows.start + 1, rows.stop + 1)
@@ -44,11 +50,32 @@ def stuck_rows(values: FloatArray, period: float) -> BoolArray:
     runs = np.flatnonzero(same[1:] != same[:-1]).reshape(-1, 2)
     least = max(STUCK_ROWS, int(np.ceil(STUCK_S / period)))
     needed = _needed_repeats(runs[:, 1] - runs[:, 0], len(values), least)
+    count = _coarse_counts(values)
     for start, stop in runs:
-        if stop - start >= needed:
+        after = values[stop : stop + 1]
+        jumps = len(after) and bool((np.abs(after[0] - values[start]) > 1.5 * count).any())
+        if stop - start >= needed and (jumps or not count.all()):
             stuck[start:stop] = True
     # A constant triad is no log.
     return stuck & bool(stuck.mean() < 0.9)
+
+
+def _coarse_counts(values: FloatArray) -> FloatArray:
+    """Return (3,) one count of each axis whose noise hardly ever passes it; 0 elsewhere.
+
+    ∞ where an axis never changes.
+    """
+    counts = np.zeros(values.shape[1])
+    rows = some_rows(len(values) - 1)
+    with np.errstate(invalid='ignore'):
+        steps = np.abs(values[rows + 1] - values[rows])
+    for axis, column in enumerate(steps.T):
+        moved = column[column > 0.0]
+        if not len(moved):
+            counts[axis] = np.inf
+        elif (moved < 1.5 * moved.min()).mean() > COARSE_SHARE:
+            counts[axis] = moved.min()
+    return counts
 
 
 def _needed_repeats(lengths: NDArray[np.int64], rows: int, least: int) -> int:

@@ -23,12 +23,14 @@ from imu_recording.synchronise import longest_stretch
 
 from thermal_comp.data.binning import bin_means, bin_variances
 from thermal_comp.data.conditions import (
+    PER_RUN,
     SENSORS,
     Conditions,
     Sensor,
     mounting_rotation,
     static_conditions,
 )
+from thermal_comp.data.hard_iron import hard_iron_of
 from thermal_comp.data.quality import without_spikes
 from thermal_comp.data.startup import cut_startup
 from thermal_comp.effects.effect import Effect
@@ -107,7 +109,7 @@ class PreparedRun:
             item.name: self.block_mean(value)
             for item in fields(self.conditions)
             if isinstance(value := getattr(self.conditions, item.name), np.ndarray)
-            and item.name not in ('orientation', 'phase', 'cycle')
+            and item.name not in (*PER_RUN, 'phase', 'cycle')
         }
         return replace(self.conditions, phase=self.phase, cycle=self.cycle, **taken)
 
@@ -156,7 +158,15 @@ def prepare(
         )
         for number, recording in enumerate(recordings, 1)
     ]
-    return in_common_blocks(runs) if period is None else runs
+    return in_one_place(in_common_blocks(runs) if period is None else runs)
+
+
+def in_one_place(runs: Sequence[PreparedRun]) -> list[PreparedRun]:
+    """Return runs of one device in one field, with what they tell together of its hard iron."""
+    offset = hard_iron_of([run.conditions for run in runs])
+    if offset is None:
+        return list(runs)
+    return [replace(run, conditions=replace(run.conditions, hard_iron=offset)) for run in runs]
 
 
 def run_name(recording: ImuRecording, number: int, taken: dict[str, int]) -> str:

@@ -22,11 +22,14 @@ from imu_recording.thermometer import (
 from scipy.signal import lfilter
 
 from thermal_comp.data.defective_rows import BoolArray, some_rows
+from thermal_comp.linear.columns import orthonormal, project_out
 
 MISSING_SHARE = 0.005
 """Rows without a temperature are a fault from this share of all."""
-CHAMBER_MOVES = 5.0
-"""A thermometer that stands still while its chamber changes by so much has failed [K]."""
+SLOWEST_DIE_S = 1800.0
+"""No die follows its surroundings with a longer time constant [s]."""
+DIE_MOVES = 1.0
+"""A thermometer that stands still while the slowest die would move by so much has failed [K]."""
 COPIED_SHARE = 0.9
 """Share of a thermometer's values that are, bit for bit, another sensor's of the time."""
 COPIED_VALUES = 10
@@ -37,8 +40,12 @@ SCALE_SPAN = 10.0
 """Change of the surroundings from which that ratio is judged [K]."""
 SCALE_FIT = 0.8
 """Least share of the die's variance that follows the surroundings."""
-LAGS_S = (0.0, 60.0, 200.0, 600.0, 1800.0)
-"""The die follows with one of these time constants, or one near [s]."""
+LAGS_S = (0.0, 60.0, 200.0, 600.0, 1800.0, 5400.0)
+"""The die follows with one of these time constants, or one near [s] …"""
+WARMING_S = (60.0, 300.0, 1200.0)
+"""… and warms by itself after power-on with these."""
+SCALE_MISFIT = 4.0
+"""A scale is wrong where every one that may be leaves so many times the variance."""
 CLOCK_STEPS_NS = (1_000_000_000, 100_000_000, 10_000_000, 1_000_000)
 """Resolutions of a clock that are looked for [ns]."""
 CLOCK_SHARE = 0.2
@@ -81,8 +88,8 @@ def _thermometer(recording: ImuRecording) -> Iterator[InstrumentFault]:
     if len(measured) < FEWEST:
         return
     if is_constant(measured):
-        moved = max((_span(getattr(recording, name)) for name in OTHER_SENSORS), default=0.0)
-        if recording.time[-1] >= CONSTANT_S or moved > CHAMBER_MOVES:
+        moved = max((_span(track) for track in _slowest_dies(recording)), default=0.0)
+        if recording.time[-1] >= CONSTANT_S or moved > DIE_MOVES:
             text = f'always {measured[0]:g} °C: no dependence on temperature can be fitted'
             yield InstrumentFault('thermometer_constant', every, False, text)
         return
@@ -126,17 +133,34 @@ def _span(values: FloatArray | None) -> float:
 
 
 def _stuck_rows(recording: ImuRecording) -> BoolArray:
-    """Return the rows (n,) of one value during which the surroundings change a lot."""
+    """Return the rows (n,) of one value during which the slowest die would move."""
     values = recording.temperature
     stuck = np.zeros(len(values), dtype=bool)
     edges = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0.0) + 1, [len(values)]))
     long = np.flatnonzero(np.diff(edges) >= FEWEST)
+    slowest = _slowest_dies(recording) if len(long) else []
     for start, stop in zip(edges[long].tolist(), edges[long + 1].tolist(), strict=True):
-        for name in OTHER_SENSORS:
-            track = getattr(recording, name)
-            if track is not None and _span(track[start:stop]) > CHAMBER_MOVES:
-                stuck[start:stop] = True
+        if any(_span(track[start:stop]) > DIE_MOVES for track in slowest):
+            stuck[start:stop] = True
     return stuck & np.isfinite(values)
+
+
+def _slowest_dies(recording: ImuRecording) -> list[FloatArray]:
+    """Return (n,) temperature of the slowest die in each of the surroundings that were logged."""
+    period = float(np.median(np.diff(recording.time)))
+    made = []
+    for track in (getattr(recording, name) for name in OTHER_SENSORS):
+        if track is not None and (known := np.isfinite(track)).any():
+            around = np.interp(recording.time, recording.time[known], track[known])
+            made.append(_lagged(around, period, SLOWEST_DIE_S))
+    return made
+
+
+def _lagged(around: FloatArray, period: float, lag: float) -> FloatArray:
+    """Return (n,) what follows its surroundings with a lag [s]."""
+    share = -np.expm1(-period / lag) if lag else 1.0
+    followed, _ = lfilter([share], [1.0, share - 1.0], around, zi=around[:1] * (1.0 - share))
+    return np.asarray(followed)
 
 
 def _copied_from(recording: ImuRecording) -> str:
@@ -166,23 +190,31 @@ def _wrong_scale(recording: ImuRecording) -> float:
         around, die, time = around[known], die[known], time[known]
         if len(die) < FEWEST or np.ptp(around) < SCALE_SPAN or np.ptp(die) == 0.0:
             continue
-        period = float(np.median(np.diff(time)))
-        ratio, share = max(
-            (_followed(around, die, period, lag) for lag in LAGS_S), key=lambda found: found[1]
-        )
-        return ratio if share > SCALE_FIT and not SCALE[0] < ratio < SCALE[1] else 0.0
+        return _scale_that_cannot_be(around, die, time)
     return 0.0
 
 
-def _followed(
-    around: FloatArray, die: FloatArray, period: float, lag: float
-) -> tuple[float, float]:
-    """Return slope and share of variance of the die (n,) over its surroundings with a lag [s]."""
-    share = -np.expm1(-period / lag) if lag else 1.0
-    start = around[:1] * (1.0 - share)
-    followed = lfilter([share], [1.0, share - 1.0], around, zi=start)[0]
-    slope = float(np.polyfit(followed - followed.mean(), die, 1)[0])
-    return slope, float(np.corrcoef(followed, die)[0, 1]) ** 2
+def _scale_that_cannot_be(around: FloatArray, die: FloatArray, time: FloatArray) -> float:
+    """Return the die's scale (n,) over its surroundings; 0 where one that may be fits as well.
+
+    The die follows with some lag, its own warmth after power-on beside it.
+    """
+    period = float(np.median(np.diff(time)))
+    warming = [np.exp(-(time - time[0]) / seconds) for seconds in WARMING_S]
+    beside = orthonormal(np.stack([np.ones(len(time)), *warming], axis=1))
+    moved = project_out(beside, die[:, None])[:, 0]
+    free, possible = [], []
+    for lag in LAGS_S:
+        followed = project_out(beside, _lagged(around, period, lag)[:, None])[:, 0]
+        power = max(float(followed @ followed), 1e-12)
+        ratio = float(followed @ moved) / power
+        near = float(np.clip(ratio, *SCALE))
+        left = float(moved @ moved) - ratio**2 * power
+        free.append((left, ratio))
+        possible.append(left + (ratio - near) ** 2 * power)
+    least, ratio = min(free)
+    follows = least < (1.0 - SCALE_FIT) * float(((die - die.mean()) ** 2).sum())
+    return ratio if follows and min(possible) > SCALE_MISFIT * least else 0.0
 
 
 def _clock(recording: ImuRecording) -> Iterator[InstrumentFault]:

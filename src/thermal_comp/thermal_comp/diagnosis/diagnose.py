@@ -92,7 +92,11 @@ def diagnose_prepared(
         findings += effect_findings(sensor, answer, current, explained)
         findings += unnamed_findings(sensor, answer, current)
     loud = noise_findings(
-        noise, current, settings.reference, bandwidth_known=settings.bandwidth_known
+        noise,
+        current,
+        settings.reference,
+        duration=sum(len(run) * run.period for run in runs),
+        bandwidth_known=settings.bandwidth_known,
     )
     return Diagnosis(
         device=current.device,

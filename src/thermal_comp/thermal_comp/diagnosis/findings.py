@@ -162,15 +162,23 @@ def noise_findings(
     current: Comparison,
     reference: Mapping[str, NoiseModel] | None,
     *,
+    duration: float,
     bandwidth_known: bool = False,
 ) -> dict[Sensor, Finding]:
-    """Return what is too high in the noise, by sensor; nothing of a chip without reference."""
+    """Return what is too high in the noise, by sensor; nothing of a chip without reference.
+
+    `duration` [s] is that of all runs together.
+    """
     findings: dict[Sensor, Finding] = {}
     if reference is None and not is_reference_chip(noise):
         return findings
     for sensor, model in noise.items():
         above = noise_above_reference(
-            model, sensor, (reference or {}).get(sensor), bandwidth_known=bandwidth_known
+            model,
+            sensor,
+            (reference or {}).get(sensor),
+            duration=duration,
+            bandwidth_known=bandwidth_known,
         )
         if above is None:
             continue

@@ -10,7 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording
 
-from thermal_comp.data.preparation import PreparedRun, in_common_blocks, prepare_run, run_name
+from thermal_comp.data.preparation import (
+    PreparedRun,
+    in_common_blocks,
+    in_one_place,
+    prepare_run,
+    run_name,
+)
 from thermal_comp.data.quality import (
     QualityFinding,
     check_recording,
@@ -75,7 +81,9 @@ def prepare_inputs(
     for number, finding in wrong_units(scales, names, findings):
         findings.append(replace(finding, rows=len(runs[number].conditions)))
         runs[number] = _without(runs[number], finding)
-    return DiagnosisInputs(runs, merged(findings), slope_of_windows(windows), all(known))
+    return DiagnosisInputs(
+        in_one_place(runs), merged(findings), slope_of_windows(windows), all(known)
+    )
 
 
 def _read_ahead(recordings: Iterable[ImuRecording]) -> Iterator[ImuRecording]:

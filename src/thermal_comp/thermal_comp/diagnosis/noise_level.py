@@ -22,12 +22,12 @@ SAME_CHIP_RATIO = 1.5
 """White noise of devices of one chip differs by less: 20 % is usual."""
 WALK_RATIO = 3.0
 """A random walk's slow processes exceed the reference by this much more than its fast ones."""
-LOG_RATIO_STD = 0.1
-"""Standard deviation of the logarithm of a ratio over identical campaigns."""
+LOG_RATIO_STD = 0.18
+"""Standard deviation of the logarithm of a ratio over devices of one chip, each seen for long."""
 SLOWEST_SAMPLES_S = 0.1
 """Single samples further apart than this may fold the sensor's band into theirs [s]."""
-REPORTED_EVIDENCE = (np.log(REPORTED_RATIO) / LOG_RATIO_STD) ** 2
-"""Evidence of a ratio of REPORTED_RATIO."""
+REPORTED_EVIDENCE = 9.0
+"""Evidence from which noise is reported: three standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -75,9 +75,13 @@ def noise_above_reference(
     sensor: Sensor,
     reference: NoiseModel | None = None,
     *,
+    duration: float,
     bandwidth_known: bool = False,
 ) -> NoiseFinding | None:
     """Return what is too high, averaged over the axes; None where nothing is.
+
+    `duration` [s] is that of all runs together: a process of time constant τ is seen duration / 2τ
+    times on each axis, so that in twenty minutes the slow ones are hardly known.
 
     White noise is compared only where `bandwidth_known`: rows that are means, or samples fast
     enough. Single samples slower than the sensor's output fold its whole band into theirs, so
@@ -100,12 +104,20 @@ def noise_above_reference(
     ratios = amplitude / np.maximum(flicker, 1e-300)
     white_ratio = _rms(noise.white) / white
     flicker_ratio = _rms(ratios)
-    highest = max(white_ratio, flicker_ratio) if bandwidth_known else flicker_ratio
-    if highest < REPORTED_RATIO:
+    seen = 3.0 * duration / (2.0 * noise.time_constants)
+    variance = 0.5 * float((1.0 / seen).sum()) / len(seen) ** 2
+    evidences = [_evidence(flicker_ratio, LOG_RATIO_STD**2 + variance)]
+    evidences += [_evidence(white_ratio, LOG_RATIO_STD**2)] if bandwidth_known else []
+    if max(evidences) < REPORTED_EVIDENCE:
         return None
     fast, slow = _rms(ratios[:3]), _rms(ratios[-3:])
     name = 'random_walk' if slow > WALK_RATIO * max(fast, 0.5) else None
-    return NoiseFinding(name, white_ratio, flicker_ratio, (np.log(highest) / LOG_RATIO_STD) ** 2)
+    return NoiseFinding(name, white_ratio, flicker_ratio, max(evidences))
+
+
+def _evidence(ratio: float, variance: float) -> float:
+    """Return how many variances the logarithm of a ratio is above nought; 0 for small ones."""
+    return float(np.log(ratio)) ** 2 / variance if ratio > REPORTED_RATIO else 0.0
 
 
 def _rms(values: np.ndarray) -> float:

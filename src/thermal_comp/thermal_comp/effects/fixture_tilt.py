@@ -47,7 +47,9 @@ class FixtureTilt(Effect):
     ) -> tuple[FloatArray, State | None]:
         """Return (n, 3, 3): x · (R e_k) × u for a turn about each chamber axis."""
         assert conditions.orientation is not None  # noqa: S101 (declared in channels)
-        columns = np.cross(
-            conditions.orientation.T[None, :, :], conditions.true_input[:, None, :]
-        ).transpose(0, 2, 1)
+        felt = conditions.true_input
+        if conditions.sensor == 'magnetometer' and conditions.hard_iron is not None:
+            felt = felt - conditions.hard_iron  # the offset turns with the device
+        columns = np.cross(conditions.orientation.T[None, :, :], felt[:, None, :])
+        columns = columns.transpose(0, 2, 1)
         return conditions.temperature_difference[:, None, None] * columns, None

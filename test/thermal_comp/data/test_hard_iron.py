@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs in several orientations tell the magnetometer's offset from the field."""
+
+import numpy as np
+import pytest
+from thermal_comp.data.conditions import Conditions, mounting_rotation
+from thermal_comp.data.hard_iron import hard_iron_of
+from thermal_comp.effects import EFFECTS
+
+FIELD, OFFSET = np.array([2.1e-5, -0.4e-5, -4.3e-5]), np.array([1.5e-5, -2.2e-5, 0.7e-5])
+
+
+def run(up: str, *, bent: float = 0.0) -> Conditions:
+    rotation = mounting_rotation(up)
+    reading = rotation @ FIELD + OFFSET + bent * np.array([1.0, 0.0, 0.0])
+    still = np.zeros((50, 3))
+    temperature = np.linspace(-10.0, 50.0, 50)
+    return Conditions(
+        np.arange(50.0), temperature, still, still, np.tile(reading, (50, 1)), orientation=rotation
+    )
+
+
+def test_four_orientations_tell_all_of_it() -> None:
+    found = hard_iron_of([run(up) for up in ('+x', '+y', '+z', '-z')])
+    np.testing.assert_allclose(found, OFFSET, atol=1e-12)
+
+
+def test_three_turns_about_one_axis_leave_its_share_along_the_axis_open() -> None:
+    found = hard_iron_of([run(up) for up in ('+x', '+y', '+z')])
+    assert found is not None
+    axis = np.ones(3) / np.sqrt(3.0)
+    along = (found - OFFSET) @ axis
+    np.testing.assert_allclose(found - OFFSET, along * axis, atol=1e-12)
+    assert along == pytest.approx(0.5 * (FIELD - OFFSET) @ axis)
+
+
+@pytest.mark.parametrize(
+    'runs',
+    [
+        [],
+        [run('+x')],
+        [run('+x'), run('+x')],
+        [run('+x'), run('+y', bent=9e-5), run('+z'), run('-z', bent=-9e-5)],
+    ],
+    ids=['none', 'one', 'twice the same', 'no one field'],
+)
+def test_what_does_not_tell_it_says_so(runs: list[Conditions]) -> None:
+    assert hard_iron_of(runs) is None
+
+
+def test_a_tilt_turns_the_field_and_not_the_offset() -> None:
+    tilt = EFFECTS['fixture_tilt']()
+    run_x = run('+x').of('magnetometer')
+    rotation = run_x.orientation
+    assert rotation is not None
+    known = Conditions(**{**vars(run_x), 'hard_iron': OFFSET})
+    turned = tilt.columns(known)[0] @ [1e-4, -2e-4, 3e-4]
+    expected = rotation @ np.cross([1e-4, -2e-4, 3e-4], FIELD)
+    np.testing.assert_allclose(
+        turned, known.temperature_difference[:, None] * expected, atol=1e-15
+    )
