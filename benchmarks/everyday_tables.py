@@ -407,7 +407,8 @@ def intervals(rows: Sequence[Row]) -> list[bool]:
                 continue
             for name, stated in (finding.get('parameters') or {}).items():
                 value = true[finding['name']].get(name)
-                if isinstance(value, float) and stated.get('std'):
+                alone = isinstance(value, float) and isinstance(stated['value'], float)
+                if alone and stated.get('std'):
                     held.append(abs(stated['value'] - value) <= 2.0 * stated['std'])
     return held
 
