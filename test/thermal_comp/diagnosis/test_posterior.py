@@ -106,8 +106,12 @@ def test_a_course_over_time_may_be_a_channel_that_was_not_logged() -> None:
     assert probability(logged.explanations, lambda e: e.names == ('unlogged',)) < 0.05
 
 
-def test_several_steps_may_be_one_supply_that_is_switched() -> None:
+@pytest.mark.parametrize('settling', [0.0, 60.0])
+def test_several_steps_may_be_one_supply_that_is_switched(settling: float) -> None:
+    """And so may steps that are none in truth: what is switched settles."""
     time = chamber()[0]
     switched = 6e-4 * ((time > 14_000.0) & (time < 29_000.0))
+    if settling:
+        switched = lagging(switched, settling, float(time[1] - time[0]))
     said = said_of(switched, tuple(EFFECTS), only=1)
     assert said.kind == 'unlogged'

@@ -233,18 +233,17 @@ class SensorHypotheses:
     def conditioned(
         self,
         components: Sequence[Component],
-        generic: CoefficientPrior | None = None,
+        generic: Sequence[CoefficientPrior] = (),
         *,
         thermometer: bool = True,
     ) -> ConditionedDesign:
         """Return the equations with nuisances and components integrated out.
 
-        `generic`: a generic regressor's coefficients are integrated out as well; `thermometer`:
+        `generic`: generic regressors' coefficients are integrated out as well; `thermometer`:
         whether the thermometer's errors are.
         """
         nuisances = self._likeliest[1] if thermometer else self._likeliest[1][1:]
-        integrated = [*nuisances, *(c.prior for c in components)]
-        integrated += [generic] if generic is not None else []
+        integrated = [*nuisances, *(c.prior for c in components), *generic]
         design = self.design
         normal, right = design.products([c for prior in integrated for c in prior.columns])
         return conditioned(normal, right, design.chi_square, self.rows, integrated)

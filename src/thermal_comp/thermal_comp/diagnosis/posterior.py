@@ -33,6 +33,8 @@ THERMOMETER_SEEN = 20.0
 """Δχ² from which errors of the thermometer act, so that their equations may have a flaw."""
 LEAST_WAYS = 4
 """Ways in which something without a name may act at least: one that is looked for is not all."""
+MOST_TOGETHER = 3
+"""Flexible functions beside each other."""
 APPROXIMATE = 0.75
 """Probability of a flaw from which a form is called approximate."""
 
@@ -168,7 +170,8 @@ def _beside(hypotheses: SensorHypotheses, one: _Fitted, flaw: float) -> list[_Be
         share = float(np.log(priors.CHANNEL_FLAWED / len(measured)))
         found.append(_Beside('flaw', None, log_sum(measured) + share))
     course = one.course + _at(one.course_size, amplitude)
-    return found + _unknown(hypotheses, some, gains, course)
+    weight = log_sum([b.log_weight for b in found])
+    return found + _unknown(hypotheses, some, gains, course) + _switched(hypotheses, some, weight)
 
 
 def _unknown(
@@ -199,13 +202,21 @@ def _unknown(
     ):
         share = float(np.log(prior * once / max(ways, LEAST_WAYS)))
         found += [replace(b, log_weight=b.log_weight + share) for b in beside]
-    steps = max(Counter(some.names).values(), default=0)
-    if steps > 1 and lost:
-        # One channel that is switched makes as many steps as it likes.
-        size = len(some.names)
-        once = hypotheses.log_prior(size - steps + 1) - hypotheses.log_prior(size)
-        found.append(_Beside(UNLOGGED, lost, once + float(np.log(priors.UNLOGGED))))
     return found
+
+
+def _switched(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> list[_Beside]:
+    """Return what speaks for a lost channel that makes the steps of a set; `weight`: the set's.
+
+    One channel that is switched makes as many steps as it likes.
+    """
+    steps = max(Counter(some.names).values(), default=0)
+    lost = hypotheses.lost_over_time
+    if steps < 2 or not lost:
+        return []
+    size = len(some.names)
+    once = hypotheses.log_prior(size - steps + 1) - hypotheses.log_prior(size)
+    return [_Beside(UNLOGGED, lost, weight + once + float(np.log(priors.UNLOGGED)))]
 
 
 def _gains(
@@ -214,21 +225,43 @@ def _gains(
     state: ConditionedDesign,
     amplitude: FloatArray,
 ) -> list[tuple[GenericRegressor, float]]:
-    """Return by generic regressor ln of the evidence it adds; the best with another beside it."""
+    """Return by generic regressor ln of the evidence it adds; the best with others beside it."""
     regressors = hypotheses.regressors
-    each = [_gain(state, r.term, amplitude) for r in regressors]
+    gains = _together(hypotheses, some, state, [r.term for r in regressors], amplitude)
+    return list(zip(regressors, gains, strict=True))
+
+
+def _together(
+    hypotheses: SensorHypotheses,
+    some: EffectSet,
+    state: ConditionedDesign,
+    terms: Sequence[ColumnGroup],
+    amplitude: FloatArray,
+    *,
+    beside: bool = False,
+    known: tuple[CoefficientPrior, ...] = (),
+) -> list[float]:
+    """Return ln of the evidence each flexible function adds; the best with others beside it.
+
+    What acts rarely follows one variable alone: another may stand beside the best, and so on.
+    """
+    each = [_gain(state, term, amplitude, beside=beside) for term in terms]
     gains = [gain for gain, _ in each]
     place = int(np.argmax(gains))
-    if gains[place] > 0.0:
-        term = regressors[place].term
-        width = np.full(len(term.columns), each[place][1])
-        best = CoefficientPrior(term.columns, shared=False, deviation=width)
-        both = hypotheses.conditioned(some.components, best)
-        others = [r for r in regressors if r is not regressors[place]]
-        second = log_sum([_gain(both, r.term, amplitude)[0] for r in others])
-        more = second + float(np.log(priors.ANOTHER_EFFECT / len(others)))
+    if gains[place] > 0.0 and len(known) + 1 < MOST_TOGETHER:
+        columns, width = terms[place].columns, each[place][1]
+        if beside:
+            width /= np.sqrt(state.power(columns))
+        best = CoefficientPrior(columns, shared=False, deviation=np.full(len(columns), width))
+        with_best = (*known, best)
+        after = hypotheses.conditioned(some.components, with_best)
+        others = [term for term in terms if term is not terms[place]]
+        further = _together(
+            hypotheses, some, after, others, amplitude, beside=beside, known=with_best
+        )
+        more = log_sum(further) + float(np.log(priors.ANOTHER_EFFECT / len(others)))
         gains[place] = float(np.logaddexp(gains[place], gains[place] + more))
-    return list(zip(regressors, gains, strict=True))
+    return gains
 
 
 def _gain(
@@ -290,7 +323,7 @@ def _flaw(
     log_prior = priors.flaw_log_prior(explained)
     likeness = priors.flaw_log_prior(explained, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
     variables = [r.term for r in hypotheses.regressors if r.depends_on != 'temperature']
-    single = [_gain(one.state, term, log_prior, beside=True)[0] for term in variables]
+    single = _together(hypotheses, some, one.state, variables, log_prior, beside=True)
     single.append(one.course + _at(one.course_size, log_prior))
     kin = _kin(hypotheses, some)
     alike: list[float] = []

@@ -22,6 +22,8 @@ import numpy as np
 from imu_recording.jit import njit
 from imu_recording.recording import FloatArray, IntArray
 
+LEAST_POWER = 1e-6
+"""Least that columns of unit length have left beside others: less is rounding."""
 NOISE_ROWS = 10.0
 """Rows the prior of the noise level is worth: an error of its estimate by a third is usual."""
 
@@ -68,6 +70,12 @@ class ConditionedDesign:
         before = self.normal[:, columns[:, :, None], columns[:, None, :]]
         return np.asarray(before - half @ half.transpose(0, 1, 3, 2))
 
+    def power(self, columns: Sequence[int]) -> float:
+        """Return what the squares of columns have left over the axes."""
+        index = list(columns)
+        left = float(np.trace(self.blocks(np.array([index]))[:, 0], axis1=1, axis2=2).sum())
+        return max(left - float((self.coupling[:, :, index] ** 2).sum()), LEAST_POWER)
+
     def evidences(
         self, columns: IntArray, deviations: FloatArray, *, shared: bool, beside: bool = False
     ) -> tuple[FloatArray, FloatArray]:
@@ -89,7 +97,7 @@ class ConditionedDesign:
         right = np.einsum('afij,afi->fja', vectors, right).reshape(values.shape)
         half = np.einsum('afij,afki->fkja', vectors, half)
         half = half.reshape(forms, half.shape[1], values.shape[1])
-        left = np.maximum(values.sum(axis=1) - (half**2).sum(axis=(1, 2)), 1e-6)
+        left = np.maximum(values.sum(axis=1) - (half**2).sum(axis=(1, 2)), LEAST_POWER)
         variance = deviations**2 / (left if beside else np.ones(forms))[:, None]
         inverse = 1.0 / (values[:, None] + 1.0 / variance[:, :, None])
         weighted = half[:, None] * inverse[:, :, None, :]
