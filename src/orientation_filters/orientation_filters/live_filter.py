@@ -5,10 +5,9 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isfinite, nan
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from imu_recording.ros.messages import Covariance, ImuSample, MagneticSample
@@ -38,8 +37,7 @@ RECENT_SAMPLES = 500
 """Samples over which rate, jitter and disturbed fraction are taken."""
 
 
-@dataclass(frozen=True)
-class LiveEstimate:
+class LiveEstimate(NamedTuple):
     """The attitude at one sample."""
 
     sample: ImuSample
@@ -233,8 +231,7 @@ def _mounted(
 ) -> tuple[ImuSample, tuple[float, float, float]]:
     """Return a sample and field in the axes of the body."""
     w, f, b = rotate(q, np.array([imu.angular_velocity, imu.linear_acceleration, m])).tolist()
-    return replace(
-        imu,
+    return imu._replace(
         angular_velocity=(w[0], w[1], w[2]),
         linear_acceleration=(f[0], f[1], f[2]),
         angular_velocity_covariance=_turned(imu.angular_velocity_covariance, q),

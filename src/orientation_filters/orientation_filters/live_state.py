@@ -7,6 +7,7 @@ the update itself; here it stays in compiled memory and only samples and estimat
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
@@ -35,9 +36,17 @@ class CompiledState:
     """State and parameters of a filter module that has a `step`."""
 
     def __init__(self, module: ModuleType, params: Any) -> None:
-        self._step = module.step
+        self._kernel = module.step
+        self._step: Callable[..., Any] = self._first_step
         self._states = hold(module.initial_state())
         self.set_params(params)
+
+    def _first_step(self, *arguments: Any) -> Any:
+        """Step, and call what was compiled from then on: the types stay, numba need not look."""
+        found = self._kernel(*arguments)
+        signature = tuple(map(self._kernel.typeof_pyval, arguments))
+        self._step = self._kernel.overloads[signature].entry_point
+        return found
 
     def set_params(self, params: Any) -> None:
         """Take over parameters; the state goes on."""

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Between ROS messages and plain samples, for nodes; message classes are imported when needed.
 
-Samples are frozen and hold floats and tuples, stamps are integers [ns]. Message fields get
+Samples are tuples of floats and tuples, which cost a third of a frozen dataclass to make; stamps
+are integers [ns]. Message fields get
 `float(...)`: rclpy serialises ints and numpy scalars as garbage without an error.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from imu_recording.bags.cdr import NANOSECONDS
 
@@ -22,8 +22,7 @@ UNKNOWN: Covariance = (0.0,) * 9
 NOT_REPORTED: Covariance = (-1.0,) + (0.0,) * 8
 
 
-@dataclass(frozen=True)
-class ImuSample:
+class ImuSample(NamedTuple):
     """One sensor_msgs/Imu."""
 
     stamp: int
@@ -39,8 +38,7 @@ class ImuSample:
     orientation_covariance: Covariance = NOT_REPORTED
 
 
-@dataclass(frozen=True)
-class MagneticSample:
+class MagneticSample(NamedTuple):
     """One sensor_msgs/MagneticField."""
 
     stamp: int
@@ -50,8 +48,7 @@ class MagneticSample:
     frame_id: str = 'imu_link'
 
 
-@dataclass(frozen=True)
-class TemperatureSample:
+class TemperatureSample(NamedTuple):
     """One sensor_msgs/Temperature."""
 
     stamp: int
@@ -62,8 +59,7 @@ class TemperatureSample:
     frame_id: str = 'imu_link'
 
 
-@dataclass(frozen=True)
-class VectorSample:
+class VectorSample(NamedTuple):
     """One geometry_msgs/Vector3Stamped."""
 
     stamp: int

@@ -7,7 +7,7 @@ import math
 from bisect import insort
 from dataclasses import dataclass, field, replace
 from operator import add
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -33,6 +33,8 @@ from thermal_comp.model.values import ThermalModel
 
 Vector = tuple[float, float, float]
 
+REMEMBERED_TEMPERATURES = 4096
+"""Errors of a sensor that are kept, by temperature: 256 K in counts of 1/16 K."""
 REMEMBERED = 64
 """Values of a channel that are remembered for samples that arrive late."""
 __all__ = ['CompensatedVector', 'Compensator', 'Condition', 'compensate']
@@ -43,8 +45,7 @@ JUMP_BACK_NS = 1_000_000_000
 Histories = dict[Sensor, tuple[State | None, ...]]
 
 
-@dataclass(frozen=True, eq=False)
-class CompensatedVector:
+class CompensatedVector(NamedTuple):
     """One compensated measurement."""
 
     value: Vector
@@ -56,16 +57,14 @@ class CompensatedVector:
     """False where the measurement was passed on as it came."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Prepared:
+class _Prepared(NamedTuple):
     """The error of one sensor at one temperature."""
 
-    temperature: float
     error: tuple[float, ...]
     """x, y, z [unit]."""
     covariance: FloatArray
     """(3, 3) [unit²]."""
-    outside: np.bool_
+    outside: bool
 
 
 @dataclass
@@ -103,10 +102,11 @@ class Compensator:
         self._outside = OUTSIDE_THE_RANGE[extrapolation]
         known = [s for s in SENSORS if s in model.sensors]
         self._plans = {s: plan_of(model.sensors[s], extrapolation) for s in known}
-        self._prepared: dict[Sensor, _Prepared] = {}
-        """What the newest temperature makes of sensors whose error it decides alone."""
+        self._errors: dict[Sensor, dict[float, _Prepared]] = {s: {} for s in known}
+        """By temperature, of sensors whose error it decides alone: counts come again and again."""
         self._needs_vibration = 'vibration' in self.channels
         self._noise_of: dict[tuple[Sensor, int], FloatArray] = {}
+        self._noise_key = _noise_key(math.nan)
         self.timeout_ns = round(temperature_timeout * 1e9)
         self.condition = Condition(history='lost' if _needs_history(model) else 'not needed')
         self.applied_before = ''
@@ -116,7 +116,6 @@ class Compensator:
         self.histories: Histories = {}
         self.vibration = VibrationState()
         self._before_row: tuple[State | None, ...] | None = None
-        self._interval = math.nan
         self._channels: dict[str, list[tuple[int, float | Vector]]] = {}
         self._force: Vector = (math.nan,) * 3
         self._rate: Vector = (math.nan,) * 3
@@ -182,7 +181,8 @@ class Compensator:
             self.origin = stamp
         in_order = stamp > self.newest
         if in_order:
-            self._interval = (stamp - self.newest) * 1e-9 if self.newest >= 0 else math.nan
+            interval = (stamp - self.newest) * 1e-9 if self.newest >= 0 else math.nan
+            self._noise_key = _noise_key(interval)
             self.newest = stamp
             if self._needs_vibration:
                 self.vibration = update_vibration(
@@ -236,22 +236,30 @@ class Compensator:
         if not isinstance(temperature, float):
             unknown = np.diag(plan.variance)
             return CompensatedVector(measured, unknown, self._noise(sensor), compensated=False)
+        known = self._errors[sensor].get(temperature)
+        if known is None:
+            known = self._found(plan, sensor, stamp, temperature, keep=keep)
+        self.condition.temperature = temperature
+        self.condition.outside = known.outside
         x, y, z = measured
-        known = self._prepared.get(sensor)
-        if known is None or known.temperature != temperature:
-            found = self._error(plan, sensor, stamp, temperature, keep=keep)
-            self._note(plan, temperature, found)
-            error = found.error[0].tolist()
-            known = _Prepared(temperature, tuple(error), found.covariance[0], found.outside[0])
-            if plan.temperature_only:
-                self._prepared[sensor] = known
-        else:
-            self.condition.temperature = temperature
-            self.condition.outside = bool(known.outside)
         a, b, c = known.error
         return CompensatedVector(
             (x - a, y - b, z - c), known.covariance, self._noise(sensor), compensated=True
         )
+
+    def _found(
+        self, plan: SensorPlan, sensor: Sensor, stamp: int, temperature: float, *, keep: bool
+    ) -> _Prepared:
+        """Return the error of one sample; keep it where the temperature alone decides it."""
+        found = self._error(plan, sensor, stamp, temperature, keep=keep)
+        self._note(plan, found)
+        error = tuple(found.error[0].tolist())
+        known = _Prepared(error, found.covariance[0], bool(found.outside[0]))
+        if plan.temperature_only:
+            if len(self._errors[sensor]) >= REMEMBERED_TEMPERATURES:
+                self._errors[sensor].clear()
+            self._errors[sensor][temperature] = known
+        return known
 
     def _error(
         self, plan: SensorPlan, sensor: Sensor, stamp: int, temperature: float, *, keep: bool
@@ -264,9 +272,7 @@ class Compensator:
             self.histories[sensor] = found.states
         return found
 
-    def _note(self, plan: SensorPlan, temperature: float, found: SensorError) -> None:
-        self.condition.temperature = temperature
-        self.condition.outside = bool(found.outside[0])
+    def _note(self, plan: SensorPlan, found: SensorError) -> None:
         for effect in plan.effects:
             if effect.name in found.skipped:
                 self.condition.not_applied[effect.name] = ', '.join(effect.channels)
@@ -275,13 +281,12 @@ class Compensator:
 
     def _noise(self, sensor: Sensor) -> FloatArray:
         """Return the (3,) noise variance at the newest sample's distance from the one before."""
-        noise = self.model.sensors[sensor].noise
-        if noise is None:
-            return np.zeros(3)
-        interval = self._interval if math.isfinite(self._interval) else 1.0
-        key = (sensor, round(min(max(interval, 1e-4), 100.0) * 1e4))
+        key = sensor, self._noise_key
         if key not in self._noise_of:
-            self._noise_of[key] = noise.variance_of_means(key[1] * 1e-4)
+            noise = self.model.sensors[sensor].noise
+            self._noise_of[key] = (
+                np.zeros(3) if noise is None else noise.variance_of_means(key[1] * 1e-4)
+            )
         return self._noise_of[key]
 
     def _conditions(self, sensor: Sensor, stamp: int, temperature: float) -> Conditions:
@@ -307,6 +312,12 @@ class Compensator:
             if then <= stamp:
                 return value if timeout is None or stamp - then <= timeout else None
         return None
+
+
+def _noise_key(interval: float) -> int:
+    """Return an interval between samples [s] in steps of 0.1 ms; 1 s where it is not known."""
+    known = interval if math.isfinite(interval) else 1.0
+    return round(min(max(known, 1e-4), 100.0) * 1e4)
 
 
 def _needs_history(model: ThermalModel) -> bool:
