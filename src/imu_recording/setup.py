@@ -11,7 +11,7 @@ setup(
     name=NAME,
     version='0.2.0',
     packages=find_packages(),
-    package_data={NAME: ['py.typed']},
+    package_data={NAME: ['py.typed', 'ros/fastdds.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

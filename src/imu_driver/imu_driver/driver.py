@@ -54,6 +54,13 @@ class DriverParameters:
         unit='s',
         bounds=(-0.1, 0.1),
     )
+    read_period: float = parameter(
+        0.002,
+        'Shortest time between two reads of a line on which more samples come: they are worked on '
+        'together, at half the cost each; 0: every sample at once',
+        unit='s',
+        bounds=(0, 0.1),
+    )
     output_data_rate: float = parameter(
         0.0, 'Rate to set: 14.9, 59.5, 119, 238, 476 or 952', unit='Hz', bounds=(0, 1000)
     )
@@ -118,6 +125,7 @@ class ImuDriver:
                 now=now,
                 deliver=self.queue.put,
                 report=report,
+                read_period=parameters.read_period,
             )
 
     def start(self) -> None:

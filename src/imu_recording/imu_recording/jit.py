@@ -59,6 +59,18 @@ def inline(**options: Any) -> Callable[[F], F]:
     return decorate
 
 
+def entry_of(kernel: Any, arguments: tuple[Any, ...]) -> Callable[..., Any]:
+    """Return what was compiled for arguments of these types, to be called with such alone.
+
+    A kernel looks at the types of its arguments at every call; of tuples and typed lists that
+    takes longer than many a kernel. Call the kernel with them once before.
+    """
+    entry: Callable[..., Any] = kernel.overloads[
+        tuple(map(kernel.typeof_pyval, arguments))
+    ].entry_point
+    return entry
+
+
 def compiled_here() -> list[str]:
     """Return the kernels this process had to compile because no cache held them."""
     return [

@@ -15,6 +15,7 @@ FIRST_SAMPLES = 20
 """So many samples are judged first: their size, not yet whether the device rests."""
 WINDOW_S = 10.0
 """Afterwards stretches of this length [s] are judged …"""
+WINDOW_NS = round(WINDOW_S * 1e9)
 FEWEST, MOST = 100, 4096
 """… of so many samples at least and at most."""
 JUMP_BACK_NS = 1_000_000_000
@@ -57,15 +58,20 @@ class StreamCheck:
         rate, force = sample.angular_velocity, sample.linear_acceleration
         if sample.stamp > self.newest:
             self.newest, self._standing = sample.stamp, 0
-            self._rows.append((sample.stamp, rate, force, self._field, self._temperature))
-            self._judge()
+            rows = self._rows
+            rows.append((sample.stamp, rate, force, self._field, self._temperature))
+            count, waited = len(rows), sample.stamp - rows[0][0]
+            if count == FIRST_SAMPLES or count >= MOST or waited >= WINDOW_NS:
+                self._judge()
         elif sample.stamp < self.newest - JUMP_BACK_NS:
             self.newest, self._rows = sample.stamp, []
         else:
             self._standing += 1
             if self._standing >= FIRST_SAMPLES:
                 self.objection = f'the stamps stand still at {sample.stamp} ns'
-        return self._counted(_within(rate, *_RATE) and _within(force, *_FORCE))
+        if _within(rate, *_RATE) and _within(force, *_FORCE):
+            return True
+        return self._counted(is_possible=False)
 
     @property
     def damaged_now(self) -> bool:
@@ -80,7 +86,7 @@ class StreamCheck:
     def _judge(self) -> None:
         count = len(self._rows)
         first = not self._judged_first and count == FIRST_SAMPLES
-        long = (self.newest - self._rows[0][0]) * 1e-9 >= WINDOW_S and count >= FEWEST
+        long = self.newest - self._rows[0][0] >= WINDOW_NS and count >= FEWEST
         if first or long or count >= MOST:
             self.objection = judged(_recording(self._rows))[1]
             self._judged_first = True

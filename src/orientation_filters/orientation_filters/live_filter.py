@@ -155,8 +155,12 @@ class LiveFilter:
         return self._estimates(self._pairing.flush())
 
     def _estimates(self, pairs: Iterable[Pair]) -> list[LiveEstimate]:
-        estimates = (self._estimate(*pair) for pair in pairs)
-        return [estimate for estimate in estimates if estimate is not None]
+        found = []
+        for imu, field in pairs:
+            estimate = self._estimate(imu, field)
+            if estimate is not None:
+                found.append(estimate)
+        return found
 
     def _estimate(self, imu: ImuSample, field: MagneticSample | None) -> LiveEstimate | None:
         """Return the attitude after a pair of samples, None where there is none."""
@@ -166,7 +170,8 @@ class LiveFilter:
         sample = Sample(imu.stamp, imu.angular_velocity, imu.linear_acceleration, m)
         found = self._state.update(sample)
         self._statistics.add(imu.stamp, found.flags)
-        self._check_cutoff()
+        if not self._is_cutoff_checked and self._statistics.knows_rate:
+            self._check_cutoff()
         if found.flags & (DROPPED | NOT_STARTED) or self.refusal:
             return None
         xx, xy, xz, yy, yz, zz = found.covariance
@@ -179,8 +184,6 @@ class LiveFilter:
 
     def _check_cutoff(self) -> None:
         """Refuse a cut-off above half the sample rate, once the rate is known."""
-        if self._is_cutoff_checked or not self._statistics.knows_rate:
-            return
         self._is_cutoff_checked = True
         try:
             check_cutoff(self._parameters, self._statistics.rate_hz)

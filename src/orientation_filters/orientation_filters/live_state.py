@@ -11,6 +11,7 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
+from imu_recording.jit import entry_of
 from numba.typed import List
 
 from orientation_filters.kernel import kernel
@@ -42,10 +43,8 @@ class CompiledState:
         self.set_params(params)
 
     def _first_step(self, *arguments: Any) -> Any:
-        """Step, and call what was compiled from then on: the types stay, numba need not look."""
         found = self._kernel(*arguments)
-        signature = tuple(map(self._kernel.typeof_pyval, arguments))
-        self._step = self._kernel.overloads[signature].entry_point
+        self._step = entry_of(self._kernel, arguments)
         return found
 
     def set_params(self, params: Any) -> None:

@@ -146,3 +146,32 @@ def test_a_port_is_held_alone(tmp_path: Path) -> None:
 def test_a_transport_that_cannot_be_is_named(url: str) -> None:
     with pytest.raises(TransportError, match='expected serial:///dev'):
         transport_opener(url, 921600)
+
+
+def test_what_comes_within_the_read_period_is_delivered_together_and_complete() -> None:
+    """About ten samples of 952 Hz to a read; where samples are rarer than reads none waits."""
+    batches: list[list[Any]] = []
+    changed = threading.Condition()
+
+    def deliver(samples: list[Any]) -> None:
+        with changed:
+            batches.append(samples)
+            changed.notify_all()
+
+    session = DeviceSession(SessionConfig())
+    reader = DeviceReader(
+        transport_opener('simulated://dut1', 921600, 952.0),
+        session,
+        now=time.time_ns,
+        deliver=deliver,
+        report=lambda _: None,
+        read_period=0.01,
+    )
+    reader.start()
+    with changed:
+        assert changed.wait_for(lambda: sum(map(len, batches)) > 1000, DEADLINE)
+    reader.stop()
+    stamps = [sample.stamp for batch in batches for sample in batch]
+    assert all(earlier < later for earlier, later in pairwise(stamps))
+    assert session.sequence.lost == 0
+    assert len(batches) < len(stamps) / 5

@@ -36,6 +36,7 @@ class Interrupted(ConfiguredNode):
 
 sys.exit(run_node(Interrupted))
 """
+FAST_DDS = 'rmw_fastrtps_cpp'
 OPTIONS = {'number': 'SIGINT', 'event_driven': False, 'refuse': False}
 
 
@@ -96,3 +97,21 @@ def test_help_tells_the_parameters_and_starts_nothing(tmp_path: Path) -> None:
     assert 'qos_depth:=500' in done.stdout
     assert 'Queue depth of publishers and subscriptions, 1 … 100000' in done.stdout
     assert done.stderr == ''
+
+
+def test_the_middleware_takes_its_settings_from_the_file_the_user_names(tmp_path: Path) -> None:
+    """Fast DDS complains of a file that is not there, of ours it does not."""
+    environment = {**os.environ, 'ROS_LOG_DIR': str(tmp_path), 'RMW_IMPLEMENTATION': FAST_DDS}
+    environment.pop('FASTRTPS_DEFAULT_PROFILES_FILE', None)
+    own = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(tmp_path / 'none.xml')}
+    for more, complains in (({}, False), (own, True)):
+        done = subprocess.run(
+            [sys.executable, '-c', SCRIPT.format(**OPTIONS)],
+            env={**environment, **more},
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+        assert done.returncode == 0
+        assert ('XMLPARSER' in done.stdout + done.stderr) == complains

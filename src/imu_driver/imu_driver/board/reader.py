@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from typing import Final
 
@@ -19,6 +20,8 @@ ASK_AFTER_SILENCE: Final = 1.0
 """[s] A device that has sent nothing for this long is asked for information."""
 REOPEN_AFTER_SILENCE: Final = 5.0
 """[s] A line on which nothing came for this long is closed and opened again."""
+TOGETHER: Final = 1.5
+"""Samples within `read_period` from which it pays to wait for them."""
 
 
 class DeviceReader:
@@ -32,8 +35,11 @@ class DeviceReader:
         now: Callable[[], int],
         deliver: Callable[[list[Sample]], None],
         report: Callable[[str], None],
+        read_period: float = 0.0,
     ) -> None:
         self.session = session
+        self.read_period = read_period
+        """[s] between two reads at the least, where more than one sample comes in that time."""
         self.connected = False
         self.connections = 0
         self.connection_error = 'not opened yet'
@@ -94,7 +100,7 @@ class DeviceReader:
         session.connected(heard)
         while not self._stop.is_set():
             chunk = transport.read()
-            now = self._now()
+            now, began = self._now(), time.monotonic()
             if chunk:
                 heard = now
                 samples = session.feed(chunk, now)
@@ -109,6 +115,8 @@ class DeviceReader:
             outgoing = session.outgoing(now)
             if outgoing:
                 transport.write(outgoing)
+            if chunk and self.read_period * session.nominal_rate > TOGETHER:
+                time.sleep(max(began + self.read_period - time.monotonic(), 0.0))
 
     def _report_events(self) -> None:
         for event in self.session.events:

@@ -8,6 +8,7 @@ side is gone. Opening it again is the caller's business.
 from __future__ import annotations
 
 import contextlib
+import os
 import select
 import socket
 import termios
@@ -20,6 +21,8 @@ from imu_recording.user_error import UserError, why_not_open
 
 TIMEOUT: Final = 0.05
 """[s] A read returns at the latest after this, with nothing if nothing came."""
+LONGEST_READ: Final = 65536
+"""[bytes]."""
 CONNECT_WITHIN: Final = 1.0
 """[s] A TCP connection that takes longer fails."""
 
@@ -64,9 +67,13 @@ class SerialTransport:
 
     def read(self) -> bytes:
         """Return the bytes received."""
-        first: bytes = self._port.read(1)
-        waiting = self._port.in_waiting if first else 0
-        return first + self._port.read(waiting) if waiting else first
+        port = self._port.fileno()  # two calls of the system; pyserial needs five for as much
+        if not select.select([port], [], [], TIMEOUT)[0]:
+            return b''
+        chunk = os.read(port, LONGEST_READ)
+        if not chunk:
+            raise ConnectionError('the port is ready and has nothing: the device is gone')
+        return chunk
 
     def write(self, data: bytes) -> None:
         """Send."""
@@ -95,7 +102,7 @@ class TcpTransport:
         """Return the bytes received."""
         if not select.select([self._socket], [], [], TIMEOUT)[0]:
             return b''
-        chunk = self._socket.recv(65536)
+        chunk = self._socket.recv(LONGEST_READ)
         if not chunk:
             raise ConnectionError('the other side closed the connection')
         return chunk

@@ -32,8 +32,7 @@ class InputTimeout:
 
     >>> clock = iter([0.0, 4.0, 12.0])
     >>> timeout = InputTimeout(lambda: next(clock))
-    >>> timeout.watched(print)('a message')
-    a message
+    >>> timeout.heard()
     >>> timeout.applied('imu/mag', (0, 'ok', {})), timeout.applied('imu/mag', (0, 'ok', {}))
     ((0, 'ok', {}), (1, 'no message on imu/mag for 12 s', {}))
     """
@@ -49,14 +48,9 @@ class InputTimeout:
         never = math.isinf(self._received_at)
         return never and self._now() - self._started_at > FIRST_INPUT_S
 
-    def watched(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return the callback; each call counts as a message."""
-
-        def counted(message: Any) -> None:
-            self._received_at = self._now()
-            callback(message)
-
-        return counted
+    def heard(self) -> None:
+        """Take note that a message came."""
+        self._received_at = self._now()
 
     def restart(self) -> None:
         """Wait for a first message."""

@@ -246,12 +246,13 @@ class ConfiguredNode(LifecycleNode):
         return True
 
     def _when_active(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        if topic == self.expects:
-            callback = self._input_timeout.watched(callback)
+        timeout = self._input_timeout if topic == self.expects else None
 
         def when_active(received: Any) -> None:
             with self.lock:
                 if self._active:
+                    if timeout:
+                        timeout.heard()
                     callback(received)
 
         return when_active

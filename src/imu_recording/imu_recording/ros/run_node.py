@@ -7,6 +7,8 @@ KeyboardInterrupt inside a message callback can surface as any error of the C++ 
 
 from __future__ import annotations
 
+import gc
+import os
 import re
 import signal
 import sys
@@ -56,7 +58,7 @@ class Interrupts:
         self._last = now
 
 
-SPIN_TIMEOUT_S = 0.05
+SPIN_TIMEOUT_S = 0.2
 """An interrupt is seen at most this long after it came [s]."""
 REFUSED = 2
 """Exit code where the arguments or, of a node with an end, the configuration are refused."""
@@ -64,6 +66,12 @@ UNCONFIGURED_WAY = (
     'unconfigured: set what is wrong (ros2 param set {0} …), then configure and activate '
     '(ros2 lifecycle set {0} configure)'
 )
+
+MIDDLEWARE_PROFILES = (
+    'FASTRTPS_DEFAULT_PROFILES_FILE',
+    str(Path(__file__).with_name('fastdds.xml')),
+)
+"""What Fast DDS reads where the user sets nothing; other middleware does not look at it."""
 
 Spin = Callable[[Any, Callable[[], None], Interrupts], int]
 """Runs a node until it is to end, calling the second argument over and over; the exit code."""
@@ -87,6 +95,7 @@ def run_node(
         sys.stdout.write(node_help(node_class, arguments[0]))
         return 0
     interrupts = Interrupts()
+    os.environ.setdefault(*MIDDLEWARE_PROFILES)
     node = None
     try:
         node = _new_node(node_class, arguments)
@@ -94,6 +103,8 @@ def run_node(
             if spin:
                 return REFUSED
             node.get_logger().warning(UNCONFIGURED_WAY.format(node.get_fully_qualified_name()))
+        gc.collect()
+        gc.freeze()  # what was imported stays: no collection need look at it again
         return (spin or _until_interrupted)(node, _executor(node), interrupts)
     except UserError as error:
         sys.stderr.write(f'{error}; --help lists what can be given\n')
