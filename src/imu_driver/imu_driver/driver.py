@@ -227,7 +227,8 @@ class SampleQueue:
         if samples:
             with self._lock:
                 self._fill -= len(samples)
-            self._room.set()
+            if not self._room.is_set():
+                self._room.set()
         return samples
 
     def _run(self) -> None:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+from numba.core.event import Listener, register
 from numba.extending import register_jitable
 
 F = TypeVar('F', bound=Callable[..., Any])
@@ -69,6 +70,23 @@ def entry_of(kernel: Any, arguments: tuple[Any, ...]) -> Callable[..., Any]:
         tuple(map(kernel.typeof_pyval, arguments))
     ].entry_point
     return entry
+
+
+class FirstCompilation(Listener):  # type: ignore[misc]
+    """Calls `tell` when this process begins to compile, as no cache held what it needs."""
+
+    def __init__(self, tell: Callable[[], None]) -> None:
+        self._tell: Callable[[], None] | None = tell
+        register('numba:compile', self)
+
+    def on_start(self, _: Any) -> None:
+        """Tell, once."""
+        tell, self._tell = self._tell, None
+        if tell:
+            tell()
+
+    def on_end(self, _: Any) -> None:
+        """Nothing is left to be told."""
 
 
 def compiled_here() -> list[str]:

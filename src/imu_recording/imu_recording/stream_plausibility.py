@@ -22,7 +22,9 @@ JUMP_BACK_NS = 1_000_000_000
 """A stamp that much before the newest is a new start, not a late sample [ns]."""
 
 Row = tuple[int, Vector, Vector, Vector, float]
-_RATE, _FORCE = POSSIBLE['angular_velocity'], POSSIBLE['linear_acceleration']
+_RATE, _FORCE, _FIELD = (
+    POSSIBLE[field] for field in ('angular_velocity', 'linear_acceleration', 'magnetic_field')
+)
 UNKNOWN: Vector = (np.nan, np.nan, np.nan)
 
 
@@ -51,7 +53,7 @@ class StreamCheck:
     def on_magnetic_field(self, magnetic_field: Vector) -> bool:
         """Take in a magnetic field [T]; tell whether it is possible."""
         self._field = magnetic_field
-        return self._counted(possible('magnetic_field', *magnetic_field))
+        return self._counted(_within(magnetic_field, *_FIELD))
 
     def on_imu(self, sample: ImuSample) -> bool:
         """Take in a sample; tell whether it is possible. `objection` is up to date afterwards."""

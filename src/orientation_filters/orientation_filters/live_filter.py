@@ -128,9 +128,11 @@ class LiveFilter:
         self._is_cutoff_checked = False
 
     def _compile(self) -> None:
-        """Call the kernel once, so that loading it does not delay the first samples."""
+        """Call the kernels once, so that loading them delays neither samples nor diagnostics."""
         sample = Sample(1, (0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY), (2e-5, 0.0, -4e-5))
-        live_state(self._module, self._parameters.kernel_params()).update(sample)
+        state = live_state(self._module, self._parameters.kernel_params())
+        state.update(sample)
+        tuple(state.state.bias)  # as diagnostics read it
 
     def set_parameters(self, parameters: FilterParameters) -> None:
         """Take over parameters that changed; the state goes on."""

@@ -37,6 +37,8 @@ from thermal_comp.compensation.recording import (
 )
 from thermal_comp.compensation.state import restore_state, save_state
 from thermal_comp.compensation.stream import CompensatedSamples, Compensator
+from thermal_comp.data.live_surroundings import LiveSurroundings
+from thermal_comp.data.thermometer import OTHER_SENSORS
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import check_device, load_model, model_label
 from thermal_comp.model.values import ModelError, ThermalModel
@@ -98,6 +100,7 @@ class ThermalCompNode(ConfiguredNode):
         self._compensated = CompensatedSamples()
         self.check = StreamCheck()
         self.thermometer = LiveThermometer()
+        self.surroundings = LiveSurroundings()
         self._other_device = ''
         if config.state_file and (reason := restore_state(self.compensator, config.state_file)):
             self.get_logger().info(f'history begins anew: {reason}')
@@ -110,6 +113,11 @@ class ThermalCompNode(ConfiguredNode):
         if model.device and not config.allow_other_device:
             self.input(DiagnosticArray, '/diagnostics', self.on_diagnostics)
         self.sample_input(Temperature, 'imu/temperature', self.on_temperature)
+        for name in OTHER_SENSORS:
+            if name not in self.compensator.channels:
+                self.sample_input(
+                    Temperature, TRACK_OF_FIELD[name].topic, partial(self.on_other, name)
+                )
         for channel in sorted(self.compensator.channels):
             track = TRACK_OF_FIELD[channel]
             value = VALUE_OF_MESSAGE[track.message_type]
@@ -147,8 +155,13 @@ class ThermalCompNode(ConfiguredNode):
     def on_temperature(self, sample: TemperatureSample) -> None:
         """Take in a die temperature."""
         self.thermometer.add(sample.stamp, sample.temperature)
+        self.surroundings.on_die(sample.stamp, sample.temperature)
         if self.check.on_temperature(sample.temperature) or self.config.accept_units:
             self.compensator.on_temperature(sample.stamp, sample.temperature)
+
+    def on_other(self, name: str, sample: TemperatureSample) -> None:
+        """Take in another thermometer's value, to judge the die's by."""
+        self.surroundings.on_other(name, sample.stamp, sample.temperature)
 
     def on_channel(self, channel: str, name: str, message: Any) -> None:
         """Take in a channel; messages without a stamp count from their receipt."""
@@ -156,6 +169,8 @@ class ThermalCompNode(ConfiguredNode):
         plain = (value.x, value.y, value.z) if channel == 'vibration' else float(value)
         stamp = stamp_of(message) if hasattr(message, 'header') else self.compensator.newest
         self.compensator.on_channel(channel, stamp, plain)
+        if channel in OTHER_SENSORS and isinstance(plain, float):
+            self.surroundings.on_other(channel, stamp, plain)
 
     def on_imu(self, sample: ImuSample) -> None:
         """Publish the compensated sample; orientation fields pass through.
@@ -207,7 +222,7 @@ class ThermalCompNode(ConfiguredNode):
         if self.check.objection and not self.config.accept_units:
             way = 'data pass through unchanged; parameter accept_units compensates them'
             return 2, f'{self.check.objection}: {way}', values
-        notes = [self.thermometer.fault]
+        notes = [self.thermometer.fault, self.surroundings.fault]
         if self.check.damaged_now:
             notes.append('impossible samples pass through unchanged')
         told = [note for note in notes if note]

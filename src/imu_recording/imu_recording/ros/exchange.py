@@ -74,8 +74,8 @@ class SampleOutput:
             self._counted_at = now
         if local.serialised or self._has_subscribers:
             data = self._to_bytes(sample)
-            with publisher.handle:
-                publisher.handle.publish_raw(data)  # what `publish` does with bytes
+            with (handle := publisher.handle):
+                handle.publish_raw(data)  # what `publish` does with bytes
             for take in local.serialised:
                 take(data)
         for take in local.samples:

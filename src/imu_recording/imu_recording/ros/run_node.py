@@ -25,6 +25,7 @@ import rclpy
 from rclpy._rclpy_pybind11 import UnknownROSArgsError
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
@@ -98,6 +99,7 @@ def run_node(
     os.environ.setdefault(*MIDDLEWARE_PROFILES)
     node = None
     try:
+        tell_of_compilation()
         node = _new_node(node_class, arguments)
         if node.get_parameter('autostart').value and not node.autostart():
             if spin:
@@ -117,6 +119,12 @@ def run_node(
             node.end()
             node.destroy_node()
         rclpy.try_shutdown()
+
+
+def tell_of_compilation() -> None:
+    """Log it where a node that has kernels is the first to need them and has to wait for them."""
+    if jit := sys.modules.get('imu_recording.jit'):
+        jit.FirstCompilation(partial(get_logger('imu_recording').info, COMPILING))
 
 
 def _new_node(node_class: Callable[[], ConfiguredNode], arguments: list[str]) -> ConfiguredNode:
@@ -163,6 +171,10 @@ def _until_interrupted(_: Any, look: Callable[[], None], interrupts: Interrupts)
     return 0
 
 
+COMPILING = (
+    'compiling the numerical kernels this node needs: once after a build, up to a minute; '
+    'python -m imu_workbench.precompile compiles all of them ahead'
+)
 HELP_WIDTH = 96
 
 

@@ -106,11 +106,11 @@ def _thermometer(recording: ImuRecording) -> Iterator[InstrumentFault]:
             'else follows the rate of change drown in steps of 1 K'
         )
         yield InstrumentFault('thermometer_whole_degrees', every, False, text)
-    if source := _copied_from(recording):
+    if source := copied_from(recording):
         text = f'temperature is a copy of {source}: what lies between the two is fitted as a lag'
         yield InstrumentFault('thermometer_copied', every, False, text)
         return
-    if ratio := _wrong_scale(recording):
+    if ratio := wrong_scale(recording):
         text = (
             f'the die moves {ratio:.2g} K for each kelvin around it: all slopes are '
             f'{1.0 / ratio:.2g} times as large, and hold for this scale alone'
@@ -163,7 +163,7 @@ def _lagged(around: FloatArray, period: float, lag: float) -> FloatArray:
     return np.asarray(followed)
 
 
-def _copied_from(recording: ImuRecording) -> str:
+def copied_from(recording: ImuRecording) -> str:
     """Return the track that the thermometer repeats, '' where it is none."""
     values = recording.temperature
     for name in OTHER_SENSORS:
@@ -178,7 +178,7 @@ def _copied_from(recording: ImuRecording) -> str:
     return ''
 
 
-def _wrong_scale(recording: ImuRecording) -> float:
+def wrong_scale(recording: ImuRecording) -> float:
     """Return kelvins of the die per kelvin around it where that cannot be; 0 where it can."""
     for name in ('device_temperature', 'chamber_temperature'):
         track = getattr(recording, name)

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A die's thermometer that copies another sensor's, or has a scale of its own, in a stream."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from thermal_comp.data.live_surroundings import LiveSurroundings
+
+SECOND = 1_000_000_000
+SEEDS = range(8)
+
+
+def watched(seed: int, fault: str) -> LiveSurroundings:
+    """One hour: a robot's surroundings change by 15 K, its die follows 8 K warmer, lagging.
+
+    The surroundings are measured every second in steps of 0.01 K, the die five times a second
+    in steps of 1/16 K. Messages of the first may come after those of the second that were
+    measured later.
+    """
+    rng = np.random.default_rng((seed, 15))
+    surroundings = LiveSurroundings()
+    lag, span, swing = rng.uniform(100.0, 900.0), rng.uniform(12.0, 20.0), rng.uniform(2e3, 4e3)
+    die = air = rng.uniform(0.0, 30.0)
+    base = air
+    scale = {'scale': rng.choice([1.8, 0.1])}.get(fault, 1.0)
+    for second in range(3600):
+        truth = base + 0.5 * span * (1.0 - np.cos(2 * np.pi * second / swing))
+        air = round(truth + rng.normal(0.0, 0.02), 2)
+        die += (truth - die) / lag
+        stamps = second * SECOND + np.arange(5) * SECOND // 5
+        shown = np.round((die * scale + 8.0 + rng.normal(0.0, 0.05, 5)) * 16.0) / 16.0
+        if fault == 'copy':
+            shown[:] = air
+        late = rng.random() < 0.5
+        for k, (stamp, value) in enumerate(zip(stamps.tolist(), shown.tolist(), strict=True)):
+            if k == 2 * late:
+                surroundings.on_other('device_temperature', second * SECOND, air)
+            surroundings.on_die(stamp, value)
+    return surroundings
+
+
+@pytest.mark.parametrize(
+    ('fault', 'said'), [('', ''), ('copy', 'a copy of device_temperature'), ('scale', 'scale')]
+)
+def test_each_fault_is_found_and_none_in_a_sound_stream(fault: str, said: str) -> None:
+    told = [watched(seed, fault).fault for seed in SEEDS]
+    right = [said in text if said else not text for text in told]
+    assert np.mean(right) == 1.0, told
+
+
+def test_a_stream_without_other_thermometers_says_nothing() -> None:
+    surroundings = LiveSurroundings()
+    for second in range(1000):
+        surroundings.on_die(second * SECOND, 20.0 + second / 16)
+    assert surroundings.fault == ''
