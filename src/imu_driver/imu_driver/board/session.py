@@ -123,7 +123,10 @@ class DeviceSession:
     def feed(self, chunk: bytes, arrival: int) -> list[Sample]:
         """Return the samples that a chunk completes; `arrival` is its ROS time [ns]."""
         for frame in self.decoder.feed(chunk):
-            self._on_frame(frame, arrival)
+            if isinstance(frame, DataFrame):
+                self._on_data(frame, arrival)
+            else:
+                self._on_frame(frame, arrival)
         if self.clock.age >= SETTLING_TIME:
             self._stamp()
         return self._take_stamped()
@@ -141,9 +144,7 @@ class DeviceSession:
         self.set_up.request(code, value)
 
     def _on_frame(self, frame: Frame, arrival: int) -> None:
-        if isinstance(frame, DataFrame):
-            self._on_data(frame, arrival)
-        elif isinstance(frame, InformationFrame):
+        if isinstance(frame, InformationFrame):
             self._on_information(frame, arrival)
         elif isinstance(frame, AcknowledgementFrame):
             refused = self.set_up.acknowledged(frame)

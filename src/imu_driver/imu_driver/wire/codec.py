@@ -131,12 +131,14 @@ class FrameDecoder:
     def feed(self, chunk: bytes) -> list[Frame]:
         """Return the frames that the chunk completes, in order."""
         self._bytes += len(chunk)
+        if len(self._candidates) == 1:
+            (settled,) = self._candidates.values()
+            return settled.feed(chunk)
         for name, splitter in tuple(self._candidates.items()):
             frames = splitter.feed(chunk)
-            if frames and len(self._candidates) > 1:
+            if frames:
                 self._candidates = {name: splitter}
                 # Errors counted before the protocol was known may be frames of the other one.
                 splitter.counts.cobs = splitter.counts.crc = splitter.counts.format = 0
-            if frames:
                 return frames
         return []
