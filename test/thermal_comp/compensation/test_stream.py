@@ -94,6 +94,23 @@ def short(rows: int = 700) -> ImuRecording:
     )
 
 
+def test_errors_kept_by_temperature_are_few_and_those_of_a_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Counts come back after others have pushed them out."""
+    monkeypatch.setattr('thermal_comp.compensation.stream.REMEMBERED_TEMPERATURES', 3)
+    model = model_of('bias_temperature', 'bias_temperature_curvature')
+    counts = np.random.default_rng(15).integers(-8, 8, 200)
+    recording = replace(short(200), temperature=20.0 + counts / 16.0)
+    found = stream(recording, model, path=tmp_path / 'state.json')
+    np.testing.assert_allclose(found, columns(compensate(recording, model)), rtol=0, atol=1e-12)
+    compensator = Compensator(model)
+    for stamp, temperature in zip(recording.stamp.tolist(), recording.temperature, strict=True):
+        compensator.on_temperature(stamp, float(temperature))
+        compensator.on_imu(stamp, (0.0, 0.0, 0.0), (0.0, 0.0, 9.8))
+    assert all(len(kept) <= 3 for kept in compensator._errors.values())
+
+
 @pytest.mark.parametrize('cuts', [(), (1,), (250, 251, 600)])
 def test_stream_equals_recording_without_history(cuts: tuple[int, ...], tmp_path: Path) -> None:
     model = model_of('bias_temperature', 'bias_temperature_curvature', 'scale_factor_temperature')
