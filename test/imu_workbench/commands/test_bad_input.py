@@ -82,6 +82,10 @@ def test_a_single_temperature(run, tmp_path: Path, capsys) -> None:
     write_bag(flat, tmp_path / 'flat')
     assert fit(tmp_path / 'flat', tmp_path) == 2
     assert 'span of at least' in capsys.readouterr().err
+    assert main(['diagnose', str(tmp_path / 'flat')]) == 2
+    said = capsys.readouterr().err
+    assert 'span of at least' in said
+    assert said.count('\n') == 1
     # A report can still show what was measured, and says why there is no model.
     argv = ['report', str(tmp_path / 'flat'), '--no-attitude', '-o', str(tmp_path / 'r.html')]
     assert main(argv) == 0

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from imu_recording.bags.topic_columns import TopicColumns
+from imu_recording.held_temperature import note_held
 from imu_recording.logging_contract import (
     IMU_TOPIC,
     MAGNETIC_TOPIC,
@@ -82,6 +83,10 @@ def _tracks(
     measured = tracks.get('temperature_stamp')
     if measured is not None and ((measured == rows.stamp) | (measured < 0)).all():
         del tracks['temperature_stamp']  # every temperature is of its row
+    if 'temperature' in tracks:
+        held = note_held(tracks.get('temperature_stamp', rows.stamp), tracks['temperature'], notes)
+        if held is not None:
+            tracks['temperature_stamp'] = held
     return tracks, unplaced
 
 

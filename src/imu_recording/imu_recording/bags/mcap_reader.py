@@ -18,7 +18,9 @@ import numpy as np
 
 from imu_recording.bags.cdr_decode import little64
 from imu_recording.bags.compression import decompress_chunk
+from imu_recording.bags.mcap_footer import read_footer, summary_bytes
 from imu_recording.bags.mcap_writer import (
+    ATTACHMENT,
     CHANNEL,
     CHUNK,
     DATA_END,
@@ -41,14 +43,13 @@ RECORD_CUT = 2
 RECORD_FULL = 3
 """The output arrays are full."""
 
+ENDS_OF_LOOSE = (0, CHUNK, ATTACHMENT, DATA_END)
+"""Records that end a row of messages outside chunks."""
 BLOCK_BYTES = 1 << 22
 """Messages that stand outside chunks are read in blocks of this many bytes."""
 LARGEST_CHUNK = 1 << 32
 """A chunk that claims to be larger is damage [bytes]."""
-LARGEST_SUMMARY = 256 << 20
-"""A summary that claims to be larger is damage [bytes]."""
 _CHUNK_HEAD = struct.Struct('<QQQII')
-_FOOTER = struct.Struct('<BQQQI8s')
 _COUNTS_AT = 8 + 2 + 4 + 4 + 4 + 4 + 8 + 8
 
 
@@ -83,18 +84,35 @@ class McapScan:
             if opcode == DATA_END:
                 self.complete = stream.read().endswith(MAGIC)
                 break
+            if size > LARGEST_CHUNK and opcode != MESSAGE:
+                break
             if opcode == MESSAGE:
-                place = self._loose(stream, head, place)
-                if place < 0:
-                    return
-                continue
-            if size > LARGEST_CHUNK:
+                end = self._loose(stream, head, place)
+            elif opcode == ATTACHMENT:
+                end = self._attachment(stream, size, place)
+            else:
+                buffer, got = _fill(stream, buffer, size)
+                self._record(opcode, memoryview(buffer)[:got], size, place)
+                end = place + 9 + size if got == size else -1
+            if end < 0:
                 break
-            buffer, got = _fill(stream, buffer, size)
-            self._record(opcode, memoryview(buffer)[:got], size, place)
-            if got < size:
-                break
-            place += 9 + size
+            place = end
+
+    def _attachment(self, stream: BinaryIO, size: int, place: int) -> int:
+        """Look at the checksum of an attachment; return the place behind it, −1 where cut."""
+        checksum, left = 0, size
+        tail = b''
+        while left:
+            block = stream.read(min(left, BLOCK_BYTES))
+            if not block:
+                return -1
+            left -= len(block)
+            joined = tail + block
+            checksum, tail = zlib.crc32(joined[:-4], checksum), joined[-4:]
+        wanted = int.from_bytes(tail, 'little')
+        if wanted and wanted != checksum:
+            self.problems.append(f'the attachment at byte {place}: its checksum is wrong')
+        return place + 9 + size
 
     def _record(self, opcode: int, content: memoryview, size: int, place: int) -> None:
         whole = len(content) == size
@@ -155,7 +173,7 @@ class McapScan:
                 self._arrays = empty_block(2 * len(offset))
             elif reason == RECORD_OTHER:
                 size = int.from_bytes(buffer[at + 1 : at + 9].tobytes(), 'little')
-                if size > end - at - 9 or buffer[at] in (0, CHUNK, DATA_END):
+                if size > end - at - 9 or buffer[at] in ENDS_OF_LOOSE:
                     break
                 if buffer[at] in (SCHEMA, CHANNEL):
                     self.declare(int(buffer[at]), buffer[at + 9 : at + 9 + size].tobytes())
@@ -175,7 +193,7 @@ class McapScan:
             place += used
             del rest[:used]
             opcode = rest[0] if rest else MESSAGE
-            if opcode == CHUNK:
+            if opcode in (CHUNK, ATTACHMENT):
                 stream.seek(place)
                 return place
             if opcode == DATA_END:
@@ -267,18 +285,9 @@ def find_messages(buffer, at, end, slot_of_channel, offset, length, received, sl
 def read_summary(path: Path) -> dict[str, tuple[str, int]] | None:
     """Return message type and count by topic, or None where the file has no usable summary."""
     with path.open('rb') as stream:
-        size = stream.seek(0, 2)
-        if size < _FOOTER.size + len(MAGIC):
-            return None
-        stream.seek(size - _FOOTER.size)
-        opcode, length, start, _, _, magic = _FOOTER.unpack(stream.read(_FOOTER.size))
-        if opcode != 2 or length != 20 or magic != MAGIC:
-            return None
-        if not 0 < start < size or size - start > LARGEST_SUMMARY:
-            return None
-        stream.seek(start)
-        summary = stream.read(size - _FOOTER.size - start)
-    return _parse_summary(summary)
+        footer = read_footer(stream)
+        summary = footer and summary_bytes(stream, footer)
+    return _parse_summary(summary) if summary else None
 
 
 def _parse_summary(summary: bytes) -> dict[str, tuple[str, int]] | None:

@@ -21,6 +21,7 @@ from rosbags.typesys import TypesysError
 
 from imu_recording.bags.compression import ZstdFile, decompress_message
 from imu_recording.bags.files import YAML_LOADER, BagFile
+from imu_recording.bags.mcap_footer import checksum_faults
 from imu_recording.bags.mcap_reader import McapScan, read_summary
 from imu_recording.bags.slow_decode import values_of
 from imu_recording.bags.sqlite import scan_sqlite, sqlite_channels, sqlite_metadata
@@ -162,6 +163,8 @@ def _run(scan: McapScan, file: BagFile) -> None:
     if not file.file_compressed:
         with file.path.open('rb') as stream:
             scan.run(stream, str(file.path))
+            if scan.complete:
+                scan.problems += checksum_faults(stream)
         return
     with ZstdFile(file.path) as packed:
         scan.run(io.BufferedReader(packed, 1 << 20), str(file.path))

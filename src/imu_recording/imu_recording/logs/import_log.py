@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from imu_recording.held_temperature import note_held
 from imu_recording.logs.dataflash import is_dataflash, read_dataflash
 from imu_recording.logs.flight_log import FlightLog, LogError, LoggedImu, Series
 from imu_recording.logs.ulog import is_ulog, read_ulog
@@ -107,6 +108,7 @@ def _recording(log: FlightLog, imu: LoggedImu) -> ImuRecording:
         notes.append(f'{int((~kept).sum())} rows without a sample of the accelerometer left out')
     rows = rows[kept]
     temperature, measured = _held('temperature', rows, imu.temperature, notes)
+    slower = note_held(measured, temperature, notes)
     board, _ = _held('barometer temperature', rows, imu.barometer_temperature, notes)
     if imu.barometer_temperature is not None:
         notes.append('device_temperature is that of the barometer')
@@ -119,7 +121,7 @@ def _recording(log: FlightLog, imu: LoggedImu) -> ImuRecording:
         linear_acceleration=linear_acceleration[kept],
         magnetic_field=_magnetic_field(rows, imu.magnetometer, notes),
         temperature=temperature,
-        temperature_stamp=measured,
+        temperature_stamp=measured if slower is None else slower,
         device_temperature=board if imu.barometer_temperature is not None else None,
         frame_id=f'imu{imu.number}_frd',
         device=f'{log.vehicle}_imu{imu.number}',

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from imu_recording.held_temperature import note_held
 from imu_recording.phase import phases_from_setpoint
 from imu_recording.recording import BagError, FloatArray, ImuRecording, IntArray, infer_up_axis
 from imu_recording.synchronise import Samples, in_order, without_jumps
@@ -149,6 +150,7 @@ def _recording(
     return ImuRecording(
         stamp=stamp,
         **tracks,
+        temperature_stamp=note_held(stamp, tracks['temperature'], notes),
         frame_id=told.frame_id,
         device=told.device,
         run=told.run,

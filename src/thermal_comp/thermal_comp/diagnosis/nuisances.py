@@ -122,7 +122,9 @@ def _slopes(design: CandidateDesign) -> Callable[[PreparedRun], FloatArray]:
     for axis in range(3):
         typical = float(np.abs(plain[1::2, axis]).mean()) / span
         left = float((measured[:, axis] - stacked[:, :width] @ plain[:, axis]).std())
-        penalty = np.diag(left / np.maximum(allowed * typical, 1e-300))
+        deviation = np.full(len(allowed), np.inf)  # of a line, also where its slope is zero
+        deviation[width:] = np.maximum(allowed[width:] * typical, 1e-300)
+        penalty = np.diag(left / deviation)
         ridge = np.concatenate([stacked, penalty])
         size = np.maximum(np.abs(ridge).max(axis=0), 1e-300)
         target = np.append(measured[:, axis], np.zeros(len(penalty)))

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A temperature that was measured less often than it was written: when each value is from.
+
+A board that reads its thermometer once a second and writes it into every row of 100 Hz is ahead of
+what the rows say by half a second on average, which looks like an effect of the rate of change.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from imu_recording.recording import FloatArray, IntArray
+
+CHANGES = 30
+"""Changes of the value from which its period is judged."""
+LEAST_ROWS = 3
+"""Rows to a measurement from which holding matters."""
+ON_TIME = 0.95
+"""Share of the changes that come whole periods after the one before, to one row …"""
+LONG = 20.0
+"""… or two, of periods from so many rows."""
+LONGER = 10
+"""Intervals of two periods and more, on time, that tell a period from a slow, coarse sensor …"""
+BY_CHANCE = 0.5
+"""… for which being on time by chance is at most this probable."""
+UNEVEN = 1.5
+"""Steps so many times the smallest are of different size: no resolution is passed in order."""
+
+
+def measurement_stamps(written: IntArray, values: FloatArray) -> IntArray | None:
+    """Return (n,) when the value of each row was measured [ns], −1 where it is NaN.
+
+    None where every value may be of its own time. `written`: (n,) what the rows say [ns],
+    increasing, repeated where the same value is given again. The rule: the value changes only
+    whole periods after it changed before. A resolution that is passed slowly looks so while one
+    ramp lasts; then the steps are of one size and no interval is several periods long.
+
+    >>> rows = np.arange(400) * 10
+    >>> held = np.repeat(np.sin(np.arange(40.0)), 10)
+    >>> measurement_stamps(rows, held)[:22].tolist()[::7]
+    [0, 0, 100, 200]
+    >>> measurement_stamps(rows, np.sin(np.arange(400.0))) is None
+    True
+    """
+    known = np.flatnonzero(np.isfinite(values) & (written >= 0))
+    first = known[np.flatnonzero(np.diff(written[known], prepend=-1))]
+    changed = np.flatnonzero(np.diff(values[first])) + 1
+    if len(changed) < CHANGES or len(changed) * (LEAST_ROWS - 1) > len(first):
+        return None
+    rows_between = np.diff(changed)
+    period = _period(rows_between, np.abs(np.diff(values[first])[changed - 1]))
+    if not period:
+        return None
+    edges = np.concatenate(([0], changed, [len(first)]))
+    length = np.diff(edges)
+    count = np.maximum(np.rint(length / period), 1.0)
+    since = np.arange(len(first)) - np.repeat(edges[:-1], length)
+    each = np.repeat(length / count, length)
+    newest = np.repeat(edges[:-1], length) + np.floor(np.floor(since / each) * each).astype(int)
+    of_first = written[first][newest]
+    stamps = np.full(len(values), -1, np.int64)
+    stamps[known] = of_first[np.searchsorted(written[first], written[known])]
+    return stamps
+
+
+def note_held(written: IntArray, values: FloatArray, notes: list[str]) -> IntArray | None:
+    """Return `measurement_stamps`, and note how often a temperature was measured."""
+    stamps = measurement_stamps(written, values)
+    if stamps is not None:
+        measured = np.unique(stamps[stamps >= 0])
+        every = 1e-9 * float(np.median(np.diff(measured)))
+        notes.append(f'temperature: measured every {every:.3g} s and repeated between')
+    return stamps
+
+
+def _period(rows_between: IntArray, steps: FloatArray) -> float:
+    """Return the rows to a measurement, 0 where the changes (k,) have no period."""
+    period = float(np.median(rows_between[rows_between < 1.5 * np.quantile(rows_between, 0.1)]))
+    for _ in range(3):  # longer intervals know it better
+        count = np.maximum(np.rint(rows_between / period), 1.0)
+        near = count <= 10.0
+        period = float(rows_between[near].sum() / count[near].sum())
+    if period < LEAST_ROWS:
+        return 0.0
+    count = np.maximum(np.rint(rows_between / period), 1.0)
+    tolerance = 1.5 if period < LONG else 2.5
+    on_time = np.abs(rows_between - count * period) <= tolerance
+    if on_time.mean() < ON_TIME:
+        return 0.0
+    least = float(steps.min())
+    if float(np.mean(steps > UNEVEN * least)) > 1.0 - ON_TIME:
+        return period
+    longer = (count > 1.0) & (count <= 10.0)
+    told = period > 2.0 * tolerance / BY_CHANCE and int(longer.sum()) >= LONGER
+    return period if told and on_time[longer].mean() >= ON_TIME else 0.0
