@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
-from damage import INPUTS, MODELS, Bench, fuzzed
+from damage import INPUTS, LOGS, MODELS, Bench, fuzzed
 from imu_recording.plausibility import admitted
 from imu_workbench.__main__ import main as workbench
 from thermal_comp.model.file import load_model
@@ -51,6 +51,9 @@ VERBS: dict[str, tuple[str, ...]] = {
     'auto': ('auto', '{bags}', '-o', '{out}.yaml'),
     'orient': ('orient', '{bags}', '--model', '{model}', '--preset', 'robust'),
     'report': ('report', '{bags}', '--no-attitude', '-o', '{out}.html'),
+    'second-opinion': ('second-opinion', '{bags}'),
+    'still': ('still', '{bags}', '-o', '{out}.yaml'),
+    'export': ('export', '{model}', '{bags}', '--to', 'px4', '-o', '{out}.params'),
     'replay': (
         'replay', '{bags}', '--node', 'complementary_filter', '-p', 'cutoff_hz:=0.1', '-o', '{out}'
     ),
@@ -59,8 +62,15 @@ VERBS: dict[str, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 """Verbs that take bags, and their arguments."""
-ON_MODELS = ('compare model', 'apply', 'orient', 'replay node')
-FUZZED_VERBS = {'fit': 0.2, 'compare': 0.1, 'apply': 0.3, 'compare model': 0.15, 'import': 0.25}
+ON_MODELS = ('compare model', 'apply', 'orient', 'export', 'replay node')
+FUZZED_VERBS = {
+    'fit': 0.15,
+    'compare': 0.1,
+    'apply': 0.25,
+    'compare model': 0.1,
+    'import': 0.2,
+    'import log': 0.2,
+}
 """How often each verb is given a damaged file."""
 
 
@@ -199,10 +209,10 @@ def fuzz_case(bench: Bench, seed: int) -> Cell:
     rng = np.random.default_rng((seed, 13))
     verb = str(rng.choice(list(FUZZED_VERBS), p=list(FUZZED_VERBS.values())))
     output = _fresh(bench.folder / 'out')
-    if verb == 'import':
-        return run_cell(
-            f'fuzz {seed}', verb, _fuzzed_table(bench, rng, output), bench.folder, output
-        )
+    if verb.startswith('import'):
+        of = _fuzzed_table if verb == 'import' else _fuzzed_log
+        argv = of(bench, rng, output)
+        return run_cell(f'fuzz {seed}', verb, argv, bench.folder, output)
     damaged = bench.folder / 'fuzzed'
     shutil.rmtree(damaged, ignore_errors=True)
     storage = str(rng.choice(['good', 'good_sqlite']))
@@ -224,6 +234,13 @@ def _fuzzed_table(bench: Bench, rng: np.random.Generator, output: Path) -> list[
     return _table(bench, output, lambda name, data: fuzzed(data, rng) if name == chosen else data)
 
 
+def _fuzzed_log(bench: Bench, rng: np.random.Generator, output: Path) -> list[str]:
+    suffix = str(rng.choice(list(LOGS)))
+    path = bench.folder / f'fuzzed.{suffix}'
+    path.write_bytes(fuzzed(bench.logs[suffix], rng))
+    return ['import', str(path), '-o', str(output)]
+
+
 def _table(bench: Bench, output: Path, change: Callable[[str, bytes], bytes]) -> list[str]:
     """Write a table and its mapping, each as `change` makes it; return the import's arguments."""
     run = bench.run.rows(slice(0, 200))
@@ -239,7 +256,7 @@ def _table(bench: Bench, output: Path, change: Callable[[str, bytes], bytes]) ->
 
 def _fresh(output: Path) -> Path:
     """Return the output's path with nothing under it."""
-    for path in (output.with_suffix('.yaml'), output.with_suffix('.html')):
+    for path in map(output.with_suffix, ('.yaml', '.html', '.params')):
         path.unlink(missing_ok=True)
     shutil.rmtree(output, ignore_errors=True)
     return output
@@ -252,8 +269,12 @@ def prepared(folder: Path, rate: float = 1.0) -> Bench:
     table = _table(bench, output, lambda _, data: data)
     fit = ['fit', str(bench.bag), '-o', str(bench.model), '--force']
     others = [
-        arguments(verb, [bench.bag], bench.model, output) for verb in list(FUZZED_VERBS)[1:-1]
-    ]
+        arguments(verb, [bench.bag], bench.model, output) for verb in FUZZED_VERBS if verb in VERBS
+    ][1:]
+    for suffix, log in bench.logs.items():
+        path = folder / f'good.{suffix}'
+        path.write_bytes(log)
+        others.append(['import', str(path), '-o', str(output / suffix), '--force'])
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         for argv in (fit, *others, [*table, '--force']):
             if workbench(argv):

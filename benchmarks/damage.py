@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -18,6 +19,13 @@ from imu_workbench.simulate.campaign import Logging, simulate_run
 
 from imu_recording import write_bag
 
+sys.path.insert(0, str(Path(__file__).parents[1] / 'test' / 'imu_recording'))
+from log_writers import dataflash_bytes, ulog_bytes
+
+LOGS: dict[str, Any] = {'ulg': ulog_bytes, 'bin': dataflash_bytes}
+"""Logs of autopilots by the suffix of their files."""
+LOGGED_ROWS = 200
+"""Of the logs that are damaged."""
 SECOND = 1_000_000_000
 SENSORS = ('angular_velocity', 'linear_acceleration', 'magnetic_field')
 
@@ -37,6 +45,8 @@ class Bench:
         self.model = folder / 'model.yaml'
         self.bag = self.written('good', self.run)
         self.written('good_sqlite', self.run, storage='sqlite3')
+        part = self.run.rows(slice(0, LOGGED_ROWS))
+        self.logs = {suffix: write([part]) for suffix, write in LOGS.items()}
 
     def written(self, name: str, *recordings: ImuRecording, storage: str = 'mcap') -> Path:
         """Write recordings as one bag; return it."""
