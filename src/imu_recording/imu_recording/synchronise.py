@@ -33,6 +33,8 @@ SLOWEST_SAMPLES_S = 3600.0
 MOST_DISORDER = 0.25
 """Share of the steps that may go back; two publishers on one topic, and noise, make half."""
 FEWEST_IN_DISORDER = 100
+LONGEST_BRIDGE = 3.0
+"""Periods between two samples beyond which nothing is interpolated."""
 MOST_CLOCK_STEPS = 10
 """More steps back than this are disorder, not a clock that was set."""
 
@@ -245,6 +247,26 @@ def hold_newest(name: str, rows: IntArray, samples: Samples, *, event: bool = Fa
     if silence > _allowed(samples.stamp):
         notes.append(f'{name} ends {silence:.0f} s before the last row, its last value is held')
     return Joined(held, late, tuple(notes))
+
+
+def interpolate(rows: IntArray, samples: Samples) -> tuple[FloatArray, bool]:
+    """Return the values (rows, k) between samples, and whether any row needed it.
+
+    NaN before the first, after the last, and in gaps of more than LONGEST_BRIDGE periods.
+    """
+    values = np.asarray(samples.values[0], np.float64)
+    if np.array_equal(rows, samples.stamp):
+        return values, False
+    found = np.stack(
+        [np.interp(rows, samples.stamp, column, np.nan, np.nan) for column in values.T], axis=1
+    )
+    steps = np.diff(samples.stamp)
+    if len(steps):
+        after = np.clip(np.searchsorted(samples.stamp, rows, side='left'), 1, len(steps))
+        found[steps[after - 1] > LONGEST_BRIDGE * np.median(steps)] = np.nan
+    exact = np.isin(rows, samples.stamp)
+    found[exact] = values[np.searchsorted(samples.stamp, rows[exact])]
+    return found, not exact.all()
 
 
 def _lost(name: str, lost: int, total: int) -> tuple[str, ...]:

@@ -262,3 +262,128 @@ def test_a_minus_of_the_header_itself_is_no_sign(tmp_path: Path) -> None:
     columns = {'linear_acceleration': {'columns': ['ax', '-ay', '-az']}}
     found = import_csv(file, {'schema': 1, 'time': {'column': 't'}, 'columns': columns})
     assert found.linear_acceleration[0].tolist() == [0.0, 0.0, 9.8]
+
+
+CHAMBER: dict[str, Any] = {
+    'schema': 1,
+    'time': {'column': 'date', 'unit': 'iso8601'},
+    'columns': {
+        'chamber_temperature': {'column': 'air', 'unit': '°C'},
+        'setpoint': {'column': 'sp', 'unit': '°C'},
+    },
+}
+NOON = 1_709_812_800  # 2024-03-07T12:00:00Z
+
+
+def board_and_chamber(folder: Path) -> tuple[Path, Path]:
+    """A board that counts 60 s from noon, and a chamber that wrote local time every 5 s."""
+    board = written(folder / 'a.csv', ''.join(f'{10 * k},0,0,1,4,8,-4,60\n' for k in range(6000)))
+    lines = (f'2024-03-07T13:00:{s:02d},{20 + s},{30 + s // 30}\n' for s in range(10, 41, 5))
+    return board, written(folder / 'chamber.csv', ''.join(lines), 'date,air,sp\n')
+
+
+def of_time(mapping: dict[str, Any], **keys: Any) -> dict[str, Any]:
+    return {**mapping, 'time': {**mapping['time'], **keys}}
+
+
+def test_the_log_of_a_chamber_is_joined_by_time(tmp_path: Path) -> None:
+    board, chamber = board_and_chamber(tmp_path)
+    recording = import_csv(
+        board,
+        of_time(MAPPING, start='2024-03-07T12:00:00Z'),
+        beside=[(chamber, of_time(CHAMBER, zone='+01:00'))],
+    )
+    assert recording.stamp[0] == NOON * 10**9
+    air = recording.chamber_temperature
+    assert air is not None
+    assert np.isnan(air[:1000]).all()
+    assert air[[1000, 1499, 1500, 3999, 4000]].tolist() == [30.0, 30.0, 35.0, 55.0, 60.0]
+    assert recording.phase is not None
+    notes = '\n'.join(recording.notes)
+    assert 'chamber.csv: 7 samples joined by time, the first 10.000 s after the first' in notes
+    assert 'UTC' not in notes  # the zone is said
+    assert 'chamber.csv, chamber_temperature: 1000 rows without a sample of the time' in notes
+    (late,) = (
+        import_csv(
+            board,
+            of_time(MAPPING, start='2024-03-07T12:00:00Z', offset=2.0),
+            beside=[(chamber, of_time(CHAMBER, zone=60))],  # what YAML makes of +1:00
+        ),
+    )
+    assert late.chamber_temperature is not None
+    assert late.chamber_temperature[800] == 30.0
+
+
+def test_a_log_that_ends_is_not_held_for_ever(tmp_path: Path) -> None:
+    board, chamber = board_and_chamber(tmp_path)
+    lines = chamber.read_text().splitlines()[:3]
+    chamber.write_text('\n'.join([*lines, '']))  # samples at 10 and 15 s
+    recording = import_csv(
+        board, of_time(MAPPING, start='2024-03-07T13:00:00'), beside=[(chamber, CHAMBER)]
+    )
+    air = recording.chamber_temperature
+    assert air is not None
+    assert air[5999] == 35.0  # 45 s after the last, of 5 s
+    lines[2] = '2024-03-07T13:00:10.5,21,30'
+    chamber.write_text('\n'.join([*lines, '']))
+    recording = import_csv(
+        board, of_time(MAPPING, start='2024-03-07T13:00:00'), beside=[(chamber, CHAMBER)]
+    )
+    air = recording.chamber_temperature
+    assert air is not None
+    assert air[1550] == 21.0
+    assert np.isnan(air[1551:]).all()
+
+
+def test_clocks_that_do_not_meet_are_refused_with_the_way_out(tmp_path: Path) -> None:
+    board, chamber = board_and_chamber(tmp_path)
+    with pytest.raises(BagError, match=r'0\.000 s to 59\.990 s; say the difference') as refused:
+        import_csv(board, MAPPING, beside=[(chamber, CHAMBER)])
+    assert '2024-03-07T13:00:10+00:00' in str(refused.value)
+    both = {**CHAMBER['columns'], 'temperature': {'column': 'air'}}
+    with pytest.raises(BagError, match=r'temperature is in .*chamber\.csv and in another file'):
+        import_csv(
+            board,
+            of_time(MAPPING, start='2024-03-07T13:00:00'),
+            beside=[(chamber, {**CHAMBER, 'columns': both})],
+        )
+
+
+@pytest.mark.parametrize(
+    ('keys', 'said'),
+    [
+        ({'unit': 's', 'zone': '+01:00'}, 'zone is of dates'),
+        ({'unit': 'iso8601', 'zone': 'Berlin'}, "zone is 'Berlin', expected"),
+        ({'unit': 'iso8601', 'start': '2024-03-07'}, 'start is of a clock that counts'),
+        ({'unit': 's', 'start': 'noon'}, "start is 'noon', expected a date"),
+        ({'unit': 's', 'offset': 'late'}, "offset is 'late', expected a number"),
+    ],
+)
+def test_a_wrong_clock_is_named(keys: dict[str, Any], said: str) -> None:
+    with pytest.raises(MappingError, match=said):
+        mapping_from(of_time(MAPPING, **keys))
+
+
+def test_gyroscope_and_magnetometer_in_files_of_their_own(tmp_path: Path) -> None:
+    """Phones write a file per sensor."""
+    names = {'a': 'linear_acceleration', 'g': 'angular_velocity', 'm': 'magnetic_field'}
+    units = {'a': 'm/s²', 'g': 'rad/s', 'm': 'µT'}
+    files, mappings = [], []
+    for key, field in names.items():
+        columns = [f'{key}{axis}' for axis in 'xyz']
+        late = 0.005 if key == 'g' else 0.0
+        rows = ''.join(f'{0.02 * k + late:.3f},{k},1,2\n' for k in range(100))
+        files.append(written(tmp_path / f'{key}.csv', rows, f't,{",".join(columns)}\n'))
+        mappings.append(
+            {
+                'schema': 1,
+                'time': {'column': 't', 'unit': 's'},
+                'columns': {field: {'columns': columns, 'unit': units[key]}},
+            }
+        )
+    beside = list(zip(files[1:], mappings[1:], strict=True))
+    recording = import_csv(files[0], mappings[0], beside=beside)
+    assert recording.linear_acceleration[:, 0].tolist() == list(range(100))
+    np.testing.assert_allclose(recording.angular_velocity[1:, 0], np.arange(99) + 0.75)
+    assert np.isnan(recording.angular_velocity[0]).all()
+    np.testing.assert_allclose(recording.magnetic_field[:, 0], 1e-6 * np.arange(100))

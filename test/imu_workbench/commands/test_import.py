@@ -89,3 +89,25 @@ def test_a_part_of_a_log(writers: ModuleType, bags: Path, tmp_path: Path, capsys
     assert main([*command, '--from', '5h']) == 2
     assert main([*command, '--from', '1min', '--to', '2min']) == 0
     assert len(read_bag(tmp_path / 'part' / 'imu0')) == 31
+
+
+def test_files_are_joined_with_a_guess_that_is_saved(tmp_path: Path, capsys) -> None:
+    board, chamber = tmp_path / 'board.csv', tmp_path / 'chamber.csv'
+    rows = (f'{0.1 * k:.1f},0.1,0.2,9.8,0.01,0.02,0.03,{30 + 0.01 * k}' for k in range(500))
+    board.write_text('\n'.join(['time,ax,ay,az,gx,gy,gz,temp', *rows]))
+    rows = (f'{k};{20 + k};{25 + k}' for k in range(0, 51, 5))
+    chamber.write_text('\n'.join(['seconds;Temp;SP', *rows]))
+    files = ['import', str(board), str(chamber)]
+    assert main(files) == 0
+    saved = tmp_path / 'both.yaml'
+    saved.write_text(capsys.readouterr().out)
+    command = [*files, '--mapping', str(saved), '-o', str(tmp_path / 'bag')]
+    assert main(command) == 0
+    assert 'chamber.csv: 11 samples joined by time' in capsys.readouterr().out
+    air = read_bag(tmp_path / 'bag').chamber_temperature
+    assert air is not None
+    assert air[[49, 50]].tolist() == [20.0, 25.0]
+    assert main(['import', str(board), '--mapping', str(saved), '-o', str(tmp_path / 'b')]) == 2
+    assert '1 files and 2 mappings' in capsys.readouterr().err
+    assert main([*files, '--yes', '-o', str(tmp_path / 'guessed')]) == 0
+    assert 'Temp is taken for the air, not for a die' in capsys.readouterr().out

@@ -12,12 +12,21 @@ import io
 import os
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from imu_recording.logs.dataflash_stream import (
+    HEAD,
+    INSTANCE,
+    TIME,
+    Layout,
+    messages_at,
+    stream_messages,
+)
 from imu_recording.logs.flight_log import (
     FlightLog,
     LogError,
@@ -47,7 +56,28 @@ PADDING = 528
 ROWS_AT_A_TIME = 100_000
 """Messages that are gathered at a time: where their bytes stand takes eight times their size."""
 
+WHOLE_BELOW = 200_000_000
+"""Bytes up to which a file is read as a whole: its samples fit into memory as they are …"""
+MOST_ROWS = 1_000_000
+"""… and rows that are kept of each kind of message of a longer one, all instances together."""
+BEGINNING = 1 << 24
+"""Bytes at the beginning of a log within which its messages are defined."""
+KEPT = frozenset({'PARM', 'MSG'})
+"""Messages of a long log that are read as they are …"""
+AVERAGED = {
+    f'{name}{number}': columns
+    for name, columns in (
+        ('IMU', (*GYROSCOPE, *ACCELEROMETER, 'T')),
+        ('MAG', MAGNETOMETER),
+        ('BARO', ('Temp',)),
+    )
+    for number in ('', '2', '3')
+}
+"""… and those of which means are kept, with the columns that are read."""
+
 Columns = Mapping[str, Any]
+Tables = Callable[..., dict[str, Any]]
+"""Columns of the messages of a name, {} where there are none; LogError where one is missing."""
 
 
 def is_dataflash(start: bytes) -> bool:
@@ -55,16 +85,21 @@ def is_dataflash(start: bytes) -> bool:
     return start.startswith(MAGIC)
 
 
-def read_dataflash(path: Path) -> FlightLog:
-    """Read a DataFlash log; raise LogError where it is damaged beyond use, or lacks IMUs."""
-    reader = _opened(path)
-    parameters = _parameters(_table(path, reader, 'PARM', 'Name', 'Value'))
-    texts = [str(text) for text in _table(path, reader, 'MSG', 'Message').get('Message', ())]
-    notes = []
-    lost = _bytes_outside_messages(reader)
+def read_dataflash(
+    path: Path, *, whole_below: int = WHOLE_BELOW, most_rows: int = MOST_ROWS
+) -> FlightLog:
+    """Read a DataFlash log; raise LogError where it is damaged beyond use, or lacks IMUs.
+
+    A file of `whole_below` bytes and more is read piece by piece; messages of which there are more
+    than `most_rows` as means of as many as it takes.
+    """
+    long = path.stat().st_size >= whole_below
+    tables, lost, notes = _streamed(path, most_rows) if long else _held(path)
+    parameters = _parameters(tables('PARM', 'Name', 'Value'))
+    texts = [str(text) for text in tables('MSG', 'Message').get('Message', ())]
     if lost > PADDING:
         notes.append(f'the log is damaged: {lost} bytes that are no message are left out')
-    imus = _imus(path, reader, parameters)
+    imus = _imus(path, tables, parameters)
     known = with_temperature(
         path, imus, 'this firmware logs none: update it, T is in IMU messages'
     )
@@ -77,13 +112,75 @@ def read_dataflash(path: Path) -> FlightLog:
     return FlightLog(name, known, parameters, hardware, str(path), tuple(notes))
 
 
-def _opened(path: Path) -> Any:
-    """Return pymavlink's reader, which indexes the file."""
+def _held(path: Path) -> tuple[Tables, int, list[str]]:
+    """Return the messages of a log that is read as a whole, bytes that are none, and notes."""
+    reader = _opened(path)
+
+    def messages(name: str, *needed: str) -> dict[str, Any]:
+        number = reader.name_to_id.get(name)
+        if number is None or not len(reader.offsets[number]):
+            return {}
+        layout = _layout(path, reader, name)
+        size = layout.content.itemsize
+        offsets = np.asarray(reader.offsets[number], np.int64) + HEAD
+        offsets = offsets[offsets + size <= reader.data_len]
+        data = np.frombuffer(reader.data_map, np.uint8)
+        rows = np.empty(len(offsets), layout.content)
+        for start in range(0, len(offsets), ROWS_AT_A_TIME):
+            some = slice(start, start + ROWS_AT_A_TIME)
+            rows[some] = messages_at(data, offsets[some], layout)
+        columns = _columns(rows, layout)
+        check_columns(path, name, columns, (TIME, *needed))
+        return columns
+
+    return messages, _bytes_outside_messages(reader), []
+
+
+def _streamed(path: Path, most_rows: int) -> tuple[Tables, int, list[str]]:
+    """Return the messages of a long log, of samples means; definitions stand at its beginning."""
+    with tempfile.NamedTemporaryFile(suffix=path.suffix) as beginning:
+        with path.open('rb') as stream:
+            beginning.write(stream.read(BEGINNING))
+        beginning.flush()
+        reader = _opened(Path(beginning.name), path)
+    lengths = np.zeros(256, np.int64)
+    lengths[list(reader.formats)] = [form.len for form in reader.formats.values()]
+    layouts = {
+        n: _layout(path, reader, n) for n in reader.name_to_id if n in KEPT | AVERAGED.keys()
+    }
+    for name, layout in layouts.items():
+        if layout.content.itemsize + HEAD != lengths[layout.number]:
+            raise LogError(f'{path}: the definition of {name} messages is damaged')
+    found = stream_messages(
+        path,
+        lengths,
+        {name: layout for name, layout in layouts.items() if name in KEPT},
+        {n: (layout, AVERAGED[n]) for n, layout in layouts.items() if n in AVERAGED},
+        most_rows,
+    )
+    notes = []
+    if found.averaged > 1:
+        notes.append(f'a long log: rows are means of {found.averaged} samples')
+    tables = {name: _columns(rows, layouts[name]) for name, rows in found.messages.items()}
+    tables |= found.tables
+
+    def messages(name: str, *needed: str) -> dict[str, Any]:
+        columns = tables.get(name, {})
+        if not columns or not len(next(iter(columns.values()))):
+            return {}
+        check_columns(path, name, columns, (TIME, *needed))
+        return columns
+
+    return messages, found.lost, notes
+
+
+def _opened(path: Path, named: Path | None = None) -> Any:
+    """Return pymavlink's reader, which indexes a file; errors name the log it is `named` for."""
     try:
         from pymavlink import DFReader
     except ImportError:
         raise LogError(
-            f'{path}: reading this log needs pymavlink (pip install pymavlink)'
+            f'{named or path}: reading this log needs pymavlink (pip install pymavlink)'
         ) from None
 
     class Index(DFReader.DFReader_binary):  # type: ignore[misc]
@@ -97,7 +194,7 @@ def _opened(path: Path) -> Any:
             return Index(str(path))
     except Exception as error:  # noqa: BLE001 (the parser raises whatever damage leads to)
         reason = f'{type(error).__name__}: {error}'
-        raise LogError(f'{path}: damaged, cannot be read ({reason})') from None
+        raise LogError(f'{named or path}: damaged, cannot be read ({reason})') from None
 
 
 @contextlib.contextmanager
@@ -124,35 +221,26 @@ def _bytes_outside_messages(reader: Any) -> int:
     return int(reader.data_len - read)
 
 
-def _table(path: Path, reader: Any, name: str, *needed: str) -> dict[str, Any]:
-    """Return all messages of a type as columns; none where there are no such messages.
-
-    Raises LogError where the columns that are `needed`, or the time, are not among them.
-    """
-    number = reader.name_to_id.get(name)
-    if number is None or not len(reader.offsets[number]):
-        return {}
+def _layout(path: Path, reader: Any, name: str) -> Layout:
+    """Return how the messages of a name are laid out."""
+    number = reader.name_to_id[name]
     form = reader.formats[number]
     items = _item_types(form.msg_struct)
     if len(items) != len(form.columns) or len(set(form.columns)) < len(form.columns):
         raise LogError(f'{path}: the definition of {name} messages is damaged')
-    types = np.dtype(list(zip(form.columns, items, strict=True)))
-    offsets = np.asarray(reader.offsets[number], np.int64) + 3
-    offsets = offsets[offsets + types.itemsize <= reader.data_len]
-    data = np.frombuffer(reader.data_map, np.uint8)
-    rows = np.empty(len(offsets), types)
-    for start in range(0, len(offsets), ROWS_AT_A_TIME):
-        some = slice(start, start + ROWS_AT_A_TIME)
-        places = offsets[some, None] + np.arange(types.itemsize)
-        rows[some] = data[places].view(types)[:, 0]
+    content = np.dtype(list(zip(form.columns, items, strict=True)))
+    return Layout(number, content, dict(zip(form.columns, form.msg_mults, strict=True)))
+
+
+def _columns(rows: Any, layout: Layout) -> dict[str, Any]:
+    """Return the columns of messages, numbers in their units, texts as such."""
     columns = {}
-    for column, factor in zip(form.columns, form.msg_mults, strict=True):
+    for column, factor in layout.factors.items():
         values = rows[column]
         if values.dtype.kind == 'S':
             columns[column] = [v.decode('ascii', 'replace') for v in values.tolist()]
         else:
             columns[column] = values if factor is None else values * factor
-    check_columns(path, name, columns, ('TimeUS', *needed))
     return columns
 
 
@@ -177,15 +265,15 @@ def _parameters(table: Columns) -> dict[str, float]:
     return first
 
 
-def _imus(path: Path, reader: Any, parameters: Mapping[str, float]) -> list[LoggedImu]:
-    tables = dict(_instances(path, reader, 'IMU', *GYROSCOPE, *ACCELEROMETER))
-    if not tables:
+def _imus(path: Path, tables: Tables, parameters: Mapping[str, float]) -> list[LoggedImu]:
+    found = dict(_instances(tables, 'IMU', *GYROSCOPE, *ACCELEROMETER))
+    if not found:
         raise LogError(f'{path}: no IMU messages in it; {WAY_OUT}')
-    fields = dict(_instances(path, reader, 'MAG', *MAGNETOMETER))
-    boards = dict(_instances(path, reader, 'BARO'))
+    fields = dict(_instances(tables, 'MAG', *MAGNETOMETER))
+    boards = dict(_instances(tables, 'BARO'))
     turn = _board_rotation(path, parameters)
     imus = []
-    for number, table in tables.items():
+    for number, table in found.items():
         field, board = fields.get(number), boards.get(number, boards.get(0))
         notes = [] if turn is None else ['the orientation of the board is turned back']
         if field is not None:
@@ -224,18 +312,16 @@ def _imus(path: Path, reader: Any, parameters: Mapping[str, float]) -> list[Logg
     return imus
 
 
-def _instances(
-    path: Path, reader: Any, name: str, *needed: str
-) -> list[tuple[int, dict[str, Any]]]:
+def _instances(tables: Tables, name: str, *needed: str) -> list[tuple[int, dict[str, Any]]]:
     """Return the messages of each instance: by their field I, or by a number in their name."""
-    table = _table(path, reader, name, *needed)
-    if 'I' in table:
-        instance = np.asarray(table['I'])
+    table = tables(name, *needed)
+    if INSTANCE in table:
+        instance = np.asarray(table[INSTANCE])
         return [
             (k, {n: np.asarray(v)[instance == k] for n, v in table.items()})
             for k in np.unique(instance).tolist()
         ]
-    others = ((k, _table(path, reader, f'{name}{k + 1}', *needed)) for k in (1, 2))
+    others = ((k, tables(f'{name}{k + 1}', *needed)) for k in (1, 2))
     named = [(0, table), *others]
     return [(k, found) for k, found in named if found]
 

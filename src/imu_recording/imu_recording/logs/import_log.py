@@ -20,10 +20,14 @@ from imu_recording.recording import (
     RecordingError,
     infer_up_axis,
 )
-from imu_recording.synchronise import Samples, hold_newest, in_order, join_next, without_jumps
-
-LONGEST_BRIDGE = 3.0
-"""Periods between two samples of the accelerometer beyond which nothing is interpolated."""
+from imu_recording.synchronise import (
+    Samples,
+    hold_newest,
+    in_order,
+    interpolate,
+    join_next,
+    without_jumps,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +104,9 @@ def _recording(log: FlightLog, imu: LoggedImu) -> ImuRecording:
     if len(rates.stamp) < 2 or len(forces.stamp) < 2:
         raise RecordingError('fewer than two samples')
     rows = rates.stamp
-    linear_acceleration = _on_rows(rows, forces, notes)
+    linear_acceleration, between = interpolate(rows, forces)
+    if between:
+        notes.append('the accelerometer is interpolated to the times of the gyroscope')
     kept = np.isfinite(linear_acceleration).all(axis=1)
     if not kept.any():
         raise RecordingError('accelerometer and gyroscope were never logged together')
@@ -149,25 +155,6 @@ def _usable(name: str, series: Series, notes: list[str]) -> Samples | None:
         notes.append(f'{name} left out: {error}')
         return None
     return samples if len(samples.stamp) else None
-
-
-def _on_rows(rows: IntArray, samples: Samples, notes: list[str]) -> FloatArray:
-    """Return the values between samples at the rows; NaN before, after and in gaps."""
-    values = _floats(samples.values[0])
-    if np.array_equal(rows, samples.stamp):
-        return values
-    found = np.stack(
-        [np.interp(rows, samples.stamp, column, np.nan, np.nan) for column in values.T], axis=1
-    )
-    steps = np.diff(samples.stamp)
-    after = np.clip(np.searchsorted(samples.stamp, rows, side='left'), 1, len(steps))
-    found[steps[after - 1] > LONGEST_BRIDGE * np.median(steps)] = np.nan
-    exact = np.isin(rows, samples.stamp)
-    places = np.searchsorted(samples.stamp, rows[exact])
-    found[exact] = values[places]
-    if not exact.all():
-        notes.append('the accelerometer is interpolated to the times of the gyroscope')
-    return found
 
 
 def _held(

@@ -58,10 +58,11 @@ class Guess:
     unsure: list[str] = field(default_factory=list)
 
 
-def guess_mapping(path: Path) -> Guess:
+def guess_mapping(path: Path, *, beside: bool = False) -> Guess:
     """Return the mapping a CSV file probably needs.
 
-    Raises BagError where there is no header, no time or no vector of a sensor in it.
+    `beside` that of a board it may be the log of a chamber. Raises BagError where there is no
+    header, no time, or neither a vector of a sensor nor, beside another, any channel in it.
     """
     delimiter, header, table = _table(path)
     names = {name: _plain(name) for name in header}
@@ -74,11 +75,8 @@ def guess_mapping(path: Path) -> Guess:
         if found:
             told = _vector_unit(field_name, [values[n] for n in found], units[found[0]], unsure)
             columns[field_name] = {'columns': found, **told}
-    if not columns:
-        raise BagError(
-            f'{path}: no columns such as ax, ay, az or gyro_x, gyro_y, gyro_z in its header '
-            f'({", ".join(header)}); write a mapping (--mapping)'
-        )
+    if not beside:
+        _refuse_without_vector(path, header, columns)
     taken = {name for entry in columns.values() for name in entry['columns']}
     clock = _time_column(path, names, values)
     taken.add(clock)
@@ -89,18 +87,47 @@ def guess_mapping(path: Path) -> Guess:
             taken.add(name)
             told = _scalar_unit(field_name, name, values[name], units[name], unsure)
             columns[field_name] = {'column': name, **told}
-    if 'temperature' not in columns:
+    if beside:
+        _of_the_chamber(path, header, columns, unsure)
+    elif 'temperature' not in columns:
         unsure.append('no column looks like the temperature of the die')
-    warmth = values[columns['temperature']['column']] if 'temperature' in columns else None
+    warm = columns.get('temperature', columns.get('chamber_temperature'))
+    warmth = values[warm['column']] if warm else None
     unit = _time_unit(clock, values[clock], units[clock], warmth, unsure)
     time = {'column': clock, 'unit': unit}
-    mapping: dict[str, Any] = {'schema': 1, 'device': path.stem, 'time': time, 'columns': columns}
+    device = {} if beside else {'device': path.stem}
+    mapping: dict[str, Any] = {'schema': 1, **device, 'time': time, 'columns': columns}
     if delimiter != ',':
         mapping['delimiter'] = delimiter
     left = [name for name in header if name not in taken]
     if left:
         unsure.append(f'not used: {", ".join(left)}')
     return Guess(mapping, unsure)
+
+
+def _refuse_without_vector(path: Path, header: Sequence[str], columns: Mapping[str, Any]) -> None:
+    if not columns:
+        raise BagError(
+            f'{path}: no columns such as ax, ay, az or gyro_x, gyro_y, gyro_z in its header '
+            f'({", ".join(header)}); write a mapping (--mapping)'
+        )
+
+
+def _of_the_chamber(
+    path: Path, header: Sequence[str], columns: dict[str, Any], unsure: list[str]
+) -> None:
+    """Take what is just a temperature for that of the air, in the log of a chamber."""
+    if not columns:
+        raise BagError(
+            f'{path}: no column looks like a channel of a chamber ({", ".join(header)}); write a '
+            'mapping (--mapping)'
+        )
+    if VECTORS.keys() & columns.keys() or 'temperature' not in columns:
+        return
+    name = columns['temperature']['column']
+    if 'chamber_temperature' not in columns:
+        columns['chamber_temperature'] = columns.pop('temperature')
+        unsure.append(f'chamber_temperature: {name} is taken for the air, not for a die')
 
 
 def _time_column(path: Path, names: Mapping[str, str], values: Mapping[str, FloatArray]) -> str:

@@ -9,6 +9,10 @@
       linear_acceleration: {columns: [Ax, Ay, -Az], scale: 1/16384, unit: g}
       temperature: {column: dTemp, scale: 1/340, offset: 36.53, unit: °C}
 
+The log of a chamber beside that of a board has a mapping of its own, without vectors. How clocks
+stand to one another is said of the time: `zone: +01:00` of dates that name none, `offset: 1712.5`
+(seconds that are added), `start: 2024-03-07T12:00:00+01:00` (when a clock that counts was zero).
+
 A value is (cell × scale + offset) in the unit given; a minus before a name turns the axis around.
 `scale` and `offset` are numbers or fractions, for a vector also one per axis. Columns are named by
 the header, or numbered from 0 with `header: false`. Further keys: `frame_id`, `run`, `profile`,
@@ -18,8 +22,10 @@ the header, or numbered from 0 with `header: false`. Further keys: `frame_id`, `
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta, timezone, tzinfo
 from pathlib import Path
 from typing import Any
 
@@ -139,6 +145,10 @@ class CsvMapping:
     columns: tuple[CsvColumn, ...]
     time_column: str
     time_unit: str
+    time_offset: float = 0.0
+    """Added to the times of the file [s]."""
+    zone: tzinfo | None = None
+    """Of dates that name none; None: UTC is assumed."""
     device: str = ''
     run: str = ''
     profile: str = ''
@@ -150,27 +160,37 @@ class CsvMapping:
     header: bool = True
 
 
-def load_mapping(path: str | Path) -> CsvMapping:
+def load_mapping(path: str | Path, *, beside: bool = False) -> CsvMapping:
     """Read a mapping file; raise MappingError naming the file and what is wrong."""
+    contents = mappings_in(path)
+    if len(contents) != 1:
+        raise MappingError(f'{path}: {len(contents)} mappings in it, expected one')
+    return mapping_from(contents[0], str(path), beside=beside)
+
+
+def mappings_in(path: str | Path) -> list[Any]:
+    """Return what a mapping file holds: one mapping, or several with --- between them."""
     path = Path(path)
     try:
-        content = yaml.safe_load(path.read_text(encoding='utf-8'))
+        contents = list(yaml.safe_load_all(path.read_text(encoding='utf-8')))
     except OSError as error:
         raise MappingError(f'{path}: cannot be read ({error.strerror})') from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise MappingError(f'{path}: not a YAML file: {fault_in_yaml(error)}') from None
-    return mapping_from(content, str(path))
+    return contents or [None]
 
 
-def mapping_from(content: Any, name: str = 'mapping') -> CsvMapping:
-    """Check the content of a mapping file."""
+def mapping_from(content: Any, name: str = 'mapping', *, beside: bool = False) -> CsvMapping:
+    """Check the content of a mapping; `beside` others, it needs no vector of a sensor."""
     if not isinstance(content, Mapping):
         raise MappingError(f'{name}: expected keys schema, time, columns')
     known = {'schema', 'time', 'columns', 'delimiter', 'comment', 'decimal', 'header', *TEXTS}
     _refuse_unknown(content, known, name)
     if content.get('schema') != SCHEMA:
         raise MappingError(f'{name}: schema is {content.get("schema")!r}, expected {SCHEMA}')
-    texts = {key: str(content[key]) for key in TEXTS if content.get(key) is not None}
+    texts: dict[str, Any] = {
+        key: str(content[key]) for key in TEXTS if content.get(key) is not None
+    }
     if texts.get('up_axis', '+z') not in UP_AXES:
         raise MappingError(
             f'{name}: up_axis is {texts["up_axis"]!r}, expected one of {", ".join(UP_AXES)}'
@@ -182,32 +202,66 @@ def mapping_from(content: Any, name: str = 'mapping') -> CsvMapping:
         if not isinstance(value, str) or (key != 'comment' and len(value) != 1):
             raise MappingError(f'{name}: {key} is {value!r}, expected a single character')
         texts[key] = value
-    time_column, time_unit = _time(content.get('time'), name)
     return CsvMapping(
-        columns=_columns(content.get('columns'), name),
-        time_column=time_column,
-        time_unit=time_unit,
+        columns=_columns(content.get('columns'), name, beside=beside),
+        **_time(content.get('time'), name),
         header=content.get('header', True) is not False,
         **texts,
     )
 
 
-def _time(told: Any, name: str) -> tuple[str, str]:
+def _time(told: Any, name: str) -> dict[str, Any]:
+    """Return the fields of a mapping that are about the time."""
     if not isinstance(told, Mapping) or 'column' not in told:
         raise MappingError(f'{name}: time: expected a column and its unit')
-    _refuse_unknown(told, {'column', 'unit'}, f'{name}: time')
+    _refuse_unknown(told, {'column', 'unit', 'offset', 'zone', 'start'}, f'{name}: time')
     unit = str(told.get('unit', 's'))
     if unit not in (*TIME_UNITS, ISO_TIME):
         known = ', '.join((*TIME_UNITS, ISO_TIME))
         raise MappingError(f'{name}: time: unit is {unit!r}, expected one of {known}')
-    return str(told['column']), unit
+    if 'zone' in told and unit != ISO_TIME:
+        raise MappingError(f'{name}: time: zone is of dates (unit: {ISO_TIME}), not of {unit!r}')
+    if 'start' in told and unit == ISO_TIME:
+        raise MappingError(f'{name}: time: start is of a clock that counts, not of dates')
+    offset = _number(told.get('offset', 0), f'{name}: time: offset')
+    return {
+        'time_column': str(told['column']),
+        'time_unit': unit,
+        'time_offset': offset + (_start(told['start'], name) if 'start' in told else 0.0),
+        'zone': _zone(told['zone'], name) if 'zone' in told else None,
+    }
 
 
-def _columns(told: Any, name: str) -> tuple[CsvColumn, ...]:
+def _start(told: Any, name: str) -> float:
+    """Return the seconds from 1970 to a date; YAML makes a datetime of most."""
+    try:
+        moment = told if isinstance(told, datetime) else datetime.fromisoformat(str(told))
+    except ValueError:
+        raise MappingError(
+            f'{name}: time: start is {told!r}, expected a date such as 2024-03-07T12:00:00+01:00'
+        ) from None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def _zone(told: Any, name: str) -> tzinfo:
+    """Return a zone such as +01:00, UTC or Z; YAML makes minutes of +10:00."""
+    text = str(told).strip()
+    if text.upper() in ('UTC', 'Z'):
+        return UTC
+    match = re.fullmatch(r'([+-])(\d\d?):?(\d\d)', text)
+    minutes = told if isinstance(told, int) and not isinstance(told, bool) else None
+    if match and minutes is None:
+        minutes = int(f'{match[1]}1') * (60 * int(match[2]) + int(match[3]))
+    if minutes is None or abs(minutes) > 14 * 60:
+        raise MappingError(f'{name}: time: zone is {told!r}, expected +01:00 or UTC')
+    return timezone(timedelta(minutes=minutes))
+
+
+def _columns(told: Any, name: str, *, beside: bool) -> tuple[CsvColumn, ...]:
     if not isinstance(told, Mapping) or not told:
         raise MappingError(f'{name}: columns: expected at least one of {", ".join(UNITS)}')
     _refuse_unknown(told, set(UNITS), f'{name}: columns')
-    if not set(told) & set(VECTORS):
+    if not beside and not set(told) & set(VECTORS):
         raise MappingError(f'{name}: columns: expected at least one of {", ".join(VECTORS)}')
     columns: list[CsvColumn] = []
     for field, entry in told.items():

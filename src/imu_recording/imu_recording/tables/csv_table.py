@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The cells of a CSV file as numbers; what is no number is named with its line and column."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime, tzinfo
+from pathlib import Path
+
+import numpy as np
+
+from imu_recording.recording import BagError, FloatArray
+from imu_recording.tables.mapping import ISO_TIME, CsvMapping
+from imu_recording.tables.row_range import RowRange
+from imu_recording.user_error import did_you_mean
+
+ALL_ROWS = RowRange()
+MISSING = frozenset({'', 'nan', 'na', 'n/a', 'null', 'none', '-'})
+"""What a cell without a value may hold, in lower case."""
+_INFINITE = frozenset({'inf', '+inf', '-inf', 'infinity', '-infinity'})
+
+
+def read_table(
+    path: Path, mapping: CsvMapping, names: Sequence[str], rows: RowRange = ALL_ROWS
+) -> tuple[FloatArray, list[str]]:
+    """Return the named columns as (n, len(names)) and notes; raise BagError naming the place.
+
+    Cells without a value are NaN; lines with another number of cells are left out and counted.
+    Dates become seconds since 1970 (UTC where they name no zone, which is said).
+    """
+    try:
+        try:
+            with path.open(encoding='utf-8-sig', newline='') as stream:
+                return _parse(stream, path, mapping, names, rows)
+        except UnicodeDecodeError:
+            with path.open(encoding='cp1252', errors='replace', newline='') as stream:
+                table, notes = _parse(stream, path, mapping, names, rows)
+            return table, [*notes, 'the file is not UTF-8: read as Windows-1252 (cp1252)']
+    except OSError as error:
+        raise BagError(f'{path}: cannot be read ({error.strerror})') from None
+    except csv.Error as error:
+        raise BagError(f'{path}: not a CSV file ({error})') from None
+
+
+def _parse(
+    stream: Iterator[str],
+    path: Path,
+    mapping: CsvMapping,
+    names: Sequence[str],
+    rows: RowRange,
+) -> tuple[FloatArray, list[str]]:
+    lines = _lines(stream, mapping)
+    first = next(lines, None)
+    if first is None:
+        raise BagError(f'{path}: the file is empty')
+    number, header = first
+    places = [_place(name, header, path, mapping) for name in names]
+    width = len(header)
+    values: list[list[float]] = []
+    left_out: list[int] = []
+    zoned = mapping.time_unit != ISO_TIME or mapping.zone is not None
+    if not mapping.header and rows.has_line(number):
+        values.append(_row(header, places, path, number, mapping, names))
+    for number, cells in lines:
+        if not rows.has_line(number):
+            continue
+        if len(cells) != width:
+            left_out.append(number)
+            continue
+        values.append(_row(cells, places, path, number, mapping, names))
+        zoned = zoned or _names_zone(cells[places[0][0]])
+    notes = [] if zoned else ['the times name no zone: taken as UTC']
+    if left_out:
+        notes.append(
+            f'{len(left_out)} lines do not have {width} cells and are left out '
+            f'(first: line {left_out[0]})'
+        )
+    return np.array(values, float).reshape(len(values), len(names)), notes
+
+
+def _lines(stream: Iterator[str], mapping: CsvMapping) -> Iterator[tuple[int, list[str]]]:
+    """Give line number and cells of every line that is neither blank nor a comment."""
+    reader = csv.reader(stream, delimiter=mapping.delimiter, skipinitialspace=True)
+    for cells in reader:
+        text = ''.join(cells).strip()
+        if not text or (mapping.comment and text.startswith(mapping.comment)):
+            continue
+        yield reader.line_num, cells
+
+
+def _place(name: str, header: list[str], path: Path, mapping: CsvMapping) -> tuple[int, float]:
+    """Return the column's index and its sign."""
+    known = [cell.strip() if mapping.header else str(k) for k, cell in enumerate(header)]
+    for candidate, sign in ((name, 1.0), (name.removeprefix('-').strip(), -1.0)):
+        if candidate in known:
+            return known.index(candidate), sign
+    others = [sign for sign in ';\t|,' if sign != mapping.delimiter]
+    split = next((sign for sign in others if len(header) == 1 and sign in header[0]), '')
+    way = f'; is the delimiter {split!r}? (delimiter: {split!r} in the mapping)' if split else ''
+    raise BagError(
+        f'{path}: no column {name!r}{did_you_mean(name, known)}; it has {", ".join(known)}{way}'
+    )
+
+
+def _row(
+    cells: list[str],
+    places: list[tuple[int, float]],
+    path: Path,
+    number: int,
+    mapping: CsvMapping,
+    names: Sequence[str],
+) -> list[float]:
+    try:
+        if mapping.decimal == '.' and mapping.time_unit != ISO_TIME:
+            return [sign * float(cells[at]) for at, sign in places]
+    except ValueError:
+        pass  # a cell without a value, or one to complain about: looked at below
+    values = []
+    for (at, sign), name in zip(places, names, strict=True):
+        date = name == mapping.time_column and mapping.time_unit == ISO_TIME
+        cell = cells[at]
+        value = _date(cell, mapping.zone or UTC) if date else _value(cell, mapping.decimal)
+        if value is None:
+            raise BagError(
+                f'{path}, line {number}, column {name!r}: {cell.strip()!r} is no '
+                f'{_expected(cell, mapping, date=date)}'
+            )
+        values.append(sign * value)
+    return values
+
+
+def _expected(cell: str, mapping: CsvMapping, *, date: bool) -> str:
+    """Return what a cell should be, and the setting that may make it so."""
+    if date:
+        return 'date; write dates as 2024-03-07T12:00:00 (ISO 8601)'
+    if mapping.decimal == '.' and _value(cell, ',') is not None:
+        return "number; is the decimal sign a comma? (decimal: ',' in the mapping)"
+    return 'number'
+
+
+def _value(cell: str, decimal: str) -> float | None:
+    text = cell.strip().lower().replace(decimal, '.')
+    if text in MISSING:
+        return np.nan
+    if text in _INFINITE:
+        return float(text)
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _names_zone(cell: str) -> bool:
+    """Tell whether a date says which zone it is of: +01:00 or Z at its end."""
+    return bool(re.search(r'(Z|[+-]\d\d:?\d\d)$', cell.strip()))
+
+
+def _date(cell: str, zone: tzinfo) -> float | None:
+    text = cell.strip()
+    if text.lower() in MISSING:
+        return np.nan
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=zone)).timestamp()
