@@ -76,3 +76,11 @@ def test_a_class_without_its_file_tells_the_same_type(
     fields = message_class(name).get_fields_and_field_types()
     assert text.count('\n') == len(fields) == len(standard_types().fielddefs[name][1])
     assert message_name('sequence<uint8, 4>') == 'uint8[<=4]'
+
+
+@pytest.mark.parametrize(
+    'name', ['', 'Imu', 'a/b', 'sensor_msgs/msg/Imu/x', '../x/msg/Y', '.x/msg/Y']
+)
+def test_what_is_no_type_is_looked_for_nowhere(name: str) -> None:
+    assert message_text(name) is None
+    assert definition_of(name) == ''

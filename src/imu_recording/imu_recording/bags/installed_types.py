@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
@@ -14,6 +15,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+MESSAGE_TYPE = re.compile(r'([A-Za-z][A-Za-z0-9_]*)/msg/([A-Za-z][A-Za-z0-9_]*)')
 MESSAGE_NAMES = {'double': 'float64', 'float': 'float32', 'boolean': 'bool', 'octet': 'byte'}
 """What an IDL type is called in a .msg file."""
 
@@ -45,8 +47,14 @@ def installed_types(message_type: str) -> Typestore | None:
 
 
 def message_text(message_type: str) -> str | None:
-    """Return the text of the .msg file of a type, None where it is not installed."""
-    package, _, name = message_type.split('/')
+    """Return the text of the .msg file of a type, None where it is not installed.
+
+    What is not spelt as a type, in a damaged or tampered bag, is looked for nowhere.
+    """
+    spelt = MESSAGE_TYPE.fullmatch(message_type)
+    if spelt is None:
+        return None
+    package, name = spelt.groups()
     for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
         file = Path(prefix) / 'share' / package / 'msg' / f'{name}.msg'
         if prefix and file.is_file():
