@@ -28,6 +28,15 @@ def microseconds(recording: ImuRecording, start: int) -> list[int]:
     return ((recording.stamp - recording.stamp[0]) // 1000 + start).tolist()
 
 
+def gps_times(
+    recording: ImuRecording, start: int, power_on: float
+) -> Iterable[tuple[int, int, float]]:
+    """Each second: time since power-on [µs], status of the fix, Unix time [s]; 0 without a fix."""
+    last = microseconds(recording, start)[-1]
+    for number, t in enumerate(range(start, last, 1_000_000)):
+        yield (t, 3, power_on + 1e-6 * t) if number > 1 else (t, 1, 0.0)
+
+
 # PX4 ---------------------------------------------------------------------------------------------
 
 ULOG_FORMATS = {
@@ -35,6 +44,7 @@ ULOG_FORMATS = {
     'sensor_gyro': 'uint32_t device_id;float x;float y;float z;float temperature;',
     'sensor_mag': 'uint32_t device_id;float x;float y;float z;',
     'sensor_baro': 'uint32_t device_id;float pressure;float temperature;',
+    'sensor_gps': 'uint64_t time_utc_usec;uint8_t fix_type;',
 }
 
 
@@ -45,10 +55,12 @@ def ulog_bytes(
     start: int = 5_000_000,
     accelerometer_delay: int = 0,
     data_alone: bool = False,
+    power_on: float | None = None,
 ) -> bytes:
     """A ULog with one accelerometer, gyroscope and magnetometer a recording, and one barometer.
 
-    `data_alone` leaves out what stands before the data: to append to another log.
+    `data_alone` leaves out what stands before the data: to append to another log. `power_on`:
+    Unix time of the clock's zero [s], which a GPS receiver tells.
     """
     parts = [b'ULog\x01\x12\x35\x01' + struct.pack('<Q', start)]
     parts.append(_ulog('B', bytes(40)))
@@ -62,12 +74,18 @@ def ulog_bytes(
         parts.append(_ulog('P', _key(f'float {key}') + struct.pack('<f', number)))
     topics = [(name, k) for name in list(ULOG_FORMATS)[:3] for k in range(len(recordings))]
     topics.append(('sensor_baro', 0))
+    topics += [] if power_on is None else [('sensor_gps', 0)]
     for number, (name, instance) in enumerate(topics):
         parts.append(_ulog('A', struct.pack('<BH', instance, number) + name.encode()))
     messages = []
     parts = [] if data_alone else parts
     for number, (name, instance) in enumerate(topics):
         recording = recordings[instance]
+        if name == 'sensor_gps':
+            for t, fix, utc in gps_times(recording, start, power_on or 0.0):
+                data = struct.pack('<HQQQB', number, t, t, round(1e6 * utc), fix)
+                messages.append((t, number, _ulog('D', data)))
+            continue
         delay = accelerometer_delay if name == 'sensor_accel' else 0
         for t, device, values in _ulog_samples(name, instance, recording, start):
             when = t + delay
@@ -123,6 +141,7 @@ DATAFLASH_FORMATS = {
         'TimeUS,I,MagX,MagY,MagZ,OfsX,OfsY,OfsZ,MOX,MOY,MOZ,Health,S',
     ),
     'BARO': (133, 'QBffc', 'TimeUS,I,Alt,Press,Temp'),
+    'GPS': (134, 'QBBIH', 'TimeUS,I,Status,GMS,GWk'),
 }
 ITEMS = {'n': '4s', 'N': '16s', 'Z': '64s', 'c': 'h'}
 
@@ -133,8 +152,12 @@ def dataflash_bytes(
     parameters: Mapping[str, float] | None = None,
     start: int = 5_000_000,
     without_temperature: bool = False,
+    power_on: float | None = None,
 ) -> bytes:
-    """A DataFlash log with one IMU a recording, their magnetometers, and one barometer."""
+    """A DataFlash log with one IMU a recording, their magnetometers, and one barometer.
+
+    `power_on`: Unix time of the clock's zero [s], which a GPS receiver tells.
+    """
     formats = dict(DATAFLASH_FORMATS)
     if without_temperature:
         number, _, columns = formats['IMU']
@@ -145,6 +168,10 @@ def dataflash_bytes(
     said = ('ArduCopter V4.5.7 (simulated)', BOARD)
     parts += [_dataflash(formats, 'MSG', start, text.encode()) for text in said]
     messages = []
+    for t, fix, utc in gps_times(recordings[0], start, power_on) if power_on else ():
+        week, second = divmod(utc - 315_964_800 + 18, 604_800) if utc else (0, 0.0)
+        data = _dataflash(formats, 'GPS', t, 0, fix, round(1e3 * second), int(week))
+        messages.append((t, 0, data))
     for k, recording in enumerate(recordings):
         for t, row in zip(microseconds(recording, start), _rows(recording), strict=True):
             rate, force, field, warm, board = row

@@ -216,3 +216,28 @@ def test_real_logs(shared: Path) -> None:
     assert '"gyroscope_id": "4325386"' in two[1].metadata['log_hardware']
     assert any('temperature' in note for note in two[1].recording.notes)
     assert set(two[1].recording.temperature) == {32.0}
+
+
+def test_a_blackbox_log_is_refused_with_the_reason(tmp_path: Path) -> None:
+    path = tmp_path / 'LOG00001.BFL'
+    path.write_bytes(
+        b'H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\n'
+    )
+    assert is_log(path)
+    with pytest.raises(LogError, match='Betaflight writes none of its IMU into it'):
+        import_log(path)
+
+
+@pytest.mark.parametrize('suffix', WRITERS)
+def test_stamps_are_dates_where_gps_tells_them(
+    suffix: str, devices: Sequence[ImuRecording], tmp_path: Path
+) -> None:
+    started = 1_767_225_600.0  # 2026-01-01
+    (recording,) = read(tmp_path, WRITERS[suffix](devices[:1], power_on=started), suffix)
+    assert recording.stamp[0] == pytest.approx((started + 5.0) * 1e9, abs=2e6)
+    assert np.array_equal(recording.stamp, recording.temperature_stamp)
+    np.testing.assert_allclose(recording.time, devices[0].time, atol=2e-6)
+    assert 'stamps are dates, by GPS' in recording.notes
+    # A receiver that never had a fix tells nothing.
+    (silent,) = read(tmp_path, WRITERS[suffix](devices[:1], power_on=1e9), suffix)
+    assert silent.stamp[0] == 5_000_000_000

@@ -118,3 +118,27 @@ def test_bad_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert '--least 0' in refused(str(rest), '--least', '0')
     assert '-o MODEL' in refused(str(rest), '--plot', str(tmp_path / 'p.png'))
     assert 'no such file' in refused(str(tmp_path / 'missing'))
+
+
+@pytest.mark.parametrize('suffix', ['ulg', 'bin'])
+def test_logs_with_gps_have_dates(
+    suffix: str, writers: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write = writers.ulog_bytes if suffix == 'ulg' else writers.dataflash_bytes
+    started = 1_767_225_600.0  # 2026-01-01
+    paths = []
+    for number in range(4):
+        paths.append(tmp_path / f'f{number}.{suffix}')
+        paths[-1].write_bytes(write([flight(number)], power_on=started + 5e6 * number))
+    told, model = tmp_path / 's.json', tmp_path / 'm.yaml'
+    command = ['still', *map(str, paths), '-o', str(model), '--json', str(told)]
+    assert main(command) == 0
+    content = json.loads(told.read_text())
+    assert [log['started'][:10] for log in content['logs']] == [
+        '2026-01-01', '2026-02-27', '2026-04-26', '2026-06-23',
+    ]  # fmt: skip
+    ages = [log['age_days'] for log in content['curves']['logs']]
+    assert ages == pytest.approx([5e6 * (3 - k) / 86400.0 for k in range(4)], abs=0.01)
+    said = capsys.readouterr().out
+    assert '2026-06-23' in said
+    assert 'ageing is not known' not in said

@@ -35,6 +35,7 @@ from imu_recording.logs.flight_log import (
     check_columns,
     with_temperature,
 )
+from imu_recording.logs.gps_time import power_on, unix_of_gps
 from imu_recording.recording import FloatArray
 
 MAGIC = b'\xa3\x95'
@@ -62,7 +63,7 @@ MOST_ROWS = 1_000_000
 """… and rows that are kept of each kind of message of a longer one, all instances together."""
 BEGINNING = 1 << 24
 """Bytes at the beginning of a log within which its messages are defined."""
-KEPT = frozenset({'PARM', 'MSG'})
+KEPT = frozenset({'PARM', 'MSG', 'GPS'})
 """Messages of a long log that are read as they are …"""
 AVERAGED = {
     f'{name}{number}': columns
@@ -109,7 +110,16 @@ def read_dataflash(
     if board:
         hardware['board'] = board.group(0)
     name = f'ardupilot_{vehicle}'
-    return FlightLog(name, known, parameters, hardware, str(path), tuple(notes))
+    zero = _power_on(tables)
+    return FlightLog(name, known, parameters, hardware, zero, str(path), tuple(notes))
+
+
+def _power_on(tables: Tables) -> int | None:
+    table = tables('GPS')
+    if not {'Status', 'GMS', 'GWk'} <= table.keys():
+        return None
+    time = np.asarray(table[TIME]).astype(np.int64) * 1000
+    return power_on(time, unix_of_gps(table['GWk'], table['GMS']), table['Status'])
 
 
 def _held(path: Path) -> tuple[Tables, int, list[str]]:

@@ -55,6 +55,8 @@ class FlightLog:
     parameters: Mapping[str, float]
     hardware: Mapping[str, str]
     """What the log says of board and firmware."""
+    power_on: int | None = None
+    """When the log's clock was zero, Unix time [ns], by GPS; None where it does not tell."""
     path: str = ''
     """File it was read from."""
     notes: tuple[str, ...] = ()

@@ -29,6 +29,14 @@ from imu_recording.synchronise import (
     without_jumps,
 )
 
+BLACKBOX = b'H Product:Black'
+"""First bytes of a Blackbox log (Betaflight, iNav, Cleanflight and others)."""
+NOT_FROM_BLACKBOX = (
+    'a Blackbox log tells nothing about temperature: Betaflight writes none of its IMU into it, '
+    'and rates of iNav are whole °/s. Record the IMU with its temperature otherwise (PX4 .ulg, '
+    'ArduPilot .bin, a bag, CSV)'
+)
+
 
 @dataclass(frozen=True, eq=False)
 class ImportedImu:
@@ -45,8 +53,9 @@ def import_log(path: str | Path) -> list[ImportedImu]:
     """Read the IMUs of a PX4 ULog or an ArduPilot DataFlash log.
 
     Rows follow the gyroscope; where the accelerometer has other times, it is interpolated between
-    its samples. Axes are those of the autopilot, forward-right-down, as logged. Stamps count from
-    power-on. An IMU without a temperature is left out and named. Raises LogError.
+    its samples. Axes are those of the autopilot, forward-right-down, as logged. Stamps are dates
+    where GPS tells them, else they count from power-on. An IMU without a temperature is left out
+    and named. Raises LogError.
     """
     path = Path(path)
     try:
@@ -54,6 +63,8 @@ def import_log(path: str | Path) -> list[ImportedImu]:
             start = stream.read(16)
     except OSError as error:
         raise LogError(f'{path}: cannot be read ({error.strerror})') from None
+    if start.startswith(BLACKBOX):
+        raise LogError(f'{path}: {NOT_FROM_BLACKBOX}')
     if not (is_ulog(start) or is_dataflash(start)):
         raise LogError(f'{path}: neither a PX4 ULog nor an ArduPilot DataFlash log')
     with np.errstate(invalid='ignore'):  # damaged bytes may be signalling NaN
@@ -86,7 +97,7 @@ def is_log(path: Path) -> bool:
             start = stream.read(16)
     except OSError:
         return False
-    return is_ulog(start) or is_dataflash(start)
+    return is_ulog(start) or is_dataflash(start) or start.startswith(BLACKBOX)
 
 
 def _metadata(log: FlightLog, imu: LoggedImu) -> dict[str, str]:
@@ -121,13 +132,17 @@ def _recording(log: FlightLog, imu: LoggedImu) -> ImuRecording:
     up_axis = infer_up_axis(linear_acceleration[kept])
     if up_axis:
         notes.append(f'up_axis {up_axis} is inferred from gravity')
+    zero = log.power_on or 0
+    if zero:
+        notes.append('stamps are dates, by GPS')
+    measured = measured if slower is None else slower
     return ImuRecording(
-        stamp=rows,
+        stamp=rows + zero,
         angular_velocity=_floats(rates.values[0])[kept],
         linear_acceleration=linear_acceleration[kept],
         magnetic_field=_magnetic_field(rows, imu.magnetometer, notes),
         temperature=temperature,
-        temperature_stamp=measured if slower is None else slower,
+        temperature_stamp=np.where(measured < 0, -1, measured + zero),
         device_temperature=board if imu.barometer_temperature is not None else None,
         frame_id=f'imu{imu.number}_frd',
         device=f'{log.vehicle}_imu{imu.number}',

@@ -22,6 +22,7 @@ from imu_recording.logs.flight_log import (
     check_columns,
     with_temperature,
 )
+from imu_recording.logs.gps_time import power_on
 from imu_recording.logs.ulog_stream import Topic, stream_topics
 from imu_recording.recording import FloatArray
 
@@ -35,6 +36,8 @@ COLUMNS = {
 }
 """Topics that are read, and what they have to hold beside the time."""
 TOPICS = tuple(COLUMNS)
+CLOCKS = {'sensor_gps': ('time_utc_usec',), 'vehicle_gps_position': ('time_utc_usec',)}
+"""Topics that may tell the date."""
 TESLA_PER_GAUSS = 1e-4
 WAY_OUT = (
     'log every sensor at full rate: SDLOG_PROFILE bit 2 (thermal calibration), SDLOG_MODE 2 (from '
@@ -64,6 +67,8 @@ def read_ulog(
     long = path.stat().st_size >= whole_below
     log, said = _opened(path, header_only=long)
     data, notes = _streamed(path, log, most_rows) if long else _held(log, said)
+    zero = _power_on(data)
+    data = {key: item for key, item in data.items() if key[0] in COLUMNS}
     for (topic, instance), item in data.items():
         check_columns(path, f'{topic} {instance}', item, ('timestamp', *COLUMNS[topic]))
     imus = _imus(path, data)
@@ -77,9 +82,22 @@ def read_ulog(
         imus=known,
         parameters={str(k): float(v) for k, v in log.initial_parameters.items()},
         hardware={key: str(info[key]) for key in HARDWARE if key in info},
+        power_on=zero,
         path=str(path),
         notes=tuple(notes),
     )
+
+
+def _power_on(data: Mapping[Topic, Mapping[str, Any]]) -> int | None:
+    """Return when the log's clock was zero by the first receiver that tells."""
+    for (topic, _), item in sorted(data.items(), key=lambda one: one[0]):
+        if topic not in CLOCKS or not {'timestamp', 'time_utc_usec', 'fix_type'} <= item.keys():
+            continue
+        time = np.asarray(item['timestamp']).astype(np.int64) * 1000
+        zero = power_on(time, 1e-6 * np.asarray(item['time_utc_usec'], float), item['fix_type'])
+        if zero is not None:
+            return zero
+    return None
 
 
 def _held(log: Any, said: str) -> tuple[dict[Topic, Mapping[str, Any]], list[str]]:
@@ -95,6 +113,7 @@ def _streamed(
 ) -> tuple[dict[Topic, Mapping[str, Any]], list[str]]:
     """Return the topics of a long log as means, and what is said of it."""
     columns = {name: (*COLUMNS[name], 'temperature', 'device_id') for name in TOPICS}
+    columns |= {name: (*needed, 'fix_type') for name, needed in CLOCKS.items()}
     known = {name: tuple(dict.fromkeys(needed)) for name, needed in columns.items()}
     try:
         found = stream_topics(path, log.message_formats, known, most_rows)
@@ -132,7 +151,7 @@ def _opened(path: Path, *, header_only: bool) -> tuple[Any, str]:
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said):
-            topics = list(TOPICS)
+            topics = [*TOPICS, *CLOCKS]
             log = ULog(str(path), message_name_filter_list=topics, parse_header_only=header_only)
     except Exception as error:  # noqa: BLE001 (the parser raises whatever damage leads to)
         raise LogError(

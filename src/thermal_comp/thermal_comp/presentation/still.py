@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,6 +38,7 @@ def rest_content(logs: Sequence[RestingLog]) -> list[dict[str, Any]]:
     return [
         {
             'log': log.name,
+            'started': _date(log.started),
             'duration_s': log.seconds,
             'rest_s': sum(end - start for start, end in log.rest),
             'stretches': [
@@ -107,16 +109,26 @@ def not_visited(curves: StillCurves) -> list[tuple[float, float]]:
     return [(float(curves.temperature[p[0]]), float(curves.temperature[p[-1]])) for p in pieces]
 
 
+def _date(seconds: float | None) -> str | None:
+    """Return a Unix time [s] as a date, UTC."""
+    if seconds is None:
+        return None
+    return datetime.fromtimestamp(seconds, UTC).isoformat(timespec='seconds')
+
+
 def rest_text(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a line for each log: how long it is, rests, at which temperatures."""
-    lines = [f'{"log":<28}{"min":>8}{"at rest":>9}{"runs":>6}   die']
+    dated = any(row['started'] for row in rows)
+    head = f'{"started":<12}' if dated else ''
+    lines = [f'{"log":<28}{head}{"min":>8}{"at rest":>9}{"runs":>6}   die']
     for row in rows:
         found = row['stretches']
         warmth = [t for stretch in found for t in stretch['temperature']]
         said = f'{min(warmth):.1f} … {max(warmth):.1f} °C' if warmth else '–'
         note = f'  ({row["note"]})' if row['note'] else ''
+        day = f'{(row["started"] or "–")[:10]:<12}' if dated else ''
         lines.append(
-            f'{row["log"]:<28}{row["duration_s"] / 60.0:>8.1f}{row["rest_s"] / 60.0:>9.1f}'
+            f'{row["log"]:<28}{day}{row["duration_s"] / 60.0:>8.1f}{row["rest_s"] / 60.0:>9.1f}'
             f'{len(found):>6}   {said}{note}'
         )
     return lines
