@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 from imu_workbench.__main__ import main
 
@@ -40,3 +42,29 @@ def test_what_is_no_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
     assert main(['second-opinion', str(table)]) == 2
     assert '`import` it' in capsys.readouterr().err
     assert main(['second-opinion', str(tmp_path / 'missing.ulg')]) == 2
+
+
+def test_logs_of_one_board_are_judged_by_one_another(
+    writers: ModuleType, bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board = read_bag(bags / 'dut1_z')
+    half = len(board) // 2
+    turned = replace(board, angular_velocity=-board.angular_velocity)
+    paths = [tmp_path / f'{name}.ulg' for name in ('monday', 'friday', 'turned')]
+    for path, part in zip(
+        paths, (board.rows(slice(half)), board.rows(slice(half, None)), turned), strict=True
+    ):
+        path.write_bytes(writers.ulog_bytes([part]))
+    told = tmp_path / 's.json'
+    names = [str(path) for path in paths]
+    assert main(['second-opinion', *names[:2], '--json', str(told)]) == 0
+    (row,) = json.loads(told.read_text())['other_logs']
+    assert row['logs'] == [f'{name} imu0' for name in names[:2]]
+    for part in row['sensors'].values():
+        assert part['pairs'] == 2
+        assert np.linalg.norm(part['left_rms']) < 0.5 * np.linalg.norm(part['raw_rms'])
+    assert 'the curve of one log leaves on the others' in capsys.readouterr().out
+    # What is right of one board is wrong of one whose gyroscope drifts the other way.
+    assert main(['second-opinion', names[0], names[2], '--json', str(told)]) == 0
+    (row,) = json.loads(told.read_text())['other_logs']
+    assert 'they make the gyroscope worse' in row['verdict']

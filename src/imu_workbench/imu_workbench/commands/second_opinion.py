@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from imu_recording.logs.dataflash import is_dataflash
 from imu_recording.logs.import_log import import_log, is_log
 from imu_recording.plausibility import admitted
 from imu_recording.user_error import UserError
+from thermal_comp.comparison.other_logs import OtherLogs, on_other_logs
 from thermal_comp.comparison.second_opinion import SecondOpinion, SensorOpinion, second_opinion
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.motion import refuse_moving
@@ -30,9 +31,11 @@ from imu_workbench.commands.options import add_accept_argument
 HELP = 'Judge the curves that PX4 or ArduPilot would fit to a warm-up log: good, or not, and why.'
 EPILOG = (
     'A log (.ulg, .bin) is judged by the curves of its own autopilot, a bag of `import` by those\n'
-    'of --autopilot. Held out: each part of the log is judged by the curve of the rest.\n'
+    'of --autopilot. Held out: each part of the log is judged by the curve of the rest; of\n'
+    'several logs of one IMU, each also by the curves of the others.\n'
     'examples:\n'
     '  python -m imu_workbench second-opinion warmup.ulg --plot opinion.png\n'
+    '  python -m imu_workbench second-opinion monday.ulg friday.ulg\n'
     '  python -m imu_workbench second-opinion warmup/imu0 --autopilot ardupilot'
 )
 NAMES: dict[Autopilot, str] = {'px4': 'PX4', 'ardupilot': 'ArduPilot'}
@@ -82,10 +85,59 @@ def run(options: argparse.Namespace) -> Answer:
         rows.append(_row(name, opinion, faults, said))
         lines += [name, *(f'  first: {fault}' for fault in faults), *(f'  {s}' for s in said)]
         opinions.append((name, opinion))
+    across, said = _across(opinions)
+    lines += said
     if options.plot:
         opinion_picture(opinions, UNITS).savefig(options.plot, dpi=120)
         lines.append(f'wrote {options.plot}')
-    return Answer({'schema': 1, 'imus': rows, 'plot': options.plot}, '\n'.join(lines))
+    content = {'schema': 1, 'imus': rows, 'other_logs': across, 'plot': options.plot}
+    return Answer(content, '\n'.join(lines))
+
+
+def _across(
+    opinions: Sequence[tuple[str, SecondOpinion]],
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Return what curves are worth on other logs of their device, for JSON and as lines."""
+    groups: dict[tuple[str, Autopilot], list[tuple[str, SecondOpinion]]] = {}
+    for name, opinion in opinions:
+        groups.setdefault((opinion.device, opinion.autopilot), []).append((name, opinion))
+    content, lines = [], []
+    for (device, autopilot), members in groups.items():
+        if len(members) < 2:
+            continue
+        found = on_other_logs([opinion for _, opinion in members])
+        said = _worth(found) if found else 'the logs share no temperatures: nothing to compare'
+        each = '; '.join(
+            f'{sensor} {_in_units(sensor, rms_of(part.left))}, '
+            f'nothing subtracted {_in_units(sensor, rms_of(part.raw))}'
+            for sensor, part in found.items()
+        )
+        lines.append(f'{device}, {len(members)} logs')
+        left = f'the curve of one log leaves on the others: {each} – ' if each else ''
+        lines.append(f'  {left}{said}.')
+        sensors = {
+            sensor: {
+                'pairs': part.pairs,
+                'raw_rms': part.raw,
+                'left_rms': part.left,
+                'own_log_held_out_rms': part.own,
+            }
+            for sensor, part in found.items()
+        }
+        names = [name for name, _ in members]
+        row = {'device': device, 'autopilot': autopilot, 'logs': names, 'sensors': sensors}
+        content.append(row | {'verdict': said})
+    return content, lines
+
+
+def _worth(found: Mapping[Sensor, OtherLogs]) -> str:
+    """Return whether curves hold from log to log."""
+    worse = [sensor for sensor, part in found.items() if rms_of(part.left) >= rms_of(part.raw)]
+    if worse:
+        return f'they do not hold: on other logs they make the {" and ".join(worse)} worse'
+    if all(rms_of(part.left) <= GOOD * rms_of(part.own) for part in found.values()):
+        return 'they hold from log to log'
+    return 'they help, but less than within their own log: lag, hysteresis or another mounting'
 
 
 def _imus(options: argparse.Namespace) -> Iterator[tuple[str, ImuRecording, Autopilot]]:

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the autopilot's curve of one log leaves on the other logs of the same device.
+
+Each power-on has a level of its own, which no curve knows: errors are about the level of the log
+they are judged on, at temperatures that the curve has seen.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.comparison.second_opinion import FITTED, SecondOpinion
+from thermal_comp.data.conditions import Sensor
+
+LEAST_COMMON_K = 3.0
+"""Range that two logs share from which the curve of one says something of the other [K]."""
+
+
+@dataclass(frozen=True, eq=False)
+class OtherLogs:
+    """Errors of the curves of one sensor on logs they do not know, rms per axis, (3,) [unit]."""
+
+    pairs: int
+    """Curves times logs that share temperatures with them."""
+    raw: FloatArray
+    """Before anything is subtracted."""
+    left: FloatArray
+    """With the curve of another log."""
+    own: FloatArray
+    """What curves leave within their own logs, held out."""
+
+
+def on_other_logs(opinions: Sequence[SecondOpinion]) -> Mapping[Sensor, OtherLogs]:
+    """Judge every curve of a device on its other logs, sensors that share temperatures."""
+    found = {}
+    for sensor in FITTED:
+        known = [opinion for opinion in opinions if sensor in opinion.sensors]
+        judged = [
+            squares
+            for one, other in itertools.permutations(known, 2)
+            if (squares := _squares(one, other, sensor)) is not None
+        ]
+        if judged:
+            raw, left = (np.concatenate(part) for part in zip(*judged, strict=True))
+            own = np.stack([opinion.sensors[sensor].held_out for opinion in known])
+            found[sensor] = OtherLogs(
+                len(judged),
+                np.sqrt(raw.mean(axis=0)),
+                np.sqrt(left.mean(axis=0)),
+                np.sqrt((own**2).mean(axis=0)),
+            )
+    return found
+
+
+def _squares(
+    one: SecondOpinion, other: SecondOpinion, sensor: Sensor
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return (m, 3) squared errors of the blocks of `other`, raw and with the curve of `one`."""
+    cubic, run = one.sensors[sensor].cubic, other.run
+    measured = run.measured[sensor]
+    seen = np.isfinite(measured).all(axis=1)
+    seen &= (run.temperature >= cubic.low) & (run.temperature <= cubic.high)
+    if not seen.any() or np.ptp(run.temperature[seen]) < LEAST_COMMON_K:
+        return None
+    before = measured[seen]
+    after = before - cubic.error(run.temperature[seen])
+    return (before - before.mean(axis=0)) ** 2, (after - after.mean(axis=0)) ** 2
