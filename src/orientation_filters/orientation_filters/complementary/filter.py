@@ -9,30 +9,32 @@ detection and bias learning; `adaptive` is a filter of its own, see there.
 
 from __future__ import annotations
 
-from math import exp, pi, sqrt
-from typing import Any, NamedTuple
+from math import pi
+from typing import Any
 
 import numpy as np
 from imu_recording.recording import ImuRecording
 
-from orientation_filters.averages import AveragingParams, averaging_flags, held, integrate
-from orientation_filters.complementary.adaptive import (
-    AdaptiveState,
-    adaptive_step,
-    no_adaptation,
-    start_adaptive,
+from orientation_filters.averages import averaging_flags, held, integrate
+from orientation_filters.complementary.adaptive import adaptive_step, start_adaptive
+from orientation_filters.complementary.bias_learning import learned_bias
+from orientation_filters.complementary.corrections import (
+    correct,
+    fixed_gain_covariance,
+    heading_correction,
+    inclination_correction,
+    propagate_errors,
+)
+from orientation_filters.complementary.state import (
+    ADAPTIVE_STATE,
+    FIXED_STATE,
+    Params,
+    State,
+    initial_state,
 )
 from orientation_filters.kernel import inline, kernel
-from orientation_filters.rest_detection import (
-    RestParams,
-    RestState,
-    is_bias,
-    start_rest,
-    update_rest,
-)
+from orientation_filters.rest_detection import start_rest
 from orientation_filters.result import (
-    AT_REST,
-    BIAS_LIMITED,
     DROPPED,
     INVALID_GYROSCOPE,
     JUMPED_BACK,
@@ -47,133 +49,31 @@ from orientation_filters.result import (
 from orientation_filters.rotation.scalars import (
     IDENTITY,
     ZERO,
-    Matrix,
     Quaternion,
     Symmetric,
     Vector,
-    approach,
     attitude_from_vectors,
-    dot,
     from_rotation_vector,
     matrix,
     multiply,
     normalised,
     scale,
     subtract,
-    to_sensor,
-    transform,
 )
 from orientation_filters.sample_checks import (
-    GRAVITY,
     CheckedSample,
     Sample,
     SampleColumns,
-    SampleParams,
     check_sample,
     sample_columns,
     sample_of,
 )
 
-PER_GRAVITY = 1.0 / GRAVITY
+__all__ = ['ADAPTIVE_STATE', 'FIXED_STATE', 'Params', 'State', 'initial_state', 'run', 'update']
+
 NAN3 = (np.nan,) * 3
 NAN4 = (np.nan,) * 4
 NAN6 = (np.nan,) * 6
-
-
-class Params(NamedTuple):
-    """Numbers the kernel needs; `ComplementaryParameters` names them with units."""
-
-    up: float
-    """World z of the upward direction: +1 ENU, −1 NED."""
-    north: tuple[float, float]
-    """World x, y of magnetic north (unit vector)."""
-    inclination_rate: float
-    """2π × cut-off of the accelerometer's correction [rad/s]."""
-    heading_rate: float
-    """2π × cut-off of the magnetometer's correction [rad/s]."""
-    angle_random_walk: float
-    """[rad/√s]"""
-    bias_sigma: float
-    """Gyroscope bias left over, standard deviation [rad/s]."""
-    inclination_sigma: float
-    """Error of one specific force as a vertical [rad]."""
-    heading_sigma: float
-    """Error of one magnetic field as a heading [rad]."""
-    adaptive: bool
-    learn_bias: bool
-    bias_rate: float
-    """Integral gain in motion, as a part of rate² [1]."""
-    rest_bias_time: float
-    """Time constant of bias learning at rest [s]."""
-    samples: SampleParams
-    rest: RestParams
-    averaging: AveragingParams
-
-
-class State(NamedTuple):
-    """What one sample leaves for the next."""
-
-    stamp: int
-    """Of the last sample used [ns]; −1 before the first."""
-    orientation: Quaternion
-    """Of nearly unit length; `Estimate` gives it exactly."""
-    bias: Vector
-    """Of the gyroscope [rad/s], sensor frame."""
-    variance: tuple[float, float]
-    """Of inclination and heading from noise [rad²]."""
-    lag: tuple[float, float]
-    """Error of inclination and heading from a bias of one standard deviation [rad]."""
-    age: float
-    """Since the attitude was set [s]."""
-    field_stamp: int
-    """Of the last magnetometer sample [ns]; −1 before the first."""
-    rest: RestState
-    disturbance: float
-    """Distance of the field from the reference [T], adaptive."""
-    adaptive: AdaptiveState
-
-
-class InclinationCorrection(NamedTuple):
-    """Rotation about the world's x and y that the accelerometer asks for."""
-
-    x: float
-    """To specific force upward [rad]."""
-    y: float
-    gain: float
-    """Part of the rotation that is done."""
-    sigma: float
-    """Error of the sample as a vertical [rad]."""
-
-
-class HeadingCorrection(NamedTuple):
-    """Rotation about the world's z that the magnetometer asks for."""
-
-    z: float
-    """To magnetic north [rad]."""
-    gain: float
-    """Part of the rotation that is done."""
-
-
-ADAPTIVE_STATE = ('bias', 'rest', 'disturbance', 'adaptive')
-"""Fields of the state that are unused where the filter neither adapts nor learns."""
-FIXED_STATE = ('variance', 'lag', 'age', 'rest')
-"""Fields of the state that the adaptive filter does not use."""
-
-
-def initial_state() -> State:
-    """Return the state before the first sample."""
-    return State(
-        stamp=-1,
-        orientation=IDENTITY,
-        bias=ZERO,
-        variance=(0.0, 0.0),
-        lag=(0.0, 0.0),
-        age=0.0,
-        field_stamp=-1,
-        rest=start_rest(ZERO, ZERO, ZERO),
-        disturbance=0.0,
-        adaptive=no_adaptation(),
-    )
 
 
 @kernel
@@ -200,7 +100,7 @@ def step(
 def _shown(state: State, stamp: int, flags: int, adaptive: bool) -> tuple[Quaternion, Symmetric]:
     """Return attitude and covariance at a stamp [ns], without a rate as the last one has them."""
     if not adaptive:
-        return _orientation(state), _covariance(state)
+        return _orientation(state), fixed_gain_covariance(state)
     known = state.adaptive
     if not flags & INVALID_GYROSCOPE or stamp <= state.stamp:
         return _orientation(state), known.shown
@@ -222,11 +122,11 @@ def _update(
         return _adapt(state, params, seen, flags)
     predicted = _integrate(state, seen)
     rows = matrix(predicted)
-    tilt = _inclination_correction(params, seen, rows)
-    turn = _heading_correction(params, seen, rows, tilt.gain)
-    corrected = _correct(state.orientation, predicted, tilt, turn)
-    rest, bias, rest_flags = _learn_bias(state, params, seen, rows, tilt, turn, learns)
-    variance, lag = _propagate_errors(state, params, seen.interval, tilt, turn)
+    tilt = inclination_correction(params, seen, rows)
+    turn = heading_correction(params, seen, rows, tilt.gain)
+    corrected = correct(state.orientation, predicted, tilt, turn)
+    rest, bias, rest_flags = learned_bias(state, params, seen, rows, tilt, turn, learns)
+    variance, lag = propagate_errors(state, params, seen.interval, tilt, turn)
     return State(
         stamp=seen.stamp,
         orientation=corrected,
@@ -299,174 +199,6 @@ def _integrate(state: State, seen: CheckedSample) -> Quaternion:
 
 
 @inline
-def _inclination_correction(
-    params: Params, seen: CheckedSample, rows: Matrix
-) -> InclinationCorrection:
-    """Return the rotation to specific force upward; `rows`: attitude, sensor → world."""
-    if not seen.has_force:
-        return InclinationCorrection(x=0.0, y=0.0, gain=0.0, sigma=0.0)
-    f = seen.linear_acceleration
-    length = sqrt(dot(f, f))
-    x, y = _inclination_error(transform(rows, scale(1.0 / length, f)), params.up)
-    return InclinationCorrection(
-        x=x,
-        y=y,
-        gain=_gain(params.inclination_rate, seen.interval),
-        sigma=params.inclination_sigma + abs(length * PER_GRAVITY - 1.0),
-    )
-
-
-@inline
-def _heading_correction(
-    params: Params, seen: CheckedSample, rows: Matrix, tilt_gain: float
-) -> HeadingCorrection:
-    """Return the rotation of the horizontal field to magnetic north."""
-    m = transform(rows, seen.magnetic_field)
-    level = sqrt(m[0] * m[0] + m[1] * m[1])
-    if not seen.has_field or level <= 1e-3 * abs(m[2]):
-        return HeadingCorrection(z=0.0, gain=0.0)
-    gain, interval = tilt_gain, seen.field_interval
-    is_as_tilt = interval == seen.interval and params.heading_rate == params.inclination_rate
-    if not (seen.has_force and is_as_tilt):
-        gain = _gain(params.heading_rate, interval)
-    return HeadingCorrection(z=_heading_error(m, level, params.north), gain=gain)
-
-
-@inline
-def _correct(
-    before: Quaternion,
-    predicted: Quaternion,
-    tilt: InclinationCorrection,
-    turn: HeadingCorrection,
-) -> Quaternion:
-    """Return the prediction turned in the world by both corrections, of nearly unit length.
-
-    It is rescaled by the length² of the attitude before, which keeps square root and division out
-    of the way of the next sample; the length stays within the square of half a correction of 1.
-    """
-    square = before[0] ** 2 + before[1] ** 2 + before[2] ** 2 + before[3] ** 2
-    factor = 1.5 - 0.5 * square
-    half_tilt, half_turn = 0.5 * factor * tilt.gain, 0.5 * factor * turn.gain
-    return multiply(
-        (half_tilt * tilt.x, half_tilt * tilt.y, half_turn * turn.z, factor), predicted
-    )
-
-
-@inline
-def _learn_bias(
-    state: State,
-    params: Params,
-    seen: CheckedSample,
-    rows: Matrix,
-    tilt: InclinationCorrection,
-    turn: HeadingCorrection,
-    learns: bool,
-) -> tuple[RestState, Vector, int]:
-    """Return rest, bias and flags: learned from the mean rate at rest, or from the corrections."""
-    if not learns:
-        return state.rest, state.bias, 0
-    rest = state.rest
-    if seen.has_force:
-        rest = update_rest(rest, params.rest, seen, state.bias)
-    if rest.duration >= params.rest.duration:
-        bias, flags = _bias_at_rest(state.bias, rest, params, seen.interval)
-        return rest, bias, flags
-    has_settled = state.age * params.inclination_rate >= 1.0
-    if params.learn_bias and params.bias_rate > 0.0 and has_settled:
-        return rest, _bias_in_motion(state.bias, params, rows, tilt, turn), 0
-    return rest, state.bias, 0
-
-
-@inline
-def _bias_at_rest(bias: Vector, rest: RestState, params: Params, dt: float) -> tuple[Vector, int]:
-    """Let the bias approach the mean rate at rest, unless that is more than a bias can be."""
-    mean = rest.angular_velocity
-    if not (params.learn_bias and is_bias(rest, params.rest)):
-        return bias, AT_REST
-    if dot(mean, mean) > params.rest.bias_limit * params.rest.bias_limit:
-        return bias, AT_REST | BIAS_LIMITED
-    return approach(bias, mean, dt / (params.rest_bias_time + dt)), AT_REST
-
-
-@inline
-def _bias_in_motion(
-    bias: Vector,
-    params: Params,
-    rows: Matrix,
-    tilt: InclinationCorrection,
-    turn: HeadingCorrection,
-) -> Vector:
-    """Let the bias take its part of the correction just made (integral action), sensor frame."""
-    inclination = params.bias_rate * params.inclination_rate
-    heading = params.bias_rate * params.heading_rate
-    part = (
-        inclination * (tilt.gain * tilt.x),
-        inclination * (tilt.gain * tilt.y),
-        heading * (turn.gain * turn.z),
-    )
-    corrected = subtract(bias, to_sensor(rows, part))
-    limit = params.rest.bias_limit
-    return corrected if dot(corrected, corrected) < limit * limit else bias
-
-
-@inline
-def _propagate_errors(
-    state: State,
-    params: Params,
-    dt: float,
-    tilt: InclinationCorrection,
-    turn: HeadingCorrection,
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the variances from noise and the errors from a bias, inclination and heading."""
-    walk = params.angle_random_walk * params.angle_random_walk * dt
-    drift = params.bias_sigma * dt
-    variance = (
-        _filtered(state.variance[0] + walk, tilt.gain, tilt.sigma),
-        _filtered(state.variance[1] + walk, turn.gain, params.heading_sigma),
-    )
-    lag = (
-        (1.0 - tilt.gain) * (state.lag[0] + drift),
-        (1.0 - turn.gain) * (state.lag[1] + drift),
-    )
-    return variance, lag
-
-
-@inline
-def _inclination_error(up: Vector, sign: float) -> tuple[float, float]:
-    """Return x, y of the rotation vector that turns `up` to the vertical: its sine, at most 1."""
-    x, y = up[1] * sign, -up[0] * sign
-    if up[2] * sign < 0.0:  # beyond 90° the sine falls again; the correction must not
-        length = sqrt(x * x + y * y)
-        return (x / length, y / length) if length > 1e-6 else (1.0, 0.0)
-    return x, y
-
-
-@inline
-def _heading_error(m: Vector, level: float, north: tuple[float, float]) -> float:
-    """Return the sine of the angle from the horizontal field to `north`; ±1 beyond 90°."""
-    sine = (m[0] * north[1] - m[1] * north[0]) / level
-    if m[0] * north[0] + m[1] * north[1] < 0.0:
-        return -1.0 if sine < 0.0 else 1.0
-    return sine
-
-
-@inline
-def _gain(rate: float, dt: float) -> float:
-    """Return 1 − exp(−rate · dt)."""
-    x = rate * dt
-    if x > 0.5:
-        return 1.0 - exp(-x)
-    square = x * x
-    return x / (1.0 + 0.5 * x + square * (1 / 12 - square * (1 / 720 - square * (1 / 30240))))
-
-
-@inline
-def _filtered(variance: float, gain: float, sigma: float) -> float:
-    """Return the variance after one step of a low-pass over samples of `sigma`."""
-    return (1.0 - gain) * (1.0 - gain) * variance + gain * gain * sigma * sigma
-
-
-@inline
 def _orientation(state: State) -> Quaternion:
     """Return the attitude, sensor → world, of unit length, w ≥ 0."""
     q = state.orientation
@@ -477,14 +209,6 @@ def _orientation(state: State) -> Quaternion:
     if q[3] < 0.0:
         factor = -factor
     return q[0] * factor, q[1] * factor, q[2] * factor, q[3] * factor
-
-
-@inline
-def _covariance(state: State) -> Symmetric:
-    """Return xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
-    tilt = state.variance[0] + state.lag[0] * state.lag[0]
-    turn = state.variance[1] + state.lag[1] * state.lag[1]
-    return tilt, 0.0, 0.0, tilt, 0.0, turn
 
 
 def run(

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from imu_recording.ros.parameter import parameter
 
-from orientation_filters.complementary.filter import Params
+from orientation_filters.complementary.state import Params
 from orientation_filters.parameters import FilterParameters, Presets, world_axes
 from orientation_filters.sample_checks import GRAVITY
 
