@@ -78,6 +78,53 @@ def test_public_files_need_the_mapping_of_the_examples(shared: Path) -> None:
         assert any(said in question for question in guess.unsure), said
 
 
+def resting(path: Path, header: str, *, encoding: str = 'utf-8', comma: bool = False) -> Path:
+    """A board at rest in g and °/s, 77 … 86 °F; no column but those of `header` says its unit."""
+    rng = np.random.default_rng(4)
+    time = 0.2 * np.arange(600)
+    force = [0.0, 0.0, 1.0] + 0.002 * rng.normal(size=(600, 3))
+    rate = 0.5 + 0.05 * rng.normal(size=(600, 3))
+    rows = np.column_stack([time, force, rate, 77.0 + 0.075 * time])
+    lines = [','.join(f'{value:.6f}' for value in row) for row in rows]
+    if comma:
+        lines = [line.replace(',', ';').replace('.', ',') for line in lines]
+        header = header.replace(',', ';')
+    path.write_text('\n'.join([header, *lines]), encoding=encoding)
+    return path
+
+
+def test_rates_that_would_be_too_loud_are_degrees(tmp_path: Path) -> None:
+    path = resting(tmp_path / 'a.csv', 'time,ax,ay,az,gx,gy,gz,temp')
+    guess = guess_mapping(path)
+    assert guess.mapping['columns']['angular_velocity']['unit'] == '°/s'
+    said = '; '.join(guess.unsure)
+    assert 'taken as °/s; in rad/s: ' in said
+    assert 'temp is about 81.5, taken as °C: or is it °F?' in said
+    assert np.abs(import_csv(path, guess.mapping).angular_velocity).max() < 0.02
+
+
+def test_a_unit_behind_the_name_of_a_temperature(tmp_path: Path) -> None:
+    guess = guess_mapping(resting(tmp_path / 'a.csv', 'time,ax,ay,az,gx,gy,gz,temp_degF'))
+    assert guess.mapping['columns']['temperature'] == {'column': 'temp_degF', 'unit': 'degF'}
+
+
+def test_decimal_commas_and_windows_characters(tmp_path: Path) -> None:
+    header = 'Zeit,ax,ay,az,gx,gy,gz,Temp (°F)'
+    path = resting(tmp_path / 'a.csv', header, encoding='cp1252', comma=True)
+    guess = guess_mapping(path)
+    assert guess.mapping['delimiter'] == ';'
+    assert guess.mapping['decimal'] == ','
+    recording = import_csv(path, guess.mapping)
+    assert recording.time[-1] == pytest.approx(119.8)
+    assert recording.temperature[0] == pytest.approx(25.0)
+
+
+def test_columns_without_a_number_are_said(tmp_path: Path) -> None:
+    path = tmp_path / 'a.csv'
+    path.write_text('t,ax,ay,az\n0,x,y,z\n1,x,y,z\n')
+    assert 'linear_acceleration: no cell of 2 lines is a number' in guess_mapping(path).unsure
+
+
 BAD = {
     'no header': ('1,2,3\n4,5,6\n', 'no header'),
     'nothing': ('', 'no header'),

@@ -87,7 +87,7 @@ def _read(path: Path, told: CsvMapping, rows: RowRange) -> tuple[Samples, list[s
     if rows.by_line and not len(table):
         raise BagError(f'{path}: no row between --from and --to')
     stamp, kept = _stamps(path, table[:, 0], told, notes)
-    fields = _fields(told, table[kept])
+    fields = fields_of(told, table[kept])
     samples = without_jumps('rows', in_order('rows', stamp, tuple(fields.values())))
     return samples, list(fields), [*notes, *samples.notes]
 
@@ -179,7 +179,8 @@ def _stamps(
     return stamp + round(told.time_offset * 1e9), kept
 
 
-def _fields(told: CsvMapping, table: FloatArray) -> dict[str, FloatArray]:
+def fields_of(told: CsvMapping, table: FloatArray) -> dict[str, FloatArray]:
+    """Return (n, k) of each field in its unit; `table`: (n, 1 + columns), the time first."""
     fields: dict[str, FloatArray] = {}
     for place, column in enumerate(told.columns, start=1):
         width = 3 if column.field in VECTORS else 1

@@ -14,12 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from imu_recording.recording import GRAVITY, BagError, FloatArray
-from imu_recording.tables.mapping import TIME_UNITS, UNITS, WRITTEN_AS
+from imu_recording.plausibility import rate_at_rest
+from imu_recording.recording import GRAVITY, BagError, FloatArray, ImuRecording
+from imu_recording.tables.csv_import import fields_of
+from imu_recording.tables.mapping import TIME_UNITS, UNITS, WRITTEN_AS, CsvMapping, mapping_from
 
 LINES = 5000
 """Lines that are looked at."""
 DELIMITERS = ',;\t|'
+DECIMAL_COMMA = re.compile(r'[-+]?\d+,\d+')
 VECTORS = {
     'linear_acceleration': r'(lin(ear)?_?)?a(cc(el(eration|erometer)?)?)?',
     'angular_velocity': r'(ang(ular)?_?(vel(ocity)?|rate)|g(yr(o(scope)?)?)?|w|omega)',
@@ -34,7 +37,7 @@ SCALARS = {
     'humidity': r'(rh|hum(idity)?|relative_?humidity)',
     'supply_voltage': r'(v|vcc|vdd|supply|voltage)(_?voltage)?',
 }
-TIME = r'(sample_?)?(time(_?stamp)?|stamp|t|date(_?time)?|sec(onds)?|millis|micros)'
+TIME = r'(sample_?)?(time(_?stamp)?|stamp|t|date(_?time)?|sec(onds)?|millis|micros|zeit|datum)'
 PREFIX = r'(imu\d?|sensor|raw|data)?_?'
 NORMS = {
     'linear_acceleration': {'m/s²': GRAVITY, 'g': 1.0, 'mg': 1000.0},
@@ -46,6 +49,9 @@ FASTEST_K_PER_S = 0.5
 """Change of a temperature over a whole file that no chamber makes."""
 MOST_STEPS_BACK = 0.01
 """Share of the steps of a clock that may go back."""
+WARM = 60.0
+"""Temperatures above it are asked about: most boards are this warm in °F only."""
+UNTOLD_RATE = 'angular_velocity: no unit in the header, taken as rad/s'
 USUAL_PERIOD_S = 0.02
 """Of units that are possible the one with the more usual period is taken."""
 
@@ -64,7 +70,7 @@ def guess_mapping(path: Path, *, beside: bool = False) -> Guess:
     `beside` that of a board it may be the log of a chamber. Raises BagError where there is no
     header, no time, or neither a vector of a sensor nor, beside another, any channel in it.
     """
-    delimiter, header, table = _table(path)
+    delimiter, decimal, header, table = _table(path)
     names = {name: _plain(name) for name in header}
     units = {name: _unit_in(name) for name in header}
     columns: dict[str, Any] = {}
@@ -97,8 +103,9 @@ def guess_mapping(path: Path, *, beside: bool = False) -> Guess:
     time = {'column': clock, 'unit': unit}
     device = {} if beside else {'device': path.stem}
     mapping: dict[str, Any] = {'schema': 1, **device, 'time': time, 'columns': columns}
-    if delimiter != ',':
-        mapping['delimiter'] = delimiter
+    mapping |= {'delimiter': delimiter} if delimiter != ',' else {}
+    mapping |= {'decimal': decimal} if decimal != '.' else {}
+    _check_rates(mapping, values, unsure)
     left = [name for name in header if name not in taken]
     if left:
         unsure.append(f'not used: {", ".join(left)}')
@@ -140,13 +147,22 @@ def _time_column(path: Path, names: Mapping[str, str], values: Mapping[str, Floa
     raise BagError(f'{path}: no column looks like the time; write a mapping (--mapping)')
 
 
-def _table(path: Path) -> tuple[str, list[str], FloatArray]:
-    """Return delimiter, header and (n, columns) of the first lines; no number is NaN."""
-    try:
-        with path.open(encoding='utf-8-sig', errors='replace', newline='') as stream:
-            text = ''.join(itertools.islice(stream, LINES))
-    except OSError as error:
-        raise BagError(f'{path}: cannot be read ({error.strerror})') from None
+def _beginning(path: Path) -> str:
+    """Return the first lines, read as the import reads them."""
+    for encoding, errors in (('utf-8-sig', 'strict'), ('cp1252', 'replace')):
+        try:
+            with path.open(encoding=encoding, errors=errors, newline='') as stream:
+                return ''.join(itertools.islice(stream, LINES))
+        except UnicodeDecodeError:
+            continue
+        except OSError as error:
+            raise BagError(f'{path}: cannot be read ({error.strerror})') from None
+    return ''
+
+
+def _table(path: Path) -> tuple[str, str, list[str], FloatArray]:
+    """Return delimiter, decimal sign, header and (n, columns) of the first lines."""
+    text = _beginning(path)
     first = next((line for line in text.splitlines() if line.strip()), '')
     delimiter = max(DELIMITERS, key=first.count)
     rows = [row for row in csv.reader(io.StringIO(text), delimiter=delimiter) if any(row)]
@@ -155,10 +171,14 @@ def _table(path: Path) -> tuple[str, list[str], FloatArray]:
         raise BagError(f'{path}: its first line is no header; write a mapping (--mapping)')
     if len(set(header)) < len(header):
         raise BagError(f'{path}: two columns have the same name; write a mapping (--mapping)')
-    numbers = [[_number(cell) for cell in row] for row in rows[1:] if len(row) == len(header)]
+    rows = [row for row in rows[1:] if len(row) == len(header)]
+    commas = sum(bool(DECIMAL_COMMA.fullmatch(cell.strip())) for row in rows for cell in row)
+    points = sum('.' in cell for row in rows for cell in row)
+    decimal = ',' if commas > points else '.'
+    numbers = [[_number(cell.replace(decimal, '.')) for cell in row] for row in rows]
     if not numbers:
         raise BagError(f'{path}: no line has as many cells as its header, {len(header)}')
-    return delimiter, header, np.array(numbers)
+    return delimiter, decimal, header, np.array(numbers)
 
 
 def _number(cell: str) -> float:
@@ -171,10 +191,12 @@ def _number(cell: str) -> float:
 def _plain(name: str) -> str:
     """Return a name in lower case, without its unit, its parts joined by _.
 
-    >>> _plain('imu.acc.x'), _plain('Gyro X (deg/s)'), _plain('accelX')
-    ('imu_acc_x', 'gyro_x', 'accel_x')
+    >>> _plain('imu.acc.x'), _plain('Gyro X (deg/s)'), _plain('accelX'), _plain('temp_degF')
+    ('imu_acc_x', 'gyro_x', 'accel_x', 'temp')
     """
     bare = re.sub(r'[\[(].*?[\])]', '', name).strip()
+    first, _, last = bare.rpartition('_')
+    bare = first if first and _known_unit(last) else bare
     bare = re.sub(r'(?<=[a-z])(?=[A-Z])', '_', bare)
     parts = [part for part in re.split(r'[^0-9a-zA-Z]+', bare.lower()) if part]
     if len(parts) > 1 and _known_unit(parts[-1]):
@@ -214,13 +236,17 @@ def _vector_unit(
     if told and _is_of(name, told):
         return {'unit': told}
     values = np.stack(columns, axis=1)
-    norm = float(np.nanmedian(np.linalg.norm(values, axis=1)))
-    counts = bool(np.all(values[np.isfinite(values)] % 1.0 == 0.0))
+    known = values[np.isfinite(values).all(axis=1)]
+    if not len(known):
+        unsure.append(f'{name}: no cell of {len(values)} lines is a number')
+        return {'unit': next(iter(UNITS[name]))}
+    norm = float(np.median(np.linalg.norm(known, axis=1)))
+    counts = bool(np.all(known % 1.0 == 0.0))
     if name == 'angular_velocity':
         if counts:
             unsure.append(f'{name}: whole numbers, taken as counts of 1/131 °/s (±250 °/s)')
             return {'scale': '1/131', 'unit': '°/s'}
-        unsure.append(f'{name}: no unit in the header, taken as rad/s')
+        unsure.append(UNTOLD_RATE)
         return {'unit': 'rad/s'}
     if counts and name == 'linear_acceleration':
         nearest = min(COUNTS_PER_G, key=lambda c: abs(np.log(max(norm, 1e-9) / c)))
@@ -244,6 +270,8 @@ def _scalar_unit(
         return {'unit': '%' if middle > 1.0 else '1'}
     if name == 'supply_voltage':
         return {'unit': 'mV' if middle > 100.0 else 'V'}
+    if WARM < middle < 130.0:
+        unsure.append(f'{name}: {column} is about {middle:.3g}, taken as °C: or is it °F?')
     if -60.0 < middle < 130.0:
         return {'unit': '°C'}
     if 200.0 < middle < 400.0:
@@ -254,6 +282,35 @@ def _scalar_unit(
 
 def _is_of(name: str, unit: str) -> bool:
     return WRITTEN_AS.get(unit.lower(), unit).lower() in {known.lower() for known in UNITS[name]}
+
+
+def _check_rates(
+    mapping: dict[str, Any], values: Mapping[str, FloatArray], unsure: list[str]
+) -> None:
+    """Take rates without a unit for °/s where a device at rest would be too loud in rad/s."""
+    if UNTOLD_RATE not in unsure or 'linear_acceleration' not in mapping['columns']:
+        return
+    told = mapping_from(mapping)
+    table = np.column_stack([values[name] for name in _names(told)])
+    time = table[:, 0] * TIME_UNITS.get(told.time_unit, np.nan)
+    if not np.isfinite(time).all() or not (np.diff(time) > 0.0).all():
+        time = np.arange(len(table)) * USUAL_PERIOD_S * 1e9
+    fields = fields_of(told, table)
+    nothing = np.full((len(table), 3), np.nan)
+    recording = ImuRecording(
+        stamp=time.astype(np.int64),
+        angular_velocity=fields['angular_velocity'],
+        linear_acceleration=fields['linear_acceleration'],
+        magnetic_field=fields.get('magnetic_field', nothing),
+        temperature=nothing[:, 0],
+    )
+    if why := rate_at_rest(recording):
+        mapping['columns']['angular_velocity']['unit'] = '°/s'
+        unsure[unsure.index(UNTOLD_RATE)] = f'angular_velocity: taken as °/s; in rad/s: {why}'
+
+
+def _names(told: CsvMapping) -> list[str]:
+    return [told.time_column, *(column.column for column in told.columns)]
 
 
 def _time_unit(
