@@ -140,3 +140,36 @@ def test_topics_and_files_that_are_no_bag(tmp_path: Path) -> None:
     sqlite3.connect(tmp_path / 'other.db3').execute('CREATE TABLE x(y)').close()
     with pytest.raises(BagError, match='not a rosbag2 sqlite3 file'):
         read_bag(tmp_path / 'other.db3')
+
+
+def test_a_damaged_tree_that_leads_in_a_circle_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, size = tmp_path / 'a.db3', 512
+    rows = some_rows(3000, 200)
+    make_file(path, rows, size).close()
+    data = bytearray(path.read_bytes())
+    with sqlite3.connect(path) as connection:
+        query = "SELECT rootpage FROM sqlite_master WHERE name = 'messages'"
+        parent = (connection.execute(query).fetchone()[0] - 1) * size
+    connection.close()
+
+    def last_child(page: int) -> int:
+        return (int.from_bytes(data[page + 8 : page + 12], 'big') - 1) * size
+
+    while data[last_child(parent)] == 0x05:
+        parent = last_child(parent)
+    first = parent + 12  # the last leaf of the last interior page is now the first of them
+    place = parent + int.from_bytes(data[first : first + 2], 'big')
+    data[parent + 8 : parent + 12] = data[place : place + 4]
+    path.write_bytes(data)
+    monkeypatch.setattr(sqlite_scan, 'ROWS_PER_BLOCK', 20)
+    found: list[int] = []
+
+    def deliver(block: MessageBlock) -> None:
+        found.append(block.count)
+        assert sum(found) <= len(rows)
+
+    said = scan_sqlite(path, {1: 0, 2: 1, 300: 2}, deliver)
+    assert said == ['reading stopped early: rows are not in the order of their numbers']
+    assert 0.9 * len(rows) < sum(found) < len(rows)

@@ -148,11 +148,23 @@ def _blocks(
         except DAMAGE as error:  # rows keeps what came before
             done, damage = limit == 1, str(error) or 'a row that is larger than memory'
             limit = 1  # sqlite3 reads a row ahead: the last one before the damage comes alone
+        sound = _in_order(rows, last)
+        if sound < len(rows):  # a damaged tree may lead in a circle
+            rows, done, damage = rows[:sound], True, 'rows are not in the order of their numbers'
         if rows:
             yield rows
             last = rows[-1][0]
     if damage:
         problems.append(f'reading stopped early: {damage}')
+
+
+def _in_order(rows: Sequence[Any], last: int) -> int:
+    """Return how many rows there are before the first whose number is not above all before it."""
+    for count, row in enumerate(rows):
+        if not isinstance(row[0], int) or row[0] <= last:
+            return count
+        last = row[0]
+    return len(rows)
 
 
 def _open(path: Path) -> sqlite3.Connection:
