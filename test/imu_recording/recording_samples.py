@@ -53,6 +53,19 @@ def make_recording(n: int = 200, *, seed: int = 1, step_ns: int = 20_000_000) ->
     )
 
 
+def recording_at_rest(n: int, seed: int = 1) -> ImuRecording:
+    """A sample each millisecond of a board that lies still and warms by 10 K."""
+    rng = np.random.default_rng(seed)
+    return ImuRecording(
+        stamp=np.arange(n) * 1_000_000,
+        angular_velocity=rng.normal(0.0, 0.01, (n, 3)),
+        linear_acceleration=rng.normal(0.0, 0.05, (n, 3)) + [0.0, 0.0, -9.8],
+        magnetic_field=np.full((n, 3), 2e-5),
+        temperature=np.linspace(20.0, 30.0, n),
+        device='dut',
+    )
+
+
 def arrays(recording: ImuRecording) -> dict[str, Any]:
     """The tracks a recording has, by name."""
     values = {f.name: getattr(recording, f.name) for f in fields(recording)}

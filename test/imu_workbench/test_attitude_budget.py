@@ -118,6 +118,8 @@ def test_without_truth_no_accuracy_is_claimed() -> None:
     text = budget_text(content)
     assert 'nothing is said of errors' in text
     assert 'gained' not in text
+    assert "the paper's remarks:" in text
+    assert 'remarks' not in budget_text({**content, 'remarks': []})  # presets are not the paper's
 
 
 def test_an_angle_that_gets_worse_has_its_reason_beside_it() -> None:

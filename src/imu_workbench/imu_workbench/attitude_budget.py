@@ -350,7 +350,7 @@ def budget_text(content: Mapping[str, Any]) -> str:
         label = f'{_label(effort["filter"])} {effort["preset"]}'
         nanoseconds, size = effort['nanoseconds_per_sample'], effort['state_bytes']
         lines.append(f'{label:46}{nanoseconds:11.0f}{size:11d}')
-    lines += ['', "the paper's remarks:"]
+    lines += ['', "the paper's remarks:"] if content['remarks'] else []
     for row in content['remarks']:
         ours = ', '.join(f'{_label(k)} {v:.3g} {row["unit"]}' for k, v in row['ours'].items())
         lines.append(f'  {row["remark"]}: {"yes" if row["holds"] else "no"} ({ours})')

@@ -12,23 +12,10 @@ from imu_recording.logs import dataflash, dataflash_stream
 from imu_recording.logs.dataflash import read_dataflash
 from imu_recording.logs.import_log import import_log
 from log_writers import dataflash_bytes
-
-from imu_recording import ImuRecording
+from recording_samples import recording_at_rest
 
 ROWS = 4000
 PARAMETERS = {'INS_TCAL1_ENABLE': 1.0, 'INS_TCAL1_ACC1_X': 300.0, 'AHRS_ORIENTATION': 4.0}
-
-
-def recording(n: int, seed: int = 1) -> ImuRecording:
-    rng = np.random.default_rng(seed)
-    return ImuRecording(
-        stamp=np.arange(n) * 1_000_000,
-        angular_velocity=rng.normal(0.0, 0.01, (n, 3)),
-        linear_acceleration=rng.normal(0.0, 0.05, (n, 3)) + [0.0, 0.0, -9.8],
-        magnetic_field=np.full((n, 3), 2e-5),
-        temperature=np.linspace(20.0, 30.0, n),
-        device='dut',
-    )
 
 
 @pytest.fixture
@@ -45,7 +32,9 @@ def written(folder: Path, data: bytes) -> Path:
 
 @pytest.mark.usefixtures('small_pieces')
 def test_pieces_hold_what_the_whole_holds(tmp_path: Path) -> None:
-    data = dataflash_bytes([recording(ROWS), recording(ROWS, 2)], parameters=PARAMETERS)
+    data = dataflash_bytes(
+        [recording_at_rest(ROWS), recording_at_rest(ROWS, 2)], parameters=PARAMETERS
+    )
     path = written(tmp_path, data)
     whole, pieces = read_dataflash(path), read_dataflash(path, whole_below=0)
     assert pieces.parameters == whole.parameters
@@ -63,7 +52,9 @@ def test_pieces_hold_what_the_whole_holds(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures('small_pieces')
 def test_a_longer_log_is_means_and_says_so(tmp_path: Path) -> None:
-    path = written(tmp_path, dataflash_bytes([recording(ROWS), recording(ROWS, 2)]))
+    path = written(
+        tmp_path, dataflash_bytes([recording_at_rest(ROWS), recording_at_rest(ROWS, 2)])
+    )
     whole = read_dataflash(path)
     means = read_dataflash(path, whole_below=0, most_rows=2 * ROWS // 5)
     assert any('rows are means of 5 samples' in note for note in means.notes)
@@ -78,7 +69,7 @@ def test_damage_is_passed_over_and_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(read_dataflash.__kwdefaults__, 'whole_below', 0)
-    data = dataflash_bytes([recording(ROWS)])
+    data = dataflash_bytes([recording_at_rest(ROWS)])
     middle = len(data) // 2
     torn = data[:middle] + bytes(1000) + data[middle:]
     (imu,) = import_log(written(tmp_path, torn))
@@ -90,8 +81,8 @@ def test_damage_is_passed_over_and_counted(
 
 @pytest.mark.usefixtures('small_pieces')
 def test_a_clock_that_restarts_is_cut(tmp_path: Path) -> None:
-    first = dataflash_bytes([recording(ROWS)])
-    again = dataflash_bytes([recording(ROWS // 4, 3)])
+    first = dataflash_bytes([recording_at_rest(ROWS)])
+    again = dataflash_bytes([recording_at_rest(ROWS // 4, 3)])
     path = written(tmp_path, first + again)
     log = read_dataflash(path, whole_below=0, most_rows=1000)
     back = np.count_nonzero(np.diff(log.imus[0].gyroscope.time) < 0)
@@ -105,7 +96,7 @@ def test_memory_does_not_grow_with_the_log(
     monkeypatch.setattr(dataflash, 'BEGINNING', 1 << 14)
     peaks, sizes = [], []
     for length in (3, 12):
-        path = written(tmp_path, dataflash_bytes([recording(length * ROWS)]))
+        path = written(tmp_path, dataflash_bytes([recording_at_rest(length * ROWS)]))
         sizes.append(path.stat().st_size)
         read_dataflash(path, whole_below=0, most_rows=1000)
         tracemalloc.start()

@@ -12,22 +12,9 @@ from imu_recording.logs import ulog, ulog_stream
 from imu_recording.logs.flight_log import FlightLog
 from imu_recording.logs.import_log import import_log
 from log_writers import ulog_bytes
-
-from imu_recording import ImuRecording
+from recording_samples import recording_at_rest
 
 ROWS = 4000
-
-
-def recording(n: int, seed: int = 1) -> ImuRecording:
-    rng = np.random.default_rng(seed)
-    return ImuRecording(
-        stamp=np.arange(n) * 1_000_000,
-        angular_velocity=rng.normal(0.0, 0.01, (n, 3)),
-        linear_acceleration=rng.normal(0.0, 0.05, (n, 3)) + [0.0, 0.0, -9.8],
-        magnetic_field=np.full((n, 3), 2e-5),
-        temperature=np.linspace(20.0, 30.0, n),
-        device='dut',
-    )
 
 
 @pytest.fixture
@@ -47,7 +34,9 @@ def both(path: Path, **options: int) -> tuple[FlightLog, FlightLog]:
 
 @pytest.mark.usefixtures('small_pieces')
 def test_pieces_hold_what_the_whole_holds(tmp_path: Path) -> None:
-    data = ulog_bytes([recording(ROWS), recording(ROWS, 2)], parameters={'TC_A_ENABLE': 1.0})
+    data = ulog_bytes(
+        [recording_at_rest(ROWS), recording_at_rest(ROWS, 2)], parameters={'TC_A_ENABLE': 1.0}
+    )
     whole, pieces = both(written(tmp_path, data))
     assert pieces.parameters == whole.parameters
     assert pieces.hardware == whole.hardware
@@ -62,7 +51,9 @@ def test_pieces_hold_what_the_whole_holds(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures('small_pieces')
 def test_a_longer_log_is_means_and_says_so(tmp_path: Path) -> None:
-    whole, means = both(written(tmp_path, ulog_bytes([recording(ROWS)])), most_rows=ROWS // 5)
+    whole, means = both(
+        written(tmp_path, ulog_bytes([recording_at_rest(ROWS)])), most_rows=ROWS // 5
+    )
     assert any('rows are means of 5 samples' in note for note in means.notes)
     rates = whole.imus[0].gyroscope
     expected = rates.values.reshape(-1, 5, 3).mean(axis=1)
@@ -77,8 +68,8 @@ def test_damage_and_a_clock_that_restarts_are_counted(
     monkeypatch.setattr(ulog, 'WHOLE_BELOW', 0)
     monkeypatch.setitem(ulog.read_ulog.__kwdefaults__, 'whole_below', 0)
     monkeypatch.setitem(ulog.read_ulog.__kwdefaults__, 'most_rows', 1000)
-    data = ulog_bytes([recording(ROWS)])
-    again = ulog_bytes([recording(ROWS // 4, 3)], data_alone=True)
+    data = ulog_bytes([recording_at_rest(ROWS)])
+    again = ulog_bytes([recording_at_rest(ROWS // 4, 3)], data_alone=True)
     sync = b'\x08\x00S' + ulog_stream.SYNC
     torn = data + bytes(100) + sync + again
     found = import_log(written(tmp_path, torn))[0].recording
@@ -96,7 +87,7 @@ def test_memory_does_not_grow_with_the_log(
     monkeypatch.setattr(ulog_stream, 'PIECE', 1 << 17)
     peaks, sizes = [], []
     for length in (3, 12):
-        path = written(tmp_path, ulog_bytes([recording(length * ROWS)]))
+        path = written(tmp_path, ulog_bytes([recording_at_rest(length * ROWS)]))
         sizes.append(path.stat().st_size)
         ulog.read_ulog(path, whole_below=0, most_rows=1000)
         tracemalloc.start()
