@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -241,3 +242,23 @@ def test_stamps_are_dates_where_gps_tells_them(
     # A receiver that never had a fix tells nothing.
     (silent,) = read(tmp_path, WRITERS[suffix](devices[:1], power_on=1e9), suffix)
     assert silent.stamp[0] == 5_000_000_000
+
+
+def test_a_torn_definition_longer_than_the_log_ends(
+    devices: Sequence[ImuRecording], tmp_path: Path
+) -> None:
+    data = ulog_bytes(devices[:1])[:4000]
+    path = tmp_path / 'torn.ulg'
+    path.write_bytes(data[:16] + b'\x00\x90\x00' + data[16:])
+
+    def late(*_: object) -> None:
+        raise AssertionError
+
+    previous = signal.signal(signal.SIGALRM, late)
+    signal.alarm(20)
+    try:
+        with pytest.raises(LogError, match='no sensor_accel'):
+            import_log(path)
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, previous)

@@ -148,11 +148,31 @@ def _opened(path: Path, *, header_only: bool) -> tuple[Any, str]:
         version = stream.read(8)[-1]
     if version not in VERSIONS:
         raise LogError(f'{path}: ULog of version {version}; versions 0 and 1 are read')
+
+    class Parser(ULog):  # type: ignore[misc]
+        """pyulog, which steps back for ever from a damaged definition longer than its file."""
+
+        _furthest: int | None = None
+
+        def _read_file_definitions(self) -> None:
+            self._furthest = 0
+            super()._read_file_definitions()
+            self._furthest = None
+
+        def _check_packet_corruption(self, header: Any) -> bool:
+            damaged = bool(super()._check_packet_corruption(header))
+            if damaged and self._furthest is not None:
+                following = self._file_handle.tell() - 2 - header.msg_size
+                if following <= self._furthest:
+                    raise ValueError(following)  # pyulog ends the definitions here
+                self._furthest = following
+            return damaged
+
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said):
             topics = [*TOPICS, *CLOCKS]
-            log = ULog(str(path), message_name_filter_list=topics, parse_header_only=header_only)
+            log = Parser(str(path), message_name_filter_list=topics, parse_header_only=header_only)
     except Exception as error:  # noqa: BLE001 (the parser raises whatever damage leads to)
         raise LogError(
             f'{path}: damaged, cannot be read ({type(error).__name__}: {error})'

@@ -292,9 +292,9 @@ def _check_rates(
         return
     told = mapping_from(mapping)
     table = np.column_stack([values[name] for name in _names(told)])
-    time = table[:, 0] * TIME_UNITS.get(told.time_unit, np.nan)
+    time: FloatArray = table[:, 0] * TIME_UNITS.get(told.time_unit, np.nan)
     if not np.isfinite(time).all() or not (np.diff(time) > 0.0).all():
-        time = np.arange(len(table)) * USUAL_PERIOD_S * 1e9
+        time = np.arange(len(table), dtype=np.float64) * (USUAL_PERIOD_S * 1e9)
     fields = fields_of(told, table)
     nothing = np.full((len(table), 3), np.nan)
     recording = ImuRecording(
