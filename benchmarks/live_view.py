@@ -128,8 +128,6 @@ def serving() -> Iterator[str]:
 
 def pictures_per_second(page: Page, seconds: float) -> tuple[float, float]:
     """Return how often the lines of the first figure and the attitude were drawn."""
-    page.get_by_role('button', name='Cancel').click()
-    page.get_by_role('tab', name='Live').click()
     page.locator('.live .js-plotly-plot .main-svg').nth(3).wait_for()
     page.get_by_role('combobox', name='last').click()
     page.get_by_role('option', name='20 s').click()
@@ -151,7 +149,7 @@ def main() -> int:
             executable_path=named, args=['--no-sandbox', '--disable-gpu']
         )
         page = browser.new_context(viewport={'width': 1280, 'height': 800}).new_page()
-        page.goto(address)
+        page.goto(f'{address}?live=1')
         lines, values = pictures_per_second(page, options.seconds)
         browser.close()
     verdicts = [

@@ -26,7 +26,7 @@ from imu_workbench.web.case.failure_map import failure_figure, failure_map
 from imu_workbench.web.case.noise_figures import allan_figure, spectrum_figure
 from imu_workbench.web.case.scatter_figures import phase_figure, rate_figure, temperature_figure
 from imu_workbench.web.case.stored_bag import StoredBag, store_recording
-from imu_workbench.web.case.tasks import Change, change_task, first_version_task
+from imu_workbench.web.case.tasks import Change, change_task, version_task
 from imu_workbench.web.case.time_figure import time_figure, time_lines
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import View
@@ -67,7 +67,7 @@ def seconds(act: Callable[[], Any]) -> tuple[float, Any]:
 
 
 def redrawn(bags: list[StoredBag], version: Version, earlier: Version | None) -> int:
-    """Every plot of the page Compare as it goes to the browser, in bytes."""
+    """Every plot of the page as it goes to the browser, in bytes."""
     figures = [
         time_figure(bags, version, VIEW, earlier),
         failure_figure(failure_map(version, VIEW), VIEW),
@@ -85,7 +85,9 @@ def measure(rate: float, folder: Path) -> dict[str, float]:
     ]
     prepared = folder / 'prepared.runs'
     first, _ = seconds(lambda: orjson.dumps(time_figure(bags, None, VIEW)))
-    fit, (line, *_) = seconds(lambda: Job(first_version_task, bags, prepared, None, []).wait())
+    arguments = (bags, prepared, None, 'line per axis', [])
+    fit, opened = seconds(lambda: Job(version_task, *arguments).wait())
+    line = opened.version
     draw, _ = seconds(lambda: redrawn(bags, line, None))
     zoom, _ = seconds(lambda: orjson.dumps(time_lines(bags, line, VIEW, (5.0, 6.0))))
     change = Change('thermal_lag', ('accelerometer',))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Photograph the workbench and the report in headless Chromium, over the bags that ship.
 
-Usage: python doc/figures/screenshots.py [compare learn add live report]   (default: all)
+Usage: python doc/figures/screenshots.py [case live report]   (default: all)
 Needs playwright and a Chromium: CHROMIUM=/path/to/chrome, else one on PATH, else playwright's own.
 """
 
@@ -59,15 +59,16 @@ def save(page: Page, name: str) -> None:
 @contextmanager
 def serving(*bags: Path, environment: dict[str, str] | None = None) -> Iterator[str]:
     """Serve bags on a free port; yield the address."""
-    command = [*WORKBENCH, 'serve', '--port', '0', *map(str, bags)]
-    server = subprocess.Popen(
-        command, stdout=subprocess.PIPE, text=True, cwd=ROOT, env=environment
-    )
-    try:
-        yield server.stdout.readline().split()[2]
-    finally:
-        server.terminate()
-        server.wait()
+    with TemporaryDirectory() as cases:
+        command = [*WORKBENCH, 'serve', '--port', '0', '--case', cases, *map(str, bags)]
+        server = subprocess.Popen(
+            command, stdout=subprocess.PIPE, text=True, cwd=ROOT, env=environment
+        )
+        try:
+            yield server.stdout.readline().split()[2]
+        finally:
+            server.terminate()
+            server.wait()
 
 
 def open_page(browser: Browser, address: str) -> Page:
@@ -78,30 +79,20 @@ def open_page(browser: Browser, address: str) -> Page:
     return page
 
 
-def photograph_workbench(browser: Browser, wanted: set[str]) -> None:
-    """See the model fail, read what is missing, add it."""
+def photograph_workbench(browser: Browser) -> None:
+    """Read the verdict, preview what is missing, add it."""
     with serving(*BAGS) as address:
         page = open_page(browser, address)
-        page.locator('.tile.bad').first.wait_for()
-        page.locator('.place').first.wait_for()
-        page.locator('.js-plotly-plot .main-svg').first.wait_for()
-        if 'compare' in wanted:
-            save(page, 'workbench_compare')
-        if not wanted & {'learn', 'add'}:
-            return
-        page.get_by_role('tab', name='Learn').click()
-        page.get_by_role('button', name='Diagnose').click()
-        finding = page.locator('.finding').first
-        finding.wait_for()
-        page.locator('.fingerprint .js-plotly-plot .main-svg').first.wait_for()
-        if 'learn' in wanted:
-            save(page, 'workbench_learn')
-        finding.get_by_role('button', name='Add to the model').click()
+        page.locator('.verdict.missing').wait_for()
+        page.get_by_role('button', name='Preview thermal lag').first.click()
+        page.locator('.legendtext', has_text='thermal lag would explain').first.wait_for()
+        save(page, 'workbench_case')
+        page.locator('.top').get_by_role('button', name='Add thermal lag').click()
         page.locator('.tile.good', has_text='Accelerometer').wait_for()
-        page.get_by_role('tab', name='Add').click()
-        page.locator('.js-plotly-plot:visible .main-svg').first.wait_for()
-        if 'add' in wanted:
-            save(page, 'workbench_add')
+        page.locator('.verdict.complete').wait_for()
+        page.locator('.bottom').scroll_into_view_if_needed()
+        page.locator('[data-plot="error_staircase"] .main-svg').first.wait_for()
+        save(page, 'workbench_versions')
 
 
 def surroundings(folder: Path) -> Path:
@@ -158,7 +149,7 @@ def photograph_live(browser: Browser) -> None:
         with serving(*BAGS, environment=environment) as address:
             page = open_page(browser, address)
             page.locator('.place').first.wait_for()
-            page.get_by_role('tab', name='Live').click()
+            page.get_by_role('button', name='Live', exact=True).click()
             page.get_by_text('No IMU is heard').wait_for()
             with running_system(Path(name), environment):
                 page.locator('.live-tiles dd').first.wait_for()
@@ -190,8 +181,8 @@ def main(wanted: set[str]) -> None:
         browser = playwright.chromium.launch(
             executable_path=named, args=['--no-sandbox', '--disable-gpu']
         )
-        if wanted & {'compare', 'learn', 'add'}:
-            photograph_workbench(browser, wanted)
+        if 'case' in wanted:
+            photograph_workbench(browser)
         if 'live' in wanted:
             photograph_live(browser)
         if 'report' in wanted:
@@ -200,4 +191,4 @@ def main(wanted: set[str]) -> None:
 
 
 if __name__ == '__main__':
-    main(set(sys.argv[1:]) or {'compare', 'learn', 'add', 'live', 'report'})
+    main(set(sys.argv[1:]) or {'case', 'live', 'report'})

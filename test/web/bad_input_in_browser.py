@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import socket
 import subprocess
@@ -15,8 +16,8 @@ import pytest
 
 from imu_recording import read_bag, write_bag
 
-ROOT = Path(__file__).resolve().parents[2]
-BAGS = [ROOT / 'bags' / f'hidden_effect_{axis}' for axis in 'xyz']
+from .conftest import BAGS, ROOT
+
 EFFECT = """
 from dataclasses import dataclass
 
@@ -95,18 +96,18 @@ def test_bags_that_cannot_be_opened_are_explained(serve, watch, folder):
         page.get_by_role('checkbox', name=bag.name).click()
     press_open(page)
     page.locator('.tile.bad').first.wait_for()
-    page.locator('.message', has_text='it is left out').wait_for()
+    page.locator('.alert', has_text='it is left out').wait_for()
     page.get_by_text('3 runs').wait_for()
     assert server.alive
     watched.check()
 
 
-def test_bad_models_and_effects_are_explained(hidden_effect_server, watch, tmp_path):
-    watched = watch(hidden_effect_server.address)
+def test_bad_models_and_effects_are_explained(serve, watch, small_bags, tmp_path):
+    server = serve(small_bags / 'dut2_x')
+    watched = watch(server.address)
     page = watched.page
-    page.locator('.tile.bad').first.wait_for()
-    page.get_by_role('tab', name='Add').click()
-    page.locator('tr.on', has_text='v1').wait_for()
+    page.locator('.verdict:not(.waiting) .sentence').wait_for()
+    page.locator('.tree-row.on', has_text='v1').wait_for()
     with page.expect_download() as saving:
         page.get_by_role('button', name='Save the model').click()
     model = tmp_path / 'other.yaml'
@@ -117,7 +118,7 @@ def test_bad_models_and_effects_are_explained(hidden_effect_server, watch, tmp_p
     model.write_text('nonsense: [', 'utf-8')
     upload(page, 'Open a model', model)
     page.locator('.message', has_text='not a YAML file').wait_for()
-    page.locator('tr.on', has_text='v1').wait_for()
+    page.locator('.tree-row.on', has_text='v1').wait_for()
 
     effect = tmp_path / 'my_effect.py'
     effect.write_text('def broken(:\n', 'utf-8')
@@ -128,11 +129,19 @@ def test_bad_models_and_effects_are_explained(hidden_effect_server, watch, tmp_p
     page.locator('.message', has_text='coefficient_units is empty').wait_for()
     effect.write_text(EFFECT, 'utf-8')
     upload(page, 'Load an effect file', effect)
-    page.get_by_role('checkbox', name='kink').click()
-    page.locator('tr.on', has_text='+ kink').wait_for()
-    page.get_by_role('button', name='Undo').click()
-    page.locator('tr.on', has_text='v1').wait_for()
-    assert hidden_effect_server.alive
+    page.locator('.message', has_text='kink can be added now').wait_for()
+    page.locator('.verdict:not(.waiting) .sentence').wait_for()
+    page.locator('.other, .candidate', has_text='kink').first.wait_for()
+    further = page.locator('.further')
+    if further.get_attribute('open') is None:
+        further.locator('summary').click()
+    page.locator('.other, .candidate', has_text='kink').get_by_role(
+        'button', name=re.compile('^Add')
+    ).click()
+    page.locator('.tree-row.on', has_text='+ kink').wait_for()
+    page.locator('.version', has_text='v1').click()
+    page.locator('.tree-row.on', has_text='v1').wait_for()
+    assert server.alive
     watched.check()
 
 
@@ -163,4 +172,6 @@ def test_other_machines_need_the_token(serve, watch):
     assert refused.page.locator('.bar').count() == 0
     allowed = watch(f'{address}?token={token}')
     allowed.page.get_by_role('button', name='Open bags').wait_for()
+    loading = allowed.page.get_by_role('button', name='Load an effect file', include_hidden=True)
+    assert loading.is_disabled()  # an effect file is a program
     allowed.check()

@@ -9,17 +9,24 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
+
+from imu_recording import ImuRecording, read_bag, write_bag
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = ('chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable')
 PATIENCE_MS = 240_000
 """How long the page may take on a machine that is busy."""
+BAGS = [ROOT / 'bags' / f'hidden_effect_{axis}' for axis in 'xyz']
+RATE = 2e-4
+"""The accelerometer of the small bags follows the temperature's rate [m/s² per °C/min]."""
 
 
 def chromium() -> str | None:
@@ -34,19 +41,31 @@ class Server:
 
     address: str
     process: subprocess.Popen[str]
+    cases: Path
 
     @property
     def alive(self) -> bool:
         return self.process.poll() is None
+
+    @property
+    def port(self) -> str:
+        return self.address.rpartition(':')[2].strip('/')
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait()
 
 
 @contextmanager
 def servers() -> Iterator[Callable[..., Server]]:
     """Provide a function that starts a server on a free port; end them all."""
     started: list[subprocess.Popen[str]] = []
+    folder = TemporaryDirectory(prefix='cases_')
 
-    def start(*arguments: str | Path) -> Server:
-        command = [sys.executable, '-m', 'imu_workbench', 'serve', '--port', '0']
+    def start(*arguments: str | Path, cases: Path | None = None, port: str = '0') -> Server:
+        command = [sys.executable, '-m', 'imu_workbench', 'serve', '--port', port]
+        cases = cases or Path(folder.name) / str(len(started))
+        command += ['--case', str(cases)]
         process = subprocess.Popen(
             [*command, *map(str, arguments)], stdout=subprocess.PIPE, text=True, cwd=ROOT
         )
@@ -54,13 +73,14 @@ def servers() -> Iterator[Callable[..., Server]]:
         assert process.stdout
         line = process.stdout.readline()
         assert line.startswith('workbench at '), line
-        return Server(line.split()[2], process)
+        return Server(line.split()[2], process, cases)
 
     yield start
     for process in started:
         process.terminate()
     for process in started:
         process.wait()
+    folder.cleanup()
 
 
 @pytest.fixture
@@ -74,7 +94,32 @@ def serve() -> Iterator[Callable[..., Server]]:
 def hidden_effect_server() -> Iterator[Server]:
     """One server with the bags of the hidden effect for all tests that need no fresh one."""
     with servers() as start:
-        yield start(*(ROOT / 'bags' / f'hidden_effect_{axis}' for axis in 'xyz'))
+        yield start(*BAGS)
+
+
+@pytest.fixture(scope='session')
+def small_bags(tmp_path_factory) -> Path:
+    """Bags that are quick to answer for: one run of one sensor each, two devices."""
+    folder = tmp_path_factory.mktemp('small')
+    for name, device, seed in (
+        ('dut2_x', 'dut2', 1), ('dut2_again', 'dut2', 2), ('dut7_x', 'dut7', 3),
+    ):  # fmt: skip
+        write_bag(small_recording(device, name, seed), folder / name)
+    return folder
+
+
+def small_recording(device: str, run: str, seed: int) -> ImuRecording:
+    """One run of an accelerometer whose error follows the rate of its temperature."""
+    recording = read_bag(BAGS[0])
+    rng = np.random.default_rng(seed)
+    rate = np.gradient(recording.temperature, recording.time) * 60.0
+    values = np.outer(recording.temperature - 20.0, [2e-3, -1e-3, 3e-3]) + RATE * rate[:, None]
+    values += [9.81, 0.0, 0.0] + rng.normal(0.0, 7e-4, values.shape)
+    unknown = np.full(values.shape, np.nan)
+    return replace(
+        recording, linear_acceleration=values, angular_velocity=unknown, magnetic_field=unknown,
+        device=device, run=run,
+    )  # fmt: skip
 
 
 @pytest.fixture(scope='session')

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The live tab shows what is published: values, attitude, phase; and what falls silent."""
+"""The live view shows what is published: values, attitude, phase; and what falls silent."""
 
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from threading import Event, Thread
 
 import pytest
@@ -17,7 +17,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Imu, Temperature
 from std_msgs.msg import String
 
-BAGS = [Path(f'bags/hidden_effect_{axis}') for axis in 'xyz']
+from .conftest import ROOT
+
 DEVICE = '/dut7'
 PERIOD_S = 0.02
 ERROR = 0.004
@@ -80,11 +81,21 @@ def silence(monkeypatch: pytest.MonkeyPatch, ros_domains: Iterator[int]) -> Iter
     rclpy.try_shutdown(context=context)
 
 
+@pytest.fixture
+def ros_node(silence: Event) -> Iterator[Node]:
+    """Another node in the board's domain."""
+    context = Context()
+    rclpy.init(args=[], context=context, domain_id=int(os.environ['ROS_DOMAIN_ID']))
+    node = Node('another', context=context, use_global_arguments=False)
+    yield node
+    node.destroy_node()
+    rclpy.try_shutdown(context=context)
+
+
 def test_what_is_published_is_shown_until_it_falls_silent(serve, watch, silence):
-    server = serve(*BAGS)
-    watched = watch(server.address)
+    server = serve('--root', ROOT / 'bags')
+    watched = watch(server.address + '?live=1')
     page = watched.page
-    page.get_by_role('tab', name='Live').click()
     tiles = page.locator('.live-tiles')
     tiles.get_by_text('hot dwell, cycle 2').wait_for()
     tiles.get_by_text('25.00 °C').wait_for()
@@ -111,14 +122,24 @@ def test_what_is_published_is_shown_until_it_falls_silent(serve, watch, silence)
     watched.check()
 
 
+def test_two_publishers_on_one_topic_are_a_warning(serve, watch, silence, ros_node):
+    ros_node.create_publisher(Imu, f'{DEVICE}/imu/data_ahrs', 50)
+    server = serve('--root', ROOT / 'bags')
+    watched = watch(server.address + '?live=1')
+    page = watched.page
+    page.get_by_text(re.compile(r'^Warning: /dut7/imu/data_ahrs has 2 publishers')).wait_for()
+    page.get_by_text('Between them: unknown').wait_for()
+    assert page.get_by_text('Between them: 0.00').count() == 0
+    watched.check()
+
+
 def test_a_middleware_that_is_not_installed_is_said_on_the_page(serve, watch, monkeypatch):
     monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_absent_cpp')
-    server = serve(*BAGS)
-    page = watch(server.address).page
-    page.get_by_role('tab', name='Live').click()
+    server = serve('--root', ROOT / 'bags')
+    page = watch(server.address + '?live=1').page
     message = page.get_by_text('ROS 2 does not start')
     message.wait_for()
     assert 'rmw_absent_cpp' in message.inner_text()
-    page.get_by_role('tab', name='Compare').click()
-    page.locator('.place').first.wait_for()
+    page.get_by_role('button', name='Case', exact=True).click()
+    page.get_by_text('Nothing to look at yet').first.wait_for()
     assert server.alive

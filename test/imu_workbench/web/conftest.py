@@ -3,13 +3,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from imu_workbench.web.case.stored_bag import StoredBag
-from imu_workbench.web.case.tasks import Change, change_task, first_version_task, read_task
+from imu_workbench.web.case.tasks import (
+    Change,
+    change_task,
+    diagnose_task,
+    read_task,
+    version_task,
+)
 from imu_workbench.web.case.version import Version
+from imu_workbench.web.case.view import timeline_of
 
 BAGS = Path(__file__).resolve().parents[3] / 'bags'
 
@@ -23,6 +31,7 @@ class Fitted:
     line: Version
     lag: Version
     progress: list[str]
+    hashes: dict[str, str]
 
 
 @pytest.fixture(scope='session')
@@ -35,7 +44,17 @@ def fitted(tmp_path_factory) -> Fitted:
         for bag in read_task(told.append, BAGS / f'hidden_effect_{axis}', folder / axis, {})
     ]
     prepared = folder / 'prepared.runs'
-    line, *_ = first_version_task(told.append, bags, prepared, None, [])
+    opened = version_task(told.append, bags, prepared, None, 'line per axis', [])
+    line = replace(opened.version, timeline=timeline_of(bags))
     change = Change('thermal_lag', ('accelerometer',))
     lag = change_task(told.append, prepared, line.model_text, change, [])
-    return Fitted(bags, prepared, line, lag, told)
+    lag = replace(lag, timeline=timeline_of(bags))
+    return Fitted(bags, prepared, line, lag, told, opened.hashes)
+
+
+@pytest.fixture(scope='session')
+def found(fitted) -> dict[str, Any]:
+    """What is missing in the line: the diagnosis, and the candidates of every sensor."""
+    return diagnose_task(
+        fitted.progress.append, fitted.bags, fitted.prepared, fitted.line.model_text, []
+    )

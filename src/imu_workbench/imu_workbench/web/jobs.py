@@ -13,9 +13,11 @@ import logging
 import multiprocessing
 import os
 import signal
+import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any, Protocol
 
 from imu_recording.user_error import UserError
@@ -39,15 +41,60 @@ class Stoppable(Protocol):
     """Work under way that the user may cancel."""
 
     progress: str
+    expected_end: float | None
+    """When it should be done [s, monotonic clock]; None: nobody knows."""
 
     def cancel(self) -> None:
         """Stop it."""
+
+
+SECONDS = {
+    'read_task': (0.8, 6e-8),
+    'version_task': (2.5, 1e-6),
+    'change_task': (3.0, 0.0),
+    'diagnose_task': (14.0, 1e-6),
+    'preview_task': (0.6, 0.0),
+    'report_task': (15.0, 2e-6),
+    'next_profile_task': (12.0, 0.0),
+    'effects_task': (1.5, 0.0),
+}
+"""Task → seconds at the least, and per byte or sample; on two cores of 2024."""
+PACE: dict[str, float] = {}
+"""Task → how much longer than that it took here the last time."""
+
+
+def workload(arguments: Sequence[Any]) -> int:
+    """Return the bytes of the file, or the samples of the recordings, that a task works on."""
+    for argument in arguments:
+        if isinstance(argument, Path) and argument.exists():
+            files = [argument] if argument.is_file() else list(argument.iterdir())
+            return sum(file.stat().st_size for file in files if file.is_file())
+        if isinstance(argument, list) and argument and hasattr(argument[0], 'samples'):
+            return sum(one.samples for one in argument)
+    return 0
+
+
+def expected_seconds(name: str, size: int) -> float | None:
+    """Return how long a task should take here; None: nobody knows."""
+    if name not in SECONDS:
+        return None
+    least, each = SECONDS[name]
+    return (least + each * size) * PACE.get(name, PACE.get('', 1.0))
+
+
+def time_left(job: Stoppable, now: float) -> str:
+    """Return in words how long a job will still take; `now` by the monotonic clock [s]."""
+    if job.expected_end is None:
+        return ''
+    left = job.expected_end - now
+    return f'about {left:.0f} s left' if left >= 1.0 else 'nearly done'
 
 
 class LockWait:
     """Waiting for a lock that another tab holds."""
 
     def __init__(self) -> None:
+        self.expected_end: float | None = None
         self.progress = 'waiting for the same work in another tab'
         self._stopped = asyncio.Event()
 
@@ -74,6 +121,10 @@ class Job:
     def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
         self.progress = ''
         self.cancelled = False
+        self._name, size = getattr(function, '__name__', ''), workload(arguments)
+        self._began = time.monotonic()
+        self._expected = expected_seconds(self._name, size)
+        self.expected_end = None if self._expected is None else self._began + self._expected
         context = start_context()
         self._connection, theirs = context.Pipe(duplex=False)
         self._process = context.Process(
@@ -97,6 +148,7 @@ class Job:
                     continue
                 if kind == 'error':
                     raise JobError(value)
+                self._learn()
                 return value
         except (EOFError, OSError):
             if self.cancelled:
@@ -109,6 +161,12 @@ class Job:
             self._connection.close()
             self._process.join()
             RUNNING.discard(self)
+
+    def _learn(self) -> None:
+        """Remember how much longer than expected it took: a slow machine, a quick one."""
+        if self._expected:
+            ratio = (time.monotonic() - self._began) / self._expected
+            PACE[self._name] = PACE[''] = ratio * PACE.get(self._name, PACE.get('', 1.0))
 
     def cancel(self) -> None:
         """End the process and those it has started."""

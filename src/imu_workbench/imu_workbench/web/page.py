@@ -1,30 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page: bar, tabs, dialog, messages; it connects what the user does with what is drawn."""
+"""The page of one browser tab: it connects what the user does with the case and what is drawn."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import json
+import shutil
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qsl
 
-from nicegui import ui
+from nicegui import background_tasks, events, ui
 from thermal_comp.data.conditions import SENSORS
 
-from imu_workbench.web.bag_root import BagRoot
-from imu_workbench.web.case.add_page import AddActions, AddPage
+from imu_workbench.web.case.centre import Centre
 from imu_workbench.web.case.channel_selector import ChannelSelector
-from imu_workbench.web.case.compare_page import ComparePage
-from imu_workbench.web.case.learn_page import LearnActions, LearnPage
+from imu_workbench.web.case.explained import ExperimentDialog, ExplainDialog
+from imu_workbench.web.case.preview import EffectPreview
+from imu_workbench.web.case.rail import Rail, RailActions
 from imu_workbench.web.case.stored_bag import StoredBag
 from imu_workbench.web.case.tasks import Change
+from imu_workbench.web.case.top_strip import TopActions, TopStrip
+from imu_workbench.web.case.versions_panel import VersionActions, VersionsPanel
 from imu_workbench.web.case.view import Place
-from imu_workbench.web.jobs import Stoppable
+from imu_workbench.web.dialogs import Messages, OpenDialog, RecordingsDialog, WorkPanel
 from imu_workbench.web.plot import Look
-from imu_workbench.web.result_cache import ResultCache
-from imu_workbench.web.session import Display, WorkbenchTab
+from imu_workbench.web.session import Session
+from imu_workbench.web.workspace import Workspace
 
 PHONE_WIDTH_PX = 640
 """Width [px] below which figures stand below each other."""
@@ -34,172 +38,244 @@ BROWSER_TIMEOUT_S = 60.0
 
 @dataclass(frozen=True)
 class Start:
-    """What every tab opens with."""
+    """What a server begins with."""
 
     bags: tuple[Path, ...] = ()
+    case: Path | None = None
+    """The one case that is opened; None: those of the bags, without bags all there are."""
     model_text: str | None = None
     effects: tuple[Path, ...] = ()
     """Files with effects of the user's own."""
     remap: Mapping[str, str] = field(default_factory=dict)
     """Names of the logging contract → names in the bags."""
+    local: bool = True
+    """Whether only this machine can open the page."""
 
 
 class Page:
     """One browser tab: builds it and keeps it up to date."""
 
-    def __init__(self, cache: ResultCache, start: Start) -> None:
-        self._start = start
+    def __init__(self, workspace: Workspace, start: Start, query: Mapping[str, str]) -> None:
+        self._workspace, self._start = workspace, start
+        self._session = Session(workspace, query)
         self._look = Look()
         self._dark = ui.dark_mode(None)
-        self._tab = WorkbenchTab(cache, Display(self._show_work, self._say), start.remap)
+        self._client = ui.context.client
+        self._tab = ''
+        self._preview: EffectPreview | None = None
+        self._previewed: tuple[Any, ...] | None = None
+        self._stale, self._drawing = False, False
+        self._live_page: Any = None
+        self._followed: set[int] = set()
+        self._asked: set[tuple[str, str]] = set()
+        self._shown_address = ''
         self._build()
 
-    @contextmanager
-    def _show_work(self, job: Stoppable) -> Iterator[None]:
-        self._work.start(job)
-        try:
-            yield
-        finally:
-            self._work.end(job)
-
-    def _say(self, text: str) -> None:
-        self._messages.say(text)
+    # Layout ------------------------------------------------------------------------------------
 
     def _build(self) -> None:
-        session = self._tab.session
-        self._dialog = OpenDialog(self._tab.cache.root, self.open_bags)
+        session, look = self._session, self._look
+        self._open_dialog = OpenDialog(self._workspace.cache.root, self._open_bags)
+        self._recordings = RecordingsDialog(self._close_bag)
+        self._explain_dialog = ExplainDialog()
+        self._experiment = ExperimentDialog(look)
+        self._effect_upload = self._upload()
         with ui.element('header').classes('bar'):
-            ui.html('<h1>IMU workbench</h1>', sanitize=False)
-            self._device = ui.select(
-                [], label='Device', on_change=lambda event: self._choose_device(event.value)
-            )
-            self._device.props('dense outlined options-dense').classes('device')
-            ui.button('Open bags', on_click=self._dialog.show).props('no-caps outline')
-            self._summary = ui.label('').classes('soft summary')
-            theme = ui.button('Light / dark', on_click=self._switch_theme)
-            theme.props('no-caps flat aria-label="switch between light and dark"')
-        with (
-            ui.tabs(on_change=self.refresh)
-            .classes('tabs')
-            .props('no-caps align=left dense') as self._tabs
-        ):
-            for name in ('Compare', 'Learn', 'Add', 'Live'):
-                ui.tab(name)
-        self._messages = Messages()
-        self._work = Work()
-        with ui.element('div').classes('body'):
+            self._bar()
+        self._messages = Messages(self._workspace)
+        self._work = WorkPanel(self._workspace)
+        with ui.element('main').classes('body case') as self._case:
+            top = TopActions(self._preview_in, self._add_in, self._plan, self._save_report)
+            self._top = TopStrip(session, top)
             self._tiles = ChannelSelector(session, self._choose_channel)
-            with ui.tab_panels(self._tabs, value='Compare', animated=False).classes('panels'):
-                with ui.tab_panel('Compare'):
-                    self._compare = ComparePage(session, self._look, self.go_to)
-                with ui.tab_panel('Learn'):
-                    actions = LearnActions(
-                        self._diagnose, self._add, self._tab.preview, self._tab.next_profile
-                    )
-                    self._learn = LearnPage(session, self._look, actions)
-                with ui.tab_panel('Add'):
-                    self._add_page = AddPage(session, self._look, self._add_actions())
-                with ui.tab_panel('Live') as self._live:
-                    self._live_page: Any = None
+            with ui.element('div').classes('middle'):
+                self._centre = Centre(session, look, self._go_to, self._brush)
+                rail = RailActions(
+                    self._toggle_preview,
+                    lambda effect: self._request(effect, added=True),
+                    lambda effect: self._request(effect, added=False),
+                    lambda effect: self._explain_dialog.show(self._workspace.effects[effect]),
+                    lambda: self._effect_upload.run_method('pickFiles'),
+                )
+                self._rail = Rail(session, rail, may_load=self._start.local)
+            actions = VersionActions(
+                self._show_version, self._save_model, self._save_report, self._save_case,
+                self._open_model, lambda text: self._workspace.note(session.device, text),
+            )  # fmt: skip
+            self._versions = VersionsPanel(session, look, actions)
+        self._live = ui.element('main').classes('body live-body-place')
         ui.on('narrow', lambda event: self._on_narrow(narrow=bool(event.args)))
         ui.on('dark', lambda event: self._on_system_theme(dark=bool(event.args)))
-        ui.context.client.on_delete(self._work.cancel_all)
+        ui.on('went', lambda event: self._went(str(event.args)))
+        self._client.on_delete(lambda: self._workspace.leave(self._changed))
         ui.timer(0.0, self._start_up, once=True)
 
-    def _add_actions(self) -> AddActions:
-        return AddActions(
-            add=self._add,
-            remove=self._remove,
-            undo=self._undo,
-            show_version=self._show_version,
-            compare_with=self._compare_with,
-            save_model=self._save_model,
-            save_report=self._save_report,
-            load_model=self._load_model,
-            load_effects=self._load_effects,
+    def _bar(self) -> None:
+        ui.html('<h1>IMU workbench</h1>', sanitize=False)
+        self._device = ui.select(
+            [], label='Device', on_change=lambda event: self._choose_device(event.value)
         )
+        self._device.props('dense outlined options-dense').classes('device')
+        ui.button('Open bags', on_click=self._open_dialog.show).props('no-caps outline')
+        self._recordings_button = ui.button('', on_click=self._show_recordings)
+        self._recordings_button.props('no-caps flat').classes('summary')
+        with ui.element('nav').classes('views').props('aria-label="Views"'):
+            self._views = {
+                live: ui.button(label, on_click=lambda _, live=live: self._switch(live=live))
+                for live, label in ((False, 'Case'), (True, 'Live'))
+            }
+            for button in self._views.values():
+                button.props('no-caps flat')
+        theme = ui.button('Light / dark', on_click=self._switch_theme)
+        theme.props('no-caps flat aria-label="switch between light and dark"')
+
+    def _upload(self) -> ui.upload:
+        async def load(event: events.UploadEventArguments) -> None:
+            name, content = event.file.name, await event.file.read()
+            if not self._start.local:
+                return
+            new = await self._workspace.load_effects(name, content)
+            if new:
+                names = ', '.join(effect.replace('_', ' ') for effect in new)
+                self._workspace.say(f'{Path(name).name}: {names} can be added now', 'info')
+
+        upload = ui.upload(on_upload=load, auto_upload=True, max_file_size=20_000_000)
+        return upload.props('accept=".py"').classes('hidden-upload')
 
     async def _start_up(self) -> None:
-        await ui.context.client.connected()
+        await self._client.connected()
         look = await ui.run_javascript(f'watchLook({PHONE_WIDTH_PX})', timeout=BROWSER_TIMEOUT_S)
-        self._look.dark, self._look.narrow, self._look.touch = map(bool, look)
+        self._look.dark, self._look.narrow, self._look.touch = map(bool, look[:3])
+        self._tab = str(look[3])
         self._colours()
-        for file in self._start.effects:
-            await self._tab.load_effects(file.name, file.read_bytes())
-        if self._start.bags:
-            await self.open_bags([str(bag) for bag in self._start.bags])
-        else:
-            await self.refresh()
-            await self._dialog.show()
+        self._workspace.listen(self._changed)
+        self._changed()
+        nothing = not self._workspace.opening and not self._workspace.devices
+        if nothing and not self._session.live:
+            await self._open_dialog.show()
 
-    async def open_bags(self, paths: list[str]) -> None:
-        """Open bags and compare the first device's with its model."""
-        if await self._tab.open_bags(paths, self._show_read):
-            await self._show_device()
+    # Drawing -----------------------------------------------------------------------------------
 
-    async def _show_read(self) -> None:
-        session = self._tab.session
-        self._device.set_options(list(session.devices), value=session.device)
-        await self.refresh()
+    def _changed(self) -> None:
+        """Draw soon: several changes at once are drawn once."""
+        self._stale = True
+        if not self._drawing:
+            self._drawing = True
+            background_tasks.create(self._draw(), name='draw the page')
 
-    async def _choose_device(self, name: str) -> None:
-        if name and name != self._tab.session.device:
-            self._tab.session.device = name
-            await self._show_device()
+    async def _draw(self) -> None:
+        try:
+            while self._stale:
+                self._stale = False
+                with self._client:
+                    await self._refresh()
+        finally:
+            self._drawing = False
 
-    async def _show_device(self) -> None:
-        session, state = self._tab.session, self._tab.session.state
-        session.look_at(place=None)
-        if state is not None and not state.versions:
-            await self.refresh()
-            await self._tab.first_version(self._start.model_text)
-        elif session.view.sensor not in session.sensors():
-            session.look_at_worst()
-        await self.refresh()
-
-    async def _choose_channel(self, sensor: str, axis: int) -> None:
-        session = self._tab.session
-        if session.version is None or sensor in session.sensors():
-            session.look_at(sensor=sensor, axis=axis)
-            await self.refresh()
-
-    async def go_to(self, place: Place | None) -> None:
-        """Let every plot show a place."""
-        self._tab.session.go_to(place)
-        await self.refresh()
-
-    async def refresh(self) -> None:
-        """Draw what is on the screen."""
-        state = self._tab.session.state
-        self._tiles.refresh()
-        self._summary.set_text(runs_summary(state.bags) if state else '')
-        shown = self._tabs.value
-        self._tiles.show(visible=shown != 'Live' and state is not None)
+    async def _refresh(self) -> None:
+        session = self._session
+        self._follow_fits()
+        session.settle()
+        self._address(step=False)
+        work = session.work
+        devices = list(self._workspace.devices)
+        if (devices, session.device) != (self._device.options, self._device.value or ''):
+            self._device.set_options(devices, value=session.device or None)
+        self._device.set_enabled(len(devices) > 0)
+        self._recordings_button.set_text(runs_summary(work.bags) if work else '')
+        self._recordings_button.set_visibility(work is not None)
+        self._messages.refresh()
+        self._work.refresh()
+        for live, button in self._views.items():
+            current = 'page' if live == session.live else 'false'
+            button.props(f'aria-current={current}')
+        self._case.visible, self._live.visible = not session.live, session.live
         if self._live_page is not None:
-            self._live_page.active = shown == 'Live'
-        if shown == 'Live':
+            self._live_page.active = session.live
+        if session.live:
             self._show_live()
-        elif shown == 'Learn':
-            await self._learn.refresh()
-        elif shown == 'Add':
-            await self._add_page.refresh()
-        else:
-            await self._compare.refresh()
+            return
+        self._load_what_is_missing()
+        self._top.refresh()
+        self._tiles.refresh()
+        preview = self._fresh_preview()
+        self._rail.refresh(preview)
+        self._versions.refresh()
+        await self._centre.refresh(preview)
+
+    def _follow_fits(self) -> None:
+        """Go on to the version that a fit this tab asked for has made."""
+        session = self._session
+        for fit in self._workspace.queue.finished:
+            same = (fit.device, fit.start) == (session.device, session.version_name)
+            if fit.number not in self._followed and fit.tab == self._tab and same:
+                session.choose_version(fit.result)
+            self._followed.add(fit.number)
+
+    def _load_what_is_missing(self) -> None:
+        """Have the version looked at, and the one before it, compared with the recordings."""
+        session, work = self._session, self._session.work
+        if work is None or self._workspace.opening or not work.bags:
+            return
+        for name in (session.version_name, session.earlier_name):
+            known = work.case.version(name) is not None and name not in work.failed
+            if known and name not in work.loaded and (session.device, name) not in self._asked:
+                self._asked.add((session.device, name))
+                self._workspace.begin(self._load(session.device, name))
+
+    async def _load(self, device: str, name: str) -> None:
+        try:
+            await self._workspace.load(device, name)
+        finally:
+            self._asked.discard((device, name))
+
+    def _fresh_preview(self) -> EffectPreview | None:
+        """Return the preview that belongs to what is looked at; ask for it where it is missing."""
+        session = self._session
+        wanted = (session.device, session.version_name, session.candidate, session.view.sensor)
+        if not session.candidate or session.version is None:
+            return None
+        ready = session.work is not None and (
+            session.version_name in session.work.found
+            or not self._workspace.is_diagnosing(session.device, session.version_name)
+        )
+        if wanted != self._previewed and ready:
+            self._previewed, self._preview = wanted, None
+            self._workspace.begin(self._fetch_preview(wanted))
+        return self._preview if wanted == self._previewed else None
+
+    async def _fetch_preview(self, wanted: tuple[Any, ...]) -> None:
+        preview = await self._workspace.preview(*wanted)
+        if wanted == self._previewed:
+            self._preview = preview
+            self._changed()
 
     def _show_live(self) -> None:
-        if self._live_page is not None:
-            return
-        with self._live:
-            from imu_workbench.web.live.page import build_live
+        if self._live_page is None:
+            with self._live:
+                from imu_workbench.web.live.page import build_live
 
-            self._live_page = build_live(self._live, dark=lambda: self._look.dark)
+                self._live_page = build_live(self._live, dark=lambda: self._look.dark)
+
+    def _address(self, *, step: bool) -> None:
+        """Put what is looked at into the address; `step`: going back leaves it again."""
+        query = json.dumps(self._session.query())
+        if (query, step) != (self._shown_address, False):
+            self._shown_address = query
+            ui.run_javascript(f'showAddress({query}, {"true" if step else "false"})')
+
+    def _step(self) -> None:
+        """Draw what the user has gone to; "back" goes back from there."""
+        self._session.settle()
+        self._address(step=True)
+        self._changed()
 
     def _repaint(self) -> None:
-        for page in (self._compare, self._learn, self._add_page):
-            page.repaint()
+        for part in (self._centre, self._versions):
+            part.repaint()
 
     def _colours(self) -> None:
-        ui.colors(primary='#2a7fb4' if self._look.dark else '#0072b2')
+        ui.colors(primary='#1d6c9c' if self._look.dark else '#0072b2')
 
     def _on_narrow(self, *, narrow: bool) -> None:
         """Lay the figures out anew: the window has become narrow or wide, the phone was turned."""
@@ -212,71 +288,136 @@ class Page:
             self._colours()
             self._repaint()
 
-    async def _switch_theme(self) -> None:
+    def _switch_theme(self) -> None:
         self._look.dark = not self._look.dark
         self._dark.set_value(self._look.dark)
         self._colours()
         self._repaint()
 
-    async def _diagnose(self) -> None:
-        if await self._tab.diagnose():
-            await self.refresh()
+    # What the user looks at --------------------------------------------------------------------
 
-    async def _add(self, effect: str, sensors: list[str]) -> None:
-        await self._tab.change(change_of(effect, sensors))
-        await self.refresh()
+    def _went(self, query: str) -> None:
+        """The browser went back or forth."""
+        self._session.follow(dict(parse_qsl(query.removeprefix('?'))))
+        self._shown_address = json.dumps(query)
+        self._changed()
 
-    async def _remove(self, effect: str, sensors: list[str]) -> None:
-        await self._tab.change(change_of(effect, sensors, added=False))
-        await self.refresh()
+    def _switch(self, *, live: bool) -> None:
+        self._session.live = live
+        self._step()
 
-    async def _undo(self) -> None:
-        if self._tab.session.state:
-            self._tab.session.state.undo()
-            await self.refresh()
+    def _choose_device(self, name: str | None) -> None:
+        if name and name != self._session.device:
+            self._session.choose_device(name)
+            self._step()
 
-    async def _show_version(self, number: int) -> None:
-        state = self._tab.session.state
-        if state and number != state.current:
-            state.current = number
-            await self.refresh()
+    def _choose_channel(self, sensor: str, axis: int) -> None:
+        if self._session.version is None or sensor in self._session.sensors():
+            self._session.choose_channel(sensor, axis)
+            self._step()
 
-    async def _compare_with(self, number: int | None) -> None:
-        if self._tab.session.state:
-            self._tab.session.state.earlier = number
-            await self.refresh()
+    def _show_version(self, name: str) -> None:
+        session = self._session
+        if name != session.version_name:
+            session.choose_version(name)
+            self._workspace.show(session.device, name)
+            self._step()
+
+    async def _go_to(self, place: Place | None) -> None:
+        self._session.go_to(place)
+        self._step()
+
+    async def _brush(self, window: tuple[float, float] | None) -> None:
+        self._session.brush(window)
+        self._step()
+
+    def _toggle_preview(self, effect: str) -> None:
+        session = self._session
+        session.candidate = '' if session.candidate == effect else effect
+        self._step()
+
+    def _preview_in(self, effect: str, sensors: tuple[str, ...]) -> None:
+        session = self._session
+        if sensors and session.view.sensor not in sensors:
+            session.choose_channel(sensors[0], session.view.axis)
+        session.candidate = effect
+        self._step()
+
+    # What the user does ------------------------------------------------------------------------
+
+    async def _open_bags(self, paths: list[str]) -> None:
+        opened = await self._workspace.open_bags(paths)
+        if opened and self._session.device not in opened:
+            self._session.choose_device(opened[0])
+            self._step()
+
+    async def _close_bag(self, run: str) -> None:
+        await self._workspace.close_bag(self._session.device, run)
+
+    def _show_recordings(self) -> None:
+        if self._session.work is not None:
+            self._recordings.show(self._session.work)
+
+    def _add_in(self, effect: str, sensors: tuple[str, ...]) -> None:
+        session = self._session
+        change = change_of(effect, sensors)
+        self._workspace.request(session.device, session.version_name, change, self._tab)
+
+    def _request(self, effect: str, *, added: bool) -> None:
+        session = self._session
+        change = change_of(effect, (session.view.sensor,), added=added)
+        self._workspace.request(session.device, session.version_name, change, self._tab)
+
+    async def _plan(self, one: str, other: str) -> None:
+        session = self._session
+        found = await self._workspace.next_profile(
+            session.device, session.version_name, one, other
+        )
+        if found is not None:
+            self._experiment.show(found)
 
     def _save_model(self) -> None:
-        session = self._tab.session
-        if session.version:
-            ui.download.content(session.version.model_text, f'{session.device}.yaml')
+        session = self._session
+        if session.version is not None:
+            name = f'{session.device}_{session.version_name}.yaml'
+            ui.download.content(session.version.model_text, name)
 
     async def _save_report(self) -> None:
-        path = await self._tab.report()
-        if path is not None:
-            ui.download.file(path, f'{self._tab.session.device}.html')
+        session = self._session
+        if session.version is not None:
+            name = f'{session.device}_{session.version_name}_certificate.html'
+            path = await self._workspace.report(session.device, session.version_name)
+            if path is not None:
+                with self._client:
+                    ui.download.file(path, name)
 
-    async def _load_model(self, name: str, content: bytes) -> None:
+    async def _save_case(self) -> None:
+        work = self._session.work
+        if work is not None:
+            target = self._workspace.cache.fresh_path()
+            path = await asyncio.to_thread(zipped, work.case.folder, target)
+            with self._client:
+                ui.download.file(path, f'{work.name}_case.zip')
+
+    async def _open_model(self, name: str, content: bytes) -> None:
         try:
             text = content.decode('utf-8')
         except UnicodeDecodeError:
-            self._messages.say(f'{name}: not a text file; a model file is YAML')
+            self._workspace.say(f'{name}: not a text file; a model file is YAML')
             return
-        await self._tab.first_version(text)
-        await self.refresh()
-
-    async def _load_effects(self, name: str, content: bytes) -> None:
-        if await self._tab.load_effects(name, content):
-            self._messages.say(
-                f'{Path(name).name}: its effects are in the list of effects now', 'info'
-            )
-            state = self._tab.session.state
-            if state is not None and not state.versions:
-                await self._tab.first_version(self._start.model_text)
-        await self.refresh()
+        version = await self._workspace.open_model(self._session.device, text)
+        if version:
+            self._show_version(version)
 
 
-def change_of(effect: str, sensors: Sequence[str], *, added: bool = True) -> Change:
+def zipped(folder: Path, target: Path) -> Path:
+    """Return a zip of a folder; files of this process's own are left out."""
+    copy = target / folder.name
+    shutil.copytree(folder, copy, ignore=shutil.ignore_patterns('.*'))
+    return Path(shutil.make_archive(str(target / 'case'), 'zip', target, folder.name))
+
+
+def change_of(effect: str, sensors: tuple[str, ...], *, added: bool = True) -> Change:
     """Return the change of an effect in some sensors, by their names."""
     return Change(effect, tuple(s for s in SENSORS if s in sensors), added)
 
@@ -285,115 +426,3 @@ def runs_summary(bags: Sequence[StoredBag]) -> str:
     """Return the number of runs and of samples in words."""
     samples = f'{sum(bag.samples for bag in bags):,}'.replace(',', '\N{NARROW NO-BREAK SPACE}')
     return f'{len(bags)} {"run" if len(bags) == 1 else "runs"} · {samples} samples'
-
-
-class OpenDialog:
-    """A list of the bags there are, and a path to type."""
-
-    def __init__(self, root: BagRoot, opened: Callable[[list[str]], Awaitable[None]]) -> None:
-        self._root, self._opened = root, opened
-        self._ticked: dict[Path, ui.checkbox] = {}
-        with ui.dialog() as self._dialog, ui.element('div').classes('card dialog'):
-            ui.html('<h2>Open bags</h2>', sanitize=False)
-            ui.label(f'Below {root.folder}. One bag is one run; take all runs of a device.')
-            self._list = ui.element('div').classes('bag-list')
-            self._path = ui.input('or a path below it').props('dense outlined').classes('path')
-            self._path.on('keydown.enter', self._open)
-            with ui.row().classes('actions'):
-                ui.button('Open', on_click=self._open).props('no-caps unelevated')
-                ui.button('Cancel', on_click=self._dialog.close).props('no-caps flat')
-
-    async def show(self) -> None:
-        """Show the bags there are now."""
-        self._dialog.open()
-        bags = await asyncio.to_thread(self._root.bags)
-        self._list.clear()
-        self._ticked = {}
-        with self._list:
-            for bag in bags:
-                self._ticked[bag] = ui.checkbox(self._root.name_of(bag)).props('dense')
-            if not bags:
-                ui.label('There are none.').classes('soft')
-
-    async def _open(self) -> None:
-        chosen = [str(bag) for bag, box in self._ticked.items() if box.value]
-        if self._path.value.strip():
-            chosen.append(self._path.value.strip())
-        self._dialog.close()
-        if chosen:
-            await self._opened(chosen)
-
-
-MAX_MESSAGES = 4
-"""Messages that stay."""
-
-
-class Messages:
-    """Errors and remarks, newest first."""
-
-    def __init__(self) -> None:
-        self._place = ui.element('div').classes('messages').props('role=alert aria-live=assertive')
-
-    def say(self, text: str, kind: str = 'error') -> None:
-        """Show a message; the same text once."""
-        for child in list(self._place):
-            if getattr(child, 'message_text', None) == text:
-                return
-        with self._place:
-            row = ui.element('div').classes(f'message {kind}')
-            row.message_text = text  # type: ignore[attr-defined]
-            with row:
-                ui.label(text)
-                close = (
-                    ui.element('button')
-                    .classes('close')
-                    .props('type=button aria-label="close this message"')
-                )
-                close.on('click', row.delete)
-                with close:
-                    ui.label('×')
-        row.move(target_index=0)
-        for child in list(self._place)[MAX_MESSAGES:]:
-            child.delete()
-
-    def clear(self) -> None:
-        """Close all messages."""
-        self._place.clear()
-
-
-class Work:
-    """The jobs of a tab, each with its progress and a button to cancel it."""
-
-    def __init__(self) -> None:
-        self.jobs: list[Stoppable] = []
-        self._place = ui.element('div').classes('work').props('role=status aria-live=polite')
-        self._labels: dict[Stoppable, ui.label] = {}
-        self._timer = ui.timer(0.25, self._show_progress, active=False)
-
-    def start(self, job: Stoppable) -> None:
-        """Show a job."""
-        self.jobs.append(job)
-        with self._place:
-            row = ui.element('div').classes('job')
-            with row:
-                ui.spinner(size='1.1em')
-                self._labels[job] = ui.label('starting …')
-                ui.button('Cancel', on_click=job.cancel).props('no-caps flat dense')
-        self._timer.activate()
-
-    def end(self, job: Stoppable) -> None:
-        """Take a job off the page."""
-        if job in self.jobs:
-            self.jobs.remove(job)
-            self._labels.pop(job).parent_slot.parent.delete()  # type: ignore[union-attr]
-        if not self.jobs:
-            self._timer.deactivate()
-
-    def cancel_all(self) -> None:
-        """End every job."""
-        for job in self.jobs:
-            job.cancel()
-
-    def _show_progress(self) -> None:
-        for job, label in self._labels.items():
-            label.set_text(f'{job.progress} …' if job.progress else 'starting …')

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 from nicegui import ui
@@ -15,8 +16,7 @@ from imu_workbench.report.figures.panels import Figure
 CONFIG = {
     'displaylogo': False,
     'responsive': True,
-    'modeBarButtonsToRemove': ['select2d', 'lasso2d', 'autoScale2d'],
-    'toImageButtonOptions': {'format': 'svg'},
+    'modeBarButtonsToRemove': ['select2d', 'lasso2d', 'autoScale2d', 'toImage'],
 }
 
 
@@ -64,8 +64,8 @@ def options_of(figure: Figure, look: Look) -> dict[str, Any]:
 class Plot:
     """One figure; it is drawn again where the theme changes."""
 
-    def __init__(self, look: Look, label: str) -> None:
-        self._look, self._label = look, label
+    def __init__(self, look: Look, label: str, name: str = '') -> None:
+        self._look, self._label, self._name = look, label, name
         self._figure: Figure | None = None
         self._place = ui.element('div')
         self._element: ui.plotly | None = None
@@ -84,7 +84,7 @@ class Plot:
             return
         with self._place:
             self._element = ui.plotly(options).classes('plot')
-        self._element.props(f'role=img aria-label="{self._label}"')
+        self._element.props(f'role=group aria-label="{self._label}" data-plot="{self._name}"')
         for event, handler in self._handlers:
             self._element.on(event, **handler)
 
@@ -101,21 +101,22 @@ class Plot:
             (event, {'js_handler': js_handler} if js_handler else {'handler': handler})
         )
 
-    def replace_lines(self, lines: dict[str, dict[str, Any]]) -> None:
-        """Replace the points of the traces, in order, without drawing the figure anew."""
-        if self._figure is None or self._element is None:
-            return
-        for trace, line in zip(self._figure['data'], lines.values(), strict=True):
-            trace.update(line)
-        change = {
-            'x': [line['x'] for line in lines.values()],
-            'y': [line['y'] for line in lines.values()],
-        }
-        self._element.run_plot_method('restyle', change, list(range(len(lines))))
 
-
-def figure_card(look: Look, title: str, label: str, classes: str = '') -> Plot:
-    """Return a plot in a card with a heading."""
+def figure_card(look: Look, title: str, label: str, name: str, classes: str = '') -> Plot:
+    """Return a plot in a card with a heading; `name` is what a saved figure is called."""
     with ui.element('section').classes(f'card {classes}'):
-        ui.html(f'<h2>{title}</h2>', sanitize=False)
-        return Plot(look, label)
+        card_head(title)
+        return Plot(look, label, name)
+
+
+def card_head(title: str) -> None:
+    """Draw a heading with buttons that save the card's figure."""
+    plain = escape(title)
+    buttons = ''.join(
+        f'<button type="button" class="save" data-save="{format_}" '
+        f'aria-label="save “{plain}” as {format_.upper()}">{format_.upper()}</button>'
+        for format_ in ('svg', 'png', 'csv')
+    )
+    ui.html(f'<h2>{plain}</h2><span class="saves">{buttons}</span>', sanitize=False).classes(
+        'card-head'
+    )

@@ -14,18 +14,20 @@ from tempfile import TemporaryDirectory
 from threading import Thread
 
 import uvicorn
-from fastapi import FastAPI
+from fastapi import FastAPI, Request
 from imu_recording.user_error import UserError
 from nicegui import app as nicegui_app
 from nicegui import ui
 
+from imu_workbench.case import lock_cases
 from imu_workbench.web.access import AccessCheck
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.jobs import end_all, warm_up
 from imu_workbench.web.page import Page, Start
 from imu_workbench.web.result_cache import ResultCache
+from imu_workbench.web.workspace import Workspace
 
-SCRIPTS = ('resizing.js', 'watching.js', 'cells.js')
+SCRIPTS = ('resizing.js', 'watching.js', 'cells.js', 'cursor.js', 'saving.js')
 RECONNECT_S = 30.0
 """A tab that lost the server keeps its state so long."""
 
@@ -61,14 +63,15 @@ def bind(host: str, port: int) -> socket.socket:
 def run_server(
     listening: socket.socket,
     root: BagRoot,
+    cases: Path,
     start: Start,
     *,
     token: str = '',
     ready: Callable[[], None] = lambda: None,
 ) -> None:
-    """Serve until interrupted."""
-    with TemporaryDirectory(prefix='imu_workbench_') as folder:
-        cache = ResultCache(root, Path(folder))
+    """Serve the cases of a folder until interrupted."""
+    with lock_cases(cases), TemporaryDirectory(prefix='imu_workbench_') as folder:
+        workspace = Workspace(ResultCache(root, Path(folder)), cases, start.remap)
         outer = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
         outer.add_middleware(AccessCheck, token=token)
         here = files('imu_workbench') / 'web'
@@ -76,12 +79,19 @@ def run_server(
         scripts = [(here / name).read_text('utf-8') for name in SCRIPTS]
 
         @ui.page('/', response_timeout=30.0)
-        def _page() -> None:
+        def _page(request: Request) -> None:
             ui.add_css(look)
             ui.add_head_html(''.join(f'<script>{script}</script>' for script in scripts))
             ui.query('.nicegui-content').classes('content')
-            Page(cache, start)
+            Page(workspace, start, dict(request.query_params))
 
+        async def begin() -> None:
+            opening = workspace.start(
+                start.bags, start.effects, case=start.case, model_text=start.model_text
+            )
+            workspace.begin(opening)
+
+        nicegui_app.on_startup(begin)
         nicegui_app.on_startup(ready)
         ui.run_with(
             outer,

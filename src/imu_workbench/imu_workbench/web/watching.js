@@ -1,9 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tells the server when the window becomes narrow or wide, and when the system turns dark or light.
+// Tells the server of the window's width, the system's theme and the address; keeps the tab's name.
 window.watchLook = (phone) => {
   const narrow = matchMedia(`(max-width: ${phone - 0.02}px)`);
   const dark = matchMedia('(prefers-color-scheme: dark)');
   narrow.addEventListener('change', () => emitEvent('narrow', narrow.matches));
   dark.addEventListener('change', () => emitEvent('dark', dark.matches));
-  return [dark.matches, narrow.matches, matchMedia('(pointer: coarse)').matches];
+  window.addEventListener('popstate', () => emitEvent('went', location.search));
+  const name = sessionStorage.getItem('tab') || String(Math.random()).slice(2);
+  sessionStorage.setItem('tab', name); // the same after a reload
+  return [dark.matches, narrow.matches, matchMedia('(pointer: coarse)').matches, name];
+};
+
+// Puts what is looked at into the address: a step that "back" goes back, or only a correction.
+window.showAddress = (query, step) => {
+  if (query === location.search || (query === '?' && !location.search)) return;
+  history[step ? 'pushState' : 'replaceState'](null, '', location.pathname + query);
 };

@@ -26,6 +26,7 @@ from thermal_comp.diagnosis.findings import (
 from thermal_comp.diagnosis.identifiability import undecidable
 from thermal_comp.diagnosis.inputs import prepare_inputs
 from thermal_comp.diagnosis.posterior import credible
+from thermal_comp.diagnosis.ranking import ranked_effects
 from thermal_comp.diagnosis.result import Diagnosis, Finding, NamedExplanation, Prediction
 from thermal_comp.diagnosis.sensor_search import (
     Listed,
@@ -121,6 +122,7 @@ def diagnose_prepared(
             for sensor, answer in answers.items()
             for e in credible(answer.explanations)
         ),
+        ranking=ranked_effects(answers),
     )
 
 

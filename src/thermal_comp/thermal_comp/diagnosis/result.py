@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.effects.effect import Effect
 from thermal_comp.presentation.notebook import Presented
 
 SCHEMA = 2
@@ -175,6 +177,24 @@ class Undecided:
         }
 
 
+@dataclass(frozen=True, eq=False)
+class RankedEffect:
+    """One effect that was weighed against a sensor's residual."""
+
+    sensor: Sensor
+    effect: Effect
+    """In the form that explains most: beside what it is named with, else by itself."""
+    probability: float
+    """That it acts: of all explanations it has a part in."""
+    log_odds: float
+    """ln of the odds of this effect alone to nothing at all, prior and evidence."""
+
+    @property
+    def name(self) -> str:
+        """Catalogue name."""
+        return self.effect.name
+
+
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Presented):
     """The answer of `diagnose`."""
@@ -195,6 +215,8 @@ class Diagnosis(Presented):
     """Per sensor the fewest explanations that hold 95 % together, most probable first."""
     predictions: tuple[Prediction, ...] = ()
     """What adding what was named would leave, and where nothing is named, the closest effects."""
+    ranking: tuple[RankedEffect, ...] = ()
+    """Every effect that was weighed, for who draws them; not in `to_dict`."""
 
     @property
     def verdict(self) -> str:

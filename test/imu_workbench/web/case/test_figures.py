@@ -5,9 +5,10 @@ import json
 
 import numpy as np
 import pytest
+from imu_workbench.case import CaseVersion
+from imu_workbench.report.figures.modelled import FAILURE_SCALE
 from imu_workbench.report.figures.palette import painted
-from imu_workbench.web.case.add_page import error_steps_figure
-from imu_workbench.web.case.compare_page import window_of
+from imu_workbench.web.case.centre import window_of
 from imu_workbench.web.case.failure_map import failure_figure, failure_map
 from imu_workbench.web.case.next_experiment import profile_figure, setpoint_of
 from imu_workbench.web.case.noise_figures import (
@@ -17,9 +18,10 @@ from imu_workbench.web.case.noise_figures import (
     noise_density,
     spectrum_figure,
 )
-from imu_workbench.web.case.preview import preview_figure, preview_task
+from imu_workbench.web.case.preview import preview_task
 from imu_workbench.web.case.scatter_figures import phase_figure, rate_figure, temperature_figure
 from imu_workbench.web.case.time_figure import sample_line, time_figure, time_lines
+from imu_workbench.web.case.versions_panel import error_steps_figure
 from imu_workbench.web.case.view import View, timeline_of
 from thermal_comp.experiment.plan import PAPER
 from thermal_comp.model.values import NoiseModel
@@ -49,8 +51,8 @@ def test_a_chosen_place_is_where_the_plots_go(fitted):
     low, high = timeline.span(fitted.line.blocks, place)
     assert timeline.start(place.run) <= low < high <= timeline.start(place.run) + 13.0
     assert time_figure(fitted.bags, fitted.line, view)['layout']['xaxis']['range'] == [low, high]
-    chosen = temperature_figure(fitted.line, view)['data'][-1]
-    assert chosen['name'] == str(place)
+    names = [trace['name'] for trace in temperature_figure(fitted.line, view)['data']]
+    assert str(place) in names
     frames = failure_figure(failure_map(fitted.line, view), view)['layout']['shapes']
     assert len(frames) == 1
 
@@ -68,6 +70,28 @@ def test_lines_keep_the_extremes_and_a_zoom_shows_every_sample(fitted):
     assert max(x for x in zoomed['measured']['x'] if x is not None) < 21.1
 
 
+def test_a_part_of_the_time_is_all_that_any_figure_shows(fitted):
+    window = (20.0, 21.0)
+    view = View('accelerometer', 2, None, window)
+    time = time_figure(fitted.bags, fitted.line, view)
+    assert tuple(time['layout']['xaxis']['range']) == window
+    hours = time['layout']['meta']['hours']
+    assert (min(hours) >= 20.0, max(hours) <= 21.0, len(hours) > 100) == (True, True, True)
+    inside = time['layout']['meta']['temperature']
+    for trace in temperature_figure(fitted.line, view)['data']:
+        if trace['mode'] == 'markers' and trace['name'] != 'cursor':
+            assert min(inside) - 0.01 <= min(trace['x'])
+            assert max(trace['x']) <= max(inside) + 0.01
+    drawn = (sum(len(t['x']) for t in phase_figure(fitted.line, v)['data']) for v in (VIEW, view))
+    assert next(drawn) > next(drawn)
+
+
+def test_the_map_has_the_colours_of_the_report(fitted):
+    for version in (fitted.line, fitted.lag):
+        axis = failure_figure(failure_map(version, VIEW), VIEW)['layout']['coloraxis']
+        assert (axis['cmin'], axis['cmax']) == (FAILURE_SCALE['cmin'], FAILURE_SCALE['cmax'])
+
+
 def test_every_figure_is_plain_data_with_units_on_its_axes(fitted):
     found = failure_map(fitted.line, VIEW)
     figures = {
@@ -77,7 +101,12 @@ def test_every_figure_is_plain_data_with_units_on_its_axes(fitted):
         'rate': rate_figure(fitted.line, VIEW),
         'spectrum': spectrum_figure(fitted.line, VIEW),
         'allan': allan_figure(fitted.line, VIEW, fitted.bags),
-        'stairs': error_steps_figure([fitted.line, fitted.lag], 1),
+        'stairs': error_steps_figure(
+            [
+                CaseVersion('v1', None, 'line', fitted.line.errors()),
+                CaseVersion('v2', 'v1', 'lag', fitted.lag.errors()),
+            ]
+        ),
         'profile': profile_figure(setpoint_of(PAPER)),
     }
     for name, figure in figures.items():
@@ -94,14 +123,19 @@ def test_every_figure_is_plain_data_with_units_on_its_axes(fitted):
 
 def test_a_preview_explains_what_its_effect_made_and_a_foreign_one_does_not(fitted):
     arguments = (fitted.prepared, fitted.line.model_text)
-    lag = preview_task(lambda _: None, *arguments, 'thermal_lag', 'accelerometer', [])
-    other = preview_task(lambda _: None, *arguments, 'humidity', 'accelerometer', [])
+    lag = preview_task(lambda _: None, *arguments, 'thermal_lag', 'accelerometer', None, [])
+    other = preview_task(lambda _: None, *arguments, 'humidity', 'accelerometer', None, [])
     assert min(lag.share) > 0.95
     assert max(other.share) < 0.7 * min(lag.share)
-    assert lag.evidence > 2.0 * other.evidence
-    assert lag.parameters['time_constant']['value'] == pytest.approx(74.0, rel=0.2)
-    figure = preview_figure(lag, fitted.line, VIEW, timeline_of(fitted.bags))
-    assert {trace['name'] for trace in figure['data']} == {'residual', 'thermal lag, fitted'}
+    assert lag.shape['time_constant'] == pytest.approx(74.0, rel=0.2)
+    assert lag.error_after < 1.05 * fitted.line.floor('accelerometer') < other.error_after
+    figure = time_figure(fitted.bags, fitted.line, VIEW, None, lag)
+    drawn = {trace['name']: trace for trace in figure['data']}
+    left = np.array([y for y in drawn['left with thermal lag']['y'] if y is not None])
+    residual = np.array([y for y in drawn['residual (block means)']['y'] if y is not None])
+    assert left.std() < 0.2 * residual.std()
+    names = {trace['name'] for trace in temperature_figure(fitted.line, VIEW, lag)['data']}
+    assert 'thermal lag would explain' in names
 
 
 def test_noise_curves_agree_with_noise_that_was_drawn():

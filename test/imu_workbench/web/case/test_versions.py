@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from imu_workbench.web.case.tasks import Change, change_task, first_version_task
+from imu_workbench.web.case.tasks import Change, change_task, version_task
 from thermal_comp.model.values import ModelError
 
 from imu_recording import read_bag
@@ -44,4 +44,4 @@ def test_a_campaign_effect_takes_its_part_out_of_the_residual(fitted):
 def test_the_model_of_another_device_is_refused(fitted):
     text = fitted.line.model_text.replace('device: dut2', 'device: dut9', 1)
     with pytest.raises(ModelError, match='dut9'):
-        first_version_task(lambda _: None, fitted.bags, fitted.prepared, text, [])
+        version_task(lambda _: None, fitted.bags, fitted.prepared, text, 'opened', [])

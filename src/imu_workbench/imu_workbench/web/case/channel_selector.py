@@ -3,21 +3,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 
 from nicegui import ui
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 
+from imu_workbench.web.case.verdict import AT_FLOOR_RATIO
 from imu_workbench.web.session import Session
-
-AT_FLOOR_RATIO = 1.05
-"""An error up to this ratio to the noise floor counts as explained."""
 
 
 class ChannelSelector:
     """Three sensors with their held-out error, three axes; the chosen ones are framed."""
 
-    def __init__(self, session: Session, choose: Callable[[str, int], Awaitable[None]]) -> None:
+    def __init__(self, session: Session, choose: Callable[[str, int], None]) -> None:
         self._session = session
         self._choose = choose
         self._sensors: dict[str, tuple[ui.element, ui.label, ui.label]] = {}
@@ -41,13 +39,9 @@ class ChannelSelector:
                         ratio = ui.label('').classes('number')
                     self._axes.append((button, ratio))
 
-    async def _pick(self, sensor: str | None = None, axis: int | None = None) -> None:
+    def _pick(self, sensor: str | None = None, axis: int | None = None) -> None:
         view = self._session.view
-        await self._choose(sensor or view.sensor, view.axis if axis is None else axis)
-
-    def show(self, *, visible: bool) -> None:
-        """Show or hide the tiles."""
-        self._place.visible = visible
+        self._choose(sensor or view.sensor, view.axis if axis is None else axis)
 
     def refresh(self) -> None:
         """Show the version looked at."""

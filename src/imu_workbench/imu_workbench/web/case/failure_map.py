@@ -5,10 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import log10
+from typing import Any
 
 import numpy as np
 from imu_recording.recording import PHASES, FloatArray
 
+from imu_workbench.report.figures.modelled import FAILURE_SCALE
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
 from imu_workbench.web.case.run_blocks import RunBlocks
 from imu_workbench.web.case.version import Version
@@ -79,29 +82,25 @@ def failure_map(version: Version, view: View) -> FailureMap:
 
 
 def failure_figure(found: FailureMap, view: View) -> Figure:
-    """Return the map as a heat map; the chosen place has a frame."""
-    values = [ratio for row in found.ratio for ratio in row if ratio is not None]
-    highest = max([3.0, *values])
-    data = [{
+    """Return the map as a heat map in the report's colours; the chosen place has a frame."""
+    logarithms = [[None if r is None else log10(max(r, 1e-3)) for r in row] for row in found.ratio]
+    data: list[dict[str, Any]] = [{
         'type': 'heatmap',
         'x': list(range(len(found.columns))),
         'y': list(range(len(found.rows))),
-        'z': [list(row) for row in found.ratio],
+        'z': logarithms,
+        'text': [['' if r is None else f'{r:.1f}' for r in row] for row in found.ratio],
         'customdata': [[str(place or '') for place in row] for row in found.places],
-        'colorscale': 'Cividis',
-        'zmin': 0.5,
-        'zmax': highest,
+        'coloraxis': 'coloraxis',
         'xgap': 1.5,
         'ygap': 1.5,
-        'colorbar': {'title': {'text': '× floor', 'side': 'right', 'font': {'size': 12}},
-                     'thickness': 10, 'outlinewidth': 0, 'len': 1.0, 'nticks': 5},
-        'hovertemplate': '%{customdata}: %{z:.2f} × the noise floor<extra>click to go there'
+        'hovertemplate': '%{customdata}: %{text} × the noise floor<extra>click to go there'
                          '</extra>',
         'hoverongaps': False,
         **trace_axes(0),
     }]  # fmt: skip
     if len(found.columns) <= 20:
-        data[0]['texttemplate'] = '%{z:.1f}'
+        data[0]['texttemplate'] = '%{text}'
         data[0]['textfont'] = {'size': 10}
     panel = Panel(
         'cycle', '',
@@ -112,12 +111,16 @@ def failure_figure(found: FailureMap, view: View) -> Figure:
            'autorange': 'reversed', 'automargin': True, 'ticks': '', 'showgrid': False,
            'showline': False, 'fixedrange': True},
     )  # fmt: skip
-    spec = figure(data, [panel], height=max(150, 39 * len(found.rows)), shapes=_frame(found, view))
+    height = max(150, 39 * len(found.rows))
+    spec = figure(
+        data, [panel], height=height, shapes=_frame(found, view), coloraxis=FAILURE_SCALE
+    )
     marks = _run_marks(found)
     for part in (spec['layout'], spec['narrow']):
         part['annotations'] = marks
         part['margin'] = part['margin'] | {'t': 26, 'l': 10, 'r': 6}
     spec['layout']['height'] -= 26
+    spec['narrow']['coloraxis'] = {'showscale': False}
     spec['narrow']['xaxis'] |= {'ticktext': [''] * len(found.columns)}
     spec['layout']['dragmode'] = False
     return spec
@@ -126,7 +129,7 @@ def failure_figure(found: FailureMap, view: View) -> Figure:
 def _frame(found: FailureMap, view: View) -> list[dict[str, object]]:
     return [
         {'type': 'rect', 'x0': j - 0.5, 'x1': j + 0.5, 'y0': i - 0.5, 'y1': i + 0.5,
-         'line': {'color': '@y', 'width': 3}}
+         'line': {'color': '@model', 'width': 3}}
         for i, row in enumerate(found.places)
         for j, place in enumerate(row)
         if place is not None and place == view.place

@@ -16,7 +16,7 @@ from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axe
 from imu_workbench.web.case.run_blocks import RunBlocks
 from imu_workbench.web.case.stored_bag import StoredBag
 from imu_workbench.web.case.version import Version
-from imu_workbench.web.case.view import View
+from imu_workbench.web.case.view import View, inside_window
 
 MIN_OCTAVES = 4
 """Octaves a line needs at least."""
@@ -27,7 +27,7 @@ MAX_ALLAN_SAMPLES = 2**20
 def spectrum_figure(version: Version, view: View) -> Figure:
     """Return the amplitude density of the residual's block means, averaged in bands."""
     unit, factor = DISPLAY_UNITS[view.sensor].unit, DISPLAY_UNITS[view.sensor].factor
-    frequency, density = residual_spectrum(version.blocks, view)
+    frequency, density = residual_spectrum(blocks_in_window(version, view), view)
     data: list[dict[str, Any]] = [
         curve({'x': rounded_log(frequency), 'y': rounded_log(np.sqrt(density) * factor)},
               'residual', trace_axes(0), color=f'@{view.axis_name}', width=1.8,
@@ -50,7 +50,7 @@ def allan_figure(version: Version, view: View, bags: Sequence[StoredBag]) -> Fig
     short = [_allan_of_samples(bag, view, version.blocks[0].period) for bag in bags]
     long = [
         allan_variance(run.residual(view.sensor)[:, view.axis], run.period)
-        for run in version.blocks
+        for run in blocks_in_window(version, view)
     ]
     series = (('samples', short, '@raw'), ('residual', long, f'@{view.axis_name}'))
     data: list[dict[str, Any]] = []
@@ -79,6 +79,15 @@ def allan_figure(version: Version, view: View, bags: Sequence[StoredBag]) -> Fig
         y=LOGARITHMIC | {'range': decades(drawn)},
     )  # fmt: skip
     return _finished(data, panel)
+
+
+def blocks_in_window(version: Version, view: View) -> list[RunBlocks]:
+    """Return the blocks of every run that lie in the view's window."""
+    inside = inside_window(version.blocks, version.timeline, view.window)
+    edges = np.cumsum([0, *(len(run.time) for run in version.blocks)])
+    parts = zip(version.blocks, edges[:-1], edges[1:], strict=True)
+    cut = [run.at(inside[first:last]) for run, first, last in parts]
+    return [run for run in cut if len(run.time)]
 
 
 LOGARITHMIC = {'type': 'log', 'exponentformat': 'power', 'minor': {'ticks': 'outside'}}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The part of the residual that one more effect would explain, and its figure."""
+"""The part of the residual that one more effect would explain."""
 
 from __future__ import annotations
 
@@ -17,18 +17,13 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.linear.columns import orthonormal, project_out, stack_runs
-from thermal_comp.model.values import ModelError
+from thermal_comp.model.values import ModelError, ThermalModel
 from thermal_comp.noise.of_runs import noise_of_runs
-from thermal_comp.presentation.display import DISPLAY_UNITS
 
 from imu_workbench.answer import plain
-from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
-from imu_workbench.report.series import rounded
+from imu_workbench.web.case.candidates import effect_of, error_with
 from imu_workbench.web.case.tasks import load_runs
-from imu_workbench.web.case.version import Version, model_from_text
-from imu_workbench.web.case.view import Timeline, View
-
-POINTS = 900
+from imu_workbench.web.case.version import model_from_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +32,10 @@ class EffectPreview:
 
     effect: str
     sensor: str
-    evidence: float
-    threshold: float
-    parameters: Mapping[str, Mapping[str, Any]]
-    """Shape parameters: value, unit."""
+    shape: Mapping[str, Any]
+    """Shape parameters of the form."""
+    error_after: float
+    """Held out, rms over the axes [SI unit]."""
     curves: Mapping[str, FloatArray]
     """(m, 3) per run: the part of the residual it explains [SI unit]."""
     share: tuple[float, float, float]
@@ -53,28 +48,42 @@ def preview_task(
     model_text: str,
     effect: str,
     sensor: Sensor,
+    shape: Mapping[str, Any] | None,
     effect_files: Sequence[Path],
 ) -> EffectPreview:
-    """Return what an effect of the catalogue would explain of one sensor's residual."""
+    """Return what an effect of the catalogue would explain of one sensor's residual.
+
+    `shape`: the form of the effect where it is known; None: the one that explains most.
+    """
     progress(f'drawing {effect.replace("_", " ")}')
     catalogue = effect_catalogue(effect_files)
     runs = load_runs(prepared)
     model = model_from_text(model_text, catalogue)
-    base = tuple(e for e in model.sensors[sensor].effects if e.name != effect)
-    noise = model.sensors[sensor].noise or noise_of_runs(runs, sensor)[0]
-    design = CandidateDesign(ColumnSource(runs), sensor, noise, base)
+    base = model.sensors[sensor].effects
+    best = (
+        _best_form(model, runs, effect, sensor, catalogue)
+        if shape is None
+        else effect_of(effect, shape, catalogue)
+    )
+    curves, share = explained_by(best, base, runs, sensor)
+    after = error_with(model, runs, sensor, best)
+    return EffectPreview(effect, sensor, plain(dict(best.shape_parameters)), after, curves, share)
+
+
+def _best_form(
+    model: ThermalModel,
+    runs: Sequence[PreparedRun],
+    effect: str,
+    sensor: Sensor,
+    catalogue: Mapping[str, type[Effect]],
+) -> Effect:
+    part = model.sensors[sensor]
+    noise = part.noise or noise_of_runs(runs, sensor)[0]
+    design = CandidateDesign(ColumnSource(runs), sensor, noise, part.effects)
     hypotheses = SensorHypotheses(design, {effect: catalogue[effect]})
     if not hypotheses.families:
         raise ModelError(f'{effect} leaves no trace in these runs that could be fitted')
-    found = hypotheses.single(hypotheses.families[0])
-    best = found.components[0].form.effect
-    curves, share = explained_by(best, base, runs, sensor)
-    parameters = {
-        name: {'value': plain(value), 'unit': best.__dataclass_fields__[name].metadata['unit']}
-        for name, value in best.shape_parameters.items()
-    }
-    evidence = hypotheses.evidence(found.components)
-    return EffectPreview(effect, sensor, evidence, 0.0, parameters, curves, share)
+    return hypotheses.single(hypotheses.families[0]).components[0].form.effect
 
 
 def explained_by(
@@ -108,44 +117,3 @@ def _columns(effect: Effect, runs: Sequence[PreparedRun], sensor: Sensor, axis: 
     parts = [run.columns(effect, sensor) for run in runs]
     parts = [part[:, axis] if part.ndim == 3 else part for part in parts]
     return stack_runs(parts, per_run=effect.per_run)
-
-
-def preview_figure(
-    found: EffectPreview, version: Version, view: View, timeline: Timeline
-) -> Figure:
-    """Return residual and explained part against temperature and over time."""
-    unit, factor = DISPLAY_UNITS[view.sensor].unit, DISPLAY_UNITS[view.sensor].factor
-    data: list[dict[str, Any]] = []
-    x, y, t, fitted = [], [], [], []
-    for run in version.blocks:
-        start = timeline.start(run.run)
-        rows = np.isfinite(run.residual(view.sensor)[:, view.axis])
-        x.append(start + run.time[rows] / 3600.0)
-        y.append(run.residual(view.sensor)[rows, view.axis] * factor)
-        t.append(run.temperature[rows])
-        fitted.append(found.curves[run.run][rows, view.axis] * factor)
-    time, residual, temperature = np.concatenate(x), np.concatenate(y), np.concatenate(t)
-    explained = np.concatenate(fitted)
-    every = max(1, len(time) // POINTS)
-    name = found.effect.replace('_', ' ')
-    for panel, across in ((0, temperature), (1, time)):
-        data.append({
-            'type': 'scatter', 'mode': 'markers', 'name': 'residual', 'legendgroup': 'residual',
-            'showlegend': panel == 0, 'x': rounded(across[::every], 6),
-            'y': rounded(residual[::every], 4),
-            'marker': {'color': '@raw', 'size': 3.5, 'opacity': 0.55}, 'hoverinfo': 'skip',
-            **trace_axes(panel),
-        })  # fmt: skip
-        data.append({
-            'type': 'scatter', 'mode': 'markers', 'name': f'{name}, fitted',
-            'legendgroup': 'fitted', 'showlegend': panel == 0,
-            'x': rounded(across[::every], 6), 'y': rounded(explained[::every], 4),
-            'marker': {'color': f'@{view.axis_name}', 'size': 3.5},
-            'hovertemplate': f'{name}: %{{y:.3~g}} {unit}<extra></extra>',
-            **trace_axes(panel),
-        })  # fmt: skip
-    panels = [
-        Panel('die temperature [°C]', f'{view.axis_name} [{unit}]'),
-        Panel('time [h]', '', title=f'{view.axis_name} [{unit}]'),
-    ]
-    return figure(data, panels, columns=2, height=220, linked=False)

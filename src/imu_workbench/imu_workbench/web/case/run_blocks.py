@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
+from numpy.typing import NDArray
 from thermal_comp.comparison.localisation import orientation
 from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.data.preparation import PreparedRun
@@ -49,6 +50,14 @@ class RunBlocks:
         """(m, 3) measured minus modelled [SI unit]."""
         difference: FloatArray = self.measured[sensor] - self.modelled[sensor]
         return difference
+
+    def at(self, rows: NDArray[np.bool_]) -> RunBlocks:
+        """Return some of the blocks; `rows` (m,) tells which."""
+        per_block = ('time', 'temperature', 'rate', 'phase', 'cycle')
+        own = {name: getattr(self, name)[rows] for name in per_block}
+        measured = {s: values[rows] for s, values in self.measured.items()}
+        modelled = {s: values[rows] for s, values in self.modelled.items()}
+        return replace(self, measured=measured, modelled=modelled, **own)
 
 
 def blocks_of_runs(model: ThermalModel, runs: Sequence[PreparedRun]) -> list[RunBlocks]:

@@ -14,9 +14,10 @@ from thermal_comp.presentation.display import DISPLAY_UNITS
 from imu_workbench.report.figures.measured import curve
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
 from imu_workbench.report.series import rounded
-from imu_workbench.web.case.time_figure import noise_band
+from imu_workbench.web.case.preview import EffectPreview
+from imu_workbench.web.case.time_figure import cursor_trace, noise_band
 from imu_workbench.web.case.version import Version
-from imu_workbench.web.case.view import View
+from imu_workbench.web.case.view import View, inside_window
 
 POINTS = 900
 """Points drawn at most of one set."""
@@ -33,7 +34,7 @@ PHASE_SHORT = {
 class _Rows:
     """Block means of all runs, concatenated."""
 
-    def __init__(self, version: Version, view: View) -> None:
+    def __init__(self, version: Version, view: View, preview: EffectPreview | None = None) -> None:
         blocks = version.blocks
         factor = DISPLAY_UNITS[view.sensor].factor
         self.unit = DISPLAY_UNITS[view.sensor].unit
@@ -44,7 +45,12 @@ class _Rows:
         self.rate: FloatArray = np.concatenate([run.rate for run in blocks])
         self.phase = np.concatenate([run.phase for run in blocks])
         self.cycle = np.concatenate([run.cycle for run in blocks])
-        self.good: NDArray[np.bool_] = np.isfinite(self.residual)
+        self.explained: FloatArray | None = None
+        if preview is not None and all(run.run in preview.curves for run in blocks):
+            curves = [preview.curves[run.run][:, view.axis] for run in blocks]
+            self.explained = factor * np.concatenate(curves)
+        inside = inside_window(blocks, version.timeline, view.window)
+        self.good: NDArray[np.bool_] = np.isfinite(self.residual) & inside
         self.chosen: NDArray[np.bool_] = (
             np.concatenate([view.place.rows(run) for run in blocks])
             if view.place
@@ -61,9 +67,11 @@ class _Rows:
         )
 
 
-def temperature_figure(version: Version, view: View) -> Figure:
+def temperature_figure(
+    version: Version, view: View, preview: EffectPreview | None = None
+) -> Figure:
     """Return the residual against temperature: colour by branch, symbol by cycle."""
-    rows = _Rows(version, view)
+    rows = _Rows(version, view, preview)
     data: list[dict[str, Any]] = []
     every = max(1, int(rows.good.sum()) // POINTS)
     for branch, colour in BRANCHES.items():
@@ -87,13 +95,14 @@ def temperature_figure(version: Version, view: View) -> Figure:
             mean = binned_mean(rows.temperature[inside], rows.residual[inside], 2.0)
             data.append(curve(mean, f'{branch} (mean)', trace_axes(0), color=colour, width=2.5))
     data += _chosen(rows, rows.temperature, view)
+    data += _explained(rows, rows.temperature, preview)
     panel = Panel('die temperature [°C]', f'residual [{rows.unit}]')
     return _finished(data, panel, version, view)
 
 
-def rate_figure(version: Version, view: View) -> Figure:
+def rate_figure(version: Version, view: View, preview: EffectPreview | None = None) -> Figure:
     """Return the residual against the rate of the die temperature."""
-    rows = _Rows(version, view)
+    rows = _Rows(version, view, preview)
     picked = np.flatnonzero(rows.good)[:: max(1, int(rows.good.sum()) // POINTS)]
     data: list[dict[str, Any]] = [{
         'type': 'scatter', 'mode': 'markers', 'name': 'block means', 'showlegend': False,
@@ -105,6 +114,7 @@ def rate_figure(version: Version, view: View) -> Figure:
     mean = binned_mean(rows.rate[rows.good], rows.residual[rows.good], 0.1)
     data.append(curve(mean, 'mean', trace_axes(0), color=f'@{view.axis_name}', width=2.5))
     data += _chosen(rows, rows.rate, view)
+    data += _explained(rows, rows.rate, preview)
     panel = Panel('rate of the die temperature [°C/min]', f'residual [{rows.unit}]')
     return _finished(data, panel, version, view)
 
@@ -171,12 +181,31 @@ def _chosen(rows: _Rows, x: FloatArray, view: View) -> Sequence[dict[str, Any]]:
     }]  # fmt: skip
 
 
+def _explained(
+    rows: _Rows, x: FloatArray, preview: EffectPreview | None
+) -> Sequence[dict[str, Any]]:
+    """Return what a candidate would explain of the blocks that are drawn."""
+    if rows.explained is None or preview is None:
+        return []
+    picked = np.flatnonzero(rows.good & np.isfinite(rows.explained))
+    picked = picked[:: max(1, len(picked) // POINTS)]
+    name = f'{preview.effect.replace("_", " ")} would explain'
+    return [{
+        'type': 'scatter', 'mode': 'markers', 'name': name,
+        'x': rounded(x[picked]), 'y': rounded(rows.explained[picked], 4),
+        'marker': {'color': '@candidate', 'size': 3},
+        'hovertemplate': f'{name}: %{{y:.3~g}} {rows.unit}<extra></extra>',
+        **trace_axes(0),
+    }]  # fmt: skip
+
+
 def _finished(data: list[dict[str, Any]], panel: Panel, version: Version, view: View) -> Figure:
     floor = noise_band(version, view)
     band = {
         'type': 'rect', 'xref': 'x domain', 'yref': 'y', 'x0': 0, 'x1': 1, 'y0': -(floor or 0.0),
         'y1': floor, 'layer': 'below', 'line': {'width': 0}, 'fillcolor': '@noise',
     }  # fmt: skip
+    data = [*data, cursor_trace(trace_axes(0))]
     spec = figure(data, [panel], height=230, shapes=[band] if floor else [])
     for part in (spec['layout'], spec['narrow']):
         part['margin'] = part['margin'] | {'t': 34}

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import pickle
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,7 @@ from imu_workbench.commands.options import read_devices
 from imu_workbench.report.analysis import analyse_recordings
 from imu_workbench.report.content import report_content, versions
 from imu_workbench.report.html.document import report_page
+from imu_workbench.web.case.candidates import candidates_of
 from imu_workbench.web.case.stored_bag import StoredBag, store_recording
 from imu_workbench.web.case.version import Version, make_version, model_from_text
 
@@ -83,31 +84,43 @@ def usable(runs: list[PreparedRun]) -> list[PreparedRun]:
     return runs
 
 
-def first_version_task(
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """A version, and what the runs allow."""
+
+    version: Version
+    unusable: dict[str, str]
+    """Effect → why it cannot be fitted to these runs."""
+    left_out: dict[str, str]
+    """Run → why it is left out."""
+    hashes: dict[str, str]
+    """Run → SHA-256 of its columns."""
+
+
+def version_task(
     progress: Progress,
     bags: Sequence[StoredBag],
     prepared: Path,
     model_text: str | None,
+    label: str,
     effect_files: Sequence[Path],
-) -> tuple[Version, dict[str, str], dict[str, str]]:
-    """Return the given model, else a line per axis, against the runs.
-
-    Beside it: effects that are unusable out, and runs that are left out, each with the reason.
-    """
+) -> Opened:
+    """Return the given model, else a line per axis, against the runs."""
     catalogue = effect_catalogue(effect_files)
     if not prepared.exists():
         prepare_task(progress, bags, prepared)
     runs, left_out = load_prepared(prepared)
     if model_text is None:
         progress('fitting a line per axis')
-        model, label = fit_prepared([BiasTemperature()], runs), 'line per axis'
+        model = fit_prepared([BiasTemperature()], runs)
     else:
-        model, label = model_from_text(model_text, catalogue), 'opened model'
+        model = model_from_text(model_text, catalogue)
         for run in runs:
             check_device(model, run.device)
     progress('comparing')
     version = make_version(label, model, compare_prepared(model, runs), runs)
-    return version, greyed_out(runs, catalogue), left_out
+    hashes = {run.name: run.hash for run in runs}
+    return Opened(version, greyed_out(runs, catalogue), left_out, hashes)
 
 
 @dataclass(frozen=True)
@@ -163,15 +176,22 @@ def _without(
 
 
 def diagnose_task(
-    progress: Progress, bags: Sequence[StoredBag], model_text: str, effect_files: Sequence[Path]
+    progress: Progress,
+    bags: Sequence[StoredBag],
+    prepared: Path,
+    model_text: str,
+    effect_files: Sequence[Path],
 ) -> dict[str, Any]:
-    """Return what `diagnose --json` writes."""
-    progress('diagnosing')
+    """Return what `diagnose --json` writes, and the candidates of every sensor."""
+    progress('asking every effect of the catalogue')
     catalogue = effect_catalogue(effect_files)
     model = model_from_text(model_text, catalogue)
     found = diagnose((bag.recording() for bag in bags), model, catalogue=catalogue)
+    progress('holding out what each candidate would leave')
+    weighed = candidates_of(found, model, load_runs(prepared))
     content: dict[str, Any] = plain(found.to_dict())
-    return content
+    rows = {sensor: [asdict(one) for one in own] for sensor, own in weighed.items()}
+    return {'diagnosis': content, 'candidates': plain(rows)}
 
 
 def load_runs(prepared: Path) -> list[PreparedRun]:

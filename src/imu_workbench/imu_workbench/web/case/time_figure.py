@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -14,12 +14,17 @@ from thermal_comp.presentation.display import DISPLAY_UNITS
 from imu_workbench.report.figures.measured import curve
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
 from imu_workbench.report.series import decimated, rounded
+from imu_workbench.web.case.preview import EffectPreview
 from imu_workbench.web.case.stored_bag import StoredBag
 from imu_workbench.web.case.version import Version
-from imu_workbench.web.case.view import Timeline, View, timeline_of
+from imu_workbench.web.case.view import Timeline, View, inside_window, timeline_of
 
+LINES = ('measured', 'modelled', 'temperature', 'earlier', 'residual', 'candidate', 'left')
+"""What is drawn, in the order of the traces."""
 Lines = dict[str, dict[str, list[float | None]]]
-"""Name → {'x': hours on the timeline, 'y': display units}; in the order of the traces."""
+"""Name → {'x': hours on the timeline, 'y': display units}; in the order of LINES."""
+MAX_CURSOR_ROWS = 2400
+"""Blocks that one cursor knows in all figures."""
 
 
 def time_lines(
@@ -28,16 +33,18 @@ def time_lines(
     view: View,
     window: tuple[float, float] | None = None,
     earlier: Version | None = None,
+    preview: EffectPreview | None = None,
 ) -> Lines:
-    """Return all lines of the figure within a window of the timeline [h]; None: everything."""
+    """Return all lines of the figure within a window of the timeline [h]; None: everything.
+
+    `preview`: an effect's part of the residual is drawn over it, and what would be left.
+    """
     timeline = timeline_of(bags)
     shown = window or (0.0, timeline.end)
     factor = DISPLAY_UNITS[view.sensor].factor
     blocks = {run.run: run for run in version.blocks} if version else {}
     older = {run.run: run for run in earlier.blocks} if earlier else {}
-    parts: dict[str, list[tuple[FloatArray, FloatArray]]] = {
-        name: [] for name in ('measured', 'modelled', 'temperature', 'earlier', 'residual')
-    }
+    parts: dict[str, list[tuple[FloatArray, FloatArray]]] = {name: [] for name in LINES}
     for bag in bags:
         start = timeline.start(bag.run)
         inside = ((shown[0] - start) * 3600.0, (shown[1] - start) * 3600.0)
@@ -55,7 +62,12 @@ def time_lines(
         if run:
             x = start + run.time / 3600.0
             parts['modelled'].append((x, run.modelled[view.sensor][:, view.axis] * factor))
-            parts['residual'].append((x, run.residual(view.sensor)[:, view.axis] * factor))
+            left = run.residual(view.sensor)[:, view.axis] * factor
+            parts['residual'].append((x, left))
+            if preview is not None and bag.run in preview.curves:
+                explained = preview.curves[bag.run][:, view.axis] * factor
+                parts['candidate'].append((x, explained))
+                parts['left'].append((x, left - explained))
         if bag.run in older:
             past = older[bag.run]
             x = start + past.time / 3600.0
@@ -68,38 +80,94 @@ def time_figure(
     version: Version | None,
     view: View,
     earlier: Version | None = None,
+    preview: EffectPreview | None = None,
 ) -> Figure:
-    """Return the figure; zoomed to the view's place."""
+    """Return the figure; zoomed to the view's place or window."""
     timeline = timeline_of(bags)
-    window = timeline.span(version.blocks, view.place) if version and view.place else None
-    lines = time_lines(bags, version, view, window, earlier)
-    unit = DISPLAY_UNITS[view.sensor].unit
-    above, below = trace_axes(0), trace_axes(1)
-    hover = f'%{{y:.4~g}} {unit} at %{{x:.3f}} h<extra></extra>'
-    data = [
-        curve(lines['measured'], 'measured', above, color='@raw_soft', width=2.6,
-              hovertemplate='measured ' + hover),
-        curve(lines['modelled'], 'modelled', above, color=f'@{view.axis_name}', width=1.3,
-              hovertemplate='modelled ' + hover),
-        curve(lines['temperature'], 'die temperature', trace_axes(0, right=True),
-              color='@temperature', width=1.2, dash='dot',
-              hovertemplate='die %{y:.2f} °C at %{x:.3f} h<extra></extra>'),
-        curve(lines['earlier'], 'residual of the earlier version', below, color='@raw_soft',
-              width=1, showlegend=earlier is not None,
-              hovertemplate='earlier ' + hover),
-        curve(lines['residual'], 'residual (block means)', below, color=f'@{view.axis_name}',
-              width=1.2, hovertemplate='residual ' + hover),
-    ]  # fmt: skip
+    window = view.window
+    if window is None and version and view.place:
+        window = timeline.span(version.blocks, view.place)
+    lines = time_lines(bags, version, view, window, earlier, preview)
     panels = [
-        Panel('time [h]', f'error {view.axis_name} [{unit}]', right_title='die [°C]'),
-        Panel(_time_title(timeline), f'residual [{unit}]'),
-    ]
-    spec = figure(data, panels, columns=1, height=214, shapes=_shapes(version, view, timeline))
+        Panel('time [h]', f'error {view.axis_name} [{DISPLAY_UNITS[view.sensor].unit}]',
+              right_title='die [°C]', y={'fixedrange': True}),
+        Panel(_time_title(timeline), f'residual [{DISPLAY_UNITS[view.sensor].unit}]',
+              y={'fixedrange': True}),
+    ]  # fmt: skip
+    spec = figure(
+        _traces(lines, view, earlier, preview), panels, columns=1, height=200,
+        shapes=_shapes(version, view, timeline),
+    )  # fmt: skip
     layout = spec['layout']
     layout['annotations'] = spec['narrow']['annotations'] = _marks(timeline)
     layout['xaxis']['range'] = list(window or (-0.01 * timeline.end, 1.01 * timeline.end))
     layout['hovermode'] = 'x'
+    layout['meta'] = cursor_rows(version, view, timeline, window)
     return spec
+
+
+def _traces(
+    lines: Lines, view: View, earlier: Version | None, preview: EffectPreview | None
+) -> list[dict[str, Any]]:
+    unit = DISPLAY_UNITS[view.sensor].unit
+    above, below = trace_axes(0), trace_axes(1)
+    hover = f'%{{y:.4~g}} {unit} at %{{x:.3f}} h<extra></extra>'
+    name = preview.effect.replace('_', ' ') if preview else 'candidate'
+    return [
+        curve(lines['measured'], 'measured', above, color='@raw_soft', width=3,
+              hovertemplate='measured ' + hover),
+        curve(lines['modelled'], 'modelled', above, color='@model', width=1.3,
+              hovertemplate='modelled ' + hover),
+        curve(lines['temperature'], 'die temperature', trace_axes(0, right=True),
+              color='@temperature', width=1.2, dash='dot',
+              hovertemplate='die %{y:.2f} °C at %{x:.3f} h<extra></extra>'),
+        curve(lines['earlier'], 'residual of the version before', below, color='@raw_soft',
+              width=1, showlegend=earlier is not None, hovertemplate='before ' + hover),
+        curve(lines['residual'], 'residual (block means)', below, color=f'@{view.axis_name}',
+              width=1.2, hovertemplate='residual ' + hover),
+        curve(lines['candidate'], f'{name} would explain', below, color='@candidate', width=2,
+              showlegend=preview is not None, hovertemplate=f'{name} {hover}'),
+        curve(lines['left'], f'left with {name}', below, color='@model', width=0.9, dash='dot',
+              showlegend=preview is not None, hovertemplate='would be left ' + hover),
+        cursor_trace(below),
+    ]  # fmt: skip
+
+
+def cursor_trace(place: Mapping[str, str]) -> dict[str, Any]:
+    """Return the trace that marks the moment under the cursor, which the browser moves."""
+    return {
+        'type': 'scatter', 'mode': 'markers', 'name': 'cursor', 'showlegend': False,
+        'x': [None], 'y': [None], 'hoverinfo': 'skip', 'cliponaxis': False,
+        'marker': {'color': '@panel', 'size': 13, 'line': {'color': '@candidate', 'width': 3}},
+        **place,
+    }  # fmt: skip
+
+
+def cursor_rows(
+    version: Version | None, view: View, timeline: Timeline, window: tuple[float, float] | None
+) -> dict[str, Any]:
+    """Return the blocks one cursor knows: hours, die [°C], its rate [°C/min], residual, place."""
+    if version is None:
+        return {}
+    factor = DISPLAY_UNITS[view.sensor].factor
+    blocks = version.blocks
+    rows = np.flatnonzero(inside_window(blocks, timeline, window))
+    rows = rows[:: max(1, len(rows) // MAX_CURSOR_ROWS)]
+    columns = {
+        'hours': [timeline.start(run.run) + run.time / 3600.0 for run in blocks],
+        'temperature': [run.temperature for run in blocks],
+        'rate': [run.rate for run in blocks],
+        'residual': [run.residual(view.sensor)[:, view.axis] * factor for run in blocks],
+    }
+    cells = np.concatenate([
+        np.array([f'{run.run}|{phase}|{cycle}' for phase, cycle in
+                  zip(run.phase.tolist(), run.cycle.tolist(), strict=True)], dtype=object)
+        for run in blocks
+    ])  # fmt: skip
+    table: dict[str, Any] = {
+        name: rounded(np.concatenate(parts)[rows], 6) for name, parts in columns.items()
+    }
+    return table | {'cell': cells[rows].tolist()}
 
 
 def _time_title(timeline: Timeline) -> str:

@@ -17,7 +17,9 @@ from thermal_comp.model.values import NoiseModel, ThermalModel
 from thermal_comp.presentation.display import with_uncertainty
 
 from imu_workbench.answer import plain
+from imu_workbench.report.model_content import sensor_terms
 from imu_workbench.web.case.run_blocks import RunBlocks, blocks_of_runs
+from imu_workbench.web.case.view import Timeline
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +38,12 @@ class Version:
     noise: Mapping[str, NoiseModel]
     terms: tuple[Mapping[str, Any], ...] = ()
     """Parameters of the effects: sensor, effect, parameter, value, std, unit."""
+    coefficients: tuple[Mapping[str, Any], ...] = ()
+    """Columns of the effects: sensor, effect, value and uncertainty per axis, unit [SI]."""
     unneeded: tuple[str, ...] = ()
     notes: tuple[str, ...] = field(default=())
+    timeline: Timeline | None = None
+    """Where each run lies on the common axis; None where nothing is drawn."""
 
     def error(self, sensor: str) -> float:
         """Held-out rms over the axes [SI unit]."""
@@ -50,6 +56,13 @@ class Version:
     def measured(self, sensor: str) -> float:
         """Error without any model, rms over the axes [SI unit]."""
         return _rms(self.comparison['sensors'][sensor]['measured_rms'])
+
+    def errors(self) -> dict[str, dict[str, float]]:
+        """Return measured, held-out error and floor of every sensor [SI unit]."""
+        return {
+            s: {'measured': self.measured(s), 'error': self.error(s), 'floor': self.floor(s)}
+            for s in self.comparison['sensors']
+        }
 
 
 def make_version(
@@ -68,6 +81,11 @@ def make_version(
         effects={s: tuple(e.name for e in part.effects) for s, part in model.sensors.items()},
         noise={s: part.noise for s, part in model.sensors.items() if part.noise is not None},
         terms=tuple(_terms(model)),
+        coefficients=tuple(
+            plain({k: row[k] for k in ('sensor', 'effect', 'value', 'uncertainty', 'unit')})
+            for sensor, part in model.sensors.items()
+            for row in sensor_terms(sensor, part)
+        ),
         unneeded=tuple(unneeded),
         notes=(*comparison.notes, *model.provenance.notes),
     )

@@ -60,6 +60,8 @@ class View:
     sensor: str
     axis: int = 0
     place: Place | None = None
+    window: tuple[float, float] | None = None
+    """Part of the timeline that every plot shows [h]; None: all of it."""
 
     @property
     def axis_name(self) -> str:
@@ -96,6 +98,18 @@ class Timeline:
                 start = self.start(run.run)
                 return start + first - margin, start + last + margin
         return None
+
+
+def inside_window(
+    blocks: Sequence[RunBlocks], timeline: Timeline | None, window: tuple[float, float] | None
+) -> NDArray[np.bool_]:
+    """(m,) blocks of all runs, one after the other, that lie in a part of the timeline [h]."""
+    if window is None or timeline is None:
+        return np.ones(sum(len(run.time) for run in blocks), dtype=bool)
+    hours = [timeline.start(run.run) + run.time / 3600.0 for run in blocks]
+    together = np.concatenate(hours)
+    inside: NDArray[np.bool_] = (together >= window[0]) & (together <= window[1])
+    return inside
 
 
 def timeline_of(bags: Sequence[StoredBag]) -> Timeline:

@@ -140,7 +140,8 @@ class Listener:
                 nodes = {p.node_namespace.rstrip('/') + '/' + p.node_name for p in publishers}
                 kept = DurabilityPolicy.TRANSIENT_LOCAL
                 latched = all(p.qos_profile.durability == kept for p in publishers)
-                found.append(Topic(name, types[0], tuple(sorted(nodes)), latched))
+                own = tuple(sorted(nodes))
+                found.append(Topic(name, types[0], own, latched, len(publishers)))
         return found
 
     def _subscribe(self, topic: Topic) -> None:

@@ -35,7 +35,13 @@ from imu_workbench.web.live.tables import (
     topics_table,
     values_table,
 )
-from imu_workbench.web.live.topics import ROLES, choices, concerns, namespaces
+from imu_workbench.web.live.topics import (
+    ROLES,
+    choices,
+    concerns,
+    namespaces,
+    shared_topics,
+)
 from imu_workbench.web.live.track import SECOND
 
 STYLE = """
@@ -56,7 +62,10 @@ STYLE = """
 .live-tiles dl { display: flex; flex-wrap: wrap; gap: 6px 22px; margin: 0; }
 .live-tiles dt { font-size: 12px; opacity: 0.75; }
 .live-tiles dd { margin: 0; font-size: 17px; font-variant-numeric: tabular-nums; }
-.live-message { font-weight: 500; }
+.live-message { font-weight: 500; overflow-wrap: anywhere; }
+.live-grid > *, .live-body > * { min-width: 0; }
+.live .q-expansion-item, .live .q-item__label, .live .q-expansion-item__content {
+  min-width: 0; max-width: 100%; overflow-wrap: anywhere; }
 .live-table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
 .live-table th, .live-table td { padding: 2px 8px; text-align: right; white-space: nowrap; }
 .live-table th[scope=row], .live-table th:first-child { text-align: left; font-weight: 500; }
@@ -98,6 +107,8 @@ class LivePage:
         self._dark = dark
         self._listener: Any = None
         self._watch: Any = None
+        self._shared: dict[str, str] = {}
+        """Role → why its topic cannot be told apart."""
         self._zero = 0
         self._drawn: tuple[Any, ...] = ()
         self._plotted: dict[str, Any] = {}
@@ -206,6 +217,7 @@ class LivePage:
             now = newest(state)
             silent = silent_roles(state, self._watch.topics)
         self._body.visible = now >= 0
+        self._shared = shared_topics(self._listener.topics, self._watch.topics)
         self._message.text = self._told(now, silent)
         self._message.visible = bool(self._message.text)
         self._show_nodes(found)
@@ -219,6 +231,9 @@ class LivePage:
     def _told(self, now: int, silent: list[str]) -> str:
         if now < 0:
             return 'Waiting for the first samples …'
+        if self._shared:
+            told = '; '.join(dict.fromkeys(self._shared.values()))
+            return f'Warning: {told}: what is shown mixes them'
         if silent:
             return f'Silent: {", ".join(silent)}'
         restarts = self._watch.state.restarts
@@ -246,7 +261,7 @@ class LivePage:
         with state.lock:
             self._tiles.content = _tiles(surroundings(state))
             self._values.content = values_table(state, self._zero)
-            self._attitude.content = attitude_table(state)
+            self._attitude.content = attitude_table(state, self._shared)
             self._topics.content = topics_table(state, self._watch.topics)
             if self._is_new('samples', 1 if window <= FULL_RATE_S else SECOND):
                 figures = [
@@ -301,7 +316,7 @@ def _card(title: str) -> Any:
 def _plot(title: str, size: str) -> Any:
     with _card(title):
         plot = ui.plotly({'data': [], 'layout': {}}).classes(f'w-full {size}')
-        return plot.props(f'role=img aria-label="{title} over time"')
+        return plot.props(f'role=group aria-label="{title} over time"')
 
 
 def _tiles(pairs: list[tuple[str, str]]) -> str:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, duration, fixed
@@ -97,8 +97,11 @@ def surroundings(state: LiveState) -> list[tuple[str, str]]:
     ]
 
 
-def attitude_table(state: LiveState) -> str:
-    """Return roll, pitch, yaw of both filters and the angle between them."""
+def attitude_table(state: LiveState, shared: Mapping[str, str] | None = None) -> str:
+    """Return roll, pitch, yaw of both filters and the angle between them.
+
+    `shared`: roles whose topic has several publishers; the two are then not told apart.
+    """
     found = {'complementary': attitude(state, 'complementary'), 'AHRS': attitude(state, 'ahrs')}
     rows = []
     for name, one in found.items():
@@ -106,6 +109,8 @@ def attitude_table(state: LiveState) -> str:
         rows.append([name, *angles])
     first, second = found.values()
     apart = f'{fixed(angle_between_deg(first, second), 2)}°' if first and second else '–'
+    if set(shared or {}) & {'complementary', 'ahrs'}:
+        apart = 'unknown, as both publish on one topic: give each one of its own'
     head = ('sensor → world', 'roll [°]', 'pitch [°]', 'yaw [°]')
     return table(head, rows, '') + f'<p>Between them: {apart}</p>'
 

@@ -70,6 +70,8 @@ class Topic:
     """Full names of the publishing nodes."""
     latched: bool = False
     """Whether all of them keep their last message for those who come later."""
+    publishers: int = 1
+    """How many there are; two nodes of one name count twice."""
 
 
 def namespaces(topics: Iterable[Topic]) -> list[str]:
@@ -118,6 +120,21 @@ def assign(
                 found[name] = topic.name
                 break
     return found
+
+
+def shared_topics(topics: Iterable[Topic], assigned: Mapping[str, str]) -> dict[str, str]:
+    """Return role → why its topic cannot be told apart: it has several publishers.
+
+    >>> both = Topic('/imu/data', IMU, ('/ahrs_filter', '/complementary_filter'), publishers=2)
+    >>> shared_topics([both], {'ahrs': '/imu/data'})
+    {'ahrs': '/imu/data has 2 publishers (/ahrs_filter, /complementary_filter)'}
+    """
+    told = {
+        topic.name: f'{topic.name} has {topic.publishers} publishers ({", ".join(topic.nodes)})'
+        for topic in topics
+        if topic.publishers > 1
+    }
+    return {role: told[name] for role, name in assigned.items() if name in told}
 
 
 def choices(topics: Iterable[Topic], role: str) -> list[str]:

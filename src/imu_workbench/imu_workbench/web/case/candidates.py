@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Effects that may be missing in one sensor: how probable, and what each would leave held out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import exp
+from typing import Any
+
+from thermal_comp.comparison.held_out import hold_out
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.diagnosis.findings import rms_of
+from thermal_comp.diagnosis.result import Diagnosis, RankedEffect
+from thermal_comp.effects.effect import Effect, joined_effects
+from thermal_comp.fitting.part_sums import LEAST_FALL
+from thermal_comp.model.values import ThermalModel
+from thermal_comp.noise.of_runs import noise_of_runs
+from thermal_comp.presentation.display import DISPLAY_UNITS, shown
+
+from imu_workbench.answer import plain
+
+HELD_OUT_AT_FIRST = 5
+"""Candidates of a sensor whose held-out error is computed before anybody asks."""
+CERTAIN = 0.99
+"""Probability from which the odds to a rival are no question any more."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect that may be missing; errors are rms over the axes [SI unit]."""
+
+    effect: str
+    sensor: str
+    probability: float | None
+    """None: it was not weighed."""
+    log_odds: float | None
+    """ln of the odds of it alone to nothing."""
+    error_after: float | None
+    """Held out; None: not computed yet."""
+    shape: Mapping[str, Any] = field(default_factory=dict)
+    """Shape parameters of the form that was weighed."""
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """The same as fitted beside everything that is named: value, std, unit."""
+    named: bool = False
+    """Whether the diagnosis says that it is missing."""
+    empirical: bool = False
+    """Whether it only lowers the error, its cause undecided."""
+
+    def lowers(self, before: float) -> bool | None:
+        """Tell whether the held-out error falls at all; None where it is not known."""
+        return None if self.error_after is None else self.error_after < (1.0 - LEAST_FALL) * before
+
+
+def candidates_of(
+    found: Diagnosis, model: ThermalModel, runs: Sequence[PreparedRun]
+) -> dict[str, list[Candidate]]:
+    """Return the candidates of every sensor, most probable first."""
+    content = found.to_dict()
+    result: dict[str, list[Candidate]] = {}
+    for one in found.ranking:
+        own = result.setdefault(one.sensor, [])
+        finding = _finding(content, one)
+        after = finding['error_after'] if finding else None
+        if after is None and len(own) < HELD_OUT_AT_FIRST and one.sensor in model.sensors:
+            after = error_with(model, runs, one.sensor, one.effect)
+        predicted = content['prediction'].get(one.sensor, {'empirical': False, 'terms': []})
+        own.append(
+            Candidate(
+                one.name,
+                one.sensor,
+                one.probability,
+                one.log_odds,
+                after,
+                plain(dict(one.effect.shape_parameters)),
+                finding['parameters'] if finding else {},
+                finding is not None,
+                bool(predicted['empirical']) and one.name in predicted['terms'],
+            )
+        )
+    return result
+
+
+def _finding(content: Mapping[str, Any], one: RankedEffect) -> Mapping[str, Any] | None:
+    return next(
+        (
+            f
+            for f in content['findings']
+            if f['kind'] == 'effect'
+            and f['name'] == one.name
+            and one.sensor in f['sensor'].split('+')
+        ),
+        None,
+    )
+
+
+def error_with(
+    model: ThermalModel, runs: Sequence[PreparedRun], sensor: Sensor, effect: Effect
+) -> float:
+    """Return the held-out error of a sensor with an effect beside those of the model."""
+    part = model.sensors[sensor]
+    noise = part.noise or noise_of_runs(runs, sensor)[0]
+    listed = joined_effects([*part.effects, effect])
+    return rms_of(hold_out(runs, {sensor: listed}, {sensor: noise}).rms(sensor))
+
+
+def effect_of(
+    candidate: str, shape: Mapping[str, Any], catalogue: Mapping[str, type[Effect]]
+) -> Effect:
+    """Return an effect in the form that was weighed."""
+    given = {k: tuple(v) if isinstance(v, list) else v for k, v in shape.items()}
+    return catalogue[candidate](**given)
+
+
+def why_not(candidate: Candidate, winner: Candidate | None, before: float) -> str:
+    """Return in a sentence why a candidate is not the one that is named; '' for that one."""
+    if winner is None or candidate.effect == winner.effect or candidate.named:
+        return ''
+    unit = DISPLAY_UNITS[candidate.sensor]
+    name = winner.effect.replace('_', ' ')
+    odds = odds_text(winner, candidate)
+    after, best = candidate.error_after, winner.error_after
+    if after is None or best is None:
+        return f'{odds} than {name}.' if odds else ''
+    if after > (1.0 + LEAST_FALL) * best:
+        return (
+            f'Leaves {shown(after * unit.factor)} {unit.unit} held out, {name} '
+            f'{shown(best * unit.factor)}{f"; {odds}" if odds else ""}.'
+        )
+    if candidate.lowers(before):
+        return (
+            f'Lowers the held-out error as much as {name}'
+            f'{f", but is {odds[0].lower()}{odds[1:]}: its form fits less well" if odds else ""}.'
+        )
+    return ''
+
+
+def odds_text(winner: Candidate, loser: Candidate) -> str:
+    """Return how much less probable one effect alone is than another, in words."""
+    if winner.log_odds is None or loser.log_odds is None:
+        return ''
+    apart = winner.log_odds - loser.log_odds
+    if apart < 0.7:
+        return ''
+    if apart > 14.0:
+        return 'more than a million times less probable'
+    digits = f'{float(f"{exp(apart):.1g}"):,.0f}'.replace(',', '\N{NARROW NO-BREAK SPACE}')
+    return f'{digits} times less probable'

@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The right rail: what may be missing in the sensor looked at, most probable first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from html import escape
+from typing import Any
+
+from nicegui import ui
+from thermal_comp.effects import EFFECTS
+from thermal_comp.presentation.diagnosis import percent
+from thermal_comp.presentation.display import DISPLAY_UNITS, shown
+
+from imu_workbench.web.case.candidates import Candidate, why_not
+from imu_workbench.web.case.preview import EffectPreview
+from imu_workbench.web.case.version import Version, parameter_text
+from imu_workbench.web.session import Session
+from imu_workbench.web.words import word
+
+SHOWN = 4
+"""Candidates that stand there at once; the others below."""
+
+
+@dataclass(frozen=True)
+class RailActions:
+    """What the rail asks the page to do."""
+
+    preview: Callable[[str], Any]
+    add: Callable[[str], Any]
+    take_out: Callable[[str], Any]
+    explain: Callable[[str], Any]
+    load_effects: Callable[[], Any]
+
+
+class Rail:
+    """Candidates of one sensor, effects in its model, and effects that cannot be tried."""
+
+    def __init__(self, session: Session, actions: RailActions, *, may_load: bool) -> None:
+        self._session, self._actions = session, actions
+        self._drawn: tuple[Any, ...] | None = None
+        self._open: dict[str, bool] = {}
+        with ui.element('section').classes('card rail').props('aria-label="Candidates"'):
+            self._place = ui.element('div')
+            button = ui.button('Load an effect file (.py)', on_click=actions.load_effects)
+            button.props('no-caps outline').set_enabled(may_load)
+            if not may_load:
+                text = 'Effect files run code: loading them is off where --host opens the page.'
+                ui.label(text).classes('reason')
+
+    def refresh(self, preview: EffectPreview | None) -> None:
+        """Show the candidates of the sensor looked at."""
+        session = self._session
+        version, work, sensor = session.version, session.work, session.view.sensor
+        found = work.found.get(session.version_name) if work else None
+        effects = session.workspace.effects
+        drawn = (
+            session.device, session.version_name, sensor, id(version), id(found),
+            session.candidate, id(preview), len(effects),
+        )  # fmt: skip
+        if drawn == self._drawn:
+            return
+        self._drawn = drawn
+        self._place.clear()
+        with self._place:
+            ui.html(f'<h2>What may be missing in the {escape(sensor)}</h2>', sanitize=False)
+            if version is None or work is None or sensor not in version.comparison['sensors']:
+                ui.label('The sensors that were measured stand above.').classes('soft')
+                return
+            self._show_inside(version)
+            if found is None:
+                ui.label('Candidates stand here when the catalogue was asked.').classes('soft')
+                return
+            self._show(self._candidates(preview), version, preview)
+
+    def _candidates(self, preview: EffectPreview | None) -> list[Candidate]:
+        """Return what may be missing, those of the user's own that were not weighed included."""
+        session = self._session
+        work, sensor = session.work, session.view.sensor
+        assert work is not None and session.version is not None  # noqa: S101 PT018 (asked before)
+        weighed = work.candidates(session.version_name, sensor)
+        inside = session.version.effects.get(sensor, ())
+        known = {one.effect for one in weighed} | set(inside)
+        for name, told in session.workspace.effects.items():
+            fits = sensor in told['sensors'] and told['searched'] and name not in work.unusable
+            if fits and name not in known:
+                weighed.append(Candidate(name, sensor, None, None, None))
+        if preview is not None and preview.sensor == sensor:
+            weighed = [
+                replace(one, error_after=preview.error_after)
+                if one.effect == preview.effect and one.error_after is None
+                else one
+                for one in weighed
+            ]
+        return weighed
+
+    def _show(
+        self, candidates: Sequence[Candidate], version: Version, preview: EffectPreview | None
+    ) -> None:
+        before = version.error(self._session.view.sensor)
+        useful = [c for c in candidates if c.named or c.empirical or c.lowers(before)]
+        useful = sorted(useful, key=lambda c: (not c.named, not c.empirical))[:SHOWN]
+        winner = next((c for c in useful if c.named), None)
+        for candidate in useful:
+            self._card(candidate, winner, version, preview)
+        rest = [c for c in candidates if c not in useful]
+        if not useful:
+            ui.label('No candidate would lower the held-out error.').classes('note')
+        self._group('Further effects' if useful else 'Effects that add nothing', rest, version)
+        self._show_unusable()
+
+    def _card(
+        self,
+        candidate: Candidate,
+        winner: Candidate | None,
+        version: Version,
+        preview: EffectPreview | None,
+    ) -> None:
+        name = candidate.effect.replace('_', ' ')
+        on = self._session.candidate == candidate.effect
+        with (
+            ui.element('article')
+            .classes('candidate on' if on else 'candidate')
+            .props(f'aria-label="{escape(name)}"')
+        ):
+            probability = probability_text(candidate.probability)
+            empirical = f' <span class="chip">{word("empirical")}</span>'
+            ui.html(
+                f'<h3>{escape(name)}{empirical if candidate.empirical else ""}'
+                f'<span class="number">{probability}</span></h3>',
+                sanitize=False,
+            )
+            ui.html(errors_html(candidate, version), sanitize=False)
+            for key, value in candidate.parameters.items():
+                text = f'{parameter_text(value["value"], value.get("std"))} {value["unit"]}'
+                ui.label(f'{key.replace("_", " ")} {text}').classes('soft')
+            lost = why_not(candidate, winner, version.error(candidate.sensor))
+            if lost:
+                ui.label(f'Why not: {lost[0].lower()}{lost[1:]}').classes('note')
+            if on and preview is not None and preview.effect == candidate.effect:
+                share = preview.share[self._session.view.axis]
+                ui.label(
+                    f'Drawn over the residual: it would explain {100.0 * share:.0f} % of the '
+                    f'variance of {self._session.view.axis_name}.'
+                ).classes('note')
+            self._buttons(candidate, on=on, add='Add')
+
+    def _buttons(self, candidate: Candidate, *, on: bool, add: str) -> None:
+        do, effect = self._actions, candidate.effect
+        name = effect.replace('_', ' ')
+        with ui.row().classes('actions small'):
+            for label, act in (
+                ('Hide' if on else 'Preview', lambda: do.preview(effect)),
+                ('Explain', lambda: do.explain(effect)),
+                (add, lambda: do.add(effect)),
+            ):
+                button = ui.button(label, on_click=act).props('no-caps outline dense')
+                button.props(f'aria-label="{label} {name}"')
+
+    def _group(self, title: str, rest: Sequence[Candidate], version: Version) -> None:
+        if not rest:
+            return
+        before = version.error(self._session.view.sensor)
+        names = [c.effect for c in rest]
+        with ui.element('details').classes('further') as group:
+            own = (c.effect for c in rest if c.effect not in EFFECTS)  # of the user
+            if self._open.get('further') or self._session.candidate in names or any(own):
+                group.props('open')
+            group.on('toggle', self._remember)
+            with ui.element('summary'):
+                ui.label(f'{title} ({len(rest)})')
+            for candidate in rest:
+                on = self._session.candidate == candidate.effect
+                with ui.element('div').classes('other on' if on else 'other'):
+                    ui.label(candidate.effect.replace('_', ' ')).classes('other-name')
+                    ui.label(little_text(candidate, before)).classes('reason')
+                    self._buttons(candidate, on=on, add='Add anyway')
+
+    def _remember(self) -> None:
+        self._open['further'] = not self._open.get('further', False)
+
+    def _show_inside(self, version: Version) -> None:
+        """List the effects of the model, with a button to take each out."""
+        inside = version.effects.get(self._session.view.sensor, ())
+        effects = self._session.workspace.effects
+        with ui.element('div').classes('inside'):
+            ui.label('In the model:').classes('soft')
+            for name in inside:
+                with ui.element('span').classes('term'):
+                    ui.label(name.replace('_', ' '))
+                    removable = name in effects and effects[name]['searched']
+                    if removable:
+                        button = ui.element('button').classes('close').props('type=button')
+                        button.props(f'aria-label="take {name.replace("_", " ")} out"')
+                        button.on('click', lambda _, name=name: self._actions.take_out(name))
+                        with button:
+                            ui.label('×')
+
+    def _show_unusable(self) -> None:
+        work, sensor = self._session.work, self._session.view.sensor
+        effects = self._session.workspace.effects
+        reasons: dict[str, list[str]] = {}
+        for name, reason in (work.unusable if work else {}).items():
+            if name in effects and sensor in effects[name]['sensors']:
+                reasons.setdefault(reason, []).append(name.replace('_', ' '))
+        for reason, names in reasons.items():
+            ui.label(f'Cannot be tried: {", ".join(names)}: {reason}.').classes('reason')
+
+
+def probability_text(probability: float | None) -> str:
+    """Return a probability in percent; nothing is certain and nothing impossible."""
+    if probability is None:
+        return ''
+    return '< 1 %' if probability < 0.005 else percent(probability)
+
+
+def errors_html(candidate: Candidate, version: Version) -> str:
+    """Return held-out error before → after → floor with its unit."""
+    unit = DISPLAY_UNITS[candidate.sensor]
+    before, floor = version.error(candidate.sensor), version.floor(candidate.sensor)
+    after = candidate.error_after
+    texts = [shown(value * unit.factor) for value in (before, after or 0.0, floor)]
+    known = f'<b>{texts[1]}</b>' if after is not None else '?'
+    times = f' ({after / floor:.2f} ×)' if after is not None and floor else ''
+    return (
+        f'<p class="errors"><span class="soft">{word("held-out error")}</span> {texts[0]} → '
+        f'{known} {unit.unit}{times} <span class="soft">floor {texts[2]}</span></p>'
+    )
+
+
+def little_text(candidate: Candidate, before: float) -> str:
+    """Return what little an effect does."""
+    if candidate.error_after is not None and not candidate.lowers(before):
+        return 'Adds nothing: the held-out error would not fall.'
+    if candidate.error_after is not None:
+        unit = DISPLAY_UNITS[candidate.sensor]
+        after = shown(candidate.error_after * unit.factor)
+        return f'Would leave {after} {unit.unit} held out.'
+    if candidate.log_odds is not None and candidate.log_odds < 0.0:
+        return 'Adds nothing: less likely than no effect at all.'
+    if candidate.probability is None:
+        return 'Was not weighed: preview it to see what it would do.'
+    return 'Explains a part; preview it for the held-out error.'

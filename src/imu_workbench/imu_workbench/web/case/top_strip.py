@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The top of the page: defects of the data, the verdict in a sentence, one thing to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from nicegui import ui
+
+from imu_workbench.web.case.verdict import (
+    Action,
+    data_alerts,
+    next_action,
+    verdict_sentence,
+    what_would_be_found,
+)
+from imu_workbench.web.session import Session
+from imu_workbench.web.words import word
+
+
+@dataclass(frozen=True)
+class TopActions:
+    """What the strip asks the page to do."""
+
+    preview: Callable[[str, tuple[str, ...]], Any]
+    add: Callable[[str, tuple[str, ...]], Any]
+    plan: Callable[[str, str], Any]
+    certificate: Callable[[], Any]
+
+
+class TopStrip:
+    """Alerts, verdict and next action of the version looked at."""
+
+    def __init__(self, session: Session, actions: TopActions) -> None:
+        self._session, self._actions = session, actions
+        self._drawn: tuple[Any, ...] | None = None
+        with ui.element('section').classes('card top').props('aria-label="Verdict"'):
+            self._alerts = ui.element('div').classes('alerts').props('role=alert')
+            self._sentence = ui.element('div').classes('verdict').props('aria-live=polite')
+            self._buttons = ui.row().classes('actions')
+
+    def refresh(self) -> None:
+        """Show what is known by now."""
+        session = self._session
+        work, version, found = session.work, session.version, session.diagnosis
+        alerts = data_alerts(found, self._notes())
+        action = self._action()
+        drawn = (
+            session.device, session.version_name, id(version), id(found), tuple(alerts), action,
+            session.candidate, self._waiting(), bool(work and work.bags),
+        )  # fmt: skip
+        if drawn == self._drawn:
+            return
+        self._drawn = drawn
+        self._alerts.clear()
+        with self._alerts:
+            for text in alerts:
+                ui.label(text).classes('alert')
+        self._show_sentence()
+        self._show_action(action)
+
+    def _notes(self) -> list[str]:
+        """Return what reading the recordings had to say."""
+        work = self._session.work
+        if work is None:
+            return []
+        left = [f'{reason}; it is left out' for reason in work.left_out.values()]
+        return [*(f'{bag.run}: {note}' for bag in work.bags for note in bag.notes), *left]
+
+    def _action(self) -> Action:
+        session, found = self._session, self._session.diagnosis
+        if found is None or session.work is None or session.version is None:
+            return Action('none')
+        effects = session.workspace.effects
+        addable = [name for name, told in effects.items() if told['searched']]
+        return next_action(found, list(effects), addable)
+
+    def _waiting(self) -> str:
+        session = self._session
+        if session.version is None or session.work is None:
+            return session.nothing_yet
+        if session.workspace.is_diagnosing(session.device, session.version_name):
+            return 'Looking for what is missing: every effect of the catalogue is asked …'
+        return 'Nobody has asked yet what is missing: the answer was cancelled or failed.'
+
+    def _show_sentence(self) -> None:
+        session, found = self._session, self._session.diagnosis
+        self._sentence.clear()
+        kind = found['verdict'] if found else 'waiting'
+        self._sentence.classes(replace=f'verdict {kind}')
+        with self._sentence:
+            if found is None or session.version is None or session.work is None:
+                ui.label(self._waiting()).classes('sentence')
+                return
+            candidates = {
+                sensor: session.work.candidates(session.version_name, sensor)
+                for sensor in session.sensors()
+            }
+            ui.label(verdict_sentence(found, session.version)).classes('sentence')
+            detail = what_would_be_found(found, session.version, candidates)
+            if detail:
+                ui.label(detail).classes('soft')
+            words = f'{word("noise")} · {word("held out")} · {word("evidence")}'
+            ui.html(f'<span class="soft">What is meant by {words}</span>', sanitize=False)
+
+    def _show_action(self, action: Action) -> None:
+        self._buttons.clear()
+        session, do = self._session, self._actions
+        with self._buttons:
+            if action.kind == 'none':
+                ready = session.version is not None and not session.workspace.is_diagnosing(
+                    session.device, session.version_name
+                )
+                if ready:
+                    ui.button(
+                        'Ask what is missing',
+                        on_click=lambda: session.workspace.begin(
+                            session.workspace.diagnose(session.device, session.version_name)
+                        ),
+                    ).props('no-caps unelevated')
+                return
+            if action.text:
+                ui.label(f'Next: {action.text}').classes('next')
+            if action.kind == 'experiment':
+                one, other = (name.replace('_', ' ') for name in action.rivals)
+                ui.button(
+                    f'Plan the experiment: {one} or {other}?',
+                    on_click=lambda: do.plan(*action.rivals),
+                ).props('no-caps unelevated')
+            if action.effect:
+                self._offer(action)
+            if action.kind == 'certificate':
+                ui.button('Save the certificate', on_click=do.certificate).props(
+                    'no-caps unelevated'
+                )
+
+    def _offer(self, action: Action) -> None:
+        do, name = self._actions, action.effect.replace('_', ' ')
+        previewed = self._session.candidate == action.effect
+        first = not previewed and action.kind == 'add'
+        look = 'unelevated' if first else 'outline'
+        if not previewed:
+            ui.button(
+                f'Preview {name}', on_click=lambda: do.preview(action.effect, action.sensors)
+            ).props(f'no-caps {look}')
+        look = 'unelevated' if previewed and action.kind == 'add' else 'outline'
+        ui.button(f'Add {name}', on_click=lambda: do.add(action.effect, action.sensors)).props(
+            f'no-caps {look}'
+        )

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verdict in one sentence, defects of the data, and the one thing to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from thermal_comp.presentation.diagnosis import DEFECTS, TOPICS
+from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
+
+from imu_workbench.web.case.candidates import Candidate
+from imu_workbench.web.case.version import Version, parameter_text
+from imu_workbench.web.case.view import PHASE_LABELS
+
+AT_FLOOR_RATIO = 1.05
+"""An error up to this ratio to the noise floor counts as explained."""
+WORST_PLACES = 4
+"""Places that are asked for the phase in which a sensor fails."""
+Kind = Literal['add', 'experiment', 'log', 'look', 'certificate', 'none']
+
+
+@dataclass(frozen=True)
+class Action:
+    """The one thing to do next."""
+
+    kind: Kind
+    text: str = ''
+    """What to do, where a button cannot do it."""
+    effect: str = ''
+    sensors: tuple[str, ...] = ()
+    rivals: tuple[str, str] = ('', '')
+    """Two effects an experiment would tell apart."""
+
+
+def verdict_sentence(found: Mapping[str, Any], version: Version) -> str:
+    """Return the verdict: which sensor fails where and by how much, and what explains it."""
+    findings = _physical(found)
+    if not findings:
+        loud = [f for f in found['findings'] if f['kind'] == 'noise']
+        names = ' and '.join(dict.fromkeys(_named(f['sensor']) for f in loud))
+        usual = f', more than usual in the {names}' if loud else ''
+        return f'Nothing is missing: what is left is noise{usual}.'
+    sensor = findings[0]['sensor']
+    own = [f for f in findings if f['sensor'] == sensor]
+    sentence = f'{failure_sentence(sensor, found, version)} {_explanation(own)}'
+    others = list(dict.fromkeys(f['sensor'] for f in findings if f['sensor'] != sensor))
+    if others:
+        names = ' and '.join(_named(other) for other in others)
+        sentence += f' The {names} {"lacks" if len(others) == 1 else "lack"} something, too.'
+    return sentence
+
+
+def failure_sentence(sensor: str, found: Mapping[str, Any], version: Version) -> str:
+    """Return where a sensor, or several, fail, and how far above the noise."""
+    first = next((s for s in sensor.split('+') if s in version.comparison['sensors']), '')
+    name = _named(sensor).capitalize()
+    if not first:
+        return f'{name}:'
+    ratio = version.error(first) / version.floor(first)
+    verb = 'fail' if '+' in sensor else 'fails'
+    place = failing_phase(found['sensors'].get(first, {}).get('where', ()))
+    if ratio <= AT_FLOOR_RATIO:
+        return f'{name} {"are" if "+" in sensor else "is"} near the noise, {ratio:.2f} ×.'
+    return f'{name} {verb}{f" {place}" if place else ""}, {ratio:.1f} × noise.'
+
+
+def failing_phase(where: Sequence[Mapping[str, Any]]) -> str:
+    """Return in words when most of the error is there, from the worst places.
+
+    >>> failing_phase([{'phase': 'ramp_up', 'cycle': 2}, {'phase': 'ramp_down', 'cycle': 1}])
+    'in ramps'
+    """
+    phases = list(dict.fromkeys(w['phase'] for w in where[:WORST_PLACES] if w.get('phase')))
+    if not phases:
+        return ''
+    if all(phase.startswith('ramp') for phase in phases):
+        return 'in ramps'
+    if all(phase.startswith('dwell') for phase in phases) and len(phases) > 1:
+        return 'in dwells'
+    return f'in “{PHASE_LABELS[phases[0]]}”' if len(phases) == 1 else 'everywhere'
+
+
+def _named(sensor: str) -> str:
+    return sensor.replace('+', ' and ')
+
+
+def _explanation(findings: Sequence[Mapping[str, Any]]) -> str:
+    first = findings[0]
+    if first['kind'] == 'unlogged':
+        return f'It follows something that was not logged: {first["depends_on"]}.'
+    if first['kind'] == 'unexplained':
+        return (
+            f'No effect of the catalogue explains it; it follows {first["depends_on"]}, in a form '
+            'of its own.'
+        )
+    if first['kind'] == 'changed':
+        return f'The device is no longer what the model says: {_spaced(first["text"])}.'
+    rivals = first['ambiguous_with']
+    if rivals:
+        names = ' or '.join([_effect(first), *(_spaced(rival) for rival in rivals)])
+        return f'{_capital(names)} would explain it; these recordings cannot tell which.'
+    effects = [_effect(f) for f in findings if f['kind'] == 'effect']
+    verb = 'explains' if len(effects) == 1 else 'together explain'
+    return f'{_capital(" and ".join(effects))} {verb} it.'
+
+
+def _effect(finding: Mapping[str, Any]) -> str:
+    """Return an effect with its parameters ±, 'thermal lag, 74.0 ± 1.0 s'."""
+    parts = [_spaced(finding['name'])]
+    parts += [
+        f'{parameter_text(p["value"], p.get("std"))} {p["unit"]}'.strip()
+        for p in finding['parameters'].values()
+    ]
+    return ', '.join(parts) + (',' if len(parts) > 1 else '')
+
+
+def what_would_be_found(
+    found: Mapping[str, Any], version: Version, candidates: Mapping[str, Sequence[Candidate]]
+) -> str:
+    """Return how small an effect would have been found where none is missing; '' elsewhere."""
+    if _physical(found):
+        return ''
+    sensors = [s for s in SENSORS if s in version.comparison['sensors']]
+    floors = ', '.join(
+        f'{sensor} {shown(version.floor(sensor) * DISPLAY_UNITS[sensor].factor)} '
+        f'{DISPLAY_UNITS[sensor].unit}'
+        for sensor in sensors
+    )
+    tried = max((len(candidates.get(sensor, ())) for sensor in sensors), default=0)
+    return (
+        f'Any of the {tried} effects that were asked would have been found from about the noise '
+        f'floor on: {floors}.'
+    )
+
+
+def _physical(found: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    return [f for f in found['findings'] if f['kind'] not in {'data_quality', 'noise'}]
+
+
+def data_alerts(found: Mapping[str, Any] | None, notes: Sequence[str]) -> list[str]:
+    """Return what is wrong with the recordings themselves, each with what to do about it."""
+    alerts = list(dict.fromkeys(notes))
+    for finding in found['findings'] if found else ():
+        if finding['kind'] == 'data_quality':
+            advice = DEFECTS.get(finding['name'], '')
+            text = _spaced(finding['text'])
+            alerts.append(f'{text}: {advice}' if advice else text)
+    return alerts
+
+
+def next_action(found: Mapping[str, Any], known: Sequence[str], addable: Sequence[str]) -> Action:
+    """Return what to do next; `known` effects have a name here, `addable` ones can be added."""
+    findings = _physical(found)
+    if not findings:
+        return Action('certificate')
+    first = findings[0]
+    if first['kind'] == 'unlogged':
+        topic = TOPICS.get(first['depends_on'], '')
+        what = topic or ', '.join(TOPICS.values())
+        return Action('log', f'Log {what} and record again.')
+    if first['kind'] == 'changed':
+        return Action('look', 'Fit the device anew: begin a case with a line per axis.')
+    if first['kind'] != 'effect':
+        return Action('look', f'Look at the residual over {first["depends_on"]}, or load an '
+                              'effect of your own.')  # fmt: skip
+    effect = str(first['name'])
+    if effect not in known or effect not in addable:
+        return Action('look', _spaced(first['text']))
+    sensors = tuple(s for s in SENSORS if s in first['sensor'].split('+'))
+    rivals = [rival for rival in first['ambiguous_with'] if rival in known]
+    if rivals:
+        return Action('experiment', '', effect, sensors, (effect, rivals[0]))
+    return Action('add', '', effect, sensors)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _spaced(text: str) -> str:
+    return text.replace('_', ' ')

@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bottom of the page: the tree of versions, the staircase of errors, the coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from math import log10
+from typing import Any
+
+from nicegui import events, ui
+from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown, with_uncertainty
+
+from imu_workbench.case import CaseVersion
+from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
+from imu_workbench.web.case.version import Version, parameter_text
+from imu_workbench.web.plot import Look, Plot, card_head
+from imu_workbench.web.session import Session
+
+
+@dataclass(frozen=True)
+class VersionActions:
+    """What the panel asks the page to do."""
+
+    show: Callable[[str], Any]
+    save_model: Callable[[], Any]
+    save_report: Callable[[], Any]
+    save_case: Callable[[], Any]
+    open_model: Callable[[str, bytes], Any]
+    note: Callable[[str], Any]
+
+
+class VersionsPanel:
+    """Versions of the device's model; none is ever deleted."""
+
+    def __init__(self, session: Session, look: Look, actions: VersionActions) -> None:
+        self._session, self._actions = session, actions
+        self._drawn: tuple[Any, ...] | None = None
+        with ui.element('div').classes('bottom'):
+            with ui.element('section').classes('card versions').props('aria-label="Versions"'):
+                ui.html('<h2>Versions</h2>', sanitize=False)
+                self._tree = ui.element('div').classes('scroll')
+                self._buttons()
+                self._notes = ui.textarea('Notes', on_change=self._on_note)
+                self._notes.props('dense outlined autogrow debounce=600').classes('notes')
+            with ui.element('section').classes('card'):
+                card_head('Error staircase')
+                self._staircase = Plot(
+                    look, 'Held-out error of every version per sensor', 'error_staircase'
+                )
+            with ui.element('section').classes('card coefficients'):
+                ui.html('<h2>Coefficients</h2>', sanitize=False)
+                self._coefficients = ui.html('', sanitize=False).classes('scroll')
+                self._remarks = ui.element('div')
+
+    def _buttons(self) -> None:
+        do = self._actions
+
+        async def opened(event: events.UploadEventArguments) -> None:
+            await do.open_model(event.file.name, await event.file.read())
+
+        upload = ui.upload(on_upload=opened, auto_upload=True, max_file_size=20_000_000)
+        upload.props('accept=".yaml,.yml"').classes('hidden-upload')
+        with ui.row().classes('actions'):
+            self._save = [
+                ui.button(label, on_click=act).props('no-caps outline')
+                for label, act in (
+                    ('Save the model', do.save_model),
+                    ('Save the report', do.save_report),
+                )
+            ]
+            self._case = ui.button('Save the case', on_click=do.save_case).props('no-caps outline')
+            self._case.tooltip('Everything of this device as a zip: versions, findings, notes')
+            self._open = ui.button(
+                'Open a model (.yaml)', on_click=lambda: upload.run_method('pickFiles')
+            ).props('no-caps outline')
+
+    def _on_note(self, event: Any) -> None:
+        if self._session.work is not None and event.value != self._session.work.case.notes:
+            self._actions.note(event.value)
+
+    def refresh(self) -> None:
+        """Show the versions of the device looked at."""
+        session = self._session
+        work, version = session.work, session.version
+        for button in self._save:
+            button.set_enabled(version is not None)
+        self._case.set_enabled(work is not None)
+        self._open.set_enabled(bool(work and work.bags))
+        self._notes.set_enabled(work is not None)
+        drawn = (
+            session.device, session.version_name, session.view.sensor, id(version),
+            work.case.versions if work else (),
+        )  # fmt: skip
+        if drawn == self._drawn:
+            return
+        self._drawn = drawn
+        self._tree.clear()
+        self._remarks.clear()
+        if work is None:
+            self._staircase.show(None)
+            self._coefficients.content = ''
+            return
+        self._notes.value = work.case.notes
+        with self._tree:
+            self._show_tree(work.case.tree())
+        path = work.case.path_to(session.version_name)
+        self._staircase.show(error_steps_figure(path) if path else None)
+        self._coefficients.content = (
+            coefficients_html(version, session.view.sensor) if version else ''
+        )
+        if version is not None:
+            with self._remarks:
+                for text in version.unneeded:
+                    ui.label(f'No longer needed: {text.replace("_", " ")}').classes('note')
+                for text in version.notes:
+                    ui.label(text).classes('note')
+
+    def repaint(self) -> None:
+        """Draw the staircase in the present look."""
+        self._staircase.repaint()
+
+    def _show_tree(self, tree: Sequence[tuple[CaseVersion, int]]) -> None:
+        sensors = [s for s in SENSORS if any(s in v.errors for v, _ in tree)]
+        columns = f'minmax(150px, 1fr) repeat({len(sensors)}, max-content)'
+        with ui.element('div').classes('tree-row head').style(f'grid-template-columns: {columns}'):
+            ui.label('Version: held-out error (× noise floor)')
+            for sensor in sensors:
+                ui.label(f'{sensor.capitalize()} [{DISPLAY_UNITS[sensor].unit}]')
+        with ui.element('div').classes('tree').props('role=list aria-label="Versions"'):
+            for version, depth in tree:
+                self._tree_row(version, depth, sensors, columns)
+
+    def _tree_row(
+        self, version: CaseVersion, depth: int, sensors: Sequence[str], columns: str
+    ) -> None:
+        on = version.name == self._session.version_name
+        with ui.element('div').classes('tree-row on' if on else 'tree-row') as row:
+            row.props('role=listitem').style(f'grid-template-columns: {columns}')
+            button = ui.element('button').classes('version').props('type=button')
+            button.props(f'aria-pressed={"true" if on else "false"}')
+            button.style(f'margin-left: {16 * depth}px')
+            button.on('click', lambda _, name=version.name: self._actions.show(name))
+            with button:
+                branch = f'{version.name} {version.label.replace("_", " ")}'
+                ui.label(f'{"└ " if depth else ""}{branch}')
+            for sensor in sensors:
+                ui.label(error_text(version, sensor)).classes('number')
+
+
+def error_text(version: CaseVersion, sensor: str) -> str:
+    """Return the held-out error of a version with its ratio to the floor."""
+    errors = version.errors.get(sensor)
+    if not errors:
+        return '–'
+    value = shown(errors['error'] * DISPLAY_UNITS[sensor].factor)
+    return f'{value} ({errors["error"] / errors["floor"]:.2f} ×)' if errors['floor'] else value
+
+
+def coefficients_html(version: Version, sensor: str) -> str:
+    """Return the coefficients of one sensor, with shape parameters, ± and units, as a table."""
+    rows = ''
+    for row in (row for row in version.coefficients if row['sensor'] == sensor):
+        cells = ''.join(
+            f'<td>{escape(with_uncertainty(value, sigma))}</td>'
+            for value, sigma in zip(row['value'], row['uncertainty'], strict=True)
+        )
+        name = escape(row['effect'].replace('_', ' '))
+        rows += f'<tr><th scope="row">{name}</th>{cells}<td>{escape(row["unit"])}</td></tr>'
+    for term in (term for term in version.terms if term['sensor'] == sensor):
+        name = escape(f'{term["effect"]}: {term["parameter"]}'.replace('_', ' '))
+        text = escape(parameter_text(term['value'], term['std']))
+        rows += (
+            f'<tr><th scope="row">{name}</th><td colspan="3">{text}</td>'
+            f'<td>{escape(term["unit"])}</td></tr>'
+        )
+    caption = f'{sensor.capitalize()}, ± one standard deviation'
+    return (
+        f'<table tabindex="0"><caption>{caption}</caption><thead><tr><th>Term</th><th>x</th>'
+        f'<th>y</th><th>z</th><th>Unit</th></tr></thead><tbody>{rows}</tbody></table>'
+    )
+
+
+def error_steps_figure(path: Sequence[CaseVersion]) -> Figure:
+    """Return error over version, a panel per sensor; the floor is a dashed line."""
+    sensors = [s for s in SENSORS if all(s in v.errors for v in path)]
+    names = ['none', *(version.name for version in path)]
+    labels = ['no model', *(version.label.replace('_', ' ') for version in path)]
+    data, panels, shapes = [], [], []
+    for i, sensor in enumerate(sensors):
+        unit, factor = DISPLAY_UNITS[sensor].unit, DISPLAY_UNITS[sensor].factor
+        errors: list[Mapping[str, float]] = [version.errors[sensor] for version in path]
+        values = [errors[0]['measured'] * factor, *(e['error'] * factor for e in errors)]
+        floor = errors[-1]['floor'] * factor
+        last = len(values) - 1
+        data.append({
+            'type': 'scatter', 'mode': 'lines+markers+text', 'showlegend': False,
+            'name': sensor, 'x': names, 'y': [float(f'{v:.5g}') for v in values],
+            'line': {'shape': 'hvh', 'color': '@model', 'width': 2},
+            'marker': {'size': [13 if k == last else 8 for k in range(len(values))],
+                       'color': '@model'},
+            'text': [shown(v) for v in values], 'textposition': 'top center',
+            'textfont': {'size': 11}, 'cliponaxis': False, 'customdata': labels,
+            'hovertemplate': f'%{{customdata}}: %{{y:.3~g}} {unit}<extra></extra>',
+            **trace_axes(i),
+        })  # fmt: skip
+        place = trace_axes(i)
+        shapes.append({
+            'type': 'line', 'xref': f'{place["xaxis"]} domain', 'yref': place['yaxis'],
+            'x0': 0, 'x1': 1, 'y0': floor, 'y1': floor,
+            'line': {'color': '@soft', 'dash': 'dash', 'width': 1.6},
+        })  # fmt: skip
+        panels.append(
+            Panel('model', f'held-out rms [{unit}]' if i == 0 else f'[{unit}]',
+                  title=f'{sensor.capitalize()} (floor {shown(floor)})',
+                  x={'type': 'category', 'range': [-0.5, len(names) - 0.5], 'showgrid': False},
+                  y={'type': 'log', 'dtick': 1, 'range': _decades([*values, floor])})
+        )  # fmt: skip
+    spec = figure(data, panels, columns=3, height=210, linked=False, shapes=shapes)
+    spec['layout']['margin']['t'] = spec['narrow']['margin']['t'] = 30
+    spec['layout']['height'] -= 20
+    return spec
+
+
+def _decades(values: Sequence[float]) -> list[float]:
+    known = [v for v in values if v > 0.0] or [1.0]
+    return [log10(min(known) / 2.5), log10(max(known) * 3.0)]

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// Saves a figure as SVG or PNG, or its numbers as CSV, under a name that says what it shows.
+const csvField = (value) => (/[",\n]/.test(value) ? `"${value.replaceAll('"', '""')}"` : value);
+
+const csvOf = (plot) => {
+  const title = (axis) => plot._fullLayout[axis]?.title?.text?.replaceAll('<br>', ' ') || axis;
+  const lines = ['curve,x,y,x is,y is'];
+  for (const trace of plot.data) {
+    if (trace.name === 'cursor') continue;
+    const axes = [trace.xaxis || 'x', trace.yaxis || 'y'].map((a) => title(`${a[0]}axis${a.slice(1)}`));
+    const rows = trace.type === 'heatmap'
+      ? trace.text.flatMap((row, i) => row.map((v, j) => [trace.customdata[i][j], v]))
+      : Array.from(trace.x, (x, i) => [x, trace.y[i]]);
+    for (const [x, y] of rows) {
+      if (x === null || y === null || y === '') continue;
+      lines.push([trace.name || plot.dataset.plot, x, y, ...axes].map((v) => csvField(String(v))).join(','));
+    }
+  }
+  return `${lines.join('\n')}\n`;
+};
+
+document.addEventListener('click', async (event) => {
+  const button = event.target.closest?.('button[data-save]');
+  const plot = button?.closest('.card')?.querySelector('.js-plotly-plot');
+  if (!plot?._fullLayout) return;
+  const stem = button.closest('[data-stem]')?.dataset.stem;
+  const filename = [stem, plot.dataset.plot].filter(Boolean).join('_');
+  if (button.dataset.save !== 'csv') {
+    const { Plotly } = await import('nicegui-plotly');
+    const { width, height } = plot._fullLayout;
+    Plotly.downloadImage(plot, { format: button.dataset.save, filename, width, height, scale: 2 });
+    return;
+  }
+  const link = document.createElement('a');
+  link.href = URL.createObjectURL(new Blob([csvOf(plot)], { type: 'text/csv' }));
+  link.download = `${filename}.csv`;
+  link.click();
+  URL.revokeObjectURL(link.href);
+});

@@ -1,0 +1,442 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The cases a server works on: what every browser tab of it sees, and what is done to them."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from imu_recording.user_error import UserError
+from thermal_comp.data.motion import left_out_note
+from thermal_comp.effects import EFFECTS
+from thermal_comp.experiment.design import Limits
+
+from imu_workbench.case import (
+    CaseRecording,
+    RequestedFit,
+    case_of_device,
+    cases_in,
+    found_in,
+    load_case,
+    saved,
+    with_found,
+    with_version,
+)
+from imu_workbench.web.case import tasks
+from imu_workbench.web.case.next_experiment import next_profile_task
+from imu_workbench.web.case.preview import EffectPreview, preview_task
+from imu_workbench.web.case.stored_bag import StoredBag, with_unique_runs
+from imu_workbench.web.case.version import Version
+from imu_workbench.web.device_work import DeviceWork
+from imu_workbench.web.fit_queue import FitQueue, QueuedFit
+from imu_workbench.web.jobs import JobCancelled, JobError, Stoppable
+from imu_workbench.web.result_cache import ResultCache, file_key
+
+FIRST_LABEL = 'line per axis'
+
+
+@dataclass(frozen=True)
+class Message:
+    """Something to say to whoever looks."""
+
+    number: int
+    text: str
+    kind: str = 'error'
+
+
+class Workspace:
+    """The cases of one server. Every change is on disk before anybody is told of it."""
+
+    def __init__(
+        self, cache: ResultCache, cases: Path, remap: Mapping[str, str] | None = None
+    ) -> None:
+        self.cache, self.cases = cache, cases
+        self.devices: dict[str, DeviceWork] = {}
+        self.effect_files: list[Path] = []
+        self.effects: dict[str, dict[str, Any]] = tasks.effect_explanations(EFFECTS)
+        """What `explain` says of every effect, by name."""
+        self.messages: list[Message] = []
+        self.jobs: list[Stoppable] = []
+        self.queue = FitQueue(self._fit, self._queue_changed)
+        self.opening = True
+        """Until everything the server was started with has been looked at."""
+        self._remap = dict(remap or {})
+        self._numbers = itertools.count(1)
+        self._listeners: list[Callable[[], None]] = []
+        self._diagnosing: set[tuple[str, str]] = set()
+        self._background: set[asyncio.Task[Any]] = set()
+
+    # Who looks ---------------------------------------------------------------------------------
+
+    def listen(self, listener: Callable[[], None]) -> None:
+        """Call a function whenever something has changed."""
+        self._listeners.append(listener)
+
+    def leave(self, listener: Callable[[], None]) -> None:
+        """Call it no more."""
+        if listener in self._listeners:
+            self._listeners.remove(listener)
+
+    def tell(self) -> None:
+        """Tell everybody that something has changed."""
+        for listener in list(self._listeners):
+            listener()
+
+    def say(self, text: str, kind: str = 'error') -> None:
+        """Show a message in every tab until somebody closes it; the same text once."""
+        if all(message.text != text for message in self.messages):
+            self.messages.insert(0, Message(next(self._numbers), text, kind))
+            self.tell()
+
+    def close_message(self, number: int) -> None:
+        """Take a message away."""
+        self.messages = [m for m in self.messages if m.number != number]
+        self.tell()
+
+    @contextmanager
+    def work(self, job: Stoppable) -> Iterator[None]:
+        """Show a job while it is under way."""
+        self.jobs.append(job)
+        self.tell()
+        try:
+            yield
+        finally:
+            self.jobs.remove(job)
+            self.tell()
+
+    # Recordings --------------------------------------------------------------------------------
+
+    async def start(
+        self,
+        bags: Sequence[Path],
+        effects: Sequence[Path],
+        *,
+        case: Path | None = None,
+        model_text: str | None = None,
+    ) -> None:
+        """Open what the server was started with: cases, bags, effect files."""
+        for file in effects:
+            await self.load_effects(file.name, file.read_bytes())
+        cases = [load_case(path) for path in ([case] if case else cases_in(self.cases))]
+        given = [str(bag) for bag in bags]
+        paths = [] if given else [s for one in cases for s in one.sources]
+        for one in cases if not given else ():
+            self.devices[one.device] = DeviceWork(one)
+        await self.open_bags([*given, *paths], model_text)
+        self.opening = False
+        self.tell()
+
+    async def open_bags(
+        self, paths: Sequence[str | Path], model_text: str | None = None
+    ) -> list[str]:
+        """Read bags, put them into the cases of their devices; return the devices they are of."""
+        changed: list[str] = []
+        for path in paths:
+            for device in self._take(path, await self._read(path)):
+                changed += [device] if device not in changed else []
+            self.tell()
+        for device in changed:
+            await self._prepare(device, model_text)
+        return changed
+
+    def _take(self, path: str | Path, found: Sequence[StoredBag]) -> list[str]:
+        """Put recordings that rest into the cases of their devices."""
+        known = {bag.folder for work in self.devices.values() for bag in work.bags}
+        moving = [bag for bag in found if bag.motion]
+        for bag in moving:
+            self.say(left_out_note(bag.run, bag.motion))
+        resting = [bag for bag in found if bag not in moving]
+        new = [bag for bag in resting if bag.folder not in known]
+        if resting and not new:
+            self.say(f'{Path(path).name}: open already', 'info')
+        devices = list(dict.fromkeys(bag.device for bag in new))
+        for device in devices:
+            work = self.devices.get(device)
+            if work is None:
+                work = DeviceWork(case_of_device(self.cases, device))
+                self.devices[device] = work
+            own = [bag for bag in new if bag.device == device]
+            work.bags = with_unique_runs([*work.bags, *own])
+            self._bags_changed(work)
+        return devices
+
+    def _bags_changed(self, work: DeviceWork) -> None:
+        """Bring the case up to date with the recordings that are open."""
+        case = work.case
+        hashes = {r.run: r.sha256 for r in case.recordings}
+        open_now = [
+            CaseRecording(b.source, b.run, hashes.get(b.run, ''), b.samples) for b in work.bags
+        ]
+        runs = {bag.run for bag in work.bags}
+        closed = [replace(r, open=False) for r in case.recordings if r.run not in runs]
+        work.case = saved(replace(case, recordings=(*open_now, *closed)))
+        work.prepared = self.cache.prepared_path(work.bags)
+        work.loaded, work.found, work.failed, work.problem = {}, {}, set(), ''
+
+    async def close_bag(self, device: str, run: str) -> None:
+        """Close a recording; the case knows it still, and its versions stay."""
+        work = self.devices[device]
+        work.bags = [bag for bag in work.bags if bag.run != run]
+        self._bags_changed(work)
+        self.tell()
+        if work.bags:
+            await self._prepare(device)
+
+    async def _read(self, path: str | Path) -> list[StoredBag]:
+        try:
+            located = self.cache.root.locate(path)
+        except UserError as error:
+            self.say(str(error))
+            return []
+        folder = self.cache.fresh_path()
+        try:
+            async with self.cache.exclusive(self.cache.reading, self.work):
+                found: list[StoredBag] | None = await self._do(
+                    file_key(located), tasks.read_task, located, folder, self._remap
+                )
+        except JobCancelled:
+            return []
+        return found or []
+
+    async def _prepare(self, device: str, model_text: str | None = None) -> None:
+        """Bring the shown version, else a first one, onto the recordings; then diagnose it."""
+        work = self.devices[device]
+        if model_text is not None:
+            await self.open_model(device, model_text)
+        elif work.case.versions:
+            await self.load(device, work.case.current)
+        else:
+            opened = await self._opened(work, None, FIRST_LABEL)
+            if opened is not None:
+                self._append(work, None, opened.version)
+        for fit in work.case.requested:
+            change = tasks.Change(fit.effect, tuple(fit.sensors), fit.added)  # type: ignore[arg-type]
+            self.queue.request(device, fit.base, change)
+
+    async def _opened(
+        self, work: DeviceWork, model_text: str | None, label: str
+    ) -> tasks.Opened | None:
+        bags, files = list(work.bags), list(self.effect_files)
+        key = (str(work.prepared), model_text, tuple(files))
+        arguments = (bags, work.prepared, model_text, label, files)
+        opened: tasks.Opened | None = await self._do(key, tasks.version_task, *arguments)
+        if opened is None:
+            work.problem = 'There is no model of these recordings: see the message above.'
+            self.tell()
+            return None
+        work.problem = ''
+        work.unusable, work.left_out = opened.unusable, opened.left_out
+        work.bags = [bag for bag in work.bags if bag.run not in opened.left_out]
+        recordings = [
+            replace(r, sha256=opened.hashes.get(r.run, r.sha256)) for r in work.case.recordings
+        ]
+        work.case = saved(replace(work.case, recordings=tuple(recordings)))
+        return opened
+
+    # Versions ----------------------------------------------------------------------------------
+
+    async def open_model(self, device: str, model_text: str) -> str:
+        """Take a model file as a version without a parent; return its name, '' where it failed."""
+        work = self.devices[device]
+        opened = await self._opened(work, model_text, 'opened model')
+        return self._append(work, None, opened.version) if opened is not None else ''
+
+    def _append(self, work: DeviceWork, parent: str | None, version: Version) -> str:
+        runs = [bag.run for bag in work.bags]
+        label, text = version.label, version.model_text
+        work.case = with_version(work.case, parent, label, text, version.errors(), runs)
+        name = work.case.current
+        work.keep(name, version)
+        self.tell()
+        self.begin(self.diagnose(work.name, name))
+        return name
+
+    async def load(self, device: str, name: str) -> Version | None:
+        """Return a version as it is drawn, compared with the open recordings."""
+        work = self.devices.get(device)
+        known = work.case.version(name) if work else None
+        if work is None or known is None or not work.bags:
+            return None
+        if name not in work.loaded:
+            try:
+                text = work.case.model_text(name)
+            except UserError as error:
+                self.say(str(error))
+                work.failed.add(name)
+                return None
+            opened = await self._opened(work, text, known.label)
+            if opened is None:
+                work.failed.add(name)
+                self.tell()
+                return None
+            if name in work.loaded:
+                return work.loaded[name]
+            work.keep(name, opened.version)
+            self.tell()
+        self.begin(self.diagnose(device, name))
+        return work.loaded[name]
+
+    def show(self, device: str, name: str) -> None:
+        """Remember the version that was shown last."""
+        work = self.devices[device]
+        if work.case.current != name and work.case.version(name):
+            work.case = saved(replace(work.case, current=name))
+
+    def note(self, device: str, text: str) -> None:
+        """Keep the user's notes."""
+        work = self.devices[device]
+        work.case = saved(replace(work.case, notes=text))
+
+    def begin(self, work: Any) -> None:
+        """Do something that nobody waits for; what it fails with is said."""
+        task = asyncio.ensure_future(work)
+        self._background.add(task)
+        task.add_done_callback(self._background.discard)
+
+    async def diagnose(self, device: str, name: str, *, anew: bool = False) -> None:
+        """Find what is missing in a version, once for each set of recordings and effects."""
+        work = self.devices[device]
+        asked = (device, name)
+        if asked in self._diagnosing or (name in work.found and not anew):
+            return
+        kept = None if anew or self.effect_files else found_in(work.case, name)
+        if kept is None and name in work.loaded:
+            self._diagnosing.add(asked)
+            try:
+                text, files = work.loaded[name].model_text, list(self.effect_files)
+                prepared = work.prepared
+                key = (str(prepared), text, tuple(files))
+                arguments = (list(work.bags), prepared, text, files)
+                kept = await self._do(key, tasks.diagnose_task, *arguments)
+            finally:
+                self._diagnosing.discard(asked)
+            if kept is None or prepared != work.prepared or files != self.effect_files:
+                return
+            if not files:  # effects of the user's own are not there the next time
+                with_found(work.case, name, kept)
+        if kept is not None:
+            work.found[name] = kept
+            self.tell()
+
+    def is_diagnosing(self, device: str, name: str) -> bool:
+        """Tell whether the answer about a version is under way."""
+        return (device, name) in self._diagnosing
+
+    # Fits --------------------------------------------------------------------------------------
+
+    def request(self, device: str, base: str, change: tasks.Change, tab: str = '') -> None:
+        """Queue an effect to be added to a version, or taken out of it."""
+        self.queue.request(device, base, change, tab)
+
+    async def _fit(self, fit: QueuedFit) -> None:
+        work, start = self.devices[fit.device], fit.start
+        name = fit.change.effect.replace('_', ' ')
+        try:
+            text, files = work.case.model_text(start), list(self.effect_files)
+            key = (str(work.prepared), text, fit.change, tuple(files))
+            arguments = (work.prepared, text, fit.change, files)
+
+            @contextmanager
+            def show(job: Stoppable) -> Iterator[None]:
+                fit.job = job
+                with self.work(job):
+                    yield
+
+            version = await self.cache.compute(show, key, tasks.change_task, *arguments)
+        except JobCancelled:
+            fit.state = 'cancelled'
+            self.say(f'{name}: cancelled; nothing was changed', 'info')
+        except UserError as error:
+            fit.state = 'failed'
+            self.say(f'{name}: {self._plain(str(error))}')
+        else:
+            fit.result = self._append(work, start, version)
+            fit.state = 'done'
+
+    def _queue_changed(self) -> None:
+        """Keep what is still to be done in the cases: a server that is killed goes on with it."""
+        for work in self.devices.values():
+            wanted = tuple(
+                RequestedFit(f.base if f.follows else f.start, f.change.effect,
+                             f.change.sensors, f.change.added)
+                for f in self.queue.of_device(work.name)
+                if f.state in ('waiting', 'running')
+            )  # fmt: skip
+            if wanted != work.case.requested:
+                work.case = saved(replace(work.case, requested=wanted))
+        self.tell()
+
+    # Answers -----------------------------------------------------------------------------------
+
+    async def preview(
+        self, device: str, name: str, effect: str, sensor: str
+    ) -> EffectPreview | None:
+        """Return what an effect would explain of a version's residual."""
+        work = self.devices[device]
+        if name not in work.loaded:
+            return None
+        text, files = work.loaded[name].model_text, list(self.effect_files)
+        weighed = [c for c in work.candidates(name, sensor) if c.effect == effect]
+        shape = dict(weighed[0].shape) if weighed else None
+        key = (str(work.prepared), text, effect, sensor, repr(shape), tuple(files))
+        arguments = (work.prepared, text, effect, sensor, shape, files)
+        found: EffectPreview | None = await self._do(key, preview_task, *arguments)
+        return found
+
+    async def next_profile(
+        self, device: str, name: str, one: str, other: str
+    ) -> dict[str, Any] | None:
+        """Return the experiment that tells two effects apart."""
+        text, files = self.devices[device].loaded[name].model_text, list(self.effect_files)
+        key = (text, one, other, tuple(files))
+        arguments = (text, (one, other), Limits(), files)
+        found: dict[str, Any] | None = await self._do(key, next_profile_task, *arguments)
+        return found
+
+    async def report(self, device: str, name: str) -> Path | None:
+        """Write the report of a version, the certificate first."""
+        work = self.devices[device]
+        text, files = work.loaded[name].model_text, list(self.effect_files)
+        key = (str(work.prepared), text, tuple(files))
+        target = self.cache.fresh_path('.html')
+        arguments = (list(work.bags), {device: text}, files, target)
+        found: Path | None = await self._do(key, tasks.report_task, *arguments)
+        return found
+
+    async def load_effects(self, name: str, content: bytes) -> list[str]:
+        """Add the effects of a file; every version is weighed anew. Return their names."""
+        folder = self.cache.fresh_path()
+        folder.mkdir()
+        file = folder / (Path(name).name or 'my_effect.py')
+        file.write_bytes(content)
+        files = [*self.effect_files, file]
+        found = await self._do(tuple(files), tasks.effects_task, files)
+        if found is None:
+            return []
+        new = [effect for effect in found if effect not in self.effects]
+        self.effect_files, self.effects = files, found
+        for work in self.devices.values():
+            work.found, work.failed = {}, set()
+            for version in list(work.loaded):
+                self.begin(self.diagnose(work.name, version, anew=True))
+        self.tell()
+        return new
+
+    async def _do(self, key: Any, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return the value of a task; None where it was cancelled or failed, which is said."""
+        try:
+            return await self.cache.compute(self.work, key, function, *arguments)
+        except JobError as error:
+            self.say(self._plain(str(error)))
+        except JobCancelled:
+            pass
+        return None
+
+    def _plain(self, text: str) -> str:
+        """Return a message without the names of this server's own folders."""
+        return text.replace(f'{self.cache.folder}/', '')

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import re
+from copy import deepcopy
+from typing import Any
+
+import pytest
+from imu_workbench.web.case.candidates import Candidate, odds_text, why_not
+from imu_workbench.web.case.rail import errors_html, little_text, probability_text
+from imu_workbench.web.case.verdict import (
+    Action,
+    data_alerts,
+    next_action,
+    verdict_sentence,
+    what_would_be_found,
+)
+from imu_workbench.web.case.version import parameter_text
+
+LAG = 'thermal_lag'
+KNOWN = [LAG, 'thermal_gradient']
+
+
+def candidates(found: dict[str, Any], sensor: str) -> list[Candidate]:
+    return [Candidate(**row) for row in found['candidates'][sensor]]
+
+
+def changed(found: dict[str, Any], **changes: Any) -> dict[str, Any]:
+    """The diagnosis with its first finding changed."""
+    diagnosis = deepcopy(found['diagnosis'])
+    diagnosis['findings'][0] |= changes
+    return diagnosis
+
+
+def test_the_verdict_says_where_it_fails_by_how_much_and_why(fitted, found):
+    sentence = verdict_sentence(found['diagnosis'], fitted.line)
+    said = re.fullmatch(
+        r'Accelerometer fails in ramps, (\d\.\d) × noise\. Thermal lag, (\d+\.\d+) ± (\d\.\d+) s, '
+        r'explains it\.',
+        sentence,
+    )
+    assert said, sentence
+    ratio = fitted.line.error('accelerometer') / fitted.line.floor('accelerometer')
+    assert float(said[1]) == pytest.approx(ratio, abs=0.05)
+    finding = found['diagnosis']['findings'][0]['parameters']['time_constant']
+    assert float(said[2]) == pytest.approx(finding['value'], abs=0.01)
+
+
+def test_rivals_lead_to_the_experiment_that_decides(fitted, found):
+    rivals = changed(found, ambiguous_with=['thermal_gradient'])
+    assert 'cannot tell which' in verdict_sentence(rivals, fitted.line)
+    action = next_action(rivals, KNOWN, KNOWN)
+    assert (action.kind, action.rivals) == ('experiment', (LAG, 'thermal_gradient'))
+
+
+def test_what_was_not_logged_is_what_to_log_next(fitted, found):
+    unlogged = changed(found, kind='unlogged', name=None, depends_on='heater')
+    assert 'not logged: heater' in verdict_sentence(unlogged, fitted.line)
+    assert next_action(unlogged, KNOWN, KNOWN).text == 'Log chamber/heater and record again.'
+
+
+def test_nothing_missing_names_what_would_have_been_found(fitted, found):
+    complete = found['diagnosis'] | {'findings': []}
+    rows = {'gyroscope': candidates(found, 'gyroscope')}
+    assert verdict_sentence(complete, fitted.lag).startswith('Nothing is missing')
+    assert what_would_be_found(found['diagnosis'], fitted.line, rows) == ''
+    sentence = what_would_be_found(complete, fitted.lag, rows)
+    assert f'{len(rows["gyroscope"])} effects' in sentence
+    for sensor, unit in (('gyroscope', '°/s'), ('accelerometer', 'm/s²'), ('magnetometer', 'µT')):
+        assert re.search(rf'{sensor} 0\.\d+ {unit}', sentence)
+    assert next_action(complete, KNOWN, KNOWN) == Action('certificate')
+
+
+def test_defects_of_the_data_come_with_what_to_do(found):
+    spikes = changed(found, kind='data_quality', name='spikes', text='gyroscope: 3 spikes')
+    alerts = data_alerts(spikes, ['dut2_x: the file ends early', 'dut2_x: the file ends early'])
+    assert alerts == ['dut2_x: the file ends early', 'gyroscope: 3 spikes: check bus and cable']
+
+
+def test_candidates_are_ranked_and_say_why_not(fitted, found):
+    own = candidates(found, 'accelerometer')
+    probabilities = [c.probability for c in own]
+    assert probabilities == sorted(probabilities, reverse=True)
+    assert own[0].effect == LAG
+    assert own[0].named
+    before = fitted.line.error('accelerometer')
+    assert own[0].error_after == found['diagnosis']['findings'][0]['error_after']
+    gradient = next(c for c in own if c.effect == 'thermal_gradient')
+    assert why_not(own[0], own[0], before) == ''
+    assert 'thermal lag 0.000685' in why_not(gradient, own[0], before)
+    assert 'more than a million times less probable' in why_not(gradient, own[0], before)
+    assert gradient.error_after > 1.5 * own[0].error_after
+    nothing = [c for c in candidates(found, 'gyroscope') if c.error_after is not None]
+    assert not any(c.lowers(fitted.line.error('gyroscope')) for c in nothing)
+    assert 'Adds nothing' in little_text(nothing[0], fitted.line.error('gyroscope'))
+
+
+def test_a_candidate_shows_its_errors_with_their_unit(fitted, found):
+    html = errors_html(candidates(found, 'accelerometer')[0], fitted.line)
+    assert '0.00574 → <b>0.000685</b> m/s² (1.00 ×)' in html
+    assert 'floor 0.000688' in html
+    assert (probability_text(1e-6), probability_text(0.6), probability_text(None)) == (
+        '< 1 %', '60 %', '',
+    )  # fmt: skip
+
+
+def test_odds_are_said_as_people_say_them():
+    one, other = (Candidate('a', 'gyroscope', 0.5, odds, None) for odds in (9.3, 0.0))
+    assert odds_text(one, other) == '10\N{NARROW NO-BREAK SPACE}000 times less probable'
+    assert odds_text(other, other) == ''
+
+
+def test_numbers_carry_their_uncertainty():
+    assert parameter_text(79.41, 1.23) == '79.4 ± 1.2'
+    assert parameter_text([1.0, 2.0], [0.1, 0.1]) == '1.00 ± 0.10, 2.00 ± 0.10'

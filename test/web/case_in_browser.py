@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A case outlives reload, tab and server; its versions branch, its recordings come and go."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import pytest
+import yaml
+
+
+def wait_for_verdict(page) -> None:
+    page.locator('.verdict:not(.waiting) .sentence').wait_for()
+
+
+def add(page, effect: str) -> None:
+    """Add an effect from the rail, wherever it stands there."""
+    button = page.get_by_role('button', name=f'Add {effect}', exact=True).or_(
+        page.get_by_role('button', name=f'Add anyway {effect}', exact=True)
+    )
+    further = page.locator('.further')
+    if further.count() and further.get_attribute('open') is None:
+        further.locator('summary').click()
+    button.last.click()
+
+
+def test_reload_back_and_a_killed_server_lose_nothing(serve, watch, small_bags, tmp_path):
+    cases = tmp_path / 'cases'
+    server = serve(small_bags / 'dut2_x', cases=cases)
+    watched = watch(server.address)
+    page = watched.page
+    wait_for_verdict(page)
+    page.get_by_label('Notes').fill('the blue board')
+    page.locator('.axis', has_text='y').click()
+    page.locator('.axis.on', has_text='y').wait_for()
+    page.locator('.ytitle', has_text='error y').wait_for()  # the list of places is that of y
+    page.locator('.place').first.click()
+    page.locator('.place.on').wait_for()
+    place = page.locator('.place.on').inner_text()
+    add(page, 'temperature rate')
+    page.locator('.tree-row.on', has_text='v2').wait_for()
+    page.wait_for_url('**version=v2**')
+    address = page.url
+
+    page.reload()
+    page.locator('.place.on').wait_for()
+    assert page.url == address
+    assert page.locator('.axis.on').inner_text().startswith('y')
+
+    server.kill()
+    server = serve(cases / 'dut2', port=server.port)
+    page.goto(address)
+    page.locator('.place.on').wait_for()
+    watched.complaints.clear()  # the browser said that the server was away
+    assert page.locator('.place.on').inner_text().split(',')[0] == place.split(',')[0]
+    page.locator('.tree-row.on', has_text='v2').wait_for()
+    assert page.locator('.tree-row').count() == 3  # the head, v1 and v2
+    assert page.get_by_label('Notes').input_value() == 'the blue board'
+    wait_for_verdict(page)
+    page.locator('.version', has_text='v1').click()
+    page.locator('.tree-row.on', has_text='v1').wait_for()
+    page.wait_for_url('**version=v1**')
+    page.go_back()
+    page.locator('.tree-row.on', has_text='v2').wait_for()
+
+    check_saved_case(page)
+    assert server.alive
+    watched.check()
+
+
+def check_saved_case(page) -> None:
+    """The zip holds the case with the model of every version."""
+    with page.expect_download() as saving:
+        page.get_by_role('button', name='Save the case').click()
+    with zipfile.ZipFile(saving.value.path()) as case:
+        content = yaml.safe_load(case.read('dut2/case.yaml'))
+        assert {f'dut2/versions/{v["name"]}.yaml' for v in content['versions']} <= set(
+            case.namelist()
+        )
+    assert [v['parent'] for v in content['versions']] == [None, 'v1']
+
+
+def test_fits_queue_branch_and_are_cancelled_and_bags_come_and_go(serve, watch, small_bags):
+    server = serve(small_bags / 'dut2_x', '--root', small_bags)
+    watched = watch(server.address)
+    page = watched.page
+    wait_for_verdict(page)
+    for effect in ('temperature rate', 'humidity', 'icing'):
+        add(page, effect)
+    page.locator('.fit', has_text='icing').get_by_role('button').click()
+    page.locator('.fit', has_text='icing').wait_for(state='detached')
+    page.locator('.tree-row', has_text='v2 + temperature rate').wait_for()
+    page.locator('.tree-row', has_text='v3 + humidity').wait_for()
+    page.locator('.tree-row.on', has_text='v3').wait_for()
+    assert page.locator('.tree-row', has_text='icing').count() == 0
+
+    page.locator('.version', has_text='v1').click()  # back, and on from there: a branch
+    page.locator('.tree-row.on', has_text='v1').wait_for()
+    add(page, 'supply sensitivity')
+    page.locator('.tree-row.on', has_text='v4').wait_for()
+    rows = page.locator('.tree .version')
+    assert rows.count() == 4
+    content = yaml.safe_load((server.cases / 'dut2' / 'case.yaml').read_text('utf-8'))
+    assert [v['parent'] for v in content['versions']] == [None, 'v1', 'v2', 'v1']
+    assert content['requested'] == []
+
+    page.get_by_role('button', name='Open bags').click()
+    page.get_by_role('checkbox', name='dut2_again').click()
+    page.locator('.dialog').get_by_role('button', name='Open', exact=True).click()
+    page.get_by_role('button', name='2 runs').wait_for()
+    page.locator('.tile.bad, .tile.good').first.wait_for()
+    assert rows.count() == 4
+    page.get_by_role('button', name='2 runs').click()
+    page.get_by_role('button', name='close dut2_x').click()
+    page.get_by_role('button', name='1 run').wait_for()
+    assert rows.count() == 4
+    content = yaml.safe_load((server.cases / 'dut2' / 'case.yaml').read_text('utf-8'))
+    assert {r['run']: r['open'] for r in content['recordings']} == {
+        'dut2_again': True, 'dut2_x': False,
+    }  # fmt: skip
+    assert server.alive
+    watched.check()
+
+
+def test_two_tabs_and_two_devices_keep_out_of_each_others_way(serve, watch, small_bags):
+    server = serve(small_bags / 'dut2_x', small_bags / 'dut7_x')
+    one = watch(server.address)
+    one.page.locator('.tile.bad').first.wait_for()
+    other = watch(server.address, color_scheme='dark')
+    wait_for_verdict(one.page)
+    other.page.get_by_role('combobox', name='Device').click()
+    other.page.get_by_role('option', name='dut7').click()
+    other.page.wait_for_url('**device=dut7**')
+    wait_for_verdict(other.page)
+    assert 'device=dut2' in one.page.url
+    one.page.locator('.axis', has_text='z').click()
+    one.page.locator('.axis.on', has_text='z').wait_for()
+    add(other.page, 'temperature rate')
+    other.page.locator('.tree-row.on', has_text='v2').wait_for()
+    assert one.page.locator('.tree-row').count() == 2
+    assert sorted(p.name for p in server.cases.iterdir() if p.is_dir()) == ['dut2', 'dut7']
+
+    third = watch(other.page.url)  # a second tab of the same device sees what the first did
+    third.page.locator('.tree-row.on', has_text='v2').wait_for()
+    assert server.alive
+    for watched in (one, other, third):
+        watched.check()
+
+
+def test_a_path_that_is_not_there_is_refused_before_the_server_starts(serve, tmp_path):
+    with pytest.raises(AssertionError):
+        serve(tmp_path / 'nowhere')
+
+
+def test_a_case_that_is_served_twice_is_refused(serve, small_bags, tmp_path, capfd):
+    cases = tmp_path / 'cases'
+    server = serve(small_bags / 'dut2_x', cases=cases)
+    with pytest.raises(AssertionError):
+        serve(small_bags / 'dut2_x', cases=cases)
+    assert 'another server has these cases open' in capfd.readouterr().err
+    assert server.alive
+    assert Path(cases).exists()

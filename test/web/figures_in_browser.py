@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The figures in many hands: pointer, keyboard, finger, phone; linked, saved, read aloud."""
+
+from __future__ import annotations
+
+import csv
+import re
+from pathlib import Path
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+
+from .conftest import ROOT
+
+TIME = 'document.querySelector(\'[data-plot="error_over_time"]\')'
+DRAWN = f'{TIME}?._fullLayout?.xaxis?.range[1] > 30'
+FITS = """[...document.querySelectorAll('.js-plotly-plot')].every(plot =>
+  plot._fullLayout && Math.abs(plot._fullLayout.width - plot.clientWidth) < 2
+  && plot.clientWidth > 0.4 * (plot.closest('.card').clientWidth - 28))"""
+SERIOUS = ('serious', 'critical')
+SIGNED_CARDS = ('SVG', 'PNG', 'CSV')
+
+
+def drag(page, first: float, last: float) -> None:
+    """Brush a part of the time, given as shares of the figure's width."""
+    box = page.locator('[data-plot="error_over_time"] .nsewdrag').first.bounding_box()
+    middle = box['y'] + box['height'] / 2
+    page.mouse.move(box['x'] + first * box['width'], middle)
+    page.mouse.down()
+    page.mouse.move(box['x'] + last * box['width'], middle, steps=4)
+    page.mouse.up()
+
+
+def test_a_brushed_time_filters_all_figures_and_survives_the_theme(serve, watch):
+    server = serve(*(ROOT / 'bags' / f'dut1_{axis}' for axis in 'xyz'))
+    watched = watch(server.address)
+    page = watched.page
+    page.locator('.place').first.wait_for()
+    page.wait_for_function(DRAWN)
+    points = """document.querySelector('[data-plot="residual_by_rate"]').data[0].x.length"""
+    all_points = page.evaluate(points)
+    drag(page, 0.2, 0.25)
+    page.wait_for_url('**window=**')
+    span = f'(r => r[1] - r[0])({TIME}._fullLayout.xaxis.range)'
+    page.wait_for_function(f'{span} < 5')
+    inside = '(p => p.data[0].x.filter(v => v >= p._fullLayout.xaxis.range[0] && '
+    inside += f'v <= p._fullLayout.xaxis.range[1]).length)({TIME})'
+    page.wait_for_function(f'{inside} > 1000')  # the samples are back
+    page.wait_for_function(f'{points} < {all_points}')
+    zoomed = page.evaluate(span)
+    page.get_by_role('button', name='switch between light and dark').click()
+    page.locator('body.body--dark').wait_for()
+    other = page.locator('.axis:not(.on)').first
+    axis = other.inner_text()[0]
+    other.click()
+    page.locator('.ytitle', has_text=f'error {axis}').wait_for()
+    assert page.evaluate(span) == pytest.approx(zoomed, rel=1e-3)
+    assert page.evaluate(inside) > 1000
+    page.get_by_role('button', name='Show everything').click()
+    page.wait_for_function(DRAWN)
+    watched.check()
+
+
+def test_one_cursor_goes_through_all_figures(hidden_effect_server, watch):
+    watched = watch(hidden_effect_server.address, 1440, 1000)
+    page = watched.page
+    page.locator('.place').first.wait_for()
+    page.wait_for_function(DRAWN)
+    page.locator('[data-plot="residual_by_temperature"] .scatterlayer').first.wait_for(
+        state='attached'
+    )
+    box = page.locator('[data-plot="error_over_time"] .nsewdrag').first.bounding_box()
+    page.mouse.move(box['x'] + 0.3 * box['width'], box['y'] + 60)
+    page.mouse.move(box['x'] + 0.31 * box['width'], box['y'] + 62)
+    marked = """name => {
+      const plot = document.querySelector(`[data-plot="${name}"]`);
+      return plot.data.find(t => t.name === 'cursor').x[0];
+    }"""
+    for name in ('error_over_time', 'residual_by_temperature', 'residual_by_rate'):
+        page.wait_for_function(f'({marked})("{name}") !== null')
+    temperature = page.evaluate(marked, 'residual_by_temperature')
+    rows = page.evaluate(f'{TIME}.layout.meta')
+    hour = page.evaluate(marked, 'error_over_time')
+    nearest = min(range(len(rows['hours'])), key=lambda i: abs(rows['hours'][i] - hour))
+    assert rows['temperature'][nearest] == pytest.approx(temperature, abs=0.5)
+    page.locator('.cells button.under').wait_for(state='attached')
+    watched.check()
+
+
+def test_figures_are_saved_under_names_that_say_what_they_show(hidden_effect_server, watch):
+    watched = watch(hidden_effect_server.address + '?sensor=accelerometer&axis=z')
+    page = watched.page
+    page.locator('.place').first.wait_for()
+    page.locator('[data-plot="residual_by_rate"] .scatterlayer').first.wait_for(state='attached')
+    card = page.locator('.card', has=page.locator('[data-plot="residual_by_rate"]')).last
+    files = {}
+    for format_ in SIGNED_CARDS:
+        with page.expect_download() as saving:
+            card.get_by_role('button', name=re.compile(f'as {format_}$')).click()
+        files[format_] = saving.value
+    stem = re.compile(r'dut2_v\d+_accelerometer_z_residual_by_rate\.(svg|png|csv)')
+    assert all(stem.fullmatch(file.suggested_filename) for file in files.values())
+    assert Path(files['SVG'].path()).read_bytes().startswith(b'<svg')
+    assert Path(files['PNG'].path()).read_bytes().startswith(b'\x89PNG')
+    with Path(files['CSV'].path()).open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) > 100
+    assert rows[0]['y is'] == 'residual [m/s²]'
+    watched.check()
+
+
+def test_a_phone_scrolls_down_only_and_a_keyboard_reaches_everything(hidden_effect_server, watch):
+    watched = watch(hidden_effect_server.address, 390, 844)
+    page = watched.page
+    page.locator('.place').first.wait_for()
+    assert page.evaluate('document.documentElement.scrollWidth') <= 390
+    page.get_by_role('button', name='Live', exact=True).click()
+    page.locator('.live').wait_for()
+    assert page.evaluate('document.documentElement.scrollWidth') <= 390
+    page.get_by_role('button', name='Case', exact=True).focus()
+    page.keyboard.press('Enter')
+    page.locator('.place').first.wait_for()
+    seen = set()
+    for _ in range(80):
+        page.keyboard.press('Tab')
+        seen.add(page.evaluate("document.activeElement.className.split(' ')[0]"))
+        if page.evaluate("document.activeElement.matches('.place')"):
+            break
+    assert {'tile', 'axis', 'place'} <= seen
+    page.keyboard.press('Enter')
+    page.locator('.place.on').wait_for()
+    watched.check()
+
+
+def test_the_map_is_walked_with_arrow_keys_and_enter_goes_there(hidden_effect_server, watch):
+    watched = watch(hidden_effect_server.address + '?version=v1&sensor=accelerometer&axis=z')
+    page = watched.page
+    page.locator('.cells button').first.wait_for()
+    page.locator('.place').first.wait_for()
+    page.locator('.cells button[tabindex="0"]').focus()
+    focused = page.locator('.cells button:focus')
+    assert 'ramp up' in focused.get_attribute('aria-label')
+    for key in ('Home', 'ArrowRight', 'ArrowDown', 'ArrowDown', 'ArrowDown'):
+        page.keyboard.press(key)
+    assert focused.get_attribute('aria-label').startswith('dut2_x, final: ')
+    page.keyboard.press('End')
+    assert focused.get_attribute('aria-label').startswith('dut2_z, final: ')
+    for key in ('ArrowDown', 'ArrowUp'):  # nothing below: the focus stays where it is
+        page.keyboard.press(key)
+    assert focused.get_attribute('aria-label').startswith('dut2_z, dwell at ambient, cycle 1: ')
+    cell, plot = focused.bounding_box(), page.locator('.map .js-plotly-plot').bounding_box()
+    assert plot['x'] < cell['x'] < plot['x'] + plot['width']
+    label = focused.get_attribute('aria-label').partition(':')[0]
+    page.keyboard.press('Enter')
+    page.locator('.legendtext', has_text=label).first.wait_for()
+    page.locator('.cells button:focus[aria-selected=true]').wait_for()
+    watched.check()
+
+
+def test_figures_follow_a_window_that_changes_its_width(hidden_effect_server, watch):
+    watched = watch(hidden_effect_server.address, 390, 844)
+    page = watched.page
+    page.locator('.place').first.wait_for()
+    numbers = page.locator('.map .js-plotly-plot .heatmap-label')
+    page.locator('.map .js-plotly-plot .heatmaplayer image').wait_for()
+    assert numbers.count() == 0
+    page.set_viewport_size({'width': 844, 'height': 390})
+    numbers.first.wait_for(state='attached')
+    page.wait_for_function(FITS)
+    page.set_viewport_size({'width': 390, 'height': 844})
+    page.wait_for_function(FITS)
+    numbers.first.wait_for(state='detached')
+    watched.check()
+
+
+def test_a_finger_scrolls_over_figures_and_taps_a_cell(hidden_effect_server, watch):
+    address = hidden_effect_server.address + '?version=v1&sensor=accelerometer&axis=z'
+    watched = watch(address, 820, 1180, has_touch=True, is_mobile=True)
+    page = watched.page
+    cell = page.locator('.cells button[aria-label^="dut2_z, cold dwell, cycle 3"]')
+    cell.tap()
+    page.locator('.legendtext', has_text='dut2_z, cold dwell, cycle 3').first.wait_for()
+    page.wait_for_function(
+        "[...document.querySelectorAll('.js-plotly-plot')].every(p => !p._fullLayout.dragmode)"
+    )
+    page.locator('.modebar-btn[data-title="Zoom in"]').first.wait_for()
+    watched.check()
+
+
+@pytest.mark.parametrize('scheme', ['light', 'dark'])
+def test_nothing_serious_stands_in_anybodys_way(hidden_effect_server, watch, scheme):
+    watched = watch(hidden_effect_server.address, color_scheme=scheme)
+    page = watched.page
+    page.locator('.place').first.wait_for()
+    page.locator('.verdict:not(.waiting) .sentence').wait_for()
+    found = serious(page)
+    page.get_by_role('button', name='Open bags').click()
+    page.get_by_role('checkbox').first.wait_for()
+    found += serious(page, '.q-dialog')
+    assert found == []
+    watched.check()
+
+
+def serious(page, part: str = 'body') -> list[str]:
+    """What axe finds serious in a part of the page as it is."""
+    rules = {'runOnly': ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa']}
+    results = Axe().run(page, context=part, options=rules)
+    return [
+        f'{violation["id"]}: {node["target"]} {node["failureSummary"]}'
+        for violation in results.response['violations']
+        if violation['impact'] in SERIOUS
+        for node in violation['nodes']
+    ]
