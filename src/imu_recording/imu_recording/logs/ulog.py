@@ -164,7 +164,7 @@ def _opened(path: Path, *, header_only: bool) -> tuple[Any, str]:
             if damaged and self._furthest is not None:
                 following = self._file_handle.tell() - 2 - header.msg_size
                 if following <= self._furthest:
-                    raise ValueError(following)  # pyulog ends the definitions here
+                    raise IndexError(following)  # pyulog ends the definitions here
                 self._furthest = following
             return damaged
 

@@ -10,6 +10,8 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
 
+LEAST_FIELD = 1e-5
+"""Earth's field is 22 to 67 µT, less in a chamber of steel; one much weaker is none [T]."""
 LARGEST_MISFIT = 0.2
 """Share of the field that one field and one offset may leave, rms: fixtures turn by right angles
 to some degrees, and iron near by bends the field by as much."""
@@ -32,6 +34,8 @@ def hard_iron_of(runs: Sequence[Conditions]) -> FloatArray | None:
         return None
     answer, _, rank, _ = np.linalg.lstsq(design, target, rcond=1e-6)
     misfit = float(np.sqrt(np.mean((target - design @ answer) ** 2)))
-    if rank < design.shape[1] - 1 or misfit > LARGEST_MISFIT * np.linalg.norm(answer[:3]):
+    field = float(np.linalg.norm(answer[:3]))
+    told = rank >= design.shape[1] - 1 and field > LEAST_FIELD
+    if not told or misfit > LARGEST_MISFIT * field:
         return None
     return np.asarray(answer[3:])

@@ -40,12 +40,14 @@ SCALE_SPAN = 10.0
 """Change of the surroundings from which that ratio is judged [K]."""
 SCALE_FIT = 0.8
 """Least share of the die's variance that follows the surroundings."""
-LAGS_S = (0.0, 60.0, 200.0, 600.0, 1800.0, 5400.0)
+LAGS_S = (0.0, *np.geomspace(30.0, 1800.0, 24).tolist())
 """The die follows with one of these time constants, or one near [s] …"""
-WARMING_S = (60.0, 300.0, 1200.0)
+WARMING_S = (60.0, 300.0)
 """… and warms by itself after power-on with these."""
 SCALE_MISFIT = 4.0
-"""A scale is wrong where every one that may be leaves so many times the variance."""
+"""A scale is wrong where every one that may be leaves so many times the variance …"""
+SCALE_LEFT = 0.04
+"""… and this share of the die's scatter: the die is no single node."""
 CLOCK_STEPS_NS = (1_000_000_000, 100_000_000, 10_000_000, 1_000_000)
 """Resolutions of a clock that are looked for [ns]."""
 CLOCK_SHARE = 0.2
@@ -199,22 +201,25 @@ def _scale_that_cannot_be(around: FloatArray, die: FloatArray, time: FloatArray)
 
     The die follows with some lag, its own warmth after power-on beside it.
     """
-    period = float(np.median(np.diff(time)))
-    warming = [np.exp(-(time - time[0]) / seconds) for seconds in WARMING_S]
-    beside = orthonormal(np.stack([np.ones(len(time)), *warming], axis=1))
-    moved = project_out(beside, die[:, None])[:, 0]
+    period, since = float(np.median(np.diff(time))), time - time[0]
+    warming = [np.exp(-since / seconds) for seconds in WARMING_S]
     free, possible = [], []
     for lag in LAGS_S:
-        followed = project_out(beside, _lagged(around, period, lag)[:, None])[:, 0]
+        start = np.exp(-since / max(lag, period))  # the die may not start where its air does
+        beside = orthonormal(np.stack([np.ones(len(time)), start, *warming], axis=1))
+        both = np.stack([die, _lagged(around, period, lag)], axis=1)
+        moved, followed = project_out(beside, both).T
         power = max(float(followed @ followed), 1e-12)
         ratio = float(followed @ moved) / power
         near = float(np.clip(ratio, *SCALE))
         left = float(moved @ moved) - ratio**2 * power
         free.append((left, ratio))
         possible.append(left + (ratio - near) ** 2 * power)
-    least, ratio = min(free)
-    follows = least < (1.0 - SCALE_FIT) * float(((die - die.mean()) ** 2).sum())
-    return ratio if follows and min(possible) > SCALE_MISFIT * least else 0.0
+    (least, ratio), best = min(free), min(possible)
+    scatter = float(((die - die.mean()) ** 2).sum())
+    follows = least < (1.0 - SCALE_FIT) * scatter
+    cannot_be = best > max(SCALE_MISFIT * least, SCALE_LEFT**2 * scatter)
+    return ratio if follows and cannot_be else 0.0
 
 
 def _clock(recording: ImuRecording) -> Iterator[InstrumentFault]:

@@ -30,8 +30,8 @@ from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.estimation import fit_noise
 from thermal_comp.noise.of_runs import independent_axes, noise_beside, turned_runs
 
-BELIEVED = 0.8
-"""Probability that something is missing from which it is said: a false word costs four missed."""
+BELIEVED = 0.85
+"""Probability that something is missing from which it is said: a false word costs six missed."""
 DISPENSABLE = 0.5
 """Odds from which a set that does with one effect less is said in place of the likeliest."""
 SURE_OF_NOTHING = 0.95
@@ -286,6 +286,8 @@ def coupled_support(effect: Effect, searched: Sequence[SensorAnswer]) -> float:
     One set of coefficients, fitted to all sensors beside what else was named, explains less than
     the first alone would like where the others do not feel it: a scale factor that is equal on
     all axes is a tilt to the accelerometer in three orientations, but not to the magnetometer.
+    The prior of the coefficients is as wide as in the first sensor: what it does not tell, the
+    others have to pay for.
     """
     equations = []
     for answer in searched:
@@ -294,9 +296,11 @@ def coupled_support(effect: Effect, searched: Sequence[SensorAnswer]) -> float:
             term for component in _beside_coupled(effect, answer) for term in component.form.terms
         ]
         equations.append(design.shared_equations(known, design.term(effect)))
+    deviation = _coefficient_deviation(effect, searched[0])
     alone = _explained_by(*equations[0])
     normals, rights = zip(*equations, strict=True)
-    support = _explained_by(np.sum(normals, axis=0), np.sum(rights, axis=0)) - alone
+    support = _speaks_for(np.sum(normals, axis=0), np.sum(rights, axis=0), deviation)
+    support -= _speaks_for(*equations[0], deviation)
     support -= 2.0 * sum(_earned_by_kin(effect, answer) for answer in searched[1:])
     return support if support > -max(REFUTING_CHI2, REFUTING_SHARE * alone) else -np.inf
 
@@ -318,6 +322,20 @@ def _beside_coupled(effect: Effect, answer: SensorAnswer) -> list[Component]:
     if with_it is not None:
         return [c for c in with_it.components if c.name != effect.name]
     return [c for c in answer.likeliest.components if not c.form.effect.is_kin_of(effect)]
+
+
+def _coefficient_deviation(effect: Effect, answer: SensorAnswer) -> float:
+    """Return the prior standard deviation of an effect's coefficients, in their own unit."""
+    found = (c for s in answer.sets for c in s.components if c.name == effect.name)
+    size = answer.hypotheses.design.size_of(answer.hypotheses.design.term(effect))
+    return next(found).amplitude / float(size.max())
+
+
+def _speaks_for(normal: FloatArray, right: FloatArray, deviation: float) -> float:
+    """Return 2 ln of what equations (p, p) and (p,) say for coefficients of a prior width."""
+    inner = np.eye(len(right)) + deviation**2 * normal
+    gain = deviation**2 * right @ np.linalg.solve(inner, right)
+    return float(gain - np.linalg.slogdet(inner)[1])
 
 
 def _explained_by(normal: FloatArray, right: FloatArray) -> float:
