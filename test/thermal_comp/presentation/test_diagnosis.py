@@ -3,7 +3,7 @@
 
 import pytest
 from thermal_comp.diagnosis.result import Diagnosis, Finding
-from thermal_comp.presentation.diagnosis import diagnosis_text
+from thermal_comp.presentation.diagnosis import diagnosis_text, prediction_lines
 
 
 @pytest.mark.parametrize(
@@ -44,3 +44,11 @@ def test_first_line_and_last_say_what_is_wrong_and_what_to_do(
     lines = diagnosis_text(Diagnosis('dut1', (finding,), {}, {}, (), ()).to_dict()).splitlines()
     assert lines[0].endswith(summary)
     assert next_step in lines[-1]
+
+
+def test_what_would_not_lower_the_error_is_not_offered_as_if_it_did() -> None:
+    one = {'terms': ['bias_step'], 'empirical': True, 'noise_floor': 1e-4, 'error_before': 5e-4}
+    (worse,) = prediction_lines({'gyroscope': {**one, 'error_after': 6e-4}})
+    assert 'bias_step, what comes closest, would not lower' in worse
+    (better,) = prediction_lines({'gyroscope': {**one, 'error_after': 4e-4}})
+    assert 'add bias_step would bring' in better

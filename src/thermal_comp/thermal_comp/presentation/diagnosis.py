@@ -82,10 +82,11 @@ def prediction_lines(prediction: Mapping[str, Any]) -> list[str]:
         before, after, floor = (
             shown(one[key] * unit.factor) for key in ('error_before', 'error_after', 'noise_floor')
         )
-        lines.append(
-            f'  {sensor}: add {", ".join(one["terms"])} would bring held-out error {before} → '
-            f'{after} {unit.unit}, noise floor {floor}; cause undecided'
-        )
+        terms = ', '.join(one['terms'])
+        text = f'add {terms} would bring held-out error {before} → {after}'
+        if one['error_after'] >= one['error_before']:
+            text = f'{terms}, what comes closest, would not lower the held-out error {before}'
+        lines.append(f'  {sensor}: {text} {unit.unit}, noise floor {floor}; cause undecided')
     return lines
 
 
