@@ -37,7 +37,8 @@ def test_a_brushed_time_filters_all_figures_and_survives_the_theme(serve, watch)
     page = watched.page
     page.locator('.place').first.wait_for()
     page.wait_for_function(DRAWN)
-    points = """document.querySelector('[data-plot="residual_by_rate"]').data[0].x.length"""
+    points = """document.querySelector('[data-plot="residual_by_rate"]')?.data?.[0]?.x.length"""
+    page.wait_for_function(f'{points} > 0')
     all_points = page.evaluate(points)
     drag(page, 0.2, 0.25)
     page.wait_for_url('**window=**')

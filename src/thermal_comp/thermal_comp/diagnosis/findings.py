@@ -12,6 +12,7 @@ from imu_recording.recording import SENSOR_UNITS
 from thermal_comp.comparison.compare import Comparison
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.quality import QualityFinding
+from thermal_comp.diagnosis.detection_limit import smallest_found
 from thermal_comp.diagnosis.hypotheses import NOT_IN_CATALOGUE, UNLOGGED
 from thermal_comp.diagnosis.inputs import ClockFinding
 from thermal_comp.diagnosis.noise_level import (
@@ -256,6 +257,9 @@ def sensor_state(
         tuple(
             {**w.group, 'ratio': float(w.ratio)} for w in where or compared.where[:LISTED_WHERE]
         ),
+        smallest_found(answer.hypotheses, answer.needed_evidence)
+        if answer.kind == 'complete'
+        else {},
     )
 
 

@@ -134,6 +134,8 @@ class SensorState:
     noise_floor: tuple[float, ...]
     unit: str
     where: tuple[Mapping[str, Any], ...] = ()
+    smallest_found: Mapping[str, float] = field(default_factory=dict)
+    """By effect the rms of its error that would have been found, about, where none is missing."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""
@@ -144,6 +146,7 @@ class SensorState:
             'held_out_rms': list(self.held_out_rms),
             'noise_floor': list(self.noise_floor),
             'where': [dict(where) for where in self.where],
+            'smallest_found': dict(self.smallest_found),
         }
 
 

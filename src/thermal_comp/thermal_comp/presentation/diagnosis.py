@@ -43,6 +43,8 @@ def diagnosis_text(content: Mapping[str, Any]) -> str:
             f'  {sensor:<14} {state["verdict"]:<12} held out {error} {unit.unit}, '
             f'noise floor {floor}'
         )
+        if state.get('smallest_found'):
+            lines.append(f'    would have been found: {_range_found(sensor, state)}')
         if state['where'] and state['verdict'] not in {'complete', 'noise_above_reference'}:
             lines.append(f'    worst: {"; ".join(_place(where) for where in state["where"][:3])}')
     lines += undecided_lines(content.get('undecided', ()))
@@ -88,6 +90,25 @@ def prediction_lines(prediction: Mapping[str, Any]) -> list[str]:
             text = f'{terms}, what comes closest, would not lower the held-out error {before}'
         lines.append(f'  {sensor}: {text} {unit.unit}, noise floor {floor}; cause undecided')
     return lines
+
+
+def _range_found(sensor: str, state: Mapping[str, Any]) -> str:
+    """Return the effects most and least easily found, rms."""
+    unit = DISPLAY_UNITS[sensor]
+    by_size = sorted(state['smallest_found'].items(), key=lambda item: item[1])
+    ends = ' … '.join(
+        f'{name} from {shown(rms * unit.factor, 2)}'
+        for name, rms in by_size[:: max(len(by_size) - 1, 1)]
+    )
+    return f'{ends} {unit.unit} rms'
+
+
+def smallest_found_text(sensor: str, state: Mapping[str, Any]) -> str:
+    """Return the smallest effects that would have been found, rms, most easily found first."""
+    unit = DISPLAY_UNITS[sensor]
+    by_size = sorted(state['smallest_found'].items(), key=lambda item: item[1])
+    named = (f'{name} {shown(rms * unit.factor, 2)}' for name, rms in by_size)
+    return f'{", ".join(named)} {unit.unit} rms'
 
 
 def explanation_lines(explanations: Sequence[Mapping[str, Any]]) -> list[str]:

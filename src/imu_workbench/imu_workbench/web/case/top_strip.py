@@ -94,14 +94,12 @@ class TopStrip:
             if found is None or session.version is None or session.work is None:
                 ui.label(self._waiting()).classes('sentence')
                 return
-            candidates = {
-                sensor: session.work.candidates(session.version_name, sensor)
-                for sensor in session.sensors()
-            }
             ui.label(verdict_sentence(found, session.version)).classes('sentence')
-            detail = what_would_be_found(found, session.version, candidates)
-            if detail:
-                ui.label(detail).classes('soft')
+            smallest = what_would_be_found(found)
+            if smallest:
+                ui.label('Would have been found from here on, rms:').classes('soft')
+            for line in smallest:
+                ui.label(line).classes('soft')
             words = f'{word("noise")} · {word("held out")} · {word("evidence")}'
             ui.html(f'<span class="soft">What is meant by {words}</span>', sanitize=False)
 

@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from thermal_comp.presentation.diagnosis import DEFECTS, TOPICS
-from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
+from thermal_comp.presentation.diagnosis import DEFECTS, TOPICS, smallest_found_text
+from thermal_comp.presentation.display import SENSORS
 
-from imu_workbench.web.case.candidates import Candidate
 from imu_workbench.web.case.version import Version, parameter_text
 from imu_workbench.web.case.view import PHASE_LABELS
 
@@ -116,23 +115,15 @@ def _effect(finding: Mapping[str, Any]) -> str:
     return ', '.join(parts) + (',' if len(parts) > 1 else '')
 
 
-def what_would_be_found(
-    found: Mapping[str, Any], version: Version, candidates: Mapping[str, Sequence[Candidate]]
-) -> str:
-    """Return how small an effect would have been found where none is missing; '' elsewhere."""
+def what_would_be_found(found: Mapping[str, Any]) -> list[str]:
+    """Return a line per sensor: how small an effect would be found; [] where one is missing."""
     if _physical(found):
-        return ''
-    sensors = [s for s in SENSORS if s in version.comparison['sensors']]
-    floors = ', '.join(
-        f'{sensor} {shown(version.floor(sensor) * DISPLAY_UNITS[sensor].factor)} '
-        f'{DISPLAY_UNITS[sensor].unit}'
-        for sensor in sensors
-    )
-    tried = max((len(candidates.get(sensor, ())) for sensor in sensors), default=0)
-    return (
-        f'Any of the {tried} effects that were asked would have been found from about the noise '
-        f'floor on: {floors}.'
-    )
+        return []
+    return [
+        f'{sensor.capitalize()}: {_spaced(smallest_found_text(sensor, found["sensors"][sensor]))}'
+        for sensor in SENSORS
+        if found['sensors'].get(sensor, {}).get('smallest_found')
+    ]
 
 
 def _physical(found: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How small an effect of each kind may be and still be found in these recordings."""
+
+from __future__ import annotations
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.diagnosis import priors
+from thermal_comp.diagnosis.candidates import Form
+from thermal_comp.diagnosis.hypotheses import SensorHypotheses
+from thermal_comp.linear.columns import per_axis
+from thermal_comp.linear.gaussian_evidence import ConditionedDesign
+
+LEAST_LEFT = 1e-3
+"""Share of a column beside base model and nuisances from which these runs excite it."""
+ROUNDS = 30
+"""Rounds of the fixed point for the Δχ² that is needed; it contracts by 2 and more in each."""
+
+
+def smallest_found(hypotheses: SensorHypotheses, needed: float) -> dict[str, float]:
+    """Return by effect the rms of its error, over runs and axes [SI unit], that is found.
+
+    `needed` is 2 ln of the Bayes factor from which it is said that something is missing. An
+    effect of p coefficients that explains g = Δχ² beside base model and nuisances has, at the
+    amplitude that fits best, about
+
+        2 ln K = g − p ln(1 + g / p) − 2 ln(forms · amplitudes)
+
+    (Laplace's approximation of its evidence). The answer is the median over its forms; one whose
+    column these runs do not excite beside the base model is left out.
+    """
+    state = hypotheses.conditioned(())
+    found = {}
+    for family in hypotheses.families:
+        count = len(family.forms) * len(priors.AMPLITUDES)
+        enough = needed + 2.0 * float(np.log(count))
+        each = [_rms(hypotheses, state, form, enough) for form in family.forms]
+        known = [rms for rms in each if np.isfinite(rms)]
+        if known:
+            found[family.name] = float(np.median(known))
+    return found
+
+
+def _rms(
+    hypotheses: SensorHypotheses, state: ConditionedDesign, form: Form, needed: float
+) -> float:
+    """Return the rms of a form's first column where its coefficients explain enough."""
+    term = form.terms[0]
+    design = hypotheses.design
+    # Of an effect of several terms, as a play with several widths, the first stands for all.
+    column = int(term.columns[0])
+    left = state.power([column])
+    size = float(design.size_of(term)[0]) * float(np.sqrt(left))
+    if left < LEAST_LEFT or size <= 0.0:
+        return np.inf
+    coefficients = sum(len(t.columns) for t in form.terms) * (1 if term.shared else 3)
+    return float(np.sqrt(_needed_gain(needed, coefficients))) / size * _size_of(hypotheses, form)
+
+
+def _needed_gain(needed: float, coefficients: int) -> float:
+    """Return g with g − p ln(1 + g / p) = needed."""
+    gain = needed
+    for _ in range(ROUNDS):
+        gain = needed + coefficients * float(np.log1p(gain / coefficients))
+    return gain
+
+
+def _size_of(hypotheses: SensorHypotheses, form: Form) -> float:
+    """Return the rms over runs and axes that one unit of the first coefficient makes."""
+    design = hypotheses.design
+    first = form.effect.parts()[0]
+    runs = design.source.columns(first, design.sensor)
+    only = form.run if form.run is not None else (0 if first.per_run else None)
+    chosen = range(len(runs)) if only is None else [only]
+    parts: list[FloatArray] = []
+    for number in chosen:
+        columns, _ = per_axis(runs[number][design.valid[number]])
+        parts.append(columns[..., 0] - columns[..., 0].mean(axis=0))
+    rows = sum(int(valid.sum()) for valid in design.valid)
+    return float(np.sqrt(sum(float((part**2).sum()) for part in parts) / (3.0 * rows)))
