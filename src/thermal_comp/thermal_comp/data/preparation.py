@@ -158,10 +158,10 @@ def prepare(
         )
         for number, recording in enumerate(recordings, 1)
     ]
-    return in_one_place(in_common_blocks(runs) if period is None else runs)
+    return with_hard_iron(in_common_blocks(runs) if period is None else runs)
 
 
-def in_one_place(runs: Sequence[PreparedRun]) -> list[PreparedRun]:
+def with_hard_iron(runs: Sequence[PreparedRun]) -> list[PreparedRun]:
     """Return runs of one device in one field, with what they tell together of its hard iron."""
     offset = hard_iron_of([run.conditions for run in runs])
     if offset is None:

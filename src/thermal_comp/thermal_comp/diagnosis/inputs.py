@@ -13,9 +13,9 @@ from imu_recording.recording import FloatArray, ImuRecording
 from thermal_comp.data.preparation import (
     PreparedRun,
     in_common_blocks,
-    in_one_place,
     prepare_run,
     run_name,
+    with_hard_iron,
 )
 from thermal_comp.data.quality import (
     QualityFinding,
@@ -82,7 +82,7 @@ def prepare_inputs(
         findings.append(replace(finding, rows=len(runs[number].conditions)))
         runs[number] = _without(runs[number], finding)
     return DiagnosisInputs(
-        in_one_place(runs), merged(findings), slope_of_windows(windows), all(known)
+        with_hard_iron(runs), merged(findings), slope_of_windows(windows), all(known)
     )
 
 

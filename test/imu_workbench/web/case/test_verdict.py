@@ -46,6 +46,16 @@ def test_the_verdict_says_where_it_fails_by_how_much_and_why(fitted, found):
     assert float(said[2]) == pytest.approx(finding['value'], abs=0.01)
 
 
+def test_the_sensor_furthest_above_its_noise_comes_first_as_the_plots_do(fitted, found):
+    both = deepcopy(found['diagnosis'])
+    near = both['findings'][0] | {'sensor': 'gyroscope', 'evidence': 1e9}
+    both['findings'].insert(0, near)
+    sentence = verdict_sentence(both, fitted.line)
+    assert sentence.startswith('Accelerometer fails in ramps')
+    assert sentence.endswith('The gyroscope lacks something, too.')
+    assert next_action(both, KNOWN, KNOWN).sensors == ('accelerometer',)
+
+
 def test_rivals_lead_to_the_experiment_that_decides(fitted, found):
     rivals = changed(found, ambiguous_with=['thermal_gradient'])
     assert 'cannot tell which' in verdict_sentence(rivals, fitted.line)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -127,7 +128,21 @@ def what_would_be_found(found: Mapping[str, Any]) -> list[str]:
 
 
 def _physical(found: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    return [f for f in found['findings'] if f['kind'] not in {'data_quality', 'noise'}]
+    """Return what is missing, the sensor furthest above its noise first."""
+    missing = [f for f in found['findings'] if f['kind'] not in {'data_quality', 'noise'}]
+    return sorted(missing, key=lambda finding: _ratio(finding['sensor'], found), reverse=True)
+
+
+def _ratio(sensor: str, found: Mapping[str, Any]) -> float:
+    """Return the error over the noise floor, of several sensors ('a+b') the largest."""
+    rows = [found['sensors'].get(name, {}) for name in sensor.split('+')]
+    sizes = [(_size(row.get('held_out_rms')), _size(row.get('noise_floor'))) for row in rows]
+    return max((error / floor for error, floor in sizes if floor > 0.0), default=0.0)
+
+
+def _size(values: Sequence[float | None] | None) -> float:
+    """Return the root of the sum of squares of what is known."""
+    return math.hypot(*(v for v in values or () if v is not None and math.isfinite(v)))
 
 
 def data_alerts(found: Mapping[str, Any] | None, notes: Sequence[str]) -> list[str]:
