@@ -64,8 +64,11 @@ def test_a_step_between_the_times_tried_is_found_where_it_is() -> None:
     assert found.parameters['step_time']['value'] == pytest.approx([19_730.0], abs=60.0)
 
 
-def turned(rate: float, *, field_too: bool) -> list[ImuRecording]:
-    """Return runs on a bracket that turns about two chamber axes by rate [rad/K] of heat each."""
+def turned(rate: float, *, field_too: bool, magnet: float = 0.0) -> list[ImuRecording]:
+    """Return runs on a bracket that turns about two chamber axes by rate [rad/K] of heat each.
+
+    `magnet`: a field that stands in the chamber grows by this [T/K], across and along its own.
+    """
     warmth = chamber()[1] - 20.0
     recordings = []
     for k, up in enumerate(UP):
@@ -74,7 +77,8 @@ def turned(rate: float, *, field_too: bool) -> list[ImuRecording]:
         gravity, field = pose @ np.array([0.0, 0.0, GRAVITY]), pose @ FIELD
         error = {'linear_acceleration': rate * np.multiply.outer(warmth, np.cross(turn, gravity))}
         if field_too:
-            error['magnetic_field'] = rate * np.multiply.outer(warmth, np.cross(turn, field))
+            change = rate * np.cross(turn, field) + magnet * pose @ np.array([0.6, -0.5, -0.6])
+            error['magnetic_field'] = np.multiply.outer(warmth, change)
         recordings.append(run(up, seed=k, error=error))
     return recordings
 
@@ -85,3 +89,10 @@ def test_the_magnetometer_tells_a_tilt_from_a_scale_factor() -> None:
     (scale,) = findings(turned(1e-4, field_too=False), TURNS)
     assert (scale.name, scale.sensor) == ('scale_factor_temperature', 'accelerometer')
     assert scale.ambiguous_with == ()
+
+
+def test_a_tilt_keeps_its_name_beside_a_field_that_grows_in_the_chamber() -> None:
+    names = (*TURNS, 'fixture_hard_iron')
+    found = findings(turned(1e-4, field_too=True, magnet=3e-8), names)
+    assert ('fixture_tilt', 'accelerometer+magnetometer') in {(f.name, f.sensor) for f in found}
+    assert 'misalignment_temperature' not in {f.name for f in found}

@@ -287,22 +287,35 @@ def coupled_support(effect: Effect, searched: Sequence[SensorAnswer]) -> float:
     the first alone would like where the others do not feel it: a scale factor that is equal on
     all axes is a tilt to the accelerometer in three orientations, but not to the magnetometer.
     The prior of the coefficients is as wide as in the first sensor: what it does not tell, the
-    others have to pay for.
+    others have to pay for. It stands in the place of what is kindred to it in the others, or
+    beside that: a field of the chamber that turns with the device hides how a tilt turns it.
     """
-    equations = []
-    for answer in searched:
-        design = answer.hypotheses.design
-        known = [
-            term for component in _beside_coupled(effect, answer) for term in component.form.terms
-        ]
-        equations.append(design.shared_equations(known, design.term(effect)))
     deviation = _coefficient_deviation(effect, searched[0])
-    alone = _explained_by(*equations[0])
-    normals, rights = zip(*equations, strict=True)
-    support = _speaks_for(np.sum(normals, axis=0), np.sum(rights, axis=0), deviation)
-    support -= _speaks_for(*equations[0], deviation)
-    support -= 2.0 * sum(_earned_by_kin(effect, answer) for answer in searched[1:])
-    return support if support > -max(REFUTING_CHI2, REFUTING_SHARE * alone) else -np.inf
+    first = _equations_of(effect, searched[0], _beside_coupled(effect, searched[0]))
+    alone = _explained_by(*first)
+    supports = []
+    for beside_kin in (False, True):
+        others = [
+            _equations_of(effect, answer, _beside_coupled(effect, answer, with_kin=beside_kin))
+            for answer in searched[1:]
+        ]
+        normals, rights = zip(first, *others, strict=True)
+        support = _speaks_for(np.sum(normals, axis=0), np.sum(rights, axis=0), deviation)
+        support -= _speaks_for(*first, deviation)
+        if not beside_kin:
+            support -= 2.0 * sum(_earned_by_kin(effect, answer) for answer in searched[1:])
+        supports.append(support)
+    best = max(supports)
+    return best if best > -max(REFUTING_CHI2, REFUTING_SHARE * alone) else -np.inf
+
+
+def _equations_of(
+    effect: Effect, answer: SensorAnswer, known: Sequence[Component]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the equations of a coupled effect's coefficients in a sensor beside known ones."""
+    design = answer.hypotheses.design
+    terms = [term for component in known for term in component.form.terms]
+    return design.shared_equations(terms, design.term(effect))
 
 
 def _earned_by_kin(effect: Effect, answer: SensorAnswer) -> float:
@@ -316,12 +329,15 @@ def _earned_by_kin(effect: Effect, answer: SensorAnswer) -> float:
     return best - max(without)
 
 
-def _beside_coupled(effect: Effect, answer: SensorAnswer) -> list[Component]:
-    """Return what stands beside a coupled effect in a sensor: not what it would replace."""
+def _beside_coupled(
+    effect: Effect, answer: SensorAnswer, *, with_kin: bool = False
+) -> list[Component]:
+    """Return what stands beside a coupled effect in a sensor, `with_kin`: kindred ones, too."""
     with_it = next((s for s in answer.sets if effect.name in s.names), None)
     if with_it is not None:
         return [c for c in with_it.components if c.name != effect.name]
-    return [c for c in answer.likeliest.components if not c.form.effect.is_kin_of(effect)]
+    said = answer.likeliest.components
+    return [c for c in said if with_kin or not c.form.effect.is_kin_of(effect)]
 
 
 def _coefficient_deviation(effect: Effect, answer: SensorAnswer) -> float:
