@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A line in the spectrum is an alias of the mains only while it keeps frequency and phase."""
+"""A line is an alias of the mains while it keeps its phase or follows the temperature."""
 
 from collections.abc import Callable
 from functools import cache
@@ -43,9 +43,20 @@ def gated() -> np.ndarray:
     return np.asarray(steady() * (chamber()[0] // 3600 % 2))
 
 
-def moving() -> np.ndarray:
-    """A beat of two clocks, one of which feels the temperature: 2 ‰ per kelvin."""
-    frequency = HERTZ * (1.0 + 2e-3 * (chamber()[1] - 20.0))
+DRIFT = 1.4e-5
+"""[Hz/K]"""
+
+
+def drifting() -> np.ndarray:
+    """A beat of two clocks, one of which feels the temperature."""
+    frequency = 5.0 * HERTZ + DRIFT * (chamber()[1] - 20.0)
+    return np.asarray(np.cos(2.0 * np.pi * np.cumsum(frequency) * PERIOD))
+
+
+def wandering() -> np.ndarray:
+    """A machine whose speed walks at random."""
+    walk = np.random.default_rng(5).normal(size=len(chamber()[0])).cumsum()
+    frequency = 5.0 * HERTZ + 1e-5 * walk
     return np.asarray(np.cos(2.0 * np.pi * np.cumsum(frequency) * PERIOD))
 
 
@@ -61,12 +72,20 @@ def test_a_line_that_comes_and_goes_keeps_its_name_as_approximate() -> None:
     assert answer.likeliest.approximate
 
 
-def test_a_line_that_moves_is_not() -> None:
-    answer = decided(runs_with(moving))
+def test_a_line_that_follows_the_temperature_is_named_with_its_drift() -> None:
+    (named,) = decided(runs_with(drifting)).named
+    assert named.name == 'mains_alias'
+    assert named.shape_parameters['frequency'] == pytest.approx(5.0 * HERTZ, abs=3e-6)
+    assert named.shape_parameters['drift'] == pytest.approx(DRIFT, abs=1e-6)
+
+
+def test_a_line_that_wanders_is_not() -> None:
+    answer = decided(runs_with(wandering))
     assert (answer.kind, answer.named) == ('unexplained', ())
     assert answer.likeliest.depends_on == 'frequency'
 
 
 def test_the_strongest_line_is_found_where_it_is() -> None:
     (strongest, *_) = spectral_lines(runs_with(steady), SENSOR)
-    assert strongest == pytest.approx(HERTZ, abs=3e-6)
+    assert strongest.frequency == pytest.approx(HERTZ, abs=3e-6)
+    assert strongest.drift == 0.0

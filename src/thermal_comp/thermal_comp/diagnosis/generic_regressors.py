@@ -13,8 +13,8 @@ from scipy.interpolate import BSpline
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
-from thermal_comp.diagnosis.spectral_lines import spectral_lines
-from thermal_comp.effects.operators import follow, play
+from thermal_comp.diagnosis.spectral_lines import SpectralLine, spectral_lines
+from thermal_comp.effects.operators import follow, play, warmth_integral
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 
 DEW_POINTS_C = (-12.0, -2.0, 8.0)
@@ -54,6 +54,11 @@ class GenericRegressor:
     suspect: str = ''
     """Lost channel that may have the same course by chance; '' for none."""
 
+    @property
+    def may_be_law(self) -> bool:
+        """Whether a law of what was logged may be it; one of history repeats with the cycle."""
+        return not self.unlogged or self.depends_on == 'phase'
+
 
 def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
     """Return the generic regressors of the variables that were logged."""
@@ -63,6 +68,7 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
         ('temperature', 'curve over temperature', spans.temperature, False),
         ('temperature', 'powers of temperature', spans.powers, False),
         ('branch', 'curve over temperature, one per branch', spans.branch, False),
+        ('branch', 'fine curve over temperature, one per branch', spans.fine_branch, False),
         ('rate', 'curve over the temperature rate', spans.rate, False),
         ('rate', 'temperature rate and its square', spans.rate_slope, False),
         ('rate', 'temperature rate times temperature and time', spans.rate_products, False),
@@ -90,9 +96,9 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
         made.append(('humidity', 'moisture guessed from the air temperature', moisture, False))
     if all(run.conditions.has('vibration') for run in runs):
         made.append(('vibration', 'vibration and its square', spans.vibration, False))
-    for frequency in spectral_lines(runs, design.sensor)[:1]:
-        line = partial(spans.narrow_band, frequency)
-        made.append(('frequency', 'line whose amplitude and phase wander', line, True))
+    for line in spectral_lines(runs, design.sensor)[:1]:
+        band = partial(spans.narrow_band, line)
+        made.append(('frequency', 'line whose amplitude and phase wander', band, True))
     lost = lost_channels(design)
     # The field of a machine stands still in the chamber: each orientation sees it turned.
     turned = design.sensor == 'magnetometer' and len(runs) > 1
@@ -247,6 +253,10 @@ class _Spans:
         ways = [np.tanh(rising / 0.2), np.tanh(rising / 0.05), _last_way(run.temperature)]
         return np.concatenate([curve, *(curve * way[:, None] for way in ways)], axis=1)
 
+    def fine_branch(self, run: PreparedRun) -> FloatArray:
+        curve = _spline(run.temperature, self.low, self.high, 24)
+        return np.concatenate([curve, curve * _last_way(run.temperature)[:, None]], axis=1)
+
     def rate(self, run: PreparedRun) -> FloatArray:
         return _spline(self._rate(run), -self.fastest, self.fastest, 9)
 
@@ -274,9 +284,11 @@ class _Spans:
         curve = _spline(run.time, 0.0, self.longest, 4)
         return np.concatenate([curve * x, share * x**2, share**2 * x**2, x**2], axis=1)
 
-    def narrow_band(self, frequency: float, run: PreparedRun) -> FloatArray:
-        slow = _spline(run.conditions.time, 0.0, self.longest, BAND_PIECES)
-        turn = 2.0 * np.pi * frequency * run.conditions.time[:, None]
+    def narrow_band(self, line: SpectralLine, run: PreparedRun) -> FloatArray:
+        fine = run.conditions
+        slow = _spline(fine.time, 0.0, self.longest, BAND_PIECES)
+        integral = warmth_integral(fine.time, fine.temperature_difference)[0]
+        turn = 2.0 * np.pi * (line.frequency * fine.time + line.drift * integral)[:, None]
         return run.block_mean(np.concatenate([slow * np.cos(turn), slow * np.sin(turn)], axis=1))
 
     def powers(self, run: PreparedRun) -> FloatArray:

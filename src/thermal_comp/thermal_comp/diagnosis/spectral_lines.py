@@ -1,15 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lines in the spectrum of the fine rows, where block means would alias them."""
+"""Lines in the spectrum of the fine rows, where block means would alias them.
+
+The clock that paces a sensor feels its temperature, and the alias of a steady frequency moves with
+it: f = f₀ + d · (T − T_ref). Lines that stand still are peaks of the spectrum. Those that move are
+looked for in two steps: the powers of short windows are added up along f for every f₀ and d (a
+Hough transform), then the rows are turned back by the phase of the best, and of the highest peak,
+and averaged: their spectrum has its peak where f₀ and d are right (dechirping).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.effects.operators import warmth_integral
 
 MOST_LINES = 3
 """Most lines that are handed on."""
@@ -17,40 +27,179 @@ PROMINENCE = 8.0
 """Least ratio of a line's power, summed over runs and axes, to the spectrum around it."""
 LOWEST_HZ = 1.0 / 900.0
 """Slower waves belong to the thermal cycle."""
+LEAST_ROWS, MOST_ROWS = 200, 1 << 21
+"""Rows, with those that are missing, of which a spectrum is made."""
+WINDOW_ROWS = 256
+"""Rows in which a line that moves is taken to stand still."""
+SLOW_BINS = 2
+"""Bins of such a window that belong to the thermal cycle."""
+LOUDEST_WINDOW = 30.0
+"""Most that a single window may count: spikes and steps are in one alone."""
+LARGEST_DRIFT = 1e-3
+"""Largest drift that is looked for [Hz/K]: 50 Hz against a clock of 20 ppm/K."""
+MOVING_GAIN = 1.3
+"""Least ratio of the prominences of a line that moves and the same that does not."""
+DRIFT_STEPS = 4
+"""Distances of the drifts tried along windows within which the dechirped rows are searched."""
+MOST_DRIFTS = 128
+"""Drifts that are tried about the best, as close as the rows can tell."""
 
 
-def spectral_lines(runs: Sequence[PreparedRun], sensor: Sensor) -> list[float]:
-    """Return the frequencies [Hz] of the most prominent lines, strongest first."""
-    rows = [run.fine_measured[sensor] for run in runs]
+class SpectralLine(NamedTuple):
+    """One line: its frequency at the reference temperature [Hz] and its drift [Hz/K]."""
+
+    frequency: float
+    drift: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Series:
+    """The rows of one run at even distances; what is missing is zero."""
+
+    values: FloatArray
+    """(n, 3) residual of level, time and temperature."""
+    warmth: FloatArray
+    """(n,) temperature from the reference [K]."""
+    integral: FloatArray
+    """(n,) its integral over time [K·s]."""
+
+
+def spectral_lines(runs: Sequence[PreparedRun], sensor: Sensor) -> list[SpectralLine]:
+    """Return the most prominent lines, strongest first."""
     step = float(np.median(np.diff(runs[0].conditions.time)))
-    length = min(len(values) for values in rows)
-    if length < 200:
+    longest = max(float(np.ptp(run.conditions.time)) for run in runs) / step
+    if not LEAST_ROWS <= longest < MOST_ROWS:
         return []
-    size = 1 << (2 * length).bit_length()
+    series = [_series(run, sensor, step) for run in runs]
+    steady = _steady_lines(series, step)
+    moving = _moving_line(series, step, steady[:1])
+    return [*moving, *steady][:MOST_LINES]
+
+
+def _series(run: PreparedRun, sensor: Sensor, step: float) -> _Series:
+    fine = run.conditions
+    slot = np.rint((fine.time - fine.time[0]) / step).astype(int)
+    warmth = fine.temperature_difference
+    values = np.zeros((slot[-1] + 1, 3))
+    values[slot] = _detrended(run.fine_measured[sensor], warmth)
+    every = np.arange(len(values))
+    at = (np.interp(every, slot, row) for row in (warmth, warmth_integral(fine.time, warmth)[0]))
+    return _Series(values, *at)
+
+
+def _detrended(values: FloatArray, warmth: FloatArray) -> FloatArray:
+    """Residual of level, time and temperature; zero where a value is missing."""
+    known = np.isfinite(values)
+    filled = np.where(known, values, np.nanmean(values, axis=0))
+    time = np.linspace(-1.0, 1.0, len(filled))
+    basis = np.stack([np.ones_like(time), time, warmth - warmth.mean()], axis=1)
+    answer, *_ = np.linalg.lstsq(basis, filled, rcond=None)
+    return np.where(known, filled - basis @ answer, 0.0)
+
+
+def _steady_lines(series: Sequence[_Series], step: float) -> list[SpectralLine]:
+    """Return the peaks of the spectrum, the most prominent first."""
+    size = 1 << (2 * max(len(one.values) for one in series)).bit_length()
     power: FloatArray = np.zeros(size // 2 + 1)
-    for run, values in zip(runs, rows, strict=True):
-        residual = _detrended(values[:length], run.conditions.temperature[:length])
-        spectrum = np.abs(np.fft.rfft(residual * np.hanning(length)[:, None], size, axis=0)) ** 2
+    for one in series:
+        tapered = one.values * np.hanning(len(one.values))[:, None]
+        spectrum = np.abs(np.fft.rfft(tapered, size, axis=0)) ** 2
         power += (spectrum / np.maximum(np.median(spectrum, axis=0), 1e-300)).sum(axis=1)
     frequency = np.fft.rfftfreq(size, step)
     prominence = np.where(frequency > LOWEST_HZ, power / _surroundings(power), 0.0)
-    found: list[float] = []
+    found = []
     for _ in range(MOST_LINES):
         peak = int(np.argmax(prominence))
         if prominence[peak] < PROMINENCE:
             break
-        found.append(_interpolated(power, peak) * float(frequency[1]))
+        found.append(SpectralLine(_interpolated(power, peak) * float(frequency[1]), 0.0))
         prominence[max(0, peak - 12) : peak + 13] = 0.0
     return found
 
 
-def _detrended(values: FloatArray, temperature: FloatArray) -> FloatArray:
-    """Residual of level, time, temperature and what varies slower than LOWEST_HZ."""
-    filled = np.where(np.isfinite(values), values, np.nanmean(values, axis=0))
-    time = np.linspace(-1.0, 1.0, len(filled))
-    basis = np.stack([np.ones_like(time), time, temperature - temperature.mean()], axis=1)
-    answer, *_ = np.linalg.lstsq(basis, filled, rcond=None)
-    return np.asarray(filled - basis @ answer)
+def _moving_line(
+    series: Sequence[_Series], step: float, steady: Sequence[SpectralLine]
+) -> list[SpectralLine]:
+    """Return the likeliest line that follows the temperature, [] where none is prominent."""
+    bin_hz = 1.0 / (WINDOW_ROWS * step)
+    warmth = np.concatenate([one.warmth for one in series])
+    drift_step = 0.5 * bin_hz / max(float(np.ptp(warmth)), 1.0)
+    span = max(float(np.ptp(_bent(one.integral))) for one in series)
+    reach = DRIFT_STEPS * drift_step
+    count = min(int(np.ceil(4.0 * reach * span)) | 1, MOST_DRIFTS + 1)
+    found, standing = [], 0.0
+    for rough in [*_along_temperature(series, bin_hz, drift_step), *steady]:
+        drifts = (rough.drift + np.linspace(-reach, reach, count)).tolist()
+        found += [_dechirped(series, step, SpectralLine(rough.frequency, d)) for d in drifts]
+        standing = max(standing, _dechirped(series, step, SpectralLine(rough.frequency, 0.0))[0])
+    best = max(found, default=(0.0, SpectralLine(0.0, 0.0)))
+    return [best[1]] if best[0] >= max(PROMINENCE, MOVING_GAIN * standing) else []
+
+
+def _along_temperature(
+    series: Sequence[_Series], bin_hz: float, drift_step: float
+) -> list[SpectralLine]:
+    """Return the line along which windows have most power, where it moves at all."""
+    windows = [_windows(one) for one in series]
+    powers = np.concatenate([power for power, _ in windows])
+    warmth = np.concatenate([w for _, w in windows])
+    if not len(powers):
+        return []
+    count = int(LARGEST_DRIFT / drift_step)
+    rows, bins = np.arange(len(powers))[:, None], np.arange(WINDOW_ROWS)
+    best = 0.0, 0, 0
+    for number in range(-count, count + 1):
+        shift = np.rint(number * drift_step * warmth / bin_hz).astype(int)
+        total = powers[rows, (bins + shift[:, None]) % WINDOW_ROWS].sum(axis=0)[: WINDOW_ROWS // 2]
+        best = max(best, (float(total.max()), number, int(np.argmax(total))))
+    _, number, peak = best
+    return [SpectralLine(peak * bin_hz, number * drift_step)] if number else []
+
+
+def _windows(one: _Series) -> tuple[FloatArray, FloatArray]:
+    """Return (w, WINDOW_ROWS) powers over their median and (w,) temperatures of half windows."""
+    starts = range(0, len(one.values) - WINDOW_ROWS + 1, WINDOW_ROWS // 2)
+    if not starts:
+        return np.zeros((0, WINDOW_ROWS)), np.zeros(0)
+    rows = np.add.outer(np.array(starts), np.arange(WINDOW_ROWS))
+    tapered = one.values[rows] * np.hanning(WINDOW_ROWS)[:, None]
+    power = np.abs(np.fft.fft(tapered, axis=1)) ** 2
+    usual = np.median(power, axis=(0, 1))
+    relative = (power / np.maximum(usual, 1e-300)).sum(axis=2)
+    around = np.median(relative, axis=0)
+    relative = np.minimum(relative / np.maximum(around, 1e-300), LOUDEST_WINDOW)
+    relative[:, : SLOW_BINS + 1] = relative[:, -SLOW_BINS:] = 1.0
+    return relative, one.warmth[rows].mean(axis=1)
+
+
+def _dechirped(
+    series: Sequence[_Series], step: float, line: SpectralLine
+) -> tuple[float, SpectralLine]:
+    """Return prominence and line of the peak near one whose phase is taken out."""
+    rows = WINDOW_ROWS // 4
+    pieces = max(len(one.values) // rows for one in series)
+    size = 1 << (2 * pieces).bit_length()
+    power = np.zeros(size)
+    for one in series:
+        whole = len(one.values) // rows
+        time = step * np.arange(whole * rows)
+        turns = line.frequency * time + line.drift * one.integral[: whole * rows]
+        turned = one.values[: whole * rows] * np.exp(-2j * np.pi * turns)[:, None]
+        mean = turned.reshape(whole, rows, 3).mean(axis=1) * np.hanning(whole)[:, None]
+        spectrum = np.abs(np.fft.fft(mean, size, axis=0)) ** 2
+        power += (spectrum / np.maximum(np.median(spectrum, axis=0), 1e-300)).sum(axis=1)
+    ordered = np.fft.fftshift(power)
+    near = slice(size // 4, size - size // 4)
+    peak = size // 4 + int(np.argmax(ordered[near]))
+    offset = (_interpolated(ordered, peak) - size // 2) / (size * rows * step)
+    found = SpectralLine(line.frequency + offset, line.drift)
+    return float(ordered[peak] / np.median(ordered)), found
+
+
+def _bent(integral: FloatArray) -> FloatArray:
+    """Return what a straight line leaves of an integral: only that tells a drift."""
+    place = np.linspace(-1.0, 1.0, len(integral))
+    return np.asarray(integral - np.polyval(np.polyfit(place, integral, 1), place))
 
 
 def _surroundings(power: FloatArray, width: int = 301) -> FloatArray:

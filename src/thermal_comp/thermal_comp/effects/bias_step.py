@@ -18,20 +18,24 @@ SPACING_S = 1200.0
 
 @dataclass(frozen=True)
 class BiasStep(Effect):
-    """The bias jumps once and stays."""
+    """The bias changes once, within a moment, and stays."""
 
     step_time: tuple[float, ...] = shape_parameter(
         (20_000.0,), unit='s', bounds=(0.0, 1e7), step=400.0
     )
+    duration: float = shape_parameter(0.0, unit='s', bounds=(0.0, 300.0), step=20.0)
 
     name: ClassVar[str] = 'bias_step'
     kind: ClassVar[Literal['device', 'campaign']] = 'campaign'
     per_run: ClassVar[bool] = True
     equation: ClassVar[str] = (
-        'error = Σ_j a_jr · H(t − t_j) in run r,  t since the first sample [s]'
+        'error = Σ_j a_jr · H((t − t_j) / d) in run r,  t since the first sample [s], '
+        'H rises from 0 to 1 between −½ and ½'
     )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',)
-    mechanism: ClassVar[str] = 'Stress relief: a crack or slip of solder or glue.'
+    mechanism: ClassVar[str] = (
+        'Stress relief: a crack or slip of solder or glue, at once or within seconds.'
+    )
     look_alikes: ClassVar[tuple[str, ...]] = ('turn_on_bias', 'bias_drift')
     separation: ClassVar[str] = (
         'One edge, often on several axes at once; if it falls on a cycle boundary it looks like '
@@ -48,7 +52,10 @@ class BiasStep(Effect):
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
         """Return (n, p): 1 after each step, 0 before."""
-        return (conditions.time[:, None] >= np.array(self.step_time)).astype(float), None
+        since = conditions.time[:, None] - np.array(self.step_time)
+        if self.duration == 0.0:
+            return (since >= 0.0).astype(float), None
+        return np.clip(since / self.duration + 0.5, 0.0, 1.0), None
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:

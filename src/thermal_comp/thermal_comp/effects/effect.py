@@ -71,8 +71,8 @@ class Campaign:
     """Thermal cycles of the run that has most."""
     durations: tuple[float, ...]
     """Time of each run's last block [s]."""
-    spectral_lines: Callable[[], Sequence[float]]
-    """Frequencies of the most prominent lines [Hz], strongest first."""
+    spectral_lines: Callable[[], Sequence[tuple[float, float]]]
+    """Frequency [Hz] and drift [Hz/K] of the most prominent lines, strongest first."""
     step_times: Callable[[], Sequence[tuple[int, float]]]
     """Run and time [s] of the likeliest steps of the level."""
 

@@ -11,6 +11,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, State, shape_parameter
+from thermal_comp.effects.operators import warmth_integral
 
 
 @dataclass(frozen=True)
@@ -18,17 +19,20 @@ class MainsAlias(Effect):
     """A field at mains frequency appears as a slow sine."""
 
     frequency: float = shape_parameter(0.01, unit='Hz', bounds=(1e-4, 500.0), step=2e-5)
+    drift: float = shape_parameter(0.0, unit='Hz/K', bounds=(-0.01, 0.01), step=1e-6)
 
     name: ClassVar[str] = 'mains_alias'
     kind: ClassVar[Literal['device', 'campaign']] = 'campaign'
     sensors: ClassVar[tuple[Sensor, ...]] = ('gyroscope', 'magnetometer', 'accelerometer')
     per_run: ClassVar[bool] = True
     equation: ClassVar[str] = (
-        'error = a · cos 2πft + b · sin 2πft,  f = |f_mains − n · output data rate|'
+        'error = a · cos φ + b · sin φ,  φ = 2π ∫ (f + d · x) dt,  '
+        'f = |f_mains − n · output data rate| at T₀'
     )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}', '{unit}')
     mechanism: ClassVar[str] = (
-        '50 or 60 Hz currents are sampled slower than twice their frequency.'
+        '50 or 60 Hz currents are sampled slower than twice their frequency; the clock that paces '
+        'the samples feels the temperature, and the alias moves with it.'
     )
     look_alikes: ClassVar[tuple[str, ...]] = ('heater_hard_iron',)
     separation: ClassVar[str] = (
@@ -43,13 +47,15 @@ class MainsAlias(Effect):
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
         """Return (n, 2): cosine and sine at the alias frequency."""
-        angle = 2.0 * np.pi * self.frequency * conditions.time
-        return np.stack([np.cos(angle), np.sin(angle)], axis=1), None
+        warmth = conditions.temperature_difference
+        integral, state = warmth_integral(conditions.time, warmth, state)
+        angle = 2.0 * np.pi * (self.frequency * conditions.time + self.drift * integral)
+        return np.stack([np.cos(angle), np.sin(angle)], axis=1), state
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
         """Return the most prominent lines."""
-        return [Candidate(cls(frequency)) for frequency in campaign.spectral_lines()]
+        return [Candidate(cls(*line)) for line in campaign.spectral_lines()]
 
     @property
     def line_frequency(self) -> float | None:

@@ -83,6 +83,29 @@ def _play(values: FloatArray, half_width: float, output: float) -> FloatArray:
     return played
 
 
+IntegralState = tuple[float, float, float]
+"""Time [s], value and integral at the newest sample."""
+
+
+def warmth_integral(
+    time: FloatArray, values: FloatArray, state: IntegralState | None = None
+) -> tuple[FloatArray, IntegralState | None]:
+    """Return the integral of the values over time (n,) and the state after them (trapezia).
+
+    It starts at zero; the rotation of a frequency that follows the temperature.
+
+    >>> warmth_integral(np.array([0.0, 2.0, 3.0]), np.array([1.0, 3.0, 3.0]))[0]
+    array([0., 4., 7.])
+    """
+    if not len(values):
+        return np.empty(0), state
+    start, first, total = state or (float(time[0]), float(values[0]), 0.0)
+    steps = np.diff(time, prepend=start)
+    middle = 0.5 * (values + np.concatenate([[first], values[:-1]]))
+    integral: FloatArray = total + np.cumsum(middle * steps)
+    return integral, (float(time[-1]), float(values[-1]), float(integral[-1]))
+
+
 IceState = tuple[float, float]
 """Time of the newest sample [s] and the amount then."""
 

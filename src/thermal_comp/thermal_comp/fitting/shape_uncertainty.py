@@ -150,8 +150,8 @@ def _with_surface_offset(run: PreparedRun, offset: float) -> PreparedRun:
 def resolution_std(design: Design, column: ShapeDirection) -> float:
     """Return the standard deviation below which no data determine a parameter; mostly zero.
 
-    A time that only tells in which row something begins is known to a row and a half, as rows
-    may be stamped at either end of what they stand for; the frequency of a spectral line to a
+    A time at which something happens is known to a row and a half, as rows may be stamped at
+    either end of what they stand for; the frequency of a spectral line to a
     radian over a run, as the clock it beats against wanders.
     """
     direction = next(d for d in _directions(design) if d.column == column)
@@ -173,14 +173,19 @@ def _directions(design: Design) -> list[Direction]:
             if scale.unit == 'Hz':
                 least = start.on_scale(1.0 / (2.0 * np.pi * duration))
                 start = replace(start, least=least)
-            elif not scale.logarithmic and _by_rows(design, start):
+            elif _by_rows(design, start):
                 start = replace(start, least=row)
             found.append(start)
     return found
 
 
 def _by_rows(design: Design, direction: Direction) -> bool:
-    """Tell whether a small change of the parameter changes nothing at all."""
+    """Tell whether rows limit the parameter: it is a time, or a small change changes nothing."""
+    scale = direction.scales[direction.k]
+    if scale.logarithmic:
+        return False
+    if scale.unit == 's':
+        return True
     sensor = direction.term.sensors[0]
     little = 1e-7 * direction.width
     ends = [direction.moved(by) for by in (-little, little)]
