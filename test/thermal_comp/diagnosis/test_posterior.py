@@ -15,7 +15,7 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.noise.of_runs import determined_noise
 
-from ..campaign import chamber, lagging, run
+from ..campaign import PERIOD, chamber, lagging, run
 
 
 @cache
@@ -88,6 +88,42 @@ def test_what_the_equation_of_a_large_effect_lacks_is_no_second_effect() -> None
     said = said_of(error, tuple(EFFECTS))
     assert said.likeliest.names in {('thermal_lag',), ('thermal_lag_two_stage',)}
     assert said.likeliest.approximate
+
+
+def test_an_effect_like_one_whose_channel_was_not_logged_leaves_it_a_third() -> None:
+    time, temperature, *_ = chamber()
+    rate = 0.3 * np.gradient(temperature, time)
+    two = ('temperature_rate', 'thermal_gradient')
+    alone = said_of(rate, two)
+    by_name = {e.names: e for e in alone.explanations}
+    assert by_name['temperature_rate',].probability == pytest.approx(2.0 / 3.0, abs=0.02)
+    assert by_name['unlogged',].probability == pytest.approx(1.0 / 3.0, abs=0.02)
+    assert by_name['unlogged',].depends_on == 'chamber_temperature'
+    assert alone.likeliest.names == ('temperature_rate',)
+    # Air that leads the die by its own lag: in ramps the difference is no rate while it builds up.
+    outside = temperature + 400.0 * lagging(np.gradient(temperature, time), 300.0, PERIOD)
+    logged = said_of(rate, two, chamber_temperature=outside)
+    assert probability(logged.explanations, lambda e: e.names == ('temperature_rate',)) > 0.95
+
+
+def test_a_step_is_found_beneath_the_levels_of_the_cycles() -> None:
+    """Between two times that are tried, where it is no larger than the levels' own steps."""
+    time, _, _, cycle = chamber()
+    levels = np.array([0.0, 8e-4, -6e-4, 9e-4, -7e-4])[np.minimum(cycle, 4)]
+    said = said_of(levels + 5e-4 * (time >= 16_170.0), ('turn_on_bias', 'bias_step'), only=1)
+    assert said.likeliest.names == ('bias_step', 'turn_on_bias')
+    step = next(c.form.effect for c in said.likeliest.components if c.name == 'bias_step')
+    assert step.step_time[0] == pytest.approx(16_170.0, abs=30.0)
+
+
+def test_what_repeats_with_the_cycle_may_be_a_law_of_history_or_a_machine() -> None:
+    """Ice that grows and breaks off: neither a curve nor a branch, and no channel was logged."""
+    time, _, _, cycle = chamber()
+    since = time - np.array([time[cycle == k][0] for k in cycle])
+    burst = 8e-4 * np.exp(-0.5 * ((since - 2900.0) / 150.0) ** 2) * (cycle > 0)
+    said = said_of(burst, ('thermal_lag', 'bias_temperature_curvature')).explanations
+    by_name = {e.names: e.probability for e in said}
+    assert by_name['unlogged',] > by_name['not_in_catalogue',] > 0.05
 
 
 def test_a_course_over_time_may_be_a_channel_that_was_not_logged() -> None:

@@ -77,28 +77,41 @@ def candidates(
     return {name: some for name, some in tried.items() if some}
 
 
-def campaign_of(design: CandidateDesign) -> Campaign:
-    """Return what the runs and the residual of a design offer to choose forms from."""
+def renewed(design: CandidateDesign, family: Family, known: Sequence[Form]) -> Family:
+    """Return a family with the forms that are chosen from what known forms leave.
+
+    A step is not seen beneath larger ones until they are taken out.
+    """
+    campaign = campaign_of(design, [term for form in known for term in form.terms])
+    grid = family.effect.search_grid(campaign)
+    return Family(family.effect, tuple(form_of(design, c.effect, c.run) for c in grid))
+
+
+def campaign_of(design: CandidateDesign, known: Sequence[ColumnGroup] = ()) -> Campaign:
+    """Return what the runs, and what known terms leave, offer to choose forms from."""
     runs = design.source.runs
     return Campaign(
         cycles=max(int(run.cycle.max()) for run in runs),
         durations=tuple(float(run.time[-1]) for run in runs),
         spectral_lines=partial(spectral_lines, runs, design.sensor),
-        step_times=partial(step_times, design),
+        step_times=partial(step_times, design, known),
     )
 
 
-def step_times(design: CandidateDesign) -> list[tuple[int, float]]:
-    """Return run and time [s] of the likeliest steps, each run's strongest first.
+def step_times(
+    design: CandidateDesign, known: Sequence[ColumnGroup] = ()
+) -> list[tuple[int, float]]:
+    """Return run and time [s] of the likeliest steps beside known terms, strongest first.
 
     A step at row t is the column H_t = (0 … 0, 1 … 1); with W the whitening filter its product
     with the residual r is H_tᵀ Wᵀ W r, a sum over the rows from t on. Its norm hardly depends on
     t, as a whitening filter soon forgets a step.
     """
     found = []
+    residual = design.residual(known)
     for number, run in enumerate(design.source.runs):
         time = run.time[design.valid[number]]
-        response = np.cumsum(design.transposed(number)[::-1], axis=0)[::-1]
+        response = np.cumsum(design.transposed(number, residual)[::-1], axis=0)[::-1]
         strength: FloatArray = (response**2).sum(axis=1)
         for _ in range(STEPS_PER_RUN):
             at = int(np.argmax(strength))
@@ -125,6 +138,23 @@ def usable(effect: type[Effect], sensor: Sensor, runs: Sequence[PreparedRun]) ->
 def missing_channels(effect: type[Effect], runs: Sequence[PreparedRun]) -> list[str]:
     """Return the channels the effect needs that some run lacks."""
     return [c for c in effect.channels if not all(run.conditions.has(c) for run in runs)]
+
+
+def channels_not_logged(
+    design: CandidateDesign, catalogue: Mapping[str, type[Effect]]
+) -> dict[str, str]:
+    """Return the effects of the sensor that cannot be tried, each with a channel it lacks."""
+    runs = design.source.runs
+    lacking = {
+        name: missing_channels(effect, runs)
+        for name, effect in catalogue.items()
+        if effect.searched and design.sensor in effect.sensors
+    }
+    return {
+        name: channels[0].removesuffix('_voltage')
+        for name, channels in lacking.items()
+        if channels
+    }
 
 
 def moved_forms(

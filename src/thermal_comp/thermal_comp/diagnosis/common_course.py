@@ -64,12 +64,10 @@ def _waves(design: CandidateDesign, found: Sequence[ColumnGroup]) -> FloatArray:
     """
     runs = design.source.runs
     longest = max(float(run.time[-1]) for run in runs)
-    known = design.whitened_columns(list(found))
+    left = design.residual(found)
     amplitudes = np.empty((3, len(runs), HALF_WAVES))
     for axis in range(3):
-        target = design.target[axis]
-        if found:
-            target = target - known[axis] @ np.linalg.lstsq(known[axis], target, rcond=1e-9)[0]
+        target = left[axis]
         for number, run in enumerate(runs):
             half_turns = np.multiply.outer(run.time / longest, np.arange(1, HALF_WAVES + 1))
             white, rows = design.whitened_in_run(np.cos(np.pi * half_turns), number, axis)

@@ -12,6 +12,7 @@ from imu_recording.recording import SENSOR_UNITS
 from thermal_comp.comparison.compare import Comparison
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.quality import QualityFinding
+from thermal_comp.diagnosis import priors
 from thermal_comp.diagnosis.detection_limit import smallest_found
 from thermal_comp.diagnosis.hypotheses import NOT_IN_CATALOGUE, UNLOGGED
 from thermal_comp.diagnosis.inputs import ClockFinding
@@ -87,10 +88,11 @@ def _rivals(answer: SensorAnswer, name: str) -> list[tuple[str, float]]:
             continue
         for rival in set(other.names) - kept - {NOT_IN_CATALOGUE, UNLOGGED}:
             rivals[rival] = rivals.get(rival, 0.0) + other.probability
+    own = probability(answer.explanations, lambda e: name in e.names)
     alike = {name, *(n for n, p in rivals.items() if p > 1.0 - CREDIBLE)}
     for effect in answer.offered:
         if effect.name in alike and effect.unseen_twin in answer.untried:
-            rivals[effect.unseen_twin] = 0.5
+            rivals[effect.unseen_twin] = priors.UNSEEN_TWIN * own
     ranked = sorted(rivals.items(), key=lambda pair: -pair[1])
     return [(rival, p) for rival, p in ranked if p > 1.0 - CREDIBLE]
 

@@ -10,7 +10,15 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.diagnosis import priors
-from thermal_comp.diagnosis.candidates import Family, Form, families, form_of, moved_forms
+from thermal_comp.diagnosis.candidates import (
+    Family,
+    Form,
+    channels_not_logged,
+    families,
+    form_of,
+    moved_forms,
+    renewed,
+)
 from thermal_comp.diagnosis.generic_regressors import (
     all_variables,
     generic_regressors,
@@ -125,6 +133,8 @@ class SensorHypotheses:
         self._told = 0.0
         """χ² of what other sensors tell of the thermometer."""
         self.families = [f for f in families(design, catalogue) if _leaves_a_trace(design, f)]
+        self.without_channel = channels_not_logged(design, catalogue)
+        """Effects that could act unseen, each with the channel that was not logged."""
         self.regressors = generic_regressors(design)
         self.discrepancy = all_variables(design)
         """A smooth function of all that was logged, for what equations lack."""
@@ -192,11 +202,16 @@ class SensorHypotheses:
 
     def additions(self, before: EffectSet) -> dict[str, Addition]:
         """Return what each family not in the set would add to it, roughly."""
-        state = self.conditioned(before.components)
         strongest = float(np.sqrt(before.explained)) if before.components else None
         amplitude_prior = priors.amplitude_log_prior(strongest)
         taken = {c.name for c in before.components if not c.form.effect.repeatable}
         offered = [f for f in self.families if f.name not in taken]
+        if before.components:
+            known = [c.form for c in before.components]
+            offered = [
+                renewed(self.design, f, known) if f.effect.repeatable else f for f in offered
+            ]
+        state = self.conditioned(before.components)
         return {f.name: self._addition(state, f, amplitude_prior) for f in offered}
 
     def _addition(

@@ -35,6 +35,8 @@ LEAST_WAYS = 4
 """Ways in which something without a name may act at least: one that is looked for is not all."""
 MOST_TOGETHER = 3
 """Flexible functions beside each other."""
+SPOKEN_FOR = -1.0
+"""ln of the weight beside a set from which what something without a name follows is said."""
 APPROXIMATE = 0.75
 """Probability of a flaw from which a form is called approximate."""
 
@@ -146,7 +148,7 @@ def _unnamed(
     ]
     if not parts:
         return Explanation((kind,), 0.0, False, ())
-    followed = [part for part in parts if not part[2].course and part[2].log_weight > 0.0]
+    followed = [part for part in parts if not part[2].course and part[2].log_weight > SPOKEN_FOR]
     _, some, strongest = max(followed or parts, key=lambda part: part[0])
     probability = sum(part[0] for part in parts)
     return Explanation(
@@ -171,7 +173,8 @@ def _beside(hypotheses: SensorHypotheses, one: _Fitted, flaw: float) -> list[_Be
         found.append(_Beside('flaw', None, log_sum(measured) + share))
     course = one.course + _at(one.course_size, amplitude)
     weight = log_sum([b.log_weight for b in found])
-    return found + _unknown(hypotheses, some, gains, course) + _switched(hypotheses, some, weight)
+    found += _unknown(hypotheses, some, gains, course)
+    return found + _switched(hypotheses, some, weight) + _unseen_twins(hypotheses, some, weight)
 
 
 def _unknown(
@@ -182,14 +185,14 @@ def _unknown(
 ) -> list[_Beside]:
     """Return what speaks for a law that is not in the catalogue, and for a lost channel.
 
-    A lost channel betrays itself by the trace it leaves in others. What follows time, or the
-    phase of the cycle, may be either.
+    A lost channel betrays itself by the trace it leaves in others. What follows time may be
+    either, as may what follows the phase of the cycle, where a machine is likelier.
     """
     once = priors.ANOTHER_EFFECT if some.components else 1.0 - priors.NOTHING
     if not some.components:
         once /= priors.NOTHING
     lost = hypotheses.lost_over_time
-    laws = [_Beside(NOT_IN_CATALOGUE, r.depends_on, g) for r, g in gains if not r.unlogged]
+    laws = [_Beside(NOT_IN_CATALOGUE, r.depends_on, g) for r, g in gains if r.may_be_law]
     laws += [_Beside(NOT_IN_CATALOGUE, 'time', course, course=True)]
     traces = [_Beside(UNLOGGED, r.unlogged, g) for r, g in gains if r.unlogged]
     either = [_Beside(UNLOGGED, r.suspect, g) for r, g in gains if r.suspect]
@@ -217,6 +220,17 @@ def _switched(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> l
     size = len(some.names)
     once = hypotheses.log_prior(size - steps + 1) - hypotheses.log_prior(size)
     return [_Beside(UNLOGGED, lost, weight + once + float(np.log(priors.UNLOGGED)))]
+
+
+def _unseen_twins(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> list[_Beside]:
+    """Return what speaks for effects whose channel was not logged in place of those of a set.
+
+    What cannot be told from an effect is as likely as the set with that one; `weight`: the set's.
+    """
+    twins = [c.form.effect.unseen_twin for c in some.components]
+    share = weight + float(np.log(priors.UNSEEN_TWIN))
+    lost = hypotheses.without_channel
+    return [_Beside(UNLOGGED, lost[twin], share) for twin in twins if twin in lost]
 
 
 def _gains(

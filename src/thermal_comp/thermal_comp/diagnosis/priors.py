@@ -26,6 +26,10 @@ UNLOGGED = 0.15
 LOST_WITHOUT_TRACE = 0.5
 """That such a variable leaves no trace in those that were logged, only a course over time."""
 
+UNSEEN_TWIN = 0.5
+"""Odds that an effect whose channel was not logged acts in place of the one it looks like: all
+effects are equally likely, but in half of all recordings its exact course would differ."""
+
 AMPLITUDES: FloatArray = np.geomspace(1.0, 4096.0, 13)
 """Standard deviations of an amplitude [√Δχ²], all equally likely: from what no test would find to
 a thousand times that; effects of the field's literature span three decades."""

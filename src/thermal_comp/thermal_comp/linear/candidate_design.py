@@ -293,11 +293,20 @@ class CandidateDesign:
         own, common = self._split(terms)
         return [self._columns[axis][[*own, *common]].T for axis in range(3)]
 
-    def transposed(self, run: int) -> FloatArray:
-        """Return (m, 3) Wᵀ of the residual of one run; W whitens, m are its valid rows."""
+    def residual(self, terms: Sequence[ColumnGroup] = ()) -> FloatArray:
+        """Return (3, rows) what terms leave of the base model's residual, each axis by itself."""
+        if not terms:
+            return self.target
+        return np.stack([
+            target - known @ np.linalg.lstsq(known, target, rcond=1e-9)[0]
+            for known, target in zip(self.whitened_columns(terms), self.target, strict=True)
+        ])  # fmt: skip
+
+    def transposed(self, run: int, residual: FloatArray) -> FloatArray:
+        """Return (m, 3) Wᵀ of a residual (3, rows) in one run; W whitens, m are its valid rows."""
         rows = self.whitening.rows_of(run)
         columns = [
-            apply_transposed(self.target[axis, rows, None], self.whitening.gains_of(run, axis))
+            apply_transposed(residual[axis, rows, None], self.whitening.gains_of(run, axis))
             for axis in range(3)
         ]
         return np.concatenate(columns, axis=1)

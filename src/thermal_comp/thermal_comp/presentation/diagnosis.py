@@ -217,6 +217,7 @@ def _place(where: Mapping[str, Any]) -> str:
 
 
 TOPICS = {
+    'chamber_temperature': 'chamber/temperature',
     'heater': 'chamber/heater',
     'compressor': 'chamber/compressor',
     'supply': 'imu/supply_voltage',
