@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Makes .venv, builds the workspace with colcon, writes env.sh and compiles the numerical kernels;
+# Makes .venv, builds the workspace with colcon, writes env.sh and compiles modules and kernels;
 # does nothing when all is current.
 # Usage: tools/setup_workspace.sh [requirements file …]   (extra sets: requirements-dev.txt)
 set -euo pipefail
@@ -142,16 +142,17 @@ EOF
 } > "env.sh.$$"
 mv "env.sh.$$" env.sh # at once: another make may be reading it
 
-# Kernels are compiled here rather than while a user waits for a first answer.
+# Modules and kernels are compiled here rather than while a user waits for a first answer.
 kernels=$(grep -rlE --include='*.py' '@(njit|inline)' src | sort | xargs cat src/imu_recording/imu_recording/jit.py | sha256sum)
-compiled=install/.workspace_kernels
-if [ ! -e "$compiled" ] || [ "$(cat "$compiled")" != "$kernels" ]; then
-  echo 'Compiling the numerical kernels …'
-  find src -type d -path '*/__pycache__/kernels-*' -prune -exec rm -rf {} +  # of earlier versions
+compiled=install/.workspace_compiled
+if [ "$(cat "$compiled" 2>/dev/null)" != "$kernels"$'\n'"$current" ]; then
+  echo 'Compiling modules and numerical kernels …'
+  [ "$(head -n 1 "$compiled" 2>/dev/null)" = "$kernels" ] ||
+    find src -type d -path '*/__pycache__/kernels-*' -prune -exec rm -rf {} +  # of earlier versions
   # shellcheck disable=SC1091
   (
     . ./env.sh
-    python -m imu_workbench.precompile
+    PYTHONDONTWRITEBYTECODE='' python -m imu_workbench.precompile
   )
-  printf '%s\n' "$kernels" > "$compiled"
+  printf '%s\n' "$kernels" "$current" > "$compiled"
 fi

@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compile every kernel of the workspace, on all cores: python -m imu_workbench.precompile.
+"""Compile every module and kernel of the workspace: python -m imu_workbench.precompile.
 
-The set-up runs it, so that no command and no node compiles when a user first starts it.
+The set-up runs it, so that no command and no node compiles when a user starts it. Python keeps
+the bytecode of what it imports, of libraries as well, unless PYTHONDONTWRITEBYTECODE forbids it.
 """
 
 from __future__ import annotations
 
 import os
+import pkgutil
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 
 import numpy as np
 import thermal_comp.precompile
@@ -19,6 +23,7 @@ from imu_recording.logs.ulog_stream import KNOWN, scan_messages
 from orientation_filters.filters import FILTERS
 from orientation_filters.precompile import precompile as precompile_filters
 
+from imu_workbench.__main__ import OWN_PACKAGES
 from imu_workbench.parallel import run_tasks
 from imu_workbench.simulate.campaign import Logging, simulate_run
 
@@ -34,6 +39,16 @@ class Compilation:
     def run(self) -> None:
         """Compile."""
         self.compile()
+
+
+def import_modules() -> None:
+    """Import every module of the workspace whose libraries are installed."""
+    for name in OWN_PACKAGES:
+        package = import_module(name)
+        for module in pkgutil.walk_packages(package.__path__, f'{name}.'):
+            if not module.name.endswith('__main__'):
+                with suppress(ImportError):  # an extra that is not installed
+                    import_module(module.name)
 
 
 def precompile_simulation() -> None:
@@ -56,6 +71,7 @@ def main() -> int:
         Compilation('simulated chamber and device', 2.0, precompile_simulation),
         Compilation('logs', 0.1, precompile_logs),
         Compilation('thermal model and bags', 1.0, thermal_comp.precompile.precompile),
+        Compilation('modules', 1.5, import_modules),
     )
     run_tasks(parts, os.cpu_count() or 1)
     return 0

@@ -19,9 +19,9 @@ from imu_recording.thermometer import (
     is_constant,
     is_whole_degrees,
 )
-from scipy.signal import lfilter
 
 from thermal_comp.data.defective_rows import BoolArray, some_rows
+from thermal_comp.effects.operators import follow
 from thermal_comp.linear.columns import orthonormal, project_out
 
 MISSING_SHARE = 0.005
@@ -149,20 +149,12 @@ def _stuck_rows(recording: ImuRecording) -> BoolArray:
 
 def _slowest_dies(recording: ImuRecording) -> list[FloatArray]:
     """Return (n,) temperature of the slowest die in each of the surroundings that were logged."""
-    period = float(np.median(np.diff(recording.time)))
     made = []
     for track in (getattr(recording, name) for name in OTHER_SENSORS):
         if track is not None and (known := np.isfinite(track)).any():
             around = np.interp(recording.time, recording.time[known], track[known])
-            made.append(_lagged(around, period, SLOWEST_DIE_S))
+            made.append(follow(recording.time, around, SLOWEST_DIE_S, held=True)[0])
     return made
-
-
-def _lagged(around: FloatArray, period: float, lag: float) -> FloatArray:
-    """Return (n,) what follows its surroundings with a lag [s]."""
-    share = -np.expm1(-period / lag) if lag else 1.0
-    followed, _ = lfilter([share], [1.0, share - 1.0], around, zi=around[:1] * (1.0 - share))
-    return np.asarray(followed)
 
 
 def copied_from(recording: ImuRecording) -> str:
@@ -207,7 +199,8 @@ def _scale_that_cannot_be(around: FloatArray, die: FloatArray, time: FloatArray)
     for lag in LAGS_S:
         start = np.exp(-since / max(lag, period))  # the die may not start where its air does
         beside = orthonormal(np.stack([np.ones(len(time)), start, *warming], axis=1))
-        both = np.stack([die, _lagged(around, period, lag)], axis=1)
+        lagged = follow(time, around, lag, held=True)[0] if lag else around
+        both = np.stack([die, lagged], axis=1)
         moved, followed = project_out(beside, both).T
         power = max(float(followed @ followed), 1e-12)
         ratio = float(followed @ moved) / power

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from imu_recording.recording import SENSOR_UNITS, FloatArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from thermal_comp.comparison.compare import Comparison
 from thermal_comp.data.conditions import Sensor
@@ -69,7 +69,7 @@ def _changed(
     difference = (new - old).ravel()
     wald = float(difference @ weight @ difference)
     share = _share(sensor, effect, after, old, new, runs, floor)
-    evident = wald > float(chi2.isf(CHANCE, difference.size)) or moved
+    evident = wald > float(chdtri(difference.size, CHANCE)) or moved
     if not evident or share < LEAST_SHARE:
         return
     power = float(old.ravel() @ weight @ old.ravel())
@@ -83,7 +83,7 @@ def _changed(
         effect.name,
         sensor,
         wald,
-        float(chi2.isf(CHANCE, difference.size)),
+        float(chdtri(difference.size, CHANCE)),
         unit=SENSOR_UNITS[sensor],
         parameters=parameters,
         text=f'{sensor}: {effect.name} changed since the model was fitted, × {ratio:.3g}',
@@ -104,7 +104,7 @@ def _moved_shapes(
         variance = sum(np.square(np.atleast_1d(np.asarray(s))) for s in spreads if s is not None)
         if old.shape != new.shape or not np.all(np.asarray(variance) > 0.0):
             continue
-        if float(np.sum((new - old) ** 2 / variance)) > float(chi2.isf(CHANCE, old.size)):
+        if float(np.sum((new - old) ** 2 / variance)) > float(chdtri(old.size, CHANCE)):
             unit = type(effect).__dataclass_fields__[name].metadata['unit']
             std = now.shape_std[key]
             moved[name] = {

@@ -32,9 +32,6 @@ from thermal_comp.model.values import ModelError, ThermalModel
 
 from imu_workbench.answer import plain
 from imu_workbench.commands.options import read_devices
-from imu_workbench.report.analysis import analyse_recordings
-from imu_workbench.report.content import report_content, versions
-from imu_workbench.report.html.document import report_page
 from imu_workbench.web.case.candidates import candidates_of
 from imu_workbench.web.case.stored_bag import StoredBag, store_recording
 from imu_workbench.web.case.version import Version, make_version, model_from_text
@@ -214,6 +211,11 @@ def report_task(
     target: Path,
 ) -> Path:
     """Write the report of these recordings under these models (by device); return its path."""
+    # A report's libraries take as long to import as a verdict's: nobody else waits for them.
+    from imu_workbench.report.analysis import analyse_recordings
+    from imu_workbench.report.content import report_content, versions
+    from imu_workbench.report.html.document import report_page
+
     progress('writing the report: filters, diagnosis, figures')
     catalogue = effect_catalogue(effect_files)
     models = {device: model_from_text(text, catalogue) for device, text in model_texts.items()}
