@@ -12,6 +12,7 @@ import yaml
 
 def wait_for_verdict(page) -> None:
     page.locator('.verdict:not(.waiting) .sentence').wait_for()
+    page.locator('.rail[aria-busy=false]').wait_for()
 
 
 def add(page, effect: str) -> None:

@@ -56,6 +56,7 @@ def test_the_verdict_comes_by_itself_and_adding_reaches_the_floor(serve, watch, 
     before = number_of(accelerometer.locator('.tile-value').inner_text())
     assert 'ramp' in page.locator('.place').first.inner_text()
 
+    page.locator('.rail[aria-busy=false]').wait_for()
     rival = page.locator('.candidate', has_text='thermal gradient')
     assert 'Why not' in rival.inner_text()
     assert 'million times less probable' in rival.inner_text()

@@ -22,6 +22,8 @@ import yaml
 from imu_recording.user_error import UserError, fault_in_yaml
 
 SCHEMA = 1
+FOUND_SCHEMA = 2
+"""Of the files in `found/`; what an earlier one holds is found again."""
 CASE_FILE = 'case.yaml'
 LOCK_FILE = '.lock'
 
@@ -42,6 +44,10 @@ class CaseRecording:
     samples: int = 0
     open: bool = True
     """Whether the page shows it and fits use it."""
+    modified: int = 0
+    """Newest modification of its files [ns since 1970] …"""
+    size: int = 0
+    """… and their size [bytes] when it was read."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +155,11 @@ def with_version(
 
 def with_found(case: Case, version: str, found: Mapping[str, Any]) -> Case:
     """Keep what a diagnosis said of a version of the model in the light of the open recordings."""
-    content = {'recordings': known_recordings(case), 'found': found}
+    content = {
+        'schema': FOUND_SCHEMA,
+        'recordings': known_recordings(case),
+        'found': found,
+    }
     text = json.dumps(content, ensure_ascii=False, indent=1)
     write_atomically(case.folder / 'found' / f'{version}.json', text)
     return case
@@ -161,13 +171,27 @@ def found_in(case: Case, version: str) -> dict[str, Any] | None:
         content = json.loads((case.folder / 'found' / f'{version}.json').read_text('utf-8'))
     except (OSError, json.JSONDecodeError):
         return None  # it is only kept to save the work of finding it again
-    same = isinstance(content, dict) and content.get('recordings') == known_recordings(case)
-    return content.get('found') if same else None
+    if not isinstance(content, dict) or content.get('schema') != FOUND_SCHEMA:
+        return None
+    return content.get('found') if content.get('recordings') == known_recordings(case) else None
 
 
 def known_recordings(case: Case) -> list[str]:
     """Return the hashes of the open recordings, in order."""
     return sorted(r.sha256 for r in case.recordings if r.open)
+
+
+def is_unchanged(recording: CaseRecording) -> bool:
+    """Tell whether the files of a recording are those that were read."""
+    path = Path(recording.source)
+    return path.exists() and file_state(path) == (recording.modified, recording.size)
+
+
+def file_state(bag: Path) -> tuple[int, int]:
+    """Return newest modification [ns since 1970] and total size [bytes] of a bag's files."""
+    files = [bag] if bag.is_file() else [p for p in bag.iterdir() if p.is_file()]
+    stats = [file.stat() for file in files]
+    return max((s.st_mtime_ns for s in stats), default=0), sum(s.st_size for s in stats)
 
 
 def saved(case: Case) -> Case:

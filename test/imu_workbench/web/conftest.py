@@ -13,6 +13,7 @@ from imu_workbench.web.case.tasks import (
     Change,
     change_task,
     diagnose_task,
+    held_out_task,
     read_task,
     version_task,
 )
@@ -55,6 +56,7 @@ def fitted(tmp_path_factory) -> Fitted:
 @pytest.fixture(scope='session')
 def found(fitted) -> dict[str, Any]:
     """What is missing in the line: the diagnosis, and the candidates of every sensor."""
-    return diagnose_task(
-        fitted.progress.append, fitted.bags, fitted.prepared, fitted.line.model_text, []
-    )
+    text = fitted.line.model_text
+    answer = diagnose_task(fitted.progress.append, fitted.bags, text, [])
+    weighed = (fitted.prepared, text, answer['candidates'], [])
+    return answer | {'candidates': held_out_task(fitted.progress.append, *weighed)}

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from threading import Thread
 
 from imu_recording.user_error import UserError
 from thermal_comp.effects.user_effects import effect_catalogue
@@ -23,6 +24,7 @@ from imu_workbench.commands.options import (
     add_topic_arguments,
     topic_remap,
 )
+from imu_workbench.web.jobs import warm_up
 
 HELP = 'Serve the workbench, a local web page: what a device lacks, in a sentence; then add it.'
 EPILOG = """\
@@ -73,6 +75,7 @@ def run(options: argparse.Namespace) -> Answer:
             'the workbench needs nicegui and tsdownsample: '
             'python -m pip install -r requirements-web.txt'
         )
+    Thread(target=warm_up, daemon=True).start()  # workers get ready while the page is imported
     from imu_workbench.web.access import is_local
     from imu_workbench.web.bag_root import BagRoot
     from imu_workbench.web.page import Start

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Work in a process of its own: its progress, its result, and how to cancel it.
 
-Processes are forked from a small server that has imported the numerical packages and nothing
-else, so that they start at once and can be ended at any time.
+Processes are forked from a small server that has imported the numerical packages and loaded their
+kernels and nothing else, so that they start at once and can be ended at any time.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from imu_recording.user_error import UserError
 
 from imu_workbench.answer import error_line
 
-PRELOADED_MODULE = 'imu_workbench.web.case.tasks'
+PRELOADED_MODULE = 'imu_workbench.web.worker'
 """Imported once in the process that workers are forked from."""
 logger = logging.getLogger(__name__)
 
@@ -49,10 +49,11 @@ class Stoppable(Protocol):
 
 
 SECONDS = {
-    'read_task': (0.8, 6e-8),
-    'version_task': (2.5, 1e-6),
+    'read_task': (0.4, 4e-8),
+    'version_task': (1.5, 1e-6),
     'change_task': (3.0, 0.0),
-    'diagnose_task': (14.0, 1e-6),
+    'diagnose_task': (9.0, 1e-6),
+    'held_out_task': (2.0, 0.0),
     'preview_task': (0.6, 0.0),
     'report_task': (15.0, 2e-6),
     'next_profile_task': (12.0, 0.0),
@@ -91,18 +92,18 @@ def time_left(job: Stoppable, now: float) -> str:
 
 
 class LockWait:
-    """Waiting for a lock that another tab holds."""
+    """Waiting for a lock that other work holds."""
 
-    def __init__(self) -> None:
+    def __init__(self, progress: str = 'waiting for the same work in another tab') -> None:
         self.expected_end: float | None = None
-        self.progress = 'waiting for the same work in another tab'
+        self.progress = progress
         self._stopped = asyncio.Event()
 
     def cancel(self) -> None:
         """Give up waiting."""
         self._stopped.set()
 
-    async def acquire(self, lock: asyncio.Lock) -> None:
+    async def acquire(self, lock: asyncio.Lock | asyncio.Semaphore) -> None:
         """Take the lock; raise JobCancelled where the user gave up before."""
         taking = asyncio.ensure_future(lock.acquire())
         stopping = asyncio.ensure_future(self._stopped.wait())

@@ -12,10 +12,15 @@ from contextlib import AbstractContextManager, asynccontextmanager
 from pathlib import Path
 from typing import Any
 
+from imu_workbench.case import file_state
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.case.stored_bag import StoredBag
 from imu_workbench.web.jobs import Job, LockWait, Stoppable
 
+READ_TOGETHER = 2
+"""Bags that are read at the same time …"""
+LONG_BAG_BYTES = 50_000_000
+"""… but for longer ones, one at a time: reading takes a good part of the memory."""
 MAX_RESULTS = 200
 """Results kept; the one unused for longest is dropped."""
 
@@ -29,8 +34,8 @@ class ResultCache:
         self._numbers = itertools.count()
         self._results: OrderedDict[Any, Any] = OrderedDict()
         self._locks: dict[Any, asyncio.Lock] = {}
-        self.reading = asyncio.Lock()
-        """Bags are read one at a time: a long one takes a good part of the memory."""
+        self._reading_long = asyncio.Lock()
+        self._reading = asyncio.Semaphore(READ_TOGETHER)
 
     def fresh_path(self, suffix: str = '') -> Path:
         """Return an unused path in the temporary folder."""
@@ -66,12 +71,25 @@ class ResultCache:
             return value
 
     @asynccontextmanager
-    async def exclusive(
-        self, lock: asyncio.Lock, show: Callable[[Stoppable], AbstractContextManager[None]]
+    async def reading(
+        self, path: Path, show: Callable[[Stoppable], AbstractContextManager[None]]
     ) -> AsyncIterator[None]:
-        """Hold a lock; show that this tab waits while another one has it."""
+        """Hold a place for reading a bag; long ones, which take memory, are read one by one."""
+        long = file_key(path)[2] > LONG_BAG_BYTES
+        lock = self._reading_long if long else self._reading
+        async with self.exclusive(lock, show, LockWait(f'{path.name} waits to be read')):
+            yield
+
+    @asynccontextmanager
+    async def exclusive(
+        self,
+        lock: asyncio.Lock | asyncio.Semaphore,
+        show: Callable[[Stoppable], AbstractContextManager[None]],
+        waiting: LockWait | None = None,
+    ) -> AsyncIterator[None]:
+        """Hold a lock; show that this tab waits while other work has it."""
         if lock.locked():
-            waiting = LockWait()
+            waiting = waiting or LockWait()
             with show(waiting):
                 await waiting.acquire(lock)
         else:
@@ -83,8 +101,5 @@ class ResultCache:
 
 
 def file_key(path: Path) -> tuple[str, int, int]:
-    """Return path, newest modification time [ns] and total size of a bag: changes when it does."""
-    files = [path] if path.is_file() else [p for p in path.iterdir() if p.is_file()]
-    stats = [file.stat() for file in files]
-    newest = max((s.st_mtime_ns for s in stats), default=0)
-    return str(path), newest, sum(s.st_size for s in stats)
+    """Return path, newest modification [ns] and size [bytes] of a bag: changes when it does."""
+    return str(path), *file_state(path)

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import Thread
 
 import uvicorn
 from fastapi import FastAPI, Request
@@ -22,7 +21,7 @@ from nicegui import ui
 from imu_workbench.case import lock_cases
 from imu_workbench.web.access import AccessCheck
 from imu_workbench.web.bag_root import BagRoot
-from imu_workbench.web.jobs import end_all, warm_up
+from imu_workbench.web.jobs import end_all
 from imu_workbench.web.page import Page, Start
 from imu_workbench.web.result_cache import ResultCache
 from imu_workbench.web.workspace import Workspace
@@ -102,7 +101,6 @@ def run_server(
             reconnect_timeout=RECONNECT_S,
             show_welcome_message=False,
         )
-        Thread(target=warm_up, daemon=True).start()
         settings = uvicorn.Config(outer, log_level='warning', lifespan='on')
         # Being ended is the normal way to end: it must pass through here, where files are removed.
         signal.signal(signal.SIGTERM, signal.default_int_handler)

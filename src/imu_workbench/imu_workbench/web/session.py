@@ -117,6 +117,14 @@ class Session:
         return self.work.diagnosis(self.version_name) if self.work else None
 
     @property
+    def errors(self) -> Mapping[str, Mapping[str, float]] | None:
+        """Error and floor per sensor [SI unit] of the version looked at; None: not known yet."""
+        if self.version is not None:
+            return self.version.errors()
+        found = self.work.found.get(self.version_name) if self.work else None
+        return found['errors'] if found else None
+
+    @property
     def nothing_yet(self) -> str:
         """Text where there is no model: what to do, or why."""
         if self.work is None:

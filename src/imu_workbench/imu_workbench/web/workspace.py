@@ -17,17 +17,21 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.experiment.design import Limits
 
 from imu_workbench.case import (
+    Case,
     CaseRecording,
     RequestedFit,
     case_of_device,
     cases_in,
     found_in,
+    is_unchanged,
+    known_recordings,
     load_case,
     saved,
     with_found,
     with_version,
 )
 from imu_workbench.web.case import tasks
+from imu_workbench.web.case.candidates import asks_for_errors
 from imu_workbench.web.case.next_experiment import next_profile_task
 from imu_workbench.web.case.preview import EffectPreview, preview_task
 from imu_workbench.web.case.stored_bag import StoredBag, with_unique_runs
@@ -124,10 +128,11 @@ class Workspace:
             await self.load_effects(file.name, file.read_bytes())
         cases = [load_case(path) for path in ([case] if case else cases_in(self.cases))]
         given = [str(bag) for bag in bags]
-        paths = [] if given else [s for one in cases for s in one.sources]
-        for one in cases if not given else ():
-            self.devices[one.device] = DeviceWork(one)
-        await self.open_bags([*given, *paths], model_text)
+        paths = given or [s for one in cases for s in one.sources]
+        for one in cases:
+            if not given or (one.sources and {*one.sources} <= {*given}):
+                self._show_kept(one)
+        await self.open_bags(paths, model_text)
         self.opening = False
         self.tell()
 
@@ -136,13 +141,22 @@ class Workspace:
     ) -> list[str]:
         """Read bags, put them into the cases of their devices; return the devices they are of."""
         changed: list[str] = []
-        for path in paths:
-            for device in self._take(path, await self._read(path)):
+        reading = [asyncio.ensure_future(self._read(path)) for path in paths]
+        for path, bags in zip(paths, reading, strict=True):
+            for device in self._take(path, await bags):
                 changed += [device] if device not in changed else []
             self.tell()
         for device in changed:
+            self._close_unread(self.devices[device])
             await self._prepare(device, model_text)
         return changed
+
+    def _show_kept(self, case: Case) -> None:
+        """Show what a case keeps while its recordings are read, as far as they are unchanged."""
+        work = self.devices[case.device] = DeviceWork(case)
+        if all(is_unchanged(recording) for recording in case.recordings if recording.open):
+            kept = found_in(case, case.current)
+            work.found = {} if kept is None else {case.current: kept}
 
     def _take(self, path: str | Path, found: Sequence[StoredBag]) -> list[str]:
         """Put recordings that rest into the cases of their devices."""
@@ -166,23 +180,37 @@ class Workspace:
         return devices
 
     def _bags_changed(self, work: DeviceWork) -> None:
-        """Bring the case up to date with the recordings that are open."""
-        case = work.case
-        hashes = {r.run: r.sha256 for r in case.recordings}
-        open_now = [
-            CaseRecording(b.source, b.run, hashes.get(b.run, ''), b.samples) for b in work.bags
+        """Bring the case up to date with the recordings that were read."""
+        hashes = {r.run: r.sha256 for r in work.case.recordings}
+        read = [
+            CaseRecording(b.source, b.run, hashes.get(b.run, ''), b.samples, True, *b.file_state)
+            for b in work.bags
         ]
         runs = {bag.run for bag in work.bags}
-        closed = [replace(r, open=False) for r in case.recordings if r.run not in runs]
-        work.case = saved(replace(case, recordings=(*open_now, *closed)))
+        others = [r for r in work.case.recordings if r.run not in runs]
+        self._keep_recordings(work, [*read, *others])
         work.prepared = self.cache.prepared_path(work.bags)
-        work.loaded, work.found, work.failed, work.problem = {}, {}, set(), ''
+        work.loaded, work.failed, work.problem = {}, set(), ''
+
+    def _close_unread(self, work: DeviceWork) -> None:
+        """Take those for closed that were not read."""
+        runs = {bag.run for bag in work.bags}
+        recordings = [r if r.run in runs else replace(r, open=False) for r in work.case.recordings]
+        self._keep_recordings(work, recordings)
+
+    def _keep_recordings(self, work: DeviceWork, recordings: Sequence[CaseRecording]) -> None:
+        """Save the recordings; what was found in others is forgotten."""
+        before = known_recordings(work.case)
+        work.case = saved(replace(work.case, recordings=tuple(recordings)))
+        if known_recordings(work.case) != before:
+            work.found = {}
 
     async def close_bag(self, device: str, run: str) -> None:
         """Close a recording; the case knows it still, and its versions stay."""
         work = self.devices[device]
         work.bags = [bag for bag in work.bags if bag.run != run]
         self._bags_changed(work)
+        self._close_unread(work)
         self.tell()
         if work.bags:
             await self._prepare(device)
@@ -195,7 +223,7 @@ class Workspace:
             return []
         folder = self.cache.fresh_path()
         try:
-            async with self.cache.exclusive(self.cache.reading, self.work):
+            async with self.cache.reading(located, self.work):
                 found: list[StoredBag] | None = await self._do(
                     file_key(located), tasks.read_task, located, folder, self._remap
                 )
@@ -235,7 +263,7 @@ class Workspace:
         recordings = [
             replace(r, sha256=opened.hashes.get(r.run, r.sha256)) for r in work.case.recordings
         ]
-        work.case = saved(replace(work.case, recordings=tuple(recordings)))
+        self._keep_recordings(work, recordings)
         return opened
 
     # Versions ----------------------------------------------------------------------------------
@@ -252,8 +280,8 @@ class Workspace:
         work.case = with_version(work.case, parent, label, text, version.errors(), runs)
         name = work.case.current
         work.keep(name, version)
-        self.tell()
         self.begin(self.diagnose(work.name, name))
+        self.tell()
         return name
 
     async def load(self, device: str, name: str) -> Version | None:
@@ -277,8 +305,8 @@ class Workspace:
             if name in work.loaded:
                 return work.loaded[name]
             work.keep(name, opened.version)
-            self.tell()
         self.begin(self.diagnose(device, name))
+        self.tell()
         return work.loaded[name]
 
     def show(self, device: str, name: str) -> None:
@@ -302,7 +330,10 @@ class Workspace:
         """Find what is missing in a version, once for each set of recordings and effects."""
         work = self.devices[device]
         asked = (device, name)
-        if asked in self._diagnosing or (name in work.found and not anew):
+        if asked in self._diagnosing:
+            return
+        if name in work.found and not anew:
+            await self._hold_out(work, name)
             return
         kept = None if anew or self.effect_files else found_in(work.case, name)
         if kept is None and name in work.loaded:
@@ -311,21 +342,48 @@ class Workspace:
                 text, files = work.loaded[name].model_text, list(self.effect_files)
                 prepared = work.prepared
                 key = (str(prepared), text, tuple(files))
-                arguments = (list(work.bags), prepared, text, files)
+                arguments = (list(work.bags), text, files)
                 kept = await self._do(key, tasks.diagnose_task, *arguments)
             finally:
                 self._diagnosing.discard(asked)
-            if kept is None or prepared != work.prepared or files != self.effect_files:
+            same = prepared == work.prepared and files == self.effect_files
+            if kept is None or not same or name not in work.loaded:
                 return
-            if not files:  # effects of the user's own are not there the next time
-                with_found(work.case, name, kept)
-        if kept is not None:
+            self._keep_found(work, name, kept | {'errors': work.loaded[name].errors()})
+        elif kept is not None:
             work.found[name] = kept
             self.tell()
+        await self._hold_out(work, name)
+
+    def _keep_found(self, work: DeviceWork, name: str, found: dict[str, Any]) -> None:
+        if not self.effect_files:  # effects of the user's own are not there the next time
+            with_found(work.case, name, found)
+        work.found[name] = found
+        self.tell()
+
+    async def _hold_out(self, work: DeviceWork, name: str) -> None:
+        """Say what the candidates in front would leave: after the verdict, which needs it not."""
+        if not self.is_holding_out(work.name, name):
+            return
+        found, version, files = work.found[name], work.loaded[name], list(self.effect_files)
+        prepared, text = work.prepared, version.model_text
+        arguments = (prepared, text, found['candidates'], files)
+        key = (str(prepared), text, tuple(files))
+        weighed = await self._do(key, tasks.held_out_task, *arguments)
+        if weighed is not None and work.found.get(name) is found:
+            self._keep_found(work, name, found | {'candidates': weighed})
 
     def is_diagnosing(self, device: str, name: str) -> bool:
         """Tell whether the answer about a version is under way."""
         return (device, name) in self._diagnosing
+
+    def is_holding_out(self, device: str, name: str) -> bool:
+        """Tell whether what the candidates in front would leave is still to be said."""
+        work = self.devices[device]
+        found, version = work.found.get(name), work.loaded.get(name)
+        if found is None or version is None:
+            return False
+        return asks_for_errors(found['candidates'], version.effects)
 
     # Fits --------------------------------------------------------------------------------------
 

@@ -33,7 +33,7 @@ def changed(found: dict[str, Any], **changes: Any) -> dict[str, Any]:
 
 
 def test_the_verdict_says_where_it_fails_by_how_much_and_why(fitted, found):
-    sentence = verdict_sentence(found['diagnosis'], fitted.line)
+    sentence = verdict_sentence(found['diagnosis'], fitted.line.errors())
     said = re.fullmatch(
         r'Accelerometer fails in ramps, (\d\.\d) × noise\. Thermal lag, (\d+\.\d+) ± (\d\.\d+) s, '
         r'explains it\.',
@@ -58,20 +58,20 @@ def test_the_sensor_furthest_above_its_noise_comes_first_as_the_plots_do(fitted,
 
 def test_rivals_lead_to_the_experiment_that_decides(fitted, found):
     rivals = changed(found, ambiguous_with=['thermal_gradient'])
-    assert 'cannot tell which' in verdict_sentence(rivals, fitted.line)
+    assert 'cannot tell which' in verdict_sentence(rivals, fitted.line.errors())
     action = next_action(rivals, KNOWN, KNOWN)
     assert (action.kind, action.rivals) == ('experiment', (LAG, 'thermal_gradient'))
 
 
 def test_what_was_not_logged_is_what_to_log_next(fitted, found):
     unlogged = changed(found, kind='unlogged', name=None, depends_on='heater')
-    assert 'not logged: heater' in verdict_sentence(unlogged, fitted.line)
+    assert 'not logged: heater' in verdict_sentence(unlogged, fitted.line.errors())
     assert next_action(unlogged, KNOWN, KNOWN).text == 'Log chamber/heater and record again.'
 
 
 def test_nothing_missing_names_what_would_have_been_found(fitted, found):
     complete = found['diagnosis'] | {'findings': []}
-    assert verdict_sentence(complete, fitted.lag).startswith('Nothing is missing')
+    assert verdict_sentence(complete, fitted.lag.errors()).startswith('Nothing is missing')
     assert what_would_be_found(found['diagnosis']) == []
     gyroscope, magnetometer = what_would_be_found(complete)  # the accelerometer lacked something
     assert re.match(r'Gyroscope: .*thermal lag 0\.\d+, .* °/s rms$', gyroscope)

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import exp
 from typing import Any
 
 from thermal_comp.comparison.held_out import hold_out
-from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.findings import rms_of
 from thermal_comp.diagnosis.result import Diagnosis, RankedEffect
@@ -22,7 +22,7 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, shown
 from imu_workbench.answer import plain
 
 HELD_OUT_AT_FIRST = 5
-"""Candidates of a sensor whose held-out error is computed before anybody asks."""
+"""Candidates of a sensor whose held-out error is computed without being asked for."""
 CERTAIN = 0.99
 """Probability from which the odds to a rival are no question any more."""
 
@@ -53,18 +53,16 @@ class Candidate:
         return None if self.error_after is None else self.error_after < (1.0 - LEAST_FALL) * before
 
 
-def candidates_of(
-    found: Diagnosis, model: ThermalModel, runs: Sequence[PreparedRun]
-) -> dict[str, list[Candidate]]:
-    """Return the candidates of every sensor, most probable first."""
+def candidates_of(found: Diagnosis) -> dict[str, list[Candidate]]:
+    """Return the candidates of every sensor, most probable first.
+
+    Held-out errors are known of those that are named; `held_out` computes others.
+    """
     content = found.to_dict()
     result: dict[str, list[Candidate]] = {}
     for one in found.ranking:
         own = result.setdefault(one.sensor, [])
         finding = _finding(content, one)
-        after = finding['error_after'] if finding else None
-        if after is None and len(own) < HELD_OUT_AT_FIRST and one.sensor in model.sensors:
-            after = error_with(model, runs, one.sensor, one.effect)
         predicted = content['prediction'].get(one.sensor, {'empirical': False, 'terms': []})
         own.append(
             Candidate(
@@ -72,7 +70,7 @@ def candidates_of(
                 one.sensor,
                 one.probability,
                 one.log_odds,
-                after,
+                finding['error_after'] if finding else None,
                 plain(dict(one.effect.shape_parameters)),
                 finding['parameters'] if finding else {},
                 finding is not None,
@@ -80,6 +78,31 @@ def candidates_of(
             )
         )
     return result
+
+
+def asks_for_errors(
+    candidates: Mapping[str, Sequence[Mapping[str, Any]]], sensors: Iterable[str]
+) -> bool:
+    """Tell whether the error of a candidate in front is still to be computed, in these sensors."""
+    first = (row for sensor in sensors for row in candidates.get(sensor, ())[:HELD_OUT_AT_FIRST])
+    return any(row['error_after'] is None for row in first)
+
+
+def with_errors(
+    candidates: Mapping[str, Sequence[Mapping[str, Any]]],
+    model: ThermalModel,
+    runs: Sequence[PreparedRun],
+    catalogue: Mapping[str, type[Effect]],
+) -> dict[str, list[dict[str, Any]]]:
+    """Return the candidates (fields of `Candidate`), those in front with their held-out error."""
+    result: dict[str, list[dict[str, Any]]] = {}
+    for sensor in SENSORS:
+        result[sensor] = [dict(row) for row in candidates.get(sensor, ())]
+        for row in result[sensor][:HELD_OUT_AT_FIRST]:
+            if row['error_after'] is None and sensor in model.sensors:
+                effect = effect_of(row['effect'], row['shape'], catalogue)
+                row['error_after'] = error_with(model, runs, sensor, effect)
+    return {sensor: rows for sensor, rows in result.items() if rows}
 
 
 def _finding(content: Mapping[str, Any], one: RankedEffect) -> Mapping[str, Any] | None:

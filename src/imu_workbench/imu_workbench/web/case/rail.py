@@ -41,7 +41,8 @@ class Rail:
         self._session, self._actions = session, actions
         self._drawn: tuple[Any, ...] | None = None
         self._open: dict[str, bool] = {}
-        with ui.element('section').classes('card rail').props('aria-label="Candidates"'):
+        self._section = ui.element('section').classes('card rail')
+        with self._section.props('aria-label="Candidates" aria-busy=true'):
             self._place = ui.element('div')
             button = ui.button('Load an effect file (.py)', on_click=actions.load_effects)
             button.props('no-caps outline').set_enabled(may_load)
@@ -62,6 +63,11 @@ class Rail:
         if drawn == self._drawn:
             return
         self._drawn = drawn
+        waits = work is not None and session.workspace.is_holding_out(
+            session.device, session.version_name
+        )
+        busy = found is None or version is None or waits
+        self._section.props(f'aria-busy={"true" if busy else "false"}')
         self._place.clear()
         with self._place:
             ui.html(f'<h2>What may be missing in the {escape(sensor)}</h2>', sanitize=False)
@@ -73,6 +79,8 @@ class Rail:
                 ui.label('Candidates stand here when the catalogue was asked.').classes('soft')
                 return
             self._show(self._candidates(preview), version, preview)
+            if waits:
+                ui.label('What they would leave held out is being computed …').classes('soft')
 
     def _candidates(self, preview: EffectPreview | None) -> list[Candidate]:
         """Return what may be missing, those of the user's own that were not weighed included."""

@@ -31,6 +31,8 @@ class StoredBag:
     notes: tuple[str, ...]
     motion: str = ''
     """How the device moves; '' where it rests."""
+    file_state: tuple[int, int] = (0, 0)
+    """Newest modification [ns since 1970] and size [bytes] of its files when it was read."""
 
     def recording(self) -> ImuRecording:
         """Return the recording; its columns are mapped, not loaded."""
@@ -58,7 +60,9 @@ class StoredBag:
         return values
 
 
-def store_recording(recording: ImuRecording, folder: Path) -> StoredBag:
+def store_recording(
+    recording: ImuRecording, folder: Path, file_state: tuple[int, int] = (0, 0)
+) -> StoredBag:
     """Write the recording's columns into a folder of its own."""
     folder.mkdir(parents=True)
     for item in fields(recording):
@@ -79,6 +83,7 @@ def store_recording(recording: ImuRecording, folder: Path) -> StoredBag:
         span,
         recording.notes,
         motion_of(recording),
+        file_state,
     )
 
 

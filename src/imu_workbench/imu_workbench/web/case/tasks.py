@@ -31,8 +31,9 @@ from thermal_comp.model.file import check_device
 from thermal_comp.model.values import ModelError, ThermalModel
 
 from imu_workbench.answer import plain
+from imu_workbench.case import file_state
 from imu_workbench.commands.options import read_devices
-from imu_workbench.web.case.candidates import candidates_of
+from imu_workbench.web.case.candidates import candidates_of, with_errors
 from imu_workbench.web.case.stored_bag import StoredBag, store_recording
 from imu_workbench.web.case.version import Version, make_version, model_from_text
 
@@ -47,9 +48,9 @@ def read_task(
     `remap` maps names of the logging contract to names in the bag.
     """
     progress(f'reading {path.name}')
-    stored = []
+    stored, state = [], file_state(path)
     for number, recording in enumerate(read_devices(path, None, remap, every_device=True)):
-        stored.append(store_recording(admitted(recording), folder / str(number)))
+        stored.append(store_recording(admitted(recording), folder / str(number), state))
     return stored
 
 
@@ -175,7 +176,6 @@ def _without(
 def diagnose_task(
     progress: Progress,
     bags: Sequence[StoredBag],
-    prepared: Path,
     model_text: str,
     effect_files: Sequence[Path],
 ) -> dict[str, Any]:
@@ -184,11 +184,24 @@ def diagnose_task(
     catalogue = effect_catalogue(effect_files)
     model = model_from_text(model_text, catalogue)
     found = diagnose((bag.recording() for bag in bags), model, catalogue=catalogue)
-    progress('holding out what each candidate would leave')
-    weighed = candidates_of(found, model, load_runs(prepared))
     content: dict[str, Any] = plain(found.to_dict())
-    rows = {sensor: [asdict(one) for one in own] for sensor, own in weighed.items()}
+    rows = {s: [asdict(one) for one in own] for s, own in candidates_of(found).items()}
     return {'diagnosis': content, 'candidates': plain(rows)}
+
+
+def held_out_task(
+    progress: Progress,
+    prepared: Path,
+    model_text: str,
+    candidates: Mapping[str, Sequence[Mapping[str, Any]]],
+    effect_files: Sequence[Path],
+) -> dict[str, Any]:
+    """Return the candidates of every sensor, those in front with what they leave held out."""
+    progress('holding out what each candidate would leave')
+    catalogue = effect_catalogue(effect_files)
+    model = model_from_text(model_text, catalogue)
+    found: dict[str, Any] = plain(with_errors(candidates, model, load_runs(prepared), catalogue))
+    return found
 
 
 def load_runs(prepared: Path) -> list[PreparedRun]:

@@ -91,10 +91,12 @@ class TopStrip:
         kind = found['verdict'] if found else 'waiting'
         self._sentence.classes(replace=f'verdict {kind}')
         with self._sentence:
-            if found is None or session.version is None or session.work is None:
+            if found is None or session.errors is None:
                 ui.label(self._waiting()).classes('sentence')
                 return
-            ui.label(verdict_sentence(found, session.version)).classes('sentence')
+            ui.label(verdict_sentence(found, session.errors)).classes('sentence')
+            if session.version is None:
+                ui.label(f'As it was found before. {session.nothing_yet}').classes('soft')
             smallest = what_would_be_found(found)
             if smallest:
                 ui.label('Would have been found from here on, rms:').classes('soft')

@@ -11,13 +11,15 @@ from typing import Any, Literal
 from thermal_comp.presentation.diagnosis import DEFECTS, TOPICS, smallest_found_text
 from thermal_comp.presentation.display import SENSORS
 
-from imu_workbench.web.case.version import Version, parameter_text
+from imu_workbench.web.case.version import parameter_text
 from imu_workbench.web.case.view import PHASE_LABELS
 
 AT_FLOOR_RATIO = 1.05
 """An error up to this ratio to the noise floor counts as explained."""
 WORST_PLACES = 4
 """Places that are asked for the phase in which a sensor fails."""
+Errors = Mapping[str, Mapping[str, float]]
+"""Per sensor: held-out `error` and `floor`, rms over the axes [SI unit]."""
 Kind = Literal['add', 'experiment', 'log', 'look', 'certificate', 'none']
 
 
@@ -34,7 +36,7 @@ class Action:
     """Two effects an experiment would tell apart."""
 
 
-def verdict_sentence(found: Mapping[str, Any], version: Version) -> str:
+def verdict_sentence(found: Mapping[str, Any], errors: Errors) -> str:
     """Return the verdict: which sensor fails where and by how much, and what explains it."""
     findings = _physical(found)
     if not findings:
@@ -44,7 +46,7 @@ def verdict_sentence(found: Mapping[str, Any], version: Version) -> str:
         return f'Nothing is missing: what is left is noise{usual}.'
     sensor = findings[0]['sensor']
     own = [f for f in findings if f['sensor'] == sensor]
-    sentence = f'{failure_sentence(sensor, found, version)} {_explanation(own)}'
+    sentence = f'{failure_sentence(sensor, found, errors)} {_explanation(own)}'
     others = list(dict.fromkeys(f['sensor'] for f in findings if f['sensor'] != sensor))
     if others:
         names = ' and '.join(_named(other) for other in others)
@@ -52,13 +54,13 @@ def verdict_sentence(found: Mapping[str, Any], version: Version) -> str:
     return sentence
 
 
-def failure_sentence(sensor: str, found: Mapping[str, Any], version: Version) -> str:
+def failure_sentence(sensor: str, found: Mapping[str, Any], errors: Errors) -> str:
     """Return where a sensor, or several, fail, and how far above the noise."""
-    first = next((s for s in sensor.split('+') if s in version.comparison['sensors']), '')
+    first = next((s for s in sensor.split('+') if s in errors), '')
     name = _named(sensor).capitalize()
     if not first:
         return f'{name}:'
-    ratio = version.error(first) / version.floor(first)
+    ratio = errors[first]['error'] / errors[first]['floor']
     verb = 'fail' if '+' in sensor else 'fails'
     place = failing_phase(found['sensors'].get(first, {}).get('where', ()))
     if ratio <= AT_FLOOR_RATIO:
