@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from .bad_input_in_browser import EFFECT
+
 
 def wait_for_verdict(page) -> None:
     page.locator('.verdict:not(.waiting) .sentence').wait_for()
@@ -122,6 +124,36 @@ def test_fits_queue_branch_and_are_cancelled_and_bags_come_and_go(serve, watch, 
     }  # fmt: skip
     assert server.alive
     watched.check()
+
+
+def test_an_effect_file_is_kept_in_the_case_and_asked_for_where_it_was_never_given(
+    serve, watch, small_bags, tmp_path
+):
+    cases, effect = tmp_path / 'cases', tmp_path / 'my_effect.py'
+    effect.write_text(EFFECT, 'utf-8')
+    server = serve(small_bags / 'dut2_x', '--effects', effect, cases=cases)
+    page = watch(server.address).page
+    wait_for_verdict(page)
+    add(page, 'kink')
+    page.locator('.tree-row.on', has_text='+ kink').wait_for()
+    server.kill()
+    effect.unlink()
+
+    server = serve(cases / 'dut2')  # where the file was given before
+    again = watch(server.address)
+    again.page.locator('.term', has_text='kink').wait_for()
+    assert again.page.locator('.message').count() == 0
+    server.kill()
+
+    (cases / '.allowed_effects.json').unlink()  # as where the case was copied to
+    server = serve(cases / 'dut2')
+    elsewhere = watch(server.address)
+    told = 'v2 needs my_effect.py, which is kept in the case'
+    elsewhere.page.locator('.message', has_text=told).wait_for()
+    elsewhere.page.get_by_role('button', name='Load my_effect.py, kept in this case').click()
+    elsewhere.page.locator('.term', has_text='kink').wait_for()
+    assert server.alive
+    elsewhere.check()
 
 
 def test_two_tabs_and_two_devices_keep_out_of_each_others_way(serve, watch, small_bags):

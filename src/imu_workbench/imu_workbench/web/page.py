@@ -15,6 +15,7 @@ from urllib.parse import parse_qsl
 from nicegui import background_tasks, events, ui
 from thermal_comp.data.conditions import SENSORS
 
+from imu_workbench.case_effects import kept_effects
 from imu_workbench.web.case.centre import Centre
 from imu_workbench.web.case.channel_selector import ChannelSelector
 from imu_workbench.web.case.explained import ExperimentDialog, ExplainDialog
@@ -96,6 +97,7 @@ class Page:
                     lambda effect: self._request(effect, added=False),
                     lambda effect: self._explain_dialog.show(self._workspace.effects[effect]),
                     lambda: self._effect_upload.run_method('pickFiles'),
+                    self._load_kept,
                 )
                 self._rail = Rail(session, rail, may_load=self._start.local)
             actions = VersionActions(
@@ -134,13 +136,21 @@ class Page:
             name, content = event.file.name, await event.file.read()
             if not self._start.local:
                 return
-            new = await self._workspace.load_effects(name, content)
-            if new:
-                names = ', '.join(effect.replace('_', ' ') for effect in new)
-                self._workspace.say(f'{Path(name).name}: {names} can be added now', 'info')
+            self._tell_of_effects(name, await self._workspace.load_effects(name, content))
 
         upload = ui.upload(on_upload=load, auto_upload=True, max_file_size=20_000_000)
         return upload.props('accept=".py"').classes('hidden-upload')
+
+    async def _load_kept(self, key: str) -> None:
+        work = self._session.work
+        if work is not None and self._start.local:
+            name = kept_effects(work.case)[key]
+            self._tell_of_effects(name, await self._workspace.load_kept_effects(work.case, key))
+
+    def _tell_of_effects(self, name: str, new: Sequence[str]) -> None:
+        if new:
+            names = ', '.join(effect.replace('_', ' ') for effect in new)
+            self._workspace.say(f'{Path(name).name}: {names} can be added now', 'info')
 
     async def _start_up(self) -> None:
         await self._client.connected()

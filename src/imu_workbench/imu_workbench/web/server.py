@@ -86,7 +86,11 @@ def run_server(
 
         async def begin() -> None:
             opening = workspace.start(
-                start.bags, start.effects, case=start.case, model_text=start.model_text
+                start.bags,
+                start.effects,
+                case=start.case,
+                model_text=start.model_text,
+                run_kept=start.local,
             )
             workspace.begin(opening)
 

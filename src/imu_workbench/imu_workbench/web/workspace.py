@@ -18,6 +18,7 @@ from thermal_comp.experiment.design import Limits
 
 from imu_workbench.case import (
     Case,
+    CaseError,
     CaseRecording,
     RequestedFit,
     case_of_device,
@@ -29,6 +30,14 @@ from imu_workbench.case import (
     saved,
     with_found,
     with_version,
+)
+from imu_workbench.case_effects import (
+    allow,
+    allowed_in,
+    digest,
+    effect_file,
+    kept_effects,
+    with_effect_file,
 )
 from imu_workbench.web.case import tasks
 from imu_workbench.web.case.candidates import asks_for_errors
@@ -62,6 +71,8 @@ class Workspace:
         self.cache, self.cases = cache, cases
         self.devices: dict[str, DeviceWork] = {}
         self.effect_files: list[Path] = []
+        self._effect_homes: dict[str, Path] = {}
+        """Effect of the user's own → its file."""
         self.effects: dict[str, dict[str, Any]] = tasks.effect_explanations(EFFECTS)
         """What `explain` says of every effect, by name."""
         self.messages: list[Message] = []
@@ -122,9 +133,13 @@ class Workspace:
         *,
         case: Path | None = None,
         model_text: str | None = None,
+        run_kept: bool = False,
     ) -> None:
-        """Open what the server was started with: cases, bags, effect files."""
-        for file in effects:
+        """Open what the server was started with: cases, bags, effect files.
+
+        `run_kept`: effect files of a case that were given here before are loaded by themselves.
+        """
+        for file in (f for p in effects for f in (sorted(p.glob('*.py')) if p.is_dir() else [p])):
             await self.load_effects(file.name, file.read_bytes())
         cases = [load_case(path) for path in ([case] if case else cases_in(self.cases))]
         given = [str(bag) for bag in bags]
@@ -132,6 +147,9 @@ class Workspace:
         for one in cases:
             if not given or (one.sources and {*one.sources} <= {*given}):
                 self._show_kept(one)
+            if run_kept and (not given or {*one.sources} & {*given}):
+                for key in [k for k in kept_effects(one) if k in allowed_in(self.cases)]:
+                    await self.load_kept_effects(one, key)
         await self.open_bags(paths, model_text)
         self.opening = False
         self.tell()
@@ -276,6 +294,9 @@ class Workspace:
 
     def _append(self, work: DeviceWork, parent: str | None, version: Version) -> str:
         runs = [bag.run for bag in work.bags]
+        used = {name for names in version.effects.values() for name in names}
+        for file in {self._effect_homes[name] for name in used & {*self._effect_homes}}:
+            work.case = with_effect_file(work.case, file)
         label, text = version.label, version.model_text
         work.case = with_version(work.case, parent, label, text, version.errors(), runs)
         name = work.case.current
@@ -293,6 +314,7 @@ class Workspace:
         if name not in work.loaded:
             try:
                 text = work.case.model_text(name)
+                self._ask_for_effects(work.case, name, text)
             except UserError as error:
                 self.say(str(error))
                 work.failed.add(name)
@@ -466,6 +488,29 @@ class Workspace:
         found: Path | None = await self._do(key, tasks.report_task, *arguments)
         return found
 
+    def effects_to_load(self, case: Case) -> dict[str, str]:
+        """Return the effect files of a case that are not loaded: SHA-256 → name."""
+        loaded = {digest(file.read_bytes()) for file in self.effect_files}
+        return {key: name for key, name in kept_effects(case).items() if key not in loaded}
+
+    def _ask_for_effects(self, case: Case, version: str, model_text: str) -> None:
+        """Refuse a model whose effect file is kept in the case and not loaded."""
+        for key, name in self.effects_to_load(case).items():
+            if key[:16] in model_text:  # as `source` of an effect names its file
+                raise CaseError(
+                    f'{version} needs {name}, which is kept in the case: load it below the '
+                    'candidates (it runs code), or start the server with --effects'
+                )
+
+    async def load_kept_effects(self, case: Case, key: str) -> list[str]:
+        """Load an effect file that is kept in a case; return the names of its effects."""
+        try:
+            content = effect_file(case, key)
+        except UserError as error:
+            self.say(str(error))
+            return []
+        return await self.load_effects(kept_effects(case)[key], content)
+
     async def load_effects(self, name: str, content: bytes) -> list[str]:
         """Add the effects of a file; every version is weighed anew. Return their names."""
         folder = self.cache.fresh_path()
@@ -478,6 +523,8 @@ class Workspace:
             return []
         new = [effect for effect in found if effect not in self.effects]
         self.effect_files, self.effects = files, found
+        self._effect_homes |= dict.fromkeys(new, file)
+        allow(self.cases, digest(content))
         for work in self.devices.values():
             work.found, work.failed = {}, set()
             for version in list(work.loaded):

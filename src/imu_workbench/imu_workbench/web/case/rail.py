@@ -32,6 +32,7 @@ class RailActions:
     take_out: Callable[[str], Any]
     explain: Callable[[str], Any]
     load_effects: Callable[[], Any]
+    load_kept: Callable[[str], Any]
 
 
 class Rail:
@@ -40,10 +41,12 @@ class Rail:
     def __init__(self, session: Session, actions: RailActions, *, may_load: bool) -> None:
         self._session, self._actions = session, actions
         self._drawn: tuple[Any, ...] | None = None
+        self._may_load, self._offered = may_load, dict[str, str]()
         self._open: dict[str, bool] = {}
         self._section = ui.element('section').classes('card rail')
         with self._section.props('aria-label="Candidates" aria-busy=true'):
             self._place = ui.element('div')
+            self._kept = ui.element('div')
             button = ui.button('Load an effect file (.py)', on_click=actions.load_effects)
             button.props('no-caps outline').set_enabled(may_load)
             if not may_load:
@@ -52,6 +55,7 @@ class Rail:
 
     def refresh(self, preview: EffectPreview | None) -> None:
         """Show the candidates of the sensor looked at."""
+        self._offer_kept()
         session = self._session
         version, work, sensor = session.version, session.work, session.view.sensor
         found = work.found.get(session.version_name) if work else None
@@ -81,6 +85,23 @@ class Rail:
             self._show(self._candidates(preview), version, preview)
             if waits:
                 ui.label('What they would leave held out is being computed …').classes('soft')
+
+    def _offer_kept(self) -> None:
+        """Offer the effect files that the case keeps and that are not loaded."""
+        work = self._session.work
+        kept = self._session.workspace.effects_to_load(work.case) if work else {}
+        if kept == self._offered:
+            return
+        self._offered = kept
+        self._kept.clear()
+        with self._kept:
+            for key, name in kept.items():
+                button = ui.button(
+                    f'Load {name}, kept in this case',
+                    on_click=lambda _, key=key: self._actions.load_kept(key),
+                )
+                button.props('no-caps outline').set_enabled(self._may_load)
+                ui.label(f'It runs code: SHA-256 {key[:16]}.').classes('reason')
 
     def _candidates(self, preview: EffectPreview | None) -> list[Candidate]:
         """Return what may be missing, those of the user's own that were not weighed included."""
