@@ -174,6 +174,15 @@ def test_two_tabs_and_two_devices_keep_out_of_each_others_way(serve, watch, smal
     assert one.page.locator('.tree-row').count() == 2
     assert sorted(p.name for p in server.cases.iterdir() if p.is_dir()) == ['dut2', 'dut7']
 
+    one.page.get_by_role('button', name='Fleet', exact=True).click()
+    one.page.wait_for_url('**fleet=1**')
+    rows = one.page.locator('.fleet-table tbody tr')
+    rows.nth(1).wait_for()
+    assert 'dut2' in rows.nth(0).inner_text()  # dut7 has its effect by now
+    rows.nth(1).get_by_role('button', name='dut7').click()
+    one.page.locator('.tree-row.on', has_text='v2').wait_for()
+    assert 'fleet' not in one.page.url
+
     third = watch(other.page.url)  # a second tab of the same device sees what the first did
     third.page.locator('.tree-row.on', has_text='v2').wait_for()
     assert server.alive

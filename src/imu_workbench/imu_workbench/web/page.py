@@ -27,8 +27,9 @@ from imu_workbench.web.case.top_strip import TopActions, TopStrip
 from imu_workbench.web.case.versions_panel import VersionActions, VersionsPanel
 from imu_workbench.web.case.view import Place
 from imu_workbench.web.dialogs import Messages, OpenDialog, RecordingsDialog, WorkPanel
+from imu_workbench.web.fleet import FleetView
 from imu_workbench.web.plot import Look
-from imu_workbench.web.session import Session
+from imu_workbench.web.session import SHOWN, Session, Shown
 from imu_workbench.web.workspace import Workspace
 
 PHONE_WIDTH_PX = 640
@@ -105,6 +106,8 @@ class Page:
                 self._open_model, lambda text: self._workspace.note(session.device, text),
             )  # fmt: skip
             self._versions = VersionsPanel(session, look, actions)
+        with ui.element('main').classes('body') as self._fleet_place:
+            self._fleet = FleetView(self._workspace.fleet, self._open_case)
         self._live = ui.element('main').classes('body live-body-place')
         ui.on('narrow', lambda event: self._on_narrow(narrow=bool(event.args)))
         ui.on('dark', lambda event: self._on_system_theme(dark=bool(event.args)))
@@ -123,8 +126,10 @@ class Page:
         self._recordings_button.props('no-caps flat').classes('summary')
         with ui.element('nav').classes('views').props('aria-label="Views"'):
             self._views = {
-                live: ui.button(label, on_click=lambda _, live=live: self._switch(live=live))
-                for live, label in ((False, 'Case'), (True, 'Live'))
+                shown: ui.button(
+                    shown.capitalize(), on_click=lambda _, shown=shown: self._switch(shown)
+                )
+                for shown in SHOWN
             }
             for button in self._views.values():
                 button.props('no-caps flat')
@@ -161,7 +166,7 @@ class Page:
         self._workspace.listen(self._changed)
         self._changed()
         nothing = not self._workspace.opening and not self._workspace.devices
-        if nothing and not self._session.live:
+        if nothing and self._session.shown == 'case':
             await self._open_dialog.show()
 
     # Drawing -----------------------------------------------------------------------------------
@@ -196,14 +201,18 @@ class Page:
         self._recordings_button.set_visibility(work is not None)
         self._messages.refresh()
         self._work.refresh()
-        for live, button in self._views.items():
-            current = 'page' if live == session.live else 'false'
+        places = {'case': self._case, 'fleet': self._fleet_place, 'live': self._live}
+        for shown, button in self._views.items():
+            current = 'page' if shown == session.shown else 'false'
             button.props(f'aria-current={current}')
-        self._case.visible, self._live.visible = not session.live, session.live
+            places[shown].visible = shown == session.shown
         if self._live_page is not None:
-            self._live_page.active = session.live
-        if session.live:
+            self._live_page.active = session.shown == 'live'
+        if session.shown == 'live':
             self._show_live()
+        elif session.shown == 'fleet':
+            self._fleet.refresh()
+        if session.shown != 'case':
             return
         self._load_what_is_missing()
         self._top.refresh()
@@ -312,9 +321,17 @@ class Page:
         self._shown_address = json.dumps(query)
         self._changed()
 
-    def _switch(self, *, live: bool) -> None:
-        self._session.live = live
+    def _switch(self, shown: Shown) -> None:
+        self._session.shown = shown
         self._step()
+
+    async def _open_case(self, device: str) -> None:
+        """Go from the fleet into a device's case."""
+        self._session.shown = 'case'
+        opening = self._workspace.open_case(device)
+        self._choose_device(device)
+        self._step()
+        await opening
 
     def _choose_device(self, name: str | None) -> None:
         if name and name != self._session.device:

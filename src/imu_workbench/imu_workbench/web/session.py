@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 from urllib.parse import urlencode
 
 from imu_recording.recording import PHASES
@@ -16,13 +16,17 @@ from imu_workbench.web.case.view import Place, View
 from imu_workbench.web.device_work import DeviceWork
 from imu_workbench.web.workspace import Workspace
 
+Shown = Literal['case', 'fleet', 'live']
+SHOWN: tuple[Shown, ...] = ('case', 'fleet', 'live')
+"""Views of the page; the address names all but the first."""
+
 
 class Session:
     """One tab's choice of device, version, sensor, axis, place and candidate."""
 
     def __init__(self, workspace: Workspace, query: Mapping[str, str]) -> None:
         self.workspace = workspace
-        self.live = False
+        self.shown: Shown = 'case'
         self.device = ''
         self.version_name = ''
         self.candidate = ''
@@ -35,7 +39,7 @@ class Session:
 
     def follow(self, query: Mapping[str, str]) -> None:
         """Look at what an address says; what it does not know is left to choose."""
-        self.live = query.get('live') == '1'
+        self.shown = next((s for s in SHOWN if query.get(s) == '1'), 'case')
         self.device = query.get('device', '')
         self.version_name = query.get('version', '')
         self.candidate = query.get('candidate', '')
@@ -66,7 +70,8 @@ class Session:
                 pairs['low'] = f'{view.place.low:g}'
         if view.window is not None:
             pairs['window'] = ','.join(f'{end:.5g}' for end in view.window)
-        pairs |= {'candidate': self.candidate, 'live': '1' if self.live else ''}
+        pairs |= {'candidate': self.candidate}
+        pairs |= {self.shown: '1'} if self.shown != 'case' else {}
         return '?' + urlencode({key: value for key, value in pairs.items() if value})
 
     # What it leads to --------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +17,7 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.experiment.design import Limits
 
 from imu_workbench.case import (
+    CASE_FILE,
     Case,
     CaseError,
     CaseRecording,
@@ -81,6 +82,8 @@ class Workspace:
         self.opening = True
         """Until everything the server was started with has been looked at."""
         self._remap = dict(remap or {})
+        self._closed_cases: dict[Path, tuple[int, Case]] = {}
+        """Cases nobody has opened, by folder, as they were at a time of modification [ns]."""
         self._numbers = itertools.count(1)
         self._listeners: list[Callable[[], None]] = []
         self._diagnosing: set[tuple[str, str]] = set()
@@ -168,6 +171,31 @@ class Workspace:
             self._close_unread(self.devices[device])
             await self._prepare(device, model_text)
         return changed
+
+    def fleet(self) -> list[Case]:
+        """Return every case of this server, open or not; those that cannot be read are said."""
+        open_now = {work.case.folder: work.case for work in self.devices.values()}
+        found = []
+        for path in cases_in(self.cases):
+            try:
+                found.append(open_now.get(path) or self._case_on_disk(path))
+            except UserError as error:
+                self.say(str(error))
+        return found
+
+    def _case_on_disk(self, path: Path) -> Case:
+        changed = (path / CASE_FILE).stat().st_mtime_ns
+        if self._closed_cases.get(path, (0, None))[0] != changed:
+            self._closed_cases[path] = (changed, load_case(path))
+        return self._closed_cases[path][1]
+
+    def open_case(self, device: str) -> Awaitable[Any]:
+        """Show what the case of a device keeps; wait for its recordings to be read."""
+        case = next((one for one in self.fleet() if one.device == device), None)
+        if case is None or device in self.devices:
+            return asyncio.sleep(0.0)
+        self._show_kept(case)
+        return self.open_bags(case.sources)
 
     def _show_kept(self, case: Case) -> None:
         """Show what a case keeps while its recordings are read, as far as they are unchanged."""
