@@ -67,8 +67,8 @@ class FleetView:
         with ui.element('section').classes('card fleet').props('aria-label="Fleet"'):
             ui.html('<h2>Devices, the worst first</h2>', sanitize=False)
             ui.html(
-                f'<p class="soft">{word("held-out error")} of each sensor and its ratio to the '
-                f'{word("noise floor")}, by the version shown last.</p>',
+                f'<p class="soft">Each sensor with its {word("held-out error")} and its ratio to '
+                f'the {word("noise floor")}, by the version shown last.</p>',
                 sanitize=False,
             )
             self._place = ui.element('div').classes('scroll')

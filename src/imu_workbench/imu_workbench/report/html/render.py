@@ -68,14 +68,14 @@ def render_page(title: str, subtitle: str, sections: Sequence[Section]) -> str:
             subtitle=subtitle,
             sections=sections,
             plotly=compressed(get_plotlyjs()),
-            figures=json_for_page(figures),
+            figures=compressed(json_for_page(figures)),
             colours=json_for_page(COLOURS),
         )
     )
 
 
 def compressed(text: str) -> str:
-    """Return the text as base64 of gzip, as the page unpacks it: plotly.js is five megabytes."""
+    """Return the text as base64 of gzip, as the page unpacks it: plotly.js alone is 5 MB."""
     return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
 
 

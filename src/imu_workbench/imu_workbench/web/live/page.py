@@ -34,6 +34,7 @@ from imu_workbench.web.live.tables import (
     surroundings,
     topics_table,
     values_table,
+    verdict,
 )
 from imu_workbench.web.live.topics import (
     ROLES,
@@ -149,6 +150,8 @@ class LivePage:
             zero.tooltip('Count the static residual from now on')
 
     def _build(self) -> None:
+        self._verdict = ui.label('').classes('live-message live-verdict')
+        self._verdict.props('role=status')
         self._tiles = ui.html('', sanitize=False).classes('live-tiles')
         with ui.element('div').classes('live-grid'):
             self._measured = _plot('Measured: raw (grey) and compensated', 'live-tall')
@@ -271,6 +274,7 @@ class LivePage:
                 ]
             if self._is_new('seconds', SECOND):
                 figures.append((self._temperature, temperature_figure(state, window)))
+                self._verdict.text = verdict(state, self._zero)
             boards = [(name, attitude(state, name)) for name in FILTERS]
         theme = 'dark' if self._dark() else 'light'
         self._boards.content = ''.join(

@@ -23,6 +23,10 @@ MAX_LAG_NS = 5 * SECOND
 """Raw and compensated samples further apart are not shown for the same second [ns]."""
 MAX_EULER_ROWS = 1000
 """Attitudes of a window converted to angles at most."""
+VERDICT_S = 600
+"""The verdict is on so many newest seconds …"""
+FEWEST_SECONDS = 60
+"""… and on no fewer than these."""
 TEMPERATURES = ('temperature', 'device', 'air', 'setpoint')
 
 
@@ -122,6 +126,25 @@ def reading(state: LiveState, sensor: str, zero: int) -> Reading:
     left = raw if name == tracks.raw else compensated
     reference = _zero_of(state, name, zero)[tracks.columns]
     return Reading(raw[0], compensated[0], difference[0], left[0] - reference, left[1])
+
+
+def over_noise(state: LiveState, sensor: str, zero: int) -> FloatArray:
+    """Return rms of the static residual in means of a second, in units of their noise (3,).
+
+    The noise is told by neighbouring seconds, σ² = ⟨(x₊₁ − x)²⟩ / 2 (von Neumann 1941), which no
+    slow error disturbs: 1 is noise alone. NaN before FEWEST_SECONDS have been heard.
+    """
+    name = _static_track(state, sensor)
+    history, end = state.tracks[name].history, newest(state) // SECOND
+    second, means = history.means(max(end - VERDICT_S, zero, 0), end)
+    left = (means - _zero_of(state, name, zero))[:, SENSOR_TRACKS[sensor].columns]
+    steps = np.diff(left, axis=0)[np.diff(second) == 1]
+    steps = steps[np.isfinite(steps).all(axis=1)]
+    if len(steps) < FEWEST_SECONDS:
+        return np.full(3, np.nan)
+    noise = np.sqrt(0.5 * (steps**2).mean(axis=0))
+    with np.errstate(invalid='ignore', divide='ignore'):
+        return np.asarray(np.sqrt(np.nanmean(left**2, axis=0)) / noise)
 
 
 def tilt_since_zero_deg(state: LiveState, zero: int) -> float:

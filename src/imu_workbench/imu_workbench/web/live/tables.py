@@ -7,14 +7,17 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
+import numpy as np
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, duration, fixed
 
 from imu_workbench.report.figures.palette import AXES
 from imu_workbench.web.live.readings import (
+    FEWEST_SECONDS,
     MAX_TILT_DEG,
     angle_between_deg,
     attitude,
     chamber_times,
+    over_noise,
     rate_hz,
     reading,
     silence_s,
@@ -27,6 +30,8 @@ from imu_workbench.web.live.topics import DEVICE_ROLES, ROLES
 
 DECIMALS = {'gyroscope': 4, 'accelerometer': 4, 'magnetometer': 2}
 """Decimals in display units: a tenth of the noise of a second's mean."""
+DRIFTS = 1.5
+"""Ratio to the noise from which a static residual is more: flicker alone reaches 1.3."""
 SILENT_S = 3.0
 """A topic counts as silent after this time without a message."""
 LEVELS = ('ok', 'warning', 'error', 'stale')
@@ -64,6 +69,25 @@ def values_table(state: LiveState, zero: int) -> str:
             rows.append([f'{sensor} {axis} [{unit.unit}]', *numbers])
     head = ('last second', 'raw', 'compensated', 'raw − comp.', 'static residual', '1σ')
     return table(head, rows, '') + _advice(state, zero)
+
+
+def verdict(state: LiveState, zero: int) -> str:
+    """Return in a sentence what compensation leaves over the noise, by the worst axis."""
+    if tilt_since_zero_deg(state, zero) > MAX_TILT_DEG:
+        return 'No verdict: the device was turned since the zero was taken.'
+    ratios = {s: over_noise(state, s, zero) for s in SENSORS}
+    known = {s: axes for s, axes in ratios.items() if np.isfinite(axes).any()}
+    if not known:
+        return f'A verdict needs {FEWEST_SECONDS} s at rest since the zero.'
+    worst = {s: int(np.nanargmax(axes)) for s, axes in known.items()}
+    told = {s: f'{s} {AXES[axis]}' for s, axis in worst.items()}
+    drifting = {s: float(known[s][axis]) for s, axis in worst.items()}
+    beyond = sorted((s for s in drifting if drifting[s] > DRIFTS), key=lambda s: -drifting[s])
+    if not beyond:
+        largest = max(drifting, key=lambda s: drifting[s])
+        return f'What is left is noise: at most {drifting[largest]:.2f} × ({told[largest]}).'
+    text = ', '.join(f'{told[s]} {drifting[s]:.1f} ×' for s in beyond)
+    return f'Static residual beyond the noise of means of a second: {text}.'
 
 
 def _advice(state: LiveState, zero: int) -> str:

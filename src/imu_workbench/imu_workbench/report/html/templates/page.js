@@ -1,14 +1,20 @@
-// The plotting library is kept compressed in the page; nothing is fetched.
-async function unpack() {
-  const packed = atob(document.getElementById('plotly').textContent);
+// Plotting library and figures are kept compressed in the page; nothing is fetched.
+function unpack(id) {
+  const packed = atob(document.getElementById(id).textContent);
   const bytes = Uint8Array.from(packed, (letter) => letter.charCodeAt(0));
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));
+  return new Response(stream).text();
+}
+let figures = null;
+async function unpackAll() {
+  figures = JSON.parse(await unpack('figures'));
+  reserve();
+  if (location.hash) document.getElementById(location.hash.slice(1))?.scrollIntoView();
   const script = document.createElement('script');
-  script.textContent = await new Response(stream).text();
+  script.textContent = await unpack('plotly');
   document.head.append(script);
 }
-const unpacked = unpack();
-const figures = JSON.parse(document.getElementById('figures').textContent);
+const unpacked = unpackAll();
 const narrowScreen = matchMedia('(max-width: 700px)');
 const touched = matchMedia('(pointer: coarse)');
 const theme = () => document.documentElement.dataset.theme;
@@ -33,9 +39,9 @@ function merged(base, over) {
   return result;
 }
 function draw(holder) {
+  if (!window.Plotly) { unpacked.then(() => draw(holder)); return; }
   const figure = figures[holder.dataset.figure];
   if (!figure) return;
-  if (!window.Plotly) { unpacked.then(() => draw(holder)); return; }
   const colours = COLOURS[theme()];
   // A finger scrolls the page over a figure; the buttons above it zoom.
   const size = narrowScreen.matches ? merged(figure.layout, figure.narrow) : figure.layout;
@@ -88,7 +94,6 @@ for (const group of document.querySelectorAll('[data-group]')) {
   selects.forEach((select) => select.addEventListener('change', choose));
   choose();
 }
-reserve();
 const links = [...document.querySelectorAll('nav a')];
 const sections = links.map((link) => document.querySelector(link.getAttribute('href')));
 function markSection() {
