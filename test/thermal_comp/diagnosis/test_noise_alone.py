@@ -8,13 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from imu_workbench.simulate.hidden_effect import practice_campaign
+from thermal_comp.comparison.compare import compare_prepared
+from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.diagnose import diagnose
+from thermal_comp.diagnosis.findings import noise_findings
 from thermal_comp.diagnosis.inputs import clock_windows, slope_of_windows
 from thermal_comp.diagnosis.noise_level import (
     is_reference_chip,
     noise_above_reference,
     shipped_reference,
 )
+from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.process import OU_TIME_CONSTANTS
 
@@ -107,3 +112,13 @@ def test_noise_of_another_chip_is_not_measured_by_this_ones() -> None:
     )
     assert not is_reference_chip(louder)
     assert is_reference_chip({**louder, 'gyroscope': noise(1.2, 9.0), 'accelerometer': usual})
+
+
+def test_a_sensor_that_the_reference_does_not_hold_is_not_measured_by_the_table() -> None:
+    louder = {'gyroscope': noise(9.0, 9.0)}
+    runs = prepare([read_bag(BAGS / 'dut1_x')])
+    comparison = compare_prepared(fit_prepared([BiasTemperature()], runs), runs)
+    long = {'duration': LONG_S, 'bandwidth_known': True}
+    assert noise_findings(louder, comparison, {'accelerometer': noise(1.0, 1.0)}, **long) == {}
+    found = noise_findings(louder, comparison, {'gyroscope': noise(1.0, 1.0)}, **long)
+    assert 'noise above the reference, white × 9.00' in found['gyroscope'].text

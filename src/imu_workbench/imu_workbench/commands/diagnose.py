@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.effects.user_effects import effect_catalogue
@@ -16,6 +15,8 @@ from imu_workbench.commands.options import (
     add_bag_arguments,
     add_effects_argument,
     add_model_argument,
+    add_noise_reference_argument,
+    noise_reference,
     stream_recordings,
 )
 
@@ -29,12 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_model_argument(
         parser, 'model file to examine; without it a line per axis is fitted to these bags'
     )
-    parser.add_argument(
-        '--noise-reference',
-        metavar='MODEL',
-        type=Path,
-        help='model file whose noise counts as normal; else the shipped table of the LSM9DS1',
-    )
+    add_noise_reference_argument(parser)
     add_effects_argument(parser)
 
 
@@ -42,15 +38,11 @@ def run(options: argparse.Namespace) -> Answer:
     """Diagnose."""
     catalogue = effect_catalogue(options.effects)
     model = load_model(options.model, catalogue) if options.model else None
-    reference = None
-    if options.noise_reference:
-        known = load_model(options.noise_reference, catalogue)
-        reference = {s: m.noise for s, m in known.sensors.items() if m.noise is not None}
     found = diagnose(
         stream_recordings(options, at_rest=True, sensors=False, model=model, then='diagnosing …'),
         model,
         catalogue=catalogue,
-        reference=reference,
+        reference=noise_reference(options, catalogue),
     )
     content = found.to_dict()
     return Answer(content, diagnosis_text(content))

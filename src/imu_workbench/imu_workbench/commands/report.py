@@ -19,8 +19,10 @@ from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.options import (
     add_bag_arguments,
     add_effects_argument,
+    add_noise_reference_argument,
     add_output_argument,
     claim_output,
+    noise_reference,
     read_recordings,
 )
 from imu_workbench.report.content import command_line, versions
@@ -81,6 +83,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         help='private key and its certificate: sign a DCC (XMLDSig, enveloped)',
     )
+    add_noise_reference_argument(parser)
     add_output_argument(parser, 'FILE', 'file to write')
     add_effects_argument(parser)
 
@@ -99,6 +102,7 @@ def run(options: argparse.Namespace) -> Answer:
     models = load_models(options.model, catalogue)
     laboratory = read_laboratory(options.laboratory) if options.laboratory else None
     limits = read_limits(options.limits) if options.limits else None
+    reference = noise_reference(options, catalogue)
     keep_memory()
     recordings = read_recordings(options, every_device=True)
     devices = sorted({recording.device for recording in named(recordings)})
@@ -111,6 +115,7 @@ def run(options: argparse.Namespace) -> Answer:
         attitudes=not options.no_attitude and not all(map(is_slow, recordings)),
         diagnosis=not options.no_diagnosis,
         catalogue=catalogue,
+        reference=reference,
         workers=os.cpu_count() or 1,
     )
     show_progress('writing the page …')

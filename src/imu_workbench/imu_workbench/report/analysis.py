@@ -23,7 +23,7 @@ from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.fitting.pooling import PoolingTest, examine_prepared
-from thermal_comp.model.values import ModelError, ThermalModel
+from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel
 
 from imu_recording import ImuRecording
 from imu_workbench.answer import show_progress
@@ -104,13 +104,15 @@ def analyse_recordings(
     attitudes: bool = True,
     diagnosis: bool = True,
     catalogue: Mapping[str, type[Effect]] = EFFECTS,
+    reference: Mapping[str, NoiseModel] | None = None,
     workers: int = 1,
 ) -> Analysis:
     """Return the analysis of the recordings; a device without a given model is fitted a line.
 
     Recordings of a moving device are left out; MovingError where nothing else is there.
     `attitudes` False leaves the orientation filters out, `diagnosis` False the search for missing
-    effects of the catalogue; `workers` processes share the work.
+    effects of the catalogue; `reference` is the noise that counts as normal, None that of the
+    shipped table; `workers` processes share the work.
     """
     unnamed = unnamed_note(recordings)
     recordings, left_out = resting(named(recordings))
@@ -118,7 +120,7 @@ def analyse_recordings(
     devices, prepared = fit_devices(recordings, given, unnamed)
     lines = {d.name: d.model for d in devices.values() if d.model and d.name not in given}
     filtering = attitude_tasks(recordings, devices) if attitudes else []
-    diagnosing = diagnosis_tasks(recordings, devices, catalogue) if diagnosis else []
+    diagnosing = diagnosis_tasks(recordings, devices, catalogue, reference) if diagnosis else []
     *results, pooling = run_tasks([*filtering, *diagnosing, PoolingTask(prepared, lines)], workers)
     show_progress('')
     angles = results[: len(filtering)] or [()] * len(recordings)
@@ -192,6 +194,7 @@ def diagnosis_tasks(
     recordings: Sequence[ImuRecording],
     devices: Mapping[str, DeviceAnalysis],
     catalogue: Mapping[str, type[Effect]],
+    reference: Mapping[str, NoiseModel] | None = None,
 ) -> list[Task]:
     """Return a task per device that has a model: search it for missing effects."""
     return [
@@ -200,6 +203,7 @@ def diagnosis_tasks(
             [r for r in recordings if r.device == device.name],
             device.model,
             catalogue,
+            reference,
         )
         for device in devices.values()
         if device.model
@@ -301,6 +305,8 @@ class DiagnosisTask:
     recordings: Sequence[ImuRecording]
     model: ThermalModel
     catalogue: Mapping[str, type[Effect]] = field(default_factory=lambda: EFFECTS)
+    reference: Mapping[str, NoiseModel] | None = None
+    """Noise that counts as normal; None: the shipped table."""
 
     @property
     def label(self) -> str:
@@ -318,7 +324,10 @@ class DiagnosisTask:
         Where the recordings cannot be diagnosed, `problem` says why and nothing else is there.
         """
         try:
-            content = diagnose(self.recordings, self.model, catalogue=self.catalogue).to_dict()
+            found = diagnose(
+                self.recordings, self.model, catalogue=self.catalogue, reference=self.reference
+            )
+            content = found.to_dict()
         except ModelError as error:
             return {'device': self.device, 'problem': f'not diagnosed: {error}'}, None
         growth = self._with_named(content['findings'])

@@ -175,7 +175,9 @@ def noise_findings(
     findings: dict[Sensor, Finding] = {}
     if reference is None and not is_reference_chip(noise):
         return findings
-    for sensor, model in noise.items():
+    known = noise if reference is None else {s: m for s, m in noise.items() if s in reference}
+    whose = 'that of the LSM9DS1' if reference is None else 'the reference'
+    for sensor, model in known.items():
         above = noise_above_reference(
             model,
             sensor,
@@ -196,7 +198,7 @@ def noise_findings(
             error_before=rms_of(state.held_out_rms),
             noise_floor=rms_of(state.noise_floor),
             unit=SENSOR_UNITS[sensor],
-            text=f'{sensor}: noise above the reference, {white}bias instability × '
+            text=f'{sensor}: noise above {whose}, {white}bias instability × '
             f'{above.flicker_ratio:.2f}',
         )
     return findings
