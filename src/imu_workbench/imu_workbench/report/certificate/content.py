@@ -396,7 +396,7 @@ def shape_texts(certified: Certified) -> list[str]:
             for s in shapes
             if s['effect'] == name and not isinstance(s['value'], list)
         ]
-        detail = f' ({"; ".join(dict.fromkeys(values))})' if values else ''
+        detail = f' ({"; ".join(dict.fromkeys(values))}, k = 2)' if values else ''
         result.append(f'{name.replace("_", " ")} of the {" and ".join(where)}{detail}')
     return result
 
