@@ -329,7 +329,7 @@ class Workspace:
         work.case = with_version(work.case, parent, label, text, version.errors(), runs)
         name = work.case.current
         work.keep(name, version)
-        self.begin(self.diagnose(work.name, name))
+        self.ask(work.name, name)
         self.tell()
         return name
 
@@ -355,7 +355,7 @@ class Workspace:
             if name in work.loaded:
                 return work.loaded[name]
             work.keep(name, opened.version)
-        self.begin(self.diagnose(device, name))
+        self.ask(device, name)
         self.tell()
         return work.loaded[name]
 
@@ -376,34 +376,42 @@ class Workspace:
         self._background.add(task)
         task.add_done_callback(self._background.discard)
 
-    async def diagnose(self, device: str, name: str, *, anew: bool = False) -> None:
-        """Find what is missing in a version, once for each set of recordings and effects."""
-        work = self.devices[device]
-        asked = (device, name)
-        if asked in self._diagnosing:
-            return
-        if name in work.found and not anew:
-            await self._hold_out(work, name)
-            return
-        kept = None if anew or self.effect_files else found_in(work.case, name)
-        if kept is None and name in work.loaded:
-            self._diagnosing.add(asked)
-            try:
-                text, files = work.loaded[name].model_text, list(self.effect_files)
-                prepared = work.prepared
-                key = (str(prepared), text, tuple(files))
-                arguments = (list(work.bags), text, files)
-                kept = await self._do(key, tasks.diagnose_task, *arguments)
-            finally:
-                self._diagnosing.discard(asked)
-            same = prepared == work.prepared and files == self.effect_files
-            if kept is None or not same or name not in work.loaded:
-                return
-            self._keep_found(work, name, kept | {'errors': work.loaded[name].errors()})
-        elif kept is not None:
-            work.found[name] = kept
-            self.tell()
+    def ask(self, device: str, name: str, *, anew: bool = False) -> None:
+        """Begin to find what is missing in a version, unless that is under way."""
+        if (device, name) not in self._diagnosing:
+            self._diagnosing.add((device, name))
+            self.begin(self._diagnose(self.devices[device], name, anew=anew))
+
+    async def _diagnose(self, work: DeviceWork, name: str, *, anew: bool) -> None:
+        """Find what is missing, once for each set of recordings and effects."""
+        try:
+            if anew or name not in work.found:
+                await self._find(work, name, anew=anew)
+        finally:
+            self._diagnosing.discard((work.name, name))
+        self.tell()
         await self._hold_out(work, name)
+
+    async def _find(self, work: DeviceWork, name: str, *, anew: bool) -> None:
+        kept = None if anew or self.effect_files else found_in(work.case, name)
+        if kept is not None:
+            work.found[name] = kept
+            return
+        if name not in work.loaded:
+            return
+        text, files, prepared = (
+            work.loaded[name].model_text,
+            list(self.effect_files),
+            work.prepared,
+        )
+        key = (str(prepared), text, tuple(files))
+        kept = await self._do(key, tasks.diagnose_task, list(work.bags), text, files)
+        if kept is None or name not in work.loaded:
+            return
+        if prepared != work.prepared or files != self.effect_files:  # opened in the meantime
+            await self._find(work, name, anew=True)
+            return
+        self._keep_found(work, name, kept | {'errors': work.loaded[name].errors()})
 
     def _keep_found(self, work: DeviceWork, name: str, found: dict[str, Any]) -> None:
         if not self.effect_files:  # effects of the user's own are not there the next time
@@ -556,7 +564,7 @@ class Workspace:
         for work in self.devices.values():
             work.found, work.failed = {}, set()
             for version in list(work.loaded):
-                self.begin(self.diagnose(work.name, version, anew=True))
+                self.ask(work.name, version, anew=True)
         self.tell()
         return new
 

@@ -116,8 +116,8 @@ class TopStrip:
                 if ready:
                     ui.button(
                         'Ask what is missing',
-                        on_click=lambda: session.workspace.begin(
-                            session.workspace.diagnose(session.device, session.version_name)
+                        on_click=lambda: session.workspace.ask(
+                            session.device, session.version_name
                         ),
                     ).props('no-caps unelevated')
                 return
