@@ -55,7 +55,10 @@ def transform_class() -> Any:
     try:
         from tf2_msgs.msg import TFMessage
     except ImportError as error:
-        raise UserError('publish_tf needs the package tf2_msgs, which is absent') from error
+        way = 'install ros-jazzy-tf2-msgs or set publish_tf:=false'
+        raise UserError(
+            f'publish_tf needs the package tf2_msgs, which is absent: {way}'
+        ) from error
     return TFMessage
 
 

@@ -70,6 +70,7 @@ def test_dynamic_parameters_change_while_active_and_others_do_not(ros: Any) -> N
     assert changed.successful
     assert not fixed.successful
     assert 'topic takes effect at configuration' in fixed.reason
+    assert node.set_parameters([Parameter('topic', value='out')])[0].successful, 'as it is'
     assert not wrong.successful
     assert '50' in wrong.reason
     node.inputs['in'](Float64(data=2.0))

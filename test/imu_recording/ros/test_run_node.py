@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 SCRIPT = """
-import os, signal, sys
+import os, signal, sys, time
 from imu_recording.ros.lifecycle_node import ConfiguredNode
 from imu_recording.ros.run_node import run_node
 
@@ -23,6 +23,9 @@ class Interrupted(ConfiguredNode):
     def setup(self, config):
         if {refuse}:
             raise ValueError('no such board')
+        if {slow}:  # as where kernels are compiled
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(3600)
 
     def work(self):
         os.kill(os.getpid(), signal.{number})
@@ -37,7 +40,7 @@ class Interrupted(ConfiguredNode):
 sys.exit(run_node(Interrupted))
 """
 FAST_DDS = 'rmw_fastrtps_cpp'
-OPTIONS = {'number': 'SIGINT', 'event_driven': False, 'refuse': False}
+OPTIONS = {'number': 'SIGINT', 'event_driven': False, 'refuse': False, 'slow': False}
 
 
 def run(folder: Path, *arguments: str, **options: object) -> subprocess.CompletedProcess[str]:
@@ -61,6 +64,11 @@ def test_a_callback_ends_before_the_node_does(
     assert [line.partition(': ')[2] for line in done.stderr.splitlines()] == ['active']
     assert done.stdout.splitlines()[0] == 'finished'
     assert done.stdout.splitlines()[-1] == 'released'
+
+
+def test_an_interrupt_ends_a_node_that_is_still_being_configured(tmp_path: Path) -> None:
+    done = run(tmp_path, slow=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, '', '')
 
 
 def test_a_refused_configuration_leaves_the_node_unconfigured(tmp_path: Path) -> None:

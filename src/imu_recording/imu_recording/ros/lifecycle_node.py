@@ -348,9 +348,10 @@ class ConfiguredNode(LifecycleNode):
 
     # Lifecycle --------------------------------------------------------------------------------
 
-    def autostart(self) -> bool:
-        """Configure and activate; return False where the configuration was refused."""
+    def autostart(self, configured: Callable[[], None] = lambda: None) -> bool:
+        """Configure, call `configured`, activate; return False where either was refused."""
         done = self.trigger_configure() == TransitionCallbackReturn.SUCCESS
+        configured()
         return bool(done and self.trigger_activate() == TransitionCallbackReturn.SUCCESS)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -456,8 +457,12 @@ class ConfiguredNode(LifecycleNode):
                 typed.append(change)
         return typed
 
+    def _new(self, change: Parameter) -> bool:
+        now = self.get_parameter(change.name)
+        return bool(change.get_parameter_value() != now.get_parameter_value())
+
     def _on_set_parameters(self, changes: list[Parameter]) -> SetParametersResult:
-        own = [change for change in changes if change.name in self._fields]
+        own = [change for change in changes if change.name in self._fields and self._new(change)]
         running = self.state in (INACTIVE, ACTIVE)  # while configuring, presets may be filled in
         try:
             values = {c.name: checked(self._fields[c.name], c.value) for c in own}

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Run a node of this workspace as a process: what every `ros2 run` executable calls.
 
-Ctrl-C and SIGTERM are counted instead of raised wherever the program happens to be: a
-KeyboardInterrupt inside a message callback can surface as any error of the C++ layer below.
+While a node runs, Ctrl-C and SIGTERM are counted instead of raised wherever the program happens to
+be: a KeyboardInterrupt inside a message callback can surface as any error of the C++ layer below.
+While it starts there are no callbacks yet, and a minute of compilation ends at once.
 """
 
 from __future__ import annotations
@@ -39,13 +40,21 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interrupts:
-    """Counts SIGINT and SIGTERM from its construction on; close together they count once."""
+    """Counts SIGINT and SIGTERM from its construction on; close together they count once.
+
+    Until `begin_to_count` they raise KeyboardInterrupt as well.
+    """
 
     def __init__(self) -> None:
         self.count = 0
+        self._raises = True
         self._last = float('-inf')
         for number in SIGNALS:
             signal.signal(number, self._on_signal)
+
+    def begin_to_count(self) -> None:
+        """Let what is under way end first from now on."""
+        self._raises = False
 
     def ignore(self) -> None:
         """Let what follows (releasing devices, closing files) run to its end undisturbed."""
@@ -57,6 +66,8 @@ class Interrupts:
         if now - self._last > DEBOUNCE_S:
             self.count += 1
         self._last = now
+        if self._raises:
+            raise KeyboardInterrupt
 
 
 SPIN_TIMEOUT_S = 0.2
@@ -95,23 +106,23 @@ def run_node(
     if asks_for_help(arguments):
         sys.stdout.write(node_help(node_class, arguments[0]))
         return 0
-    interrupts = Interrupts()
-    os.environ.setdefault(*MIDDLEWARE_PROFILES)
-    node = None
+    node, interrupts = None, Interrupts()
     try:
+        os.environ.setdefault(*MIDDLEWARE_PROFILES)
         tell_of_compilation()
         node = _new_node(node_class, arguments)
-        if node.get_parameter('autostart').value and not node.autostart():
+        if node.get_parameter('autostart').value and not node.autostart(interrupts.begin_to_count):
             if spin:
                 return REFUSED
             node.get_logger().warning(UNCONFIGURED_WAY.format(node.get_fully_qualified_name()))
+        interrupts.begin_to_count()
         gc.collect()
         gc.freeze()  # what was imported stays: no collection need look at it again
         return (spin or _until_interrupted)(node, _executor(node), interrupts)
     except UserError as error:
         sys.stderr.write(f'{error}; --help lists what can be given\n')
         return REFUSED
-    except ExternalShutdownException:
+    except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     finally:
         interrupts.ignore()
