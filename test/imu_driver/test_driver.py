@@ -1,50 +1,64 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The queue between reader and publisher keeps the order and counts the samples it drops."""
+"""What comes while a sample is published waits in the line: none is lost, all in order."""
 
+import os
 import threading
+import time
+import tty
 
 from imu_driver.board.sample import Sample
-from imu_driver.driver import QUEUE_CAPACITY, SampleQueue
+from imu_driver.driver import DriverParameters, ImuDriver
+from imu_driver.emulator.board import BoardOptions
+from imu_driver.emulator.transport import emulated_board
 
 DEADLINE = 120.0
+SPAN = 0.5
+"""[s] at the highest rate: less than a serial port keeps."""
 
 
-def samples(first: int, count: int) -> list[Sample]:
-    zero = (0.0, 0.0, 0.0)
-    return [Sample(stamp, zero, zero, None, None) for stamp in range(first, first + count)]
-
-
-def test_a_live_source_goes_on_when_the_publisher_hangs() -> None:
+def test_a_publisher_that_hangs_loses_nothing() -> None:
     free, hanging = threading.Event(), threading.Event()
+    complete = threading.Event()
     published: list[Sample] = []
+    board = emulated_board('dut1', BoardOptions(output_data_rate=952.0))
 
-    def publish(batch: list[Sample]) -> None:
+    def publish(sample: Sample) -> None:
         hanging.set()
         assert free.wait(DEADLINE)
-        published.extend(batch)
+        published.append(sample)
+        if len(published) == board.samples and board_time >= began + SPAN:
+            complete.set()
 
-    queue = SampleQueue(publish)
-    queue.start()
-    queue.put(samples(0, 1))
-    assert hanging.wait(DEADLINE)
-    for first in range(1, 3 * QUEUE_CAPACITY, 100):
-        queue.put(samples(first, 100))
-    assert 0.9 < queue.fill <= 1.0
+    device, line = os.openpty()
+    tty.setraw(line)
+    parameters = DriverParameters(transport=f'serial://{os.ttyname(line)}')
+    driver = ImuDriver(parameters, now=time.time_ns, publish=publish, report=lambda _: None)
+    driver.start()
+    board_time = began = 0.0
+    os.set_blocking(device, False)
+
+    def advance() -> None:
+        nonlocal board_time
+        board_time += 0.004
+        try:
+            board.receive(os.read(device, 4096), board_time)
+        except BlockingIOError:
+            time.sleep(1e-3)
+        for sent in board.advance(board_time):
+            assert os.write(device, sent.data) == len(sent.data)
+
+    while not hanging.is_set():
+        advance()
+    began = board_time
+    while board_time < began + SPAN:
+        advance()
     free.set()
-    queue.stop()
+    assert complete.wait(DEADLINE)
+    driver.stop()
+    os.close(device)
+    os.close(line)
+    assert driver.session is not None
+    assert driver.session.sequence.lost == 0
     stamps = [sample.stamp for sample in published]
     assert stamps == sorted(stamps)
-    assert stamps[-1] == 3 * QUEUE_CAPACITY
-    assert len(stamps) + queue.overflowed == 3 * QUEUE_CAPACITY + 1
-    assert queue.fullest <= QUEUE_CAPACITY
-
-
-def test_a_recording_waits_for_the_publisher() -> None:
-    published: list[Sample] = []
-    queue = SampleQueue(published.extend)
-    queue.start()
-    for first in range(0, 5 * QUEUE_CAPACITY, 1000):
-        queue.put_when_room(samples(first, 1000))
-    queue.stop()
-    assert len(published) == 5 * QUEUE_CAPACITY
-    assert queue.overflowed == 0
+    assert len(stamps) > SPAN * 952.0

@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One running driver without ROS: its parameters, what it reads, and the queue to the publisher.
+"""One running driver without ROS: its parameters, and what it reads.
 
-A thread reads bytes and makes samples (`DeviceReader`, `BagReader`), a second one publishes them;
-`SampleQueue` stands between them.
+One thread (`DeviceReader`, `BagReader`) reads bytes, makes samples and publishes them. While it
+publishes, more wait in the line's own buffer (of a serial port half a second of the highest rate,
+two at 238 Hz), and what does not fit there is a gap in their numbers, which is counted.
 """
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from queue import Empty, SimpleQueue
 from typing import Final
 from urllib.parse import urlsplit
 
@@ -29,10 +28,6 @@ from imu_driver.wire.frames import CommandCode
 
 DATA_FRAME_BITS: Final = 31 * 10
 """A binary data frame on an 8N1 line."""
-QUEUE_CAPACITY: Final = 10_000
-"""Samples: ten seconds at the highest rate."""
-ROOM_TIMEOUT: Final = 0.5
-"""[s] Who waits for room looks at least so often whether anybody still publishes."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +103,6 @@ class ImuDriver:
     ) -> None:
         self.parameters = parameters
         self.statistics = StreamStatistics()
-        self.queue = SampleQueue(self._publish_batch)
         self.session: DeviceSession | None = None
         self.device_reader: DeviceReader | None = None
         """As `session`, None where a bag is read instead of a device."""
@@ -116,31 +110,29 @@ class ImuDriver:
         self._reader: DeviceReader | BagReader
         transport = parameters.transport
         if transport.startswith('bag:'):
-            self._reader = BagReader(transport, deliver=self.queue.put_when_room, report=report)
+            self._reader = BagReader(transport, deliver=self._deliver, report=report)
         else:
             self.session = DeviceSession(session_config(parameters))
             self._reader = self.device_reader = DeviceReader(
                 transport_opener(transport, parameters.baudrate, parameters.output_data_rate),
                 self.session,
                 now=now,
-                deliver=self.queue.put,
+                deliver=self._deliver,
                 report=report,
                 read_period=parameters.read_period,
             )
 
     def start(self) -> None:
         """Begin to read and publish."""
-        self.queue.start()
         self._reader.start()
 
     def stop(self) -> None:
-        """Stop reading, publish the rest of the queue."""
+        """Stop reading."""
         self._reader.stop()
-        self.queue.stop()
 
     @property
     def has_ended(self) -> bool:
-        """Whether a bag is read and all of it has been delivered."""
+        """Whether a bag is read and all of it has been published."""
         return isinstance(self._reader, BagReader) and self._reader.ended
 
     @property
@@ -157,83 +149,10 @@ class ImuDriver:
         self.session.command(CommandCode.START)
         return 'restarting'
 
-    def _publish_batch(self, samples: list[Sample]) -> None:
+    def _deliver(self, samples: list[Sample]) -> None:
         for sample in samples:
             self._publish(sample)
             self.statistics.add(sample)
-
-
-class SampleQueue:
-    """Passes samples in order to `publish`, which runs in a thread of its own."""
-
-    def __init__(self, publish: Callable[[list[Sample]], None]) -> None:
-        self.fullest = 0
-        """Most samples that ever waited."""
-        self.overflowed = 0
-        """Samples dropped because the publisher did not keep up."""
-        self._publish = publish
-        self._waiting: SimpleQueue[list[Sample] | None] = SimpleQueue()  # None: the end
-        self._fill = 0
-        self._lock = threading.Lock()
-        self._room = threading.Event()
-        self._thread = threading.Thread(target=self._run, name='imu_publisher', daemon=True)
-
-    @property
-    def fill(self) -> float:
-        """Share of the capacity in use."""
-        return self._fill / QUEUE_CAPACITY
-
-    @property
-    def running(self) -> bool:
-        """Whether the thread lives."""
-        return self._thread.is_alive()
-
-    def start(self) -> None:
-        """Begin to publish."""
-        self._thread.start()
-
-    def put(self, samples: list[Sample]) -> None:
-        """Append samples; where there is no room the oldest are dropped and counted."""
-        if not samples:
-            return
-        with self._lock:
-            self._fill += len(samples)
-            self.fullest = max(self.fullest, min(self._fill, QUEUE_CAPACITY))
-        self._waiting.put(samples)
-        while self._fill > QUEUE_CAPACITY and self._waiting.qsize() > 1:
-            oldest = self._next_waiting() or []
-            self.overflowed += len(oldest)
-
-    def put_when_room(self, samples: list[Sample]) -> None:
-        """Append samples, waiting for the publisher where there is no room."""
-        while self._fill + len(samples) > QUEUE_CAPACITY and self.running:
-            self._room.clear()
-            if self._fill + len(samples) > QUEUE_CAPACITY:
-                self._room.wait(ROOM_TIMEOUT)
-        self.put(samples)
-
-    def stop(self) -> None:
-        """Publish the rest and end the thread."""
-        self._waiting.put(None)
-        self._thread.join()
-
-    def _next_waiting(self) -> list[Sample] | None:
-        try:
-            return self._taken(self._waiting.get_nowait())
-        except Empty:  # the publisher was quicker
-            return None
-
-    def _taken(self, samples: list[Sample] | None) -> list[Sample] | None:
-        if samples:
-            with self._lock:
-                self._fill -= len(samples)
-            if not self._room.is_set():
-                self._room.set()
-        return samples
-
-    def _run(self) -> None:
-        while samples := self._taken(self._waiting.get()):
-            self._publish(samples)
 
 
 class TransportError(UserError):

@@ -47,9 +47,6 @@ class DriverStatus:
             'jitter_ms': jitter * 1e3,
             'published': driver.statistics.published,
             'temperature_c': driver.statistics.temperature,
-            'buffer_fill': driver.queue.fill,
-            'buffer_fullest': driver.queue.fullest,
-            'buffer_overflowed': driver.queue.overflowed,
         }
         session, reader = driver.session, driver.device_reader
         if session is None or reader is None:
@@ -57,7 +54,7 @@ class DriverStatus:
         counted = _counted(session, reader)
         recent = self._recent(counted)
         values |= counted | _session_values(session)
-        errors = _errors(driver, session, reader, now)
+        errors = _errors(session, reader, now)
         warnings = _warnings(session, rate, driver.statistics.temperature)
         if recent:
             told = ', '.join(f'{number} {key}' for key, number in recent.items())
@@ -123,10 +120,8 @@ def _session_values(session: DeviceSession) -> dict[str, Any]:
     return values
 
 
-def _errors(
-    driver: ImuDriver, session: DeviceSession, reader: DeviceReader, now: int
-) -> list[str]:
-    if not (reader.running and driver.queue.running):
+def _errors(session: DeviceSession, reader: DeviceReader, now: int) -> list[str]:
+    if not reader.running:
         return ['the driver has stopped after an internal error: see its log']
     if not reader.connected:
         return [f'not connected: {reader.connection_error}']
