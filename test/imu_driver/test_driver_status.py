@@ -27,7 +27,6 @@ class Watched:
         driver = SimpleNamespace(
             parameters=DriverParameters(),
             statistics=self.statistics,
-            queue=SimpleNamespace(running=True, fill=0.0, fullest=0, overflowed=0),
             session=self.bench.session,
             device_reader=self.reader,
         )
@@ -85,6 +84,16 @@ def test_silence_and_absence(bench: Any) -> None:
     assert (level, line.split(';')[0]) == (ERROR, 'not connected: no such file')
     watched.reader.running = False
     assert 'internal error' in watched.after(5.0)[1]
+
+
+def test_a_simulated_clock_that_has_not_begun(bench: Any) -> None:
+    watched = Watched(bench)
+    watched.after(1.0)
+    level, line, _ = watched.status.report(0)
+    assert (level, line.partition(';')[0]) == (
+        ERROR,
+        'no samples without time: use_sim_time is set and nothing comes on /clock',
+    )
 
 
 def test_what_spoils_a_thermal_campaign(bench: Any) -> None:

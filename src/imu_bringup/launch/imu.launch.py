@@ -7,8 +7,13 @@ ros2 launch imu_bringup imu.launch.py boards:=boards.yaml
 
 from pathlib import Path
 
-from ament_index_python.packages import get_package_share_directory
+from ament_index_python.packages import (
+    PackageNotFoundError,
+    get_package_prefix,
+    get_package_share_directory,
+)
 from imu_bringup.boards import BOARD, boards_of, value
+from imu_recording.user_error import UserError
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
@@ -39,14 +44,21 @@ def chain(board, given):
     )
 
 
+def rviz():
+    """Return RViz; refuse where there is none, as a failed launch leaves what runs already."""
+    try:
+        get_package_prefix('rviz2')
+    except PackageNotFoundError:
+        raise UserError('rviz:=true needs rviz2: install ros-jazzy-rviz2') from None
+    arguments = ['-d', str(SHARE / 'rviz' / 'imu.rviz')]
+    return [Node(package='rviz2', executable='rviz2', arguments=arguments)]
+
+
 def processes(context):
     """Return what the arguments ask for."""
     given = {name: LaunchConfiguration(name).perform(context) for name in (*BOARD, *SHARED)}
-    started = [chain(board, given) for board in boards_of(given)]
-    if value(given['rviz']) is True:
-        view = ['-d', str(SHARE / 'rviz' / 'imu.rviz')]
-        started.append(Node(package='rviz2', executable='rviz2', arguments=view))
-    return started
+    view = rviz() if value(given['rviz']) is True else []
+    return [*(chain(board, given) for board in boards_of(given)), *view]
 
 
 def generate_launch_description():

@@ -125,6 +125,8 @@ def _errors(session: DeviceSession, reader: DeviceReader, now: int) -> list[str]
         return ['the driver has stopped after an internal error: see its log']
     if not reader.connected:
         return [f'not connected: {reader.connection_error}']
+    if not now:
+        return ['no samples without time: use_sim_time is set and nothing comes on /clock']
     if session.refusal:
         return [f'refused: {session.refusal}']
     if session.counts.bytes > BYTES_WITHOUT_FRAME and not session.counts.frames:

@@ -175,3 +175,27 @@ def test_what_comes_within_the_read_period_is_delivered_together_and_complete() 
     assert all(earlier < later for earlier, later in pairwise(stamps))
     assert session.sequence.lost == 0
     assert len(batches) < len(stamps) / 5
+
+
+def test_nothing_is_stamped_before_the_clock_begins(tmp_path: Path) -> None:
+    link = tmp_path / 'imu0'
+    running = Running(f'serial://{link}', PtyPort(link), SessionConfig(), 'binary')
+    begun = threading.Event()
+    asked: list[int] = []
+
+    def now() -> int:
+        asked.append(0)
+        return time.time_ns() if begun.is_set() else 0
+
+    running.reader._now = now
+    running.start()
+    give_up = time.monotonic() + DEADLINE
+    while len(asked) < 50 and time.monotonic() < give_up:
+        time.sleep(0.01)
+    assert len(asked) >= 50
+    assert not running.samples
+    first = time.time_ns()
+    begun.set()
+    running.wait(lambda: len(running.samples) > 100)
+    running.stop()
+    assert min(sample.stamp for sample in running.samples) > first - 1_000_000_000

@@ -101,7 +101,7 @@ class DeviceReader:
         while not self._stop.is_set():
             chunk = transport.read()
             now, began = self._now(), time.monotonic()
-            if chunk:
+            if chunk and now:  # a simulated clock that has not begun: nothing can be stamped
                 heard = now
                 samples = session.feed(chunk, now)
                 if samples:
