@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -221,3 +223,10 @@ def test_another_drivers_topics_can_be_the_source(ros: Any) -> None:
     assert chain.autostart()
     assert chain.hosted[0].count_subscribers('imu/data_raw') == 1
     chain.destroy_node()
+
+
+def test_a_node_starts_without_the_libraries_of_the_analysis() -> None:
+    heavy = ['scipy.linalg', 'scipy.optimize', 'scipy.signal', 'scipy.stats']
+    code = f'import sys, imu_bringup.chain_node; print([m for m in {heavy} if m in sys.modules])'
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == '[]'

@@ -9,7 +9,6 @@ from typing import ClassVar
 import numpy as np
 from imu_recording.recording import FloatArray
 from numpy.polynomial import legendre
-from scipy.linalg import block_diag
 
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.c_form import CColumns, CForm
@@ -122,6 +121,8 @@ class Empirical(Effect):
 
     def c_columns(self, c: CForm) -> CColumns:
         """Return polynomials, lags behind T, branches and decays; their scales are the mixing."""
+        from scipy.linalg import block_diag  # only now: nodes start without it
+
         t = c.temperature
         with_curves, with_lags, with_plays, with_decays = self._groups_in_use()
         expressions: list[str] = []
