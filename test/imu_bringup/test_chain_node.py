@@ -18,6 +18,7 @@ from imu_recording.recorder.node import RecorderNode
 from imu_recording.ros.exchange import SampleOutput
 from orientation_filters.node import AhrsFilterNode, ComplementaryFilterNode
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu, MagneticField
 from thermal_comp.effects import EFFECTS
@@ -222,6 +223,25 @@ def test_another_drivers_topics_can_be_the_source(ros: Any) -> None:
     assert [stage.get_name() for stage in chain.hosted] == ['ahrs_filter']
     assert chain.autostart()
     assert chain.hosted[0].count_subscribers('imu/data_raw') == 1
+    chain.destroy_node()
+
+
+def test_a_refused_stage_is_named_and_set_right(ros: Any, source: str) -> None:
+    chain = ImuChainNode(namespace='/wrong', parameters={'transport': 'foo://x'})
+    assert not chain.autostart()
+    assert chain.refuser == '/wrong/imu_driver'
+    assert "imu_driver: transport 'foo://x'" in chain.refused
+    (stage,) = [node for node in chain.hosted if node.get_name() == 'imu_driver']
+    stage.set_parameters([Parameter('transport', value=source)])
+    assert chain.autostart()
+    chain.destroy_node()
+
+
+def test_what_runs_is_not_changed_in_silence(ros: Any, source: str) -> None:
+    chain = ImuChainNode(namespace='/fixed', parameters={'transport': source})
+    chain.set_parameters([Parameter('filter', value='both')])
+    assert not chain.autostart()
+    assert chain.refused.startswith('filter takes effect when the process starts')
     chain.destroy_node()
 
 

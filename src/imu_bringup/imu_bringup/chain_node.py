@@ -46,6 +46,8 @@ class ChainConfig(NodeConfig):
     record: str = parameter('', 'Folder of the bag; empty: nothing is recorded')
 
 
+WHAT_RUNS: Final = ('transport', 'model', 'filter', 'record')
+"""Parameters that decide which stages there are."""
 STAGES: Final = (
     ImuDriverNode,
     ThermalCompNode,
@@ -73,10 +75,11 @@ class ImuChainNode(ConfiguredNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__('imu_chain', known_elsewhere=PARAMETERS, **options)
-        config = config_from_values(ChainConfig, self._values())
+        self._built = config_from_values(ChainConfig, self._values())
         options.pop('parameters', None)
-        shared = {**options, 'exchange': Exchange(), 'known_elsewhere': PARAMETERS}
-        self.hosted = self._stages(config, shared)
+        told = PARAMETERS | self._parameter_overrides.keys()  # by this node, where unknown
+        shared = {**options, 'exchange': Exchange(), 'known_elsewhere': told}
+        self.hosted = self._stages(self._built, shared)
 
     def _stages(self, config: ChainConfig, shared: dict[str, Any]) -> list[ConfiguredNode]:
         """Return the nodes in the order in which samples pass through them."""
@@ -95,8 +98,14 @@ class ImuChainNode(ConfiguredNode):
             stages.append(RecorderNode(parameters=recorded, **shared))
         return stages
 
-    def setup(self, _: ChainConfig) -> None:
+    def setup(self, config: ChainConfig) -> None:
         """Configure the stages, first to last: who listens within finds who sends."""
+        for name in WHAT_RUNS:
+            if (wanted := getattr(config, name)) != getattr(self._built, name):
+                raise UserError(
+                    f'{name} takes effect when the process starts: start it again with '
+                    f'{name}:={wanted}, or set parameters of the stages'
+                )
         for stage in self.hosted:
             if stage.state == 'unconfigured':
                 stage.trigger_configure()

@@ -346,6 +346,12 @@ class ConfiguredNode(LifecycleNode):
             self.get_logger().error(reason)
         self.refused = reason
 
+    @property
+    def refuser(self) -> str:
+        """Full name of the node whose parameters were refused: this one, or one it hosts."""
+        refusing = [node for node in self.hosted if node.refused]
+        return str((refusing or [self])[0].get_fully_qualified_name())
+
     # Lifecycle --------------------------------------------------------------------------------
 
     def autostart(self, configured: Callable[[], None] = lambda: None) -> bool:

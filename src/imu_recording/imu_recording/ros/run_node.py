@@ -76,7 +76,7 @@ REFUSED = 2
 """Exit code where the arguments or, of a node with an end, the configuration are refused."""
 UNCONFIGURED_WAY = (
     'unconfigured: set what is wrong (ros2 param set {0} …), then configure and activate '
-    '(ros2 lifecycle set {0} configure)'
+    '(ros2 lifecycle set {1} configure)'
 )
 
 MIDDLEWARE_PROFILES = (
@@ -114,7 +114,8 @@ def run_node(
         if node.get_parameter('autostart').value and not node.autostart(interrupts.begin_to_count):
             if spin:
                 return REFUSED
-            node.get_logger().warning(UNCONFIGURED_WAY.format(node.get_fully_qualified_name()))
+            way = UNCONFIGURED_WAY.format(node.refuser, node.get_fully_qualified_name())
+            node.get_logger().warning(way)
         interrupts.begin_to_count()
         gc.collect()
         gc.freeze()  # what was imported stays: no collection need look at it again
