@@ -274,7 +274,7 @@ def test_a_model_of_another_device_is_refused(ros: Any, model_path: str) -> None
         capture=lambda *_: None, parameters={'model': model_path, 'device': 'dut2'}
     )
     assert not compensation.autostart()
-    assert 'the model is of dut1, the recording of dut2' in compensation.refused
+    assert 'the model is of dut1, the data of dut2' in compensation.refused
 
 
 def stream(
@@ -368,7 +368,7 @@ def test_data_of_another_device_pass_unchanged_and_are_an_error(ros: Any, model_
     compensation.check_source('DUT9')
     level, line, _ = compensation.diagnostics()
     assert level == 2
-    assert f'the model is of {own}, the recording of DUT9' in line
+    assert f'the model is of {own}, the data of DUT9' in line
     assert 'allow_other_device' in line
     compensation.destroy_node()
     allowed = ThermalCompNode(parameters={'model': model_path, 'allow_other_device': True})

@@ -260,7 +260,7 @@ def test_a_model_of_another_device_is_refused(
     argv = [verb, *effect, str(folder / 'dut2'), '--model', str(model), *target]
     assert main(argv) == 2
     (line,) = (text for text in capsys.readouterr().err.splitlines() if 'model' in text)
-    assert 'the model is of dut1, the recording of dut2; fit a model of that device' in line
+    assert 'the model is of dut1, the data of dut2; fit a model of that device' in line
     assert not (tmp_path / 'out').exists()
 
 

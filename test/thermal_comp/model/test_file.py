@@ -157,7 +157,7 @@ def test_numbers_written_by_hand_without_a_point_are_numbers(tmp_path: Path) -> 
 
 
 def test_the_wrong_device_is_refused_and_a_pooled_model_serves_its_devices() -> None:
-    with pytest.raises(ModelError, match='device: the model is of dut1, the recording of dut2'):
+    with pytest.raises(ModelError, match='device: the model is of dut1, the data of dut2'):
         check_device(line_model(), 'dut2')
     check_device(line_model(), '')
     check_device(replace(line_model(), device='dut1+dut2', pooled=True), 'dut2')

@@ -92,7 +92,7 @@ def check_device(model: ThermalModel | None, device: str) -> None:
     known = model.device.split('+') if model.pooled else [model.device]
     if device and model.device and device.casefold() not in map(str.casefold, known):
         raise ModelError(
-            f'device: the model is of {model.device}, the recording of {device}; '
+            f'device: the model is of {model.device}, the data of {device}; '
             'fit a model of that device, or several together with --pooled'
         )
 
