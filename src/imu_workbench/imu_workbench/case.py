@@ -242,28 +242,35 @@ def load_case(folder: Path) -> Case:
     """Return the case in a folder; CaseError names what cannot be read."""
     path = folder / CASE_FILE
     try:
-        content = yaml.safe_load(path.read_text('utf-8'))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise CaseError(f'{path}: not a YAML file: {fault_in_yaml(error)}') from None
+        content = path.read_bytes()
     except OSError as error:
         raise CaseError(f'{path}: {error.strerror}; name a folder with a {CASE_FILE}') from None
+    return parse_case(folder, content, str(path))
+
+
+def parse_case(folder: Path, text: bytes, place: str) -> Case:
+    """Return the case that a `case.yaml` holds; CaseError names `place` and what is wrong."""
+    try:
+        content = yaml.safe_load(text.decode('utf-8'))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise CaseError(f'{place}: not a YAML file: {fault_in_yaml(error)}') from None
     if not isinstance(content, dict) or content.get('schema') != SCHEMA:
         schema = content.get('schema') if isinstance(content, dict) else None
         raise CaseError(
-            f'{path}: schema is {schema!r}, expected {SCHEMA}: not a case of this kind'
+            f'{place}: schema is {schema!r}, expected {SCHEMA}: not a case of this kind'
         )
     try:
         case = _case_of(folder, content)
     except (KeyError, TypeError, ValueError) as error:
         raise CaseError(
-            f'{path}: {type(error).__name__} {error}: restore the file, or begin a new case with '
+            f'{place}: {type(error).__name__} {error}: restore the file, or begin a new case with '
             '--case DIR'
         ) from None
     names = [v.name for v in case.versions]
     for version in case.versions:
         if version.parent is not None and version.parent not in names:
             raise CaseError(
-                f'{path}: version {version.name} follows {version.parent}, which is not there'
+                f'{place}: version {version.name} follows {version.parent}, which is not there'
             )
     return case
 

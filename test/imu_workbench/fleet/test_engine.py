@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -123,6 +124,10 @@ def test_sources_are_globs_lists_and_urls(bags: Path, tmp_path: Path) -> None:
     assert all(len(device.bags) == 3 for device in devices)
     with pytest.raises(UserError, match='no bag here'):
         find_devices([str(tmp_path / 'nowhere')])
+    listed.write_text(f'source\n{bags}/lot=B\n{tmp_path}/gone\n')
+    missing, found = sorted(find_devices([str(listed)]), key=lambda device: device.device)
+    assert found.device == 'B00003'
+    assert 'gone: no bag here' in missing.problem
     listed.write_text('path\nx\n')
     with pytest.raises(UserError, match='a list has source'):
         find_devices([str(listed)])
@@ -141,3 +146,69 @@ def test_mistakes_are_one_line(
     monkeypatch.setattr('imu_workbench.fleet.extra.find_spec', lambda name: None)
     assert main(call) == 2
     assert 'requirements-fleet.txt' in capsys.readouterr().err
+
+
+def copied(bags: Path, device: str, target: Path) -> Path:
+    shutil.copytree(bags / device, target)
+    return target
+
+
+def test_a_device_that_was_given_twice_or_moved_has_one_estimate(
+    bags: Path, tmp_path: Path
+) -> None:
+    first = copied(bags, 'lot=A/A00001', tmp_path / 'in' / 'A00001')
+    twin = copied(bags, 'lot=A/A00001', tmp_path / 'in' / 'twin')
+    for bag in twin.iterdir():
+        (bag / 'metadata.yaml').unlink()  # who it is stands in the file alone
+    out = tmp_path / 'out'
+    done = run([tmp_path / 'in'], out)
+    assert done.estimated == 0
+    assert 'stands in 2 folders' in done.failed['A00001']
+    shutil.rmtree(twin)
+    assert run([tmp_path / 'in'], out, 2).estimated == 1
+    moved = tmp_path / 'in' / 'lot=Q' / 'A00001'
+    moved.parent.mkdir()
+    first.rename(moved)
+    assert run([tmp_path / 'in'], out, 3).estimated == 1
+    query = "SELECT DISTINCT lot, device FROM results WHERE role = 'fitted'"
+    assert FleetTable(out).rows(query) == [('Q', 'A00001')]
+    listed = tmp_path / 'list.csv'
+    listed.write_text(f'source,lot\n{moved},Z\n')
+    assert run([listed], out, 4).estimated == 1  # another lot is a change too
+    assert FleetTable(out).rows(query) == [('Z', 'A00001')]
+
+
+def test_a_bag_that_names_nobody_belongs_to_its_neighbour(bags: Path, tmp_path: Path) -> None:
+    folder = copied(bags, 'lot=A/A00001', tmp_path / 'A00001')
+    (folder / 'z' / 'metadata.yaml').unlink()
+    (device,) = find_devices([str(tmp_path)])
+    assert (device.device, len(device.bags)) == ('A00001', 3)
+
+
+def test_a_folder_that_may_not_be_read_is_a_device_with_that_reason(
+    bags: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copied(bags, 'lot=A/A00001', tmp_path / 'A00001')
+    # Root may read everything.
+    monkeypatch.setattr(os, 'access', lambda path, mode: not str(path).endswith('A00001/y'))
+    (device,) = find_devices([str(tmp_path)])
+    assert device.problem == f'{tmp_path}/A00001/y: no permission to read it'
+    (device,) = find_devices([str(tmp_path / 'A00001' / 'y')])
+    assert device.problem
+
+
+def test_results_that_cannot_be_read_or_written_are_one_line(
+    bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / 'out'
+    (out / 'results' / 'lot=A').mkdir(parents=True)
+    (out / 'results' / 'lot=A' / 'part-1.parquet').write_bytes(b'torn')
+    assert main(['fleet', str(bags), '-o', str(out)]) == 2
+    line = capsys.readouterr().err
+    assert 'part-1.parquet' in line
+    assert 'delete the file' in line
+    blocked = tmp_path / 'blocked'
+    blocked.mkdir()
+    (blocked / 'results').write_text('a file')
+    with pytest.raises(UserError, match='what is written is not done twice'):
+        run([bags / 'lot=B'], blocked)

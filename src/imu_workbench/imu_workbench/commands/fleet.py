@@ -19,16 +19,19 @@ example:
   python -m imu_workbench simulate short_20min --fleet 200 --lots 4 --seed 3 -o fleet_bags
   python -m imu_workbench fleet fleet_bags -o fleet_out
 
-SOURCE is a bag, a folder with bags at any depth, a glob, a URL that fsspec knows (s3://, ssh://),
-or a list: .txt with a source a line, .csv with the columns source, lot, type. Without a list the
-lot is the part of the path that is written lot=NAME. Bags of one device stand in one folder.
+SOURCE is a bag, a case, a folder with bags or cases at any depth, a glob, a URL that fsspec knows
+(s3://, ssh://), or a list: .txt with a source a line, .csv with the columns source, lot, type.
+Without a list the lot is the part of the path that is written lot=NAME. Bags of one device stand
+in one folder.
 A run that was interrupted goes on where it was; a device is estimated again where its files, the
 settings or the version have changed."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
-    parser.add_argument('sources', nargs='+', metavar='SOURCE', help='where the bags are (below)')
+    parser.add_argument(
+        'sources', nargs='+', metavar='SOURCE', help='where the bags or cases are (below)'
+    )
     parser.add_argument(
         '-o',
         '--output',
@@ -65,7 +68,7 @@ def run(options: argparse.Namespace) -> Answer:
     from imu_workbench.fleet.page import fleet_page
     from imu_workbench.fleet.sources import find_devices
     from imu_workbench.fleet.study import study
-    from imu_workbench.fleet.summary import study_lines
+    from imu_workbench.fleet.summary import failed_lines, study_lines
     from imu_workbench.report.limits import read_limits
 
     workers = options.workers or len(os.sched_getaffinity(0))
@@ -91,8 +94,8 @@ def run(options: argparse.Namespace) -> Answer:
     write_json(found, options.output / 'study.json')
     page = options.output / 'report.html'
     page.write_text(fleet_page(found, options.output), encoding='utf-8')
-    text = [f'{progress.devices} devices: {done}, {len(progress.failed)} failed']
-    text += [f'failed: {device}: {reason}' for device, reason in progress.failed.items()]
+    text = [f'{progress.devices} devices: {done}, {len(found["failed"])} without an estimate']
+    text += failed_lines(found['failed'])
     run_content = {
         'devices': progress.devices,
         'estimated': progress.estimated,

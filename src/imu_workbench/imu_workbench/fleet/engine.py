@@ -19,7 +19,7 @@ from imu_recording.user_error import UserError
 
 from imu_workbench.fleet.estimate import Settings, estimate_device, failed_row, version
 from imu_workbench.fleet.sources import DeviceSource
-from imu_workbench.fleet.table import Row, compact, finished, write_rows
+from imu_workbench.fleet.table import Row, compact, finished, in_several_places, write_rows
 
 TASKS_PER_WORKER = 4
 """Devices a worker has waiting: enough to be never idle, few enough for a small scheduler."""
@@ -69,37 +69,77 @@ def run_fleet(
     where the scheduler does not answer.
     """
     known = finished(folder)
+    refused = _refused(sources)
     todo = [
         source
         for source in sources
-        if known.get(source.key) != (source.fingerprint, settings.hash, version())
+        if source.key not in refused
+        and known.get(source.key)
+        != (source.fingerprint, settings.hash, version(), source.lot, source.type)
     ]
-    progress = Progress(len(sources), len(sources) - len(todo))
-    twice = _given_twice(sources)
+    progress = Progress(len(sources), len(sources) - len(refused) - len(todo))
     rows = [
-        failed_row(source, settings, twice[source.key]) for source in todo if source.key in twice
+        failed_row(source, settings, refused[source.key], again=True)
+        for source in sources
+        if source.key in refused
     ]
     for row in rows:
         progress.failed[row['device']] = row['reason']
     if rows:
         write_rows(folder, rows, clock())
-    todo = [source for source in todo if source.key not in twice]
     if todo:
         with connected(cluster) as client:
             _run(client, todo, folder, settings, progress, clock, report)
+    _settle_doubles(folder, sources, settings, progress, clock)
     compact(folder)
     return progress
 
 
-def _given_twice(sources: Sequence[DeviceSource]) -> dict[str, str]:
-    """Return, by source, why a device that stands in several folders is not estimated."""
+def _refused(sources: Sequence[DeviceSource]) -> dict[str, str]:
+    """Return, by source, why a device is not estimated: no bags, or in several folders."""
     names = Counter(source.device for source in sources if source.device)
-    return {
-        source.key: f'{source.device} stands in {names[source.device]} folders: put its bags '
-        'into one, or give each device a name of its own'
+    twice = {
+        source.key: _several(source.device, names[source.device])
         for source in sources
         if names[source.device] > 1
     }
+    return twice | {source.key: source.problem for source in sources if source.problem}
+
+
+def _several(device: str, folders: int) -> str:
+    return (
+        f'{device} stands in {folders} folders: put its bags into one, or give each device a '
+        'name of its own'
+    )
+
+
+def _settle_doubles(
+    folder: Path,
+    sources: Sequence[DeviceSource],
+    settings: Settings,
+    progress: Progress,
+    clock: Callable[[], int],
+) -> None:
+    """Leave each device in one place: results of where it was before go, twins are refused."""
+    given = {source.key: source for source in sources}
+    rows: list[Row] = []
+    for device, places in in_several_places(folder):
+        here = [given[key] for key, _ in places if key in given]
+        rows += [
+            {'role': 'replaced', 'device': device, 'source': key, 'lot': lot}
+            for key, lot in places
+            if key not in given
+        ]
+        if len(here) > 1:  # bags that name nobody in their metadata, but inside
+            progress.failed[device] = _several(device, len(here))
+            progress.estimated -= len(here)
+            rows += [
+                {**failed_row(one, settings, progress.failed[device], again=True),
+                 'device': device}
+                for one in here
+            ]  # fmt: skip
+    if rows:
+        write_rows(folder, rows, clock())
 
 
 def _run(

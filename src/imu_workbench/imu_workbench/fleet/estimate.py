@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from imu_recording.plausibility import admitted
 from imu_recording.recording import SENSOR_UNITS, RecordingError, columns_hash
+from imu_recording.user_error import UserError
 from numpy.typing import NDArray
 from thermal_comp.comparison.compare import Comparison, compare_prepared
 from thermal_comp.data.conditions import SENSORS, Sensor
@@ -64,8 +65,17 @@ def estimate_device(source: DeviceSource, settings: Settings) -> list[Row]:
         device = source.device or recordings[0].device or Path(source.key.split('#')[0]).name
         digest = hashlib.sha256(''.join(columns_hash(r) for r in recordings).encode()).hexdigest()
     except Exception as error:  # noqa: BLE001 (one device in thousands never ends the run)
-        return [failed_row(source, settings, f'{type(error).__name__}: {error}')]
+        elsewhere = isinstance(error, OSError) or isinstance(error.__context__, OSError)
+        return [failed_row(source, settings, _reason(error), again=elsewhere)]
     return [_identified(row, source, settings, device, digest) for row in rows]
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, UserError):
+        return str(error)
+    if isinstance(error, OSError) and error.filename:
+        return f'{error.filename}: {error.strerror}'
+    return f'{type(error).__name__}: {error}'
 
 
 def failed_row(

@@ -15,7 +15,7 @@ from imu_workbench.fleet.figures import (
     map_figure,
     shortening_figure,
 )
-from imu_workbench.fleet.summary import curve_lines
+from imu_workbench.fleet.summary import curve_lines, lot_name
 from imu_workbench.fleet.table import FleetTable
 from imu_workbench.fleet.vectors import SENSORS, Vectors, read_vectors
 from imu_workbench.report.html.render import Section, render_page
@@ -39,7 +39,7 @@ def fleet_page(found: Mapping[str, Any], folder: Path) -> str:
 
 
 def _summary(found: Mapping[str, Any]) -> Section:
-    lots = sorted({one['lot'] for one in found['populations']})
+    lots = sorted({lot_name(one) for one in found['populations']})
     facts = {
         'Devices': str(found['devices']),
         'Estimated': str(found['estimated']),
@@ -52,7 +52,7 @@ def _summary(found: Mapping[str, Any]) -> Section:
         facts['Without a lot'] = f'{found["without_lot"]}, taken as one'
     populations = [
         [
-            one['lot'],
+            lot_name(one),
             f'{one["sensor"]} [{one["unit"]}]',
             str(one['devices']),
             *(f'{value:+.3g}' for value in one['mean']),
@@ -87,7 +87,7 @@ def _capability(one: Mapping[str, Any]) -> list[str]:
     low, high = one['interval']
     limits = ('–' if value is None else f'{value:.3g}' for value in (one['lower'], one['upper']))
     return [
-        one['lot'],
+        lot_name(one),
         f'{one["sensor"]} {one["axis"]} [{one["unit"]}]',
         str(one['devices']),
         *limits,
@@ -157,7 +157,7 @@ def _control(found: Mapping[str, Any], sensors: Sequence[Vectors]) -> Section:
 def _prevalence(found: Mapping[str, Any]) -> Section:
     rows = [
         [
-            one['lot'],
+            lot_name(one),
             one['sensor'],
             one['effect'],
             one['form'],

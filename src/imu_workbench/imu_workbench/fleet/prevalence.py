@@ -35,6 +35,7 @@ ALONE = 3.0
 class Prevalence:
     """One effect in one sensor of a lot."""
 
+    type: str
     lot: str
     sensor: str
     effect: str
@@ -72,16 +73,16 @@ def joint_evidence(gain: FloatArray, degrees: int) -> tuple[FloatArray, FloatArr
 
 
 def prevalences(table: FleetTable, odd: Collection[tuple[str, str]] = ()) -> list[Prevalence]:
-    """Return every effect tried, by lot and sensor, the most probable first.
+    """Return every effect tried, by type, lot and sensor, the most probable first.
 
     `odd` (device, sensor) are left out: what only they have is no property of the lot.
     """
     groups = table.rows(
-        "SELECT DISTINCT lot, sensor FROM results WHERE role = 'candidate' ORDER BY lot, sensor"
+        "SELECT DISTINCT type, lot, sensor FROM results WHERE role = 'candidate' ORDER BY ALL"
     )
     found: list[Prevalence] = []
-    for lot, sensor in groups:
-        tried = [one for one in _tried(table, lot, sensor, odd) if one.devices]
+    for kind, lot, sensor in groups:
+        tried = [one for one in _tried(table, (kind, lot, sensor), odd) if one.devices]
         total = logsumexp([np.log(max(1, len(tried))), *(one.evidence for one in tried)])
         for one in sorted(tried, key=lambda one: -one.evidence):
             probability = float(np.exp(one.evidence - total))
@@ -90,13 +91,16 @@ def prevalences(table: FleetTable, odd: Collection[tuple[str, str]] = ()) -> lis
 
 
 def _tried(
-    table: FleetTable, lot: str, sensor: str, odd: Collection[tuple[str, str]]
+    table: FleetTable, where: tuple[str, str, str], odd: Collection[tuple[str, str]]
 ) -> list[Prevalence]:
+    kind, lot, sensor = where
     every = table.rows(
         """SELECT effect, any_value(forms), sum(degrees), list(gain ORDER BY axis),
                   any_value(device)
-           FROM results WHERE role = 'candidate' AND lot = $lot AND sensor = $sensor
+           FROM results
+           WHERE role = 'candidate' AND type = $kind AND lot = $lot AND sensor = $sensor
            GROUP BY effect, source HAVING count(*) = 3 ORDER BY effect""",
+        kind=kind,
         lot=lot,
         sensor=sensor,
     )
@@ -108,13 +112,13 @@ def _tried(
         shown = np.isfinite(gain).all(axis=0)
         forms = [form for form, seen in zip(own[0][1], shown, strict=True) if seen]
         if forms:
-            where = (lot, sensor, effect)
-            found.append(_of_effect(where, forms, gain[:, np.flatnonzero(shown)], int(own[0][2])))
+            gain = gain[:, np.flatnonzero(shown)]
+            found.append(_of_effect((*where, effect), forms, gain, int(own[0][2])))
     return found
 
 
 def _of_effect(
-    where: tuple[str, str, str], forms: Sequence[str], gain: FloatArray, degrees: int
+    where: tuple[str, str, str, str], forms: Sequence[str], gain: FloatArray, degrees: int
 ) -> Prevalence:
     joint, single = joint_evidence(gain, degrees)
     evidence = float(logsumexp(joint) - np.log(joint.size))

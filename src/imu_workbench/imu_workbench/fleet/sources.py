@@ -1,24 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which devices paths, globs, list files and URLs hold; nothing of a bag is read but its name.
 
-A device is the bags in one folder that name the same device in their metadata. Its lot and type
-come from parts of the path written `lot=A` and `type=LSM9DS1`, or from a list file.
+A device is a case (`case.yaml`: its open recordings), or the bags in one folder that name the same
+device in their metadata; a bag that a case names belongs to the case. Lot and type come from parts
+of the path written `lot=A` and `type=LSM9DS1`, or from a list file.
 """
 
 from __future__ import annotations
 
 import csv
 import hashlib
+import os
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import yaml
 from imu_recording.bags.files import METADATA, SUFFIXES
 from imu_recording.user_error import UserError
+
+from imu_workbench.case import CASE_FILE, Case, CaseError, parse_case
 
 GLOB_SIGNS = frozenset('*?[')
 LIST_SUFFIXES = ('.txt', '.csv')
@@ -44,6 +48,10 @@ class DeviceSource:
     """Paths or URLs of bags."""
     fingerprint: str
     """SHA-256 of name, size and time of change of every file."""
+    case: str = ''
+    """Folder or URL of the case it comes from."""
+    problem: str = ''
+    """Why it cannot be estimated, where that shows before a bag is read."""
 
 
 @dataclass(frozen=True)
@@ -56,44 +64,132 @@ class _Bag:
     device: str = ''
 
 
+@dataclass(frozen=True)
+class _Found:
+    """What a path, glob or URL holds."""
+
+    bags: tuple[_Bag, ...]
+    cases: Mapping[str, bytes]
+    """Folder or URL of a case → text of its `case.yaml`."""
+    closed: tuple[str, ...]
+    """Folders that may not be read."""
+
+
 def find_devices(sources: Sequence[str]) -> list[DeviceSource]:
     """Return the devices the sources hold, in order of their names.
 
-    A source is a bag, a folder with bags at any depth, a glob, a URL that fsspec knows of any of
-    these, or a list file: `.txt` with a source a line, `.csv` with the columns source, lot, type.
-    Raises UserError where one holds nothing.
+    A source is a bag, a case, a folder with bags or cases at any depth, a glob, a URL that fsspec
+    knows of any of these, or a list file: `.txt` with a source a line, `.csv` with the columns
+    source, lot, type. Raises UserError where one holds nothing.
     """
     found: dict[str, DeviceSource] = {}
     for text in sources:
         for device in _devices_of(text):
             found.setdefault(device.key, device)
-    return sorted(found.values(), key=lambda device: (device.lot, device.device, device.key))
+    in_cases = {bag for device in found.values() if device.case for bag in device.bags}
+    own = [
+        one
+        for one in found.values()
+        if one.case or one.problem or not in_cases.issuperset(one.bags)
+    ]
+    return sorted(own, key=lambda device: (device.lot, device.device, device.key))
 
 
 def _devices_of(text: str) -> Iterator[DeviceSource]:
     if text.endswith(LIST_SUFFIXES) and not GLOB_SIGNS & set(text):
         for row in _listed(text):
-            for device in _devices_of(row['source']):
+            for device in _listed_devices(row['source'], text):
                 lot, kind = row.get('lot') or device.lot, row.get('type') or device.type
                 yield replace(device, lot=lot, type=kind)
         return
-    bags = list(_bags(text))
+    found = _search(text)
+    if not (found.bags or found.cases or found.closed):
+        raise UserError(f'{text}: no bag here and no case, nor in a folder below')
+    for folder, content in found.cases.items():
+        yield _device_of_case(folder, content)
+    yield from _devices_of_folders(found)
+
+
+def _devices_of_folders(found: _Found) -> Iterator[DeviceSource]:
+    """Yield the devices whose bags stand in one folder; one that misses a part has a problem."""
+    folders: dict[str, dict[str, list[_Bag]]] = defaultdict(lambda: defaultdict(list))
+    for bag in found.bags:
+        folders[bag.folder][bag.device].append(bag)
+    problems = {path: f'{path}: no permission to read it' for path in found.closed}
+    for folder, devices in folders.items():
+        if len(devices) == 2 and '' in devices:  # a bag that names nobody: of its only neighbour
+            (name,) = (name for name in devices if name)
+            devices[name] += devices.pop('')
+        inside = [path for path in problems if path.rpartition('/')[0] == folder]
+        problem = problems[inside[0]] if inside else ''
+        for name, own in devices.items():
+            yield replace(_device_of_bags(folder, name, own), problem=problem)
+    for path, problem in problems.items():
+        if path.rpartition('/')[0] not in folders:
+            yield replace(_device_of_bags(path, '', []), problem=problem)
+
+
+def _listed_devices(source: str, listed_in: str) -> Iterator[DeviceSource]:
+    """Yield the devices of one line of a list; a line that holds nothing is one with a problem."""
+    try:
+        yield from _devices_of(source)
+    except UserError as error:
+        empty = _device_of_bags(source.rstrip('/'), '', [])
+        yield replace(empty, problem=f'{error} (in {listed_in})')
+
+
+def _device_of_bags(folder: str, name: str, bags: Sequence[_Bag]) -> DeviceSource:
+    own = sorted(bags, key=lambda bag: bag.url)
+    digest = hashlib.sha256('\n'.join(line for bag in own for line in bag.files).encode())
+    return DeviceSource(
+        key=f'{folder}#{name}',
+        device=name,
+        lot=_part('lot', folder) or NO_LOT,
+        type=_part('type', folder) or NO_TYPE,
+        bags=tuple(bag.url for bag in own),
+        fingerprint=digest.hexdigest(),
+    )
+
+
+def _device_of_case(folder: str, content: bytes) -> DeviceSource:
+    """Return the device of a case and its open recordings; what is wrong stands in `problem`."""
+    try:
+        case = parse_case(Path(folder), content, f'{folder}/{CASE_FILE}')
+    except CaseError as error:
+        empty = _device_of_bags(folder, '', [])
+        return replace(empty, case=folder, problem=str(error))
+    bags = {source: _search(_place(folder, source)).bags for source in case.sources}
+    problem = _missing(case, bags)
+    device = _device_of_bags(folder, case.device, [bag for own in bags.values() for bag in own])
+    lots = [_part('lot', bag) for bag in device.bags]
+    types = [_part('type', bag) for bag in device.bags]
+    return replace(
+        device,
+        lot=_part('lot', folder) or next(filter(None, lots), NO_LOT),
+        type=_part('type', folder) or next(filter(None, types), NO_TYPE),
+        case=folder,
+        problem=problem,
+    )
+
+
+def _place(folder: str, source: str) -> str:
+    """Return where the recording of a case is: a relative path starts here, or in the case."""
+    if '://' in source or Path(source).exists():
+        return source
+    return f'{folder}/{source}' if not Path(source).is_absolute() else source
+
+
+def _missing(case: Case, bags: Mapping[str, Sequence[_Bag]]) -> str:
+    """Return what is wrong with the recordings of a case; '' where nothing is."""
     if not bags:
-        raise UserError(f'{text}: no bag here, nor in a folder below')
-    groups: dict[tuple[str, str], list[_Bag]] = defaultdict(list)
-    for bag in bags:
-        groups[bag.folder, bag.device].append(bag)
-    for (folder, name), own in groups.items():
-        own.sort(key=lambda bag: bag.url)
-        digest = hashlib.sha256('\n'.join(line for bag in own for line in bag.files).encode())
-        yield DeviceSource(
-            key=f'{folder}#{name}',
-            device=name,
-            lot=_part('lot', folder) or NO_LOT,
-            type=_part('type', folder) or NO_TYPE,
-            bags=tuple(bag.url for bag in own),
-            fingerprint=digest.hexdigest(),
+        return f'{case.folder}: no recording of the case is open; open one with `serve`'
+    gone = [source for source, own in bags.items() if not own]
+    if gone:
+        return (
+            f'{case.folder}: its recording {gone[0]} is not there; put it back, or close it '
+            'in the case'
         )
+    return ''
 
 
 def _part(name: str, path: str) -> str:
@@ -108,8 +204,11 @@ def _part(name: str, path: str) -> str:
 def _listed(path: str) -> list[dict[str, str]]:
     import fsspec
 
-    with fsspec.open(path, 'rt', encoding='utf-8') as stream:
-        lines = [line for line in stream.read().splitlines() if line.strip()]
+    try:
+        with fsspec.open(path, 'rt', encoding='utf-8') as stream:
+            lines = [line for line in stream.read().splitlines() if line.strip()]
+    except (ValueError, ImportError) as error:
+        raise UserError(f'{path}: {error}') from None
     if path.endswith('.txt'):
         return [{'source': line.strip()} for line in lines if not line.startswith('#')]
     reader = csv.DictReader(lines)
@@ -122,8 +221,8 @@ def _listed(path: str) -> list[dict[str, str]]:
     return [{key: (value or '').strip() for key, value in row.items()} for row in reader]
 
 
-def _bags(text: str) -> Iterator[_Bag]:
-    """Yield the bags below a path, glob or URL, with the device each names."""
+def _search(text: str) -> _Found:
+    """Return the bags below a path, glob or URL, with the device each names, and the cases."""
     from fsspec.core import url_to_fs
 
     try:
@@ -135,10 +234,12 @@ def _bags(text: str) -> Iterator[_Bag]:
     single = set()
     for path in paths:
         if files.isdir(path):
-            listed |= files.find(path, detail=True)
+            listed |= files.find(path, detail=True, withdirs=True)
         elif files.exists(path):
             listed[path] = files.info(path)
             single.add(path)
+    folders = [path for path, info in listed.items() if info['type'] == 'directory']
+    listed = {path: info for path, info in listed.items() if info['type'] != 'directory'}
     stored: dict[str, list[str]] = defaultdict(list)
     for path in listed:
         if path.removesuffix('.zstd').endswith(SUFFIXES):
@@ -146,13 +247,30 @@ def _bags(text: str) -> Iterator[_Bag]:
     names = _device_names(
         files, [f'{b}/{METADATA}' for b in stored if f'{b}/{METADATA}' in listed]
     )
-    for bag, parts in stored.items():
-        yield _Bag(
-            url=files.unstrip_protocol(bag).removeprefix('file://'),
-            folder=files.unstrip_protocol(str(PurePosixPath(bag).parent)).removeprefix('file://'),
+
+    def url(path: str) -> str:
+        return str(files.unstrip_protocol(path)).removeprefix('file://')
+
+    bags = tuple(
+        _Bag(
+            url=url(bag),
+            folder=url(str(PurePosixPath(bag).parent)),
             files=tuple(_state(path, listed[path]) for path in sorted(parts)),
             device=names.get(bag, ''),
         )
+        for bag, parts in stored.items()
+    )
+    cases = {
+        url(path.rpartition('/')[0]): files.cat_file(path)
+        for path in sorted(listed)
+        if path.rpartition('/')[2] == CASE_FILE
+    }
+    closed = [p for p in (*paths, *folders) if 'file' in files.protocol and not _readable(p)]
+    return _Found(bags, cases, tuple(dict.fromkeys(closed)))
+
+
+def _readable(path: str) -> bool:
+    return not os.path.isdir(path) or os.access(path, os.R_OK | os.X_OK)  # noqa: PTH112 (a URL's)
 
 
 def _state(path: str, info: Mapping[str, Any]) -> str:

@@ -7,9 +7,27 @@ from collections.abc import Mapping
 from typing import Any
 
 from imu_workbench.fleet.capability import CAPABLE
+from imu_workbench.fleet.sources import NO_TYPE
 
 SHOWN = 20
-"""Odd devices, and slopes beyond their limits, that are listed; all stand in the JSON."""
+"""Odd or failed devices, and slopes beyond limits, that are listed; all stand in the JSON."""
+
+
+def lot_name(one: Mapping[str, Any]) -> str:
+    """Return the lot of an entry, with its type where it has one.
+
+    >>> lot_name({'lot': 'A', 'type': 'LSM9DS1'})
+    'A of type LSM9DS1'
+    """
+    return str(one['lot']) if one['type'] == NO_TYPE else f'{one["lot"]} of type {one["type"]}'
+
+
+def failed_lines(failed: Mapping[str, str]) -> list[str]:
+    """Return a line per device that has no estimate, with its reason."""
+    lines = [f'failed: {device}: {reason}' for device, reason in list(failed.items())[:SHOWN]]
+    if len(failed) > SHOWN:
+        lines.append(f'and {len(failed) - SHOWN} failed more')
+    return lines
 
 
 def study_lines(found: Mapping[str, Any]) -> list[str]:
@@ -24,7 +42,7 @@ def study_lines(found: Mapping[str, Any]) -> list[str]:
         mean = ', '.join(f'{value:+.3g}' for value in one['mean'])
         std = ', '.join(f'{value:.2g}' for value in one['std'])
         lines.append(
-            f'lot {one["lot"]} {one["sensor"]}: slopes {mean} ± {std} {one["unit"]} '
+            f'lot {lot_name(one)} {one["sensor"]}: slopes {mean} ± {std} {one["unit"]} '
             f'({one["devices"]} devices)'
         )
     missed = [one for one in found['capability'] if not one['capable']]
@@ -32,7 +50,7 @@ def study_lines(found: Mapping[str, Any]) -> list[str]:
     if len(missed) > SHOWN:
         lines.append(f'and {len(missed) - SHOWN} slopes more')
     for one in found['clusters']:
-        kind = '' if one['type'] == 'none' else f' of type {one["type"]}'
+        kind = '' if one['type'] == NO_TYPE else f' of type {one["type"]}'
         lines.append(f'clusters{kind}: {one["count"]}')
     lines += [prevalence_line(one) for one in found['prevalence'] if one['named']]
     if found['shortening']:
@@ -48,7 +66,7 @@ def capability_line(one: Mapping[str, Any]) -> str:
     """Return how well a lot keeps the limits of one slope."""
     low, high = one['interval']
     return (
-        f'lot {one["lot"]} {one["sensor"]} {one["axis"]}: {one["coefficient"]} has Cpk '
+        f'lot {lot_name(one)} {one["sensor"]} {one["axis"]}: {one["coefficient"]} has Cpk '
         f'{one["cpk"]:.2f} ({low:.2f} … {high:.2f}); {CAPABLE} is wanted'
     )
 
@@ -58,7 +76,7 @@ def prevalence_line(one: Mapping[str, Any]) -> str:
     low, high = (100.0 * value for value in one['share_range'])
     return (
         f'{one["effect"]} in the {one["sensor"]} of {100 * one["share"]:.0f} % of lot '
-        f'{one["lot"]} ({low:.0f} … {high:.0f} %); {one["alone"]} of {one["devices"]} devices '
+        f'{lot_name(one)} ({low:.0f} … {high:.0f} %); {one["alone"]} of {one["devices"]} devices '
         'show it alone'
     )
 

@@ -55,7 +55,8 @@ COLUMNS: dict[str, str] = {
 }
 """Column → type. `role`: 'fitted' (coefficients, their standard deviations, those of each run
 alone, block means by temperature), 'candidate' (whitened sum of squares an effect would take up,
-per form), 'diagnosed' (probability), 'failed' (reason)."""
+per form), 'diagnosed' (probability), 'failed' (reason), 'replaced' (the device moved elsewhere;
+no query sees it)."""
 
 
 def arrow_schema() -> Any:
@@ -84,10 +85,17 @@ def write_rows(folder: Path, rows: Sequence[Row], written: int) -> None:
         lots[row['lot']].append({**own, 'written': written})
     for lot, own_rows in lots.items():
         home = folder / RESULTS / f'lot={quote(lot, safe="")}'
-        home.mkdir(parents=True, exist_ok=True)
         partial = home / f'.part-{written}.partial'
-        pq.write_table(pa.Table.from_pylist(own_rows, arrow_schema()), partial, compression='zstd')
-        os.replace(partial, home / f'part-{written}.parquet')  # noqa: PTH105 (atomic, says so)
+        try:
+            home.mkdir(parents=True, exist_ok=True)
+            content = pa.Table.from_pylist(own_rows, arrow_schema())
+            pq.write_table(content, partial, compression='zstd')
+            partial.replace(home / f'part-{written}.parquet')
+        except OSError as error:
+            raise UserError(
+                f'{home}: {os.strerror(error.errno) if error.errno else error}; mend that and run '
+                'again: what is written is not done twice'
+            ) from None
 
 
 class FleetTable:
@@ -101,17 +109,25 @@ class FleetTable:
         self.folder = folder
         self._database = duckdb.connect(config={'threads': 2, 'memory_limit': '1GB'})
         pattern = str(folder / RESULTS / '*' / '*.parquet').replace("'", "''")
-        self._database.execute(
-            f"""
+        try:
+            self._database.execute(self._views(pattern))
+        except duckdb.Error as error:
+            raise UserError(
+                f'{folder / RESULTS}: cannot be read ({str(error).splitlines()[0]}); delete the '
+                'file that is named, its devices are estimated again'
+            ) from None
+
+    @staticmethod
+    def _views(pattern: str) -> str:
+        return f"""
             CREATE VIEW everything AS
               SELECT * FROM read_parquet('{pattern}', hive_partitioning = true, filename = true,
                                          union_by_name = true, hive_types = {{'lot': VARCHAR}});
             CREATE TABLE newest AS SELECT source, max(written) AS written,
               max_by(filename, (written, filename)) AS filename FROM everything GROUP BY source;
             CREATE VIEW results AS SELECT everything.* EXCLUDE (filename) FROM everything
-              JOIN newest USING (source, written, filename)
+              JOIN newest USING (source, written, filename) WHERE role <> 'replaced'
             """  # noqa: S608 (the pattern is quoted)
-        )
 
     def rows(self, query: str, **values: Any) -> list[tuple[Any, ...]]:
         """Return the rows of a query over `results`; $name takes its value."""
@@ -123,13 +139,26 @@ class FleetTable:
         return dict(self._database.execute(query, values).fetchnumpy())
 
 
-def finished(folder: Path) -> dict[str, tuple[str, str, str]]:
-    """Return fingerprint, settings and version of what is done, by source."""
+def finished(folder: Path) -> dict[str, tuple[str, ...]]:
+    """Return fingerprint, settings, version, lot and type of what is done, by source."""
     if not any((folder / RESULTS).glob('*/*.parquet')):
         return {}
-    query = """SELECT source, any_value(fingerprint), any_value(settings), any_value(version)
-               FROM results GROUP BY source"""
-    return {key: (a, b, c) for key, a, b, c in FleetTable(folder).rows(query)}
+    query = """SELECT source, any_value(fingerprint), any_value(settings), any_value(version),
+                      any_value(lot), any_value(type) FROM results GROUP BY source"""
+    return {key: tuple(state) for key, *state in FleetTable(folder).rows(query)}
+
+
+def in_several_places(folder: Path) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return devices that were estimated in several sources, each with (source, lot)."""
+    if not any((folder / RESULTS).glob('*/*.parquet')):
+        return []
+    found: dict[str, list[tuple[str, str]]] = defaultdict(list)
+    query = """SELECT DISTINCT device, source, lot FROM results WHERE role = 'fitted'
+               AND device IN (SELECT device FROM results WHERE role = 'fitted'
+                              GROUP BY device HAVING count(DISTINCT source) > 1) ORDER BY ALL"""
+    for device, source, lot in FleetTable(folder).rows(query):
+        found[device].append((source, lot))
+    return list(found.items())
 
 
 def compact(folder: Path) -> None:
