@@ -6,7 +6,8 @@
 Scaling: N simulated devices are estimated by one worker, then by two, in one run; what counts is
 the time from the first to the last result. Statistics: rows of N devices as `fleet` writes them,
 slopes drawn from the simulator's population, bins of temperature with white noise, evidence of
-effects drawn as χ²; they are studied and drawn in a process of its own, which reports its memory.
+effects drawn as χ², with coefficients in each of their forms; they are studied and drawn in a
+process of its own, which reports its time and memory.
 """
 
 from __future__ import annotations
@@ -38,8 +39,13 @@ RUNS = 3
 TEMPERATURES = np.arange(15.0, 31.0)
 SLOPE_STD = {'accelerometer': 3e-5, 'gyroscope': 6e-6, 'magnetometer': 3e-9}
 """Error of a slope in a `short_20min` campaign [SI unit/K]."""
-TRIED = {'thermal_lag': 5, 'temperature_rate': 1, 'thermal_hysteresis': 1, 'warm_up': 5}
-"""Effects whose evidence is drawn, and their forms."""
+TRIED = {
+    'thermal_lag': np.geomspace(10.0, 3600.0, 13),
+    'temperature_rate': None,
+    'thermal_hysteresis': None,
+    'warm_up': np.geomspace(60.0, 7200.0, 13),
+}
+"""Effects whose evidence is drawn, and the time constants of their forms [s]."""
 BATCH = 500
 
 
@@ -92,8 +98,9 @@ def print_statistics(devices: int) -> None:
     seeded = {name for name, outlier in truth.items() if outlier}
     false = len(odd - seeded) / (devices - len(seeded))
     print(
-        f'statistics, screening and page of {devices} devices: {found["seconds"]:.1f} s, '
-        f'{found["mb"]:.0f} MB; clusters {found["clusters"]} (lots {LOTS})'
+        f'statistics, screening and page of {devices} devices: {found["seconds"]:.1f} s '
+        f'({found["cpu_seconds"]:.1f} s of processor time), {found["mb"]:.0f} MB; '
+        f'clusters {found["clusters"]} (lots {LOTS})'
     )
     print(
         f'screening: {len(odd & seeded)} of {len(seeded)} seeded outliers found '
@@ -153,16 +160,22 @@ def fitted(
 
 def tried(common: Row, carried: set[tuple[str, str]], draw: np.random.Generator) -> list[Row]:
     """Return evidence that is χ² where an effect is absent and three times that else."""
-    return [
-        {
-            **common, 'axis': axis, 'effect': effect, 'role': 'candidate', 'degrees': 1,
-            'forms': [f'form {k}' for k in range(forms)],
-            'gain': (size * draw.chisquare(1, forms)).tolist(),
-        }
-        for effect, forms in TRIED.items()
-        for size in [3.0 if (effect, common['sensor']) in carried else 1.0]
-        for axis in 'xyz'
-    ]  # fmt: skip
+    rows = []
+    for effect, shapes in TRIED.items():
+        forms = 1 if shapes is None else len(shapes)
+        size = 3.0 if (effect, common['sensor']) in carried else 1.0
+        for axis in 'xyz':
+            ratio = np.sqrt(size * draw.chisquare(1, forms))
+            row = {
+                **common, 'axis': axis, 'effect': effect, 'role': 'candidate', 'degrees': 1,
+                'forms': [f'form {k}' for k in range(forms)], 'gain': (ratio**2).tolist(),
+            }  # fmt: skip
+            if shapes is not None:
+                std = np.full(forms, 1e-6)
+                kept = {'shapes': shapes, 'coefficients': ratio * std, 'std': std}
+                row |= {name: values.tolist() for name, values in kept.items()}
+            rows.append(row)
+    return rows
 
 
 def studied(folder: Path) -> dict[str, object]:
@@ -171,6 +184,7 @@ def studied(folder: Path) -> dict[str, object]:
     (folder / 'report.html').write_text(fleet_page(found, folder), 'utf-8')
     return {
         'seconds': time.perf_counter() - start,
+        'cpu_seconds': time.process_time(),
         'mb': resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
         'odd': sorted({one['device'] for one in found['odd']}),
         'clusters': [one['count'] for one in found['clusters']],

@@ -5,13 +5,14 @@ The measurement, whitened by the device's noise, is freed of the levels of its r
 line; so are the columns of an effect. The sum of squares that an orthonormal basis of what is left
 of the columns takes up is χ² with as many degrees of freedom as columns where the effect is
 absent, and that times one plus its share of the information where it is present. Added over
-devices it tells what no single one can (`fleet.prevalence`).
+devices it tells what no single one can (`fleet.prevalence`). Of an effect with one column and one
+shape parameter, the coefficient in each form is kept too (`fleet.shape_population`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -23,8 +24,8 @@ from thermal_comp.linear.columns import orthonormal, per_axis, project_out, stac
 from thermal_comp.linear.whitening import RowWhitening
 from thermal_comp.model.values import NoiseModel
 
-GRID_POINTS = 5
-"""Forms of an effect along each of its shape parameters."""
+GRID_POINTS = 13
+"""Forms of an effect along its shape parameter: close enough to interpolate between them."""
 LEAST_SHARE = 1e-3
 """Least share of a whitened column beyond levels and line: below it the runs do not show it."""
 
@@ -40,6 +41,12 @@ class CandidateGain:
     """(forms, 3) whitened sum of squares."""
     degrees: int
     """Columns of a form on each axis."""
+    shapes: tuple[float, ...] = ()
+    """The shape parameter of each form, where there is one and it is a number."""
+    coefficients: FloatArray | None = None
+    """(forms, 3) of an effect with one column."""
+    std: FloatArray | None = None
+    """(forms, 3) their standard deviations."""
 
 
 def candidate_effects(runs: Sequence[PreparedRun], sensor: Sensor, base: Effect) -> list[str]:
@@ -91,27 +98,46 @@ def candidate_gains(
     ]
     found = []
     for name in candidate_effects(runs, sensor, base):
-        forms, gains = [], []
+        forms, taken = [], []
         for form in EFFECTS[name].shape_grid(GRID_POINTS):
             own, shared = columns(form)
             if shared:
                 break
             white = whitening.whitened(own)
-            gains.append([_gain(q, c, y) for q, c, y in zip(basis, white, rest, strict=True)])
-            forms.append(', '.join(f'{k} {_short(v)}' for k, v in form.shape_parameters.items()))
-        if gains:
-            found.append(CandidateGain(name, tuple(forms), np.array(gains), own.shape[2]))
+            taken.append([_taken(q, c, y) for q, c, y in zip(basis, white, rest, strict=True)])
+            forms.append(form)
+        if forms:
+            found.append(_candidate(name, forms, np.array(taken), own.shape[2]))
     return found
+
+
+def _candidate(
+    name: str, forms: Sequence[Effect], taken: FloatArray, degrees: int
+) -> CandidateGain:
+    """`taken` (forms, 3, 3): gain, coefficient and its deviation of each axis."""
+    texts = tuple(
+        ', '.join(f'{k} {_short(v)}' for k, v in form.shape_parameters.items()) for form in forms
+    )
+    shapes = tuple(v for form in forms for v in form.shape_parameters.values())
+    gain = CandidateGain(name, texts, taken[:, :, 0], degrees)
+    if degrees > 1 or len(forms) < 2 or any(isinstance(v, tuple) for v in shapes):
+        return gain
+    values = tuple(float(v) for v in shapes if not isinstance(v, tuple))
+    return replace(gain, shapes=values, coefficients=taken[:, :, 1], std=taken[:, :, 2])
 
 
 def _short(value: float | tuple[float, ...]) -> str:
     return ' '.join(f'{v:.4g}' for v in (value if isinstance(value, tuple) else (value,)))
 
 
-def _gain(basis: FloatArray, columns: FloatArray, rest: FloatArray) -> float:
-    """Return what whitened columns take up; NaN where one has nothing beyond the basis."""
+def _taken(basis: FloatArray, columns: FloatArray, rest: FloatArray) -> tuple[float, float, float]:
+    """Return what whitened columns take up, the first one's coefficient and its deviation.
+
+    NaN where a column has nothing beyond the basis.
+    """
     beyond = project_out(basis, columns)
-    if (np.linalg.norm(beyond, axis=0) <= LEAST_SHARE * np.linalg.norm(columns, axis=0)).any():
-        return float('nan')
+    size = np.linalg.norm(beyond, axis=0)
+    if (size <= LEAST_SHARE * np.linalg.norm(columns, axis=0)).any():
+        return np.nan, np.nan, np.nan
     taken = orthonormal(beyond).T @ rest
-    return float(taken @ taken)
+    return float(taken @ taken), float(beyond[:, 0] @ rest / size[0] ** 2), float(1.0 / size[0])

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from imu_recording.plausibility import admitted
-from imu_recording.recording import SENSOR_UNITS, RecordingError, columns_hash
+from imu_recording.recording import SENSOR_UNITS, FloatArray, RecordingError, columns_hash
 from imu_recording.user_error import UserError
 from numpy.typing import NDArray
 from thermal_comp.comparison.compare import Comparison, compare_prepared
@@ -223,10 +223,17 @@ def _candidate_rows(sensor: Sensor, part: SensorModel, runs: Sequence[PreparedRu
             'forms': list(found.forms),
             'gain': found.gain[:, a].tolist(),
             'degrees': found.degrees,
+            'shapes': list(found.shapes) or None,
+            'coefficients': _of_axis(found.coefficients, a),
+            'std': _of_axis(found.std, a),
         }
         for found in candidate_gains(runs, sensor, part.noise, LINE)
         for a, axis in enumerate(AXES)
     ]
+
+
+def _of_axis(values: FloatArray | None, axis: int) -> list[float] | None:
+    return None if values is None else [float(value) for value in values[:, axis]]
 
 
 def _diagnosed_rows(recordings: Sequence[ImuRecording], model: ThermalModel) -> list[Row]:

@@ -168,7 +168,23 @@ def _prevalence(found: Mapping[str, Any]) -> Section:
         ]
         for one in found['prevalence']
     ]
-    return Section('prevalence', 'Prevalence', 'fleet_prevalence.html', {'rows': rows})
+    shapes = [
+        [
+            lot_name(one),
+            one['sensor'],
+            one['effect'],
+            *(
+                f'{mean:+.2g} ± {std:.2g}'
+                for mean, std in zip(one['mean'][:3], one['std'][:3], strict=True)
+            ),
+            f'{one["median"]:.3g} {one["parameter_unit"]}',
+            f'{one["median_range"][0]:.3g} … {one["median_range"][1]:.3g}',
+            f'×/÷ {one["factor"]:.2f}',
+        ]
+        for one in found['shapes']
+    ]
+    values = {'rows': rows, 'shapes': shapes}
+    return Section('prevalence', 'Prevalence', 'fleet_prevalence.html', values)
 
 
 def _shortening(curve: Mapping[str, Any]) -> Section:

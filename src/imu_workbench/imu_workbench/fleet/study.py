@@ -16,6 +16,7 @@ from imu_workbench.fleet.control import control_chart
 from imu_workbench.fleet.population import Population, error_variances, populations
 from imu_workbench.fleet.prevalence import prevalences
 from imu_workbench.fleet.screening import Screening, odd_devices, screen
+from imu_workbench.fleet.shape_population import shape_populations
 from imu_workbench.fleet.shortening import curve_content, shortening_curve
 from imu_workbench.fleet.table import FleetTable
 from imu_workbench.fleet.vectors import SENSORS, Vectors, read_vectors
@@ -41,6 +42,9 @@ def study(folder: Path, limits: Limits | None = None) -> dict[str, Any]:
     ]
     curve = shortening_curve(table, sensors, sorted(names))
     described = [_population(one, sensors) for one in lots]
+    left_out = {(one.device, one.sensor) for one in odd}
+    effects = prevalences(table, left_out)
+    shapes = shape_populations(table, [one for one in effects if one.named], left_out)
     return {
         'schema': SCHEMA,
         'devices': int(table.rows('SELECT count(DISTINCT source) FROM results')[0][0]),
@@ -60,9 +64,10 @@ def study(folder: Path, limits: Limits | None = None) -> dict[str, Any]:
         'clusters': _clusters(sensors, names),
         'prevalence': [
             {**asdict(one), 'named': one.named}
-            for one in prevalences(table, {(o.device, o.sensor) for o in odd})
+            for one in effects
             if one.named or one.probability > 0.05
         ],
+        'shapes': [one.content() for one in shapes],
         'shortening': curve and curve_content(curve),
         'control': [entry for vectors in sensors for entry in _control(vectors)],
         'scores': _scores(screened),

@@ -53,6 +53,7 @@ def study_lines(found: Mapping[str, Any]) -> list[str]:
         kind = '' if one['type'] == NO_TYPE else f' of type {one["type"]}'
         lines.append(f'clusters{kind}: {one["count"]}')
     lines += [prevalence_line(one) for one in found['prevalence'] if one['named']]
+    lines += [shape_line(one) for one in found['shapes']]
     if found['shortening']:
         lines += curve_lines(found['shortening'])[:1]
     odd = found['odd']
@@ -78,6 +79,18 @@ def prevalence_line(one: Mapping[str, Any]) -> str:
         f'{one["effect"]} in the {one["sensor"]} of {100 * one["share"]:.0f} % of lot '
         f'{lot_name(one)} ({low:.0f} … {high:.0f} %); {one["alone"]} of {one["devices"]} devices '
         'show it alone'
+    )
+
+
+def shape_line(one: Mapping[str, Any]) -> str:
+    """Return what the devices of a lot that carry an effect share of it."""
+    pairs = zip('xyz', one['mean'], one['std'], strict=False)
+    coefficients = ', '.join(f'{axis} {mean:+.2g} ± {std:.2g}' for axis, mean, std in pairs)
+    low, high = one['median_range']
+    return (
+        f'lot {lot_name(one)} {one["sensor"]}: {one["effect"]} {coefficients} {one["unit"]}; '
+        f'{one["parameter"]} {one["median"]:.3g} {one["parameter_unit"]} ({low:.3g} … {high:.3g}) '
+        f'×/÷ {one["factor"]:.2f} from device to device'
     )
 
 

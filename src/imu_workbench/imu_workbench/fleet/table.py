@@ -17,7 +17,7 @@ from urllib.parse import quote
 from imu_recording.user_error import UserError
 
 RESULTS = 'results'
-SCHEMA = 2
+SCHEMA = 3
 Row = dict[str, Any]
 """One row; absent columns are null."""
 
@@ -34,6 +34,7 @@ COLUMNS: dict[str, str] = {
     'run_coefficients': 'list<double>',
     'forms': 'list<string>',
     'gain': 'list<double>',
+    'shapes': 'list<double>',
     'degrees': 'int64',
     'probability': 'double',
     'measured_rms': 'double',
@@ -55,7 +56,8 @@ COLUMNS: dict[str, str] = {
 }
 """Column → type. `role`: 'fitted' (coefficients, their standard deviations, those of each run
 alone, block means by temperature), 'candidate' (whitened sum of squares an effect would take up,
-per form), 'diagnosed' (probability), 'failed' (reason), 'replaced' (the device moved elsewhere;
+per form; shape parameter, coefficient and its deviation in each where it has one of
+either), 'diagnosed' (probability), 'failed' (reason), 'replaced' (the device moved elsewhere;
 no query sees it)."""
 
 
