@@ -7,7 +7,10 @@ import itertools
 import json
 import os
 import shutil
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +18,7 @@ from imu_driver.simulation.devices import TYPICAL_SPREAD
 from imu_recording.user_error import UserError
 from imu_workbench.__main__ import main
 from imu_workbench.fleet import engine
-from imu_workbench.fleet.engine import Cluster, Progress, run_fleet
+from imu_workbench.fleet.engine import Cluster, Progress, connected, outcomes, run_fleet
 from imu_workbench.fleet.estimate import Settings
 from imu_workbench.fleet.sources import find_devices
 from imu_workbench.fleet.table import FleetTable
@@ -131,6 +134,56 @@ def test_sources_are_globs_lists_and_urls(bags: Path, tmp_path: Path) -> None:
     listed.write_text('path\nx\n')
     with pytest.raises(UserError, match='a list has source'):
         find_devices([str(listed)])
+
+
+@pytest.fixture
+def site() -> Iterator[Callable[[int], SimpleNamespace]]:
+    """Start a scheduler for `dask worker` processes elsewhere; (workers) → address and cluster."""
+    from distributed import LocalCluster
+
+    with ExitStack() as open_:
+
+        def start(workers: int) -> SimpleNamespace:
+            cluster = open_.enter_context(
+                LocalCluster(
+                    n_workers=workers, threads_per_worker=1, processes=False, protocol='tcp://',
+                    dashboard_address=None, silence_logs=50,
+                )
+            )  # fmt: skip
+            return SimpleNamespace(cluster=cluster, address=cluster.scheduler_address)
+
+        yield start
+
+
+def test_a_scheduler_without_workers_or_with_others_software_is_refused(
+    bags: Path, tmp_path: Path, site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engine, 'CONNECT_S', 1.0)
+    with (
+        pytest.raises(UserError, match='it has no workers; start `dask worker tcp://'),
+        connected(Cluster(site(0).address)),
+    ):
+        pass
+    address = site(1).address
+    with connected(Cluster(address)) as client:
+        (rows,) = outcomes(client, find_devices([f'{bags}/lot=B']), Settings())
+        assert {row['device'] for row in rows} == {'B00003'}
+    monkeypatch.setattr(engine, '_here', lambda: '9.9')
+    with (
+        pytest.raises(UserError, match=r'has version .*, here is 9\.9'),
+        connected(Cluster(address)),
+    ):
+        pass
+
+
+def test_a_scheduler_that_goes_away_is_said_in_one_line(bags: Path, site) -> None:
+    here = site(1)
+    with connected(Cluster(here.address)) as client:
+        rows = outcomes(client, find_devices([str(bags)]), Settings())
+        next(rows)
+        here.cluster.close()
+        with pytest.raises(UserError, match='the scheduler has gone'):
+            list(rows)
 
 
 def test_mistakes_are_one_line(

@@ -186,6 +186,11 @@ def outcomes(client: Any, todo: Sequence[DeviceSource], settings: Settings) -> I
     coming = as_completed([submit(source) for source in islice(left, ahead)])
     for future in coming:
         source = running.pop(future.key)
+        if future.status in ('cancelled', 'lost'):
+            raise UserError(
+                'the scheduler has gone: start it again and run the same command, it goes on '
+                'where it was'
+            )
         if future.status == 'finished':
             yield future.result()
         else:
@@ -218,6 +223,7 @@ def connected(cluster: Cluster) -> Iterator[Any]:
                     '`dask scheduler` and workers with `dask worker ADDRESS`'
                 ) from None
             with client:
+                _check_workers(client, cluster.scheduler)
                 yield client
             return
         with (
@@ -232,3 +238,28 @@ def connected(cluster: Cluster) -> Iterator[Any]:
             Client(local) as client,
         ):
             yield client
+
+
+def _check_workers(client: Any, scheduler: str) -> None:
+    """Raise UserError where a scheduler has no workers, or one of them has other software."""
+    try:
+        client.wait_for_workers(1, timeout=CONNECT_S)
+    except TimeoutError:
+        raise UserError(
+            f'--scheduler {scheduler}: it has no workers; start `dask worker {scheduler} '
+            '--nthreads 1` on each host, in the environment of `. ./env.sh`'
+        ) from None
+    for worker, found in client.run(version, on_error='return').items():
+        if found != _here():
+            raise UserError(
+                f'--scheduler {scheduler}: the worker {worker} has {_software(found)}, here is '
+                f'{_here()}: set up the same checkout on each host'
+            )
+
+
+def _here() -> str:
+    return version()
+
+
+def _software(found: Any) -> str:
+    return f'no imu_workbench ({found})' if isinstance(found, Exception) else f'version {found}'
