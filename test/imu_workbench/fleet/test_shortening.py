@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from chamber_profile.profile.file import load_profile
 from imu_workbench.__main__ import main
+from imu_workbench.fleet.figures import map_figure, worst_devices
 from imu_workbench.fleet.page import fleet_page
 from imu_workbench.fleet.shortening import curve_content, shortening_curve
 from imu_workbench.fleet.study import study
@@ -95,5 +96,10 @@ def test_the_profile_is_one_a_chamber_runs(tmp_path: Path) -> None:
     assert [one['capable'] for one in found['capability']] == [False] * 3
     assert any('has Cpk' in line for line in study_lines(found))
     page = fleet_page(found, tmp_path)
+    worst = worst_devices(found['scores'])
+    assert worst[0] in page
+    figure = map_figure(found['scores'], ['gyroscope'], {worst[0]: '../lot%3DA/d"1'})
+    *_, last = figure['layout']['yaxis']['ticktext']  # drawn from below: the worst is on top
+    assert last == f'<a href="../lot%3DA/d&quot;1">{worst[0]}</a>'
     assert 'Capability, worst first' in page
     assert all(f'id="{name}"' in page for name in ('odd', 'control', 'prevalence', 'shortening'))

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -24,9 +25,16 @@ CERTAIN = 12.0
 DASHES = ('solid', 'dash', 'dot')
 
 
-def map_figure(scores: Mapping[str, Mapping[str, float]], sensors: Sequence[str]) -> Figure:
-    """Return devices × sensors, worst first, as a heat map."""
-    worst = sorted(scores, key=lambda device: -max(scores[device].values()))[:MAP_DEVICES][::-1]
+def worst_devices(scores: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """Return the devices of the map, worst first."""
+    return sorted(scores, key=lambda device: -max(scores[device].values()))[:MAP_DEVICES]
+
+
+def map_figure(
+    scores: Mapping[str, Mapping[str, float]], sensors: Sequence[str], places: Mapping[str, str]
+) -> Figure:
+    """Return devices × sensors, worst first, as a heat map; names link to `places` (URLs)."""
+    worst = worst_devices(scores)[::-1]
     z = [[min(CERTAIN, scores[d].get(s, 0.0)) for s in sensors] for d in worst]
     trace = {
         'type': 'heatmap',
@@ -42,10 +50,12 @@ def map_figure(scores: Mapping[str, Mapping[str, float]], sensors: Sequence[str]
         'hovertemplate': '%{y} %{x}: %{z:.1f}<extra></extra>',
     } | trace_axes(0)
     category = {'type': 'category', 'showgrid': False}
+    names = [f'<a href="{escape(places[d])}">{escape(d)}</a>' if d in places else d for d in worst]
+    labels = {'tickmode': 'array', 'tickvals': worst, 'ticktext': names, 'tickfont': {'size': 10}}
     height = 60 + 15 * len(worst)
     spec = figure(
         [trace],
-        [Panel('', '', x=category, y={**category, 'tickfont': {'size': 10}, 'dtick': 1})],
+        [Panel('', '', x=category, y={**category, **labels})],
         height=height,
     )
     spec['layout']['margin']['l'] = 90

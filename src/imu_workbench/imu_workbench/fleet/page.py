@@ -3,9 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
+
+from markupsafe import Markup
 
 from imu_workbench.fleet.capability import CAPABLE
 from imu_workbench.fleet.figures import (
@@ -14,6 +18,7 @@ from imu_workbench.fleet.figures import (
     distribution_figure,
     map_figure,
     shortening_figure,
+    worst_devices,
 )
 from imu_workbench.fleet.summary import curve_lines, lot_name
 from imu_workbench.fleet.table import FleetTable
@@ -100,13 +105,7 @@ def _capability(one: Mapping[str, Any]) -> list[str]:
 def _odd(found: Mapping[str, Any], table: FleetTable) -> Section:
     odd = found['odd']
     names = sorted({one['device'] for one in odd})
-    homes = dict(
-        table.rows(
-            """SELECT device, any_value(split_part(source, '#', 1)) FROM results
-               WHERE device IN (SELECT unnest($names)) GROUP BY device""",
-            names=names,
-        )
-    )
+    homes = _homes(table, {*names, *worst_devices(found['scores'])})
     rows = [
         [
             one['device'],
@@ -114,7 +113,7 @@ def _odd(found: Mapping[str, Any], table: FleetTable) -> Section:
             one['sensor'],
             one['reason'],
             f'{one["p_value"]:.1e}',
-            homes.get(one['device'], ''),
+            _link(homes[one['device']], table.folder),
         ]
         for one in odd[:LISTED]
     ]
@@ -127,8 +126,31 @@ def _odd(found: Mapping[str, Any], table: FleetTable) -> Section:
         'rows': rows,
         'more': f'{len(odd) - LISTED} more stand in study.json' if len(odd) > LISTED else '',
     }
-    figures = {'fleet_map': map_figure(scores, SENSORS)} if shown else {}
+    places = {device: _url(home, table.folder) for device, home in homes.items()}
+    figures = {'fleet_map': map_figure(scores, SENSORS, places)} if shown else {}
     return Section('odd', 'Odd devices', 'fleet_odd.html', values, figures)
+
+
+def _homes(table: FleetTable, devices: Collection[str]) -> dict[str, str]:
+    """Return the folder or URL of the case or the bags of devices."""
+    return dict(
+        table.rows(
+            """SELECT device, any_value(split_part(source, '#', 1)) FROM results
+               WHERE device IN (SELECT unnest($names)) GROUP BY device""",
+            names=sorted(devices),
+        )
+    )
+
+
+def _url(home: str, page_folder: Path) -> str:
+    """Return a URL of a folder, relative to the page where it stands on this machine."""
+    if '://' in home:
+        return home
+    return quote(os.path.relpath(home, page_folder.resolve())) + '/'
+
+
+def _link(home: str, page_folder: Path) -> Markup:
+    return Markup('<a href="{}">{}</a>').format(_url(home, page_folder), home)
 
 
 def _distributions(sensors: Sequence[Vectors]) -> Section:
