@@ -8,6 +8,7 @@ import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -52,6 +53,7 @@ class Settings:
         return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()
 
 
+@cache
 def version() -> str:
     """Return the version of the package that estimates."""
     return package_version()
@@ -67,7 +69,8 @@ def estimate_device(source: DeviceSource, settings: Settings) -> list[Row]:
     except Exception as error:  # noqa: BLE001 (one device in thousands never ends the run)
         elsewhere = isinstance(error, OSError) or isinstance(error.__context__, OSError)
         return [failed_row(source, settings, _reason(error), again=elsewhere)]
-    return [_identified(row, source, settings, device, digest) for row in rows]
+    identity = _identity(source, settings, device, digest)
+    return [{**row, **identity} for row in rows]
 
 
 def _reason(error: Exception) -> str:
@@ -83,15 +86,12 @@ def failed_row(
 ) -> Row:
     """Return the row of a device that has no estimate; `again`: the next run tries once more."""
     device = source.device or Path(source.key.split('#')[0]).name
-    row = _identified({'role': 'failed', 'reason': reason}, source, settings, device, '')
+    row = {'role': 'failed', 'reason': reason, **_identity(source, settings, device, '')}
     return {**row, 'fingerprint': ''} if again else row
 
 
-def _identified(
-    row: Row, source: DeviceSource, settings: Settings, device: str, input_hash: str
-) -> Row:
+def _identity(source: DeviceSource, settings: Settings, device: str, input_hash: str) -> Row:
     return {
-        **row,
         'lot': source.lot,
         'type': source.type,
         'device': device,

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
+from scipy.fft import irfft, next_fast_len, rfft
 
 from thermal_comp.model.values import NoiseModel
 
@@ -36,16 +38,24 @@ def mean_autocovariance(noise: NoiseModel, axis: int, period: float, lags: int) 
 
 def toeplitz_product(covariance: FloatArray, slot: IntArray, values: FloatArray) -> FloatArray:
     """Return S @ values, (m, q), where S[i, j] = covariance[|slot_i − slot_j|]."""
+    return next(toeplitz_products([covariance], slot, values))
+
+
+def toeplitz_products(
+    covariances: Iterable[FloatArray], slot: IntArray, values: FloatArray
+) -> Iterator[FloatArray]:
+    """Yield `toeplitz_product` of each covariance; the values are transformed once."""
     length = int(slot[-1]) + 1
-    size = 1 << (2 * length - 1).bit_length()
-    kernel = np.zeros(size)
-    kernel[:length] = covariance[:length]
-    kernel[-(length - 1) :] = covariance[1:length][::-1]
-    padded = np.zeros((size, values.shape[1]))
-    padded[slot] = values
-    spectrum = np.fft.rfft(kernel).real[:, None]
-    product: FloatArray = np.fft.irfft(spectrum * np.fft.rfft(padded, axis=0), size, axis=0)[slot]
-    return product
+    size = next_fast_len(2 * length - 1, real=True)
+    padded = np.zeros((values.shape[1], size))
+    padded[:, slot] = values.T
+    transformed = rfft(padded, overwrite_x=True)
+    for covariance in covariances:
+        kernel = np.zeros(size)
+        kernel[:length] = covariance[:length]
+        kernel[size - length + 1 :] = covariance[1:length][::-1]
+        spectrum = rfft(kernel).real
+        yield np.ascontiguousarray(irfft(spectrum * transformed, size)[:, slot].T)
 
 
 def draw_noise(
@@ -109,8 +119,9 @@ def project_spectra(
     white = np.zeros(length)
     white[0] = 1.0 / period
     expected = []
-    for covariance in (white, *coloured):
-        turned = toeplitz_product(covariance, slot, basis)
+    covariances = (white, *coloured)
+    products = toeplitz_products(covariances, slot, basis)
+    for covariance, turned in zip(covariances, products, strict=True):
         turned_spectrum = _spectrum(turned, slot, length)
         plain = _even_spectrum(covariance * overlap)
         cross = np.einsum('fj,fj->f', basis_spectrum, turned_spectrum.conj()).real
