@@ -25,7 +25,7 @@ def compiled():
 
 precompile()
 before = compiled()
-recording = read_bag(sys.argv[1]).rows(slice(0, None, 4))
+recording = read_bag(sys.argv[1]).rows(slice(0, None, 8))
 effects = [EFFECTS['bias_temperature'](), EFFECTS['thermal_lag'](), EFFECTS['icing']()]
 model = fit(effects, [recording])
 compare(model, [recording])
