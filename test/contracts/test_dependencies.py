@@ -58,14 +58,21 @@ OPTIONAL = re.compile(r'no rosdep key, pip install: (.*?)\s*-->')
 
 def imports(package: Path) -> set[str]:
     """Top-level names that the package and its launch files import, its own left out."""
+    return imported([*package.glob(f'{package.name}/**/*.py'), *package.glob('launch/*.py')]) - {
+        package.name
+    }
+
+
+def imported(files: list[Path]) -> set[str]:
+    """Top-level names that files import, the standard library left out."""
     names: set[str] = set()
-    for path in [*package.glob(f'{package.name}/**/*.py'), *package.glob('launch/*.py')]:
+    for path in files:
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Import):
                 names |= {alias.name.split('.')[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
                 names.add(node.module.split('.')[0])
-    return names - STANDARD - {package.name}
+    return names - STANDARD
 
 
 @pytest.mark.parametrize('package', PACKAGES, ids=lambda path: path.name)
@@ -78,6 +85,17 @@ def test_package_xml_declares_what_is_imported(package: Path) -> None:
     comment = OPTIONAL.search(text)
     listed = set(comment[1].split(', ')) if comment else set()
     assert listed == {distribution for distribution, key in libraries if not key}
+
+
+@pytest.mark.parametrize('package', PACKAGES, ids=lambda path: path.name)
+def test_package_xml_declares_what_its_tests_import_of_ours(package: Path) -> None:
+    """A package below imu_workbench cannot depend on it: such tests need the whole workspace."""
+    ours = {path.name for path in PACKAGES} - {package.name}
+    used = imported([*(ROOT / 'test' / package.name).rglob('*.py')]) & ours
+    root = ET.parse(package / 'package.xml').getroot()  # noqa: S314
+    declared = {e.text for kind in ('exec_depend', 'test_depend') for e in root.iter(kind)}
+    above = {'imu_workbench'} if package.name != 'imu_bringup' else set()
+    assert used - declared - above == set()
 
 
 def test_what_a_release_asks_of_a_package() -> None:
