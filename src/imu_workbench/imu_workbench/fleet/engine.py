@@ -7,6 +7,7 @@ done again. A device whose files, settings and version are those of its rows is 
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -207,6 +208,7 @@ def connected(cluster: Cluster) -> Iterator[Any]:
     """Give a client of the cluster; workers that were started here end with it."""
     import dask
     from distributed import Client, LocalCluster
+    from distributed.utils import silence_logging_cmgr
 
     chosen = {
         'distributed.scheduler.allowed-failures': DEATHS,
@@ -222,7 +224,8 @@ def connected(cluster: Cluster) -> Iterator[Any]:
                     f'--scheduler {cluster.scheduler}: no answer ({error}); start one with '
                     '`dask scheduler` and workers with `dask worker ADDRESS`'
                 ) from None
-            with client:
+            # What the client would log as a traceback is said in one line.
+            with silence_logging_cmgr(logging.CRITICAL), client:
                 _check_workers(client, cluster.scheduler)
                 yield client
             return
