@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from thermal_comp.data.defective_rows import rail_rows
 from thermal_comp.data.quality import check_quality
 
 from imu_recording import ImuRecording
@@ -60,6 +61,14 @@ def test_a_rail_far_from_gravity_is_saturation_and_no_unit(sensor: str, rail: fl
         recordings.append(replace(near, **{FIELDS[sensor]: np.minimum(values, rail)}))
     found = check_quality(recordings)[1]
     assert [(f.name, f.sensor) for f in found] == [('saturation', sensor)]
+
+
+def test_counts_coarser_than_the_noise_dwell_at_the_ends_of_a_sweep_and_are_no_rail() -> None:
+    sweep = np.concatenate([np.zeros(600), np.linspace(0.0, 12.0, 900), np.full(600, 12.0)])
+    noise = np.random.default_rng(3).normal(size=(len(sweep), 3))
+    assert not rail_rows(np.round(sweep[:, None] + 0.1 * noise)).any()
+    fine = sweep[:, None] + 0.1 * noise
+    assert rail_rows(np.minimum(np.round(fine, 2), 11.9)).any()
 
 
 def test_what_is_stuck_has_no_spikes_at_its_edges() -> None:
