@@ -91,7 +91,7 @@ def test_a_model_is_compared_with_recordings_it_has_not_seen() -> None:
 
 
 def test_another_device_is_refused() -> None:
-    with pytest.raises(ModelError, match='the model is of board, the recording of other'):
+    with pytest.raises(ModelError, match='the model is of board, the data of other'):
         compare(fit(LINE, [run(cycles=2)]), [run(cycles=2, device='other')])
 
 

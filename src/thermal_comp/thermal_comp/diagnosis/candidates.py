@@ -15,10 +15,15 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.spectral_lines import spectral_lines
 from thermal_comp.effects.effect import Campaign, Candidate, Effect
+from thermal_comp.effects.operators import rise
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 
 STEPS_PER_RUN = 2
 """Steps per run that are handed on."""
+STEP_PLACES = 9
+"""Places within a block before and one after, at which a step is tried."""
+STEP_DURATIONS_S = (0.0, 5.0, 15.0, 45.0, 135.0)
+"""How long a step may last [s]."""
 STEP_DISTANCE_S = 1200.0
 """Least distance of two of them [s]."""
 
@@ -100,8 +105,8 @@ def campaign_of(design: CandidateDesign, known: Sequence[ColumnGroup] = ()) -> C
 
 def step_times(
     design: CandidateDesign, known: Sequence[ColumnGroup] = ()
-) -> list[tuple[int, float]]:
-    """Return run and time [s] of the likeliest steps beside known terms, strongest first.
+) -> list[tuple[int, float, float]]:
+    """Return run, time and duration [s] of the likeliest steps beside known terms.
 
     A step at row t is the column H_t = (0 … 0, 1 … 1); with W the whitening filter its product
     with the residual r is H_tᵀ Wᵀ W r, a sum over the rows from t on. Its norm hardly depends on
@@ -117,9 +122,26 @@ def step_times(
             at = int(np.argmax(strength))
             if not 0 < at < len(time) or strength[at] <= 0.0:
                 break
-            found.append((number, float(0.5 * (time[at - 1] + time[at]))))
+            middle = float(0.5 * (time[at - 1] + time[at]))
+            found.append((number, *_likeliest_rise(design, residual, number, middle)))
             strength[np.abs(time - time[at]) < STEP_DISTANCE_S] = 0.0
     return found
+
+
+def _likeliest_rise(
+    design: CandidateDesign, residual: FloatArray, number: int, middle: float
+) -> tuple[float, float]:
+    """Return start and duration [s] of the step near a time that explains most of a residual."""
+    run = design.source.runs[number]
+    middles = middle + run.period * np.linspace(-1.0, 1.0, STEP_PLACES)
+    forms = [(max(float(t - 0.5 * d), 0.0), d) for t in middles for d in STEP_DURATIONS_S]
+    columns = run.block_mean(np.stack([rise(run.conditions.time, *f) for f in forms], axis=1))
+    gain: FloatArray = np.zeros(len(forms))
+    for axis in range(3):
+        white, rows = design.whitened_in_run(columns, number, axis)
+        power = (white**2).sum(axis=0) - ((design.base[axis][rows].T @ white) ** 2).sum(axis=0)
+        gain += (white.T @ residual[axis, rows]) ** 2 / np.maximum(power, 1e-9)
+    return forms[int(np.argmax(gain))]
 
 
 def form_of(design: CandidateDesign, effect: Effect, run: int | None) -> Form:

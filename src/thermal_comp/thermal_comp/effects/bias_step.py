@@ -11,6 +11,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
+from thermal_comp.effects.operators import rise
 
 SPACING_S = 1200.0
 """Distance of the step times a search tries [s]."""
@@ -23,14 +24,14 @@ class BiasStep(Effect):
     step_time: tuple[float, ...] = shape_parameter(
         (20_000.0,), unit='s', bounds=(0.0, 1e7), step=400.0
     )
-    duration: float = shape_parameter(0.0, unit='s', bounds=(0.0, 300.0), step=20.0)
+    duration: float = shape_parameter(0.0, unit='s', bounds=(0.0, 300.0), given=True)
 
     name: ClassVar[str] = 'bias_step'
     kind: ClassVar[Literal['device', 'campaign']] = 'campaign'
     per_run: ClassVar[bool] = True
     equation: ClassVar[str] = (
         'error = Σ_j a_jr · H((t − t_j) / d) in run r,  t since the first sample [s], '
-        'H rises from 0 to 1 between −½ and ½'
+        'H rises from 0 to 1 between 0 and 1'
     )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',)
     mechanism: ClassVar[str] = (
@@ -52,10 +53,8 @@ class BiasStep(Effect):
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
         """Return (n, p): 1 after each step, 0 before."""
-        since = conditions.time[:, None] - np.array(self.step_time)
-        if self.duration == 0.0:
-            return (since >= 0.0).astype(float), None
-        return np.clip(since / self.duration + 0.5, 0.0, 1.0), None
+        columns = [rise(conditions.time, start, self.duration) for start in self.step_time]
+        return np.stack(columns, axis=1), None
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
@@ -65,4 +64,4 @@ class BiasStep(Effect):
             step = cls((float(time),))
             found.append(Candidate(step))
             found += [Candidate(step, run) for run in range(len(campaign.durations))]
-        return found + [Candidate(cls((time,)), run) for run, time in campaign.step_times()]
+        return found + [Candidate(cls((t,), d), run) for run, t, d in campaign.step_times()]

@@ -35,7 +35,7 @@ CAMPAIGN = Campaign(
     cycles=4,
     durations=(40_000.0,) * 3,
     spectral_lines=lambda: [(0.0123, 0.0), (0.0123, 2e-5)],
-    step_times=lambda: [(1, 20_000.0)],
+    step_times=lambda: [(1, 20_000.0, 0.0)],
 )
 """An example of what a search is given to choose forms from."""
 

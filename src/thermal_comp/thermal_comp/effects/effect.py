@@ -73,8 +73,8 @@ class Campaign:
     """Time of each run's last block [s]."""
     spectral_lines: Callable[[], Sequence[tuple[float, float]]]
     """Frequency [Hz] and drift [Hz/K] of the most prominent lines, strongest first."""
-    step_times: Callable[[], Sequence[tuple[int, float]]]
-    """Run and time [s] of the likeliest steps of the level."""
+    step_times: Callable[[], Sequence[tuple[int, float, float]]]
+    """Run, time and duration [s] of the likeliest steps of the level."""
 
 
 @dataclass(frozen=True)

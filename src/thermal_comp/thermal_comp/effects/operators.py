@@ -83,6 +83,19 @@ def _play(values: FloatArray, half_width: float, output: float) -> FloatArray:
     return played
 
 
+def rise(time: FloatArray, start: float, duration: float) -> FloatArray:
+    """Return (n,) what rises evenly from 0 to 1 within `duration` [s] from `start` on.
+
+    >>> rise(np.array([0.0, 2.0, 3.0, 9.0]), 2.0, 4.0)
+    array([0.  , 0.  , 0.25, 1.  ])
+    >>> rise(np.array([0.0, 2.0, 3.0]), 2.0, 0.0)
+    array([0., 1., 1.])
+    """
+    if duration == 0.0:
+        return (time >= start).astype(float)
+    return np.clip((time - start) / duration, 0.0, 1.0)
+
+
 IntegralState = tuple[float, float, float]
 """Time [s], value and integral at the newest sample."""
 

@@ -50,7 +50,7 @@ def test_the_sensor_furthest_above_its_noise_comes_first_as_the_plots_do(fitted,
     both = deepcopy(found['diagnosis'])
     near = both['findings'][0] | {'sensor': 'gyroscope', 'evidence': 1e9}
     both['findings'].insert(0, near)
-    sentence = verdict_sentence(both, fitted.line)
+    sentence = verdict_sentence(both, fitted.line.errors())
     assert sentence.startswith('Accelerometer fails in ramps')
     assert sentence.endswith('The gyroscope lacks something, too.')
     assert next_action(both, KNOWN, KNOWN).sensors == ('accelerometer',)
