@@ -209,6 +209,8 @@ def _run(connection: Connection, function: Callable[..., Any], arguments: tuple[
     try:
         value = function(lambda text: connection.send(('progress', text)), *arguments)
         connection.send(('result', value))
+    except BrokenPipeError:
+        return  # the server has ended: nobody waits for an answer
     except (UserError, OSError) as error:
         connection.send(('error', error_line(error)))
     except Exception as error:  # noqa: BLE001 (a bug: named on the page, traceback in the log)

@@ -53,7 +53,9 @@ class BiasStep(Effect):
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
         """Return (n, p): 1 after each step, 0 before."""
-        columns = [rise(conditions.time, start, self.duration) for start in self.step_time]
+        columns = [
+            rise(conditions.time, start, self.duration) for start in np.atleast_1d(self.step_time)
+        ]
         return np.stack(columns, axis=1), None
 
     @classmethod
