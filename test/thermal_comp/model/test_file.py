@@ -23,7 +23,7 @@ def rich_model() -> ThermalModel:
         EFFECTS['thermal_lag'](time_constant=123.456789),
         EFFECTS['thermal_hysteresis'](half_widths=(3.3, 7.7)),
         EFFECTS['fixture_tilt'](),
-        EFFECTS['bias_step'](step_time=1e4 / 3.0),
+        EFFECTS['bias_step'](step_time=(1e4 / 3.0,)),
     )
     shapes = ((1, 3), (1, 3), (2, 3), (3,), (2, 1, 3))
     coefficients = tuple(rng.standard_normal(shape) * 1e-5 for shape in shapes)

@@ -9,7 +9,7 @@ from thermal_comp.noise.saturated_model import repeatable_basis, saturated_basis
 
 from ..campaign import run
 
-EFFECTS_TRIED = [EFFECTS['bias_temperature'](), EFFECTS['bias_step'](step_time=9000.0)]
+EFFECTS_TRIED = [EFFECTS['bias_temperature'](), EFFECTS['bias_step'](step_time=(9000.0,))]
 
 
 def test_a_saturated_model_follows_a_line_and_no_step() -> None:

@@ -32,8 +32,6 @@ COARSE_SHARE = 0.95
 """Changes of one count among all from which counts are coarser than the noise."""
 PILE = 10
 """At least this many values at the very extreme are a rail."""
-COARSE_COUNTS = 1.0
-"""Standard deviation of the steps from row to row, in counts, below which values dwell on one."""
 PILE_RATIO = 3.0
 """A rail holds this many times more values than the steps just below it."""
 
@@ -102,7 +100,8 @@ def _needed_repeats(lengths: NDArray[np.int64], rows: int, least: int) -> int:
 def rail_rows(values: FloatArray) -> BoolArray:
     """Return the rows (n,) that stand at a rail, or so near that their mean is touched by it."""
     touched = np.zeros(len(values), dtype=bool)
-    for column in values.T:
+    # Counts coarser than the noise pile up wherever they dwell.
+    for column in values.T[_coarse_counts(values) == 0.0]:
         for sign, pick in ((1.0, np.fmax), (-1.0, np.fmin)):
             extreme = float(pick.reduce(column, initial=-sign * np.inf))
             if not np.isfinite(extreme) or np.count_nonzero(column == extreme) < PILE:
@@ -111,7 +110,7 @@ def rail_rows(values: FloatArray) -> BoolArray:
             if len(finite) < 100 or np.ptp(finite) == 0.0:
                 break
             noise = 1.4826 * float(np.median(np.abs(np.diff(finite)))) / np.sqrt(2.0)
-            if _piles_up(sign * finite, sign * extreme) and not _coarse(finite):
+            if _piles_up(sign * finite, sign * extreme):
                 with np.errstate(invalid='ignore'):
                     touched |= sign * column >= sign * extreme - 4.0 * noise
     return touched
@@ -204,13 +203,6 @@ def pieces(rows: int, length: int = 1 << 15) -> Iterator[slice]:
 def some_rows(rows: int, wanted: int = 200_000) -> NDArray[np.intp]:
     """Return about so many of the rows, evenly spread: enough for a median."""
     return np.arange(0, rows, max(rows // wanted, 1))
-
-
-def _coarse(values: FloatArray) -> bool:
-    """Tell whether the noise hides within one count: then values pile up wherever they dwell."""
-    steps = np.diff(values)
-    moved = np.abs(steps[steps != 0.0])
-    return not len(moved) or bool(np.std(steps) < COARSE_COUNTS * np.min(moved))
 
 
 def _piles_up(values: FloatArray, extreme: float) -> bool:

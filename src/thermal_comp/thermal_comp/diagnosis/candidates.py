@@ -13,7 +13,6 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
-from thermal_comp.diagnosis.spectral_lines import spectral_lines
 from thermal_comp.effects.effect import Campaign, Candidate, Effect
 from thermal_comp.effects.operators import rise
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
@@ -21,7 +20,7 @@ from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 STEPS_PER_RUN = 2
 """Steps per run that are handed on."""
 STEP_PLACES = 9
-"""Places within a block before and one after, at which a step is tried."""
+"""Places about a likely step, from a block before to one after, at which it is tried."""
 STEP_DURATIONS_S = (0.0, 5.0, 15.0, 45.0, 135.0)
 """How long a step may last [s]."""
 STEP_DISTANCE_S = 1200.0
@@ -98,7 +97,7 @@ def campaign_of(design: CandidateDesign, known: Sequence[ColumnGroup] = ()) -> C
     return Campaign(
         cycles=max(int(run.cycle.max()) for run in runs),
         durations=tuple(float(run.time[-1]) for run in runs),
-        spectral_lines=partial(spectral_lines, runs, design.sensor),
+        spectral_lines=partial(design.source.spectral_lines, design.sensor),
         step_times=partial(step_times, design, known),
     )
 

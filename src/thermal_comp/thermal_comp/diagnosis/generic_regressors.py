@@ -13,8 +13,8 @@ from scipy.interpolate import BSpline
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
-from thermal_comp.diagnosis.spectral_lines import SpectralLine, spectral_lines
-from thermal_comp.effects.operators import follow, play, warmth_integral
+from thermal_comp.data.spectral_lines import SpectralLine
+from thermal_comp.effects.operators import follow, play, time_integral
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 
 DEW_POINTS_C = (-12.0, -2.0, 8.0)
@@ -96,7 +96,7 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
         made.append(('humidity', 'moisture guessed from the air temperature', moisture, False))
     if all(run.conditions.has('vibration') for run in runs):
         made.append(('vibration', 'vibration and its square', spans.vibration, False))
-    for line in spectral_lines(runs, design.sensor)[:1]:
+    for line in design.source.spectral_lines(design.sensor)[:1]:
         band = partial(spans.narrow_band, line)
         made.append(('frequency', 'line whose amplitude and phase wander', band, True))
     lost = lost_channels(design)
@@ -261,7 +261,8 @@ class _Spans:
         return _spline(self._rate(run), -self.fastest, self.fastest, 9)
 
     def rate_products(self, run: PreparedRun) -> FloatArray:
-        rate, x, t = self._rate(run) / self.fastest, self._warmth(run), run.time / self.longest
+        rate, x = self._rate(run) / self.fastest, self._temperature(run)
+        t = run.time / self.longest
         products = [rate, rate * x, rate * x**2, rate**2 * x, rate * t, rate**2, rate**2 * t]
         return np.stack(products, axis=1)
 
@@ -279,7 +280,7 @@ class _Spans:
         return _spline(run.time, 0.0, self.longest, 24)
 
     def slope_in_time(self, run: PreparedRun) -> FloatArray:
-        x = self._warmth(run)[:, None]
+        x = self._temperature(run)[:, None]
         share = run.time[:, None] / self.longest
         curve = _spline(run.time, 0.0, self.longest, 4)
         return np.concatenate([curve * x, share * x**2, share**2 * x**2, x**2], axis=1)
@@ -287,7 +288,7 @@ class _Spans:
     def narrow_band(self, line: SpectralLine, run: PreparedRun) -> FloatArray:
         fine = run.conditions
         slow = _spline(fine.time, 0.0, self.longest, BAND_PIECES)
-        integral = warmth_integral(fine.time, fine.temperature_difference)[0]
+        integral = time_integral(fine.time, fine.temperature_difference)[0]
         turn = 2.0 * np.pi * (line.frequency * fine.time + line.drift * integral)[:, None]
         return run.block_mean(np.concatenate([slow * np.cos(turn), slow * np.sin(turn)], axis=1))
 
@@ -311,11 +312,11 @@ class _Spans:
 
     def cycle(self, run: PreparedRun) -> FloatArray:
         member = (run.cycle[:, None] == self.cycles).astype(float)
-        return np.concatenate([member, member * self._warmth(run)[:, None]], axis=1)
+        return np.concatenate([member, member * self._temperature(run)[:, None]], axis=1)
 
     def channel(self, name: str, run: PreparedRun) -> FloatArray:
         values = np.asarray(getattr(run.block_conditions, name))
-        v, x, t = values - values.mean(), self._warmth(run), run.time / self.longest
+        v, x, t = values - values.mean(), self._temperature(run), run.time / self.longest
         rate = self._rate(run) / self.fastest
         lags = [_lagged(run, v, lag) for lag in LAGS_S]
         turns = np.diff(v, prepend=v[0])
@@ -333,7 +334,7 @@ class _Spans:
         return np.concatenate([values, values**2], axis=1)
 
     @staticmethod
-    def _warmth(run: PreparedRun) -> FloatArray:
+    def _temperature(run: PreparedRun) -> FloatArray:
         return (run.temperature - run.conditions.reference_temperature) / 30.0
 
     @staticmethod

@@ -35,7 +35,7 @@ LEAST_WAYS = 4
 """Ways in which something without a name may act at least: one that is looked for is not all."""
 MOST_TOGETHER = 3
 """Flexible functions beside each other."""
-SPOKEN_FOR = -1.0
+LEAST_FOLLOWED = -1.0
 """ln of the weight beside a set from which what something without a name follows is said."""
 APPROXIMATE = 0.75
 """Probability of a flaw from which a form is called approximate."""
@@ -148,7 +148,7 @@ def _unnamed(
     ]
     if not parts:
         return Explanation((kind,), 0.0, False, ())
-    followed = [part for part in parts if not part[2].course and part[2].log_weight > SPOKEN_FOR]
+    followed = [p for p in parts if not p[2].course and p[2].log_weight > LEAST_FOLLOWED]
     _, some, strongest = max(followed or parts, key=lambda part: part[0])
     probability = sum(part[0] for part in parts)
     return Explanation(

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -13,6 +14,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun, in_blocks
+from thermal_comp.data.spectral_lines import spectral_lines
 from thermal_comp.diagnosis.candidates import missing_channels
 from thermal_comp.diagnosis.common_thermometer import told_by_others
 from thermal_comp.diagnosis.hypotheses import (
@@ -23,7 +25,6 @@ from thermal_comp.diagnosis.hypotheses import (
     SensorHypotheses,
 )
 from thermal_comp.diagnosis.posterior import Explanation, explanations, probability
-from thermal_comp.diagnosis.spectral_lines import spectral_lines
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import NoiseModel
@@ -141,10 +142,12 @@ def search_sensors(
     settings: Settings,
 ) -> dict[Sensor, SensorAnswer]:
     """Return what explains each sensor's residual, by itself, then where effects are coupled."""
-    searched = in_search_blocks(runs, list(base))
-    searches = SensorSearches(ColumnSource(searched), base, noise, settings)
     # Most of the work is done in numpy and compiled loops, where sensors do not wait for another.
     with ThreadPoolExecutor() as pool:
+        lines = dict(zip(base, pool.map(partial(spectral_lines, runs), base), strict=True))
+        # A line would be averaged away in longer blocks.
+        searched = runs if any(lines.values()) else in_search_blocks(runs)
+        searches = SensorSearches(ColumnSource(searched, lines), base, noise, settings)
         found = dict(zip(base, pool.map(searches.of_sensor, base), strict=True))
     found |= searches.with_one_thermometer(found)
     for effect in settings.catalogue.values():
@@ -153,15 +156,12 @@ def search_sensors(
     return found
 
 
-def in_search_blocks(runs: Sequence[PreparedRun], sensors: Sequence[Sensor]) -> list[PreparedRun]:
-    """Return long runs in longer blocks: the work falls with them, slow effects lose nothing.
-
-    A line in the spectrum would be averaged away; with one the blocks stay as they are.
-    """
+def in_search_blocks(runs: Sequence[PreparedRun]) -> list[PreparedRun]:
+    """Return long runs in longer blocks: the work falls with them, slow effects lose nothing."""
     blocks = max(int(run.slot[-1] - run.slot[0]) + 1 for run in runs)
     longest = int(LONGEST_SEARCH_BLOCK_S / runs[0].period)
     factor = min(blocks // SEARCH_BLOCKS, longest)
-    if factor < 2 or any(spectral_lines(runs, sensor) for sensor in sensors):
+    if factor < 2:
         return list(runs)
     return [in_blocks(run, factor * run.period) for run in runs]
 

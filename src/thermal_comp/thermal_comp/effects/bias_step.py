@@ -8,6 +8,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from imu_recording.user_error import UserError
 
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
@@ -24,13 +25,15 @@ class BiasStep(Effect):
     step_time: tuple[float, ...] = shape_parameter(
         (20_000.0,), unit='s', bounds=(0.0, 1e7), step=400.0
     )
-    duration: float = shape_parameter(0.0, unit='s', bounds=(0.0, 300.0), given=True)
+    duration: tuple[float, ...] = shape_parameter(
+        (0.0,), unit='s', bounds=(0.0, 300.0), given=True
+    )
 
     name: ClassVar[str] = 'bias_step'
     kind: ClassVar[Literal['device', 'campaign']] = 'campaign'
     per_run: ClassVar[bool] = True
     equation: ClassVar[str] = (
-        'error = Σ_j a_jr · H((t − t_j) / d) in run r,  t since the first sample [s], '
+        'error = Σ_j a_jr · H((t − t_j) / d_j) in run r,  t since the first sample [s], '
         'H rises from 0 to 1 between 0 and 1'
     )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',)
@@ -49,14 +52,22 @@ class BiasStep(Effect):
     kin: ClassVar[Kin] = 'time'
     separating_action: ClassVar[str] = 'repeat the run'
 
+    def __post_init__(self) -> None:
+        """Give every step the duration that one alone was given; refuse other numbers of them."""
+        if len(self.duration) == 1:
+            object.__setattr__(self, 'duration', self.duration * len(self.step_time))
+        if len(self.duration) != len(self.step_time):
+            raise UserError(
+                f'bias_step: {len(self.step_time)} step times and {len(self.duration)} durations; '
+                'give one duration for all, or one each'
+            )
+
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
         """Return (n, p): 1 after each step, 0 before."""
-        columns = [
-            rise(conditions.time, start, self.duration) for start in np.atleast_1d(self.step_time)
-        ]
-        return np.stack(columns, axis=1), None
+        steps = zip(self.step_time, self.duration, strict=True)
+        return np.stack([rise(conditions.time, *step) for step in steps], axis=1), None
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
@@ -66,4 +77,4 @@ class BiasStep(Effect):
             step = cls((float(time),))
             found.append(Candidate(step))
             found += [Candidate(step, run) for run in range(len(campaign.durations))]
-        return found + [Candidate(cls((t,), d), run) for run, t, d in campaign.step_times()]
+        return found + [Candidate(cls((t,), (d,)), run) for run, t, d in campaign.step_times()]

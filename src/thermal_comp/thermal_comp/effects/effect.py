@@ -268,17 +268,23 @@ def columns_from(
 
 
 def joined_effects(effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Return the effects with the values of repeated ones joined: several steps are one effect."""
+    """Return the effects with the values of repeated ones joined: several steps are one effect.
+
+    What belongs together stays so: every step keeps its duration.
+    """
     joined: dict[str, Effect] = {}
     for effect in effects:
         before = joined.get(effect.name)
-        if before is not None:
-            values = {
-                name: tuple(sorted({*value, *before.shape_parameters[name]}))
-                for name, value in effect.shape_parameters.items()
-                if isinstance(value, tuple)
-            }
-            joined[effect.name] = replace(before, **values)
-        else:
-            joined[effect.name] = effect
+        joined[effect.name] = _joined(before, effect) if before else effect
     return tuple(joined.values())
+
+
+def _joined(one: Effect, other: Effect) -> Effect:
+    names = [name for name, value in one.shape_parameters.items() if isinstance(value, tuple)]
+    rows = {
+        row
+        for effect in (one, other)
+        for row in zip(*(getattr(effect, name) for name in names), strict=True)
+    }
+    values: dict[str, Any] = dict(zip(names, zip(*sorted(rows), strict=True), strict=False))
+    return replace(one, **values)

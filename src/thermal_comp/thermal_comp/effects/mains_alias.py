@@ -11,7 +11,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, State, shape_parameter
-from thermal_comp.effects.operators import warmth_integral
+from thermal_comp.effects.operators import time_integral
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ class MainsAlias(Effect):
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
         """Return (n, 2): cosine and sine at the alias frequency."""
-        warmth = conditions.temperature_difference
-        integral, state = warmth_integral(conditions.time, warmth, state)
+        difference = conditions.temperature_difference
+        integral, state = time_integral(conditions.time, difference, state)
         angle = 2.0 * np.pi * (self.frequency * conditions.time + self.drift * integral)
         return np.stack([np.cos(angle), np.sin(angle)], axis=1), state
 

@@ -100,14 +100,14 @@ IntegralState = tuple[float, float, float]
 """Time [s], value and integral at the newest sample."""
 
 
-def warmth_integral(
+def time_integral(
     time: FloatArray, values: FloatArray, state: IntegralState | None = None
 ) -> tuple[FloatArray, IntegralState | None]:
     """Return the integral of the values over time (n,) and the state after them (trapezia).
 
-    It starts at zero; the rotation of a frequency that follows the temperature.
+    It starts at zero. That of the temperature is the phase of a frequency that follows it.
 
-    >>> warmth_integral(np.array([0.0, 2.0, 3.0]), np.array([1.0, 3.0, 3.0]))[0]
+    >>> time_integral(np.array([0.0, 2.0, 3.0]), np.array([1.0, 3.0, 3.0]))[0]
     array([0., 4., 7.])
     """
     if not len(values):

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -13,6 +13,7 @@ from imu_recording.recording import FloatArray, IntArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.data.smoothing import smoothed_temperature
+from thermal_comp.data.spectral_lines import SpectralLine, spectral_lines
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import orthonormal, per_axis, project_out, stack_runs
 from thermal_comp.linear.normal_equations import RANK_TOLERANCE, pseudo_solve
@@ -28,8 +29,14 @@ class ColumnSource:
     one of them look better than the other. The noise itself is a column of every design.
     """
 
-    def __init__(self, runs: Sequence[PreparedRun]) -> None:
+    def __init__(
+        self,
+        runs: Sequence[PreparedRun],
+        lines: Mapping[Sensor, Sequence[SpectralLine]] | None = None,
+    ) -> None:
+        """`lines` are those of the spectrum, where they are known."""
         self.runs = list(runs)
+        self._lines = dict(lines or {})
         self.temperature_noise: list[FloatArray] = []
         """(m,) per run: smoothed minus measured temperature [K]."""
         self.smoothed: list[PreparedRun] = []
@@ -42,6 +49,12 @@ class ColumnSource:
                 replace(run, conditions=replace(conditions, temperature=smoothed))
             )
         self._kept: dict[tuple[Effect, Sensor], list[FloatArray]] = {}
+
+    def spectral_lines(self, sensor: Sensor) -> Sequence[SpectralLine]:
+        """Return the most prominent lines of a sensor's spectrum, strongest first."""
+        if sensor not in self._lines:
+            self._lines[sensor] = spectral_lines(self.runs, sensor)
+        return self._lines[sensor]
 
     def columns(self, effect: Effect, sensor: Sensor) -> list[FloatArray]:
         """Return the effect's (m, p) or (m, 3, p) columns of each run."""

@@ -270,8 +270,9 @@ def _effect(
         shape[key] = tuple(values.tolist()) if values.ndim else float(values)
         if 'std' in entry.mapping():
             std[f'{name}.{key}'] = tuple(entry['std'].array(None).tolist())
-    for key in known:
-        if key not in shape:
+    for key, parameter in known.items():
+        # A default of zero says that what the parameter describes is absent.
+        if key not in shape and np.any(np.array(parameter.default)):
             raise ModelError(f'{item.name}.shape.{key}: missing')
     return catalogue[name](**shape)
 

@@ -7,9 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.data.spectral_lines import LOWEST_HZ, spectral_lines
 from thermal_comp.diagnosis.sensor_search import SensorAnswer, Settings, search_sensors
-from thermal_comp.diagnosis.spectral_lines import spectral_lines
 from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.operators import follow
 from thermal_comp.noise.estimation import fit_noise
 
 from ..campaign import PERIOD, WHITE, chamber, run
@@ -89,3 +90,9 @@ def test_the_strongest_line_is_found_where_it_is() -> None:
     (strongest, *_) = spectral_lines(runs_with(steady), SENSOR)
     assert strongest.frequency == pytest.approx(HERTZ, abs=3e-6)
     assert strongest.drift == 0.0
+
+
+def test_what_temperature_leaves_at_low_frequencies_is_no_line() -> None:
+    slow = follow(chamber()[0], chamber()[1] - 20.0, 400.0)[0] / 10.0
+    for line in spectral_lines(runs_with(lambda: slow), SENSOR):
+        assert line.frequency > LOWEST_HZ

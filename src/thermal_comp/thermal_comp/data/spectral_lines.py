@@ -5,7 +5,7 @@ The clock that paces a sensor feels its temperature, and the alias of a steady f
 it: f = f₀ + d · (T − T_ref). Lines that stand still are peaks of the spectrum. Those that move are
 looked for in two steps: the powers of short windows are added up along f for every f₀ and d (a
 Hough transform), then the rows are turned back by the phase of the best, and of the highest peak,
-and averaged: their spectrum has its peak where f₀ and d are right (dechirping).
+and averaged: where d is right the spectrum of what is left has its highest peak (dechirping).
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from scipy.integrate import cumulative_trapezoid
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
-from thermal_comp.effects.operators import warmth_integral
 
 MOST_LINES = 3
 """Most lines that are handed on."""
@@ -37,12 +37,15 @@ LOUDEST_WINDOW = 30.0
 """Most that a single window may count: spikes and steps are in one alone."""
 LARGEST_DRIFT = 1e-3
 """Largest drift that is looked for [Hz/K]: 50 Hz against a clock of 20 ppm/K."""
-MOVING_GAIN = 1.3
-"""Least ratio of the prominences of a line that moves and the same that does not."""
+MOVING_GAIN = 2.5
+"""Least ratio of the prominences of a line that moves and the same that does not: a frequency
+that wanders gains by 1.7 of any drift, a smaller drift is found by moving the shape."""
 DRIFT_STEPS = 4
 """Distances of the drifts tried along windows within which the dechirped rows are searched."""
 MOST_DRIFTS = 128
 """Drifts that are tried about the best, as close as the rows can tell."""
+AVERAGED_ROWS = 32
+"""Dechirped rows that are averaged: a drift DRIFT_STEPS off turns them by a quarter."""
 
 
 class SpectralLine(NamedTuple):
@@ -58,8 +61,8 @@ class _Series:
 
     values: FloatArray
     """(n, 3) residual of level, time and temperature."""
-    warmth: FloatArray
-    """(n,) temperature from the reference [K]."""
+    temperature: FloatArray
+    """(n,) difference from the reference [K]."""
     integral: FloatArray
     """(n,) its integral over time [K·s]."""
 
@@ -79,20 +82,20 @@ def spectral_lines(runs: Sequence[PreparedRun], sensor: Sensor) -> list[Spectral
 def _series(run: PreparedRun, sensor: Sensor, step: float) -> _Series:
     fine = run.conditions
     slot = np.rint((fine.time - fine.time[0]) / step).astype(int)
-    warmth = fine.temperature_difference
+    temperature = fine.temperature_difference
     values = np.zeros((slot[-1] + 1, 3))
-    values[slot] = _detrended(run.fine_measured[sensor], warmth)
+    values[slot] = _detrended(run.fine_measured[sensor], temperature)
+    integral = cumulative_trapezoid(temperature, fine.time, initial=0.0)
     every = np.arange(len(values))
-    at = (np.interp(every, slot, row) for row in (warmth, warmth_integral(fine.time, warmth)[0]))
-    return _Series(values, *at)
+    return _Series(values, *(np.interp(every, slot, row) for row in (temperature, integral)))
 
 
-def _detrended(values: FloatArray, warmth: FloatArray) -> FloatArray:
+def _detrended(values: FloatArray, temperature: FloatArray) -> FloatArray:
     """Residual of level, time and temperature; zero where a value is missing."""
     known = np.isfinite(values)
     filled = np.where(known, values, np.nanmean(values, axis=0))
     time = np.linspace(-1.0, 1.0, len(filled))
-    basis = np.stack([np.ones_like(time), time, warmth - warmth.mean()], axis=1)
+    basis = np.stack([np.ones_like(time), time, temperature - temperature.mean()], axis=1)
     answer, *_ = np.linalg.lstsq(basis, filled, rcond=None)
     return np.where(known, filled - basis @ answer, 0.0)
 
@@ -122,18 +125,21 @@ def _moving_line(
 ) -> list[SpectralLine]:
     """Return the likeliest line that follows the temperature, [] where none is prominent."""
     bin_hz = 1.0 / (WINDOW_ROWS * step)
-    warmth = np.concatenate([one.warmth for one in series])
-    drift_step = 0.5 * bin_hz / max(float(np.ptp(warmth)), 1.0)
-    span = max(float(np.ptp(_bent(one.integral))) for one in series)
+    temperatures = np.concatenate([one.temperature for one in series])
+    drift_step = 0.5 * bin_hz / max(float(np.ptp(temperatures)), 1.0)
+    span = max(float(np.ptp(_departure_from_line(one.integral))) for one in series)
     reach = DRIFT_STEPS * drift_step
     count = min(int(np.ceil(4.0 * reach * span)) | 1, MOST_DRIFTS + 1)
+    offsets = np.linspace(-reach, reach, count)
     found, standing = [], 0.0
     for rough in [*_along_temperature(series, bin_hz, drift_step), *steady]:
-        drifts = (rough.drift + np.linspace(-reach, reach, count)).tolist()
-        found += [_dechirped(series, step, SpectralLine(rough.frequency, d)) for d in drifts]
-        standing = max(standing, _dechirped(series, step, SpectralLine(rough.frequency, 0.0))[0])
-    best = max(found, default=(0.0, SpectralLine(0.0, 0.0)))
-    return [best[1]] if best[0] >= max(PROMINENCE, MOVING_GAIN * standing) else []
+        found += _dechirped(series, step, rough, offsets)
+        still = SpectralLine(rough.frequency, 0.0)
+        standing = max(standing, *(p for p, _ in _dechirped(series, step, still, np.zeros(1))))
+    prominence, line = max(found, default=(0.0, SpectralLine(0.0, 0.0)))
+    lowest = line.frequency + float((line.drift * temperatures).min())
+    prominent = prominence >= max(PROMINENCE, MOVING_GAIN * standing)
+    return [line] if prominent and line.drift and lowest > LOWEST_HZ else []
 
 
 def _along_temperature(
@@ -142,14 +148,14 @@ def _along_temperature(
     """Return the line along which windows have most power, where it moves at all."""
     windows = [_windows(one) for one in series]
     powers = np.concatenate([power for power, _ in windows])
-    warmth = np.concatenate([w for _, w in windows])
+    temperature = np.concatenate([t for _, t in windows])
     if not len(powers):
         return []
     count = int(LARGEST_DRIFT / drift_step)
     rows, bins = np.arange(len(powers))[:, None], np.arange(WINDOW_ROWS)
     best = 0.0, 0, 0
     for number in range(-count, count + 1):
-        shift = np.rint(number * drift_step * warmth / bin_hz).astype(int)
+        shift = np.rint(number * drift_step * temperature / bin_hz).astype(int)
         total = powers[rows, (bins + shift[:, None]) % WINDOW_ROWS].sum(axis=0)[: WINDOW_ROWS // 2]
         best = max(best, (float(total.max()), number, int(np.argmax(total))))
     _, number, peak = best
@@ -169,34 +175,43 @@ def _windows(one: _Series) -> tuple[FloatArray, FloatArray]:
     around = np.median(relative, axis=0)
     relative = np.minimum(relative / np.maximum(around, 1e-300), LOUDEST_WINDOW)
     relative[:, : SLOW_BINS + 1] = relative[:, -SLOW_BINS:] = 1.0
-    return relative, one.warmth[rows].mean(axis=1)
+    return relative, one.temperature[rows].mean(axis=1)
 
 
 def _dechirped(
-    series: Sequence[_Series], step: float, line: SpectralLine
-) -> tuple[float, SpectralLine]:
-    """Return prominence and line of the peak near one whose phase is taken out."""
-    rows = WINDOW_ROWS // 4
-    pieces = max(len(one.values) // rows for one in series)
-    size = 1 << (2 * pieces).bit_length()
-    power = np.zeros(size)
-    for one in series:
-        whole = len(one.values) // rows
-        time = step * np.arange(whole * rows)
-        turns = line.frequency * time + line.drift * one.integral[: whole * rows]
-        turned = one.values[: whole * rows] * np.exp(-2j * np.pi * turns)[:, None]
-        mean = turned.reshape(whole, rows, 3).mean(axis=1) * np.hanning(whole)[:, None]
-        spectrum = np.abs(np.fft.fft(mean, size, axis=0)) ** 2
-        power += (spectrum / np.maximum(np.median(spectrum, axis=0), 1e-300)).sum(axis=1)
-    ordered = np.fft.fftshift(power)
-    near = slice(size // 4, size - size // 4)
-    peak = size // 4 + int(np.argmax(ordered[near]))
-    offset = (_interpolated(ordered, peak) - size // 2) / (size * rows * step)
-    found = SpectralLine(line.frequency + offset, line.drift)
-    return float(ordered[peak] / np.median(ordered)), found
+    series: Sequence[_Series], step: float, line: SpectralLine, offsets: FloatArray
+) -> list[tuple[float, SpectralLine]]:
+    """Return prominence and line of the highest peak for every drift near that of a line."""
+    averaged = [_averaged(one, step, line) for one in series]
+    rows = max(len(values) for values, _ in averaged)
+    size = 1 << (2 * rows).bit_length()
+    found = []
+    for offset in offsets.tolist():
+        power = np.zeros(size)
+        for values, integral in averaged:
+            turned = values * np.exp(-2j * np.pi * offset * integral)[:, None]
+            spectrum = np.abs(np.fft.fft(turned, size, axis=0)) ** 2
+            power += (spectrum / np.maximum(np.median(spectrum, axis=0), 1e-300)).sum(axis=1)
+        ordered = np.fft.fftshift(power)
+        peak = size // 4 + int(np.argmax(ordered[size // 4 : size - size // 4]))
+        away = (_interpolated(ordered, peak) - size // 2) / (size * AVERAGED_ROWS * step)
+        better = SpectralLine(line.frequency + away, line.drift + offset)
+        found.append((float(ordered[peak] / np.median(ordered)), better))
+    return found
 
 
-def _bent(integral: FloatArray) -> FloatArray:
+def _averaged(one: _Series, step: float, line: SpectralLine) -> tuple[FloatArray, FloatArray]:
+    """Return (k, 3) averages of the rows without the phase of a line, tapered, and integrals."""
+    count = len(one.values) // AVERAGED_ROWS
+    rows = np.arange(count * AVERAGED_ROWS)
+    turns = line.frequency * step * rows + line.drift * one.integral[rows]
+    turned = one.values[rows] * np.exp(-2j * np.pi * turns)[:, None]
+    averages = turned.reshape(count, AVERAGED_ROWS, 3).mean(axis=1)
+    integral = one.integral[rows].reshape(count, AVERAGED_ROWS).mean(axis=1)
+    return averages * np.hanning(count)[:, None], integral
+
+
+def _departure_from_line(integral: FloatArray) -> FloatArray:
     """Return what a straight line leaves of an integral: only that tells a drift."""
     place = np.linspace(-1.0, 1.0, len(integral))
     return np.asarray(integral - np.polyval(np.polyfit(place, integral, 1), place))
