@@ -53,7 +53,7 @@ def test_what_lies_beyond_a_gap_is_not_mixed_in() -> None:
     noise = 0.02 * np.random.default_rng(1).standard_normal(len(time))
     measured = true + later + noise
     apart = smoothed_temperature(time + 20.0 * later, measured)
-    assert np.abs(apart - true - later).max() < 0.1
+    assert np.abs(apart - true - later).max() < 0.2
 
 
 def test_too_few_rows_stay_as_they_are() -> None:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The temperature behind a noisy, quantised thermometer: a smoothing spline as stiff as is likely.
 
-A temperature whose rate wanders as a random walk has a spectrum r s / ω⁴ beside the white noise s
-of the thermometer. Its best estimate is a smoothing spline, f = argmin Σ (y − f)² + λ ∫ f″² dt,
-λ = 1 / (r Δt) (Wahba, Spline Models for Observational Data, 1990, ch. 1); so is that of its rate.
-r follows from the spectrum by Whittle's likelihood.
+The air's temperature has a rate that wanders as a random walk, and a die follows it behind its
+package: the spectrum is r s / ω⁶ beside the white noise s of the thermometer. The best estimate of
+such a temperature is a smoothing spline, f = argmin Σ (y − f)² + λ ∫ f‴² dt, λ = 1 / (r Δt) (Wahba,
+Spline Models for Observational Data, 1990, ch. 1); so is that of its rate. r follows from the
+spectrum by Whittle's likelihood.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from imu_recording.recording import FloatArray
 from scipy.fft import dct, next_fast_len
 
 SHORTEST_S, LONGEST_S = 1.0, 3600.0
-"""Times over which a spline may smooth [s], r^−¼."""
+"""Times over which a spline may smooth [s], r^−⅙."""
 LEAST_ROWS = 8
 """Pieces with fewer rows stay as they were measured."""
 MARGIN = 8.0
@@ -41,9 +42,9 @@ def smoothed_temperature(time: FloatArray, temperature: FloatArray) -> FloatArra
 
 
 def _spline(values: FloatArray, width: float) -> FloatArray:
-    """Return values at equal distances through a smoothing spline of r^−¼ = `width` rows.
+    """Return values at equal distances through a smoothing spline of r^−⅙ = `width` rows.
 
-    Its transfer function is 1 / (1 + (ω width)⁴); the ends are continued by their mirror image
+    Its transfer function is 1 / (1 + (ω width)⁶); the ends are continued by their mirror image
     through the last point.
     """
     margin = min(len(values) - 1, int(np.ceil(MARGIN * width)))
@@ -51,19 +52,19 @@ def _spline(values: FloatArray, width: float) -> FloatArray:
     longer = np.pad(values - ramp, margin, mode='reflect', reflect_type='odd')
     size = next_fast_len(len(longer), real=True)
     frequency = 2.0 * np.pi * np.fft.rfftfreq(size)
-    spectrum = np.fft.rfft(longer, size) / (1.0 + (width * frequency) ** 4)
+    spectrum = np.fft.rfft(longer, size) / (1.0 + (width * frequency) ** 6)
     return np.asarray(np.fft.irfft(spectrum, size)[margin : margin + len(values)] + ramp)
 
 
 def _width(temperature: FloatArray, step: float) -> float:
-    """Return r^−¼ [s]; at ω⁴ = r the spectrum of the temperature meets that of its noise."""
+    """Return r^−⅙ [s]; at ω⁶ = r the spectrum of the temperature meets that of its noise."""
     ramp = np.linspace(temperature[0], temperature[-1], len(temperature))
     power = dct(temperature - ramp, norm='ortho')[1:] ** 2
     frequency = np.pi * np.arange(1, len(temperature)) / (len(temperature) * step)
     widths = np.geomspace(SHORTEST_S, LONGEST_S, 60)
     misfits = []
     for width in widths:
-        shape = 1.0 + (width * frequency) ** -4.0
+        shape = 1.0 + (width * frequency) ** -6.0
         noise = max(float((power / shape).mean()), 1e-300)
         misfits.append(len(power) * np.log(noise) + float(np.log(shape).sum()))
     return float(widths[int(np.argmin(misfits))])
