@@ -83,7 +83,7 @@ WRONG = {
     'kin': ('relatives', 'kin'),
     'look_alikes': (('magic',), "'magic' is no other effect"),
     'separated_by_cycles': ('thermal_lag_two_stage', 'no tuple'),
-    'unseen_twin': ('thermal_lag', 'is no other effect'),
+    'twin': ('thermal_lag', 'is no other effect'),
     'separated_by_poses': (('magnetometer',), 'does not act on'),
 }
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The temperature behind a noisy, quantised thermometer: a smoothing spline as stiff as is likely.
 
-The air's temperature has a rate that wanders as a random walk, and a die follows it behind its
-package: the spectrum is r s / ω⁶ beside the white noise s of the thermometer. The best estimate of
-such a temperature is a smoothing spline, f = argmin Σ (y − f)² + λ ∫ f‴² dt, λ = 1 / (r Δt) (Wahba,
-Spline Models for Observational Data, 1990, ch. 1); so is that of its rate. r follows from the
-spectrum by Whittle's likelihood.
+The rate of the air's temperature wanders as a random walk, and a die follows it behind its
+package: the spectrum is r s / ω⁶ beside the white noise s of the thermometer. The best estimate
+of such a temperature is a smoothing spline, f = argmin Σ (y − f)² + λ ∫ f‴² dt, λ = 1 / (r Δt)
+(Wahba, Spline Models for Observational Data, 1990, ch. 1); so is that of its rate. r follows
+from the spectrum by Whittle's likelihood.
 """
 
 from __future__ import annotations

@@ -91,8 +91,8 @@ def _rivals(answer: SensorAnswer, name: str) -> list[tuple[str, float]]:
     own = probability(answer.explanations, lambda e: name in e.names)
     alike = {name, *(n for n, p in rivals.items() if p > 1.0 - CREDIBLE)}
     for effect in answer.offered:
-        if effect.name in alike and effect.unseen_twin in answer.untried:
-            rivals[effect.unseen_twin] = priors.UNSEEN_TWIN * own
+        if effect.name in alike and effect.twin in answer.untried:
+            rivals[effect.twin] = priors.UNSEEN_TWIN * own
     ranked = sorted(rivals.items(), key=lambda pair: -pair[1])
     return [(rival, p) for rival, p in ranked if p > 1.0 - CREDIBLE]
 

@@ -107,10 +107,39 @@ def explanations(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> lis
     weighed += [
         (one.set, _beside(hypotheses, one, flaw)) for one, flaw in zip(fitted, flaws, strict=True)
     ]
+    twins = _as_twins(hypotheses, weighed)
+    weighed = [(s, [*rest, *more]) for (s, rest), more in zip(weighed, twins, strict=True)]
     total = log_sum([s.log_posterior + b.log_weight for s, rest in weighed for b in rest])
     found = [_named(some, rest, total) for some, rest in weighed]
     found += [_unnamed(kind, weighed, total) for kind in (NOT_IN_CATALOGUE, UNLOGGED)]
     return sorted(found, key=lambda e: -e.probability)
+
+
+def _as_twins(
+    hypotheses: SensorHypotheses, weighed: Sequence[tuple[EffectSet, list[_Beside]]]
+) -> list[list[_Beside]]:
+    """Return by set what stands for a twin of one of its effects and so for that effect as well.
+
+    A rate and a gradient differ by where a thermometer sits: the one explains more than the other
+    by as much as their columns are wrong, whichever acts.
+    """
+    named = {s.names: (s, [b for b in rest if b.kind in {'', 'flaw'}]) for s, rest in weighed}
+    found: list[list[_Beside]] = []
+    for some, _ in weighed:
+        found.append([])
+        for component in some.components:
+            twin = component.form.effect.twin
+            others = [name for name in some.names if name != component.name]
+            for names in ([twin, *others], [twin, *some.names]):
+                better, parts = named.get(tuple(sorted(names)), (some, []))
+                if twin in some.names or better.explained <= some.explained:
+                    continue
+                share = float(np.sqrt(better.explained - some.explained))
+                share /= max(_explained_by_equations(hypotheses, some), 1.0)
+                change = better.log_posterior - better.log_prior + some.log_prior
+                change += priors.log_odds_of_twin(share) - some.log_posterior
+                found[-1] += [replace(b, log_weight=b.log_weight + change) for b in parts]
+    return found
 
 
 def _exact_weight(hypotheses: SensorHypotheses, some: EffectSet) -> float:
@@ -174,7 +203,7 @@ def _beside(hypotheses: SensorHypotheses, one: _Fitted, flaw: float) -> list[_Be
     course = one.course + _at(one.course_size, amplitude)
     weight = log_sum([b.log_weight for b in found])
     found += _unknown(hypotheses, some, gains, course)
-    return found + _switched(hypotheses, some, weight) + _unseen_twins(hypotheses, some, weight)
+    return found + _switched(hypotheses, some, weight) + _twins(hypotheses, some, weight)
 
 
 def _unknown(
@@ -222,12 +251,12 @@ def _switched(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> l
     return [_Beside(UNLOGGED, lost, weight + once + float(np.log(priors.UNLOGGED)))]
 
 
-def _unseen_twins(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> list[_Beside]:
+def _twins(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> list[_Beside]:
     """Return what speaks for effects whose channel was not logged in place of those of a set.
 
     What cannot be told from an effect is as likely as the set with that one; `weight`: the set's.
     """
-    twins = [c.form.effect.unseen_twin for c in some.components]
+    twins = [c.form.effect.twin for c in some.components]
     share = weight + float(np.log(priors.UNSEEN_TWIN))
     lost = hypotheses.without_channel
     return [_Beside(UNLOGGED, lost[twin], share) for twin in twins if twin in lost]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from imu_recording.recording import FloatArray
-from scipy.special import ndtr
+from scipy.special import log_ndtr, ndtr
 
 NOTHING = 0.6
 """That a sensor's model lacks nothing: most effects are felt by one sensor of three."""
@@ -29,6 +29,10 @@ LOST_WITHOUT_TRACE = 0.5
 UNSEEN_TWIN = 0.5
 """Odds that an effect whose channel was not logged acts in place of the one it looks like: all
 effects are equally likely, but in half of all recordings its exact course would differ."""
+
+TWIN_SHARE, TWIN_SHARE_LN = 0.05, 0.8
+"""Median and standard deviation of ln of how much columns of twins may differ without telling
+which acts: a derivative, and a thermometer beside the die, are right to some per cent."""
 
 AMPLITUDES: FloatArray = np.geomspace(1.0, 4096.0, 13)
 """Standard deviations of an amplitude [√Δχ²], all equally likely: from what no test would find to
@@ -111,6 +115,14 @@ def flaw_log_prior(
     edges = np.log(np.sqrt(ratio[1:] * ratio[:-1]) / share) / spread
     below = np.concatenate([[0.0], ndtr(edges), [1.0]])
     return np.asarray(np.log(np.maximum(np.diff(below), 1e-300)))
+
+
+def log_odds_of_twin(share: float) -> float:
+    """Return ln of the odds that what one twin explains better is no sign against the other.
+
+    `share` is √Δχ² by which it is better over √Δχ² that is explained.
+    """
+    return float(log_ndtr(-np.log(max(share, 1e-9) / TWIN_SHARE) / TWIN_SHARE_LN))
 
 
 def _log_normal(ratio: FloatArray, median: float, spread: float) -> FloatArray:

@@ -150,7 +150,7 @@ def _problems_of_the_relations(effect: type[Effect], known: Collection[str]) -> 
     """Return what does not hold together in what is said beside the columns."""
     problems = []
     named: dict[str, tuple[str, ...]] = {r: getattr(effect, r) for r in RELATIONS}
-    named['unseen_twin'] = (effect.unseen_twin,) if effect.unseen_twin else ()
+    named['twin'] = (effect.twin,) if effect.twin else ()
     for relation, names in named.items():
         if not isinstance(names, tuple):
             problems.append(f'{relation} is no tuple of names: {names!r}')

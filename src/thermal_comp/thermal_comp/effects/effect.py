@@ -127,8 +127,9 @@ class Effect:
     """True where it depends on time alone, so that noise that wanders may look like it."""
     kin: ClassVar[Kin] = ''
     """Group whose members can stand for a flaw in each other's form."""
-    unseen_twin: ClassVar[str] = ''
-    """Effect that it cannot be told from where the channel of that one was not logged."""
+    twin: ClassVar[str] = ''
+    """Effect with nearly its course, told from it by small differences alone, and not at all where
+    a channel of that one was not logged."""
     separated_by_cycles: ClassVar[tuple[str, ...]] = ()
     """Effects from which only a temperature that returns, or comes at several rates, tells it."""
     separated_by_poses: ClassVar[tuple[Sensor, ...]] = ()

@@ -32,6 +32,7 @@ class ThermalGradient(Effect):
     typical_size: ClassVar[str] = 'as temperature_rate'
     reference: ClassVar[str] = 'IEEE 952 and 1431 (temperature-gradient sensitivity D_∇T)'
     kin: ClassVar[Kin] = 'temperature'
+    twin: ClassVar[str] = 'temperature_rate'
     separating_action: ClassVar[str] = (
         'log a second thermometer and change the heat path (fan speed)'
     )
