@@ -2,6 +2,9 @@
 # Every target does all its own set-up.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
+# One file's tests stay in one process, in the order they are collected in: what they share is
+# computed once.
+IN_PARALLEL := -n 2 --dist loadfile --no-loadscope-reorder
 .PHONY: help setup demo test test-web lint clean
 
 help: ## List the targets
@@ -16,11 +19,11 @@ demo: ## Simulate, fit, compare; writes demo/report.html and demo/report.json
 
 test: ## Run every test
 	@tools/setup_workspace.sh requirements-dev.txt
-	@. ./env.sh && export ROS_PYTHON_CHECK_FIELDS=1 && python -m pytest -n 2 --dist worksteal $(PYTEST_ARGS)
+	@. ./env.sh && export ROS_PYTHON_CHECK_FIELDS=1 && python -m pytest $(IN_PARALLEL) $(PYTEST_ARGS)
 
 test-web: ## Test the web page in headless Chromium (apt install chromium)
 	@tools/setup_workspace.sh requirements-dev.txt
-	@. ./env.sh && python -m pytest test/web -o python_files='*_in_browser.py' -n 2 --dist worksteal $(PYTEST_ARGS)
+	@. ./env.sh && python -m pytest test/web -o python_files='*_in_browser.py' $(IN_PARALLEL) $(PYTEST_ARGS)
 
 lint: ## ruff and mypy
 	@tools/setup_workspace.sh requirements-dev.txt

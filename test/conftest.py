@@ -37,11 +37,36 @@ ROOT = Path(__file__).resolve().parent.parent
 SHARED = ROOT.parent / 'shared'
 
 
+TOGETHER = (
+    ('test/imu_workbench/web/',),
+    ('test/web/figures_in_browser.py', 'test/web/pictures_in_browser.py'),
+)
+"""Beginnings of the names of tests that share a fixture which takes long."""
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Keep in one process, with `--dist loadfile`, what is TOGETHER, too."""
+    if config.getoption('dist') != 'loadfile':
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):  # type: ignore[misc]
+        def _split_scope(self, nodeid: str) -> str:
+            return next((names[0] for names in TOGETHER if nodeid.startswith(names)), '') or str(
+                super()._split_scope(nodeid)
+            )
+
+    return Scheduling(config, log)
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption('--update-golden', action='store_true', help='rewrite test/golden')
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    # Those in a browser take longest and wait most: begun last, they would be left over alone.
+    items.sort(key=lambda item: not item.path.stem.endswith('_in_browser'))
     if SHARED.is_dir():
         return
     needing = [item for item in items if item.get_closest_marker('shared_data')]

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Small campaigns with physics of their own: integrated step by step, noise from a recursion."""
 
+from collections.abc import Iterable
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from imu_recording.recording import PHASES
+from imu_recording.recording import PHASES, SENSOR_FIELDS
 from scipy.signal import lfilter
 
 from imu_recording import ImuRecording
@@ -106,3 +108,9 @@ def run(
         up_axis=up_axis,
         **measured,
     )
+
+
+def measured_by(recordings: Iterable[ImuRecording], *sensors: str) -> list[ImuRecording]:
+    """Return the recordings as of a device that has these sensors alone."""
+    others = [field for sensor, field in SENSOR_FIELDS.items() if sensor not in sensors]
+    return [replace(r, **{f: np.full((len(r), 3), np.nan) for f in others}) for r in recordings]

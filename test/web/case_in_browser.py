@@ -192,14 +192,14 @@ def test_two_tabs_and_two_devices_keep_out_of_each_others_way(serve, watch, smal
 
 def test_a_path_that_is_not_there_is_refused_before_the_server_starts(serve, tmp_path):
     with pytest.raises(AssertionError):
-        serve(tmp_path / 'nowhere')
+        serve(tmp_path / 'nowhere', by_command=True)
 
 
 def test_a_case_that_is_served_twice_is_refused(serve, small_bags, tmp_path, capfd):
     cases = tmp_path / 'cases'
     server = serve(small_bags / 'dut2_x', cases=cases)
     with pytest.raises(AssertionError):
-        serve(small_bags / 'dut2_x', cases=cases)
+        serve(small_bags / 'dut2_x', cases=cases, by_command=True)
     assert 'another server has these cases open' in capfd.readouterr().err
     assert server.alive
     assert Path(cases).exists()

@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+import json
 import os
+import select
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -12,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pytest
@@ -35,12 +38,75 @@ def chromium() -> str | None:
     return named or next(filter(None, map(shutil.which, NAMES)), None)
 
 
+class Process(Protocol):
+    """What is asked of a process that runs a server."""
+
+    def poll(self) -> int | None: ...
+    def terminate(self) -> None: ...
+    def kill(self) -> None: ...
+    def wait(self) -> int: ...
+
+
+class Forked:
+    """A process that is no child of this one."""
+
+    def __init__(self, number: int) -> None:
+        self._descriptor = os.pidfd_open(number)
+        self._ended = select.poll()
+        self._ended.register(self._descriptor, select.POLLIN)
+
+    def poll(self) -> int | None:
+        return 0 if self._ended.poll(0) else None
+
+    def terminate(self) -> None:
+        self._send(signal.SIGTERM)
+
+    def kill(self) -> None:
+        self._send(signal.SIGKILL)
+
+    def _send(self, number: int) -> None:
+        if self.poll() is None:
+            signal.pidfd_send_signal(self._descriptor, number)
+
+    def wait(self) -> int:
+        self._ended.poll()
+        return 0
+
+
+class ServerStarter:
+    """Starts servers whose modules are imported already; see server_starter.py."""
+
+    def __init__(self) -> None:
+        self._starter = subprocess.Popen(
+            [sys.executable, Path(__file__).with_name('server_starter.py')],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
+        )
+
+    def start(self, arguments: list[str], output: Path) -> tuple[Process, str]:
+        """Start one that writes to `output`; return its process and its first line."""
+        assert self._starter.stdin
+        assert self._starter.stdout
+        os.mkfifo(output)
+        request = {'arguments': arguments, 'environment': {**os.environ}, 'output': str(output)}
+        self._starter.stdin.write(json.dumps(request) + '\n')
+        self._starter.stdin.flush()
+        process = Forked(int(self._starter.stdout.readline()))
+        with output.open() as file:
+            return process, file.readline()
+
+    def end(self) -> None:
+        self._starter.communicate()
+
+
 @dataclass
 class Server:
     """A workbench that runs."""
 
     address: str
-    process: subprocess.Popen[str]
+    process: Process
     cases: Path
 
     @property
@@ -56,22 +122,31 @@ class Server:
         self.process.wait()
 
 
+def start_command(arguments: list[str]) -> tuple[Process, str]:
+    """Start the command as a user does; return its process and its first line."""
+    command = [sys.executable, '-m', 'imu_workbench', *arguments]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT)
+    assert process.stdout
+    return process, process.stdout.readline()
+
+
 @contextmanager
-def servers() -> Iterator[Callable[..., Server]]:
+def servers(starter: ServerStarter) -> Iterator[Callable[..., Server]]:
     """Provide a function that starts a server on a free port; end them all."""
-    started: list[subprocess.Popen[str]] = []
+    started: list[Process] = []
     folder = TemporaryDirectory(prefix='cases_')
 
-    def start(*arguments: str | Path, cases: Path | None = None, port: str = '0') -> Server:
-        command = [sys.executable, '-m', 'imu_workbench', 'serve', '--port', port]
-        cases = cases or Path(folder.name) / str(len(started))
-        command += ['--case', str(cases)]
-        process = subprocess.Popen(
-            [*command, *map(str, arguments)], stdout=subprocess.PIPE, text=True, cwd=ROOT
-        )
+    def start(
+        *paths: str | Path, cases: Path | None = None, port: str = '0', by_command: bool = False
+    ) -> Server:
+        number = len(started)
+        cases = cases or Path(folder.name) / str(number)
+        arguments = ['serve', '--port', port, '--case', str(cases), *map(str, paths)]
+        if by_command:
+            process, line = start_command(arguments)
+        else:
+            process, line = starter.start(arguments, Path(folder.name) / f'output_{number}')
         started.append(process)
-        assert process.stdout
-        line = process.stdout.readline()
         assert line.startswith('workbench at '), line
         return Server(line.split()[2], process, cases)
 
@@ -83,17 +158,24 @@ def servers() -> Iterator[Callable[..., Server]]:
     folder.cleanup()
 
 
+@pytest.fixture(scope='session')
+def server_starter() -> Iterator[ServerStarter]:
+    starter = ServerStarter()
+    yield starter
+    starter.end()
+
+
 @pytest.fixture
-def serve() -> Iterator[Callable[..., Server]]:
+def serve(server_starter: ServerStarter) -> Iterator[Callable[..., Server]]:
     """Start servers for one test, which have computed nothing yet."""
-    with servers() as start:
+    with servers(server_starter) as start:
         yield start
 
 
 @pytest.fixture(scope='session')
-def hidden_effect_server() -> Iterator[Server]:
+def hidden_effect_server(server_starter: ServerStarter) -> Iterator[Server]:
     """One server with the bags of the hidden effect for all tests that need no fresh one."""
-    with servers() as start:
+    with servers(server_starter) as start:
         yield start(*BAGS)
 
 

@@ -37,7 +37,7 @@ def compared_by_command(model: Path, answer: Path) -> tuple[float, float]:
 
 
 def test_the_verdict_comes_by_itself_and_adding_reaches_the_floor(serve, watch, tmp_path):
-    server = serve(*BAGS)
+    server = serve(*BAGS, by_command=True)
     watched = watch(server.address)
     page = watched.page
     clicks = 0

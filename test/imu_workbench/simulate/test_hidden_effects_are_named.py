@@ -4,7 +4,11 @@
 A campaign hides one in each sensor: what is said of a sensor must not depend on the others.
 """
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
+from imu_recording.recording import SENSOR_FIELDS
 from imu_workbench.simulate.hidden_effect import HiddenEffect, practice_campaign
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.diagnosis.result import Finding
@@ -22,6 +26,12 @@ HIDDEN = (
 
 def acted_on(recordings: list[ImuRecording]) -> list[Finding]:
     return [f for f in diagnose(recordings).findings if f.kind != 'noise']
+
+
+def measured_by(recordings: list[ImuRecording], *sensors: str) -> list[ImuRecording]:
+    """Return the recordings as of a device that has these sensors alone."""
+    others = [field for sensor, field in SENSOR_FIELDS.items() if sensor not in sensors]
+    return [replace(r, **{f: np.full((len(r), 3), np.nan) for f in others}) for r in recordings]
 
 
 @pytest.mark.parametrize('hidden', HIDDEN, ids=lambda hidden: ' '.join(hidden.values()))
@@ -48,8 +58,9 @@ def test_a_law_beyond_the_catalogue_is_not_given_a_name() -> None:
 
 
 def test_heater_that_was_not_logged_is_suspected() -> None:
-    recordings, _ = practice_campaign([HiddenEffect('unlogged_heater', 3.0)], seed=14, mean_s=20.0)
-    (finding,) = acted_on(recordings)
+    hidden_effects = [HiddenEffect('unlogged_heater', 3.0)]
+    recordings, (truth,) = practice_campaign(hidden_effects, seed=14, mean_s=20.0)
+    (finding,) = acted_on(measured_by(recordings, truth.sensor))
     assert (finding.kind, finding.depends_on) == ('unlogged', 'heater')
 
 

@@ -11,8 +11,9 @@ from thermal_comp.effects.thermal_lag import ThermalLag
 from thermal_comp.model.values import ThermalModel
 
 import thermal_comp as tc
+from imu_recording import ImuRecording
 
-from ..campaign import chamber, lagging, run
+from ..campaign import chamber, lagging, measured_by, run
 
 UP = ('+x', '+y', '+z')
 
@@ -46,14 +47,15 @@ def test_another_campaign_of_the_same_device_has_not_changed() -> None:
 def test_a_time_constant_that_moved_is_said_with_what_it_is_now() -> None:
     time, temperature, *_ = chamber()
 
-    def lagged(time_constant: float) -> dict[str, np.ndarray]:
+    def lagged(time_constant: float, seed: int) -> list[ImuRecording]:
         behind = temperature - lagging(temperature, time_constant, float(time[1] - time[0]))
-        return {'angular_velocity': behind[:, None] * np.array([2e-4, -1e-4, 3e-4])}
+        error = {'angular_velocity': behind[:, None] * np.array([2e-4, -1e-4, 3e-4])}
+        runs = [run(up, seed=seed + k, error=error) for k, up in enumerate(UP)]
+        return measured_by(runs, 'gyroscope')
 
-    before = [run(up, seed=k, error=lagged(300.0)) for k, up in enumerate(UP)]
     effects = {'gyroscope': [BiasTemperature(), ThermalLag(300.0)]}
-    model = tc.fit(before, effects)
-    now = [run(up, seed=10 + k, error=lagged(420.0)) for k, up in enumerate(UP)]
-    changes = {f.name: f for f in tc.diagnose(now, model).findings if f.kind == 'changed'}
+    model = tc.fit(lagged(300.0, 0), effects)
+    now = tc.diagnose(lagged(420.0, 10), model)
+    changes = {f.name: f for f in now.findings if f.kind == 'changed'}
     said = changes['thermal_lag'].parameters['time_constant']
     assert said['value'] == pytest.approx(420.0, abs=2.0 + 4.0 * said['std'])

@@ -11,7 +11,7 @@ from thermal_comp.effects import EFFECTS
 
 from imu_recording import ImuRecording
 
-from ..campaign import FIELD, GRAVITY, PERIOD, chamber, lagging, run
+from ..campaign import FIELD, GRAVITY, PERIOD, chamber, lagging, measured_by, run
 
 UP = ('+x', '+y', '+z')
 HEAT = ('thermal_lag', 'thermal_lag_two_stage', 'temperature_rate', 'thermal_hysteresis')
@@ -25,9 +25,10 @@ def findings(recordings: Sequence[ImuRecording], names: Sequence[str]) -> list[F
 
 
 def in_gyroscope(process: np.ndarray) -> list[ImuRecording]:
-    """Return three runs whose gyroscope feels a process (n,), differently on its axes."""
+    """Return three runs of a gyroscope that feels a process (n,), differently on its axes."""
     error = np.multiply.outer(process, np.array([1.0, -0.6, 0.8]))
-    return [run(up, seed=k, error={'angular_velocity': error}) for k, up in enumerate(UP)]
+    runs = [run(up, seed=k, error={'angular_velocity': error}) for k, up in enumerate(UP)]
+    return measured_by(runs, 'gyroscope')
 
 
 def test_a_lag_is_no_rate_and_no_pair_of_lags() -> None:
@@ -59,7 +60,8 @@ def test_a_step_between_the_times_tried_is_found_where_it_is() -> None:
     recordings = [run(up, seed=k) for k, up in enumerate(UP)]
     slip = 6e-4 * (time >= 19_730.0)[:, None] * np.array([1.0, -1.0, 0.7])
     recordings[1] = run('+y', seed=1, error={'angular_velocity': slip})
-    (found,) = findings(recordings, ('bias_step', 'bias_drift', 'bias_creep', 'warm_up'))
+    timed = ('bias_step', 'bias_drift', 'bias_creep', 'warm_up')
+    (found,) = findings(measured_by(recordings, 'gyroscope'), timed)
     assert (found.name, found.sensor) == ('bias_step', 'gyroscope')
     assert found.parameters['step_time']['value'] == pytest.approx([19_730.0], abs=60.0)
 
@@ -80,7 +82,7 @@ def turned(rate: float, *, field_too: bool, magnet: float = 0.0) -> list[ImuReco
             change = rate * np.cross(turn, field) + magnet * pose @ np.array([0.6, -0.5, -0.6])
             error['magnetic_field'] = np.multiply.outer(warmth, change)
         recordings.append(run(up, seed=k, error=error))
-    return recordings
+    return measured_by(recordings, 'accelerometer', 'magnetometer')
 
 
 def test_the_magnetometer_tells_a_tilt_from_a_scale_factor() -> None:

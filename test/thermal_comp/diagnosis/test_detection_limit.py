@@ -5,20 +5,21 @@ import numpy as np
 import pytest
 from thermal_comp.diagnosis.diagnose import diagnose
 
-from ..campaign import chamber, lagging, run
+from ..campaign import chamber, lagging, measured_by, run
 
 AXES = np.array([1.0, -0.8, 1.2])
 
 
 def recordings(share: float, limit: float = 0.0):
-    """Return two runs whose gyroscope lags by a share of the limit [rad/s rms]."""
+    """Return two runs of a gyroscope that lags by a share of the limit [rad/s rms]."""
     time, temperature, *_ = chamber()
     lag = temperature - lagging(temperature, 300.0, float(time[1] - time[0]))
     error = (lag - lag.mean())[:, None] * AXES
     error *= share * limit / np.sqrt((error**2).mean())
-    return [
+    runs = [
         run(up, seed=k, error={'angular_velocity': error}) for k, up in enumerate(('+x', '-z'))
     ]
+    return measured_by(runs, 'gyroscope')
 
 
 @pytest.fixture(scope='module')

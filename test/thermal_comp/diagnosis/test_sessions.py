@@ -9,7 +9,7 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
 from thermal_comp.noise.estimation import fit_noise
 
-from ..campaign import chamber, run
+from ..campaign import chamber, measured_by, run
 
 UP = ('+x', '+y', '+z')
 AXES = np.array([1.0, -1.0, 0.7])
@@ -22,9 +22,10 @@ TIMED = {
 def test_a_large_step_is_not_taken_for_noise() -> None:
     time = chamber()[0]
     slip = 3e-3 * (time >= 19_730.0)[:, None] * AXES
-    recordings = [run(up, seed=k) for k, up in enumerate(UP)]
+    recordings = measured_by((run(up, seed=k) for k, up in enumerate(UP)), 'gyroscope')
     quiet = diagnose(recordings, catalogue=TIMED)
-    recordings[1] = run('+y', seed=1, error={'angular_velocity': slip})
+    slipping = run('+y', seed=1, error={'angular_velocity': slip})
+    (recordings[1],) = measured_by([slipping], 'gyroscope')
     jumped = diagnose(recordings, catalogue=TIMED)
     alarms = {(f.kind, f.name) for f in quiet.findings if f.sensor == 'gyroscope'}
     found = {(f.kind, f.name) for f in jumped.findings if f.sensor == 'gyroscope'}
@@ -39,11 +40,12 @@ def test_a_large_step_is_not_taken_for_noise() -> None:
 def test_a_session_may_begin_with_the_first_cycle() -> None:
     cycle = chamber()[3]
     rng = np.random.default_rng(5)
-    recordings = [
+    runs = [
         run(up, seed=k, error={'angular_velocity': 3e-4 * rng.normal(size=(5, 3))[cycle]})
         for k, up in enumerate(UP)
     ]
-    (found,) = (f for f in diagnose(recordings, catalogue=TIMED).findings if f.kind != 'noise')
+    findings = diagnose(measured_by(runs, 'gyroscope'), catalogue=TIMED).findings
+    (found,) = (f for f in findings if f.kind != 'noise')
     assert (found.kind, found.name, found.sensor) == ('effect', 'turn_on_bias', 'gyroscope')
     assert found.parameters['first']['value'] == 1.0
 
