@@ -20,6 +20,8 @@ WRITERS = {'ulg': ulog_bytes, 'bin': dataflash_bytes}
 Writer = Callable[..., bytes]
 MAGNETIC_STEP = {'ulg': 1e-11, 'bin': 1e-7}
 """Resolution of the magnetic field in each format [T]."""
+PRESSURE = {'ulg': 101_325.0, 'bin': 1e5}
+"""What the barometer has in each [Pa]; PX4 writes hPa or, later, Pa."""
 
 
 @pytest.fixture(scope='module')
@@ -59,6 +61,9 @@ def test_log_reads_back(suffix: str, devices: Sequence[ImuRecording], tmp_path: 
     assert expected is not None
     known = np.isfinite(expected)
     np.testing.assert_allclose(board[known], expected[known], atol=6e-3)
+    pressure = found[0].pressure
+    assert pressure is not None
+    assert set(pressure.tolist()) == {PRESSURE[suffix]}
 
 
 @pytest.mark.parametrize('suffix', WRITERS)

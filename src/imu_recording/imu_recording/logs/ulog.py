@@ -39,6 +39,8 @@ TOPICS = tuple(COLUMNS)
 CLOCKS = {'sensor_gps': ('time_utc_usec',), 'vehicle_gps_position': ('time_utc_usec',)}
 """Topics that may tell the date."""
 TESLA_PER_GAUSS = 1e-4
+HIGHEST_HPA = 2000.0
+"""Pressure up to which sensor_baro is in hPa, as before PX4 1.14; since then it is in Pa."""
 WAY_OUT = (
     'log every sensor at full rate: SDLOG_PROFILE bit 2 (thermal calibration), SDLOG_MODE 2 (from '
     'power-on)'
@@ -112,7 +114,8 @@ def _streamed(
     path: Path, log: Any, most_rows: int
 ) -> tuple[dict[Topic, Mapping[str, Any]], list[str]]:
     """Return the topics of a long log as means, and what is said of it."""
-    columns = {name: (*COLUMNS[name], 'temperature', 'device_id') for name in TOPICS}
+    further = ('temperature', 'pressure', 'device_id')
+    columns = {name: (*COLUMNS[name], *further) for name in TOPICS}
     columns |= {name: (*needed, 'fix_type') for name, needed in CLOCKS.items()}
     known = {name: tuple(dict.fromkeys(needed)) for name, needed in columns.items()}
     try:
@@ -221,6 +224,7 @@ def _imu(
         if field is None
         else _series(field, ('x', 'y', 'z'), factor=TESLA_PER_GAUSS),
         barometer_temperature=None if board is None else _series(board, ('temperature',)),
+        pressure=_pressure(board),
         hardware={name: str(_device_id(item)) for name, item in ids.items() if item is not None},
         notes=tuple(notes),
     )
@@ -233,6 +237,15 @@ def _series(item: Mapping[str, Any], names: tuple[str, ...], factor: float = 1.0
         time = np.asarray(item['timestamp'])
     values: FloatArray = np.stack([np.asarray(item[n], float) for n in names], axis=1) * factor
     return Series(time.astype(np.int64) * 1000, values)
+
+
+def _pressure(board: Mapping[str, Any] | None) -> Series | None:
+    if board is None or 'pressure' not in board:
+        return None
+    series = _series(board, ('pressure',))
+    known = series.values[np.isfinite(series.values)]
+    hectopascal = len(known) > 0 and float(np.median(known)) < HIGHEST_HPA
+    return Series(series.time, series.values * 100.0) if hectopascal else series
 
 
 def _has_temperature(item: Mapping[str, Any]) -> bool:
