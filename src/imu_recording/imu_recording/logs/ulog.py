@@ -23,7 +23,7 @@ from imu_recording.logs.flight_log import (
     with_temperature,
 )
 from imu_recording.logs.gps_time import power_on
-from imu_recording.logs.ulog_stream import Topic, stream_topics
+from imu_recording.logs.ulog_stream import Topic, ends_within_a_message, stream_topics
 from imu_recording.recording import FloatArray
 
 MAGIC = b'ULog\x01\x12\x35'
@@ -38,6 +38,7 @@ COLUMNS = {
 TOPICS = tuple(COLUMNS)
 CLOCKS = {'sensor_gps': ('time_utc_usec',), 'vehicle_gps_position': ('time_utc_usec',)}
 """Topics that may tell the date."""
+CUT_OFF = 'the log was cut off: it ends within a message; what follows is missing'
 TESLA_PER_GAUSS = 1e-4
 HIGHEST_HPA = 2000.0
 """Pressure up to which sensor_baro is in hPa, as before PX4 1.14; since then it is in Pa."""
@@ -68,7 +69,7 @@ def read_ulog(
     """
     long = path.stat().st_size >= whole_below
     log, said = _opened(path, header_only=long)
-    data, notes = _streamed(path, log, most_rows) if long else _held(log, said)
+    data, notes = _streamed(path, log, most_rows) if long else _held(path, log, said)
     zero = _power_on(data)
     data = {key: item for key, item in data.items() if key[0] in COLUMNS}
     for (topic, instance), item in data.items():
@@ -102,12 +103,13 @@ def _power_on(data: Mapping[Topic, Mapping[str, Any]]) -> int | None:
     return None
 
 
-def _held(log: Any, said: str) -> tuple[dict[Topic, Mapping[str, Any]], list[str]]:
+def _held(path: Path, log: Any, said: str) -> tuple[dict[Topic, Mapping[str, Any]], list[str]]:
     """Return the topics of a log that was read as a whole, and what is said of it."""
     damaged = log.file_corruption or 'corruption' in said
     lost = sum(dropout.duration for dropout in log.dropouts)
     data = {(item.name, item.multi_id): item.data for item in log.data_list}
-    return data, _damage_notes(damaged=damaged, dropouts=len(log.dropouts), lost_ms=lost)
+    notes = _damage_notes(damaged=damaged, dropouts=len(log.dropouts), lost_ms=lost)
+    return data, [*notes, *([CUT_OFF] if ends_within_a_message(path) else [])]
 
 
 def _streamed(
@@ -127,6 +129,8 @@ def _streamed(
     notes = _damage_notes(
         damaged=found.damaged > 0, dropouts=found.dropouts, lost_ms=found.dropout_ms
     )
+    if found.cut:
+        notes.append(CUT_OFF)
     if found.averaged > 1:
         notes.append(f'a long log: rows are means of {found.averaged} samples')
     return dict(found.columns), notes

@@ -49,6 +49,8 @@ class StreamedTopics:
     dropout_ms: int = 0
     damaged: int = 0
     """Places where bytes were no message."""
+    cut: bool = False
+    """Whether the log ends within a message."""
 
 
 def stream_topics(
@@ -89,6 +91,14 @@ def stream_topics(
             table['timestamp_sample'] = time + np.rint(columns['timestamp_sample']).astype(int)
         found.columns[topic] = table
     return found
+
+
+def ends_within_a_message(path: Path) -> bool:
+    """Tell whether a log was cut off: by a lost supply, or an incomplete copy."""
+    found = StreamedTopics()
+    for _ in _pieces(path, set(), found):
+        pass
+    return found.cut
 
 
 def _layout(message: Any) -> np.dtype[Any]:
@@ -137,6 +147,7 @@ def _pieces(
                 else:
                     break
             if not read:
+                found.cut = at < len(piece)
                 return
             rest = bytes(piece[at:])
 
