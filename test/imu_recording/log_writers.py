@@ -2,6 +2,7 @@
 """Write recordings as the logs an autopilot would have kept of them, for tests and trials.
 
 usage: python test/imu_recording/log_writers.py BAG… -o LOG.ulg|LOG.bin      (one bag per IMU)
+       … --bytes 4e9              the recording again and again, until the log is that long
 
 The formats are those of the PX4 documentation (ULog file format) and of ArduPilot's AP_Logger.
 Axes are written as they are; values in single precision, times in whole microseconds.
@@ -221,14 +222,53 @@ def _dataflash(formats: Mapping[str, tuple[int, str, str]], name: str, *values: 
     return b'\xa3\x95' + bytes([number]) + struct.pack(_layout(form), *values)
 
 
+# Both --------------------------------------------------------------------------------------------
+
+
+def times_in(log: bytes) -> tuple[int, list[int], list[int]]:
+    """Where the data of a log begin, and the places of their times [µs]: of each, and all."""
+    ulog = log.startswith(b'ULog')
+    lengths = {n: 3 + struct.calcsize(_layout(form)) for n, form, _ in DATAFLASH_FORMATS.values()}
+    at = 16 if ulog else 0
+    begin, first, every = 0, [], []
+    while at < len(log):
+        if ulog:
+            size, kind = struct.unpack_from('<HB', log, at)
+            length, samples, place = 3 + size, kind == ord('D'), at + 5
+        else:
+            length, samples, place = lengths[log[at + 2]], log[at + 2] > 130, at + 3
+        if samples:
+            begin = begin or at
+            first.append(place)
+            every += [place, place + 8] if ulog else [place]
+        at += length
+    return begin, first, every
+
+
+def write_repeated(log: bytes, path: Path, size: float) -> None:
+    """Write a log whose samples follow again and again, each time later, until it has `size`."""
+    begin, first, every = times_in(log)
+    samples = np.frombuffer(log[begin:], np.uint8).copy()
+    time = [struct.unpack_from('<Q', log, place)[0] for place in (first[0], first[-1])]
+    period = time[1] - time[0] + 1000
+    places = np.array(every)[:, None] - begin + np.arange(8)
+    with path.open('wb') as stream:
+        stream.write(log)
+        while stream.tell() < size:
+            later = samples[places].view('<u8') + np.uint64(period)
+            samples[places] = later.view(np.uint8)
+            stream.write(samples.data)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('bags', nargs='+', type=Path)
     parser.add_argument('-o', '--output', required=True, type=Path)
+    parser.add_argument('--bytes', type=float, default=0.0, help='length of the log, at least')
     options = parser.parse_args()
     recordings = [read_bag(bag) for bag in options.bags]
     write = dataflash_bytes if options.output.suffix == '.bin' else ulog_bytes
-    options.output.write_bytes(write(recordings))
+    write_repeated(write(recordings), options.output, options.bytes)
 
 
 if __name__ == '__main__':

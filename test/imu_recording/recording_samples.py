@@ -37,6 +37,7 @@ def make_recording(n: int = 200, *, seed: int = 1, step_ns: int = 20_000_000) ->
         device_temperature=air - 0.3,
         setpoint=20.0 + held,
         humidity=0.4 + 0 * held,
+        pressure=101_325.0 + 10.0 * held,
         heater=rng.random(n),
         compressor=held % 2,
         fan=np.ones(n),

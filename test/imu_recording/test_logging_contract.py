@@ -45,3 +45,4 @@ def test_the_sensors_measure_what_is_not_held() -> None:
 def test_layouts_and_units_are_of_known_tracks() -> None:
     assert {track.message_type for track in TRACKS} - {STRING} == set(LAYOUTS)
     assert set(UNITS) < set(ARRAYS)
+    assert set(CHANNEL_FIELDS) < set(UNITS)  # a CSV file may hold any of them

@@ -70,7 +70,7 @@ def test_it_is_hidden_found_added_and_used(
         assert main(argv) == 2
         told = capsys.readouterr().err
         assert 'activity_dip' in told
-        assert 'give its file my_effect.py with --effects' in told
+        assert 'give its file my_effect.py with --effects (a node: parameter effects)' in told
         assert main([*argv, *own]) == 0
     assert read_bag(out).compensated
     node = ['-p', f'model:={model}', '-p', f'effects:=[{effect}]', '-o', str(tmp_path / 'node')]

@@ -17,6 +17,7 @@ IMU = 'sensor_msgs/msg/Imu'
 MAGNETIC_FIELD = 'sensor_msgs/msg/MagneticField'
 TEMPERATURE = 'sensor_msgs/msg/Temperature'
 HUMIDITY = 'sensor_msgs/msg/RelativeHumidity'
+PRESSURE = 'sensor_msgs/msg/FluidPressure'
 VECTOR = 'geometry_msgs/msg/Vector3Stamped'
 QUATERNION = 'geometry_msgs/msg/QuaternionStamped'
 FLOAT = 'std_msgs/msg/Float64'
@@ -25,6 +26,7 @@ STRING = 'std_msgs/msg/String'
 VALUE_OF_MESSAGE = {
     TEMPERATURE: 'temperature',
     HUMIDITY: 'relative_humidity',
+    PRESSURE: 'fluid_pressure',
     VECTOR: 'vector',
     FLOAT: 'data',
 }
@@ -67,6 +69,7 @@ TRACKS: tuple[Track, ...] = (
     Track('chamber/device_temperature', TEMPERATURE, ('device_temperature',), shared=True),
     Track('chamber/setpoint', TEMPERATURE, ('setpoint',), shared=True, event=True),
     Track('chamber/humidity', HUMIDITY, ('humidity',), shared=True),
+    Track('imu/pressure', PRESSURE, ('pressure',)),
     Track('chamber/heater', FLOAT, ('heater',), shared=True, event=True),
     Track('chamber/compressor', FLOAT, ('compressor',), shared=True, event=True),
     Track('chamber/fan', FLOAT, ('fan',), shared=True, event=True),

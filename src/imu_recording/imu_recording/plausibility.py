@@ -37,9 +37,11 @@ POSSIBLE = {
     'chamber_temperature_2': (-100.0, 300.0),
     'device_temperature': (-100.0, 300.0),
     'setpoint': (-100.0, 300.0),
+    'pressure': (0.0, 2e7),
 }
 """Least and greatest value a field can hold [its unit]: twice the widest full scales of MEMS
-sensors (16 and 24 g, 2000 °/s, 50 gauss), and temperatures of working electronics and chambers."""
+sensors (16 and 24 g, 2000 °/s, 50 gauss), temperatures of working electronics and chambers, and
+pressures from vacuum to two kilometres under water."""
 FEW = 0.01
 """Up to this share of impossible values is damage and left out; more is another unit."""
 

@@ -98,6 +98,8 @@ class ImuRecording:
     """(n,) chamber set-point [°C]."""
     humidity: FloatArray | None = None
     """(n,) relative humidity in the chamber, 0 … 1."""
+    pressure: FloatArray | None = None
+    """(n,) pressure of the air at the device [Pa]."""
     heater: FloatArray | None = None
     """(n,) heater state or duty, 0 … 1."""
     compressor: FloatArray | None = None

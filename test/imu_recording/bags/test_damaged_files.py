@@ -93,7 +93,7 @@ def test_damaged_metadata(tmp_path: Path) -> None:
 def test_a_row_that_claims_more_than_memory_ends_the_reading(tmp_path: Path) -> None:
     write_bag(make_recording(600), tmp_path / 'b', storage='sqlite3')
     (file,) = (tmp_path / 'b').glob('*.db3')
-    message = read_messages(tmp_path / 'b', ['/imu/temperature'])[300].data
+    message = read_messages(tmp_path / 'b', ['/imu/temperature'])[301].data
     whole = file.read_bytes()
     at = whole.index(message) - 28  # an erased sector over the length of the record before it
     file.write_bytes(whole[:at] + b'\xff' * 30 + whole[at + 30 :])

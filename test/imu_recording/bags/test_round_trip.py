@@ -33,6 +33,7 @@ SCALARS = (
     'device_temperature',
     'setpoint',
     'humidity',
+    'pressure',
     'heater',
     'compressor',
     'fan',

@@ -41,7 +41,8 @@ def test_pieces_hold_what_the_whole_holds(tmp_path: Path) -> None:
     assert pieces.parameters == whole.parameters
     assert pieces.hardware == whole.hardware
     assert len(pieces.imus) == 2
-    names = 'gyroscope', 'accelerometer', 'magnetometer', 'temperature', 'barometer_temperature'
+    names = ['gyroscope', 'accelerometer', 'magnetometer', 'temperature', 'pressure']
+    names.append('barometer_temperature')
     for one, other in zip(whole.imus, pieces.imus, strict=True):
         assert one.hardware == other.hardware
         for name in names:

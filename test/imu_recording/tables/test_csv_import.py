@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from imu_recording.recording import BagError
+from imu_recording.logging_contract import CHANNEL_FIELDS
+from imu_recording.recording import GRAVITY, BagError
 from imu_recording.tables.csv_import import import_csv
 from imu_recording.tables.mapping import MappingError, mapping_from
 from recording_samples import assert_same
@@ -312,6 +313,25 @@ def test_the_log_of_a_chamber_is_joined_by_time(tmp_path: Path) -> None:
     )
     assert late.chamber_temperature is not None
     assert late.chamber_temperature[800] == 30.0
+
+
+def test_any_channel_of_the_logging_contract(tmp_path: Path) -> None:
+    units = {'humidity': '%', 'pressure': 'hPa', 'chamber_temperature_2': 'K'}
+    scalars = [name for name in CHANNEL_FIELDS if name != 'vibration']
+    columns: dict[str, Any] = {name: {'column': name, 'unit': units.get(name)} for name in scalars}
+    columns['linear_acceleration'] = {'columns': ['a', 'a', 'a']}
+    columns['vibration'] = {'columns': ['vx', 'vy', 'vz'], 'unit': 'g²'}
+    header = ','.join(['t,a,vx,vy,vz', *scalars]) + '\n'
+    rows = ''.join(f'{k},1,1,2,4{",300" * len(scalars)}\n' for k in range(3))
+    file = written(tmp_path / 'a.csv', rows, header)
+    found = import_csv(file, {'schema': 1, 'time': {'column': 't'}, 'columns': columns})
+    for name in CHANNEL_FIELDS:
+        assert getattr(found, name) is not None, name
+    assert found.pressure is not None
+    assert found.pressure.tolist() == [30_000.0] * 3
+    assert found.chamber_temperature_2 == pytest.approx(np.full(3, 26.85))
+    assert found.vibration is not None
+    assert found.vibration[0] / GRAVITY**2 == pytest.approx([1.0, 2.0, 4.0])
 
 
 def test_a_log_that_ends_is_not_held_for_ever(tmp_path: Path) -> None:

@@ -108,6 +108,25 @@ def test_a_unit_behind_the_name_of_a_temperature(tmp_path: Path) -> None:
     assert guess.mapping['columns']['temperature'] == {'column': 'temp_degF', 'unit': 'degF'}
 
 
+def test_channels_beside_the_sensors(tmp_path: Path) -> None:
+    path = tmp_path / 'a.csv'
+    lines = (f'{k / 50},0,0,9.8,31,30,30.5,{995 + k % 3},{k % 2},40' for k in range(100))
+    header = 't,ax,ay,az,temp,chamber_temp,chamber_temp_2,baro_press,compressor,fan_duty'
+    path.write_text('\n'.join([header, *lines]))
+    guess = guess_mapping(path)
+    found = {name: entry.get('unit') for name, entry in guess.mapping['columns'].items()}
+    del found['linear_acceleration']
+    assert found == {
+        'temperature': '°C',
+        'chamber_temperature': '°C',
+        'chamber_temperature_2': '°C',
+        'pressure': 'hPa',
+        'compressor': '1',
+        'fan': '%',
+    }
+    assert not any('not used' in question for question in guess.unsure)
+
+
 def test_decimal_commas_and_windows_characters(tmp_path: Path) -> None:
     header = 'Zeit,ax,ay,az,gx,gy,gz,Temp (°F)'
     path = resting(tmp_path / 'a.csv', header, encoding='cp1252', comma=True)

@@ -13,13 +13,15 @@ import numpy as np
 import pytest
 from chamber_profile.profile.file import load_profile
 from imu_workbench.__main__ import main
+from imu_workbench.commands.auto import defect_lines
 from imu_workbench.commands.next_experiment import assumed_sizes
+from thermal_comp.data.quality import check_quality
 from thermal_comp.diagnosis.explanations import FINDINGS
 from thermal_comp.effects import EFFECTS
 from thermal_comp.model.file import load_model
 from thermal_comp.model.values import SensorModel, ThermalModel
 
-from imu_recording import write_bag
+from imu_recording import read_bag, write_bag
 
 OWN = '''
 from dataclasses import dataclass
@@ -119,6 +121,15 @@ def test_auto_adds_until_nothing_is_missing(bag: Path, tmp_path: Path, answer: A
     assert content['verdict'] in ('complete', 'ambiguous')
     held = {effect.name for effect in load_model(target).sensors['gyroscope'].effects}
     assert first['added'] in held
+
+
+def test_auto_says_what_it_left_out_and_why(bag: Path) -> None:
+    recording = read_bag(bag)
+    in_g = replace(recording, linear_acceleration=recording.linear_acceleration / 9.80665)
+    first, *why = defect_lines(check_quality([in_g])[1])
+    assert first.endswith('left out of what follows: unit_mismatch (accelerometer)')
+    assert why[0].endswith('as if in g')
+    assert not defect_lines(check_quality([recording])[1])
 
 
 def test_mistakes_of_add_and_auto_are_one_line(

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from thermal_comp.data.quality import POSSIBLE
 from thermal_comp.effects import EFFECTS
+from thermal_comp.model.bounds import typical_conditions
 from thermal_comp.model.file import check_device, load_model, save_model
 from thermal_comp.model.values import ModelError, SensorModel, ThermalModel
 
@@ -246,3 +248,12 @@ def test_numbers_that_no_sensor_has_are_refused_by_their_field(
     file.write_text(yaml.safe_dump(document, allow_unicode=True))
     with pytest.raises(ModelError, match=named):
         load_model(file)
+
+
+@pytest.mark.parametrize('track', POSSIBLE)
+def test_errors_are_bounded_in_conditions_that_can_be(track: str) -> None:
+    conditions = typical_conditions(-10.0, 50.0, 20.0, 'accelerometer')
+    low, high, _ = POSSIBLE[track]
+    values = getattr(conditions, track)
+    assert low <= values.min() <= values.max() <= high
+    assert track != 'pressure' or values.min() > 3e4  # on Earth

@@ -52,3 +52,10 @@ def test_what_would_not_lower_the_error_is_not_offered_as_if_it_did() -> None:
     assert 'bias_step, what comes closest, would not lower' in worse
     (better,) = prediction_lines({'gyroscope': {**one, 'error_after': 4e-4}})
     assert 'add bias_step would bring' in better
+
+
+def test_a_note_stands_once() -> None:
+    note = 'gyroscope left out: run x never changes'
+    told = Diagnosis('dut1', (), {}, {}, (), (note, note)).to_dict()
+    assert told['notes'] == [note, note]
+    assert diagnosis_text(told).count(note) == 1

@@ -24,6 +24,7 @@ _VALUES: dict[str, Any] = {
     'sensor_msgs/msg/MagneticField': lambda m: (_vector(m.magnetic_field),),
     'sensor_msgs/msg/Temperature': lambda m: ((m.temperature,),),
     'sensor_msgs/msg/RelativeHumidity': lambda m: ((m.relative_humidity,),),
+    'sensor_msgs/msg/FluidPressure': lambda m: ((m.fluid_pressure,),),
     'geometry_msgs/msg/Vector3Stamped': lambda m: (_vector(m.vector),),
     'geometry_msgs/msg/QuaternionStamped': lambda m: (
         (m.quaternion.x, m.quaternion.y, m.quaternion.z, m.quaternion.w),

@@ -70,7 +70,7 @@ AVERAGED = {
     for name, columns in (
         ('IMU', (*GYROSCOPE, *ACCELEROMETER, 'T')),
         ('MAG', MAGNETOMETER),
-        ('BARO', ('Temp',)),
+        ('BARO', ('Temp', 'Press')),
     )
     for number in ('', '2', '3')
 }
@@ -312,9 +312,8 @@ def _imus(path: Path, tables: Tables, parameters: Mapping[str, float]) -> list[L
                 magnetometer=None
                 if field is None
                 else _series(field, TESLA_PER_MILLIGAUSS * _vector(field, MAGNETOMETER)),
-                barometer_temperature=None
-                if board is None or 'Temp' not in board
-                else _series(board, np.asarray(board['Temp'], float)[:, None]),
+                barometer_temperature=_channel(board, 'Temp'),
+                pressure=_channel(board, 'Press'),
                 hardware=_device_ids(parameters, number),
                 notes=tuple(dict.fromkeys(notes)),
             )
@@ -342,6 +341,13 @@ def _vector(table: Columns, names: Sequence[str]) -> FloatArray:
 
 def _series(table: Columns, values: FloatArray) -> Series:
     return Series(np.asarray(table['TimeUS']).astype(np.int64) * 1000, values)
+
+
+def _channel(table: Columns | None, name: str) -> Series | None:
+    """Return one column of messages; None where there are none, or older ones without it."""
+    if table is None or name not in table:
+        return None
+    return _series(table, np.asarray(table[name], float)[:, None])
 
 
 def _device_ids(parameters: Mapping[str, float], number: int) -> dict[str, str]:

@@ -40,6 +40,8 @@ class LoggedImu:
     magnetometer: Series | None = None
     barometer_temperature: Series | None = None
     """Of the barometer's chip, on the same board, (n, 1)."""
+    pressure: Series | None = None
+    """Of the air by the barometer [Pa], (n, 1)."""
     hardware: Mapping[str, str] = field(default_factory=dict)
     """Names and device IDs."""
     notes: tuple[str, ...] = ()

@@ -129,6 +129,7 @@ def _recording(log: FlightLog, imu: LoggedImu) -> ImuRecording:
     board, _ = _held('barometer temperature', rows, imu.barometer_temperature, notes)
     if imu.barometer_temperature is not None:
         notes.append('device_temperature is that of the barometer')
+    pressure, _ = _held('pressure', rows, imu.pressure, notes)
     up_axis = infer_up_axis(linear_acceleration[kept])
     if up_axis:
         notes.append(f'up_axis {up_axis} is inferred from gravity')
@@ -144,6 +145,7 @@ def _recording(log: FlightLog, imu: LoggedImu) -> ImuRecording:
         temperature=temperature,
         temperature_stamp=np.where(measured < 0, -1, measured + zero),
         device_temperature=board if imu.barometer_temperature is not None else None,
+        pressure=pressure if imu.pressure is not None else None,
         frame_id=f'imu{imu.number}_frd',
         device=f'{log.vehicle}_imu{imu.number}',
         run=log.name,

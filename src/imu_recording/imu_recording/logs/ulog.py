@@ -23,7 +23,7 @@ from imu_recording.logs.flight_log import (
     with_temperature,
 )
 from imu_recording.logs.gps_time import power_on
-from imu_recording.logs.ulog_stream import Topic, stream_topics
+from imu_recording.logs.ulog_stream import Topic, ends_within_a_message, stream_topics
 from imu_recording.recording import FloatArray
 
 MAGIC = b'ULog\x01\x12\x35'
@@ -38,7 +38,10 @@ COLUMNS = {
 TOPICS = tuple(COLUMNS)
 CLOCKS = {'sensor_gps': ('time_utc_usec',), 'vehicle_gps_position': ('time_utc_usec',)}
 """Topics that may tell the date."""
+CUT_OFF = 'the log was cut off: it ends within a message; what follows is missing'
 TESLA_PER_GAUSS = 1e-4
+HIGHEST_HPA = 2000.0
+"""Pressure up to which sensor_baro is in hPa, as before PX4 1.14; since then it is in Pa."""
 WAY_OUT = (
     'log every sensor at full rate: SDLOG_PROFILE bit 2 (thermal calibration), SDLOG_MODE 2 (from '
     'power-on)'
@@ -66,7 +69,7 @@ def read_ulog(
     """
     long = path.stat().st_size >= whole_below
     log, said = _opened(path, header_only=long)
-    data, notes = _streamed(path, log, most_rows) if long else _held(log, said)
+    data, notes = _streamed(path, log, most_rows) if long else _held(path, log, said)
     zero = _power_on(data)
     data = {key: item for key, item in data.items() if key[0] in COLUMNS}
     for (topic, instance), item in data.items():
@@ -100,19 +103,21 @@ def _power_on(data: Mapping[Topic, Mapping[str, Any]]) -> int | None:
     return None
 
 
-def _held(log: Any, said: str) -> tuple[dict[Topic, Mapping[str, Any]], list[str]]:
+def _held(path: Path, log: Any, said: str) -> tuple[dict[Topic, Mapping[str, Any]], list[str]]:
     """Return the topics of a log that was read as a whole, and what is said of it."""
     damaged = log.file_corruption or 'corruption' in said
     lost = sum(dropout.duration for dropout in log.dropouts)
     data = {(item.name, item.multi_id): item.data for item in log.data_list}
-    return data, _damage_notes(damaged=damaged, dropouts=len(log.dropouts), lost_ms=lost)
+    notes = _damage_notes(damaged=damaged, dropouts=len(log.dropouts), lost_ms=lost)
+    return data, [*notes, *([CUT_OFF] if ends_within_a_message(path) else [])]
 
 
 def _streamed(
     path: Path, log: Any, most_rows: int
 ) -> tuple[dict[Topic, Mapping[str, Any]], list[str]]:
     """Return the topics of a long log as means, and what is said of it."""
-    columns = {name: (*COLUMNS[name], 'temperature', 'device_id') for name in TOPICS}
+    further = ('temperature', 'pressure', 'device_id')
+    columns = {name: (*COLUMNS[name], *further) for name in TOPICS}
     columns |= {name: (*needed, 'fix_type') for name, needed in CLOCKS.items()}
     known = {name: tuple(dict.fromkeys(needed)) for name, needed in columns.items()}
     try:
@@ -124,6 +129,8 @@ def _streamed(
     notes = _damage_notes(
         damaged=found.damaged > 0, dropouts=found.dropouts, lost_ms=found.dropout_ms
     )
+    if found.cut:
+        notes.append(CUT_OFF)
     if found.averaged > 1:
         notes.append(f'a long log: rows are means of {found.averaged} samples')
     return dict(found.columns), notes
@@ -221,6 +228,7 @@ def _imu(
         if field is None
         else _series(field, ('x', 'y', 'z'), factor=TESLA_PER_GAUSS),
         barometer_temperature=None if board is None else _series(board, ('temperature',)),
+        pressure=_pressure(board),
         hardware={name: str(_device_id(item)) for name, item in ids.items() if item is not None},
         notes=tuple(notes),
     )
@@ -233,6 +241,15 @@ def _series(item: Mapping[str, Any], names: tuple[str, ...], factor: float = 1.0
         time = np.asarray(item['timestamp'])
     values: FloatArray = np.stack([np.asarray(item[n], float) for n in names], axis=1) * factor
     return Series(time.astype(np.int64) * 1000, values)
+
+
+def _pressure(board: Mapping[str, Any] | None) -> Series | None:
+    if board is None or 'pressure' not in board:
+        return None
+    series = _series(board, ('pressure',))
+    known = series.values[np.isfinite(series.values)]
+    hectopascal = len(known) > 0 and float(np.median(known)) < HIGHEST_HPA
+    return Series(series.time, series.values * 100.0) if hectopascal else series
 
 
 def _has_temperature(item: Mapping[str, Any]) -> bool:

@@ -49,19 +49,23 @@ class StreamedTopics:
     dropout_ms: int = 0
     damaged: int = 0
     """Places where bytes were no message."""
+    cut: bool = False
+    """Whether the log ends within a message."""
 
 
 def stream_topics(
     path: Path, formats: Mapping[str, Any], wanted: Mapping[str, tuple[str, ...]], rows: int
 ) -> StreamedTopics:
-    """Return columns of the wanted topics; of one with more than `rows` in all, means.
+    """Return columns of the wanted topics; of one with more than `rows`, means.
+
+    Instances of a topic count together.
 
     `formats`: pyulog's message formats; `wanted`: names of columns by topic.
     """
     found = StreamedTopics()
-    counts: dict[Topic, int] = {}
-    for topic, _, offsets in _pieces(path, set(wanted), StreamedTopics()):
-        counts[topic] = counts.get(topic, 0) + len(offsets)
+    counts = dict.fromkeys(wanted, 0)
+    for (name, _), _, offsets in _pieces(path, set(wanted), StreamedTopics()):
+        counts[name] += len(offsets)
     means: dict[Topic, BlockMeans] = {}
     for topic, piece, offsets in _pieces(path, set(wanted), found):
         layout = _layout(formats[topic[0]])
@@ -70,7 +74,7 @@ def stream_topics(
             for n in ('timestamp', 'timestamp_sample', *wanted[topic[0]])
             if n in (layout.names or ())
         ]
-        count = -(-counts[topic] // rows)
+        count = -(-counts[topic[0]] // rows)
         found.averaged = max(found.averaged, count)
         whole = offsets[offsets + layout.itemsize <= len(piece)]
         values = piece[whole[:, None] + np.arange(layout.itemsize)].view(layout)[:, 0]
@@ -87,6 +91,14 @@ def stream_topics(
             table['timestamp_sample'] = time + np.rint(columns['timestamp_sample']).astype(int)
         found.columns[topic] = table
     return found
+
+
+def ends_within_a_message(path: Path) -> bool:
+    """Tell whether a log was cut off: by a lost supply, or an incomplete copy."""
+    found = StreamedTopics()
+    for _ in _pieces(path, set(), found):
+        pass
+    return found.cut
 
 
 def _layout(message: Any) -> np.dtype[Any]:
@@ -135,6 +147,7 @@ def _pieces(
                 else:
                     break
             if not read:
+                found.cut = at < len(piece)
                 return
             rest = bytes(piece[at:])
 

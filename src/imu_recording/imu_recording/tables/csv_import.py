@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from imu_recording.held_temperature import note_held
+from imu_recording.logging_contract import MEASURED_FIELDS
 from imu_recording.phase import phases_from_setpoint
 from imu_recording.recording import BagError, FloatArray, ImuRecording, IntArray, infer_up_axis
 from imu_recording.synchronise import (
@@ -117,7 +118,7 @@ def _joined(
         if field == 'magnetic_field':
             found[field] = join_next(name, rows, own).values[0]
             continue
-        if field in VECTORS:
+        if field in MEASURED_FIELDS:
             found[field], _ = interpolate(rows, own)
             continue
         held, measured = hold_newest(name, rows, own, event=True).values
@@ -211,7 +212,7 @@ def _recording(
     path: Path, told: CsvMapping, stamp: IntArray, found: dict[str, Any], notes: list[str]
 ) -> ImuRecording:
     n = len(stamp)
-    for field in VECTORS:
+    for field in MEASURED_FIELDS:
         if field not in found:
             found[field] = np.full((n, 3), np.nan)
             notes.append(f'no columns for {field}: it is NaN')

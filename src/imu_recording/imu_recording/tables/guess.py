@@ -32,11 +32,26 @@ VECTORS = {
 SCALARS = {
     'setpoint': r'(set_?point|target|sp)(_?temp(erature)?)?',
     'chamber_temperature': r'(chamber|oven|ambient|air|outside)(_?t(emp(erature)?)?)?',
+    'chamber_temperature_2': r'(chamber|oven|ambient|air|outside)(_?t(emp(erature)?)?)?_?2',
     'device_temperature': r'(board|case|thermocouple|tc|baro(meter)?|pcb)(_?t(emp(erature)?)?)?',
     'temperature': r'((imu|die|d|sensor|chip)_?)?(t|temp(erature)?)',
     'humidity': r'(rh|hum(idity)?|relative_?humidity)',
+    'pressure': r'(air_?|baro(meter)?_?)?press(ure)?',
+    'heater': r'heat(er|ing)(_?(duty|state|on|power))?',
+    'compressor': r'compressor(_?(duty|state|on))?',
+    'fan': r'fan(_?(duty|state|on))?',
     'supply_voltage': r'(v|vcc|vdd|supply|voltage)(_?voltage)?',
 }
+SHARE = {'1': 1.0, '%': np.inf}
+GREATEST = {
+    'humidity': SHARE,
+    'heater': SHARE,
+    'compressor': SHARE,
+    'fan': SHARE,
+    'supply_voltage': {'V': 100.0, 'mV': np.inf},
+    'pressure': {'bar': 2.0, 'kPa': 200.0, 'hPa': 2000.0, 'Pa': np.inf},
+}
+"""Up to which greatest value a channel without a unit is taken for one, in this order."""
 TIME = r'(sample_?)?(time(_?stamp)?|stamp|t|date(_?time)?|sec(onds)?|millis|micros|zeit|datum)'
 PREFIX = r'(imu\d?|sensor|raw|data)?_?'
 NORMS = {
@@ -266,10 +281,9 @@ def _scalar_unit(
         return {'unit': told}
     known = values[np.isfinite(values)]
     middle = float(np.median(known)) if len(known) else np.nan
-    if name == 'humidity':
-        return {'unit': '%' if middle > 1.0 else '1'}
-    if name == 'supply_voltage':
-        return {'unit': 'mV' if middle > 100.0 else 'V'}
+    if name in GREATEST:
+        greatest = float(known.max()) if len(known) else np.nan
+        return {'unit': next(u for u, most in GREATEST[name].items() if not greatest > most)}
     if WARM < middle < 130.0:
         unsure.append(f'{name}: {column} is about {middle:.3g}, taken as °C: or is it °F?')
     if -60.0 < middle < 130.0:

@@ -55,6 +55,8 @@ _FIELD = {
     'mG': 1e-7,
 }
 _SHARE = {'1': 1.0, '%': 0.01}
+_PRESSURE = {'Pa': 1.0, 'hPa': 100.0, 'mbar': 100.0, 'kPa': 1e3, 'bar': 1e5}
+_VARIANCE = {'(m/s²)²': 1.0, 'm²/s⁴': 1.0, 'm^2/s^4': 1.0, 'g²': GRAVITY**2, 'g^2': GRAVITY**2}
 _CELSIUS = {'°C': (1.0, 0.0), 'C': (1.0, 0.0), 'K': (1.0, -273.15)}
 _FAHRENHEIT = dict.fromkeys(('°F', 'F'), (5 / 9, -32 * 5 / 9))
 _TEMPERATURE = _CELSIUS | _FAHRENHEIT
@@ -85,6 +87,8 @@ WRITTEN_AS = {
     'volt': 'V',
     'volts': 'V',
     'percent': '%',
+    'pascal': 'Pa',
+    'millibar': 'mbar',
 }
 """Other spellings of units, in lower case."""
 
@@ -103,10 +107,12 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
     'device_temperature': _TEMPERATURE,
     'setpoint': _TEMPERATURE,
     'humidity': {unit: (factor, 0.0) for unit, factor in _SHARE.items()},
+    'pressure': {unit: (factor, 0.0) for unit, factor in _PRESSURE.items()},
     'heater': {unit: (factor, 0.0) for unit, factor in _SHARE.items()},
     'compressor': {unit: (factor, 0.0) for unit, factor in _SHARE.items()},
     'fan': {unit: (factor, 0.0) for unit, factor in _SHARE.items()},
     'supply_voltage': {'V': (1.0, 0.0), 'mV': (1e-3, 0.0)},
+    'vibration': {unit: (factor, 0.0) for unit, factor in _VARIANCE.items()},
 }
 """By field of ImuRecording and unit: (factor, offset) to that field's unit."""
 
@@ -115,7 +121,7 @@ UNIT_OF_FIELD = {
 }
 """Unit of each field of a recording: what all others are converted to."""
 
-VECTORS = MEASURED_FIELDS
+VECTORS = (*MEASURED_FIELDS, 'vibration')
 """Fields that take three columns."""
 
 
@@ -261,8 +267,9 @@ def _columns(told: Any, name: str, *, beside: bool) -> tuple[CsvColumn, ...]:
     if not isinstance(told, Mapping) or not told:
         raise MappingError(f'{name}: columns: expected at least one of {", ".join(UNITS)}')
     _refuse_unknown(told, set(UNITS), f'{name}: columns')
-    if not beside and not set(told) & set(VECTORS):
-        raise MappingError(f'{name}: columns: expected at least one of {", ".join(VECTORS)}')
+    if not beside and not set(told) & set(MEASURED_FIELDS):
+        sensors = ', '.join(MEASURED_FIELDS)
+        raise MappingError(f'{name}: columns: expected at least one of {sensors}')
     columns: list[CsvColumn] = []
     for field, entry in told.items():
         columns += _field(field, entry, f'{name}: columns: {field}')

@@ -4,14 +4,15 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 
 from thermal_comp.data.preparation import prepare
-from thermal_comp.data.quality import check_quality
+from thermal_comp.data.quality import QualityFinding, check_quality
 from thermal_comp.diagnosis.diagnose import Settings
 from thermal_comp.diagnosis.growth import grow
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import load_model
-from thermal_comp.presentation.diagnosis import undecided_lines, verdict_line
+from thermal_comp.presentation.diagnosis import VERDICTS, undecided_lines, verdict_line
 from thermal_comp.presentation.growth import growth_text
 
 from imu_workbench.answer import Answer, show_progress
@@ -68,6 +69,17 @@ def run(options: argparse.Namespace) -> Answer:
         'data_quality': [f'{d.name}: {d.text}' for d in defects],
         'model': None if code else str(options.output),
     }
-    lines = [growth_text(content), f'after that: {verdict_line(left)}']
+    lines = [*defect_lines(defects), growth_text(content), f'after that: {verdict_line(left)}']
     lines += undecided_lines(content['undecided'])
     return Answer(content, '\n'.join([*lines, saved]), code)
+
+
+def defect_lines(defects: Sequence[QualityFinding]) -> list[str]:
+    """Return what was left out of the recordings before anything was fitted, and why."""
+    if not defects:
+        return []
+    named = dict.fromkeys(f'{defect.name} ({defect.sensor})' for defect in defects)
+    return [
+        f'{VERDICTS["data_quality"]}: {", ".join(named)}',
+        *dict.fromkeys(f'  {defect.text}' for defect in defects),
+    ]

@@ -184,7 +184,7 @@ INTERPOLATED_RATE = 25.0
 line, and spreads of the degrees differ from those at 50 Hz by 3 % at most."""
 UNUSED = (
     'chamber_temperature', 'chamber_temperature_2', 'device_temperature', 'setpoint', 'humidity',
-    'heater', 'compressor', 'fan', 'supply_voltage', 'vibration', 'phase',
+    'pressure', 'heater', 'compressor', 'fan', 'supply_voltage', 'vibration', 'phase',
     'reference_orientation',
 )  # fmt: skip
 """Tracks the filters do not look at."""

@@ -53,6 +53,7 @@ class Conditions:
     chamber_temperature: FloatArray | None = None
     device_temperature: FloatArray | None = None
     humidity: FloatArray | None = None
+    pressure: FloatArray | None = None
     heater: FloatArray | None = None
     compressor: FloatArray | None = None
     fan: FloatArray | None = None

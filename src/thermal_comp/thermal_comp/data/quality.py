@@ -54,6 +54,7 @@ POSSIBLE = {
     'humidity': (-0.05, 1.1, 'is no relative humidity (0 … 1)'),
     'temperature': (-80.0, 200.0, 'is no temperature of a working die'),
     'chamber_temperature': (-100.0, 300.0, 'is no temperature of a chamber'),
+    'pressure': (0.0, 2e7, 'is no pressure'),
     'supply_voltage': (0.0, 60.0, 'is no supply voltage'),
 }
 """Least and greatest value a track can have [its unit], and what is said of others."""

@@ -37,6 +37,7 @@ def typical_conditions(
         'device_temperature': temperature + 1.0,
         'setpoint': temperature,
         'supply_voltage': 3.3 + 0.1 * switch,
+        'pressure': 101_325.0 + 1e3 * switch,
         'vibration': np.full((ROWS, 3), 0.1),
         'phase': np.full(ROWS, 3, dtype=np.int64),
         'cycle': np.ones(ROWS, dtype=np.int64),

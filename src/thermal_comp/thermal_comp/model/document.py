@@ -251,7 +251,8 @@ def _effect(
     if name not in catalogue:
         raise item['name'].refuse(
             f'{name!r} is not in the catalogue{did_you_mean(name, catalogue)}; if it is an '
-            f'effect of your own, give its file {_told_file(item)}with --effects'
+            f'effect of your own, give its file {_told_file(item)}with --effects (a node: '
+            'parameter effects)'
         )
     _check_source(item, catalogue[name])
     known = {f.name: f for f in fields(catalogue[name])}

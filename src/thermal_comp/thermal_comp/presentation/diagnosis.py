@@ -50,7 +50,7 @@ def diagnosis_text(content: Mapping[str, Any]) -> str:
     lines += undecided_lines(content.get('undecided', ()))
     lines += [f'  undetermined: {text}' for text in content['undetermined']]
     lines += _greyed_lines(content['greyed_out'])
-    lines += [f'  note: {text}' for text in content['notes']]
+    lines += [f'  note: {text}' for text in dict.fromkeys(content['notes'])]
     lines += [f'  next: {text}' for text in advice(content)]
     return '\n'.join(lines)
 

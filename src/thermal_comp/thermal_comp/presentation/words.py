@@ -97,6 +97,7 @@ WORDS: Mapping[str, str] = {
     'heater': 'Channel: state or duty of the heater, 0 … 1.',
     'compressor': 'Channel: state of the compressor, 0 … 1.',
     'fan': 'Channel: state of the fan, 0 … 1.',
+    'pressure': 'Channel: air at the device, as a barometer on its board has it [Pa].',
     'supply_voltage': 'Channel: supply of the device [V].',
     'vibration': 'Channel: variance of the acceleration within a second [(m/s²)²].',
     'phase': 'Part of a thermal cycle: precondition, ramp_down, dwell_cold, ramp_up, dwell_hot, '
