@@ -48,6 +48,11 @@ def test_the_page_of_the_effects_is_up_to_date() -> None:
     assert kept.strip() == made.strip(), f'doc/physics.md is stale: {command}'
 
 
+@pytest.mark.parametrize('channel', CHANNELS)
+def test_an_effect_may_need_any_channel(channel: str) -> None:
+    assert np.isfinite(getattr(example_conditions(), channel)).all()
+
+
 def texts(file: Path) -> Iterator[tuple[int, str]]:
     """Yield line and value of every string of a file that is not a docstring."""
     tree = ast.parse(file.read_text('utf-8'))

@@ -98,6 +98,7 @@ def example_conditions(seed: int = 0, sensor: Sensor = 'accelerometer') -> Condi
         chamber_temperature=20.0 + 32.0 * swing,
         device_temperature=20.0 + 31.0 * swing,
         humidity=0.5 + 0.2 * swing,
+        pressure=101_325.0 + rng.normal(0.0, 100.0, ROWS),
         heater=switch,
         compressor=1.0 - switch,
         fan=np.ones(ROWS),

@@ -67,7 +67,7 @@ def explanation_text(effect: type[Effect]) -> str:
         ('reference', told['reference']),
     ]
     head = f'{told["name"]}: {told["summary"]}'
-    return '\n'.join([head, *(f'  {label:<13}{text}' for label, text in rows)])
+    return '\n'.join([head, *(f'  {label:<13}{text}' for label, text in rows if text)])
 
 
 def explain_all(catalogue: Mapping[str, type[Effect]]) -> str:
