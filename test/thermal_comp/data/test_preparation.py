@@ -120,6 +120,13 @@ def test_no_infinite_value_goes_on(period: float) -> None:
     assert not np.isinf(run.fine_measured['accelerometer']).any()
 
 
+def test_a_second_that_holds_a_single_sample_at_the_end_is_left_out() -> None:
+    (run,) = prepare([still(0.5, 10.0).rows(slice(0, 9_001))])
+    assert run.conditions.time[-1] < 900.0
+    (run,) = prepare([still(0.5, 10.0).rows(slice(0, 9_008))])
+    assert run.conditions.time[-1] > 900.0
+
+
 def test_a_slower_magnetometer_is_averaged_over_its_own_samples() -> None:
     recording = still(0.5, 10.0)
     field = recording.magnetic_field.copy()

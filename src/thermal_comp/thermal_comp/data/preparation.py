@@ -276,7 +276,8 @@ def block_length(recording: ImuRecording) -> float:
 def _fine(recording: ImuRecording, origin: int, period: float) -> tuple[ImuRecording, list[str]]:
     """Return the recording as means over `period` [s], or as it is where it is slower.
 
-    The bins start at `origin` [ns], whatever was cut.
+    The bins start at `origin` [ns], whatever was cut. Where samples begin or end within a bin, in
+    less than half of it, there is none: its noise would be larger than the others'.
     """
     notes = _bad_rows(recording)
     step = float(np.median(np.diff(recording.stamp))) * 1e-9
@@ -298,7 +299,10 @@ def _fine(recording: ImuRecording, origin: int, period: float) -> tuple[ImuRecor
             recording.linear_acceleration, edges, taken['linear_acceleration']
         )
     stamp = origin + ((2 * bins[starts] + 1) * length) // 2
-    return replace(recording, stamp=stamp, **taken), notes
+    rows, distance = np.diff(edges), np.diff(bins[starts])
+    inside = (np.append(distance, 2) == 1) & (np.insert(distance, 0, 2) == 1)
+    whole = inside | (rows >= 0.5 * np.median(rows))
+    return replace(recording, stamp=stamp, **taken).rows(whole), notes
 
 
 def _finite_or_nan(values: FloatArray) -> FloatArray:
