@@ -163,11 +163,15 @@ def _along_temperature(
 
 
 def _windows(one: _Series) -> tuple[FloatArray, FloatArray]:
-    """Return (w, WINDOW_ROWS) powers over their median and (w,) temperatures of half windows."""
-    starts = range(0, len(one.values) - WINDOW_ROWS + 1, WINDOW_ROWS // 2)
-    if not starts:
+    """Return (w, WINDOW_ROWS) powers over their median and (w,) temperatures of windows.
+
+    They overlap by half; those that lie in gaps are left out.
+    """
+    starts = np.arange(0, len(one.values) - WINDOW_ROWS + 1, WINDOW_ROWS // 2)
+    rows = np.add.outer(starts, np.arange(WINDOW_ROWS))
+    rows = rows[one.values.any(axis=1)[rows].mean(axis=1) > 0.5]
+    if not len(rows):
         return np.zeros((0, WINDOW_ROWS)), np.zeros(0)
-    rows = np.add.outer(np.array(starts), np.arange(WINDOW_ROWS))
     tapered = one.values[rows] * np.hanning(WINDOW_ROWS)[:, None]
     power = np.abs(np.fft.fft(tapered, axis=1)) ** 2
     usual = np.median(power, axis=(0, 1))
