@@ -204,8 +204,9 @@ def small_recording(device: str, run: str, seed: int) -> ImuRecording:
     )  # fmt: skip
 
 
-@pytest.fixture(scope='session')
+@pytest.fixture(scope='module')
 def browser() -> Iterator[Browser]:
+    """A browser; its event loop ends with the file, as the tests after it run their own."""
     with sync_playwright() as playwright:
         if chromium() is None and not Path(playwright.chromium.executable_path).exists():
             pytest.fail(
