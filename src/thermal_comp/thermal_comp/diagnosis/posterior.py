@@ -203,7 +203,7 @@ def _beside(hypotheses: SensorHypotheses, one: _Fitted, flaw: float) -> list[_Be
     course = one.course + _at(one.course_size, amplitude)
     weight = log_sum([b.log_weight for b in found])
     found += _unknown(hypotheses, some, gains, course)
-    return found + _switched(hypotheses, some, weight) + _twins(hypotheses, some, weight)
+    return found + _switched(hypotheses, some, weight) + _unseen_twins(hypotheses, some, weight)
 
 
 def _unknown(
@@ -251,7 +251,7 @@ def _switched(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> l
     return [_Beside(UNLOGGED, lost, weight + once + float(np.log(priors.UNLOGGED)))]
 
 
-def _twins(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> list[_Beside]:
+def _unseen_twins(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> list[_Beside]:
     """Return what speaks for effects whose channel was not logged in place of those of a set.
 
     What cannot be told from an effect is as likely as the set with that one; `weight`: the set's.
