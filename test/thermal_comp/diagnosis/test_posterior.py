@@ -151,3 +151,16 @@ def test_several_steps_may_be_one_supply_that_is_switched(settling: float) -> No
         switched = lagging(switched, settling, float(time[1] - time[0]))
     said = said_of(switched, tuple(EFFECTS), only=1)
     assert said.kind == 'unlogged'
+
+
+def test_twins_whose_courses_are_the_same_to_some_per_cent_are_both_said() -> None:
+    """Air that leads the die by its lag, through a thermometer that follows in half a minute."""
+    time, temperature, *_ = chamber()
+    rate = np.gradient(temperature, time)
+    outside = lagging(temperature + 200.0 * rate, 30.0, PERIOD)
+    said = said_of(
+        0.3 * rate, ('temperature_rate', 'thermal_gradient'), chamber_temperature=outside
+    )
+    by_name = {e.names: e.probability for e in said.explanations}
+    assert min(by_name['temperature_rate',], by_name['thermal_gradient',]) > 0.05
+    assert by_name['temperature_rate',] + by_name['thermal_gradient',] > 0.9
