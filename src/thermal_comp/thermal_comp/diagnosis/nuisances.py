@@ -39,21 +39,16 @@ def nuisance_priors(
 
 
 def _slow_directions(design: CandidateDesign, run: PreparedRun) -> FloatArray:
-    """(m, 3, q) strongest directions of the slow part of the noise, unit variance each.
-
-    It is the fitted one and the least flicker noise of a MEMS sensor.
-    """
+    """(m, 3, q) strongest directions of the slow part of the fitted noise, unit variance each."""
     noise = design.noise
     longest = max(float(some.time[-1]) for some in design.source.runs)
     slow = noise.time_constants >= longest * priors.SLOW_NOISE_SHARE
     support = np.linspace(run.time[0], run.time[-1], min(len(run.time), SUPPORT))
     apart = np.abs(support[:, None] - support)
     each = np.exp(-apart[None] / noise.time_constants[slow][:, None, None])
-    flicker = np.exp(-apart / (priors.FLICKER_SHARE * longest))
     columns = np.empty((len(run.time), 3, DIRECTIONS))
     for axis in range(3):
         covariance = np.tensordot(noise.amplitudes[slow, axis] ** 2, each, axes=1)
-        covariance += noise.white[axis] ** 2 / priors.FLICKER_AT_S * flicker
         values, vectors = np.linalg.eigh(covariance)
         strongest = np.argsort(values)[::-1][:DIRECTIONS]
         for place, index in enumerate(strongest):

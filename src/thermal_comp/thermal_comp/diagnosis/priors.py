@@ -61,11 +61,6 @@ SLOW_NOISE = ((0.0, 0.5), (3.0, 0.3), (15.0, 0.2))
 periods tell of a variance is right to a factor of two to four."""
 SLOW_NOISE_SHARE = 0.025
 """Share of the longest run from which a time constant of the noise is slow."""
-FLICKER_AT_S = 300.0
-"""Averaging time at which flicker noise is at least as large as white noise [s]: Allan deviations
-of MEMS sensors have their minimum at 10 to 300 s, whatever a short recording shows of it."""
-FLICKER_SHARE = 0.25
-"""Its correlation time, as a share of the longest run."""
 
 THERMOMETER_LAGS_S = ((8.0, 0.8), (60.0, 0.2))
 """Standard deviations of the thermometer's own lag [s] with probabilities: one on the die lags by
