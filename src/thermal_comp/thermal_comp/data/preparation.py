@@ -277,7 +277,7 @@ def _fine(recording: ImuRecording, origin: int, period: float) -> tuple[ImuRecor
     """Return the recording as means over `period` [s], or as it is where it is slower.
 
     The bins start at `origin` [ns], whatever was cut. Where samples begin or end within a bin, in
-    less than half of it, there is none: its noise would be larger than the others'.
+    less than a quarter of it, there is none: its noise would be twice the others'.
     """
     notes = _bad_rows(recording)
     step = float(np.median(np.diff(recording.stamp))) * 1e-9
@@ -301,7 +301,7 @@ def _fine(recording: ImuRecording, origin: int, period: float) -> tuple[ImuRecor
     stamp = origin + ((2 * bins[starts] + 1) * length) // 2
     rows, distance = np.diff(edges), np.diff(bins[starts])
     inside = (np.append(distance, 2) == 1) & (np.insert(distance, 0, 2) == 1)
-    whole = inside | (rows >= 0.5 * np.median(rows))
+    whole = inside | (rows >= 0.25 * np.median(rows))
     return replace(recording, stamp=stamp, **taken).rows(whole), notes
 
 
