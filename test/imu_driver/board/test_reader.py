@@ -108,10 +108,11 @@ def test_unplug_and_return(running: Running) -> None:
     assert running.reader.reconnects == 1
     stamps = [sample.stamp for sample in running.samples]
     assert all(a < b for a, b in pairwise(stamps))
-    gap = max(b - a for a, b in pairwise(stamps)) * 1e-9
-    assert 0.3 <= gap < 2.3
-    lost = running.session.sequence.lost
-    assert lost == pytest.approx(gap * 476.0, rel=0.1)
+    gaps = [(b - a) * 1e-9 for a, b in pairwise(stamps)]
+    assert 0.3 <= max(gaps) < 2.3
+    # On a busy machine samples are lost before and after as well.
+    missing = sum(round(gap * 476.0) - 1 for gap in gaps)
+    assert running.session.sequence.lost == pytest.approx(missing, rel=0.1)
     for sample in running.samples:
         assert sample.linear_acceleration == pytest.approx((0.5, -0.3, 9.79), abs=0.01)
 
