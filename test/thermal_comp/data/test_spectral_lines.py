@@ -10,10 +10,9 @@ from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.data.spectral_lines import LOWEST_HZ, spectral_lines
 from thermal_comp.diagnosis.sensor_search import SensorAnswer, Settings, search_sensors
 from thermal_comp.effects import EFFECTS
-from thermal_comp.effects.operators import follow
 from thermal_comp.noise.estimation import fit_noise
 
-from ..campaign import PERIOD, WHITE, chamber, run
+from ..campaign import PERIOD, WHITE, chamber, lagging, run
 
 GAINS = np.array([1.0, -0.7, 0.8])
 HERTZ = 0.0071
@@ -93,6 +92,9 @@ def test_the_strongest_line_is_found_where_it_is() -> None:
 
 
 def test_what_temperature_leaves_at_low_frequencies_is_no_line() -> None:
-    slow = follow(chamber()[0], chamber()[1] - 20.0, 400.0)[0] / 10.0
-    for line in spectral_lines(runs_with(lambda: slow), SENSOR):
-        assert line.frequency > LOWEST_HZ
+    slow = (lagging(chamber()[1], 400.0, PERIOD) - chamber()[1]) / 10.0
+    runs = runs_with(lambda: slow)
+    temperature = np.concatenate([run.conditions.temperature_difference for run in runs])
+    for line in spectral_lines(runs, SENSOR):
+        ends = line.frequency + line.drift * np.array([temperature.min(), temperature.max()])
+        assert ends.min() > LOWEST_HZ

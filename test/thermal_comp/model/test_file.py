@@ -10,6 +10,7 @@ import pytest
 import yaml
 from thermal_comp.data.quality import POSSIBLE
 from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.bias_step import BiasStep
 from thermal_comp.model.bounds import typical_conditions
 from thermal_comp.model.file import check_device, load_model, save_model
 from thermal_comp.model.values import ModelError, SensorModel, ThermalModel
@@ -61,6 +62,21 @@ def test_an_empty_model_is_kept_too(tmp_path: Path) -> None:
     empty = SensorModel((), (), np.zeros((0, 0)), noise, temperature_range=(0.0, 1.0))
     save_model(replace(line_model(), sensors={'gyroscope': empty}), tmp_path / 'model.yaml')
     assert load_model(tmp_path / 'model.yaml').sensors['gyroscope'].effects == ()
+
+
+def test_what_is_absent_by_default_may_be_absent_in_the_file(tmp_path: Path) -> None:
+    step = replace(
+        line_model().sensors['gyroscope'],
+        effects=(BiasStep((300.0,)),),
+        coefficients=(np.ones((1, 1, 3)),),
+        covariance=np.eye(3),
+        contributions={},
+    )
+    document = replace(line_model(), sensors={'gyroscope': step}).to_dict()
+    del document['sensors']['gyroscope']['effects'][0]['shape']['duration']
+    (tmp_path / 'model.yaml').write_text(yaml.safe_dump(document))
+    (loaded,) = load_model(tmp_path / 'model.yaml').sensors['gyroscope'].effects
+    assert loaded == BiasStep((300.0,))
 
 
 def changed(path: tuple[Any, ...], value: Any) -> dict[str, Any]:

@@ -4,10 +4,9 @@
 from __future__ import annotations
 
 import asyncio
-import itertools
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -49,26 +48,19 @@ from imu_workbench.web.case.version import Version
 from imu_workbench.web.device_work import DeviceWork
 from imu_workbench.web.fit_queue import FitQueue, QueuedFit
 from imu_workbench.web.jobs import JobCancelled, JobError, Stoppable
+from imu_workbench.web.notices import Notices
 from imu_workbench.web.result_cache import ResultCache, file_key
 
 FIRST_LABEL = 'line per axis'
 
 
-@dataclass(frozen=True)
-class Message:
-    """Something to say to whoever looks."""
-
-    number: int
-    text: str
-    kind: str = 'error'
-
-
-class Workspace:
+class Workspace(Notices):
     """The cases of one server. Every change is on disk before anybody is told of it."""
 
     def __init__(
         self, cache: ResultCache, cases: Path, remap: Mapping[str, str] | None = None
     ) -> None:
+        super().__init__()
         self.cache, self.cases = cache, cases
         self.devices: dict[str, DeviceWork] = {}
         self.effect_files: list[Path] = []
@@ -76,56 +68,14 @@ class Workspace:
         """Effect of the user's own → its file."""
         self.effects: dict[str, dict[str, Any]] = tasks.effect_explanations(EFFECTS)
         """What `explain` says of every effect, by name."""
-        self.messages: list[Message] = []
-        self.jobs: list[Stoppable] = []
         self.queue = FitQueue(self._fit, self._queue_changed)
         self.opening = True
         """Until everything the server was started with has been looked at."""
         self._remap = dict(remap or {})
         self._closed_cases: dict[Path, tuple[int, Case]] = {}
         """Cases nobody has opened, by folder, as they were at a time of modification [ns]."""
-        self._numbers = itertools.count(1)
-        self._listeners: list[Callable[[], None]] = []
         self._diagnosing: set[tuple[str, str]] = set()
         self._background: set[asyncio.Task[Any]] = set()
-
-    # Who looks ---------------------------------------------------------------------------------
-
-    def listen(self, listener: Callable[[], None]) -> None:
-        """Call a function whenever something has changed."""
-        self._listeners.append(listener)
-
-    def leave(self, listener: Callable[[], None]) -> None:
-        """Call it no more."""
-        if listener in self._listeners:
-            self._listeners.remove(listener)
-
-    def tell(self) -> None:
-        """Tell everybody that something has changed."""
-        for listener in list(self._listeners):
-            listener()
-
-    def say(self, text: str, kind: str = 'error') -> None:
-        """Show a message in every tab until somebody closes it; the same text once."""
-        if all(message.text != text for message in self.messages):
-            self.messages.insert(0, Message(next(self._numbers), text, kind))
-            self.tell()
-
-    def close_message(self, number: int) -> None:
-        """Take a message away."""
-        self.messages = [m for m in self.messages if m.number != number]
-        self.tell()
-
-    @contextmanager
-    def work(self, job: Stoppable) -> Iterator[None]:
-        """Show a job while it is under way."""
-        self.jobs.append(job)
-        self.tell()
-        try:
-            yield
-        finally:
-            self.jobs.remove(job)
-            self.tell()
 
     # Recordings --------------------------------------------------------------------------------
 

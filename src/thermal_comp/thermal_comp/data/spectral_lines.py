@@ -38,14 +38,14 @@ LOUDEST_WINDOW = 30.0
 LARGEST_DRIFT = 1e-3
 """Largest drift that is looked for [Hz/K]: 50 Hz against a clock of 20 ppm/K."""
 MOVING_GAIN = 2.5
-"""Least ratio of the prominences of a line that moves and the same that does not: a frequency
-that wanders gains by 1.7 of any drift, a smaller drift is found by moving the shape."""
+"""Least ratio of the prominences of a drifting line and of a constant one. Any drift raises the
+prominence of a frequency that wanders, by up to 1.7."""
 DRIFT_STEPS = 4
-"""Distances of the drifts tried along windows within which the dechirped rows are searched."""
+"""Steps of the coarse drifts on either side of the best that dechirping tries more finely."""
 MOST_DRIFTS = 128
 """Drifts that are tried about the best, as close as the rows can tell."""
 AVERAGED_ROWS = 32
-"""Dechirped rows that are averaged: a drift DRIFT_STEPS off turns them by a quarter."""
+"""Dechirped rows per average: a drift wrong by DRIFT_STEPS turns one average by a quarter."""
 
 
 class SpectralLine(NamedTuple):

@@ -118,10 +118,11 @@ def explanations(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> lis
 def _as_twins(
     hypotheses: SensorHypotheses, weighed: Sequence[tuple[EffectSet, list[_Beside]]]
 ) -> list[list[_Beside]]:
-    """Return by set what stands for a twin of one of its effects and so for that effect as well.
+    """Return by set the weights it gains from sets with a twin of one of its effects.
 
-    A rate and a gradient differ by where a thermometer sits: the one explains more than the other
-    by as much as their columns are wrong, whichever acts.
+    The twin stands in place of the effect or beside it. A rate and a gradient differ by where a
+    thermometer sits, and their columns are right to a few per cent: what one explains better than
+    the other by no more than that does not decide between them.
     """
     named = {s.names: (s, [b for b in rest if b.kind in {'', 'flaw'}]) for s, rest in weighed}
     found: list[list[_Beside]] = []

@@ -11,7 +11,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.c_form import CColumns, CForm
-from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
+from thermal_comp.effects.effect import Effect, Kin, State
 from thermal_comp.effects.operators import follow
 
 SMOOTHING = 30.0
@@ -22,12 +22,8 @@ SMOOTHING = 30.0
 class TemperatureRate(Effect):
     """The error is proportional to how fast the die temperature changes."""
 
-    thermometer_lag: float = shape_parameter(
-        0.0, unit='s', bounds=(0.0, 120.0), searched=(0.0, 80.0), step=5.0
-    )
-
     name: ClassVar[str] = 'temperature_rate'
-    equation: ClassVar[str] = 'error = a · dT/dt,  T = T_thermometer + lag · dT_thermometer/dt'
+    equation: ClassVar[str] = 'error = a · dT/dt'
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}·s/K',)
     mechanism: ClassVar[str] = (
         'Thermo-elastic transients while heat flows through die and package.'
@@ -52,22 +48,13 @@ class TemperatureRate(Effect):
         lagged, first_state = follow(time, temperature, SMOOTHING, first_state)
         rate = (temperature - lagged) / SMOOTHING
         delayed, second_state = follow(time, rate, SMOOTHING, second_state)
-        lead = 1.0 + self.thermometer_lag / SMOOTHING
-        return (rate + lead * (rate - delayed))[:, None], (first_state, second_state)
+        return (2.0 * rate - delayed)[:, None], (first_state, second_state)
 
     def c_columns(self, c: CForm) -> CColumns:
         """Return the smoothed derivative: rate plus what its second lag is behind it."""
         rate = f'(-{c.behind(c.temperature, SMOOTHING)} / {c.number(SMOOTHING)})'
-        lead = c.number(1.0 + self.thermometer_lag / SMOOTHING)
-        return CColumns([f'({rate} - {lead} * {c.behind(rate, SMOOTHING)})'])
+        return CColumns([f'({rate} - {c.behind(rate, SMOOTHING)})'])
 
     def columns_in_hindsight(self, conditions: Conditions) -> FloatArray:
         """Return (n, 1): the derivative itself [K/s]; the temperature is smooth already."""
-        rate = np.gradient(conditions.temperature, conditions.time)
-        lead = self.thermometer_lag * np.gradient(rate, conditions.time)
-        return np.asarray(rate + lead)[:, None]
-
-    @classmethod
-    def search_grid(cls, campaign: Campaign) -> list[Candidate]:
-        """Return thermometers on the die and beside it."""
-        return [Candidate(cls(lag)) for lag in (0.0, 5.0, 10.0, 20.0, 40.0, 80.0)]
+        return np.asarray(np.gradient(conditions.temperature, conditions.time))[:, None]
