@@ -75,7 +75,7 @@ def test_a_wrong_effect_shows_no_gain_on_held_out_parts() -> None:
     runs = prepare([run('+z', seed=20, cycles=3, period=PERIOD)])
     added = add_effect(None, runs, 'thermal_lag', Settings(EFFECTS), ['gyroscope'])
     assert not added.steps[0].lowered
-    assert 'no gain on held-out parts beyond chance' in str(added)
+    assert 'no gain on held-out parts' in str(added)
 
 
 def test_noise_gets_no_empirical_term() -> None:

@@ -24,7 +24,7 @@ from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.effects.empirical_term import Empirical
 from thermal_comp.fitting.empirical import empirical_form
 from thermal_comp.fitting.fit import fit_prepared, usable_sensors
-from thermal_comp.fitting.part_sums import falls
+from thermal_comp.fitting.part_sums import falls, parts_that_fall
 from thermal_comp.fitting.prediction import predictive_effects
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import (
@@ -55,6 +55,10 @@ class Step:
     """Whether no cause is decided: what was added only lowers the error on held-out parts."""
     lowered: bool = True
     """Whether the held-out error falls by more than chance."""
+    parts: int = 0
+    """Parts that were held out in turn."""
+    parts_lowered: int = 0
+    """Those of them whose error falls."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""
@@ -67,6 +71,8 @@ class Step:
             'ambiguous_with': list(self.ambiguous_with),
             'empirical': self.empirical,
             'lowered': self.lowered,
+            'parts': self.parts,
+            'parts_lowered': self.parts_lowered,
         }
 
 
@@ -322,6 +328,7 @@ def _step(
     empirical: bool,
 ) -> Step:
     """Return the step the held-out error takes on the first of the sensors."""
+    squares = before.held_out_squares, after.held_out_squares, after.noise_floor**2
     return Step(
         added,
         sensors,
@@ -330,7 +337,9 @@ def _step(
         rms_of(after.noise_floor),
         ambiguous_with,
         empirical,
-        lowered=falls(before.held_out_squares, after.held_out_squares, after.noise_floor**2),
+        lowered=falls(*squares),
+        parts=len(after.held_out_squares),
+        parts_lowered=parts_that_fall(*squares),
     )
 
 

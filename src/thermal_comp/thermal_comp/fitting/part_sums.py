@@ -37,15 +37,23 @@ def falls(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> b
     """
     if len(before) < LEAST_PARTS:
         return False
-    before, after = (
-        np.maximum(squares / noise, 1.0).reshape(len(squares), -1).mean(axis=1)
-        for squares in (before, after)
-    )
+    before, after = _in_floors(before, noise), _in_floors(after, noise)
     if after.sum() > (1.0 - LEAST_FALL) ** 2 * before.sum():
         return False
     gain = np.log(before / after)
     spread = float(gain.std(ddof=1)) / np.sqrt(len(gain))
     return bool(float(gain.mean()) > float(stdtrit(len(gain) - 1, 1.0 - CHANCE)) * spread)
+
+
+def parts_that_fall(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> int:
+    """Return in how many parts mean squares fall; arguments as of `falls`."""
+    return int(np.sum(_in_floors(after, noise) < _in_floors(before, noise)))
+
+
+def _in_floors(squares: FloatArray, noise: FloatArray | float) -> FloatArray:
+    """(k,) mean over the axes of squares over that of noise, at least 1."""
+    above: FloatArray = np.maximum(squares / noise, 1.0).reshape(len(squares), -1).mean(axis=1)
+    return above
 
 
 def may_fall(squares: FloatArray, noise: FloatArray | float) -> bool:

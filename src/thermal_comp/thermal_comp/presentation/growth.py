@@ -31,7 +31,7 @@ def growth_text(content: Mapping[str, Any]) -> str:
             f'added {added} to the {step["sensor"]}{doubt}: held-out error '
             f'{before} → {after} {unit.unit}, noise floor {floor} '
             f'({step["error_after"] / step["noise_floor"]:.2f} floors are left)'
-            f'{"" if step["lowered"] else ": no gain on held-out parts beyond chance"}'
+            f'{_doubt_about_gain(step)}'
         )
     if not content['steps']:
         lines.append('nothing was added')
@@ -40,6 +40,15 @@ def growth_text(content: Mapping[str, Any]) -> str:
     lines.append(comparison_text(content))
     lines += [f'note: {note}' for note in dict.fromkeys(content['undetermined'])]
     return '\n'.join(lines)
+
+
+def _doubt_about_gain(step: Mapping[str, Any]) -> str:
+    """Return why the gain on held-out parts may be none; '' where it is beyond chance."""
+    if step['lowered']:
+        return ''
+    if step['error_after'] >= step['error_before']:
+        return ': no gain on held-out parts'
+    return f': lower in {step["parts_lowered"]} of {step["parts"]} held-out parts, may be chance'
 
 
 def shape_lines(parameters: Sequence[Mapping[str, Any]]) -> list[str]:
