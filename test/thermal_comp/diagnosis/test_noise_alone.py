@@ -10,13 +10,14 @@ import pytest
 from thermal_comp.comparison.compare import compare_prepared
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.diagnose import diagnose
-from thermal_comp.diagnosis.findings import noise_findings
+from thermal_comp.diagnosis.findings import clock_findings, noise_findings, ranked
 from thermal_comp.diagnosis.inputs import clock_windows, slope_of_windows
 from thermal_comp.diagnosis.noise_level import (
     is_reference_chip,
     noise_above_reference,
     shipped_reference,
 )
+from thermal_comp.diagnosis.result import Diagnosis, Finding
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.model.values import NoiseModel
@@ -87,6 +88,26 @@ def test_a_run_of_gaps_has_no_say_about_the_clock_and_no_warning() -> None:
     assert both == alone
     assert alone is not None
     assert alone.slope == pytest.approx(1e-5, rel=0.05)
+
+
+def found_beside(clock: float, *others: Finding) -> Diagnosis:
+    """Return the findings of a clock with a slope [1/K] beside others."""
+    found = clock_findings(slope_of_windows([clock_windows(clocked(clock, gap_every=None))]))
+    assert [f.name for f in found] == ['clock_temperature']
+    return replace(Diagnosis('dut1', (), {}, {}), findings=ranked([*found, *others]))
+
+
+def test_a_clock_that_follows_the_temperature_as_clocks_do_is_no_missing_effect() -> None:
+    assert found_beside(40e-6).verdict == 'complete'
+    assert 'as RC oscillators do' in found_beside(40e-6).findings[0].text
+    assert found_beside(4e-4).verdict == 'missing'
+
+
+@pytest.mark.parametrize('slope', [40e-6, 4e-4])
+def test_a_clock_never_heads_what_a_sensor_lacks(slope: float) -> None:
+    unlogged = Finding('unlogged', None, 'gyroscope', 12.0, depends_on='chamber')
+    found = found_beside(slope, unlogged)
+    assert (found.verdict, found.findings[0]) == ('unlogged', unlogged)
 
 
 def test_noise_of_another_chip_is_not_measured_by_this_ones() -> None:

@@ -283,7 +283,7 @@ def fits(truth: Mapping[str, Any], finding: Mapping[str, Any]) -> bool:
             finding.get('depends_on') in variables
         )
     names = [finding.get('name'), *finding.get('ambiguous_with', ())]
-    return finding['kind'] in (truth['kind'], 'changed') and truth['name'] in names
+    return finding['kind'] in (truth['kind'], 'changed', 'clock') and truth['name'] in names
 
 
 def fits_in_sensor(truth: Mapping[str, Any], finding: Mapping[str, Any]) -> bool:

@@ -29,6 +29,8 @@ from thermal_comp.model.values import NoiseModel, ThermalModel
 
 CLOCK_EVIDENCE = 15.0
 """Evidence from which a temperature coefficient of the clock is reported."""
+ORDINARY_CLOCK = 100e-6
+"""Temperature coefficient up to which RC oscillators of MEMS sensors reach [1/K]."""
 LISTED_WHERE = 6
 """Places named per sensor."""
 
@@ -208,9 +210,11 @@ def clock_findings(clock: ClockFinding | None) -> list[Finding]:
     """Return the temperature coefficient of the sampling clock as a finding, if it counts."""
     if clock is None or clock.evidence <= CLOCK_EVIDENCE:
         return []
+    ordinary = abs(clock.slope) <= ORDINARY_CLOCK
+    usual = ', as RC oscillators do; stamps hold it, no sensor fails for it' if ordinary else ''
     return [
         Finding(
-            'effect',
+            'clock' if ordinary else 'effect',
             'clock_temperature',
             'all',
             clock.evidence,
@@ -219,15 +223,20 @@ def clock_findings(clock: ClockFinding | None) -> list[Finding]:
             error_after=clock.rms_after,
             unit='1',
             parameters={'slope': {'value': clock.slope, 'std': clock.slope_std, 'unit': '1/K'}},
-            text=f'the sampling interval changes by {clock.slope * 1e6:.1f} ppm/K',
+            text=f'the sampling interval changes by {clock.slope * 1e6:.1f} ppm/K{usual}',
         )
     ]
 
 
 def ranked(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return what changed first, then the other findings, those about the noise last."""
-    order = {'changed': 0, 'noise': 2}
-    return tuple(sorted(findings, key=lambda f: (order.get(f.kind, 1), -f.evidence)))
+    """Return what changed first, then what sensors lack, the clock, the noise."""
+
+    def place(finding: Finding) -> tuple[int, float]:
+        if finding.name == 'clock_temperature':
+            return 2, -finding.evidence
+        return {'changed': 0, 'noise': 3}.get(finding.kind, 1), -finding.evidence
+
+    return tuple(sorted(findings, key=place))
 
 
 def sensor_state(

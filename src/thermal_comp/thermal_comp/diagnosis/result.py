@@ -29,7 +29,7 @@ class Finding:
     """One thing to act on."""
 
     kind: str
-    """effect, changed, data_quality, noise, unexplained or unlogged."""
+    """effect, changed, clock, data_quality, noise, unexplained or unlogged."""
     name: str | None
     sensor: str
     evidence: float
@@ -226,7 +226,7 @@ class Diagnosis(Presented):
         """Defects of the data first, else the strongest finding's."""
         if any(f.kind == 'data_quality' and f.name != 'startup_transient' for f in self.findings):
             return 'data_quality'
-        physical = [f for f in self.findings if f.kind not in {'data_quality', 'noise'}]
+        physical = [f for f in self.findings if f.kind not in {'data_quality', 'noise', 'clock'}]
         others = [f for f in self.findings if f.kind == 'noise']
         return next((f.verdict for f in [*physical, *others]), 'complete')
 

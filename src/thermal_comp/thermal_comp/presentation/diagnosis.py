@@ -57,7 +57,21 @@ def diagnosis_text(content: Mapping[str, Any]) -> str:
 
 def verdict_line(content: Mapping[str, Any]) -> str:
     """Return the verdict in words, and what it is about."""
+    doubt = doubtful_sensors(content)
+    if content['verdict'] == 'complete' and doubt:
+        named = ', '.join(f'{sensor}, {percent(p)}' for sensor, p in doubt.items())
+        return f'nothing is missing for certain, but something may be ({named})'
     return VERDICTS[content['verdict']] + _summary(content)
+
+
+def doubtful_sensors(content: Mapping[str, Any]) -> dict[str, float]:
+    """Return sensors that probably lack something, too little to say so: name → probability."""
+    nothing = {s: 0.0 for s, state in content['sensors'].items() if state['verdict'] == 'complete'}
+    explained = {e['sensor'] for e in content['explanations']}
+    for one in content['explanations']:
+        if one['names'] == ['nothing'] and one['sensor'] in nothing:
+            nothing[one['sensor']] = one['probability']
+    return {s: 1.0 - p for s, p in nothing.items() if s in explained and p < 0.5}
 
 
 def _summary(content: Mapping[str, Any]) -> str:
@@ -254,6 +268,8 @@ def _of_finding(finding: Mapping[str, Any]) -> Sequence[str]:
     kind, name, variable = finding['kind'], finding['name'], finding['depends_on']
     if kind == 'changed':
         return ['fit it anew: python -m imu_workbench fit BAG… -o model.yaml']
+    if kind == 'clock':
+        return []
     if kind == 'effect' and name == 'clock_temperature':
         return ['stamp the samples by the host, or scale the interval by temperature']
     if kind == 'effect':

@@ -26,6 +26,8 @@ WORDS: Mapping[str, str] = {
     'vibration, a wrong range, or a worn device.',
     'data_quality': 'Verdict: values were clipped, stuck, spiky, in another unit …; the rows are '
     'left out and counted, and should be explained before a model is trusted.',
+    'clock': 'Finding: the clock that paces the samples follows the temperature, as such '
+    'clocks do (100 ppm/K). The stamps hold it; no sensor fails for it. See `clock_temperature`.',
     'ambiguous_with': 'The other effects that explain the same residual: see `ambiguous`.',
     'depends_on': 'The variable a residual follows that no effect explains.',
     'evidence': 'How much better the data are explained with an effect than without it: twice the '

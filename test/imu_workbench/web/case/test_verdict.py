@@ -16,6 +16,7 @@ from imu_workbench.web.case.verdict import (
     what_would_be_found,
 )
 from imu_workbench.web.case.version import parameter_text
+from thermal_comp.presentation.diagnosis import verdict_line
 
 LAG = 'thermal_lag'
 KNOWN = [LAG, 'thermal_gradient']
@@ -61,6 +62,20 @@ def test_rivals_lead_to_the_experiment_that_decides(fitted, found):
     assert 'cannot tell which' in verdict_sentence(rivals, fitted.line.errors())
     action = next_action(rivals, KNOWN, KNOWN)
     assert (action.kind, action.rivals) == ('experiment', (LAG, 'thermal_gradient'))
+
+
+def test_what_is_probably_missing_and_too_little_to_say_is_no_nothing(fitted, found):
+    doubt = {'sensor': 'gyroscope', 'names': ['nothing'], 'probability': 0.21, 'depends_on': None}
+    complete = found['diagnosis'] | {
+        'findings': [],
+        'verdict': 'complete',
+        'explanations': [doubt],
+    }
+    sentence = verdict_sentence(complete, fitted.lag.errors())
+    assert sentence == (
+        'Nothing is missing for certain; something may be in the gyroscope (79 %).'
+    )
+    assert verdict_line(complete).endswith('but something may be (gyroscope, 79 %)')
 
 
 def test_what_was_not_logged_is_what_to_log_next(fitted, found):

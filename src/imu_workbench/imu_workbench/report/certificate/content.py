@@ -417,7 +417,9 @@ def still_missing(certified: Certified, diagnosis: Mapping[str, Any] | None) -> 
             for s in shared
         )
         return names.replace('_', ' ')
-    others = [f for f in diagnosis['findings'] if f['kind'] not in ('effect', 'data_quality')]
+    others = [
+        f for f in diagnosis['findings'] if f['kind'] not in ('effect', 'data_quality', 'clock')
+    ]
     if certified.added and not others:
         return ''
     if diagnosis['verdict'] == 'complete':

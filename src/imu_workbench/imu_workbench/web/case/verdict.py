@@ -8,7 +8,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from thermal_comp.presentation.diagnosis import DEFECTS, TOPICS, smallest_found_text
+from thermal_comp.presentation.diagnosis import (
+    DEFECTS,
+    TOPICS,
+    doubtful_sensors,
+    percent,
+    smallest_found_text,
+)
 from thermal_comp.presentation.display import SENSORS
 
 from imu_workbench.web.case.version import parameter_text
@@ -16,6 +22,8 @@ from imu_workbench.web.case.view import PHASE_LABELS
 
 AT_FLOOR_RATIO = 1.05
 """An error up to this ratio to the noise floor counts as explained."""
+NOT_MISSING = frozenset({'data_quality', 'noise', 'clock'})
+"""Kinds of findings that say of no sensor that something is missing."""
 WORST_PLACES = 4
 """Places that are asked for the phase in which a sensor fails."""
 Errors = Mapping[str, Mapping[str, float]]
@@ -43,7 +51,12 @@ def verdict_sentence(found: Mapping[str, Any], errors: Errors) -> str:
         loud = [f for f in found['findings'] if f['kind'] == 'noise']
         names = ' and '.join(dict.fromkeys(_named(f['sensor']) for f in loud))
         usual = f', more than usual in the {names}' if loud else ''
-        return f'Nothing is missing: what is left is noise{usual}.'
+        doubt = doubtful_sensors(found)
+        if doubt:
+            named = ' and '.join(f'{sensor} ({percent(p)})' for sensor, p in doubt.items())
+            return f'Nothing is missing for certain; something may be in the {named}.'
+        clock = [f'{_capital(f["text"])}.' for f in found['findings'] if f['kind'] == 'clock']
+        return ' '.join([f'Nothing is missing: what is left is noise{usual}.', *clock])
     sensor = findings[0]['sensor']
     own = [f for f in findings if f['sensor'] == sensor]
     sentence = f'{failure_sentence(sensor, found, errors)} {_explanation(own)}'
@@ -131,7 +144,7 @@ def what_would_be_found(found: Mapping[str, Any]) -> list[str]:
 
 def _physical(found: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return what is missing, the sensor furthest above its noise first."""
-    missing = [f for f in found['findings'] if f['kind'] not in {'data_quality', 'noise'}]
+    missing = [f for f in found['findings'] if f['kind'] not in NOT_MISSING]
     return sorted(missing, key=lambda finding: _ratio(finding['sensor'], found), reverse=True)
 
 
