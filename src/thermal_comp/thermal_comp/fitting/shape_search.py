@@ -12,7 +12,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.design import Design, Term
-from thermal_comp.linear.normal_equations import solve
+from thermal_comp.linear.free_term import FreeTerm
 
 GRID_POINTS = 13
 """Points of the first search along one logarithmic parameter; linear ones take three times."""
@@ -122,9 +122,10 @@ def _refine(design: Design, term: Term, duration: float, *, globally: bool) -> D
 
     scales = shape_scales(term.effect, duration)
 
+    free = FreeTerm.of(design, term)
+
     def cost(values: FloatArray) -> float:
-        trial = _exchanged(design, term, with_shape(term.effect, scales, values))
-        return float(solve(trial.equations()).chi_square[0])
+        return free.least_squares(with_shape(term.effect, scales, values))
 
     values = shape_values(term.effect, scales)
     if globally:
@@ -151,7 +152,7 @@ def _refine(design: Design, term: Term, duration: float, *, globally: bool) -> D
     best = _by_rows(cost, best, scales)
     if cost(best) > cost(values):
         best = values
-    return _exchanged(design, term, with_shape(term.effect, scales, best), keep=True)
+    return _exchanged(design, term, with_shape(term.effect, scales, best))
 
 
 def _by_rows(
@@ -182,12 +183,13 @@ def _along(
     return trials[int(np.argmin([cost(trial) for trial in trials]))]
 
 
-def _exchanged(design: Design, term: Term, effect: Effect, *, keep: bool = False) -> Design:
-    """Return the design with another form of one effect; its columns are kept if asked."""
-    effects = {
-        sensor: tuple(effect if sensor in term.sensors and e == term.effect else e for e in listed)
-        for sensor, listed in design.effects.items()
-    }
-    if keep:
-        return design.with_effects(effects)
-    return replace(design, effects=effects, raw=dict(design.raw), white=dict(design.white))
+def _exchanged(design: Design, term: Term, effect: Effect) -> Design:
+    """Return the design with another form of one effect."""
+    return design.with_effects(
+        {
+            sensor: tuple(
+                effect if sensor in term.sensors and e == term.effect else e for e in listed
+            )
+            for sensor, listed in design.effects.items()
+        }
+    )

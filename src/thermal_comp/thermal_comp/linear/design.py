@@ -132,8 +132,8 @@ class Design:
         q = 1 if values is None else next(iter(values.values())).shape[2]
         gram, moment = np.zeros((self.size, self.size)), np.zeros((self.size, q))
         energy, rows = np.zeros(q), 0
-        for run, sensor, axis in self._pieces():
-            index, columns, right = self._piece(run, sensor, axis, values)
+        for run, sensor, axis in self.pieces():
+            index, columns, right = self.piece(run, sensor, axis, values)
             gram[np.ix_(index, index)] += columns.T @ columns
             moment[index] += columns.T @ right
             energy += (right**2).sum(axis=0)
@@ -145,7 +145,8 @@ class Design:
                 gram[place, place] += 1.0 / np.maximum(deviations.ravel(), LEAST_DEVIATION) ** 2
         return NormalEquations(gram, moment, energy, rows)
 
-    def _pieces(self) -> list[tuple[int, Sensor, int]]:
+    def pieces(self) -> list[tuple[int, Sensor, int]]:
+        """Return run, sensor and axis of all that is whitened by itself."""
         return [
             (run, sensor, axis)
             for run in range(len(self.runs))
@@ -154,8 +155,8 @@ class Design:
             for axis in range(3)
         ]
 
-    def _piece(
-        self, run: int, sensor: Sensor, axis: int, values: RightHandSides | None
+    def piece(
+        self, run: int, sensor: Sensor, axis: int, values: RightHandSides | None = None
     ) -> tuple[IntArray, FloatArray, FloatArray]:
         """Return unknowns, whitened columns and whitened right-hand sides of one axis."""
         key = (None, run, sensor, axis)

@@ -78,18 +78,46 @@ class Solution:
     up its own and in what proportion; with none where its column is zero."""
 
 
-def solve(equations: NormalEquations) -> Solution:
-    """Return the least-squares solution by a Cholesky factor grown column by column."""
-    scale = np.sqrt(np.maximum(np.diag(equations.gram), 0.0))
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """Cholesky factor of a normal matrix, grown column by column."""
+
+    kept: IntArray
+    """(k,) columns that each bring something new."""
+    unit: FloatArray
+    """(m,) length of the columns."""
+    lower: FloatArray
+    """(k, k) of kept columns of unit length."""
+    held: dict[int, dict[int, float]]
+    """As of `Solution`."""
+
+    def half(self, right: FloatArray) -> FloatArray:
+        """Return (k, q) L⁻¹ of right-hand sides (m, q)."""
+        scaled = right[self.kept] / self.unit[self.kept, None]
+        return np.asarray(solve_triangular(self.lower, scaled, lower=True))
+
+
+def factor(gram: FloatArray, power: FloatArray | None = None) -> Factor:
+    """Return the factor of XᵀX (m, m).
+
+    `power` (m,): squares of the columns before others were taken out; what is less than
+    LEAST_NEW_POWER of it is nothing new.
+    """
+    scale = np.sqrt(np.maximum(np.diag(gram) if power is None else power, 0.0))
     usable = scale > 0.0
     unit = np.where(usable, scale, 1.0)
-    gram = equations.gram / np.outer(unit, unit)
-    kept, factor, held = _independent(gram, usable)
-    m = len(scale)
+    kept, lower, held = _independent(gram / np.outer(unit, unit), usable)
+    return Factor(kept, unit, lower[: len(kept), : len(kept)], held)
+
+
+def solve(equations: NormalEquations) -> Solution:
+    """Return the least-squares solution by a Cholesky factor grown column by column."""
+    known = factor(equations.gram)
+    kept, unit, lower = known.kept, known.unit, known.lower
+    m = len(unit)
     estimate = np.zeros((m, equations.moment.shape[1]))
     covariance = np.zeros((m, m))
-    lower = factor[: len(kept), : len(kept)]
-    half = solve_triangular(lower, equations.moment[kept] / unit[kept, None], lower=True)
+    half = known.half(equations.moment)
     estimate[kept] = solve_triangular(lower.T, half) / unit[kept, None]
     inverse = solve_triangular(lower, np.eye(len(kept)), lower=True)
     covariance[np.ix_(kept, kept)] = inverse.T @ inverse / np.outer(unit[kept], unit[kept])
@@ -98,7 +126,7 @@ def solve(equations: NormalEquations) -> Solution:
         covariance=covariance,
         chi_square=np.maximum(equations.energy - (half**2).sum(axis=0), 0.0),
         degrees=max(equations.rows - len(kept), 1),
-        held=held,
+        held=known.held,
     )
 
 
