@@ -252,3 +252,14 @@ def test_runs_of_one_campaign_have_blocks_of_one_length() -> None:
         rtol=0.0,
         atol=1e-12,
     )
+
+
+def test_bursts_an_hour_apart_have_the_blocks_of_what_was_sampled() -> None:
+    whole = still(5.0, 20.0)
+    (bursts,) = prepare([whole.rows(whole.time % 3600.0 < 45.0)])
+    (alone,) = prepare([still(225.0 / 3600.0, 20.0)])
+    assert bursts.period == alone.period == 0.5
+    assert len(bursts) == pytest.approx(len(alone), abs=10)
+    day = still(60.0, 1.0)
+    (sparse,) = prepare([day.rows(day.time % 3600.0 < 5.0)])
+    assert (sparse.slot[-1] + 1) <= 110_000

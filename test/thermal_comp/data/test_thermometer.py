@@ -63,3 +63,12 @@ def test_one_that_stands_still_while_the_chamber_ramps_is_found_to_the_row() -> 
     assert fault.name == 'thermometer_constant'
     assert fault.rows[1000:1400].all()
     assert fault.rows.sum() <= 403
+
+
+def test_a_fast_die_reads_the_same_in_two_bursts_and_is_in_order() -> None:
+    bursts = [start + np.arange(0.0, 20.0, 0.1) for start in (0.0, 3600.0, 7200.0)]
+    time = np.concatenate(bursts)
+    air = np.where(time < 100.0, 50.0, 20.0)
+    sound = recording(time, air, air)
+    cold = np.where(time < 100.0, sound.temperature, 20.0)
+    assert faults(ImuRecording(**{**vars(sound), 'temperature': cold})) == []

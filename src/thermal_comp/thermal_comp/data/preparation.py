@@ -126,6 +126,10 @@ PERIODS = (20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 """Lengths of blocks [s]; errors are quoted on means over a block."""
 BLOCKS = 400
 """Blocks a run has at least, while its samples allow it."""
+GAP_STEPS = 10.0
+"""Longer than so many usual intervals nothing was sampled."""
+MOST_SLOTS = 100_000
+"""Places of blocks a run has at most, those in gaps included."""
 FINE_PERIOD = 1.0
 """Columns are evaluated on means over this [s], or on the samples where they are slower."""
 VIBRATION_RATE = 50.0
@@ -266,11 +270,15 @@ def in_blocks(run: PreparedRun, period: float) -> PreparedRun:
 def block_length(recording: ImuRecording) -> float:
     """Return the length of a recording's blocks [s]: so that there are BLOCKS, if that may be.
 
-    Two hours and more have blocks of 20 s, 20 min of 2 s, a burst of 86 s of 0.2 s.
+    Two hours and more have blocks of 20 s, 20 min of 2 s, a burst of 86 s of 0.2 s. What counts
+    is the time that was sampled: bursts an hour apart have the blocks of a burst.
     """
-    span = float(recording.stamp[-1] - recording.stamp[0]) * 1e-9
-    fitting = (length for length in PERIODS if length * BLOCKS <= span)
-    return next(fitting, PERIODS[-1])
+    intervals = np.diff(recording.stamp) * 1e-9
+    sampled = float(np.minimum(intervals, GAP_STEPS * np.median(intervals)).sum())
+    fitting = (length for length in PERIODS if length * BLOCKS <= sampled)
+    length = next(fitting, PERIODS[-1])
+    slots = float(intervals.sum()) / MOST_SLOTS
+    return next((longer for longer in PERIODS[::-1] if longer >= max(length, slots)), PERIODS[0])
 
 
 def _fine(recording: ImuRecording, origin: int, period: float) -> tuple[ImuRecording, list[str]]:

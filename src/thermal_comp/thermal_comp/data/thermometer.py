@@ -29,7 +29,8 @@ MISSING_SHARE = 0.005
 SLOWEST_DIE_S = 1800.0
 """No die follows its surroundings with a longer time constant [s]."""
 DIE_MOVES = 1.0
-"""A thermometer that stands still while the slowest die would move by so much has failed [K]."""
+"""A thermometer that stands still while the fastest and the slowest die would move by so much has
+failed [K]."""
 COPIED_SHARE = 0.9
 """Share of a thermometer's values that are, bit for bit, another sensor's of the time."""
 COPIED_VALUES = 10
@@ -90,8 +91,7 @@ def _thermometer(recording: ImuRecording) -> Iterator[InstrumentFault]:
     if len(measured) < FEWEST:
         return
     if is_constant(measured):
-        moved = max((_span(track) for track in _slowest_dies(recording)), default=0.0)
-        if recording.time[-1] >= CONSTANT_S or moved > DIE_MOVES:
+        if recording.time[-1] >= CONSTANT_S or _moved(_possible_dies(recording), every):
             text = f'always {measured[0]:g} °C: no dependence on temperature can be fitted'
             yield InstrumentFault('thermometer_constant', every, False, text)
         return
@@ -128,33 +128,36 @@ def _measured(recording: ImuRecording) -> FloatArray:
     return values[np.isfinite(values)]
 
 
-def _span(values: FloatArray | None) -> float:
-    if values is None or not np.isfinite(values).any():
-        return 0.0
-    return float(np.nanmax(values) - np.nanmin(values))
-
-
 def _stuck_rows(recording: ImuRecording) -> BoolArray:
-    """Return the rows (n,) of one value during which the slowest die would move."""
+    """Return the rows (n,) of one value during which every possible die would move."""
     values = recording.temperature
     stuck = np.zeros(len(values), dtype=bool)
     edges = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0.0) + 1, [len(values)]))
     long = np.flatnonzero(np.diff(edges) >= FEWEST)
-    slowest = _slowest_dies(recording) if len(long) else []
+    dies = _possible_dies(recording) if len(long) else []
     for start, stop in zip(edges[long].tolist(), edges[long + 1].tolist(), strict=True):
-        if any(_span(track[start:stop]) > DIE_MOVES for track in slowest):
+        if _moved(dies, slice(start, stop)):
             stuck[start:stop] = True
     return stuck & np.isfinite(values)
 
 
-def _slowest_dies(recording: ImuRecording) -> list[FloatArray]:
-    """Return (n,) temperature of the slowest die in each of the surroundings that were logged."""
+def _possible_dies(recording: ImuRecording) -> list[FloatArray]:
+    """Return (n, 2) temperature of the fastest and the slowest die in each logged surrounding.
+
+    Between two bursts the fastest may have come back to where it was, the slowest not.
+    """
     made = []
     for track in (getattr(recording, name) for name in OTHER_SENSORS):
         if track is not None and (known := np.isfinite(track)).any():
             around = np.interp(recording.time, recording.time[known], track[known])
-            made.append(follow(recording.time, around, SLOWEST_DIE_S, held=True)[0])
+            slowest = follow(recording.time, around, SLOWEST_DIE_S, held=True)[0]
+            made.append(np.stack([around, slowest], axis=1))
     return made
+
+
+def _moved(dies: list[FloatArray], rows: slice | BoolArray) -> bool:
+    """Tell whether both dies in some surroundings would move within the rows."""
+    return any(bool((np.ptp(die[rows], axis=0) > DIE_MOVES).all()) for die in dies)
 
 
 def copied_from(recording: ImuRecording) -> str:
