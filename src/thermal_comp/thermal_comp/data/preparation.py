@@ -127,7 +127,9 @@ PERIODS = (20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 BLOCKS = 400
 """Blocks a run has at least, while its samples allow it."""
 GAP_STEPS = 10.0
-"""Longer than so many usual intervals nothing was sampled."""
+"""A pause longer than so many usual intervals …"""
+GAP_S = 5.0
+"""… and than this is a gap, in which nothing was sampled [s]: serial lines pause for seconds."""
 MOST_SLOTS = 100_000
 """Places of blocks a run has at most, those in gaps included."""
 FINE_PERIOD = 1.0
@@ -274,7 +276,8 @@ def block_length(recording: ImuRecording) -> float:
     is the time that was sampled: bursts an hour apart have the blocks of a burst.
     """
     intervals = np.diff(recording.stamp) * 1e-9
-    sampled = float(np.minimum(intervals, GAP_STEPS * np.median(intervals)).sum())
+    longest = max(GAP_STEPS * float(np.median(intervals)), GAP_S)
+    sampled = float(np.minimum(intervals, longest).sum())
     fitting = (length for length in PERIODS if length * BLOCKS <= sampled)
     length = next(fitting, PERIODS[-1])
     slots = float(intervals.sum()) / MOST_SLOTS
