@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A residual that follows one variable is explained best by the regressor of that variable."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
-from thermal_comp.diagnosis.generic_regressors import generic_regressors, moisture
+from thermal_comp.diagnosis.generic_regressors import generic_regressors
 from thermal_comp.diagnosis.hypotheses import NOT_IN_CATALOGUE, SensorHypotheses
 from thermal_comp.diagnosis.posterior import explanations
 from thermal_comp.effects.bias_temperature import BiasTemperature
@@ -46,13 +44,3 @@ def test_channels_have_a_regressor_only_where_they_were_logged() -> None:
     design = CandidateDesign(ColumnSource(runs), 'gyroscope', noise, [BiasTemperature()])
     asked = {r.depends_on for r in generic_regressors(design) if not r.unlogged}
     assert {'temperature', 'branch', 'rate', 'time', 'orientation', 'cycle'} == asked
-
-
-def test_cold_air_holds_no_more_water_than_its_saturation() -> None:
-    (plain,) = prepare([run(cycles=1, period=20.0)])
-    air = np.array(plain.conditions.temperature)
-    logged = replace(plain, conditions=replace(plain.conditions, chamber_temperature=air))
-    humidity = moisture(logged)
-    assert humidity.shape == (len(logged), 9)
-    assert humidity.max() <= 1.0
-    assert humidity.min() > 0.0

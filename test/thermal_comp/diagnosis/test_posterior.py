@@ -142,6 +142,21 @@ def test_a_course_over_time_may_be_a_channel_that_was_not_logged() -> None:
     assert probability(logged.explanations, lambda e: e.names == ('unlogged',)) < 0.05
 
 
+def test_humidity_that_was_not_logged_is_said_to_be_lacking() -> None:
+    """Closed air of dew point 5 °C, taken up in 40 minutes: its log would have told."""
+    time, temperature, *_ = chamber()
+    dew, air = (17.62 * t / (243.12 + t) for t in (np.array(5.0), temperature))
+    humidity = np.minimum(np.exp(dew - air), 1.0)
+    taken_up = humidity - lagging(humidity, 2400.0, float(time[1] - time[0]))
+    said = said_of(1e-3 * taken_up, tuple(EFFECTS))
+    assert said.kind == 'unlogged'
+    assert said.likeliest.depends_on == 'humidity'
+    assert said.likeliest.probability > 0.9
+    assert not any(effect.guessed_channel for effect in said.closest)
+    logged = said_of(1e-3 * taken_up, tuple(EFFECTS), humidity=humidity)
+    assert logged.likeliest.names == ('humidity',)
+
+
 @pytest.mark.parametrize('settling', [0.0, 60.0])
 def test_several_steps_may_be_one_supply_that_is_switched(settling: float) -> None:
     """And so may steps that are none in truth: what is switched settles."""

@@ -69,6 +69,18 @@ def families(design: CandidateDesign, catalogue: Mapping[str, type[Effect]]) -> 
     return made
 
 
+def guesses(design: CandidateDesign, catalogue: Mapping[str, type[Effect]]) -> list[Family]:
+    """Return the families of effects whose channel is guessed because no run logged it."""
+    made = [effect.guess() for effect in catalogue.values() if effect.searched]
+    runs = design.source.runs
+    lacking = [
+        guess
+        for guess in made
+        if guess and not any(run.conditions.has(guess.guessed_channel) for run in runs)
+    ]
+    return families(design, {guess.name: guess for guess in lacking})
+
+
 def candidates(
     design: CandidateDesign, catalogue: Mapping[str, type[Effect]], campaign: Campaign
 ) -> dict[str, list[Candidate]]:

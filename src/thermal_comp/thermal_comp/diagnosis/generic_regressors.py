@@ -17,9 +17,6 @@ from thermal_comp.data.spectral_lines import SpectralLine
 from thermal_comp.effects.operators import follow, play, time_integral
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 
-DEW_POINTS_C = (-12.0, -2.0, 8.0)
-UPTAKES_S = (1200.0, 5000.0)
-"""Time constants of the package's moisture [s]."""
 BAND_PIECES = 24
 """Pieces of a run over which a line's amplitude and phase are free."""
 ROOM_C = 22.0
@@ -92,8 +89,6 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
             made.append(
                 (label, f'{label}, its lags and products', partial(spans.channel, name), False)
             )
-    if _moist(design):
-        made.append(('humidity', 'moisture guessed from the air temperature', moisture, False))
     if all(run.conditions.has('vibration') for run in runs):
         made.append(('vibration', 'vibration and its square', spans.vibration, False))
     for line in design.source.spectral_lines(design.sensor)[:1]:
@@ -205,28 +200,6 @@ def _betrayed(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> 
     if {'heater', 'compressor'} <= set(suspects):
         return 'chamber'
     return suspects[0].removesuffix('_voltage') if suspects else ''
-
-
-def _moist(design: CandidateDesign) -> bool:
-    """Tell whether humidity may act unseen: not logged anywhere, the air's temperature is."""
-    runs = design.source.runs
-    logged = any(run.conditions.has('humidity') for run in runs)
-    air = all(run.conditions.has('chamber_temperature') for run in runs)
-    return design.sensor != 'magnetometer' and air and not logged
-
-
-def moisture(run: PreparedRun) -> FloatArray:
-    """(m, 9) relative humidity of air of some dew points, as a package takes it up.
-
-    h = min(1, e_s(T_dew) / e_s(T_air)), e_s(T) ∝ exp(17.62 T / (243.12 + T)) (Magnus, WMO 8).
-    """
-    air = np.asarray(run.block_conditions.chamber_temperature)
-    made = []
-    for dew in DEW_POINTS_C:
-        share = 17.62 * (dew / (243.12 + dew) - air / (243.12 + air))
-        humidity = np.exp(np.minimum(share, 0.0))
-        made += [humidity, *(_lagged(run, humidity, lag) for lag in UPTAKES_S)]
-    return np.stack(made, axis=1)
 
 
 @dataclass(frozen=True)

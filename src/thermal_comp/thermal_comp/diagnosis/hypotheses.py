@@ -16,6 +16,7 @@ from thermal_comp.diagnosis.candidates import (
     channels_not_logged,
     families,
     form_of,
+    guesses,
     moved_forms,
     renewed,
 )
@@ -106,6 +107,12 @@ class EffectSet:
         """Names of its effects, sorted."""
         return tuple(sorted(c.name for c in self.components))
 
+    @property
+    def guessed(self) -> str:
+        """Channel that an effect of the set guesses; '' where all were logged."""
+        channels = (c.form.effect.guessed_channel for c in self.components)
+        return next(filter(None, channels), '')
+
 
 @dataclass(frozen=True)
 class Addition:
@@ -132,7 +139,9 @@ class SensorHypotheses:
         self._nuisances = nuisance_priors(design, self.thermometer)
         self._told = 0.0
         """χ² of what other sensors tell of the thermometer."""
-        self.families = [f for f in families(design, catalogue) if _leaves_a_trace(design, f)]
+        self.families = _with_a_trace(design, families(design, catalogue))
+        self.guesses = _with_a_trace(design, guesses(design, catalogue))
+        """Effects of channels that were not logged but can be guessed."""
         self.without_channel = channels_not_logged(design, catalogue)
         """Effects that could act unseen, each with the channel that was not logged."""
         self.regressors = generic_regressors(design)
@@ -205,7 +214,7 @@ class SensorHypotheses:
         strongest = float(np.sqrt(before.explained)) if before.components else None
         amplitude_prior = priors.amplitude_log_prior(strongest)
         taken = {c.name for c in before.components if not c.form.effect.repeatable}
-        offered = [f for f in self.families if f.name not in taken]
+        offered = [f for f in (*self.families, *self.guesses) if f.name not in taken]
         if before.components:
             known = [c.form for c in before.components]
             offered = [
@@ -424,13 +433,15 @@ class SensorHypotheses:
         more = priors.ANOTHER_EFFECT
         count = (1.0 - priors.NOTHING) * (1.0 - more) * more ** (effects - 1)
         orders = np.log(np.arange(1, effects + 1)).sum()
-        return float(np.log(count) + orders - effects * np.log(max(len(self.families), 1)))
+        families = len(self.families) + len(self.guesses)
+        return float(np.log(count) + orders - effects * np.log(max(families, 1)))
 
 
-def _leaves_a_trace(design: CandidateDesign, family: Family) -> bool:
-    """Tell whether any column of the family is more than rounding beside the base model."""
-    columns = [c for form in family.forms for term in form.terms for c in term.columns]
-    return bool((design.products(())[0][:, columns, columns] > 0.0).any())
+def _with_a_trace(design: CandidateDesign, some: Sequence[Family]) -> list[Family]:
+    """Return the families with a column that is more than rounding beside the base model."""
+    normal = design.products(())[0]
+    columns = [[c for form in f.forms for t in form.terms for c in t.columns] for f in some]
+    return [f for f, own in zip(some, columns, strict=True) if (normal[:, own, own] > 0.0).any()]
 
 
 def _unit_ways(parameters: int) -> list[list[float]]:

@@ -110,9 +110,20 @@ def explanations(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> lis
     twins = _as_twins(hypotheses, weighed)
     weighed = [(s, [*rest, *more]) for (s, rest), more in zip(weighed, twins, strict=True)]
     total = log_sum([s.log_posterior + b.log_weight for s, rest in weighed for b in rest])
-    found = [_named(some, rest, total) for some, rest in weighed]
+    weighed = [(some, _unlogged(some, rest)) for some, rest in weighed]
+    found = [_named(some, rest, total) for some, rest in weighed if not some.guessed]
     found += [_unnamed(kind, weighed, total) for kind in (NOT_IN_CATALOGUE, UNLOGGED)]
     return sorted(found, key=lambda e: -e.probability)
+
+
+def _unlogged(some: EffectSet, rest: list[_Beside]) -> list[_Beside]:
+    """Return what acts beside a set, whose own weight speaks for the channel that it guesses."""
+    if not some.guessed:
+        return rest
+    return [
+        replace(b, kind=UNLOGGED, depends_on=some.guessed) if b.kind in {'', 'flaw'} else b
+        for b in rest
+    ]
 
 
 def _as_twins(
@@ -181,9 +192,8 @@ def _unnamed(
     followed = [p for p in parts if not p[2].course and p[2].log_weight > LEAST_FOLLOWED]
     _, some, strongest = max(followed or parts, key=lambda part: part[0])
     probability = sum(part[0] for part in parts)
-    return Explanation(
-        (kind,), probability, False, some.components, strongest.depends_on, some.explained
-    )
+    believed = tuple(c for c in some.components if not c.form.effect.guessed_channel)
+    return Explanation((kind,), probability, False, believed, strongest.depends_on, some.explained)
 
 
 def _beside(hypotheses: SensorHypotheses, one: _Fitted, flaw: float) -> list[_Beside]:
@@ -378,14 +388,15 @@ def _flaw(
         (alike if further in kin else others).append(gain + weight + _at(size, likeness))
     ways = [(one.free_flaw, 1), (log_sum(single), len(single))]
     ways += [(log_sum(alike), len(kin))] if alike else []
-    ways += [(log_sum(others), len(hypotheses.families))] if others else []
+    every = len(hypotheses.families) + len(hypotheses.guesses)
+    ways += [(log_sum(others), every)] if others else []
     parts = [gain - float(np.log(count * len(ways))) for gain, count in ways]
     return log_sum(parts) + float(np.log(priors.FORM_APPROXIMATE))
 
 
 def _kin(hypotheses: SensorHypotheses, some: EffectSet) -> set[str]:
     """Return the families kindred to an effect of the set, or to the temperature's errors."""
-    families = hypotheses.families
+    families = [*hypotheses.families, *hypotheses.guesses]
     if not some.components:
         return {f.name for f in families if f.effect.kin == 'temperature'}
     effects = [c.form.effect for c in some.components]

@@ -18,7 +18,7 @@ def ranked_effects(answers: Mapping[Sensor, SensorAnswer]) -> tuple[RankedEffect
     found: list[RankedEffect] = []
     for sensor, answer in answers.items():
         together = {effect.name: effect for effect in (*answer.named, *answer.closest)}
-        alone = {s.names[0]: s for s in answer.sets if len(s.names) == 1}
+        alone = {s.names[0]: s for s in answer.sets if len(s.names) == 1 and not s.guessed}
         own = [
             RankedEffect(
                 sensor,

@@ -126,7 +126,8 @@ class SensorAnswer:
         if self.kind not in {'unexplained', 'unlogged'}:
             return ()
         best = max(self.sets, key=lambda s: s.log_posterior)
-        return tuple(c.form.effect for c in best.components)
+        effects = (c.form.effect for c in best.components)
+        return tuple(effect for effect in effects if not effect.guessed_channel)
 
 
 def _one_fewer(fewer: Explanation, said: Explanation) -> bool:

@@ -134,6 +134,8 @@ class Effect:
     """Effects from which only a temperature that returns, or comes at several rates, tells it."""
     separated_by_poses: ClassVar[tuple[Sensor, ...]] = ()
     """Sensors on which only other orientations tell it from a bias over temperature."""
+    guessed_channel: ClassVar[str] = ''
+    """Channel that it guesses from others; what it explains is that this one was not logged."""
     separating_action: ClassVar[str] = ''
     """What an experiment can do beside the temperature profile to tell it from its rivals."""
 
@@ -210,6 +212,11 @@ class Effect:
     def sample_forms(cls) -> list[Self]:
         """Return a few forms, short to long or narrow to wide, for a quick comparison."""
         return cls.shape_grid(5)
+
+    @classmethod
+    def guess(cls) -> type[Effect] | None:
+        """Return the effect with its channel guessed, for runs that lack it; None: no guess."""
+        return None
 
     def parts(self) -> tuple[Effect, ...]:
         """Return effects whose columns beside each other are this one's."""

@@ -87,7 +87,7 @@ def effects_in_file(file: str | Path) -> list[type[Effect]]:
     found = [
         item
         for _, item in inspect.getmembers(module, inspect.isclass)
-        if issubclass(item, Effect) and item.__module__ == name
+        if issubclass(item, Effect) and item.__module__ == name and not item.guessed_channel
     ]
     if not found:
         raise EffectError(f'{path}: defines no subclass of thermal_comp.effects.Effect')
