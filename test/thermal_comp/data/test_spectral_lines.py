@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.data.spectral_lines import LOWEST_HZ, spectral_lines
+from thermal_comp.diagnosis.hypotheses import NOT_IN_CATALOGUE
+from thermal_comp.diagnosis.posterior import probability
 from thermal_comp.diagnosis.sensor_search import SensorAnswer, Settings, search_sensors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.noise.estimation import fit_noise
@@ -26,7 +28,9 @@ def runs_with(line: Callable[[], np.ndarray]) -> list[PreparedRun]:
     return prepare([run(up, seed=k, error=error) for k, up in enumerate(('+x', '+y', '+z'))])
 
 
-def decided(runs: list[PreparedRun]) -> SensorAnswer:
+@cache
+def decided(line: Callable[[], np.ndarray]) -> SensorAnswer:
+    runs = runs_with(line)
     catalogue = {name: EFFECTS[name] for name in ('mains_alias', 'warm_up')}
     base = {SENSOR: (EFFECTS['bias_temperature'](),)}
     return search_sensors(runs, base, {SENSOR: fit_noise(runs, SENSOR)}, Settings(catalogue))[
@@ -61,26 +65,35 @@ def wandering() -> np.ndarray:
 
 
 def test_a_line_that_keeps_its_phase_is_named() -> None:
-    (named,) = decided(runs_with(steady)).named
+    (named,) = decided(steady).named
     assert named.name == 'mains_alias'
     assert named.shape_parameters['frequency'] == pytest.approx(HERTZ, abs=3e-6)
 
 
+def test_a_line_that_stands_still_may_be_another_oscillation_one_that_moves_may_not() -> None:
+    unnamed = [
+        probability(decided(line).explanations, lambda e: e.names == (NOT_IN_CATALOGUE,))
+        for line in (steady, drifting)
+    ]
+    assert 0.1 < unnamed[0] < 0.3
+    assert unnamed[1] < 0.05
+
+
 def test_a_line_that_comes_and_goes_keeps_its_name_as_approximate() -> None:
-    answer = decided(runs_with(gated))
+    answer = decided(gated)
     assert [effect.name for effect in answer.named] == ['mains_alias']
     assert answer.likeliest.approximate
 
 
 def test_a_line_that_follows_the_temperature_is_named_with_its_drift() -> None:
-    (named,) = decided(runs_with(drifting)).named
+    (named,) = decided(drifting).named
     assert named.name == 'mains_alias'
     assert named.shape_parameters['frequency'] == pytest.approx(5.0 * HERTZ, abs=3e-6)
     assert named.shape_parameters['drift'] == pytest.approx(DRIFT, abs=1e-6)
 
 
 def test_a_line_that_wanders_is_not() -> None:
-    answer = decided(runs_with(wandering))
+    answer = decided(wandering)
     assert (answer.kind, answer.named) == ('unexplained', ())
     assert answer.likeliest.depends_on == 'frequency'
 

@@ -4,6 +4,11 @@
 from dataclasses import replace
 
 import numpy as np
+from thermal_comp.data.preparation import prepare
+from thermal_comp.diagnosis.common_thermometer import told_by_others
+from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
+from thermal_comp.effects import EFFECTS
+from thermal_comp.noise.of_runs import determined_noise
 
 import thermal_comp as tc
 from imu_recording import ImuRecording
@@ -42,3 +47,24 @@ def test_a_lag_of_one_sensor_beside_it_keeps_its_name() -> None:
     behind = die - lagging(die, 400.0, float(time[1] - time[0]))
     lag = 4e-4 * behind[:, None] * np.array([1.0, -0.5, 0.8])
     assert named(late(25.0, angular_velocity=lag)) == {('gyroscope', 'thermal_lag')}
+
+
+def test_only_sensors_whose_errors_are_understood_tell_of_the_thermometer() -> None:
+    """What sticks and slips in the gyroscope may look like errors of the thermometer."""
+    time, *_ = chamber(1, 20.0)
+    slip = np.multiply.outer((time / 2500.0) % 1.0 - 0.5, 8e-3 * np.array([-0.5, 1.0, 2.0]))
+    runs = prepare([run(cycles=1, period=20.0, error={'angular_velocity': slip})])
+    base = {sensor: (EFFECTS['bias_temperature'](),) for sensor in runs[0].measured}
+    few = {name: EFFECTS[name] for name in ('warm_up', 'thermal_lag')}
+    answers = search_sensors(runs, base, determined_noise(runs, base)[0], Settings(few))
+    assert answers['gyroscope'].kind == 'unexplained'
+    searched = {s: (a.hypotheses, a.sets) for s, a in answers.items()}
+    understood = {s for s in searched if s != 'gyroscope'}
+    told = told_by_others(searched, understood)
+    alone = told_by_others({s: searched[s] for s in understood}, understood)
+    assert np.array_equal(told['accelerometer'].normal, alone['accelerometer'].normal)
+    assert not np.array_equal(
+        told['accelerometer'].normal,
+        told_by_others(searched, set(searched))['accelerometer'].normal,
+    )
+    assert told_by_others(searched, ()) == {}

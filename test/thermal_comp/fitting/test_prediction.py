@@ -7,7 +7,7 @@ from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.empirical import empirical_form
 from thermal_comp.fitting.part_sums import falls
-from thermal_comp.fitting.prediction import predictive_effects
+from thermal_comp.fitting.prediction import best_held_out, predictive_effects
 from thermal_comp.noise.estimation import fit_noise
 
 from ..campaign import WHITE, chamber, lagging, run
@@ -73,6 +73,14 @@ def test_a_set_that_is_given_is_tried_whole(die: np.ndarray) -> None:
     assert alone == ()
     (lag,) = predictive_effects(runs, SENSOR, [LINE], noise, rate, [('thermal_lag',)])
     assert lag.shape_parameters['time_constant'] == pytest.approx(400.0, rel=0.4)
+
+
+def test_of_two_shapes_the_one_that_holds_on_unseen_parts_is_taken(die: np.ndarray) -> None:
+    runs = runs_with((lagging(die, 400.0, PERIOD) - die) / 2.0, (4.0, -3.0, 3.5))
+    near, far = ((LINE, EFFECTS['thermal_lag'](tau)) for tau in (420.0, 3000.0))
+    noise = fit_noise(runs, SENSOR)
+    assert best_held_out(runs, SENSOR, [far, near], noise) == near
+    assert best_held_out(runs, SENSOR, [near, near], noise) is near
 
 
 def test_an_axis_that_feels_nothing_keeps_to_the_line(die: np.ndarray) -> None:

@@ -12,7 +12,7 @@ N = Σ N_s and b = Σ b_s,
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -50,18 +50,27 @@ Searched = Mapping[Sensor, tuple[SensorHypotheses, Sequence[EffectSet]]]
 """Hypotheses about each sensor and the sets that were looked at."""
 
 
-def told_by_others(searched: Searched) -> dict[Sensor, Information]:
+def told_by_others(
+    searched: Searched, understood: Collection[Sensor]
+) -> dict[Sensor, Information]:
     """Return for each sensor what the others tell of the thermometer's errors.
 
+    Only those tell that are `understood`: an error that has no name may look like anything.
     Every sensor is read twice: beside its likeliest set, and beside the likeliest without effects
     of the temperature's history, which the thermometer may imitate. The combination counts that
     is likeliest for all sensors together.
     """
-    readings = {sensor: _readings(*found) for sensor, found in searched.items()}
+    readings = {s: _readings(*found) for s, found in searched.items() if s in understood}
+    if not readings:
+        return {}
     likeliest = max(product(*readings.values()), key=_log_posterior)
     told = {}
-    for place, sensor in enumerate(readings):
-        others = [r.information for k, r in enumerate(likeliest) if k != place]
+    for sensor in searched:
+        others = [
+            reading.information
+            for teller, reading in zip(readings, likeliest, strict=True)
+            if teller != sensor
+        ]
         if others:
             told[sensor] = _as_far_as_it_holds(_sum(others))
     return told

@@ -25,7 +25,7 @@ from thermal_comp.effects.empirical_term import Empirical
 from thermal_comp.fitting.empirical import empirical_form
 from thermal_comp.fitting.fit import fit_prepared, usable_sensors
 from thermal_comp.fitting.part_sums import falls, parts_that_fall
-from thermal_comp.fitting.prediction import predictive_effects
+from thermal_comp.fitting.prediction import best_held_out, predictive_effects
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import (
     ModelError,
@@ -222,11 +222,16 @@ def _predictive(
     beside = {s: (*listed[s], *chosen.get(s, ())) for s in listed}
     if any(chosen.values()):
         fitted = fit_prepared(beside, runs, noise=noise)
-        beside = {s: fitted.sensors[s].effects for s in listed}
+        # The shapes that fit all rows best may be worse on parts that no fit has seen.
+        forms = {s: (fitted.sensors[s].effects, beside[s]) for s in listed}
+        beside = {
+            s: best_held_out(runs, s, forms[s], noise[s]) if chosen.get(s) else forms[s][0]
+            for s in listed
+        }
         noise = determined_noise(runs, beside)[0]
-    forms = {s: empirical_form(runs, s, beside[s], noise[s]) for s in tried if s in noise}
+    terms = {s: empirical_form(runs, s, beside[s], noise[s]) for s in tried if s in noise}
     added = {
-        s: (*beside[s][len(listed[s]) :], *([form] if (form := forms.get(s)) else []))
+        s: (*beside[s][len(listed[s]) :], *([term] if (term := terms.get(s)) else []))
         for s in tried
     }
     added = {s: effects for s, effects in added.items() if effects}

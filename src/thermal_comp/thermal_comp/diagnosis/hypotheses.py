@@ -150,6 +150,8 @@ class SensorHypotheses:
         self.lost_over_time = lost_over_time(design)
         """Lost channel that may have any course over time; '' where none is."""
         self.rows = 3 * design.rows - design.base_rank
+        self._fits: dict[Names, tuple[Component, ...]] = {}
+        """Sets as they were fitted last: where a search begins anew, fits go on from there."""
         self._weigh_nuisances()
 
     def inform(self, normal: FloatArray, right: FloatArray) -> None:
@@ -312,20 +314,32 @@ class SensorHypotheses:
 
     def fitted_set(self, components: Sequence[Component]) -> EffectSet:
         """Return components fitted together, with the posterior of their set."""
-        return self._weighed(self._fitted(list(components)), self.nothing)
+        names = tuple(sorted(c.name for c in components))
+        before = self._fits.get(names)
+        if before is None:
+            again = 2 if len(components) > 1 else 1
+            fitted = self._fitted(list(components), SHAPE_RATIOS, again)
+        else:
+            fitted = self._fitted(list(before), SHAPE_RATIOS[1:], 1)
+        self._fits[names] = tuple(fitted)
+        return self._weighed(fitted, self.nothing)
 
-    def _fitted(self, components: list[Component]) -> list[Component]:
+    def _fitted(
+        self, components: list[Component], ratios: Sequence[float], rounds: int
+    ) -> list[Component]:
         """Return the components with their best shapes and amplitudes beside each other."""
-        for _ in range(2 if len(components) > 1 else 1):
+        for _ in range(rounds):
             for place in range(len(components)):
-                components = self._shaped(components, place)
+                components = self._shaped(components, place, ratios)
                 components = self._scaled(components, place)[0]
         return components
 
     def _likely(self, components: Sequence[Component]) -> float:
         return self._joint(components, self._likeliest[1])[0]
 
-    def _shaped(self, components: list[Component], place: int) -> list[Component]:
+    def _shaped(
+        self, components: list[Component], place: int, ratios: Sequence[float]
+    ) -> list[Component]:
         """Move the shape parameters of one component while that explains more."""
         one = components[place]
         if one.form.free == 0:
@@ -340,7 +354,7 @@ class SensorHypotheses:
 
         best = one.form
         with self.design.trials():
-            for ratio in SHAPE_RATIOS:
+            for ratio in ratios:
                 for _ in range(MOST_MOVES):
                     near = moved_forms(self.design, best, ratio, each_way)
                     inside = [form for form in near if form is not None]

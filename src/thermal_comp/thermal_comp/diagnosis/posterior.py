@@ -214,7 +214,8 @@ def _beside(hypotheses: SensorHypotheses, one: _Fitted, flaw: float) -> list[_Be
     course = one.course + _at(one.course_size, amplitude)
     weight = log_sum([b.log_weight for b in found])
     found += _unknown(hypotheses, some, gains, course)
-    return found + _switched(hypotheses, some, weight) + _unseen_twins(hypotheses, some, weight)
+    found += _switched(hypotheses, some, weight) + _unseen_twins(hypotheses, some, weight)
+    return found + _of_any_cause(some, weight)
 
 
 def _unknown(
@@ -271,6 +272,16 @@ def _unseen_twins(hypotheses: SensorHypotheses, some: EffectSet, weight: float) 
     share = weight + float(np.log(priors.UNSEEN_TWIN))
     lost = hypotheses.without_channel
     return [_Beside(UNLOGGED, lost[twin], share) for twin in twins if twin in lost]
+
+
+def _of_any_cause(some: EffectSet, weight: float) -> list[_Beside]:
+    """Return what speaks for another cause of an effect of a set; `weight`: the set's."""
+    share = weight + float(np.log(priors.ANY_CAUSE))
+    return [
+        _Beside(NOT_IN_CATALOGUE, 'frequency', share)
+        for component in some.components
+        if component.form.effect.of_any_cause
+    ]
 
 
 def _gains(

@@ -30,6 +30,10 @@ UNSEEN_TWIN = 0.5
 """Odds that an effect whose channel was not logged acts in place of the one it looks like: all
 effects are equally likely, but in half of all recordings its exact course would differ."""
 
+ANY_CAUSE = 0.25
+"""Odds that another cause acts in place of an effect whose form any cause may have: most steady
+oscillations near a sensor that is sampled slowly are the mains."""
+
 TWIN_SHARE, TWIN_SHARE_LN = 0.05, 0.8
 """Median and standard deviation of ln of how much columns of twins may differ without telling
 which acts: a derivative, and a thermometer beside the die, are right to some per cent."""

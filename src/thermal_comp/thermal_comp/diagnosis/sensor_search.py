@@ -198,10 +198,11 @@ class SensorSearches:
     ) -> dict[Sensor, SensorAnswer]:
         """Return what changes where the others tell of the thermometer's errors.
 
-        A sensor that lacks nothing is not asked again, nor one to whose likeliest sets it makes
-        no difference.
+        A sensor that lacks something without a name tells nothing. One that lacks nothing is not
+        asked again, nor one to whose likeliest sets it makes no difference.
         """
-        told = told_by_others({s: (a.hypotheses, a.sets) for s, a in found.items()})
+        understood = {s for s, a in found.items() if a.kind not in {'unexplained', 'unlogged'}}
+        told = told_by_others({s: (a.hypotheses, a.sets) for s, a in found.items()}, understood)
         again = {}
         for sensor, answer in found.items():
             nothing = probability(answer.explanations, lambda e: e.names == ())

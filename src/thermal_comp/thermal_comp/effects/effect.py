@@ -227,6 +227,11 @@ class Effect:
         """Frequency of the spectral line that it is [Hz]; what its form lacks lies beside it."""
         return None
 
+    @property
+    def of_any_cause(self) -> bool:
+        """Whether anything else with the same course would look exactly as this form does."""
+        return False
+
     def is_kin_of(self, other: Effect) -> bool:
         """Tell whether one can stand for a flaw in the form of the other."""
         return self.kin != '' and self.kin == other.kin

@@ -98,6 +98,26 @@ def predictive_effects(
     return (better or best).effects
 
 
+def best_held_out(
+    runs: Sequence[PreparedRun],
+    sensor: Sensor,
+    forms: Sequence[tuple[Effect, ...]],
+    noise: NoiseModel,
+) -> tuple[Effect, ...]:
+    """Return the effects, in the forms given, that leave the smallest error on held-out parts.
+
+    Shapes stand as they are, coefficients are fitted without the part; the first of equals.
+    """
+
+    def left(effects: tuple[Effect, ...]) -> float:
+        sums = part_sums(runs, sensor, effects, (), noise)
+        free = np.zeros((3, len(sums.known)))
+        errors = [sums.errors(part, sums.known, free) for part in sums.parts()]
+        return float((np.concatenate(errors) / sums.variance).sum())
+
+    return min(forms, key=left)
+
+
 def usable_forms(
     runs: Sequence[PreparedRun],
     sensor: Sensor,
