@@ -317,21 +317,19 @@ class SensorHypotheses:
         names = tuple(sorted(c.name for c in components))
         before = self._fits.get(names)
         if before is None:
-            again = 2 if len(components) > 1 else 1
-            fitted = self._fitted(list(components), SHAPE_RATIOS, again)
+            fitted = self._fitted(list(components), SHAPE_RATIOS)
+            if len(components) > 1:
+                fitted = self._fitted(fitted, SHAPE_RATIOS[1:])
         else:
-            fitted = self._fitted(list(before), SHAPE_RATIOS[1:], 1)
+            fitted = self._fitted(list(before), SHAPE_RATIOS[1:])
         self._fits[names] = tuple(fitted)
         return self._weighed(fitted, self.nothing)
 
-    def _fitted(
-        self, components: list[Component], ratios: Sequence[float], rounds: int
-    ) -> list[Component]:
+    def _fitted(self, components: list[Component], ratios: Sequence[float]) -> list[Component]:
         """Return the components with their best shapes and amplitudes beside each other."""
-        for _ in range(rounds):
-            for place in range(len(components)):
-                components = self._shaped(components, place, ratios)
-                components = self._scaled(components, place)[0]
+        for place in range(len(components)):
+            components = self._shaped(components, place, ratios)
+            components = self._scaled(components, place)[0]
         return components
 
     def _likely(self, components: Sequence[Component]) -> float:
@@ -366,6 +364,8 @@ class SensorHypotheses:
                 peak = moved_forms(self.design, best, ratio, [_peak(likely(best), values)])[0]
                 if peak is not None and likely(peak) > likely(best):
                     best = peak
+                if all(abs(v - likely(best)) < LEAST_MOVE for v in values if v is not None):
+                    break  # a finer move changes nothing
         return self._with(components, place, form_of(self.design, best.effect, one.form.run))
 
     @staticmethod
