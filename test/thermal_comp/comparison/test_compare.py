@@ -64,7 +64,7 @@ def test_without_cycles_contiguous_blocks_are_held_out_and_it_is_said() -> None:
     recording = replace(run(cycles=1), cycle=None, phase=None)
     comparison = compare(fit(LINE, [recording]), [recording])
     assert 'contiguous block' in comparison.folds
-    assert any('5 contiguous blocks' in note for note in comparison.notes)
+    assert any('12 contiguous blocks' in note for note in comparison.notes)
 
 
 def test_bias_of_each_cycle_is_taken_like_a_level_and_said() -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from thermal_comp.data.preparation import prepare
+from thermal_comp.data.preparation import contiguous_parts, prepare
 from thermal_comp.effects import EFFECTS
 
 from imu_recording import ImuRecording, RecordingError
@@ -157,7 +157,7 @@ def test_vibration_comes_from_the_raw_samples_at_fifty_hertz_and_not_below() -> 
     assert prepare([still(0.2, 10.0)])[0].conditions.vibration is None
 
 
-def test_cycles_are_held_out_and_without_them_five_blocks() -> None:
+def test_cycles_are_held_out_and_without_them_twelve_blocks() -> None:
     recording = still(4.0, 0.5)
     cycle = (recording.time // 3600).astype(np.int64)
     (run,) = prepare([replace(recording, cycle=cycle)])
@@ -165,8 +165,13 @@ def test_cycles_are_held_out_and_without_them_five_blocks() -> None:
     assert np.unique(run.cv_group).tolist() == [0, 1, 2, 3]
     (run,) = prepare([replace(recording, temperature=20.0 + 5.0 * recording.time / 3600.0)])
     assert not run.has_cycles
-    assert np.unique(run.cv_group).tolist() == [1, 2, 3, 4, 5]
-    assert any('5 contiguous blocks' in note for note in run.notes)
+    assert np.unique(run.cv_group).tolist() == list(range(1, 13))
+    assert any('12 contiguous blocks' in note for note in run.notes)
+
+
+@pytest.mark.parametrize(('blocks', 'parts'), [(3, 3), (40, 5), (70, 7), (5000, 12)])
+def test_a_part_that_is_held_out_holds_enough_blocks(blocks: int, parts: int) -> None:
+    assert np.unique(contiguous_parts(blocks)).tolist() == list(range(1, parts + 1))
 
 
 def test_a_channel_logged_for_a_part_of_the_run_is_not_used() -> None:

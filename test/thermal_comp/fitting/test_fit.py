@@ -199,7 +199,7 @@ def test_a_board_warming_up_without_cycles_is_fitted_and_compared(shared: Path) 
     recording = import_csv(csv, mapping)
     model = fit(LINE, [recording], period=20.0)
     comparison = compare(model, [recording], period=20.0)
-    assert any('5 contiguous blocks' in note for note in comparison.notes)
+    assert any('10 contiguous blocks' in note for note in comparison.notes)
     accelerometer = comparison.sensors['accelerometer']
     # The z axis bends: a line leaves several times the noise, x and y do not.
     assert accelerometer.held_out_rms[2] > 4.0 * accelerometer.noise_floor[2]

@@ -120,7 +120,7 @@ class PreparedRun:
         return middle
 
 
-__all__ = ['PreparedRun', 'prepare', 'prepare_run', 'resting']
+__all__ = ['PreparedRun', 'contiguous_parts', 'prepare', 'prepare_run', 'resting']
 
 PERIODS = (20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 """Lengths of blocks [s]; errors are quoted on means over a block."""
@@ -136,8 +136,11 @@ FINE_PERIOD = 1.0
 """Columns are evaluated on means over this [s], or on the samples where they are slower."""
 VIBRATION_RATE = 50.0
 """Slowest sample rate [Hz] from which vibration is computed."""
-BLOCKS_WITHOUT_CYCLES = 5
-"""Contiguous parts a run without cycles is cut into, to be held out one at a time."""
+FEWEST_PARTS, MOST_PARTS = 5, 12
+"""Contiguous parts a run without cycles is cut into, to be held out one at a time: what a term
+gains on five of them is seldom more than chance, …"""
+PART_BLOCKS = 10
+"""… and a part of fewer blocks tells little."""
 LEADING_GAP_S = 60.0
 """A track that starts at most this much after the IMU takes its first value until then [s]."""
 
@@ -408,8 +411,14 @@ def _cv_groups(cycle: IntArray | None, starts: IntArray) -> tuple[IntArray, bool
         cv_group = np.maximum(cycle[(starts[:, 0] + starts[:, 1] - 1) // 2], 0)
         if len(np.unique(cv_group[cv_group > 0])) >= 2:
             return cv_group, True
-    parts = min(BLOCKS_WITHOUT_CYCLES, m)
-    return 1 + np.arange(m, dtype=np.int64) * parts // max(m, 1), False
+    return contiguous_parts(m), False
+
+
+def contiguous_parts(blocks: int) -> IntArray:
+    """Return the part, from 1, of each of a run's blocks where there are no cycles to hold out."""
+    parts = min(max(FEWEST_PARTS, min(MOST_PARTS, blocks // PART_BLOCKS)), blocks)
+    part: IntArray = 1 + np.arange(blocks, dtype=np.int64) * parts // max(blocks, 1)
+    return part
 
 
 def _block_measurement(run: PreparedRun, sensor: Sensor) -> FloatArray:

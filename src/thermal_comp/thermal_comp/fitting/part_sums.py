@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.preparation import PreparedRun, contiguous_parts
 from thermal_comp.effects.effect import Effect, columns_from
 from thermal_comp.linear.columns import orthonormal, per_axis, project_out
 from thermal_comp.linear.normal_equations import pseudo_solve
 from thermal_comp.linear.whitening import apply_gains, innovation_gains
 from thermal_comp.model.values import NoiseModel
 
-BLOCKS_PER_RUN = 5
-"""Contiguous parts of a run where its thermal cycles are too few to hold out in turn."""
 LEAST_PARTS = 3
 """Parts held out from which anything is said."""
 CHANCE = 0.01
@@ -201,7 +199,7 @@ def _parts_of(runs: Sequence[PreparedRun], sensor: Sensor) -> list[IntArray]:
     )
     if found >= LEAST_PARTS:
         return groups
-    return [1 + np.arange(len(run)) * BLOCKS_PER_RUN // len(run) for run in runs]
+    return [contiguous_parts(len(run)) for run in runs]
 
 
 def _span(
