@@ -102,6 +102,7 @@ class ThermalCompNode(ConfiguredNode):
         self.thermometer = LiveThermometer()
         self.surroundings = LiveSurroundings()
         self._other_device = ''
+        self._source: dict[str, str] = {}
         if config.state_file and (reason := restore_state(self.compensator, config.state_file)):
             self.get_logger().info(f'history begins anew: {reason}')
         self._imu = self.sample_output(Imu, 'imu_compensated/data_raw')
@@ -136,12 +137,18 @@ class ThermalCompNode(ConfiguredNode):
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
         """Take in what device the driver says it reads: the model has to be of that one."""
+        devices = {
+            node_of(status.name): status.hardware_id
+            for status in message.status
+            if status.hardware_id not in ('', NO_HARDWARE)
+        }
+        if not devices or devices == self._source:
+            return
         senders = self.get_publishers_info_by_topic('imu/data_raw')
         names = {f'{s.node_namespace}/{s.node_name}'.lstrip('/') for s in senders}
-        for status in message.status:
-            known = status.hardware_id not in ('', NO_HARDWARE)
-            if known and node_of(status.name) in names:
-                self.check_source(status.hardware_id)
+        for name in names & devices.keys():
+            self._source = devices  # which need not be looked for again
+            self.check_source(devices[name])
 
     def check_source(self, device: str) -> None:
         """Refuse to compensate data of this device with a model of another."""

@@ -10,6 +10,7 @@ measurements", INFOCOM 2002; two hulls that take turns follow a wandering crysta
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -57,7 +58,7 @@ class ConvexHull:
         points = self.points
         if points[-1][0] - points[0][0] >= SKEW_BASELINE:
             middle = 0.5 * (points[0][0] + points[-1][0])
-            index = next(i for i, point in enumerate(points) if point[0] >= middle)
+            index = bisect_left(points, (middle,))
             if index < len(points) - 1:
                 (x1, y1), (x2, y2) = points[index - 1], points[index]
                 slope = (y2 - y1) / (x2 - x1)

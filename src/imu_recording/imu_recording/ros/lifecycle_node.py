@@ -184,7 +184,10 @@ class ConfiguredNode(LifecycleNode):
 
     def now(self) -> int:
         """Return ROS time [ns]."""
-        return self._now() if self._now else self.get_clock().now().nanoseconds
+        if self._now:
+            return self._now()
+        with (clock := self.get_clock().handle):  # `Clock.now` makes an object of it besides
+            return int(clock.get_now().nanoseconds)
 
     def output(self, message_type: type, topic: str, *, latched: bool = False) -> Any:
         """Create a reliable publisher that sends while the node is active."""
