@@ -202,6 +202,29 @@ def test_a_stage_that_refuses_is_named_and_nothing_stays_configured(
     chain.destroy_node()
 
 
+@pytest.mark.parametrize('of', ['bag', 'board'])
+def test_not_one_sample_of_another_device_is_compensated(
+    ros: Any, bags: Path, model: Path, of: str
+) -> None:
+    transport = f'bag://{bags}/dut2_x?rate=0' if of == 'bag' else 'simulated://dut2'
+    parameters = {'transport': transport, 'model': str(model), 'filter': 'none'}
+    chain = ImuChainNode(namespace=f'/other_{of}', parameters=parameters)
+    driver, compensation = chain.hosted
+    pairs: list[tuple[Any, Any]] = []
+    passed = compensation._exchange.topic(f'/other_{of}/imu_compensated/data_raw')
+    measured = compensation._exchange.topic(f'/other_{of}/imu/data_raw')
+    raw: list[Any] = []
+    measured.listen(raw.append, serialised=False)  # hears a sample before the stage does
+    passed.listen(lambda sample: pairs.append((raw[-1], sample)), serialised=False)
+    assert chain.autostart()
+    run_until([chain, *chain.hosted], lambda: len(pairs) >= COUNT)
+    assert all(given == passed_on for given, passed_on in pairs)
+    level, line, _ = compensation.diagnostics()
+    assert level == 2
+    assert f'the data of {driver.driver.device}' in line
+    chain.destroy_node()
+
+
 def test_a_stage_may_leave_and_come_back(ros: Any, source: str) -> None:
     chain = ImuChainNode(namespace='/leaving', parameters={'transport': source})
     driver, ahrs = chain.hosted

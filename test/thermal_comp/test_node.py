@@ -17,9 +17,9 @@ from imu_recording.ros.messages import (
     magnetic_field_from_sample,
     temperature_from_sample,
 )
-from sensor_msgs.msg import Imu
+from sensor_msgs.msg import Imu, MagneticField
 from thermal_comp.effects import EFFECTS
-from thermal_comp.model.file import save_model
+from thermal_comp.model.file import model_label, save_model
 from thermal_comp.node import ThermalCompNode
 
 from .models import line_model
@@ -341,6 +341,37 @@ def test_stamps_that_stand_still_are_named(ros: Any, model_path: str) -> None:
     for _ in range(30):
         feed(compensation, 0, 30.0)
     assert 'stand still at 0 ns' in compensation.diagnostics()[1]
+
+
+def test_what_is_passed_on_is_not_labelled_as_compensated(ros: Any, model_path: str) -> None:
+    sent: list[tuple[str, Any]] = []
+    compensation = node(ros, sent, model=model_path)
+    own = compensation.compensator.model.device
+    for second, device in enumerate((own, 'dut9', own), start=1):
+        compensation.check_source(device)
+        for part in range(3):
+            feed(compensation, second * SECOND + part, 30.0)
+    told = [m.data for topic, m in sent if topic == 'imu_compensated/applied_model']
+    label = model_label(compensation.compensator.model)
+    assert told == [label, '', label]
+    rates = [message.angular_velocity.x for message in imu_messages(sent)]
+    assert [rate == 0.0 for rate in rates] == [False] * 3 + [True] * 3 + [False] * 3
+
+
+def test_a_magnetometer_of_another_device_is_told_where_no_imu_comes(
+    ros: Any, model_path: str
+) -> None:
+    driver = ros.create_node('some_driver', namespace='/half')
+    publisher = driver.create_publisher(MagneticField, 'imu/mag', 10)
+    compensation = ThermalCompNode(namespace='/half', parameters={'model': model_path})
+    assert compensation.autostart()
+    status = DiagnosticStatus(name='half/some_driver', hardware_id='DUT9')
+    compensation.inputs['/diagnostics'](DiagnosticArray(status=[status]))
+    level, line, _ = compensation.diagnostics()
+    assert level == 2
+    assert 'the data of DUT9' in line
+    compensation.destroy_node()
+    driver.destroy_publisher(publisher)
 
 
 def test_data_of_another_device_pass_unchanged_and_are_an_error(ros: Any, model_path: str) -> None:

@@ -136,6 +136,14 @@ class ImuDriver:
         return isinstance(self._reader, BagReader) and self._reader.ended
 
     @property
+    def device(self) -> str:
+        """Serial number of the device, or the name its bag tells; '' unknown."""
+        if isinstance(self._reader, BagReader):
+            return self._reader.recording.device
+        information = self.session.information if self.session else None
+        return information.serial_number if information else ''
+
+    @property
     def supply_voltage(self) -> float:
         """Device supply [V]; 0 unknown."""
         information = self.session.information if self.session else None

@@ -50,6 +50,7 @@ class DriverStatus:
         }
         session, reader = driver.session, driver.device_reader
         if session is None or reader is None:
+            values['device'] = driver.device
             return OK, 'the bag has ended' if driver.has_ended else 'replaying', values
         counted = _counted(session, reader)
         recent = self._recent(counted)

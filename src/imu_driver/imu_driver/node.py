@@ -67,6 +67,8 @@ class ImuDriverNode(ConfiguredNode):
         self.driver = self._prepared or self._new_driver(self.config)
         self._status = DriverStatus(self.driver)
         self._prepared = None
+        self._told = ''
+        self._tell_device()
         self.driver.start()
 
     def deactivated(self) -> None:
@@ -152,7 +154,15 @@ class ImuDriverNode(ConfiguredNode):
     def _new_driver(self, config: DriverConfig) -> ImuDriver:
         return ImuDriver(config, now=self.now, publish=self.publish, report=self._report)
 
+    def _tell_device(self) -> None:
+        """Say on /diagnostics which device is read before its first sample comes."""
+        device = self.driver.device if self.driver and not self._capture else ''
+        if device != self._told:
+            self._told = device
+            self.send_diagnostics({self.task: (0, f'device {device}', {'device': device})})
+
     def _report(self, event: str) -> None:
+        self._tell_device()
         if isinstance(event, WarningEvent):
             self.get_logger().warning(event)
         else:

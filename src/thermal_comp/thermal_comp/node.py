@@ -109,10 +109,11 @@ class ThermalCompNode(ConfiguredNode):
         self._mag = self.sample_output(MagneticField, 'imu_compensated/mag')
         self._applied = self.output(String, f'{COMPENSATED}/{APPLIED_MODEL}', latched=True)
         self._label = model_label(model) if model.sensors else ''
+        self._applied_label = ''
         source = self.resolve_topic_name('imu/data_raw').rpartition('/')[0]
         self.input(String, f'{source}/{APPLIED_MODEL}', self.on_applied_model, qos=latched_qos())
         if model.device and not config.allow_other_device:
-            self.input(DiagnosticArray, '/diagnostics', self.on_diagnostics)
+            self.diagnostics_input('imu/data_raw', self.on_diagnostics)
         self.sample_input(Temperature, 'imu/temperature', self.on_temperature)
         for name in OTHER_SENSORS:
             if name not in self.compensator.channels:
@@ -144,11 +145,18 @@ class ThermalCompNode(ConfiguredNode):
         }
         if not devices or devices == self._source:
             return
-        senders = self.get_publishers_info_by_topic('imu/data_raw')
-        names = {f'{s.node_namespace}/{s.node_name}'.lstrip('/') for s in senders}
-        for name in names & devices.keys():
+        for name in self._senders() & devices.keys():
             self._source = devices  # which need not be looked for again
             self.check_source(devices[name])
+
+    def _senders(self) -> set[str]:
+        """Return who sends imu/data_raw; where nobody does, who sends the other inputs."""
+        found = self.get_publishers_info_by_topic('imu/data_raw') or [
+            sender
+            for topic in ('imu/mag', 'imu/temperature')
+            for sender in self.get_publishers_info_by_topic(topic)
+        ]
+        return {f'{s.node_namespace}/{s.node_name}'.lstrip('/') for s in found}
 
     def check_source(self, device: str) -> None:
         """Refuse to compensate data of this device with a model of another."""
@@ -186,14 +194,20 @@ class ThermalCompNode(ConfiguredNode):
         """
         if self._refused(self.check.on_imu(sample)):
             self._imu.send(sample)
+            if self._other_device or self.check.objection:  # no single damaged sample
+                self._tell_applied('')
             return
         rate, force = self.compensator.on_imu(
             sample.stamp, sample.angular_velocity, sample.linear_acceleration
         )
         self._imu.send(self._compensated.imu(sample, rate, force))
-        if self._label:  # what is subtracted is told once, to everybody who ever listens
-            self._applied.publish(String(data=self._label))
-            self._label = ''
+        self._tell_applied(self.compensator.applied_before or self._label)
+
+    def _tell_applied(self, label: str) -> None:
+        """Say which model is subtracted where that changes, to everybody who ever listens."""
+        if label != self._applied_label:
+            self._applied_label = label
+            self._applied.publish(String(data=label))
 
     def on_magnetic_field(self, sample: MagneticSample) -> None:
         """Publish the compensated field."""

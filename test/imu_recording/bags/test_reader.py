@@ -6,7 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from anyreader_columns import columns
+from imu_recording.logging_contract import STRING
+from imu_recording.recorder.bag_recorder import BagRecorder
+from imu_recording.ros.message_cdr import serialise
+from imu_recording.ros.messages import ImuSample
+from imu_recording.ros.sample_bytes import imu_to_bytes
 from recording_samples import assert_same, make_recording
+from std_msgs.msg import String
 
 from imu_recording import bag_namespaces, read_bag, write_bag
 
@@ -50,3 +56,23 @@ def test_written_is_read_back_bit_for_bit(tmp_path: Path, storage: str, compress
     assert_same(recording, back)
     assert {note.split(': ')[1] for note in back.notes} == {'4 rows lie before its first sample'}
     assert bag_namespaces(tmp_path / 'bag') == ['']
+
+
+def test_a_model_that_was_subtracted_for_a_part_of_the_time_is_told(tmp_path: Path) -> None:
+    recorder = BagRecorder(tmp_path / 'bag', sync=False)
+    for k in range(20):
+        stamp = (k + 1) * 10_000_000
+        imu = imu_to_bytes(ImuSample(stamp, (0.0, 0.0, 0.0), (0.0, 0.0, 9.8)))
+        recorder.record('/imu_compensated/data_raw', 'sensor_msgs/msg/Imu', imu, stamp)
+        if k in (0, 10):
+            told = serialise(String(data='' if k else 'model of dut1'))
+            recorder.record('/imu_compensated/applied_model', STRING, told, stamp)
+    recorder.close()
+    remap = {'imu/data_raw': 'imu_compensated/data_raw'}
+    recording = read_bag(tmp_path / 'bag', remap=remap)
+    assert recording.compensated == ''
+    told_of = [note for note in recording.notes if 'applied_model' in note]
+    assert len(told_of) == 1
+    assert told_of[0].endswith(
+        'not one model was subtracted from all of it, but model of dut1, none'
+    )

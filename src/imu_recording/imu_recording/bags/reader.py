@@ -73,6 +73,9 @@ def read_bag(
     applied = columns.pop(told).texts if told else []
     if applied:
         metadata['compensated'] = applied[-1]
+        if len(set(applied)) > 1:
+            names = ', '.join(sorted({text or 'none' for text in applied}))
+            notes.append(f'{told}: not one model was subtracted from all of it, but {names}')
     elif metadata.get('compensated') and _is_raw(types, space, chosen):
         del metadata['compensated']
     return assemble_recording(columns, metadata, space, name, notes)

@@ -21,12 +21,11 @@ from imu_recording.recorder.run_announcement import RUN_TOPIC, parse_announcemen
 from imu_recording.recorder.run_recorder import RunRecorder
 from imu_recording.recording import BagError, RecordingError
 from imu_recording.ros.diagnostics import Status, node_of
-from imu_recording.ros.lifecycle_node import ACTIVE, ConfiguredNode, latched_qos
+from imu_recording.ros.lifecycle_node import ACTIVE, DIAGNOSTICS, ConfiguredNode, latched_qos
 from imu_recording.ros.run_node import run_node
 from imu_recording.ros.sample_bytes import stamp_from_bytes
 
 IMU = 'sensor_msgs/msg/Imu'
-DIAGNOSTICS = '/diagnostics'
 DISCOVERY_PERIOD_S = 0.5
 FLUSH_PERIOD_S = 1.0
 LOW_DISK_BYTES = 1 << 30

@@ -53,6 +53,7 @@ from imu_recording.ros.sample_bytes import form_of
 ACTIVE = 'active'
 INACTIVE = 'inactive'
 UNCONFIGURED = 'unconfigured'
+DIAGNOSTICS = '/diagnostics'
 
 
 def latched_qos() -> QoSProfile:
@@ -143,7 +144,7 @@ class ConfiguredNode(LifecycleNode):
         for note in unknown_parameters(self._parameter_overrides, known):
             self.get_logger().warning(note)
         self._diagnostics_publisher = self._publisher(
-            DiagnosticArray, '/diagnostics', QoSProfile(depth=10), managed=False
+            DiagnosticArray, DIAGNOSTICS, QoSProfile(depth=10), managed=False
         )
         self._diagnostics_timer = self.create_timer(1.0, self.publish_diagnostics)
 
@@ -280,6 +281,19 @@ class ConfiguredNode(LifecycleNode):
         )
         self._entities.append(lambda: self.destroy_subscription(subscription))
 
+    def diagnostics_input(self, sent: str, callback: Callable[[DiagnosticArray], None]) -> None:
+        """Call back with the diagnostics of the process if it sends the topic `sent`, else of all.
+
+        Those of the process come before what is sent afterwards.
+        """
+        if self._capture or not self._exchange.offers(self.resolve_topic_name(sent)):
+            self.input(DiagnosticArray, DIAGNOSTICS, callback)
+            return
+        self.inputs[DIAGNOSTICS] = callback
+        take = self._when_active(DIAGNOSTICS, callback)
+        topic = self._exchange.topic(self.resolve_topic_name(DIAGNOSTICS))
+        self._entities.append(topic.listen(take, serialised=False))
+
     def _loss_events(self, topic: str) -> SubscriptionEventCallbacks:
         name = self.resolve_topic_name(topic)
 
@@ -311,9 +325,15 @@ class ConfiguredNode(LifecycleNode):
         if (self.logs_status or self.expects) and self.state == ACTIVE and not self._capture:
             level, line, _ = max(statuses.values(), key=lambda status: status[0])
             self._log_status(level, line)
+        self.send_diagnostics(statuses)
+
+    def send_diagnostics(self, statuses: Mapping[str, Status]) -> None:
+        """Send the status of each of these tasks: on /diagnostics and to nodes of the process."""
         name = self.get_fully_qualified_name().lstrip('/')
         message = diagnostic_array(name, self.now(), statuses, self.hardware)
         self._diagnostics_publisher.publish(message)
+        for take in self._exchange.topic(self.resolve_topic_name(DIAGNOSTICS)).samples:
+            take(message)
 
     def _statuses(self) -> dict[str, Status]:
         if self.refused and self.state == UNCONFIGURED:
