@@ -222,3 +222,30 @@ def test_a_simulated_board_is_marked_in_the_bag_that_is_under_way(
     node.destroy_node()
     board.destroy_publisher(publisher)
     board.destroy_node()
+
+
+def test_a_recorder_that_gets_nothing_says_so_and_what_there_is(
+    ros: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr('imu_recording.ros.diagnostics.FIRST_INPUT_S', 0.0)
+    driver = ros.create_node('imu_driver', namespace='/silent')
+    publishers = [driver.create_publisher(Imu, t, 10) for t in ('imu/data_raw', 'imu/mag')]
+    said = {}
+    for topics in ('/nix/*', '/silent/imu/data_row', '/silent/imu/mag'):
+        folder = tmp_path / str(len(said))
+        parameters = {'output': str(folder), 'topics': [topics, '/chamber/*']}
+        node = RecorderNode(parameters=parameters)
+        assert node.autostart()
+        until(lambda node=node: node.count_publishers('/silent/imu/mag'), 10)
+        node.discover()
+        level, said[topics], _ = node._statuses()['input']
+        assert level == 1
+        node.destroy_node()
+    assert said == {
+        '/nix/*': '/nix/*, /chamber/* has no publisher; /silent/imu/data_raw, /silent/imu/mag has',
+        '/silent/imu/data_row': '/silent/imu/data_row has no publisher; '
+        '/silent/imu/data_raw, /silent/imu/mag has',
+        '/silent/imu/mag': '/silent/imu/mag has a publisher, but no message came',
+    }
+    for publisher in publishers:
+        driver.destroy_publisher(publisher)

@@ -16,12 +16,19 @@ from std_msgs.msg import String
 
 from imu_recording.bags.metadata import Qos, qos_profile
 from imu_recording.free_space import free_bytes
-from imu_recording.recorder.plan import MEGABYTE, RecorderConfig, output_folder
+from imu_recording.recorder.plan import (
+    INTERNAL,
+    MEGABYTE,
+    RecorderConfig,
+    missing_topics,
+    output_folder,
+)
 from imu_recording.recorder.run_announcement import RUN_TOPIC, parse_announcement
 from imu_recording.recorder.run_recorder import RunRecorder
 from imu_recording.recording import BagError, RecordingError
 from imu_recording.ros.diagnostics import Status, node_of
 from imu_recording.ros.lifecycle_node import ACTIVE, DIAGNOSTICS, ConfiguredNode, latched_qos
+from imu_recording.ros.losses import nothing_heard
 from imu_recording.ros.run_node import run_node
 from imu_recording.ros.sample_bytes import stamp_from_bytes
 
@@ -84,6 +91,25 @@ class RecorderNode(ConfiguredNode):
         }
         waiting = '' if folder else 'waiting for the next run'
         return *recorder_health(self.failure, self.unknown, free, waiting), values
+
+    def _never_heard(self) -> str:
+        """Return what is asked for by name and was not there, or why nothing was recorded yet."""
+        if self._capture or not self._input_timeout.is_overdue or not self.recorder.plan.folder:
+            return ''
+        heard = [topic for topic in sorted(self.inputs) if is_measured(topic)]
+        others = [
+            topic
+            for topic, _ in self.get_topic_names_and_types()
+            if is_measured(topic) and topic not in heard and self.count_publishers(topic)
+        ]
+        missing = missing_topics(self.config.topics, [*self.inputs, *self.unknown])
+        told = [nothing_heard(topic, 0, others) for topic in missing]
+        if not told and not heard:
+            wanted = ', '.join(self.recorder.plan.topics) or 'what could be recorded'
+            told = [nothing_heard(wanted, 0, others)]
+        elif not told and not self.recorder.messages:
+            told = [nothing_heard(heard[0], 1, others)]
+        return '; '.join(told)
 
     # Recording --------------------------------------------------------------------------------
 
@@ -195,6 +221,12 @@ class RecorderNode(ConfiguredNode):
         """Call `act` every so many seconds of the host, whatever the ROS time."""
         timer = self.create_timer(period_s, act, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._entities.append(lambda: self.destroy_timer(timer))
+
+
+def is_measured(topic: str) -> bool:
+    """Tell whether a topic can carry measurements: not what every node says of itself."""
+    said = (RUN_TOPIC, DIAGNOSTICS, *INTERNAL)
+    return topic not in said and not topic.endswith('/transition_event')
 
 
 def matching_qos(offers: Sequence[Any], depth: int) -> tuple[Any, list[Qos]]:

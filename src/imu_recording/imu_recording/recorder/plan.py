@@ -8,7 +8,7 @@ points up; nothing is recorded while the devices are turned.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from fnmatch import fnmatchcase
@@ -141,6 +141,16 @@ def is_wanted(topic: str, patterns: Sequence[str]) -> bool:
     if not patterns:
         return topic not in INTERNAL and '/_' not in topic
     return any(fnmatchcase(topic, p if p.startswith(('/', '*')) else f'/{p}') for p in patterns)
+
+
+def missing_topics(patterns: Sequence[str], known: Collection[str]) -> list[str]:
+    """Return the topics that are wanted by their whole name and not known.
+
+    >>> missing_topics(['imu/mag', 'imu/magg', '/chamber/*'], ['/imu/mag'])
+    ['/imu/magg']
+    """
+    named = [f'/{pattern.lstrip("/")}' for pattern in patterns if not set('*?[') & set(pattern)]
+    return [topic for topic in named if topic not in known]
 
 
 def output_folder(output: str, now: datetime | None = None) -> Path:

@@ -303,8 +303,8 @@ class ConfiguredNode(LifecycleNode):
         return SubscriptionEventCallbacks(message_lost=lost)
 
     def _never_heard(self) -> str:
-        """Return why the input that must not stop has brought nothing yet; '' where it has."""
-        if self._capture or not self._input_timeout.is_overdue:
+        """Return why the input that must come has brought nothing yet; '' where it has."""
+        if self._capture or not self.expects or not self._input_timeout.is_overdue:
             return ''
         topic = self.resolve_topic_name(self.expects)
         if self._exchange.offers(topic):
@@ -349,8 +349,8 @@ class ConfiguredNode(LifecycleNode):
         status: Status = 0, 'receiving', {'topics': len(self.inputs)}
         if self.expects:
             status = self._input_timeout.applied(self.resolve_topic_name(self.expects), status)
-            if reason := self._never_heard():
-                status = 1, reason, status[2]
+        if reason := self._never_heard():
+            status = 1, reason, status[2]
         return self.losses.applied(status)
 
     def _log_status(self, level: int, line: str) -> None:
