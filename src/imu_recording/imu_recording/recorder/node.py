@@ -45,6 +45,7 @@ class RecorderNode(ConfiguredNode):
     config_class = RecorderConfig
     task = 'recording'
     logs_status = True
+    event_driven = True
     config: RecorderConfig
 
     def __init__(self, **options: Any) -> None:
