@@ -199,7 +199,7 @@ def test_what_did_not_arrive_is_said_in_diagnostics_and_metadata(ros: Any, tmp_p
     assert custom['messages_lost'] == '/imu/data_raw 5'
 
 
-def test_a_simulated_board_is_marked_in_the_bag_that_is_under_way(
+def test_device_and_simulated_board_are_named_in_the_bag_that_is_under_way(
     ros: Any, tmp_path: Path
 ) -> None:
     board = ros.create_node('imu_driver', namespace='/dut1')
@@ -207,17 +207,22 @@ def test_a_simulated_board_is_marked_in_the_bag_that_is_under_way(
     node = RecorderNode(parameters={'output': str(tmp_path / 'bag')})
     assert node.autostart()
     node.subscribe('/dut1/imu/data_raw', 'sensor_msgs/msg/Imu')
-    until(lambda: node.records('dut1/imu_driver'), 10)
+    until(lambda: node.spaces_of('dut1/imu_driver') == ['/dut1'], 10)
     data = serialize_message(imu_from_sample(ImuSample(START, (0, 0, 0), (0, 0, 9.8))))
     node.inputs['/dut1/imu/data_raw'](data)
     node.flush()
     for name, source in (('other/imu_driver', 'dut9'), ('dut1/imu_driver', 'dut1')):
         values = [KeyValue(key='transport', value=f'simulated://{source}')]
-        status = DiagnosticStatus(name=f'{name}: stream', values=values)
+        status = DiagnosticStatus(
+            name=f'{name}: stream', hardware_id=source.upper(), values=values
+        )
         node.on_diagnostics(DiagnosticArray(status=[status]))
+    exchanged = DiagnosticStatus(name='dut1/imu_driver: stream', hardware_id='DUT2')
+    node.on_diagnostics(DiagnosticArray(status=[exchanged]))
     (tmp_path / 'bag' / 'metadata.yaml').rename(tmp_path / 'moved.yaml')
     recording = read_bag(tmp_path / 'bag', namespace='dut1')
     assert recording.simulated == 'simulated://dut1'
+    assert recording.device == 'DUT1'
     assert 'simulated://dut1' in (tmp_path / 'moved.yaml').read_text()
     node.destroy_node()
     board.destroy_publisher(publisher)

@@ -26,7 +26,7 @@ from imu_recording.recorder.plan import (
 from imu_recording.recorder.run_announcement import RUN_TOPIC, parse_announcement
 from imu_recording.recorder.run_recorder import RunRecorder
 from imu_recording.recording import BagError, RecordingError
-from imu_recording.ros.diagnostics import Status, node_of
+from imu_recording.ros.diagnostics import NO_HARDWARE, Status, node_of
 from imu_recording.ros.lifecycle_node import ACTIVE, DIAGNOSTICS, ConfiguredNode, latched_qos
 from imu_recording.ros.losses import nothing_heard
 from imu_recording.ros.run_node import run_node
@@ -52,6 +52,8 @@ class RecorderNode(ConfiguredNode):
         super().__init__('recorder', **options)
         self.unknown: set[str] = set()
         """Topics of a type that is not installed."""
+        self._others: set[str] = set()
+        """Devices that took the place of the one the bag is of."""
         self._waiting: deque[tuple[str, str, bytes, int, list[Qos]]] = deque()
 
     def setup(self, config: RecorderConfig) -> None:
@@ -126,17 +128,40 @@ class RecorderNode(ConfiguredNode):
         self.discover()
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
-        """Mark the bag where the driver of a recorded topic says that its board is simulated."""
+        """Name in the bag the device whose imu/data_raw is recorded, and what simulates it."""
         for status in message.status:
             values = {item.key: item.value for item in status.values}
-            source = values.get('transport', '')
-            if source.startswith('simulated://') and self.records(node_of(status.name)):
-                self.attempt(self.recorder.note_simulation, source)
+            source, device = values.get('transport', ''), status.hardware_id
+            known = device not in ('', NO_HARDWARE)
+            if not known and not source.startswith('simulated://'):
+                continue
+            for space in self.spaces_of(node_of(status.name)):
+                if source.startswith('simulated://'):
+                    self.attempt(self.recorder.note, 'simulated', source)
+                if known and not self.config.device:
+                    self.note_device(f'{space}/device' if space else 'device', device)
 
-    def records(self, node: str) -> bool:
-        """Tell whether a topic that is recorded comes from a node, named without the first /."""
-        senders = (s for topic in self.inputs for s in self.get_publishers_info_by_topic(topic))
-        return any(f'{s.node_namespace}/{s.node_name}'.lstrip('/') == node for s in senders)
+    def note_device(self, key: str, device: str) -> None:
+        """Name the device in the bag; of two, the first: what follows is an error in the log."""
+        before = self.recorder.noted(key)
+        if not before:
+            self.attempt(self.recorder.note, key, device)
+        elif before != device and device not in self._others:
+            self._others.add(device)
+            self.get_logger().error(f'the bag is of device {before}, the data now of {device}')
+
+    def spaces_of(self, node: str) -> list[str]:
+        """Return the namespaces of the imu/data_raw topics that are recorded from a node.
+
+        It is named without the first /.
+        """
+        return [
+            topic.removesuffix('/imu/data_raw')
+            for topic in self.inputs
+            if topic.endswith('/imu/data_raw')
+            for sender in self.get_publishers_info_by_topic(topic)
+            if f'{sender.node_namespace}/{sender.node_name}'.lstrip('/') == node
+        ]
 
     def flush(self) -> None:
         """Put what was received on disk; wait a little for a chamber that has just appeared."""

@@ -35,7 +35,7 @@ class RunRecorder:
         self.plan = recording_plan(config, output, RunAnnouncement())
         _check_writable(output)
         self._announcement = RunAnnouncement()
-        self._simulated = ''
+        self._noted: dict[str, str] = {}
         self._bag = self._interrupted_bag()
         self._taken = 0
         self._held: list[Message] | None = []
@@ -106,11 +106,15 @@ class RunRecorder:
             told = ', '.join(f'{topic} {number}' for topic, number in lost.items())
             self._bag.note(MESSAGES_LOST, told)
 
-    def note_simulation(self, source: str) -> None:
-        """Say in the metadata of this bag and of all that follow what simulated the data."""
-        self._simulated = source
+    def note(self, key: str, value: str) -> None:
+        """Say in the metadata of this bag and of all that follow where the data come from."""
+        self._noted[key] = value
         if self._bag is not None:
-            self._bag.note('simulated', source)
+            self._bag.note(key, value)
+
+    def noted(self, key: str) -> str:
+        """Return what `note` said before; '' nothing."""
+        return self._noted.get(key, '')
 
     def close(self) -> None:
         """Finish the bag."""
@@ -142,10 +146,9 @@ class RunRecorder:
     def _open_bag(self) -> BagRecorder:
         plan = self.plan
         assert plan.folder is not None  # noqa: S101 (callers checked)
-        simulated = {'simulated': self._simulated} if self._simulated else {}
         return BagRecorder(
             plan.folder,
-            metadata={**plan.metadata, **simulated},
+            metadata={**plan.metadata, **self._noted},
             split_at_phase=plan.at_phase,
             split_bytes=plan.split_bytes,
         )
