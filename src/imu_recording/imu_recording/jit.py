@@ -21,6 +21,8 @@ import numba
 from numba.core.event import Listener, register
 from numba.extending import register_jitable
 
+from imu_recording.compilation import TOLD
+
 F = TypeVar('F', bound=Callable[..., Any])
 
 _KERNELS: list[Any] = []
@@ -72,21 +74,19 @@ def entry_of(kernel: Any, arguments: tuple[Any, ...]) -> Callable[..., Any]:
     return entry
 
 
-class FirstCompilation(Listener):  # type: ignore[misc]
-    """Calls `tell` when this process begins to compile, as no cache held what it needs."""
-
-    def __init__(self, tell: Callable[[], None]) -> None:
-        self._tell: Callable[[], None] | None = tell
-        register('numba:compile', self)
+class _FirstCompilation(Listener):  # type: ignore[misc]
+    """Calls `TOLD` when this process begins to compile, as no cache held what it needs."""
 
     def on_start(self, _: Any) -> None:
         """Tell, once."""
-        tell, self._tell = self._tell, None
-        if tell:
-            tell()
+        while TOLD:
+            TOLD.pop()()
 
     def on_end(self, _: Any) -> None:
         """Nothing is left to be told."""
+
+
+register('numba:compile', _FirstCompilation())
 
 
 def compiled_here() -> list[str]:

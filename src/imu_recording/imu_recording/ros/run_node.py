@@ -30,6 +30,7 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from imu_recording.compilation import TOLD
 from imu_recording.ros.lifecycle_node import ConfiguredNode
 from imu_recording.ros.parameter import NodeConfig, default_of, listed
 from imu_recording.user_error import UserError
@@ -109,7 +110,7 @@ def run_node(
     node, interrupts = None, Interrupts()
     try:
         os.environ.setdefault(*MIDDLEWARE_PROFILES)
-        tell_of_compilation()
+        TOLD.append(partial(get_logger('imu_recording').info, COMPILING))
         node = _new_node(node_class, arguments)
         if node.get_parameter('autostart').value and not node.autostart(interrupts.begin_to_count):
             if spin:
@@ -131,12 +132,6 @@ def run_node(
             node.end()
             node.destroy_node()
         rclpy.try_shutdown()
-
-
-def tell_of_compilation() -> None:
-    """Log it where a node that has kernels is the first to need them and has to wait for them."""
-    if jit := sys.modules.get('imu_recording.jit'):
-        jit.FirstCompilation(partial(get_logger('imu_recording').info, COMPILING))
 
 
 def _new_node(node_class: Callable[[], ConfiguredNode], arguments: list[str]) -> ConfiguredNode:
