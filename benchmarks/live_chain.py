@@ -263,6 +263,8 @@ def main() -> int:
             transport = link if options.board == 'line' else 'simulated://dut1'
             wanted = Wanted(transport, rate, model, bag)
             results[name] = measure(begin, wanted, options.seconds, outputs)
+            if begin is floor:  # it stamps at receipt: no interval tells of a loss
+                del results[name]['lost']
             told = {key: round(value, 3) for key, value in results[name].items()}
             print(name, *(f'{key} {value:g}' for key, value in told.items()), sep='  ', flush=True)
     rclpy.try_shutdown()
@@ -303,7 +305,7 @@ def claims(results: dict[str, dict[str, float]]) -> dict[str, bool]:
         met[f'one filter: at most 200 µs a sample ({cost:.0f})'] = cost <= 200.0
     if 'chain, 238 Hz' in results:
         met['p99 within 3 ms'] = results['chain, 238 Hz']['p99_ms'] <= 3.0
-    met['nothing lost'] = not any(r['lost'] for name, r in results.items() if 'floor' not in name)
+    met['nothing lost'] = not any(found.get('lost') for found in results.values())
     return met
 
 
