@@ -252,7 +252,7 @@ def parse_case(folder: Path, text: bytes, place: str) -> Case:
     """Return the case that a `case.yaml` holds; CaseError names `place` and what is wrong."""
     try:
         content = yaml.safe_load(text.decode('utf-8'))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError) as error:  # no UTF-8, or a date that is none
         raise CaseError(f'{place}: not a YAML file: {fault_in_yaml(error)}') from None
     if not isinstance(content, dict) or content.get('schema') != SCHEMA:
         schema = content.get('schema') if isinstance(content, dict) else None
@@ -287,13 +287,20 @@ def _case_of(folder: Path, content: Mapping[str, Any]) -> Case:
     return Case(
         folder,
         str(content['device']),
-        tuple(CaseRecording(**row) for row in content['recordings']),
+        tuple(_recording_of(row) for row in content['recordings']),
         tuple(versions),
         str(content['current']),
         tuple(requested),
         dict(content['settings']),
         str(content['notes']),
     )
+
+
+def _recording_of(row: Mapping[str, Any]) -> CaseRecording:
+    recording = CaseRecording(**row)
+    if not isinstance(recording.source, str):
+        raise TypeError(f'source {recording.source!r} is no path')
+    return recording
 
 
 def case_of_device(folder: Path, device: str) -> Case:

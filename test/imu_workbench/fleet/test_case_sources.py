@@ -3,12 +3,17 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
+import os
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import fsspec
 import pytest
+import yaml
+from fsspec.implementations.local import LocalFileSystem
 from imu_workbench.case import Case, CaseRecording, saved
 from imu_workbench.fleet.engine import Cluster, run_fleet
 from imu_workbench.fleet.estimate import Settings
@@ -67,3 +72,49 @@ def test_cases_and_bags_of_another_file_system(cases: Path) -> None:
         assert [Path(one).name for one in far.bags] == ['dut1_x', 'dut1_y']
     finally:
         files.rm('/site', recursive=True)
+
+
+@pytest.mark.parametrize(
+    ('content', 'said'),
+    [
+        (None, 'Permission denied; make it readable'),
+        ('schema: 1\ndevice: 2024-13-45', 'not a YAML file'),
+        ('- 1', 'expected 1'),
+        ('recordings: [{source: 5, run: r}]', 'source 5 is no path'),
+        ('recordings: ["x"]', 'TypeError'),
+        ("recordings: [{source: 'nosuch://x', run: r}]", 'nosuch'),
+    ],
+)
+def test_a_case_that_cannot_be_read_is_a_device_with_that_reason(
+    cases: Path, monkeypatch: pytest.MonkeyPatch, content: str | None, said: str
+) -> None:
+    file = cases / 'lot=A' / 'dut9' / 'case.yaml'
+    whole = yaml.safe_load(file.read_text())
+    if content is None:
+        read = LocalFileSystem.cat_file
+
+        def refused(files: LocalFileSystem, path: str, **options: object) -> bytes:
+            if path == str(file):  # root may read everything
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), path)
+            return bytes(read(files, path, **options))
+
+        monkeypatch.setattr(LocalFileSystem, 'cat_file', refused)
+    elif content.startswith('recordings'):
+        file.write_text(yaml.safe_dump(whole | yaml.safe_load(content)))
+    else:
+        file.write_text(content)
+    problems = {Path(one.case).name: one.problem for one in find_devices([str(cases)])}
+    assert problems['dut1'] == ''
+    assert said in problems['dut9']
+
+
+@pytest.mark.parametrize('custom', ['    - dut1', '    device: 2024-13-45', '    {', '    dut1'])
+def test_metadata_without_a_mapping_names_nobody(tmp_path: Path, custom: str) -> None:
+    bag = tmp_path / 'unit [7]' / 'x'
+    shutil.copytree(BAGS / 'dut1_x', bag)
+    file = bag / 'metadata.yaml'
+    head, found, _ = file.read_text().partition('  custom_data:\n')
+    assert found
+    file.write_text(f'{head}{found}{custom}\n')
+    (device,) = find_devices([str(tmp_path / 'unit [7]')])
+    assert (device.device, device.bags) == ('', (str(bag),))

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from imu_recording.plausibility import admitted
 from imu_recording.recording import SENSOR_UNITS, FloatArray, RecordingError, columns_hash
-from imu_recording.user_error import UserError
 from numpy.typing import NDArray
 from thermal_comp.comparison.compare import Comparison, compare_prepared
 from thermal_comp.data.conditions import SENSORS, Sensor
@@ -29,7 +28,7 @@ from thermal_comp.model.values import SensorModel, ThermalModel
 
 from imu_recording import ImuRecording, read_bag
 from imu_workbench.fleet.candidates import candidate_gains
-from imu_workbench.fleet.sources import DeviceSource
+from imu_workbench.fleet.sources import DeviceSource, reason
 from imu_workbench.fleet.table import SCHEMA, Row
 
 AXES = ('x', 'y', 'z')
@@ -68,17 +67,9 @@ def estimate_device(source: DeviceSource, settings: Settings) -> list[Row]:
         digest = hashlib.sha256(''.join(columns_hash(r) for r in recordings).encode()).hexdigest()
     except Exception as error:  # noqa: BLE001 (one device in thousands never ends the run)
         elsewhere = isinstance(error, OSError) or isinstance(error.__context__, OSError)
-        return [failed_row(source, settings, _reason(error), again=elsewhere)]
+        return [failed_row(source, settings, reason(error), again=elsewhere)]
     identity = _identity(source, settings, device, digest)
     return [{**row, **identity} for row in rows]
-
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, UserError):
-        return str(error)
-    if isinstance(error, OSError) and error.filename:
-        return f'{error.filename}: {error.strerror}'
-    return f'{type(error).__name__}: {error}'
 
 
 def failed_row(

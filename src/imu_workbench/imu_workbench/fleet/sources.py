@@ -13,7 +13,7 @@ import hashlib
 import os
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -69,8 +69,8 @@ class _Found:
     """What a path, glob or URL holds."""
 
     bags: tuple[_Bag, ...]
-    cases: Mapping[str, bytes]
-    """Folder or URL of a case → text of its `case.yaml`."""
+    cases: Mapping[str, bytes | Exception]
+    """Folder or URL of a case → text of its `case.yaml`, or why it cannot be read."""
     closed: tuple[str, ...]
     """Folders that may not be read."""
 
@@ -93,6 +93,15 @@ def find_devices(sources: Sequence[str]) -> list[DeviceSource]:
         if one.case or one.problem or not in_cases.issuperset(one.bags)
     ]
     return sorted(own, key=lambda device: (device.lot, device.device, device.key))
+
+
+def reason(error: Exception) -> str:
+    """Return what went wrong in one line."""
+    if isinstance(error, UserError):
+        return str(error)
+    if isinstance(error, OSError) and error.filename:
+        return f'{error.filename}: {error.strerror}'
+    return f'{type(error).__name__}: {error}'
 
 
 def _devices_of(text: str) -> Iterator[DeviceSource]:
@@ -151,14 +160,17 @@ def _device_of_bags(folder: str, name: str, bags: Sequence[_Bag]) -> DeviceSourc
     )
 
 
-def _device_of_case(folder: str, content: bytes) -> DeviceSource:
+def _device_of_case(folder: str, content: bytes | Exception) -> DeviceSource:
     """Return the device of a case and its open recordings; what is wrong stands in `problem`."""
+    place = f'{folder}/{CASE_FILE}'
     try:
-        case = parse_case(Path(folder), content, f'{folder}/{CASE_FILE}')
-    except CaseError as error:
+        if isinstance(content, Exception):
+            raise CaseError(f'{place}: {reason(content)}; make it readable')
+        case = parse_case(Path(folder), content, place)
+        bags = {source: _search(_place(folder, source)).bags for source in case.sources}
+    except UserError as error:
         empty = _device_of_bags(folder, '', [])
         return replace(empty, case=folder, problem=str(error))
-    bags = {source: _search(_place(folder, source)).bags for source in case.sources}
     problem = _missing(case, bags)
     device = _device_of_bags(folder, case.device, [bag for own in bags.values() for bag in own])
     lots = [_part('lot', bag) for bag in device.bags]
@@ -226,10 +238,14 @@ def _search(text: str) -> _Found:
     from fsspec.core import url_to_fs
 
     try:
-        files, root = url_to_fs(text)
-    except (ValueError, ImportError) as error:
-        raise UserError(f'{text}: {error}') from None
-    paths = files.glob(root) if GLOB_SIGNS & set(root) else [root]
+        return _search_in(*url_to_fs(text))
+    except (ValueError, ImportError, OSError) as error:
+        raise UserError(f'{text}: {reason(error)}') from None
+
+
+def _search_in(files: Any, root: str) -> _Found:
+    is_glob = GLOB_SIGNS & set(root) and not files.exists(root)
+    paths = files.glob(root) if is_glob else [root]
     listed: dict[str, Mapping[str, Any]] = {}
     single = set()
     for path in paths:
@@ -260,11 +276,8 @@ def _search(text: str) -> _Found:
         )
         for bag, parts in stored.items()
     )
-    cases = {
-        url(path.rpartition('/')[0]): files.cat_file(path)
-        for path in sorted(listed)
-        if path.rpartition('/')[2] == CASE_FILE
-    }
+    texts = _contents(files, [p for p in sorted(listed) if p.rpartition('/')[2] == CASE_FILE])
+    cases = {url(path.rpartition('/')[0]): text for path, text in texts.items()}
     closed = [p for p in (*paths, *folders) if 'file' in files.protocol and not _readable(p)]
     return _Found(bags, cases, tuple(dict.fromkeys(closed)))
 
@@ -277,19 +290,32 @@ def _state(path: str, info: Mapping[str, Any]) -> str:
     return f'{path} ' + ' '.join(str(info[key]) for key in CHANGES_WITH_CONTENT if key in info)
 
 
-def _device_names(files: Any, metadata: Iterable[str]) -> dict[str, str]:
-    """Return the device each bag's metadata names, by bag."""
-    paths = list(metadata)
-    texts = files.cat(paths, on_error='omit') if paths else {}
-    if isinstance(texts, bytes):
-        texts = {paths[0]: texts}
+def _contents(files: Any, paths: Sequence[str]) -> dict[str, bytes | Exception]:
+    """Return the bytes of files, many at a time where the file system can, or why not."""
+    found: dict[str, bytes | Exception] = {}
+    if 'file' not in files.protocol:
+        return dict(files.cat(list(paths), on_error='return')) if paths else {}
+    for path in paths:
+        try:
+            found[path] = files.cat_file(path)
+        except OSError as error:
+            found[path] = error
+    return found
+
+
+def _device_names(files: Any, metadata: Sequence[str]) -> dict[str, str]:
+    """Return the device each bag's metadata names, by bag; those that name none are left out."""
     names = {}
-    for path, text in texts.items():
-        block = CUSTOM_DATA.search(text.decode('utf-8', 'replace'))
-        if block:
-            try:
-                custom = yaml.safe_load(block[1])
-            except yaml.YAMLError:
-                continue
+    for path, text in _contents(files, metadata).items():
+        block = None if isinstance(text, Exception) else CUSTOM_DATA.search(_text(text))
+        try:
+            custom = yaml.safe_load(block[1]) if block else None
+        except (yaml.YAMLError, ValueError):  # a date that is none is a ValueError
+            continue
+        if isinstance(custom, dict):
             names[path.removesuffix(f'/{METADATA}')] = str(custom.get('device') or '')
     return names
+
+
+def _text(content: bytes) -> str:
+    return content.decode('utf-8', 'replace').replace('\r\n', '\n')
