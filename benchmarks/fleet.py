@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The fleet: scaling of the engine, statistics of ten thousand devices, screening, shortening.
 
-    python benchmarks/fleet.py [--devices N] [--scaling N]
+    python benchmarks/fleet.py [--devices N] [--scaling N] [--seed S]
 
 Scaling: N simulated devices are estimated by one worker, then by two, in one run; what counts is
 the time from the first to the last result. Statistics: rows of N devices as `fleet` writes them,
-slopes drawn from the simulator's population, bins of temperature with white noise, evidence of
-effects drawn as χ², with coefficients in each of their forms; they are studied and drawn in a
-process of its own, which reports its time and memory.
+slopes drawn from the simulator's population, bins of temperature with white noise and dwells of a
+quarter of an hour, evidence of effects drawn as χ², with coefficients in each of their forms; they
+are studied and drawn in a process of its own, which reports its time and memory.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from imu_driver.simulation.population import draw_fleet_device, draw_lots
 from imu_workbench.fleet.engine import Cluster, connected, outcomes
-from imu_workbench.fleet.estimate import Settings
+from imu_workbench.fleet.estimate import SHARES, Settings
 from imu_workbench.fleet.page import fleet_page
 from imu_workbench.fleet.sources import find_devices
 from imu_workbench.fleet.study import study
@@ -33,10 +33,10 @@ from imu_workbench.fleet.vectors import SENSORS
 from imu_workbench.simulate.campaign import Logging
 from imu_workbench.simulate.fleet import FleetPlan, write_fleet
 
-SEED = 3
 LOTS = 8
 RUNS = 3
 TEMPERATURES = np.arange(15.0, 31.0)
+DWELL_S = 900.0
 SLOPE_STD = {'accelerometer': 3e-5, 'gyroscope': 6e-6, 'magnetometer': 3e-9}
 """Error of a slope in a `short_20min` campaign [SI unit/K]."""
 TRIED = {
@@ -54,19 +54,20 @@ def main() -> None:
     parser.add_argument('--devices', type=int, default=10_000)
     parser.add_argument('--scaling', type=int, default=24, help='devices; 0 leaves it out')
     parser.add_argument('--study', type=Path, help=argparse.SUPPRESS)
+    parser.add_argument('--seed', type=int, default=3, help='of the population')
     options = parser.parse_args()
     if options.study:
         print(json.dumps(studied(options.study)))
         return
     if options.scaling:
-        print_scaling(options.scaling)
-    print_statistics(options.devices)
+        print_scaling(options.scaling, options.seed)
+    print_statistics(options.devices, options.seed)
 
 
-def print_scaling(devices: int) -> None:
+def print_scaling(devices: int, seed: int) -> None:
     with TemporaryDirectory() as folder:
         bags = Path(folder) / 'bags'
-        write_fleet(FleetPlan('short_20min', devices, 2, SEED, Logging(0.5, mean=True)), bags, 2)
+        write_fleet(FleetPlan('short_20min', devices, 2, seed, Logging(0.5, mean=True)), bags, 2)
         seconds = [estimated(bags, workers) for workers in (1, 2)]
     print(
         f'scaling: {devices} devices, 1 worker {seconds[0]:.1f} s, 2 workers {seconds[1]:.1f} s: '
@@ -88,9 +89,9 @@ def estimated(bags: Path, workers: int) -> float:
     return seconds
 
 
-def print_statistics(devices: int) -> None:
+def print_statistics(devices: int, seed: int) -> None:
     with TemporaryDirectory() as folder:
-        truth = write_results(Path(folder), devices)
+        truth = write_results(Path(folder), devices, seed)
         command = [sys.executable, __file__, '--study', folder]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
     found = json.loads(done.stdout)
@@ -111,14 +112,14 @@ def print_statistics(devices: int) -> None:
         print(f'prevalence: {line}')
 
 
-def write_results(folder: Path, devices: int) -> dict[str, str]:
+def write_results(folder: Path, devices: int, seed: int) -> dict[str, str]:
     """Write the rows of a drawn fleet; return what makes each device an outlier, '' for most."""
-    lots = draw_lots(LOTS, SEED)
-    draw = np.random.default_rng(SEED)
+    lots = draw_lots(LOTS, seed)
+    draw = np.random.default_rng(seed)
     outliers = {}
     rows: list[Row] = []
     for number in range(devices):
-        device = draw_fleet_device(lots, number, devices, SEED)
+        device = draw_fleet_device(lots, number, devices, seed)
         name = device.parameters.name
         outliers[name] = device.outlier
         carried = {(effect.name, effect.sensor) for effect in device.effects}
@@ -141,18 +142,22 @@ def fitted(
     run = np.repeat(np.arange(RUNS), len(TEMPERATURES))
     x = np.tile(TEMPERATURES, RUNS)
     noise = std * np.sqrt(np.sum((x - x.mean()) ** 2))
+    share = np.repeat(SHARES, len(x))
     rows = []
     for axis, slope in zip('xyz', slopes, strict=True):
-        y = slope * (x - 20.0) + noise * draw.normal(size=len(x))
-        each = np.array([np.polyfit(x[run == r], y[run == r], 1)[0] for r in range(RUNS)])
+        parts = (slope * (x - 20.0))[:, None] + 2.0 * noise * draw.normal(size=(len(x), 4))
+        y = [parts[:, : int(4 * one)].mean(axis=1) for one in SHARES]
+        each = np.array([np.polyfit(x[run == r], y[0][run == r], 1)[0] for r in range(RUNS)])
         rows.append(
             {
                 **common, 'axis': axis, 'effect': 'bias_temperature', 'role': 'fitted',
                 'unit': 'SI/K', 'coefficients': [float(each.mean())], 'std': [std],
                 'run_coefficients': each.tolist(), 'held_out_rms': misfit, 'noise_floor': 1.0,
-                'block_run': run.tolist(), 'block_temperature': x.tolist(),
-                'block_mean': y.tolist(), 'block_variance': [noise**2] * len(x),
-                'block_seconds': [84.0] * len(x),
+                'block_run': np.tile(run, len(SHARES)).tolist(), 'block_share': share.tolist(),
+                'block_temperature': np.tile(x, len(SHARES)).tolist(),
+                'block_mean': np.concatenate(y).tolist(),
+                'block_variance': (noise**2 / share).tolist(),
+                'block_seconds': (DWELL_S * share).tolist(),
             }
         )  # fmt: skip
     return rows

@@ -3,17 +3,21 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
 import pytest
-from chamber_profile.profile.file import load_profile
+from chamber_profile.profile.file import load_profile, profile_from_content
+from chamber_profile.profile.timetable import timetable
 from imu_workbench.__main__ import main
+from imu_workbench.fleet.estimate import SHARES
 from imu_workbench.fleet.figures import map_figure, worst_devices
 from imu_workbench.fleet.page import fleet_page
+from imu_workbench.fleet.short_profile import LEAST_DWELL_S, short_profile
 from imu_workbench.fleet.shortening import curve_content, shortening_curve
 from imu_workbench.fleet.study import study
-from imu_workbench.fleet.summary import study_lines
+from imu_workbench.fleet.summary import shortest_first, study_lines
 from imu_workbench.fleet.table import FleetTable, Row, write_rows
 from imu_workbench.fleet.vectors import read_vectors
 from imu_workbench.report.limits import Limit, Limits
@@ -22,15 +26,17 @@ TEMPERATURES = np.arange(0.0, 41.0)
 LOT_STD, RUNS = 0.3, 3
 
 
-def rows_of(device: int, draw: np.random.Generator, noise: float) -> list[Row]:
-    """Rows of one gyroscope: runs of lines of one slope with white bin means."""
+def rows_of(device: int, draw: np.random.Generator, noise: float, seconds: float) -> list[Row]:
+    """Rows of one gyroscope: runs of lines of one slope, white noise in four parts of each bin."""
     rows: list[Row] = []
     run = np.repeat(np.arange(RUNS), len(TEMPERATURES))
     x = np.tile(TEMPERATURES, RUNS)
     for axis in 'xyz':
         y = (2.0 + LOT_STD * draw.normal()) * (x - 20.0) + draw.normal(size=RUNS)[run]
-        y += noise * draw.normal(size=len(x))
-        each = [np.polyfit(x[run == r], y[run == r], 1)[0] for r in range(RUNS)]
+        parts = y[:, None] + 2.0 * noise * draw.normal(size=(len(x), 4))
+        of_share = [parts[:, : int(4 * share)].mean(axis=1) for share in SHARES]
+        each = [np.polyfit(x[run == r], of_share[0][run == r], 1)[0] for r in range(RUNS)]
+        share = np.repeat(SHARES, len(x))
         rows.append(
             {
                 'lot': 'A', 'type': 'none', 'device': f'd{device:03d}', 'source': f'd{device:03d}',
@@ -38,18 +44,20 @@ def rows_of(device: int, draw: np.random.Generator, noise: float) -> list[Row]:
                 'role': 'fitted', 'unit': 'rad/s/K', 'coefficients': [float(np.mean(each))],
                 'std': [noise / np.sqrt(RUNS * np.sum((TEMPERATURES - 20.0) ** 2))],
                 'run_coefficients': each, 'held_out_rms': 1.0, 'noise_floor': 1.0,
-                'measured_at': device, 'block_run': run.tolist(), 'block_temperature': x.tolist(),
-                'block_mean': y.tolist(), 'block_variance': [noise**2] * len(x),
-                'block_seconds': [60.0] * len(x), 'fingerprint': 'f', 'settings': 's',
+                'measured_at': device, 'block_run': np.tile(run, len(SHARES)).tolist(),
+                'block_share': share.tolist(), 'block_temperature': np.tile(x, 3).tolist(),
+                'block_mean': np.concatenate(of_share).tolist(),
+                'block_variance': (noise**2 / share).tolist(),
+                'block_seconds': (seconds * share).tolist(), 'fingerprint': 'f', 'settings': 's',
                 'version': 'v',
             }
         )  # fmt: skip
     return rows
 
 
-def curve_of(folder: Path, noise: float, devices: int = 80) -> dict:
+def curve_of(folder: Path, noise: float, devices: int = 80, seconds: float = 960.0) -> dict:
     draw = np.random.default_rng(9)
-    rows = [row for device in range(devices) for row in rows_of(device, draw, noise)]
+    rows = [row for device in range(devices) for row in rows_of(device, draw, noise, seconds)]
     write_rows(folder, rows, 1)
     table = FleetTable(folder)
     curve = shortening_curve(table, [read_vectors(table, 'gyroscope')], [])
@@ -57,33 +65,71 @@ def curve_of(folder: Path, noise: float, devices: int = 80) -> dict:
     return curve_content(curve)
 
 
-def point(curve: dict, temperatures: int, *, prior: bool) -> dict:
-    return next(
-        one
-        for one in curve['points']
-        if (one['temperatures'], one['poses'], one['prior']) == (temperatures, 1, prior)
-    )
+def point(curve: dict, temperatures: int, *, prior: bool, share: float = 1.0) -> dict:
+    wanted = (temperatures, 1, prior, share)
+    names = ('temperatures', 'poses', 'prior', 'share')
+    return next(one for one in curve['points'] if tuple(map(one.get, names)) == wanted)
 
 
 def test_a_known_lot_shortens_a_noisy_calibration(tmp_path: Path) -> None:
     curve = curve_of(tmp_path, noise=15.0)
-    alone, known = point(curve, 2, prior=False), point(curve, 2, prior=True)
-    # Two ends 40 K apart: slope error 15 √2 / 40 = 0.53; its prior is 0.3 wide.
     judged = np.sum((TEMPERATURES - 20.0) ** 2) / len(TEMPERATURES)
     full = 15.0**2 * (1 + judged / (2 * judged * len(TEMPERATURES)))
-    slope = (15.0 * np.sqrt(2) / 40.0) ** 2
-    shrunk = 1 / (1 / slope + 1 / LOT_STD**2)
-    assert alone['ratio'] == pytest.approx(np.sqrt((15**2 + slope * judged) / full), rel=0.03)
-    assert known['ratio'] == pytest.approx(np.sqrt((15**2 + shrunk * judged) / full), rel=0.03)
-    assert known['ratio_range'][0] < known['ratio'] < known['ratio_range'][1]
+    for share in SHARES:
+        # Two ends 40 K apart: slope error 15 √2 / 40 = 0.53; its prior is 0.3 wide.
+        alone = point(curve, 2, prior=False, share=share)
+        known = point(curve, 2, prior=True, share=share)
+        slope = (15.0 * np.sqrt(2) / 40.0) ** 2 / share
+        shrunk = 1 / (1 / slope + 1 / LOT_STD**2)
+        assert alone['ratio'] == pytest.approx(np.sqrt((15**2 + slope * judged) / full), rel=0.04)
+        assert known['ratio'] == pytest.approx(np.sqrt((15**2 + shrunk * judged) / full), rel=0.03)
+        assert known['ratio_range'][0] < known['ratio'] < known['ratio_range'][1]
     # What is not measured at all is the mean of the lot.
     nothing = np.sqrt((15**2 + LOT_STD**2 * judged) / full)
     assert point(curve, 1, prior=True)['ratio'] == pytest.approx(nothing, rel=0.03)
 
 
+def test_hours_are_those_of_the_profile_and_the_fewest_that_surely_suffice_are_chosen(
+    tmp_path: Path,
+) -> None:
+    curve = curve_of(tmp_path, noise=1.0)
+    best = curve['shortest']
+    assert best == curve['shortest_of']['gyroscope']
+    seconds = timetable(profile_from_content(short_profile(best)))[-1].end_s
+    assert best['hours'] == pytest.approx(best['poses'] * seconds / 3600.0)
+    assert best['dwells_s'] == [960.0 * best['share']] * best['temperatures']
+    bound = curve['good_enough']
+    enough = [p['hours'] for p in curve['points'] if p['prior'] and p['ratio_range'][1] <= bound]
+    assert best['hours'] == min(enough)
+    assert curve['full_hours'] == pytest.approx(2 * len(TEMPERATURES) * 960.0 / 3600.0)
+    hours = [point(curve, 2, prior=True, share=share)['hours'] for share in SHARES]
+    np.testing.assert_allclose(np.diff(hours), [-2 * 480 / 3600.0, -2 * 240 / 3600.0])
+    front = shortest_first(curve['points'], 'gyroscope')
+    assert all(a['ratio'] > b['ratio'] for a, b in itertools.pairwise(front))
+
+
+def test_dwells_that_are_short_already_are_not_cut(tmp_path: Path) -> None:
+    curve = curve_of(tmp_path, noise=1.0, devices=20, seconds=60.0)
+    assert {one['share'] for one in curve['points']} == {1.0}
+    assert curve['shortest']['dwells_s'] == [LEAST_DWELL_S] * curve['shortest']['temperatures']
+
+
+def test_a_device_with_fewer_runs_does_not_shorten_the_study(tmp_path: Path) -> None:
+    draw = np.random.default_rng(9)
+    rows = [row for device in range(30) for row in rows_of(device, draw, 1.0, 960.0)]
+    for row in rows[:3]:
+        kept = [k for k, run in enumerate(row['block_run']) if run]
+        row |= {name: [row[name][k] for k in kept] for name in row if name.startswith('block_')}
+        row['run_coefficients'] = row['run_coefficients'][1:]
+    write_rows(tmp_path, rows, 1)
+    table = FleetTable(tmp_path)
+    curve = shortening_curve(table, [read_vectors(table, 'gyroscope')], [])
+    assert curve is not None
+    assert (curve.devices, max(one.poses for one in curve.points)) == (29, 2)
+
+
 def test_the_profile_is_one_a_chamber_runs(tmp_path: Path) -> None:
     curve = curve_of(tmp_path, noise=1.0)
-    assert curve['shortest'] == {'temperatures': 2, 'poses': 1}
     written = tmp_path / 'short.yaml'
     assert main(['plan', '--fleet', str(tmp_path), '-o', str(written)]) == 0
     assert load_profile(str(written)).name == 'short_fleet'

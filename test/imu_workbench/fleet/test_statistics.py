@@ -3,7 +3,11 @@
 
 from __future__ import annotations
 
+import string
+from collections.abc import Sequence
+
 import numpy as np
+import pytest
 from imu_workbench.fleet.clusters import find_clusters
 from imu_workbench.fleet.control import control_chart
 from imu_workbench.fleet.population import device_effects, fit_population
@@ -15,7 +19,7 @@ MIX = np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [-0.3, 0.2, 0.9]])
 """Axes of a lot correlate."""
 
 
-def vectors(coefficients: np.ndarray, misfit: np.ndarray, lots: list[str]) -> Vectors:
+def vectors(coefficients: np.ndarray, misfit: np.ndarray, lots: Sequence[str]) -> Vectors:
     n = len(coefficients)
     return Vectors(
         'gyroscope', 'rad/s/K', np.array([f'd{k:05d}' for k in range(n)]), np.full(n, 'none'),
@@ -39,13 +43,16 @@ def test_the_population_is_told_apart_from_the_error_of_the_estimates() -> None:
     assert 2.85 < distance.mean() < 3.15  # the posterior says how far it is off
 
 
-def test_screening_finds_outliers_of_four_sigma_and_leaves_the_others_in_peace() -> None:
-    draw = np.random.default_rng(2)
+@pytest.mark.parametrize(('lots', 'seed'), [('AB', 2), (string.ascii_letters[:32], 11)])
+def test_screening_finds_outliers_of_four_sigma_and_leaves_the_others_in_peace(
+    lots: str, seed: int
+) -> None:
+    draw = np.random.default_rng(seed)
     values, misfit = draw.normal(size=(4000, 3)) @ MIX.T, 0.02 * draw.normal(size=4000)
     seeded, foreign = np.arange(0, 4000, 80), np.arange(40, 4000, 400)
     values[seeded, 1] = 4.0 * draw.choice([-1.0, 1.0], len(seeded))
     misfit[foreign] += 0.3
-    fleet = vectors(values, misfit, ['A', 'B'] * 2000)
+    fleet = vectors(values, misfit, np.repeat(list(lots), 4000 // len(lots)))
     screened = screen(fleet)
     odd = {one.device for one in odd_devices([(fleet, screened)] * 3)}  # level of three sensors
     wanted = {fleet.device[k] for k in (*seeded, *foreign)}

@@ -70,7 +70,7 @@ def _fleet(options: argparse.Namespace) -> Answer:
     lines = curve_lines(curve)
     if not curve['shortest']:
         return Answer({'schema': 1, 'shortening': curve}, '\n'.join(lines), CHECK_FAILED)
-    text = yaml.safe_dump(short_profile(curve), sort_keys=False, allow_unicode=True)
+    text = yaml.safe_dump(short_profile(curve['shortest']), sort_keys=False, allow_unicode=True)
     profile = parse_profile(text, str(options.output))
     options.output.write_text(text, encoding='utf-8')
     answer = _timetable(options, profile)

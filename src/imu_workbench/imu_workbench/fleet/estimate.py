@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import cache
+from math import ceil
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -34,6 +35,8 @@ from imu_workbench.fleet.table import SCHEMA, Row
 AXES = ('x', 'y', 'z')
 BIN_K = 1.0
 """Width of the bins of temperature that block means are kept in [K]."""
+SHARES = (1.0, 0.5, 0.25)
+"""Of a bin's time, from its beginning, that means are kept of: dwells that had been shorter."""
 LINE = BiasTemperature()
 """The model of every device: the paper's line per axis."""
 
@@ -166,6 +169,7 @@ def _fitted_rows(
             'held_out_rms': float(compared.held_out_rms[a]),
             'noise_floor': float(compared.noise_floor[a]),
             'block_run': blocks['run'].tolist(),
+            'block_share': blocks['share'].tolist(),
             'block_temperature': blocks['temperature'].tolist(),
             'block_mean': blocks['mean'][:, a].tolist(),
             'block_variance': blocks['variance'][:, a].tolist(),
@@ -178,27 +182,29 @@ def _fitted_rows(
 def block_means(
     runs: Sequence[PreparedRun], sensor: Sensor, part: SensorModel
 ) -> dict[str, NDArray[Any]]:
-    """Return run, temperature [°C], seconds (n,), mean and variance (n, 3) of each bin.
+    """Return run, share, temperature [°C], seconds (n,), mean and variance (n, 3) of each bin.
 
-    A bin is BIN_K wide; the variance [unit²] is that of a mean over as long as the run stayed in
-    the bin.
+    A bin is BIN_K wide, and stands once for every share of the time the run was in it; the
+    variance [unit²] is that of a mean over as long.
     """
     assert part.noise is not None  # noqa: S101 (a fitted model has it)
-    found: dict[str, list[Any]] = {
-        name: [] for name in ('run', 'temperature', 'seconds', 'mean', 'variance')
-    }
+    names = ('run', 'share', 'temperature', 'seconds', 'mean', 'variance')
+    found: dict[str, list[Any]] = {name: [] for name in names}
     for r, run in enumerate(runs):
         measured = run.measured[sensor]
         valid = np.isfinite(measured).all(axis=1)
         place = np.round(run.temperature / BIN_K).astype(int)
         for bin_ in np.unique(place[valid]):
-            rows = valid & (place == bin_)
-            seconds = float(rows.sum() * run.period)
-            found['run'].append(r)
-            found['temperature'].append(float(run.temperature[rows].mean()))
-            found['seconds'].append(seconds)
-            found['mean'].append(measured[rows].mean(axis=0))
-            found['variance'].append(part.noise.variance_of_means(seconds))
+            inside = np.flatnonzero(valid & (place == bin_))
+            for share in SHARES:
+                rows = inside[: ceil(share * len(inside))]
+                seconds = float(len(rows) * run.period)
+                found['run'].append(r)
+                found['share'].append(share)
+                found['temperature'].append(float(run.temperature[rows].mean()))
+                found['seconds'].append(seconds)
+                found['mean'].append(measured[rows].mean(axis=0))
+                found['variance'].append(part.noise.variance_of_means(seconds))
     return {name: np.array(values) for name, values in found.items()}
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from imu_workbench.fleet.summary import campaign_text, shortest_first
 from imu_workbench.fleet.vectors import Vectors
 from imu_workbench.report.figures.palette import device_colour
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
@@ -22,7 +23,6 @@ HIGHEST_RATIO = 1.4
 """Where the scale of the shortening curve ends."""
 CERTAIN = 12.0
 """The map's scale ends here (−log10 of a probability)."""
-DASHES = ('solid', 'dash', 'dot')
 
 
 def worst_devices(scores: Mapping[str, Mapping[str, float]]) -> list[str]:
@@ -155,56 +155,62 @@ def _control_traces(
 
 
 def shortening_figure(curve: Mapping[str, Any]) -> Figure:
-    """Return the ratio to the full campaign over the number of temperatures, a panel a sensor."""
+    """Return the ratio to the full campaign over the hours, a panel a sensor.
+
+    The lines join the campaigns than which no shorter one is better.
+    """
     data: list[dict[str, Any]] = []
     panels: list[Panel] = []
     points = curve['points']
-    most = max(point['temperatures'] for point in points)
+    most = max(point['hours'] for point in points)
     for sensor in dict.fromkeys(point['sensor'] for point in points):
         place = trace_axes(len(panels))
         for poses in sorted({point['poses'] for point in points}):
-            for prior in (True, False):
-                own = [
-                    p for p in points
-                    if (p['sensor'], p['poses'], p['prior']) == (sensor, poses, prior)
-                ]  # fmt: skip
-                known = 'lot known' if prior else 'lot unknown'
-                ranges = np.array([p['ratio_range'] for p in own]).reshape(-1, 2)
-                ratio = np.array([p['ratio'] for p in own])
-                data.append(
-                    {
-                        'type': 'scatter', 'mode': 'lines+markers', **place,
-                        'x': [p['temperatures'] for p in own],
-                        'y': ratio.tolist(),
-                        'error_y': {
-                            'type': 'data', 'symmetric': False, 'thickness': 1, 'width': 3,
-                            'array': (ranges[:, 1] - ratio).tolist(),
-                            'arrayminus': (ratio - ranges[:, 0]).tolist(),
-                        },
-                        'name': f'{poses} pose{"s"[: poses > 1]}, {known}',
-                        'legendgroup': f'{poses}{prior}',
-                        'showlegend': not panels,
-                        'line': {
-                            'color': device_colour(poses - 1), 'width': 1.5,
-                            'dash': DASHES[0 if prior else 2],
-                        },
-                        'hovertemplate': '%{x} temperatures: %{y:.3f}<extra></extra>',
-                    }
-                )  # fmt: skip
+            own = [
+                p for p in points if (p['sensor'], p['poses'], p['prior']) == (sensor, poses, True)
+            ]
+            data.append(_campaigns(own, poses, place, legend=not panels))
+        for prior, dash in ((True, 'solid'), (False, 'dot')):
+            best = shortest_first(points, sensor, prior=prior)
+            data.append(
+                {
+                    'type': 'scatter', 'mode': 'lines', **place,
+                    'x': [p['hours'] for p in best], 'y': [p['ratio'] for p in best],
+                    'name': 'the best, lot known' if prior else 'the best, lot unknown',
+                    'legendgroup': f'best{prior}', 'showlegend': not panels,
+                    'line': {'color': '@raw', 'width': 1.5, 'dash': dash}, 'hoverinfo': 'skip',
+                }
+            )  # fmt: skip
         data.append(
-            {'type': 'scatter', 'mode': 'lines', **place, 'x': [1, most],
+            {'type': 'scatter', 'mode': 'lines', **place, 'x': [0.0, most],
              'y': [curve['good_enough']] * 2, 'name': f'{curve["good_enough"]:g} × full campaign',
              'legendgroup': 'bound', 'showlegend': False,
              'line': {'color': '@model', 'width': 1, 'dash': 'dash'}}
         )  # fmt: skip
         label = 'error over that of the full campaign' if not panels else ''
-        panels.append(
-            Panel(
-                'temperatures',
-                label,
-                title=sensor,
-                x={'dtick': 1},
-                y={'range': [0.97, HIGHEST_RATIO]},
-            )
-        )
+        panels.append(Panel('hours', label, title=sensor, y={'range': [0.97, HIGHEST_RATIO]}))
     return figure(data, panels, columns=3, height=280, linked=False)
+
+
+def _campaigns(
+    own: Sequence[Mapping[str, Any]], poses: int, place: Mapping[str, str], *, legend: bool
+) -> dict[str, Any]:
+    """Return the short campaigns of one sensor in so many poses, the lot known."""
+    ranges = np.array([p['ratio_range'] for p in own]).reshape(-1, 2)
+    ratio = np.array([p['ratio'] for p in own])
+    return {
+        'type': 'scatter', 'mode': 'markers', **place,
+        'x': [p['hours'] for p in own],
+        'y': ratio.tolist(),
+        'error_y': {
+            'type': 'data', 'symmetric': False, 'thickness': 1, 'width': 3,
+            'array': (ranges[:, 1] - ratio).tolist(),
+            'arrayminus': (ratio - ranges[:, 0]).tolist(),
+        },
+        'text': [campaign_text(p) for p in own],
+        'name': f'{poses} pose{"s"[: poses > 1]}, lot known',
+        'legendgroup': f'{poses}',
+        'showlegend': legend,
+        'marker': {'color': device_colour(poses - 1), 'size': 6},
+        'hovertemplate': '%{text}: %{y:.3f}<extra></extra>',
+    }  # fmt: skip

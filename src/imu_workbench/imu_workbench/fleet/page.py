@@ -20,7 +20,7 @@ from imu_workbench.fleet.figures import (
     shortening_figure,
     worst_devices,
 )
-from imu_workbench.fleet.summary import curve_lines, lot_name
+from imu_workbench.fleet.summary import campaign_text, curve_lines, lot_name
 from imu_workbench.fleet.table import FleetTable
 from imu_workbench.fleet.vectors import SENSORS, Vectors, read_vectors
 from imu_workbench.report.html.render import Section, render_page
@@ -211,12 +211,18 @@ def _prevalence(found: Mapping[str, Any]) -> Section:
 
 def _shortening(curve: Mapping[str, Any]) -> Section:
     answer = curve_lines(curve)[0].capitalize()
+    enough = [
+        f'{sensor} alone: {campaign_text(own) if own else "none"}'
+        for sensor, own in curve['shortest_of'].items()
+    ]
     values = {
-        'text': f'{answer}. Error on runs that neither the short nor the full campaign has seen; '
-        f'{curve["devices"]} devices; bars: 5 … 95 % of a bootstrap over them.',
+        'text': f'{answer}. Enough for the {"; ".join(enough)}. Error on runs that neither the '
+        f'short nor the full campaign has seen; {curve["devices"]} devices; bars: 5 … 95 % of a '
+        'bootstrap over them, whose upper end has to keep the bound.',
         'key': 'fleet_shortening',
-        'caption': 'Error of a short calibration over that of the full campaign; the line is the '
-        'bound. One temperature tells no slope: the mean of the lot stands for it, off the scale.',
+        'caption': 'Error of a short calibration over that of the full campaign; dashed: the '
+        'bound. A point is a number of temperatures, dwells and poses. One temperature tells no '
+        'slope: the mean of the lot stands for it, often off the scale.',
     }
     figures = {'fleet_shortening': shortening_figure(curve)}
     title = 'How short a calibration may be'

@@ -6,7 +6,9 @@ error over noise floor) not above the lot's. Location and scatter come from the 
 determinant (Rousseeuw and Van Driessen 1999) and are then re-estimated from all devices but the
 odd ones; a device that is judged is left out of its own yardstick, where the squared Mahalanobis
 distance of a normal device follows Fisher's F exactly:
-D² (n − d) n / (d (n + 1) (n − 1)) ~ F(d, n − d), n devices in the yardstick.
+D² (n − d) n / (d (n + 1) (n − 1)) ~ F(d, n − d), n devices in the yardstick. Each coefficient is
+also judged by itself (d = 1, Student's t squared): in a lot of a hundred, one that is far off
+alone would have to be so by more to stand out among three.
 """
 
 from __future__ import annotations
@@ -22,9 +24,12 @@ from imu_workbench.fleet.vectors import Vectors
 
 FALSE_ALARMS = 0.01
 """Share of ordinary devices that may be called odd, all questions together."""
-COEFFICIENT_SHARE, MISFIT_SHARE = 0.7, 0.15
+COEFFICIENT_SHARE, MISFIT_SHARE = 0.75, 0.1
 """Of these false alarms, what each question gets; the rest pays for yardsticks that are estimated
 and misfits that are not quite normal."""
+TOGETHER_SHARE = 0.2
+"""Of the coefficients' false alarms, what the distance of all three gets; the rest goes to each by
+itself."""
 TRIMMED = 1e-3
 """Devices rarer than this do not count towards the yardstick."""
 LEAST_DEVICES = 12
@@ -100,8 +105,11 @@ def p_values(values: FloatArray) -> tuple[FloatArray, FloatArray]:
         if grown.sum() <= y.shape[1] + 2 or (grown == kept).all():
             break
         kept = grown
+    single = np.min([_left_out(column[:, None], kept) for column in y.T], axis=0)
+    d = y.shape[1]
+    p = np.minimum(p / TOGETHER_SHARE, d * single / (1.0 - TOGETHER_SHARE))
     spread = y[kept].std(axis=0, ddof=1)
-    return p, (y - y[kept].mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
+    return np.minimum(p, 1.0), (y - y[kept].mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
 
 
 def _first_clean(y: FloatArray) -> NDArray[np.bool_]:

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The chamber profile of a short calibration."""
+"""The chamber profile of a short calibration, and how long it takes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+from chamber_profile.profile.file import profile_from_content
+from chamber_profile.profile.timetable import timetable
 
 REFERENCE_C = 20.0
 RATE_C_PER_MIN = 2.0
@@ -12,59 +15,56 @@ RATE_C_PER_MIN = 2.0
 LEAST_DWELL_S = 120.0
 MARGIN_C = 5.0
 """Between the set-points and the limits of the air."""
+DEVICE_MAX_C = 85.0
 POSES = ('+x', '+y', '+z')
 
 
-def short_profile(curve: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the shortest campaign of a curve (`shortening.curve_content`) as a profile."""
-    shortest = curve['shortest']
-    targets = curve['targets'][str(shortest['temperatures'])]
-    dwell = float(max(LEAST_DWELL_S, round(curve['dwell_s'], -1)))
-    steps: list[dict[str, Any]] = [
-        {
-            'id': 'precondition',
-            'kind': 'precondition',
-            'target_c': REFERENCE_C,
-            'rate_c_per_min': RATE_C_PER_MIN,
-            'dwell_s': dwell,
-        }
-    ]
+def least_dwell(seconds: float) -> float:
+    """Return a dwell [s] in whole tens, no shorter than a device needs to settle."""
+    return max(LEAST_DWELL_S, round(float(seconds), -1))
+
+
+def run_hours(targets: Sequence[float], dwells: Sequence[float]) -> float:
+    """Return how long one run with these temperatures [°C] and dwells [s] takes [h]."""
+    entries = timetable(profile_from_content(_profile(targets, dwells, '')))
+    return entries[-1].end_s / 3600.0
+
+
+def short_profile(shortest: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the shortest campaign of a curve (`shortening.shortest`) as a profile."""
+    poses = ', '.join(POSES[: shortest['poses']])
+    description = (
+        f'{shortest["temperatures"]} temperatures, up axis {poses}, for devices of a lot that is '
+        'known'
+    )
+    return _profile(shortest['targets'], shortest['dwells_s'], description)
+
+
+def _profile(
+    targets: Sequence[float], dwells: Sequence[float], description: str
+) -> dict[str, Any]:
+    precondition = _moving('precondition', 'precondition', REFERENCE_C)
+    steps: list[dict[str, Any]] = [precondition | {'dwell_s': LEAST_DWELL_S}]
     cycle = []
     level = REFERENCE_C
     for number, target in enumerate([*targets, REFERENCE_C], 1):
         if target != level:
-            steps.append(
-                {
-                    'id': f'ramp_{number}',
-                    'kind': 'ramp',
-                    'target_c': target,
-                    'rate_c_per_min': RATE_C_PER_MIN,
-                }
-            )
+            steps.append(_moving(f'ramp_{number}', 'ramp', target))
             cycle.append(f'ramp_{number}')
         level = target
         if number <= len(targets):
-            steps.append({'id': f'dwell_{number}', 'kind': 'dwell', 'dwell_s': dwell})
+            dwell = {'id': f'dwell_{number}', 'kind': 'dwell', 'dwell_s': dwells[number - 1]}
+            steps.append(dwell)
             cycle.append(f'dwell_{number}')
-    steps.append(
-        {
-            'id': 'final',
-            'kind': 'final',
-            'target_c': REFERENCE_C,
-            'rate_c_per_min': RATE_C_PER_MIN,
-            'dwell_s': LEAST_DWELL_S,
-        }
-    )
-    poses = ', '.join(POSES[: shortest['poses']])
+    steps.append(_moving('final', 'final', REFERENCE_C) | {'dwell_s': LEAST_DWELL_S})
     return {
         'schema': 1,
         'name': 'short_fleet',
-        'description': f'{shortest["temperatures"]} temperatures, up axis {poses}, '
-        'for devices of a lot that is known',
+        'description': description,
         'limits': {
             'air_min_c': min(*targets, REFERENCE_C) - MARGIN_C,
             'air_max_c': max(*targets, REFERENCE_C) + MARGIN_C,
-            'device_max_c': 85.0,
+            'device_max_c': max(DEVICE_MAX_C, *(target + MARGIN_C for target in targets)),
             'rate_max_c_per_min': RATE_C_PER_MIN,
         },
         'stabilise': {
@@ -83,3 +83,7 @@ def short_profile(curve: Mapping[str, Any]) -> dict[str, Any]:
             'timeout_s': 1800,
         },
     }
+
+
+def _moving(name: str, kind: str, target: float) -> dict[str, Any]:
+    return {'id': name, 'kind': kind, 'target_c': target, 'rate_c_per_min': RATE_C_PER_MIN}

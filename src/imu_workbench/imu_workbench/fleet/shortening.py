@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """How short a calibration may be once the lot is known.
 
-A short campaign is k temperatures in p poses. Its data are cut from the campaigns that were made:
-of p runs the bins of temperature next to the k targets, nothing else. How well they tell a slope
-is seen from run to run. With the lot's distribution as prior (of the other half of the devices)
-the slopes follow by `population.device_effects`; their error is taken on a run that neither the
-short nor the full campaign has seen, each run in turn. The ratio to the error of the full campaign
-is that of all devices, with a bootstrap over them.
+A short campaign is k temperatures, held for so long, in p poses. Its data are cut from the
+campaigns that were made: of p runs the bins of temperature next to the k targets, of these the
+first part of their time, nothing else. How well they tell a slope is seen from run to run. With
+the lot's distribution as prior (of the other half of the devices) the slopes follow by
+`population.device_effects`; their error is taken on a run that neither the short nor the full
+campaign has seen, each run in turn. The ratio to the error of the full campaign is that of all
+devices, with a bootstrap over them. The hours are those of the profile that `plan --fleet` would
+write.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -19,12 +21,14 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from numpy.typing import NDArray
 
+from imu_workbench.fleet.estimate import SHARES
 from imu_workbench.fleet.population import (
     LEAST_DEVICES,
     device_effects,
     error_variances,
     fit_population,
 )
+from imu_workbench.fleet.short_profile import least_dwell, run_hours
 from imu_workbench.fleet.table import FleetTable
 from imu_workbench.fleet.vectors import Vectors
 
@@ -39,13 +43,30 @@ NOT_MEASURED = 1e12
 """Error variance of what was not measured, in variances of the lot."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
+class Run:
+    """What one run of a short campaign holds."""
+
+    targets: tuple[float, ...]
+    """Temperatures [°C], increasing."""
+    dwells: tuple[float, ...]
+    """How long the campaigns that were made stood at each, cut to `share`, in the median [s]."""
+    share: float
+    hours: float
+    """Of the whole run: ramps, dwells, and both ends [h]."""
+
+
+@dataclass(frozen=True)
 class Point:
     """One short campaign of one sensor."""
 
     sensor: str
     temperatures: int
+    share: float
+    """Of the dwells of the full campaign."""
     poses: int
+    hours: float
+    """Of all poses [h]."""
     prior: bool
     """Whether the lot is known."""
     ratio: float
@@ -53,67 +74,97 @@ class Point:
     ratio_range: tuple[float, float]
     """5 % and 95 % of the bootstrap over devices."""
 
+    @property
+    def enough(self) -> bool:
+        """Whether it is good enough, the lot known, for all that chance may have done."""
+        return self.prior and self.ratio_range[1] <= GOOD_ENOUGH
+
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Points of all sensors, and what the temperatures of a short campaign are."""
+    """Points of all sensors, and the runs they are made of."""
 
     points: tuple[Point, ...]
-    targets: dict[int, list[float]]
-    """Number of temperatures → temperatures [°C]."""
-    dwell_s: float
-    """How long the campaigns stood at such a temperature, in the median [s]."""
+    runs: Mapping[tuple[int, float], Run]
+    """By number of temperatures and share."""
+    full_hours: float
+    """What the full campaign took that they are compared with, in the median [h]."""
     devices: int
 
 
 @dataclass(frozen=True, eq=False)
 class _Moments:
-    """Sums over bins of one device, per run and axis (runs, 3), levels of the runs taken out."""
+    """Weighted sums over bins (n, runs, 3) with the levels of the runs taken out."""
 
     xx: FloatArray
     xy: FloatArray
     yy: FloatArray
 
     @classmethod
-    def of(cls, run: FloatArray, x: FloatArray, y: FloatArray, weight: FloatArray) -> _Moments:
-        runs = int(run.max()) + 1
-        sums = np.zeros((3, runs, 3))
-        for r in range(runs):
-            w = weight[run == r]
-            total = np.maximum(w.sum(axis=0), 1e-300)
-            dx = x[run == r, None] - (w * x[run == r, None]).sum(axis=0) / total
-            dy = y[run == r] - (w * y[run == r]).sum(axis=0) / total
-            sums[:, r] = [(w * dx * dx).sum(0), (w * dx * dy).sum(0), (w * dy * dy).sum(0)]
-        return cls(*sums)
+    def of(cls, x: FloatArray, y: FloatArray, weight: FloatArray) -> _Moments:
+        """`x` (n, runs, bins), `y` and `weight` (n, runs, bins, 3)."""
+        total = np.maximum(weight.sum(axis=2), 1e-300)[:, :, None]
+        x = np.broadcast_to(x[..., None], y.shape)
+        dx = x - (weight * x).sum(axis=2, keepdims=True) / total
+        dy = y - (weight * y).sum(axis=2, keepdims=True) / total
+        return cls(*((weight * product).sum(axis=2) for product in (dx * dx, dx * dy, dy * dy)))
+
+    def slopes(self, runs: Sequence[int]) -> FloatArray:
+        """Return (n, 3) slopes of these runs together; zero where the bins tell none."""
+        xx, xy = self.xx[:, runs].sum(axis=1), self.xy[:, runs].sum(axis=1)
+        slopes: FloatArray = np.divide(xy, xx, out=np.zeros_like(xy), where=xx > 0.0)
+        return slopes
+
+    def error(self, run: int, slopes: FloatArray) -> FloatArray:
+        """Return (n, 3) mean squares the slopes leave in a run."""
+        xx, xy, yy = self.xx[:, run], self.xy[:, run], self.yy[:, run]
+        error: FloatArray = yy - 2.0 * slopes * xy + slopes**2 * xx
+        return error
 
 
 @dataclass(frozen=True, eq=False)
 class _Bins:
-    """Block means of one device and sensor."""
+    """Block means of n devices, one sensor and one share of their time; NaN fills up."""
 
-    run: FloatArray
     temperature: FloatArray
-    mean: FloatArray
-    variance: FloatArray
+    """(n, runs, bins)"""
     seconds: FloatArray
+    """(n, runs, bins)"""
+    mean: FloatArray
+    """(n, runs, bins, 3)"""
+    variance: FloatArray
+    """(n, runs, bins, 3)"""
 
-    def moments(self, targets: Sequence[float] | None = None) -> _Moments:
-        """Return the sums over all bins, or over those next to the targets in each run."""
-        chosen = np.ones(len(self.run), dtype=bool)
-        if targets is not None:
-            chosen[:] = False
-            for r in np.unique(self.run):
-                own = np.flatnonzero(self.run == r)
-                for target in targets:
-                    chosen[own[np.argmin(np.abs(self.temperature[own] - target))]] = True
-        # Bins that are left out weigh nothing; the numbers of the runs stay.
-        weight = np.where(chosen[:, None], 1.0 / self.variance, 0.0)
-        return _Moments.of(self.run, self.temperature, self.mean, weight)
+    def at(self, targets: Sequence[float]) -> _Bins:
+        """Return the bins next to the targets; where two have the same, it counts once."""
+        off = np.abs(self.temperature[..., None] - np.array(targets))
+        place = np.argmin(np.where(np.isnan(off), np.inf, off), axis=2)
+        again = np.zeros(place.shape, dtype=bool)
+        again[..., 1:] = place[..., 1:] == place[..., :-1]
+        mean = np.take_along_axis(self.mean, place[..., None], axis=2)
+        return _Bins(
+            np.take_along_axis(self.temperature, place, axis=2),
+            np.take_along_axis(self.seconds, place, axis=2),
+            np.where(again[..., None], np.nan, mean),
+            np.take_along_axis(self.variance, place[..., None], axis=2),
+        )
+
+    def measured(self) -> _Moments:
+        """Return the sums of which slopes are made."""
+        return self._moments(1.0 / self.variance)
 
     def judged(self) -> _Moments:
         """Return the sums weighted by time, of which an error is made."""
-        weight = np.repeat((self.seconds / self.seconds.sum())[:, None], 3, axis=1)
-        return _Moments.of(self.run, self.temperature, self.mean, weight)
+        seconds = self.seconds / np.nansum(self.seconds, axis=(1, 2), keepdims=True)
+        return self._moments(np.repeat(seconds[..., None], 3, axis=3))
+
+    def _moments(self, weight: FloatArray) -> _Moments:
+        there = np.isfinite(self.mean) & np.isfinite(weight)
+        return _Moments.of(
+            np.nan_to_num(self.temperature),
+            np.where(there, self.mean, 0.0),
+            np.where(there, weight, 0.0),
+        )
 
 
 def shortening_curve(
@@ -121,166 +172,197 @@ def shortening_curve(
 ) -> Curve | None:
     """Return the curve of all sensors over ordinary devices; None where no lot is large enough."""
     points: list[Point] = []
-    targets: dict[int, list[float]] = {}
-    dwells: list[float] = []
+    runs: dict[tuple[int, float], Run] = {}
+    hours: list[float] = []
     count = 0
     for vectors in sensors:
         ordinary = vectors.of(~np.isin(vectors.device, list(odd)) & (vectors.runs > 1))
-        if not len(ordinary):
-            continue
         ordinary = ordinary.of(np.arange(len(ordinary)) % -(-len(ordinary) // STUDIED) == 0)
         bins = _read_bins(table, ordinary)
-        reach = np.array([[b.temperature.min(), b.temperature.max()] for b in bins])
-        low, high = (float(value) for value in np.median(reach, axis=0))
-        targets = {k: _targets(low, high, k) for k in range(1, MOST_TEMPERATURES + 1)}
-        dwells += [float(np.median(b.seconds)) for b in bins]
-        own = _sensor_points(ordinary, bins, targets)
-        count = max(count, len(ordinary)) if own else count
-        points += own
-    if not points:
-        return None
-    return Curve(tuple(points), targets, float(np.median(dwells)), count)
+        ordinary = ordinary.of(np.isin(ordinary.device, bins.device))
+        if not len(ordinary):
+            continue
+        poses = bins.of_share[1.0].mean.shape[1]
+        runs = runs or dict(_runs(bins.of_share))
+        recorded = np.nansum(bins.of_share[1.0].seconds, axis=(1, 2)) / 3600.0
+        hours.append(float(np.median(recorded)) * (poses - 1) / poses)
+        points += _sensor_points(ordinary, bins.of_share, runs)
+        count = max(count, len(ordinary))
+    return Curve(tuple(points), runs, max(hours), count) if points else None
 
 
-def _targets(low: float, high: float, count: int) -> list[float]:
-    if count == 1:
-        return [round(0.5 * (low + high), 1)]
-    return [round(float(value), 1) for value in np.linspace(low, high, count)]
+@dataclass(frozen=True, eq=False)
+class _FleetBins:
+    """Devices whose bins are known, in order, and the bins by share."""
+
+    device: NDArray[np.str_]
+    of_share: Mapping[float, _Bins]
 
 
-def _read_bins(table: FleetTable, vectors: Vectors) -> list[_Bins]:
+def _read_bins(table: FleetTable, vectors: Vectors) -> _FleetBins:
+    """Return the bins of devices that have as many runs as nine of ten have at least."""
     rows = table.rows(
-        """SELECT device, any_value(block_run), any_value(block_temperature),
-                  list(block_mean ORDER BY axis), list(block_variance ORDER BY axis),
-                  any_value(block_seconds)
-           FROM results WHERE role = 'fitted' AND sensor = $sensor
+        """SELECT device, any_value(block_run), any_value(block_share),
+                  any_value(block_temperature), any_value(block_seconds),
+                  list(block_mean ORDER BY axis), list(block_variance ORDER BY axis)
+           FROM results WHERE role = 'fitted' AND sensor = $sensor AND block_share IS NOT NULL
              AND device IN (SELECT unnest($devices)) GROUP BY device ORDER BY device""",
         sensor=vectors.sensor,
         devices=vectors.device.tolist(),
     )
-    return [
-        _Bins(
-            np.array(run, dtype=float),
-            np.array(temperature),
-            np.array(mean).T,
-            np.array(variance).T,
-            np.array(seconds),
-        )
-        for _, run, temperature, mean, variance, seconds in rows
-    ]
+    counts = [len(set(row[1])) for row in rows]
+    poses = int(np.quantile(counts, 0.1, method='lower')) if rows else 0
+    rows = [row for row, count in zip(rows, counts, strict=True) if count >= poses > 1]
+    device = np.array([row[0] for row in rows], dtype=np.str_)
+    of_share = {share: _stacked(rows, share, poses) for share in SHARES} if rows else {}
+    return _FleetBins(device, of_share)
+
+
+def _stacked(rows: Sequence[tuple[Any, ...]], share: float, poses: int) -> _Bins:
+    cut = []
+    for _, run, shares, *values in rows:
+        columns = np.vstack([np.array(value, dtype=float) for value in values])
+        place, kept = np.unique(run, return_inverse=True)[1], np.array(shares) == share
+        cut.append([columns[:, kept & (place == r)] for r in range(poses)])
+    most = max(part.shape[1] for device in cut for part in device)
+    whole = np.full((len(cut), poses, most, 8), np.nan)
+    for n, device in enumerate(cut):
+        for r, part in enumerate(device):
+            whole[n, r, : part.shape[1]] = part.T
+    return _Bins(whole[..., 0], whole[..., 1], whole[..., 2:5], whole[..., 5:8])
+
+
+def _runs(of_share: Mapping[float, _Bins]) -> Iterator[tuple[tuple[int, float], Run]]:
+    """Yield the runs that are studied; dwells as short as a profile's need not be shorter."""
+    whole = of_share[1.0].temperature
+    low = float(np.median(np.nanmin(whole, axis=(1, 2))))
+    high = float(np.median(np.nanmax(whole, axis=(1, 2))))
+    for k in range(1, MOST_TEMPERATURES + 1):
+        ends = np.linspace(low, high, k) if k > 1 else [0.5 * (low + high)]
+        targets = tuple(round(float(value), 1) for value in ends)
+        before = np.inf
+        for share in SHARES:
+            seconds = np.nanmedian(of_share[share].at(targets).seconds, axis=(0, 1))
+            dwells = tuple(least_dwell(value) for value in seconds)
+            hours = run_hours(targets, dwells)
+            if hours < before:
+                yield (k, share), Run(targets, dwells, share, hours)
+            before = hours
 
 
 def _sensor_points(
-    vectors: Vectors, bins: Sequence[_Bins], targets: dict[int, list[float]]
+    vectors: Vectors, of_share: Mapping[float, _Bins], runs: Mapping[tuple[int, float], Run]
 ) -> list[Point]:
-    poses = int(vectors.runs.min())
-    if poses < 2:
-        return []
-    full, judged = [b.moments() for b in bins], [b.judged() for b in bins]
-    folds = _folds(vectors)
+    whole = of_share[1.0]
+    full, judged, poses = whole.measured(), whole.judged(), whole.mean.shape[1]
+    prior = _lot_priors(vectors)
+    others = [[r for r in range(poses) if r != held] for held in range(poses)]
+    reference = np.mean([judged.error(r, full.slopes(o)) for r, o in enumerate(others)], axis=0)
+    chosen = np.random.default_rng(SEED).multinomial(
+        len(vectors), np.full(len(vectors), 1.0 / len(vectors)), BOOTSTRAPS
+    )
     points = []
-    for k, temperatures in targets.items():
-        short = [b.moments(temperatures) for b in bins]
-        between = np.array([_slopes(short, [run]) for run in range(poses)])
+    for (k, share), run in runs.items():
+        short = of_share[share].at(run.targets).measured()
+        between = np.array([short.slopes([r]) for r in range(poses)])
         variance = between.var(axis=0, ddof=1).mean(axis=0) if k > 1 else np.full(3, np.inf)
         for p in range(1, poses):
-            for prior in (True, False):
-                if not prior and k == 1:
-                    continue
-                ratio = []
-                for held in range(poses):
-                    others = [r for r in range(poses) if r != held]
-                    reference = _slopes(full, others)
-                    values = _slopes(short, others[:p])
-                    if prior:
-                        values = _with_prior(vectors, folds, values, variance / p)
-                    ratio.append([_error(judged, held, s) for s in (values, reference)])
-                points.append(_point(vectors.sensor, k, p, prior, np.mean(ratio, axis=0)))
+            for known in (True, False) if k > 1 else (True,):
+                squares = []
+                for held, seen in enumerate(others):
+                    values = short.slopes(seen[:p])
+                    if known:
+                        values = _with_prior(prior, values, variance / p)
+                    squares.append(judged.error(held, values))
+                ratio = _ratio(np.mean(squares, axis=0), reference, chosen)
+                points.append(Point(vectors.sensor, k, share, p, p * run.hours, known, *ratio))
     return points
 
 
-def _slopes(moments: Sequence[_Moments], runs: Sequence[int]) -> FloatArray:
-    """Return (n, 3) slopes of these runs together; zero where the bins tell none."""
-    xx = np.array([m.xx[runs].sum(axis=0) for m in moments])
-    xy = np.array([m.xy[runs].sum(axis=0) for m in moments])
-    slopes: FloatArray = np.divide(xy, xx, out=np.zeros_like(xy), where=xx > 0.0)
-    return slopes
+@dataclass(frozen=True, eq=False)
+class _Prior:
+    """Distribution of the other half of each device's lot; NaN in small lots."""
+
+    mean: FloatArray
+    """(n, 3)"""
+    covariance: FloatArray
+    """(n, 3, 3)"""
 
 
-def _error(judged: Sequence[_Moments], run: int, slopes: FloatArray) -> FloatArray:
-    """Return (n, 3) mean squares the slopes leave in a run."""
-    xx, xy, yy = (np.array([getattr(m, name)[run] for m in judged]) for name in ('xx', 'xy', 'yy'))
-    error: FloatArray = yy - 2.0 * slopes * xy + slopes**2 * xx
-    return error
+def _lot_priors(vectors: Vectors) -> _Prior:
+    n = len(vectors)
+    prior = _Prior(np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan))
+    error = error_variances(vectors)
+    for (kind, lot), _ in vectors.groups():
+        own = np.flatnonzero((vectors.type == kind) & (vectors.lot == lot))
+        for taught, asked in ((own[::2], own[1::2]), (own[1::2], own[::2])):
+            if len(taught) >= LEAST_DEVICES:
+                found = fit_population(vectors.coefficients[taught], error[taught])
+                prior.mean[asked], prior.covariance[asked] = found[0], found[2]
+    return prior
 
 
-def _folds(vectors: Vectors) -> NDArray[np.bool_]:
-    """Return (2, n) which half of its lot each device is in."""
-    place = np.zeros(len(vectors), dtype=np.int64)
-    for lot in np.unique(vectors.lot):
-        own = vectors.lot == lot
-        place[own] = np.arange(own.sum())
-    return np.array([place % 2 == 0, place % 2 == 1])
-
-
-def _with_prior(
-    vectors: Vectors, folds: NDArray[np.bool_], values: FloatArray, variance: FloatArray
-) -> FloatArray:
-    """Return the slopes with the other half of the lot as prior; as they are in small lots.
+def _with_prior(prior: _Prior, values: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return the slopes with the prior; as they are where there is none.
 
     `variance` (3,) is that of their error; infinite where nothing was measured.
     """
+    limit = NOT_MEASURED * np.einsum('nii->ni', prior.covariance)
+    known = np.isfinite(limit).all(axis=1)
     found = values.copy()
-    known = error_variances(vectors)
-    for (kind, lot), _ in vectors.groups():
-        own = (vectors.type == kind) & (vectors.lot == lot)
-        for fold in folds:
-            taught, asked = own & ~fold, own & fold
-            if taught.sum() < LEAST_DEVICES:
-                continue
-            mean, _, covariance = fit_population(vectors.coefficients[taught], known[taught])
-            limit = NOT_MEASURED * np.diag(covariance)
-            same = np.tile(np.minimum(variance, limit), (int(asked.sum()), 1))
-            found[asked] = device_effects(values[asked], same, mean, covariance)[0]
+    error = np.minimum(variance, limit[known])
+    found[known] = device_effects(
+        values[known], error, prior.mean[known], prior.covariance[known]
+    )[0]
     return found
 
 
-def _point(sensor: str, temperatures: int, poses: int, prior: bool, squares: FloatArray) -> Point:
-    """`squares` (2, n, 3): mean square errors of the short and of the full campaign."""
-    scale = np.median(squares[1], axis=0)
-    short, full = (squares / scale).mean(axis=2)
-    draw = np.random.default_rng(SEED)
-    chosen = draw.integers(len(full), size=(BOOTSTRAPS, len(full)))
-    ratios = np.sqrt(short[chosen].mean(axis=1) / full[chosen].mean(axis=1))
-    low, high = np.quantile(ratios, [0.05, 0.95])
-    ratio = float(np.sqrt(short.mean() / full.mean()))
-    return Point(sensor, temperatures, poses, prior, ratio, (float(low), float(high)))
+def _ratio(
+    short: FloatArray, full: FloatArray, chosen: NDArray[np.int64]
+) -> tuple[float, tuple[float, float]]:
+    """Return the ratio of errors and its range, from (n, 3) mean squares of both.
 
-
-def shortest(curve: Curve) -> tuple[int, int] | None:
-    """Return temperatures and poses of the shortest campaign that is good enough in every sensor.
-
-    Good enough: a ratio of at most GOOD_ENOUGH. Poses cost more than temperatures: each is a run
-    of its own. None where nothing on the curve is.
+    `chosen` (draws, n): how often each draw of the bootstrap takes a device.
     """
-    sensors = {point.sensor for point in curve.points}
-    fine = [
-        (point.poses, point.temperatures)
-        for point in curve.points
-        if point.prior and point.ratio <= GOOD_ENOUGH
-    ]
-    enough = [pair for pair in sorted(set(fine)) if fine.count(pair) == len(sensors)]
-    return (enough[0][1], enough[0][0]) if enough else None
+    scale = np.median(full, axis=0)
+    one, other = (short / scale).mean(axis=1), (full / scale).mean(axis=1)
+    low, high = np.quantile(np.sqrt((chosen @ one) / (chosen @ other)), [0.05, 0.95])
+    return float(np.sqrt(one.mean() / other.mean())), (float(low), float(high))
+
+
+def shortest(curve: Curve, sensors: Sequence[str]) -> dict[str, Any] | None:
+    """Return the campaign of least hours that is enough in these sensors; None where none is.
+
+    Enough: even the upper end of the ratio's range is at most GOOD_ENOUGH.
+    """
+    campaigns: dict[tuple[int, float, int], list[Point]] = {}
+    for point in curve.points:
+        if point.sensor in sensors and point.enough:
+            key = point.temperatures, point.share, point.poses
+            campaigns.setdefault(key, []).append(point)
+    fine = [own for own in campaigns.values() if len(own) == len(sensors)]
+    if not fine:
+        return None
+    best = min(fine, key=lambda own: (own[0].hours, max(point.ratio for point in own)))[0]
+    run = curve.runs[best.temperatures, best.share]
+    return {
+        'temperatures': best.temperatures,
+        'poses': best.poses,
+        'share': best.share,
+        'hours': best.hours,
+        'targets': list(run.targets),
+        'dwells_s': list(run.dwells),
+    }
 
 
 def curve_content(curve: Curve) -> dict[str, Any]:
-    """Return the curve and its shortest campaign as plain values."""
-    found = shortest(curve)
+    """Return the curve and its shortest campaigns as plain values."""
+    sensors = list(dict.fromkeys(point.sensor for point in curve.points))
     return {
         'good_enough': GOOD_ENOUGH,
         'devices': curve.devices,
-        'dwell_s': curve.dwell_s,
-        'targets': {str(count): values for count, values in curve.targets.items()},
+        'full_hours': curve.full_hours,
         'points': [asdict(point) for point in curve.points],
-        'shortest': found and {'temperatures': found[0], 'poses': found[1]},
+        'shortest': shortest(curve, sensors),
+        'shortest_of': {sensor: shortest(curve, [sensor]) for sensor in sensors},
     }

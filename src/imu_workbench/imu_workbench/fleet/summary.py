@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from imu_workbench.fleet.capability import CAPABLE
@@ -95,22 +95,47 @@ def shape_line(one: Mapping[str, Any]) -> str:
 
 
 def curve_lines(curve: Mapping[str, Any]) -> list[str]:
-    """Return how short a calibration may be, then the curve of one pose."""
+    """Return how short a calibration may be: for all sensors, for each, and the way there."""
     shortest, bound = curve['shortest'], curve['good_enough']
     if shortest:
-        count, poses = shortest['temperatures'], shortest['poses']
         first = (
-            f'short calibration: {count} temperatures in {poses} pose{"s"[: poses > 1]} '
+            f'short calibration: {campaign_text(shortest)} instead of {curve["full_hours"]:.2f} h '
             f'reach {bound:g} × the error of the full campaign or less in every sensor'
         )
     else:
         first = f'short calibration: none reaches {bound:g} × the error of the full campaign'
     lines = [first]
-    for point in curve['points']:
-        if point['prior']:
+    for sensor, own in curve['shortest_of'].items():
+        enough = campaign_text(own) if own else 'none'
+        lines.append(f'{sensor}: enough is {enough}')
+        for point in shortest_first(curve['points'], sensor):
             low, high = point['ratio_range']
             lines.append(
-                f'{point["sensor"]}: {point["temperatures"]} temperatures, {point["poses"]} '
-                f'poses: {point["ratio"]:.3f} ({low:.3f} … {high:.3f})'
+                f'  {campaign_text(point)}: {point["ratio"]:.3f} ({low:.3f} … {high:.3f})'
             )
     return lines
+
+
+def campaign_text(one: Mapping[str, Any]) -> str:
+    """Return temperatures, poses and hours of a short campaign in words.
+
+    >>> campaign_text({'temperatures': 3, 'poses': 1, 'hours': 0.4, 'share': 0.5})
+    '3 temperatures in 1 pose, 1/2 of the dwells, 0.40 h'
+    """
+    share = '' if one['share'] == 1.0 else f', 1/{1.0 / one["share"]:.0f} of the dwells'
+    counts = (
+        f'{one[name]} {name if one[name] > 1 else name[:-1]}' for name in ('temperatures', 'poses')
+    )
+    return f'{" in ".join(counts)}{share}, {one["hours"]:.2f} h'
+
+
+def shortest_first(
+    points: Iterable[Mapping[str, Any]], sensor: str, *, prior: bool = True
+) -> list[Mapping[str, Any]]:
+    """Return the campaigns of a sensor than which no shorter one is better."""
+    own = [p for p in points if (p['sensor'], p['prior']) == (sensor, prior)]
+    front: list[Mapping[str, Any]] = []
+    for point in sorted(own, key=lambda p: (p['hours'], p['ratio'])):
+        if not front or point['ratio'] < front[-1]['ratio']:
+            front.append(point)
+    return front

@@ -17,7 +17,7 @@ from urllib.parse import quote
 from imu_recording.user_error import UserError
 
 RESULTS = 'results'
-SCHEMA = 3
+SCHEMA = 4
 Row = dict[str, Any]
 """One row; absent columns are null."""
 
@@ -41,6 +41,7 @@ COLUMNS: dict[str, str] = {
     'held_out_rms': 'double',
     'noise_floor': 'double',
     'block_run': 'list<int16>',
+    'block_share': 'list<double>',
     'block_temperature': 'list<double>',
     'block_mean': 'list<double>',
     'block_variance': 'list<double>',
@@ -55,10 +56,10 @@ COLUMNS: dict[str, str] = {
     'reason': 'string',
 }
 """Column → type. `role`: 'fitted' (coefficients, their standard deviations, those of each run
-alone, block means by temperature), 'candidate' (whitened sum of squares an effect would take up,
-per form; shape parameter, coefficient and its deviation in each where it has one of
-either), 'diagnosed' (probability), 'failed' (reason), 'replaced' (the device moved elsewhere;
-no query sees it)."""
+alone, block means by temperature and share of the time that was spent there), 'candidate'
+(whitened sum of squares an effect would take up, per form; shape parameter, coefficient and its
+deviation in each where it has one of either), 'diagnosed' (probability), 'failed' (reason),
+'replaced' (the device moved elsewhere; no query sees it)."""
 
 
 def arrow_schema() -> Any:
@@ -111,6 +112,8 @@ class FleetTable:
         self.folder = folder
         self._database = duckdb.connect(config={'threads': 2, 'memory_limit': '1GB'})
         pattern = str(folder / RESULTS / '*' / '*.parquet').replace("'", "''")
+        # Files of an earlier version may lack columns: they are null.
+        self._database.register('every_column', arrow_schema().empty_table())
         try:
             self._database.execute(self._views(pattern))
         except duckdb.Error as error:
@@ -124,7 +127,8 @@ class FleetTable:
         return f"""
             CREATE VIEW everything AS
               SELECT * FROM read_parquet('{pattern}', hive_partitioning = true, filename = true,
-                                         union_by_name = true, hive_types = {{'lot': VARCHAR}});
+                                         union_by_name = true, hive_types = {{'lot': VARCHAR}})
+              UNION ALL BY NAME SELECT * FROM every_column;
             CREATE TABLE newest AS SELECT source, max(written) AS written,
               max_by(filename, (written, filename)) AS filename FROM everything GROUP BY source;
             CREATE VIEW results AS SELECT everything.* EXCLUDE (filename) FROM everything
