@@ -20,6 +20,7 @@ from imu_workbench.fleet.figures import (
     shortening_figure,
     worst_devices,
 )
+from imu_workbench.fleet.sources import NO_TYPE
 from imu_workbench.fleet.summary import campaign_text, curve_lines, lot_name
 from imu_workbench.fleet.table import FleetTable
 from imu_workbench.fleet.vectors import SENSORS, Vectors, read_vectors
@@ -66,6 +67,17 @@ def _summary(found: Mapping[str, Any]) -> Section:
         ]
         for one in found['populations']
     ]
+    types = [
+        [
+            'all' if one['type'] == NO_TYPE else one['type'],
+            f'{one["sensor"]} [{one["unit"]}]',
+            str(one['lots']),
+            *(f'{value:+.3g}' for value in one['mean']),
+            *(f'{value:.2g}' for value in one['std']),
+            f'{max(one["within_std"]):.2g}',
+        ]
+        for one in found['types']
+    ]
     clusters = [
         {
             'caption': f'Clusters {"" if one["type"] == "none" else "of type " + one["type"]}',
@@ -81,6 +93,7 @@ def _summary(found: Mapping[str, Any]) -> Section:
         'facts': facts,
         'failed': [[d, why] for d, why in list(found['failed'].items())[:LISTED]],
         'populations': populations,
+        'types': types,
         'capability': [_capability(one) for one in found['capability']],
         'capable': CAPABLE,
         'clusters': clusters,
@@ -218,7 +231,7 @@ def _shortening(curve: Mapping[str, Any]) -> Section:
     values = {
         'text': f'{answer}. Enough for the {"; ".join(enough)}. Error on runs that neither the '
         f'short nor the full campaign has seen; {curve["devices"]} devices; bars: 5 … 95 % of a '
-        'bootstrap over them, whose upper end has to keep the bound.',
+        'bootstrap over them.',
         'key': 'fleet_shortening',
         'caption': 'Error of a short calibration over that of the full campaign; dashed: the '
         'bound. A point is a number of temperatures, dwells and poses. One temperature tells no '

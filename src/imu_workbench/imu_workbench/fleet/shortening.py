@@ -27,6 +27,7 @@ from imu_workbench.fleet.population import (
     device_effects,
     error_variances,
     fit_population,
+    type_population,
 )
 from imu_workbench.fleet.short_profile import least_dwell, run_hours
 from imu_workbench.fleet.table import FleetTable
@@ -76,8 +77,8 @@ class Point:
 
     @property
     def enough(self) -> bool:
-        """Whether it is good enough, the lot known, for all that chance may have done."""
-        return self.prior and self.ratio_range[1] <= GOOD_ENOUGH
+        """Whether it is good enough, the lot known."""
+        return self.prior and self.ratio <= GOOD_ENOUGH
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,7 +282,7 @@ def _sensor_points(
 
 @dataclass(frozen=True, eq=False)
 class _Prior:
-    """Distribution of the other half of each device's lot; NaN in small lots."""
+    """Distribution of the other half of each device's lot, or of its type; NaN where unknown."""
 
     mean: FloatArray
     """(n, 3)"""
@@ -293,12 +294,17 @@ def _lot_priors(vectors: Vectors) -> _Prior:
     n = len(vectors)
     prior = _Prior(np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan))
     error = error_variances(vectors)
-    for (kind, lot), _ in vectors.groups():
-        own = np.flatnonzero((vectors.type == kind) & (vectors.lot == lot))
-        for taught, asked in ((own[::2], own[1::2]), (own[1::2], own[::2])):
-            if len(taught) >= LEAST_DEVICES:
-                found = fit_population(vectors.coefficients[taught], error[taught])
-                prior.mean[asked], prior.covariance[asked] = found[0], found[2]
+    for kind in np.unique(vectors.type):
+        # Only lots whose halves stand for themselves tell the type of the others.
+        shared = type_population(vectors.of(vectors.type == kind), 2 * LEAST_DEVICES)
+        for lot in np.unique(vectors.lot[vectors.type == kind]):
+            own = np.flatnonzero((vectors.type == kind) & (vectors.lot == lot))
+            for taught, asked in ((own[::2], own[1::2]), (own[1::2], own[::2])):
+                if len(taught) >= LEAST_DEVICES:
+                    found = fit_population(vectors.coefficients[taught], error[taught])
+                    prior.mean[asked], prior.covariance[asked] = found[0], found[2]
+                elif shared:
+                    prior.mean[asked], prior.covariance[asked] = shared.mean, shared.of_devices
     return prior
 
 
@@ -331,10 +337,7 @@ def _ratio(
 
 
 def shortest(curve: Curve, sensors: Sequence[str]) -> dict[str, Any] | None:
-    """Return the campaign of least hours that is enough in these sensors; None where none is.
-
-    Enough: even the upper end of the ratio's range is at most GOOD_ENOUGH.
-    """
+    """Return the campaign of least hours that is enough in these sensors; None where none is."""
     campaigns: dict[tuple[int, float, int], list[Point]] = {}
     for point in curve.points:
         if point.sensor in sensors and point.enough:
@@ -343,13 +346,16 @@ def shortest(curve: Curve, sensors: Sequence[str]) -> dict[str, Any] | None:
     fine = [own for own in campaigns.values() if len(own) == len(sensors)]
     if not fine:
         return None
-    best = min(fine, key=lambda own: (own[0].hours, max(point.ratio for point in own)))[0]
+    own = min(fine, key=lambda own: (own[0].hours, max(point.ratio for point in own)))
+    best = own[0]
     run = curve.runs[best.temperatures, best.share]
     return {
         'temperatures': best.temperatures,
         'poses': best.poses,
         'share': best.share,
         'hours': best.hours,
+        'ratio': max(point.ratio for point in own),
+        'upper': max(point.ratio_range[1] for point in own),
         'targets': list(run.targets),
         'dwells_s': list(run.dwells),
     }

@@ -13,7 +13,7 @@ from imu_recording.user_error import UserError
 from imu_workbench.fleet.capability import capabilities
 from imu_workbench.fleet.clusters import find_clusters
 from imu_workbench.fleet.control import control_chart
-from imu_workbench.fleet.population import Population, error_variances, populations
+from imu_workbench.fleet.population import Population, TypePopulation, error_variances, populations
 from imu_workbench.fleet.prevalence import prevalences
 from imu_workbench.fleet.screening import Screening, odd_devices, screen
 from imu_workbench.fleet.shape_population import shape_populations
@@ -35,11 +35,9 @@ def study(folder: Path, limits: Limits | None = None) -> dict[str, Any]:
     screened = [(vectors, screen(vectors)) for vectors in sensors]
     odd = odd_devices(screened)
     names = {one.device for one in odd}
-    lots = [
-        population
-        for vectors in sensors
-        for population in populations(vectors, [d not in names for d in vectors.device])
-    ]
+    ordinary = [populations(v, [d not in names for d in v.device]) for v in sensors]
+    lots = [one for found, _ in ordinary for one in found]
+    types = [one for _, found in ordinary for one in found]
     curve = shortening_curve(table, sensors, sorted(names))
     described = [_population(one, sensors) for one in lots]
     left_out = {(one.device, one.sensor) for one in odd}
@@ -56,6 +54,7 @@ def study(folder: Path, limits: Limits | None = None) -> dict[str, Any]:
             table.rows("SELECT count(DISTINCT source) FROM results WHERE lot = 'none'")[0][0]
         ),
         'populations': described,
+        'types': [_type(one) for one in types],
         'capability': [
             {**asdict(one), 'capable': one.capable}
             for one in (capabilities(described, limits) if limits else ())
@@ -102,6 +101,21 @@ def _population(one: Population, sensors: list[Vectors]) -> dict[str, Any]:
         'std': np.sqrt(np.diag(one.covariance)).tolist(),
         'run_std': one.run_std.tolist(),
         'estimate_std': np.sqrt(np.median(error_variances(group), axis=0)).tolist(),
+    }
+
+
+def _type(one: TypePopulation) -> dict[str, Any]:
+    return {
+        'type': one.type,
+        'sensor': one.sensor,
+        'unit': one.unit,
+        'lots': one.lots,
+        'mean': one.mean.tolist(),
+        'mean_std': np.sqrt(np.diag(one.mean_covariance)).tolist(),
+        'covariance': one.covariance.tolist(),
+        'std': np.sqrt(np.diag(one.covariance)).tolist(),
+        'within': one.within.tolist(),
+        'within_std': np.sqrt(np.diag(one.within)).tolist(),
     }
 
 

@@ -45,6 +45,14 @@ def study_lines(found: Mapping[str, Any]) -> list[str]:
             f'lot {lot_name(one)} {one["sensor"]}: slopes {mean} ± {std} {one["unit"]} '
             f'({one["devices"]} devices)'
         )
+    for one in found['types']:
+        mean = ', '.join(f'{value:+.3g}' for value in one['mean'])
+        std = ', '.join(f'{value:.2g}' for value in one['std'])
+        kind = 'all' if one['type'] == NO_TYPE else f'type {one["type"]}'
+        lines.append(
+            f'{kind} {one["sensor"]}: slopes of lots {mean} ± {std} {one["unit"]} from lot to lot '
+            f'({one["lots"]} lots)'
+        )
     missed = [one for one in found['capability'] if not one['capable']]
     lines += [capability_line(one) for one in missed[:SHOWN]]
     if len(missed) > SHOWN:
@@ -100,7 +108,8 @@ def curve_lines(curve: Mapping[str, Any]) -> list[str]:
     if shortest:
         first = (
             f'short calibration: {campaign_text(shortest)} instead of {curve["full_hours"]:.2f} h '
-            f'reach {bound:g} × the error of the full campaign or less in every sensor'
+            f'reach {shortest["ratio"]:.2f} × the error of the full campaign in the worst sensor '
+            f'({shortest["upper"]:.2f} with 95 %; {bound:g} is the bound)'
         )
     else:
         first = f'short calibration: none reaches {bound:g} × the error of the full campaign'
