@@ -176,6 +176,29 @@ def test_a_scheduler_without_workers_or_with_others_software_is_refused(
         pass
 
 
+def test_a_cluster_that_grows_is_given_more_devices(
+    bags: Path, site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engine, 'TASKS_PER_WORKER', 1)
+    here, submitted = site(1), []
+    with connected(Cluster(here.address)) as client:
+        submit = client.submit
+
+        def counted(*arguments: object, **options: object) -> object:
+            submitted.append(arguments)
+            return submit(*arguments, **options)
+
+        monkeypatch.setattr(client, 'submit', counted)
+        rows = outcomes(client, find_devices([str(bags)]), Settings())
+        next(rows)
+        assert len(submitted) == 1
+        here.cluster.adapt(minimum=2, maximum=2, interval='100ms')
+        client.wait_for_workers(2, timeout=60)
+        next(rows)
+        assert len(submitted) == 3
+        assert len(list(rows)) == 1
+
+
 def test_a_scheduler_that_goes_away_is_said_in_one_line(bags: Path, site) -> None:
     here = site(1)
     with connected(Cluster(here.address)) as client:

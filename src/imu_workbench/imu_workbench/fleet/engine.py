@@ -29,6 +29,7 @@ FLUSH_S = 2.0
 DEATHS = 2
 """Workers that may die of one device before it is given up."""
 CONNECT_S = 10.0
+GONE = 'the scheduler has gone: start it again and run the same command, it goes on where it was'
 
 
 @dataclass(frozen=True)
@@ -177,21 +178,21 @@ def outcomes(client: Any, todo: Sequence[DeviceSource], settings: Settings) -> I
 
     left = iter(todo)
     running: dict[str, DeviceSource] = {}
+    coming = as_completed()
 
-    def submit(source: DeviceSource) -> Any:
-        future = client.submit(estimate_device, source, settings, pure=False, retries=1)
-        running[future.key] = source
-        return future
+    def fill() -> None:
+        """Submit devices for as many workers as there are now: a cluster may grow and shrink."""
+        ahead = TASKS_PER_WORKER * max(1, sum(client.nthreads().values()))
+        for source in islice(left, max(0, ahead - len(running))):
+            future = client.submit(estimate_device, source, settings, pure=False, retries=1)
+            running[future.key] = source
+            coming.add(future)
 
-    ahead = TASKS_PER_WORKER * max(1, sum(client.nthreads().values()))
-    coming = as_completed([submit(source) for source in islice(left, ahead)])
+    fill()
     for future in coming:
         source = running.pop(future.key)
         if future.status in ('cancelled', 'lost'):
-            raise UserError(
-                'the scheduler has gone: start it again and run the same command, it goes on '
-                'where it was'
-            )
+            raise UserError(GONE)
         if future.status == 'finished':
             yield future.result()
         else:
@@ -199,8 +200,10 @@ def outcomes(client: Any, todo: Sequence[DeviceSource], settings: Settings) -> I
             reason = f'{name}: its workers died; where memory ran out, --memory gives them more'
             yield [failed_row(source, settings, reason, again=True)]
         future.release()
-        for following in islice(left, 1):
-            coming.add(submit(following))
+        try:
+            fill()
+        except OSError:
+            raise UserError(GONE) from None
 
 
 @contextmanager
