@@ -218,6 +218,9 @@ def test_mistakes_are_one_line(
     assert 'no results here' in capsys.readouterr().err
     assert main([*call, '--scheduler', 'tcp://127.0.0.1:9']) == 2
     assert 'no answer' in capsys.readouterr().err
+    for option, value in (('--workers', '0'), ('--memory', 'lots'), ('--memory', '5')):
+        assert main([*call, option, value]) == 2
+        assert f'{option} {value}' in capsys.readouterr().err
     monkeypatch.setattr('imu_workbench.fleet.extra.LIBRARIES', ())
     monkeypatch.setattr('imu_workbench.fleet.extra.find_spec', lambda name: None)
     assert main(call) == 2

@@ -7,6 +7,7 @@ import itertools
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from chamber_profile.profile.file import load_profile, profile_from_content
 from chamber_profile.profile.timetable import timetable
@@ -112,6 +113,28 @@ def test_dwells_that_are_short_already_are_not_cut(tmp_path: Path) -> None:
     curve = curve_of(tmp_path, noise=1.0, devices=20, seconds=60.0)
     assert {one['share'] for one in curve['points']} == {1.0}
     assert curve['shortest']['dwells_s'] == [LEAST_DWELL_S] * curve['shortest']['temperatures']
+
+
+def test_a_lot_that_tells_nothing_has_no_curve_but_the_plan_says_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    draw = np.random.default_rng(9)
+    rows = [row for device in range(8) for row in rows_of(device, draw, 1.0, 960.0)]
+    write_rows(tmp_path, rows, 1)
+    assert study(tmp_path)['shortening'] is None
+    assert main(['plan', '--fleet', str(tmp_path), '-o', str(tmp_path / 'p.yaml')]) == 2
+    assert 'no lot of 9 devices' in capsys.readouterr().err
+
+
+def test_results_of_another_version_are_read_and_told(tmp_path: Path) -> None:
+    draw = np.random.default_rng(9)
+    rows = [row for device in range(6) for row in rows_of(device, draw, 1.0, 960.0)]
+    write_rows(tmp_path, rows, 1)
+    for file in (tmp_path / 'results').glob('*/*.parquet'):  # that one kept no shares
+        pq.write_table(pq.read_table(file).drop_columns(['block_share']), file)
+    found = study(tmp_path)
+    assert (found['estimated'], found['other_version']) == (6, 6)
+    assert any('by another version' in line for line in study_lines(found))
 
 
 def test_a_device_with_fewer_runs_does_not_shorten_the_study(tmp_path: Path) -> None:

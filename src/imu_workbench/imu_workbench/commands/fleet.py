@@ -56,6 +56,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help='limits of slopes: each lot gets its process capability Cpk',
     )
     parser.add_argument(
+        '--served',
+        metavar='URL',
+        default='',
+        help='address of `serve` with these cases: the page leads into them',
+    )
+    parser.add_argument(
         '--diagnose', action='store_true', help='also diagnose each device by itself (slow)'
     )
 
@@ -63,7 +69,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> Answer:
     """Estimate what is new, then study all."""
     require_fleet()
-    from imu_workbench.fleet.engine import Cluster, run_fleet
+    from imu_workbench.fleet.engine import Cluster, checked_memory, run_fleet
     from imu_workbench.fleet.estimate import Settings
     from imu_workbench.fleet.page import fleet_page
     from imu_workbench.fleet.sources import find_devices
@@ -71,12 +77,15 @@ def run(options: argparse.Namespace) -> Answer:
     from imu_workbench.fleet.summary import failed_lines, study_lines
     from imu_workbench.report.limits import read_limits
 
-    workers = options.workers or len(os.sched_getaffinity(0))
+    workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
     memory = options.memory or ('2GB' if options.diagnose else '500MB')
     if workers < 1:
         raise UserError(f'--workers {options.workers}: it must be at least 1')
+    memory = checked_memory(memory)
     if options.output.exists() and not options.output.is_dir():
         raise UserError(f'{options.output} is a file: results need a folder')
+    if options.served and not options.served.startswith(('http://', 'https://')):
+        raise UserError(f'--served {options.served}: the address that `serve` prints, http://…')
     limits = read_limits(options.limits) if options.limits else None
     show_progress('looking for bags …')
     devices = find_devices(options.sources)
@@ -93,7 +102,7 @@ def run(options: argparse.Namespace) -> Answer:
     found = study(options.output, limits)
     write_json(found, options.output / 'study.json')
     page = options.output / 'report.html'
-    page.write_text(fleet_page(found, options.output), encoding='utf-8')
+    page.write_text(fleet_page(found, options.output, options.served), encoding='utf-8')
     text = [f'{progress.devices} devices: {done}, {len(found["failed"])} without an estimate']
     text += failed_lines(found['failed'])
     run_content = {

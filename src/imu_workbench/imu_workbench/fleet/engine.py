@@ -28,6 +28,8 @@ FLUSH_S = 2.0
 """At most this much work is lost when everything is killed [s]."""
 DEATHS = 2
 """Workers that may die of one device before it is given up."""
+LEAST_MEMORY = 100_000_000
+"""A worker needs more for the libraries alone [bytes]."""
 CONNECT_S = 10.0
 GONE = 'the scheduler has gone: start it again and run the same command, it goes on where it was'
 
@@ -204,6 +206,19 @@ def outcomes(client: Any, todo: Sequence[DeviceSource], settings: Settings) -> I
             fill()
         except OSError:
             raise UserError(GONE) from None
+
+
+def checked_memory(text: str) -> str:
+    """Return a size as it is written; UserError where Dask does not read it as some bytes."""
+    from dask.utils import parse_bytes
+
+    try:
+        size = parse_bytes(text)
+    except ValueError:
+        size = 0
+    if size < LEAST_MEMORY:
+        raise UserError(f'--memory {text}: a size from 100MB on, such as 500MB or 2GB')
+    return text
 
 
 @contextmanager

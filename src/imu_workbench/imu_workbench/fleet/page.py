@@ -7,10 +7,11 @@ import os
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
+from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 
 from markupsafe import Markup
 
+from imu_workbench.case import is_case
 from imu_workbench.fleet.capability import CAPABLE
 from imu_workbench.fleet.figures import (
     MAP_DEVICES,
@@ -30,13 +31,16 @@ LISTED = 200
 """Rows of a table; the rest stands in study.json."""
 
 
-def fleet_page(found: Mapping[str, Any], folder: Path) -> str:
-    """Return what `study` found in a folder of results as a page."""
+def fleet_page(found: Mapping[str, Any], folder: Path, served: str = '') -> str:
+    """Return what `study` found in a folder of results as a page.
+
+    Devices lead to their case at `served`, the address of `serve`, or to their folder.
+    """
     table = FleetTable(folder)
     sensors = [vectors for name in SENSORS if len(vectors := read_vectors(table, name))]
     sections = [_summary(found)]
     if sensors:
-        sections += [_odd(found, table), _distributions(sensors), _control(found, sensors)]
+        sections += [_odd(found, table, served), _distributions(sensors), _control(found, sensors)]
     sections.append(_prevalence(found))
     if found['shortening']:
         sections.append(_shortening(found['shortening']))
@@ -115,10 +119,11 @@ def _capability(one: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _odd(found: Mapping[str, Any], table: FleetTable) -> Section:
+def _odd(found: Mapping[str, Any], table: FleetTable, served: str) -> Section:
     odd = found['odd']
     names = sorted({one['device'] for one in odd})
     homes = _homes(table, {*names, *worst_devices(found['scores'])})
+    places = {device: _url(device, home, table.folder, served) for device, home in homes.items()}
     rows = [
         [
             one['device'],
@@ -126,7 +131,7 @@ def _odd(found: Mapping[str, Any], table: FleetTable) -> Section:
             one['sensor'],
             one['reason'],
             f'{one["p_value"]:.1e}',
-            _link(homes[one['device']], table.folder),
+            Markup('<a href="{}">{}</a>').format(places[one['device']], homes[one['device']]),
         ]
         for one in odd[:LISTED]
     ]
@@ -139,7 +144,6 @@ def _odd(found: Mapping[str, Any], table: FleetTable) -> Section:
         'rows': rows,
         'more': f'{len(odd) - LISTED} more stand in study.json' if len(odd) > LISTED else '',
     }
-    places = {device: _url(home, table.folder) for device, home in homes.items()}
     figures = {'fleet_map': map_figure(scores, SENSORS, places)} if shown else {}
     return Section('odd', 'Odd devices', 'fleet_odd.html', values, figures)
 
@@ -155,15 +159,18 @@ def _homes(table: FleetTable, devices: Collection[str]) -> dict[str, str]:
     )
 
 
-def _url(home: str, page_folder: Path) -> str:
-    """Return a URL of a folder, relative to the page where it stands on this machine."""
+def _url(device: str, home: str, page_folder: Path, served: str) -> str:
+    """Return where a device is looked at: its case where it is served, else its folder or URL.
+
+    A folder of this machine is named relative to the page.
+    """
+    if served and is_case(Path(home)):
+        parts = urlsplit(served)
+        query = urlencode([*parse_qsl(parts.query), ('device', device)])
+        return parts._replace(path=parts.path or '/', query=query).geturl()
     if '://' in home:
         return home
     return quote(os.path.relpath(home, page_folder.resolve())) + '/'
-
-
-def _link(home: str, page_folder: Path) -> Markup:
-    return Markup('<a href="{}">{}</a>').format(_url(home, page_folder), home)
 
 
 def _distributions(sensors: Sequence[Vectors]) -> Section:
@@ -225,13 +232,13 @@ def _prevalence(found: Mapping[str, Any]) -> Section:
 def _shortening(curve: Mapping[str, Any]) -> Section:
     answer = curve_lines(curve)[0].capitalize()
     enough = [
-        f'{sensor} alone: {campaign_text(own) if own else "none"}'
+        f'For the {sensor} alone: {campaign_text(own) if own else "none"}. '
         for sensor, own in curve['shortest_of'].items()
+        if own != curve['shortest']
     ]
     values = {
-        'text': f'{answer}. Enough for the {"; ".join(enough)}. Error on runs that neither the '
-        f'short nor the full campaign has seen; {curve["devices"]} devices; bars: 5 … 95 % of a '
-        'bootstrap over them.',
+        'text': f'{answer}. {"".join(enough)}Error on runs that neither the short nor the full '
+        f'campaign has seen; {curve["devices"]} devices; bars: 5 … 95 % of a bootstrap over them.',
         'key': 'fleet_shortening',
         'caption': 'Error of a short calibration over that of the full campaign; dashed: the '
         'bound. A point is a number of temperatures, dwells and poses. One temperature tells no '

@@ -136,6 +136,11 @@ class _Bins:
     variance: FloatArray
     """(n, runs, bins, 3)"""
 
+    def of(self, chosen: NDArray[np.bool_]) -> _Bins:
+        """Return the chosen devices."""
+        names = ('temperature', 'seconds', 'mean', 'variance')
+        return _Bins(*(getattr(self, name)[chosen] for name in names))
+
     def at(self, targets: Sequence[float]) -> _Bins:
         """Return the bins next to the targets; where two have the same, it counts once."""
         off = np.abs(self.temperature[..., None] - np.array(targets))
@@ -171,7 +176,10 @@ class _Bins:
 def shortening_curve(
     table: FleetTable, sensors: Sequence[Vectors], odd: Sequence[str]
 ) -> Curve | None:
-    """Return the curve of all sensors over ordinary devices; None where no lot is large enough."""
+    """Return the curve of all sensors over ordinary devices; None where no lot is large enough.
+
+    Devices whose lot tells nothing are left out.
+    """
     points: list[Point] = []
     runs: dict[tuple[int, float], Run] = {}
     hours: list[float] = []
@@ -181,13 +189,16 @@ def shortening_curve(
         ordinary = ordinary.of(np.arange(len(ordinary)) % -(-len(ordinary) // STUDIED) == 0)
         bins = _read_bins(table, ordinary)
         ordinary = ordinary.of(np.isin(ordinary.device, bins.device))
-        if not len(ordinary):
+        prior = _lot_priors(ordinary)
+        known = np.isfinite(prior.mean).all(axis=1)
+        if not known.any():
             continue
+        ordinary, prior, bins = ordinary.of(known), prior.of(known), bins.of(known)
         poses = bins.of_share[1.0].mean.shape[1]
         runs = runs or dict(_runs(bins.of_share))
         recorded = np.nansum(bins.of_share[1.0].seconds, axis=(1, 2)) / 3600.0
         hours.append(float(np.median(recorded)) * (poses - 1) / poses)
-        points += _sensor_points(ordinary, bins.of_share, runs)
+        points += _sensor_points(ordinary.sensor, prior, bins.of_share, runs)
         count = max(count, len(ordinary))
     return Curve(tuple(points), runs, max(hours), count) if points else None
 
@@ -198,6 +209,10 @@ class _FleetBins:
 
     device: NDArray[np.str_]
     of_share: Mapping[float, _Bins]
+
+    def of(self, chosen: NDArray[np.bool_]) -> _FleetBins:
+        of_share = {share: bins.of(chosen) for share, bins in self.of_share.items()}
+        return _FleetBins(self.device[chosen], of_share)
 
 
 def _read_bins(table: FleetTable, vectors: Vectors) -> _FleetBins:
@@ -252,16 +267,17 @@ def _runs(of_share: Mapping[float, _Bins]) -> Iterator[tuple[tuple[int, float], 
 
 
 def _sensor_points(
-    vectors: Vectors, of_share: Mapping[float, _Bins], runs: Mapping[tuple[int, float], Run]
+    sensor: str,
+    prior: _Prior,
+    of_share: Mapping[float, _Bins],
+    runs: Mapping[tuple[int, float], Run],
 ) -> list[Point]:
     whole = of_share[1.0]
     full, judged, poses = whole.measured(), whole.judged(), whole.mean.shape[1]
-    prior = _lot_priors(vectors)
+    n = len(prior.mean)
     others = [[r for r in range(poses) if r != held] for held in range(poses)]
     reference = np.mean([judged.error(r, full.slopes(o)) for r, o in enumerate(others)], axis=0)
-    chosen = np.random.default_rng(SEED).multinomial(
-        len(vectors), np.full(len(vectors), 1.0 / len(vectors)), BOOTSTRAPS
-    )
+    chosen = np.random.default_rng(SEED).multinomial(n, np.full(n, 1.0 / n), BOOTSTRAPS)
     points = []
     for (k, share), run in runs.items():
         short = of_share[share].at(run.targets).measured()
@@ -276,7 +292,7 @@ def _sensor_points(
                         values = _with_prior(prior, values, variance / p)
                     squares.append(judged.error(held, values))
                 ratio = _ratio(np.mean(squares, axis=0), reference, chosen)
-                points.append(Point(vectors.sensor, k, share, p, p * run.hours, known, *ratio))
+                points.append(Point(sensor, k, share, p, p * run.hours, known, *ratio))
     return points
 
 
@@ -288,6 +304,9 @@ class _Prior:
     """(n, 3)"""
     covariance: FloatArray
     """(n, 3, 3)"""
+
+    def of(self, chosen: NDArray[np.bool_]) -> _Prior:
+        return _Prior(self.mean[chosen], self.covariance[chosen])
 
 
 def _lot_priors(vectors: Vectors) -> _Prior:
@@ -309,18 +328,12 @@ def _lot_priors(vectors: Vectors) -> _Prior:
 
 
 def _with_prior(prior: _Prior, values: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return the slopes with the prior; as they are where there is none.
+    """Return the slopes with the prior.
 
     `variance` (3,) is that of their error; infinite where nothing was measured.
     """
-    limit = NOT_MEASURED * np.einsum('nii->ni', prior.covariance)
-    known = np.isfinite(limit).all(axis=1)
-    found = values.copy()
-    error = np.minimum(variance, limit[known])
-    found[known] = device_effects(
-        values[known], error, prior.mean[known], prior.covariance[known]
-    )[0]
-    return found
+    error = np.minimum(variance, NOT_MEASURED * np.einsum('nii->ni', prior.covariance))
+    return device_effects(values, error, prior.mean, prior.covariance)[0]
 
 
 def _ratio(

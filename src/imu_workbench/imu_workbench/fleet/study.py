@@ -13,7 +13,14 @@ from imu_recording.user_error import UserError
 from imu_workbench.fleet.capability import capabilities
 from imu_workbench.fleet.clusters import find_clusters
 from imu_workbench.fleet.control import control_chart
-from imu_workbench.fleet.population import Population, TypePopulation, error_variances, populations
+from imu_workbench.fleet.estimate import version
+from imu_workbench.fleet.population import (
+    LEAST_DEVICES,
+    Population,
+    TypePopulation,
+    error_variances,
+    populations,
+)
 from imu_workbench.fleet.prevalence import prevalences
 from imu_workbench.fleet.screening import Screening, odd_devices, screen
 from imu_workbench.fleet.shape_population import shape_populations
@@ -53,6 +60,13 @@ def study(folder: Path, limits: Limits | None = None) -> dict[str, Any]:
         'without_lot': int(
             table.rows("SELECT count(DISTINCT source) FROM results WHERE lot = 'none'")[0][0]
         ),
+        'other_version': int(
+            table.rows(
+                """SELECT count(DISTINCT source) FROM results WHERE role = 'fitted'
+                   AND (version IS DISTINCT FROM $version OR block_share IS NULL)""",
+                version=version(),
+            )[0][0]
+        ),
         'populations': described,
         'types': [_type(one) for one in types],
         'capability': [
@@ -81,7 +95,8 @@ def fleet_curve(folder: Path) -> dict[str, Any]:
     curve = shortening_curve(table, sensors, [one.device for one in odd])
     if curve is None:
         raise UserError(
-            f'{folder}: no devices with two runs or more, which a shorter campaign is judged by'
+            f'{folder}: no lot of {2 * LEAST_DEVICES - 1} devices with two runs or more each, '
+            'of which one half is the prior of the other; give `fleet` more devices'
         )
     return curve_content(curve)
 

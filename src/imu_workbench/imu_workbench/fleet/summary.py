@@ -34,9 +34,13 @@ def study_lines(found: Mapping[str, Any]) -> list[str]:
     """Return a line per lot, cluster, named effect and odd device."""
     lines = []
     if found['without_lot']:
+        count = found['without_lot']
+        have = 'device has no lot' if count == 1 else 'devices have no lot and are taken as one'
+        lines.append(f'warning: {count} {have}: name it in the path (lot=A) or in a list')
+    if found['other_version']:
         lines.append(
-            f'warning: {found["without_lot"]} devices have no lot and are taken as one: '
-            'name it in the path (lot=A) or in a list'
+            f'warning: {found["other_version"]} devices were estimated by another version: give '
+            'their bags to `fleet` again'
         )
     for one in found['populations']:
         mean = ', '.join(f'{value:+.3g}' for value in one['mean'])
