@@ -12,6 +12,9 @@ from imu_workbench.fleet.sources import NO_TYPE
 SHOWN = 20
 """Odd or failed devices, and slopes beyond limits, that are listed; all stand in the JSON."""
 
+SAME = 5e-4
+"""Ratios closer than this are the same: the longer campaign is not listed."""
+
 
 def lot_name(one: Mapping[str, Any]) -> str:
     """Return the lot of an entry, with its type where it has one.
@@ -149,6 +152,6 @@ def shortest_first(
     own = [p for p in points if (p['sensor'], p['prior']) == (sensor, prior)]
     front: list[Mapping[str, Any]] = []
     for point in sorted(own, key=lambda p: (p['hours'], p['ratio'])):
-        if not front or point['ratio'] < front[-1]['ratio']:
+        if not front or point['ratio'] < front[-1]['ratio'] - SAME:
             front.append(point)
     return front
