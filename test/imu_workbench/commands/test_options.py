@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One device of several is chosen by its namespace or by its topics."""
+"""One device of several is chosen by its namespace or by its topics; a noise by its chip."""
 
+from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from imu_workbench.commands.options import read_devices
+from imu_recording.user_error import UserError
+from imu_workbench.commands.options import noise_reference, read_devices
 
 from imu_recording import read_bag, write_bag
 
@@ -36,3 +38,11 @@ def test_a_topic_chooses_like_a_namespace(two_devices: Path) -> None:
     (by_name,) = read_devices(two_devices, '/two', {})
     np.testing.assert_array_equal(by_topic.angular_velocity, by_name.angular_velocity)
     np.testing.assert_array_equal(by_topic.temperature, by_name.temperature)
+
+
+def test_a_noise_reference_is_a_chip_in_any_spelling_or_a_file() -> None:
+    found = noise_reference(Namespace(noise_reference='MPU-9250'), {})
+    assert found is not None
+    assert (found.name, set(found.sensors)) == ('MPU-9250', {'accelerometer', 'gyroscope'})
+    with pytest.raises(UserError, match=r'mpu925: neither a chip \(did you mean mpu9250'):
+        noise_reference(Namespace(noise_reference='mpu925'), {})

@@ -13,9 +13,11 @@ from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.diagnosis.findings import clock_findings, noise_findings, ranked
 from thermal_comp.diagnosis.inputs import clock_windows, slope_of_windows
 from thermal_comp.diagnosis.noise_level import (
-    is_reference_chip,
+    SHIPPED,
+    NoiseReference,
+    chip_references,
+    is_shipped_chip,
     noise_above_reference,
-    shipped_reference,
 )
 from thermal_comp.diagnosis.result import Diagnosis, Finding
 from thermal_comp.effects.bias_temperature import BiasTemperature
@@ -30,11 +32,19 @@ BAGS = Path(__file__).parents[3] / 'bags'
 LONG_S = 3 * 12 * 3600.0
 
 
-def noise(white: float, flicker: float) -> NoiseModel:
-    """Return the gyroscope's reference noise, its parts multiplied."""
-    row = shipped_reference()['gyroscope']
-    amplitudes = np.full((len(OU_TIME_CONSTANTS), 3), flicker * row['flicker'])
-    return NoiseModel(np.full(3, white * row['white']), OU_TIME_CONSTANTS, amplitudes)
+USUAL = chip_references()[SHIPPED].sensors
+
+
+def noise(white: float, flicker: float, sensor: str = 'gyroscope') -> NoiseModel:
+    """Return a sensor's reference noise, its parts multiplied."""
+    amplitudes = np.repeat(flicker * USUAL[sensor].amplitudes, len(OU_TIME_CONSTANTS), axis=0)
+    return NoiseModel(white * USUAL[sensor].white, OU_TIME_CONSTANTS, amplitudes)
+
+
+def above(white: float, flicker: float, duration: float = LONG_S, *, known: bool = False):
+    return noise_above_reference(
+        noise(white, flicker), USUAL['gyroscope'], duration=duration, bandwidth_known=known
+    )
 
 
 def test_single_samples_at_half_a_hertz_of_a_clean_device_are_complete() -> None:
@@ -44,21 +54,32 @@ def test_single_samples_at_half_a_hertz_of_a_clean_device_are_complete() -> None
 
 
 def test_white_noise_counts_only_where_the_bandwidth_is_known() -> None:
-    assert noise_above_reference(noise(5.0, 1.0), 'gyroscope', duration=LONG_S) is None
-    known = noise_above_reference(
-        noise(5.0, 1.0), 'gyroscope', duration=LONG_S, bandwidth_known=True
-    )
+    assert above(5.0, 1.0) is None
+    known = above(5.0, 1.0, known=True)
     assert known is not None
     assert known.white_ratio == pytest.approx(5.0)
-    coloured = noise_above_reference(noise(5.0, 2.0), 'gyroscope', duration=LONG_S)
+    coloured = above(5.0, 2.0)
     assert coloured is not None
     assert coloured.evidence < known.evidence
 
 
 def test_twenty_minutes_tell_too_little_of_slow_noise_to_call_it_loud() -> None:
-    assert noise_above_reference(noise(1.0, 2.0), 'gyroscope', duration=1200.0) is None
-    much = noise_above_reference(noise(1.0, 10.0), 'gyroscope', duration=1200.0)
-    assert much is not None
+    assert above(1.0, 2.0, 1200.0) is None
+    assert above(1.0, 10.0, 1200.0) is not None
+
+
+def test_a_datasheet_judges_white_noise_alone() -> None:
+    mpu = chip_references()['mpu9250'].sensors
+    # total rms noise of 0.1 °/s in 92 Hz of the same datasheet: one-sided density times √bandwidth
+    density = np.degrees(mpu['gyroscope'].white[0]) * np.sqrt(2.0)
+    assert density * np.sqrt(92.0) == pytest.approx(0.1, rel=0.05)
+    loud = NoiseModel(
+        2.0 * mpu['gyroscope'].white, OU_TIME_CONSTANTS, np.ones((len(OU_TIME_CONSTANTS), 3))
+    )
+    found = noise_above_reference(loud, mpu['gyroscope'], duration=LONG_S, bandwidth_known=True)
+    assert found is not None
+    assert (found.white_ratio, found.flicker_ratio) == (pytest.approx(2.0), None)
+    assert noise_above_reference(loud, mpu['gyroscope'], duration=LONG_S) is None
 
 
 def clocked(slope: float, *, gap_every: int | None) -> ImuRecording:
@@ -111,21 +132,10 @@ def test_a_clock_never_heads_what_a_sensor_lacks(slope: float) -> None:
 
 
 def test_noise_of_another_chip_is_not_measured_by_this_ones() -> None:
-    table = shipped_reference()
-    louder = {
-        sensor: NoiseModel(
-            np.full(3, 3.0 * row['white']),
-            OU_TIME_CONSTANTS,
-            np.full((len(OU_TIME_CONSTANTS), 3), 9.0 * row['flicker']),
-        )
-        for sensor, row in table.items()
-    }
-    row = table['accelerometer']
-    usual = NoiseModel(
-        np.full(3, row['white']), OU_TIME_CONSTANTS, np.zeros((len(OU_TIME_CONSTANTS), 3))
-    )
-    assert not is_reference_chip(louder)
-    assert is_reference_chip({**louder, 'gyroscope': noise(1.2, 9.0), 'accelerometer': usual})
+    louder = {sensor: noise(3.0, 9.0, sensor) for sensor in USUAL}
+    assert not is_shipped_chip(louder)
+    usual = noise(1.0, 0.0, 'accelerometer')
+    assert is_shipped_chip({**louder, 'gyroscope': noise(1.2, 9.0), 'accelerometer': usual})
 
 
 def test_a_sensor_that_the_reference_does_not_hold_is_not_measured_by_the_table() -> None:
@@ -133,6 +143,12 @@ def test_a_sensor_that_the_reference_does_not_hold_is_not_measured_by_the_table(
     runs = prepare([read_bag(BAGS / 'dut1_x')])
     comparison = compare_prepared(fit_prepared([BiasTemperature()], runs), runs)
     long = {'duration': LONG_S, 'bandwidth_known': True}
-    assert noise_findings(louder, comparison, {'accelerometer': noise(1.0, 1.0)}, **long) == {}
-    found = noise_findings(louder, comparison, {'gyroscope': noise(1.0, 1.0)}, **long)
-    assert 'noise above the reference, white × 9.00' in found['gyroscope'].text
+    other = NoiseReference('dut7', {'accelerometer': noise(1.0, 1.0)})
+    assert noise_findings(louder, comparison, other, **long) == {}
+    same = NoiseReference('dut7', {'gyroscope': noise(1.0, 1.0)})
+    found = noise_findings(louder, comparison, same, **long)
+    assert 'noise above that of dut7, white × 9.00, bias' in found['gyroscope'].text
+    chip = noise_findings(louder, comparison, chip_references()['mpu9250'], **long)
+    assert chip['gyroscope'].text.startswith('gyroscope: noise above that of MPU-9250, white × ')
+    assert 'bias instability' not in chip['gyroscope'].text
+    assert noise_findings(louder, comparison, chip_references()['icm20948'], **long) == {}

@@ -14,9 +14,10 @@ from imu_recording.logging_contract import TRACK_OF_TOPIC
 from imu_recording.plausibility import ACCEPTABLE, admitted
 from imu_recording.user_error import UserError, did_you_mean, fault_in_yaml
 from thermal_comp.data.motion import refuse_moving
+from thermal_comp.diagnosis.noise_level import NoiseReference, chip_references
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.file import check_device, load_model, save_model
-from thermal_comp.model.values import NoiseModel, ThermalModel
+from thermal_comp.model.values import ThermalModel
 
 from imu_recording import ImuRecording, bag_namespaces, read_bag
 from imu_workbench.answer import CHECK_FAILED, show_progress
@@ -79,30 +80,40 @@ def add_effects_argument(parser: argparse.ArgumentParser) -> None:
 
 
 def add_noise_reference_argument(parser: argparse.ArgumentParser) -> None:
-    """Add --noise-reference, a model whose noise counts as normal."""
+    """Add --noise-reference, a chip or a model whose noise counts as normal."""
     parser.add_argument(
         '--noise-reference',
-        metavar='MODEL',
-        type=Path,
-        help='model file whose noise counts as normal; else the shipped table of the LSM9DS1, '
-        'which says nothing of another chip',
+        metavar='CHIP|MODEL',
+        help=f'chip ({", ".join(chip_references())}) or model file whose noise counts as normal; '
+        'else the LSM9DS1, which says nothing of another chip',
     )
 
 
 def noise_reference(
     options: argparse.Namespace, catalogue: Mapping[str, type[Effect]]
-) -> dict[str, NoiseModel] | None:
-    """Return the noise that counts as normal; None: that of the shipped table."""
-    if not options.noise_reference:
+) -> NoiseReference | None:
+    """Return the noise that counts as normal; None: that of the shipped chip."""
+    given = options.noise_reference
+    if not given:
         return None
-    known = load_model(options.noise_reference, catalogue)
+    chips = chip_references()
+    name = given.lower().replace('-', '')
+    if name in chips:
+        return chips[name]
+    if not Path(given).exists():
+        near = did_you_mean(name, chips)
+        raise UserError(
+            f'--noise-reference {given}: neither a chip{near} nor a file; '
+            f'known chips: {", ".join(chips)}'
+        )
+    known = load_model(Path(given), catalogue)
     found = {s: m.noise for s, m in known.sensors.items() if m.noise is not None}
     if not found:
         raise UserError(
-            f'--noise-reference {options.noise_reference}: the model knows no noise; fit one to '
+            f'--noise-reference {given}: the model knows no noise; fit one to '
             'recordings of a unit that counts as normal'
         )
-    return found
+    return NoiseReference(known.device or Path(given).name, found)
 
 
 def add_model_argument(

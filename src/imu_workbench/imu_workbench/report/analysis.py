@@ -18,12 +18,13 @@ from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.data.quality import check_quality
 from thermal_comp.diagnosis.diagnose import Settings, diagnose
 from thermal_comp.diagnosis.growth import Growth, add_effect
+from thermal_comp.diagnosis.noise_level import NoiseReference
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.fitting.pooling import PoolingTest, examine_prepared
-from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel
+from thermal_comp.model.values import ModelError, ThermalModel
 
 from imu_recording import ImuRecording
 from imu_workbench.answer import show_progress
@@ -104,7 +105,7 @@ def analyse_recordings(
     attitudes: bool = True,
     diagnosis: bool = True,
     catalogue: Mapping[str, type[Effect]] = EFFECTS,
-    reference: Mapping[str, NoiseModel] | None = None,
+    reference: NoiseReference | None = None,
     workers: int = 1,
 ) -> Analysis:
     """Return the analysis of the recordings; a device without a given model is fitted a line.
@@ -112,7 +113,7 @@ def analyse_recordings(
     Recordings of a moving device are left out; MovingError where nothing else is there.
     `attitudes` False leaves the orientation filters out, `diagnosis` False the search for missing
     effects of the catalogue; `reference` is the noise that counts as normal, None that of the
-    shipped table; `workers` processes share the work.
+    shipped chip; `workers` processes share the work.
     """
     unnamed = unnamed_note(recordings)
     recordings, left_out = resting(named(recordings))
@@ -194,7 +195,7 @@ def diagnosis_tasks(
     recordings: Sequence[ImuRecording],
     devices: Mapping[str, DeviceAnalysis],
     catalogue: Mapping[str, type[Effect]],
-    reference: Mapping[str, NoiseModel] | None = None,
+    reference: NoiseReference | None = None,
 ) -> list[Task]:
     """Return a task per device that has a model: search it for missing effects."""
     return [
@@ -305,8 +306,8 @@ class DiagnosisTask:
     recordings: Sequence[ImuRecording]
     model: ThermalModel
     catalogue: Mapping[str, type[Effect]] = field(default_factory=lambda: EFFECTS)
-    reference: Mapping[str, NoiseModel] | None = None
-    """Noise that counts as normal; None: the shipped table."""
+    reference: NoiseReference | None = None
+    """Noise that counts as normal; None: that of the shipped chip."""
 
     @property
     def label(self) -> str:

@@ -25,6 +25,7 @@ from thermal_comp.diagnosis.findings import (
 )
 from thermal_comp.diagnosis.identifiability import undecidable
 from thermal_comp.diagnosis.inputs import prepare_inputs
+from thermal_comp.diagnosis.noise_level import NoiseReference
 from thermal_comp.diagnosis.posterior import credible
 from thermal_comp.diagnosis.ranking import ranked_effects
 from thermal_comp.diagnosis.result import Diagnosis, Finding, NamedExplanation, Prediction
@@ -51,7 +52,7 @@ def diagnose(
     model: ThermalModel | None = None,
     *,
     catalogue: Mapping[str, type[Effect]] | None = None,
-    reference: Mapping[str, NoiseModel] | None = None,
+    reference: NoiseReference | None = None,
     period: float | None = None,
 ) -> Diagnosis:
     """Return what is missing in the model, in the light of recordings of one device.

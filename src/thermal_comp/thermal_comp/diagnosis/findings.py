@@ -18,7 +18,10 @@ from thermal_comp.diagnosis.hypotheses import NOT_IN_CATALOGUE, UNLOGGED
 from thermal_comp.diagnosis.inputs import ClockFinding
 from thermal_comp.diagnosis.noise_level import (
     REPORTED_EVIDENCE,
-    is_reference_chip,
+    SHIPPED,
+    NoiseReference,
+    chip_references,
+    is_shipped_chip,
     noise_above_reference,
 )
 from thermal_comp.diagnosis.posterior import CREDIBLE, probability
@@ -165,32 +168,36 @@ def unnamed_findings(sensor: Sensor, answer: SensorAnswer, current: Comparison) 
 def noise_findings(
     noise: Mapping[Sensor, NoiseModel],
     current: Comparison,
-    reference: Mapping[str, NoiseModel] | None,
+    reference: NoiseReference | None,
     *,
     duration: float,
     bandwidth_known: bool = False,
 ) -> dict[Sensor, Finding]:
     """Return what is too high in the noise, by sensor; nothing of a chip without reference.
 
-    `duration` [s] is that of all runs together.
+    `reference` None: the shipped chip's, where this is that chip. `duration` [s] is that of all
+    runs together.
     """
     findings: dict[Sensor, Finding] = {}
-    if reference is None and not is_reference_chip(noise):
-        return findings
-    known = noise if reference is None else {s: m for s, m in noise.items() if s in reference}
-    whose = 'that of the LSM9DS1' if reference is None else 'the reference'
-    for sensor, model in known.items():
+    if reference is None:
+        if not is_shipped_chip(noise):
+            return findings
+        reference = chip_references()[SHIPPED]
+    for sensor, model in noise.items():
+        if sensor not in reference.sensors:
+            continue
         above = noise_above_reference(
             model,
-            sensor,
-            (reference or {}).get(sensor),
+            reference.sensors[sensor],
             duration=duration,
             bandwidth_known=bandwidth_known,
         )
         if above is None:
             continue
         state = current.sensors[sensor]
-        white = f'white × {above.white_ratio:.2f}, ' if bandwidth_known else ''
+        ratios = {'white': above.white_ratio if bandwidth_known else None,
+                  'bias instability': above.flicker_ratio}  # fmt: skip
+        said = ', '.join(f'{name} × {r:.2f}' for name, r in ratios.items() if r is not None)
         findings[sensor] = Finding(
             'noise',
             above.name,
@@ -200,8 +207,7 @@ def noise_findings(
             error_before=rms_of(state.held_out_rms),
             noise_floor=rms_of(state.noise_floor),
             unit=SENSOR_UNITS[sensor],
-            text=f'{sensor}: noise above {whose}, {white}bias instability × '
-            f'{above.flicker_ratio:.2f}',
+            text=f'{sensor}: noise above that of {reference.name}, {said}',
         )
     return findings
 

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import yaml
-from imu_recording.recording import ImuRecording
+from imu_recording.recording import GRAVITY, ImuRecording
 
-from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.model.values import NoiseModel
 
 REPORTED_RATIO = 1.5
@@ -37,27 +37,58 @@ class NoiseFinding:
     name: str | None
     """'random_walk' where the excess grows with averaging time."""
     white_ratio: float
-    flicker_ratio: float
+    flicker_ratio: float | None
+    """None where the reference knows no coloured noise."""
     evidence: float
     """(ln ratio / spread)²."""
 
 
+@dataclass(frozen=True, eq=False)
+class NoiseReference:
+    """Noise that counts as normal, by sensor; what it does not hold is not judged by it."""
+
+    name: str
+    """Whose noise it is."""
+    sensors: Mapping[str, NoiseModel]
+    """Without processes where only the density of white noise is known."""
+
+
+DENSITY_UNITS = {'µg/√Hz': 1e-6 * GRAVITY, '°/s/√Hz': float(np.radians(1.0))}
+"""Units of datasheets and their factor from SI."""
+
+
 @cache
-def shipped_reference() -> Mapping[str, Mapping[str, float]]:
-    """Return white density and flicker amplitude of each sensor, from noise_reference.yaml."""
+def chip_references() -> Mapping[str, NoiseReference]:
+    """Return the noise of every chip of noise_reference.yaml."""
     text = files('thermal_comp').joinpath('noise_reference.yaml').read_text('utf-8')
-    table: dict[str, Any] = yaml.safe_load(text)['lsm9ds1']
-    return table
+    table: dict[str, dict[str, Any]] = yaml.safe_load(text)
+    return {
+        chip: NoiseReference(row['name'], {s: _noise_of_row(row[s]) for s in SENSORS if s in row})
+        for chip, row in table.items()
+    }
 
 
-def is_reference_chip(noise: Mapping[Sensor, NoiseModel]) -> bool:
+def _noise_of_row(row: Mapping[str, Any]) -> NoiseModel:
+    """Return the noise of a sensor; a datasheet's one-sided density S has σ of 1 s means S/√2."""
+    if 'density' in row:
+        number, unit = row['density'].split()
+        white = float(number) * DENSITY_UNITS[unit] / np.sqrt(2.0)
+        return NoiseModel(np.full(3, white), np.empty(0), np.empty((0, 3)))
+    return NoiseModel(np.full(3, row['white']), np.array([1.0]), np.full((1, 3), row['flicker']))
+
+
+SHIPPED = 'lsm9ds1'
+"""Chip whose noise counts as normal where none is named."""
+
+
+def is_shipped_chip(noise: Mapping[Sensor, NoiseModel]) -> bool:
     """Tell whether the white noise of most sensors is that of the shipped reference's chip.
 
     Where it is not, this is another chip, or its samples are too slow to tell: its noise is not
     to be measured by that of this one.
     """
-    table = shipped_reference()
-    ratios = [_rms(model.white) / table[sensor]['white'] for sensor, model in noise.items()]
+    known = chip_references()[SHIPPED].sensors
+    ratios = [_rms(model.white) / _rms(known[sensor].white) for sensor, model in noise.items()]
     return 1.0 / SAME_CHIP_RATIO < float(np.median(ratios)) < SAME_CHIP_RATIO
 
 
@@ -71,12 +102,7 @@ def bandwidth_known(recordings: Sequence[ImuRecording]) -> bool:
 
 
 def noise_above_reference(
-    noise: NoiseModel,
-    sensor: Sensor,
-    reference: NoiseModel | None = None,
-    *,
-    duration: float,
-    bandwidth_known: bool = False,
+    noise: NoiseModel, reference: NoiseModel, *, duration: float, bandwidth_known: bool = False
 ) -> NoiseFinding | None:
     """Return what is too high, averaged over the axes; None where nothing is.
 
@@ -86,33 +112,31 @@ def noise_above_reference(
     White noise is compared only where `bandwidth_known`: rows that are means, or samples fast
     enough. Single samples slower than the sensor's output fold its whole band into theirs, so
     their density exceeds the reference's without more noise. The coloured part is slow and
-    stands in either.
+    stands in either; it is compared where the reference knows one.
     """
     if not noise.white.any():
         return None
-    if reference is None:
-        row = shipped_reference()[sensor]
-        white, flicker = row['white'], np.full(len(noise.time_constants), row['flicker'])
-    else:
-        white = _rms(reference.white)
+    white_ratio = _rms(noise.white) / _rms(reference.white)
+    evidences = [_evidence(white_ratio, LOG_RATIO_STD**2)] if bandwidth_known else []
+    flicker_ratio, name = None, None
+    if len(reference.time_constants):
         flicker = np.interp(
             np.log(noise.time_constants),
             np.log(reference.time_constants),
             np.sqrt((reference.amplitudes**2).mean(axis=1)),
         )
-    amplitude = np.sqrt((noise.amplitudes**2).mean(axis=1))
-    ratios = amplitude / np.maximum(flicker, 1e-300)
-    white_ratio = _rms(noise.white) / white
-    flicker_ratio = _rms(ratios)
-    seen = 3.0 * duration / (2.0 * noise.time_constants)
-    variance = 0.5 * float((1.0 / seen).sum()) / len(seen) ** 2
-    evidences = [_evidence(flicker_ratio, LOG_RATIO_STD**2 + variance)]
-    evidences += [_evidence(white_ratio, LOG_RATIO_STD**2)] if bandwidth_known else []
-    if max(evidences) < REPORTED_EVIDENCE:
+        amplitude = np.sqrt((noise.amplitudes**2).mean(axis=1))
+        ratios = amplitude / np.maximum(flicker, 1e-300)
+        flicker_ratio = _rms(ratios)
+        seen = 3.0 * duration / (2.0 * noise.time_constants)
+        variance = 0.5 * float((1.0 / seen).sum()) / len(seen) ** 2
+        evidences.append(_evidence(flicker_ratio, LOG_RATIO_STD**2 + variance))
+        fast, slow = _rms(ratios[:3]), _rms(ratios[-3:])
+        name = 'random_walk' if slow > WALK_RATIO * max(fast, 0.5) else None
+    evidence = max(evidences, default=0.0)
+    if evidence < REPORTED_EVIDENCE:
         return None
-    fast, slow = _rms(ratios[:3]), _rms(ratios[-3:])
-    name = 'random_walk' if slow > WALK_RATIO * max(fast, 0.5) else None
-    return NoiseFinding(name, white_ratio, flicker_ratio, max(evidences))
+    return NoiseFinding(name, white_ratio, flicker_ratio, evidence)
 
 
 def _evidence(ratio: float, variance: float) -> float:

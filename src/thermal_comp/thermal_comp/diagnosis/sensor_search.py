@@ -24,6 +24,7 @@ from thermal_comp.diagnosis.hypotheses import (
     EffectSet,
     SensorHypotheses,
 )
+from thermal_comp.diagnosis.noise_level import NoiseReference
 from thermal_comp.diagnosis.posterior import Explanation, explanations, probability
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
@@ -60,8 +61,8 @@ class Settings:
     """What a diagnosis is made with."""
 
     catalogue: Mapping[str, type[Effect]]
-    reference: Mapping[str, NoiseModel] | None = None
-    """Noise that counts as normal, per sensor; None: the shipped table."""
+    reference: NoiseReference | None = None
+    """Noise that counts as normal; None: that of the shipped chip."""
     bandwidth_known: bool = False
     """Whether the density of white noise is that of the sensor."""
 
