@@ -13,7 +13,7 @@ ANGLES = {'yaw': 'α (yaw)', 'pitch': 'β (pitch)', 'roll': 'γ (roll)'}
 FILTER_NAMES = {'complementary': 'Complementary filter', 'ahrs': 'AHRS (Kalman)'}
 LOOK = {
     'raw': {'color': '@raw', 'width': 1.1},
-    'compensated': {'color': '@compensated', 'width': 1.5},
+    'compensated': {'color': '@model', 'width': 1.5},
 }
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from thermal_comp.presentation.display import shown
@@ -33,7 +33,7 @@ def error_steps_figure(parts: Mapping[str, Any]) -> Figure:
                 'y': [bar['error'] for bar in bars],
                 'text': [shown(bar['error']) for bar in bars], 'textposition': 'outside',
                 'cliponaxis': False,
-                'marker': {'color': '@compensated' if kind == 'steps' else '@raw_soft',
+                'marker': {'color': '@model' if kind == 'steps' else '@raw_soft',
                            'pattern': {'shape': '' if kind == 'steps' else '/'}},
                 'hovertemplate': f'%{{x}}: %{{y:.4~g}} {unit}<extra></extra>',
                 **trace_axes(i),
@@ -43,7 +43,7 @@ def error_steps_figure(parts: Mapping[str, Any]) -> Figure:
         panels.append(
             Panel('', f'{"σ" if unit == "°" else "rms over the axes"} [{unit}]',
                   title=_title(name, found),
-                  x={'tickangle': 0}, y=_logarithmic(found))
+                  x={'tickangle': 0}, y=logarithmic_axis(_values(found)))
         )  # fmt: skip
     spec = figure(data, panels, columns=3, height=230, linked=False, shapes=shapes)
     spec['layout']['bargap'] = 0.35
@@ -60,22 +60,21 @@ def _floor_line(place: Mapping[str, str], floor: float) -> dict[str, Any]:
     return {
         'type': 'line', 'xref': f'{place["xaxis"]} domain', 'yref': place['yaxis'],
         'x0': 0, 'x1': 1, 'y0': floor, 'y1': floor,
-        'line': {'color': '@z', 'dash': 'dash', 'width': 1.6},
+        'line': {'color': '@soft', 'dash': 'dash', 'width': 1.6},
     }  # fmt: skip
 
 
-def _logarithmic(found: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the axis: a tick at every decade, and at 2 and 5 where there are few of them."""
-    low, high = _decades(found)
-    few = high - low < 2.5
-    return {'type': 'log', 'dtick': 'D2' if few else 1, 'range': [low, high]}
+def logarithmic_axis(values: Sequence[float]) -> dict[str, Any]:
+    """Return the axis around positive values: labels at every decade, at 2 and 5 where few."""
+    known = [v for v in values if v > 0.0] or [1.0]
+    low, high = math.log10(min(known) / 3.0), math.log10(max(known) * 3.0)
+    return {'type': 'log', 'dtick': 'D2' if high - low < 2.5 else 1, 'range': [low, high]}
 
 
-def _decades(found: Mapping[str, Any]) -> list[float]:
-    """Return the range of the logarithmic axis, from below the floor to above the highest bar."""
-    values = [bar['error'] for kind in ('steps', 'proposed') for bar in found[kind]]
-    known = [v for v in (*values, found['floor']) if v and v > 0.0] or [1.0]
-    return [math.log10(min(known) / 3.0), math.log10(max(known) * 2.5)]
+def _values(found: Mapping[str, Any]) -> list[float]:
+    """Return the heights of all bars, and the floor."""
+    bars = [bar['error'] for kind in ('steps', 'proposed') for bar in found[kind]]
+    return [value for value in (*bars, found['floor']) if value]
 
 
 def _wrapped(label: str) -> str:

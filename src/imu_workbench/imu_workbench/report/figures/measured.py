@@ -10,10 +10,10 @@ from imu_workbench.report.figures.palette import AXES
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
 
 TRACK_LOOK = {
-    'set-point': {'color': '@setpoint', 'dash': 'dot', 'width': 1.4},
-    'chamber air': {'color': '@air', 'width': 1.3},
-    'thermocouple on the device': {'color': '@device', 'width': 1.5},
-    'die': {'color': '@die', 'width': 1.7},
+    'set-point': {'color': '@soft', 'dash': 'dot', 'width': 1.4},
+    'chamber air': {'color': '@temperature', 'dash': 'dash', 'width': 1.1},
+    'thermocouple on the device': {'color': '@temperature', 'dash': 'dashdot', 'width': 1.4},
+    'die': {'color': '@temperature', 'width': 1.7},
 }
 TRACE_KEYS = ('showlegend', 'legendgroup', 'opacity', 'hoverinfo', 'hovertemplate')
 """What `curve` takes for the trace; everything else is the line's."""

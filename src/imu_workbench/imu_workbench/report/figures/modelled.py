@@ -69,7 +69,7 @@ def fit_figure(fit: Mapping[str, Any], unit: str, floor: float | None) -> Figure
             'type': 'scatter', 'mode': 'markers', 'name': name, **series,
             'marker': {'size': 3.5, 'opacity': 0.65,
                        'symbol': 'circle' if name == 'heating' else 'triangle-down',
-                       'color': '@d1' if name == 'heating' else '@d0'},
+                       'color': '@hot' if name == 'heating' else '@cold'},
             'hovertemplate': f'{name}: %{{y:.4~g}} {unit} at %{{x:.2f}} °C<extra></extra>',
             **trace_axes(0),
         })  # fmt: skip
@@ -107,9 +107,9 @@ def residual_figure(axes: Mapping[str, Any], unit: str, floor: list[float] | Non
         above, below = trace_axes(2 * i), trace_axes(2 * i + 1)
         hover = f'%{{y:.4~g}} {unit} at %{{x:.2f}} h<extra></extra>'
         data += [
-            curve(axes[axis]['measured'], 'measured', above, color='@raw', width=1.6,
+            curve(axes[axis]['measured'], 'measured', above, color='@raw_soft', width=3,
                   showlegend=i == 0, legendgroup='measured', hovertemplate='measured ' + hover),
-            curve(axes[axis]['modelled'], 'modelled', above, color=f'@{axis}', width=1.6,
+            curve(axes[axis]['modelled'], 'modelled', above, color='@model', width=1.3,
                   showlegend=i == 0, legendgroup='modelled', hovertemplate='modelled ' + hover),
             curve(axes[axis]['residual'], 'residual', below, color=f'@{axis}', width=1,
                   showlegend=False, hovertemplate='residual ' + hover),

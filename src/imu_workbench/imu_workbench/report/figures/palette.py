@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Colours by meaning, for a light and a dark page.
 
-After Okabe and Ito (2008), "Color Universal Design": told apart with any kind of colour vision;
-the dark theme takes the lighter relatives so that contrast with the page stays above 3:1.
+After Okabe and Ito (2008), "Color Universal Design"; what is drawn over each other is told apart
+by deuteranopes too. The dark theme takes the lighter relatives. What was measured is grey, what
+the model makes of it has the text's colour, temperatures share one colour and differ by dash.
 Figures write '@name'; the page puts the theme's colour in.
 """
 
@@ -18,23 +19,18 @@ COLOURS: dict[str, dict[str, str]] = {
         'x_soft': '#9cc6e0',
         'y_soft': '#eebd99',
         'z_soft': '#99d8c7',
-        'temperature': '#b0517f',
+        'temperature': '#a0052f',
         'model': '#1b2430',
-        'candidate': '#6f3fb0',
+        'candidate': '#5b21d6',
         'raw': '#8b95a3',
         'raw_soft': '#c3cad3',
-        'compensated': '#0072b2',
         'cold': '#56b4e9',
         'hot': '#e69f00',
-        'setpoint': '#1b2430',
-        'air': '#009e73',
-        'device': '#d55e00',
-        'die': '#b0517f',
         'd0': '#0072b2',
         'd1': '#d55e00',
         'd2': '#009e73',
-        'd3': '#b0517f',
-        'd4': '#e69f00',
+        'd3': '#882255',
+        'd4': '#f0b400',
         'd5': '#56b4e9',
         'band': 'rgba(230,159,0,0.16)',
         'noise': 'rgba(90,102,117,0.15)',
@@ -55,24 +51,19 @@ COLOURS: dict[str, dict[str, str]] = {
         'x_soft': '#2c5877',
         'y_soft': '#7a4a28',
         'z_soft': '#1d6450',
-        'temperature': '#e79bc2',
+        'temperature': '#fdb1f6',
         'model': '#f2f5f9',
-        'candidate': '#c9a6ff',
+        'candidate': '#9a63ff',
         'raw': '#8794a5',
         'raw_soft': '#4a5666',
-        'compensated': '#5db3ea',
         'cold': '#7cc8f5',
         'hot': '#f2b632',
-        'setpoint': '#e6ebf1',
-        'air': '#35cfa2',
-        'device': '#ff9a52',
-        'die': '#e79bc2',
         'd0': '#5db3ea',
-        'd1': '#ff9a52',
+        'd1': '#ee7a28',
         'd2': '#35cfa2',
-        'd3': '#e79bc2',
-        'd4': '#f2b632',
-        'd5': '#9fd8fa',
+        'd3': '#c23a78',
+        'd4': '#ffdf70',
+        'd5': '#c5e6fb',
         'band': 'rgba(242,182,50,0.16)',
         'noise': 'rgba(157,170,185,0.20)',
         'text': '#e6ebf1',

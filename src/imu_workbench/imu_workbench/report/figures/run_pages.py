@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from imu_workbench.report.figures.measured import TRACK_LOOK
 from imu_workbench.report.figures.palette import COLOURS
 
 SIZE_INCHES = (7.1, 7.6)
@@ -21,6 +22,8 @@ STYLE: Any = {
     'svg.hashsalt': '',
 }
 LIGHT = COLOURS['light']
+LINE_STYLES = {None: '-', 'dash': '--', 'dot': ':', 'dashdot': '-.'}
+"""Plotly's dash → matplotlib's."""
 
 
 def run_picture(plan: Mapping[str, Any] | None, residuals: Mapping[str, Any]) -> str:
@@ -32,7 +35,12 @@ def run_picture(plan: Mapping[str, Any] | None, residuals: Mapping[str, Any]) ->
         figure = Figure(figsize=SIZE_INCHES, layout='constrained')
         panels = figure.subplots(1 + len(residuals), 1, sharex=True, squeeze=False)[:, 0]
         for label, track in (plan or {'tracks': {}})['tracks'].items():
-            panels[0].plot(_numbers(track['x']), _numbers(track['y']), linewidth=0.8, label=label)
+            look = TRACK_LOOK[label]
+            panels[0].plot(
+                _numbers(track['x']), _numbers(track['y']), linewidth=0.8, label=label,
+                color=LIGHT[look['color'].removeprefix('@')],
+                linestyle=LINE_STYLES[look.get('dash')],
+            )  # fmt: skip
         panels[0].set_ylabel('temperature [°C]')
         for panel, (sensor, found) in zip(panels[1:], residuals.items(), strict=True):
             for axis, line in found['axes'].items():

@@ -134,7 +134,7 @@ def phase_figure(version: Version, view: View) -> Figure:
                 y.append(float(values.mean()))
                 spread.append(float(values.std()))
         label = f'R{cycle}' if cycle else 'other'
-        colour = f'@d{number % 6}'
+        colour = f'@{view.axis_name}'
         data.append({
             'type': 'scatter', 'mode': 'markers', 'name': label, 'x': x, 'y': y,
             'error_y': {'array': spread, 'thickness': 1.2, 'width': 0, 'color': colour},

@@ -6,17 +6,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from math import log10
 from typing import Any
 
 from nicegui import events, ui
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown, with_uncertainty
 
 from imu_workbench.case import CaseVersion
+from imu_workbench.report.figures.error_steps import logarithmic_axis
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
 from imu_workbench.web.case.version import Version, parameter_text
 from imu_workbench.web.plot import Look, Plot, card_head
 from imu_workbench.web.session import Session
+
+MOST_LABELS = 5
+"""Steps that all carry their number, a phone's width apart."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +186,10 @@ def coefficients_html(version: Version, sensor: str) -> str:
 
 
 def error_steps_figure(path: Sequence[CaseVersion]) -> Figure:
-    """Return error over version, a panel per sensor; the floor is a dashed line."""
+    """Return error over version, a panel per sensor; the floor is a dashed line.
+
+    Of many versions only the first and the last carry their number: labels would touch.
+    """
     sensors = [s for s in SENSORS if all(s in v.errors for v in path)]
     names = ['none', *(version.name for version in path)]
     labels = ['no model', *(version.label.replace('_', ' ') for version in path)]
@@ -194,13 +200,15 @@ def error_steps_figure(path: Sequence[CaseVersion]) -> Figure:
         values = [errors[0]['measured'] * factor, *(e['error'] * factor for e in errors)]
         floor = errors[-1]['floor'] * factor
         last = len(values) - 1
+        labelled = {0, last} if last > MOST_LABELS else range(last + 1)
         data.append({
             'type': 'scatter', 'mode': 'lines+markers+text', 'showlegend': False,
             'name': sensor, 'x': names, 'y': [float(f'{v:.5g}') for v in values],
             'line': {'shape': 'hvh', 'color': '@model', 'width': 2},
             'marker': {'size': [13 if k == last else 8 for k in range(len(values))],
                        'color': '@model'},
-            'text': [shown(v) for v in values], 'textposition': 'top center',
+            'text': [shown(v) if k in labelled else '' for k, v in enumerate(values)],
+            'textposition': 'top center',
             'textfont': {'size': 11}, 'cliponaxis': False, 'customdata': labels,
             'hovertemplate': f'%{{customdata}}: %{{y:.3~g}} {unit}<extra></extra>',
             **trace_axes(i),
@@ -215,14 +223,9 @@ def error_steps_figure(path: Sequence[CaseVersion]) -> Figure:
             Panel('model', f'held-out rms [{unit}]' if i == 0 else f'[{unit}]',
                   title=f'{sensor.capitalize()} (floor {shown(floor)})',
                   x={'type': 'category', 'range': [-0.5, len(names) - 0.5], 'showgrid': False},
-                  y={'type': 'log', 'dtick': 1, 'range': _decades([*values, floor])})
+                  y=logarithmic_axis([*values, floor]))
         )  # fmt: skip
     spec = figure(data, panels, columns=3, height=210, linked=False, shapes=shapes)
     spec['layout']['margin']['t'] = spec['narrow']['margin']['t'] = 30
     spec['layout']['height'] -= 20
     return spec
-
-
-def _decades(values: Sequence[float]) -> list[float]:
-    known = [v for v in values if v > 0.0] or [1.0]
-    return [log10(min(known) / 2.5), log10(max(known) * 3.0)]

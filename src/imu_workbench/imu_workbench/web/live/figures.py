@@ -25,11 +25,12 @@ from imu_workbench.web.live.state import LiveState
 POINTS = 240
 """Points of a line on the screen, every extreme among them."""
 TEMPERATURE_LOOK = {
-    'temperature': ('die', '@die'),
-    'device': ('device', '@device'),
-    'air': ('air', '@air'),
-    'setpoint': ('set-point', '@setpoint'),
+    'temperature': ('die', '@temperature', 'solid'),
+    'device': ('device', '@temperature', 'dashdot'),
+    'air': ('air', '@temperature', 'dash'),
+    'setpoint': ('set-point', '@soft', 'dot'),
 }
+"""Label, colour and dash of each temperature."""
 FILTER_LOOK = {'complementary': '@d0', 'ahrs': '@d1'}
 TIME_UNITS = ((120.0, 's', 1.0), (7200.0, 'min', 60.0), (float('inf'), 'h', 3600.0))
 MIN_TIME_AXIS_S = 10.0
@@ -44,7 +45,7 @@ def measured_figure(state: LiveState, sensor: str, window_s: float) -> dict[str,
     for name, track in (('raw', tracks.raw), ('compensated', tracks.compensated)):
         lines = line(state, track, window_s, tracks.columns)
         for place, axis in enumerate(AXES):
-            colour = '@raw' if name == 'raw' else f'@{axis}'
+            colour = '@raw_soft' if name == 'raw' else f'@{axis}'
             label = name if name == 'raw' else axis
             show = name != 'raw' or not place
             values = unit.of(lines.values[:, place])
@@ -75,8 +76,7 @@ def temperature_figure(state: LiveState, window_s: float) -> dict[str, Any]:
     for name in TEMPERATURES:
         lines = line(state, name, window_s)
         if len(lines.time):
-            label, colour = TEMPERATURE_LOOK[name]
-            dash = 'dot' if name == 'setpoint' else 'solid'
+            label, colour, dash = TEMPERATURE_LOOK[name]
             data.append(
                 _trace(lines.time, lines.values[:, 0], label, colour, 0, window_s, dash=dash)
             )
