@@ -162,7 +162,7 @@ def test_figures_follow_a_window_that_changes_its_width(hidden_effect_server, wa
     watched = watch(hidden_effect_server.address, 390, 844)
     page = watched.page
     page.locator('.place').first.wait_for()
-    numbers = page.locator('.map .js-plotly-plot .heatmap-label')
+    numbers = page.locator('.map .js-plotly-plot .textpoint')
     page.locator('.map .js-plotly-plot .heatmaplayer image').wait_for()
     assert numbers.count() == 0
     page.set_viewport_size({'width': 844, 'height': 390})

@@ -9,9 +9,12 @@ from imu_workbench.report.analysis import analyse_recordings
 from imu_workbench.report.certificate.allan import (
     COEFFICIENTS,
     allan_content,
+    allan_curves,
     allan_deviation,
+    allan_deviations,
     coefficients,
 )
+from imu_workbench.report.figures.allan import allan_deviation_figure
 
 PERIOD = 0.5
 
@@ -68,8 +71,21 @@ def test_a_simulated_device_shows_its_noise(run) -> None:
     recordings = [run('dut1', up, seed=i, cycles=3) for i, up in enumerate('xz')]
     certified = analyse_recordings(recordings, attitudes=False, diagnosis=False).certified['dut1']
     stated = {'gyroscope': {'random_walk': 0.3}}
-    rows = allan_content(certified.model, certified.runs, stated)
+    deviations = allan_deviations(certified.model, certified.runs)
+    rows = allan_content(deviations, stated)
     row = next(r for r in rows if r['coefficient'] == 'angle random walk')
     assert row['datasheet'] == 0.3
     for axis in row['axes']:  # noise 1e-4 rad/s at 1 Hz
         assert axis[0] == pytest.approx(math.degrees(1e-4) * 60.0, rel=0.1)
+
+    curves = allan_curves(deviations)
+    for line in curves['gyroscope'].values():
+        assert line['deviation'][0] == pytest.approx(math.degrees(1e-4), rel=0.1)  # of 1 s
+        assert all(
+            low < value < high
+            for low, value, high in zip(line['low'], line['deviation'], line['high'], strict=True)
+        )
+    figure = allan_deviation_figure(curves)
+    drawn = [trace for trace in figure['data'] if trace.get('fill') is None]
+    assert [t['y'] for t in drawn[:3]] == [c['deviation'] for c in curves['gyroscope'].values()]
+    assert figure['layout']['xaxis']['type'] == figure['layout']['yaxis']['type'] == 'log'

@@ -108,7 +108,7 @@ def test_the_page_needs_no_network(page) -> None:
 def test_every_axis_has_a_title_with_its_unit(page) -> None:
     figures = figures_of(page)
     assert {key.split('|')[0] for key in figures} == {
-        'plan', 'cycle', 'dependence', 'fit', 'residual', 'where', 'stairs', 'attitude',
+        'plan', 'cycle', 'dependence', 'fit', 'residual', 'where', 'stairs', 'attitude', 'allan',
     }  # fmt: skip
     for key, figure in figures.items():
         used = {trace.get(a, a[0]) for trace in figure['data'] for a in ('xaxis', 'yaxis')}

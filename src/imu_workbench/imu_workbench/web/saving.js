@@ -6,7 +6,7 @@ const csvOf = (plot) => {
   const title = (axis) => plot._fullLayout[axis]?.title?.text?.replaceAll('<br>', ' ') || axis;
   const lines = ['curve,x,y,x is,y is'];
   for (const trace of plot.data) {
-    if (trace.name === 'cursor') continue;
+    if (trace.hoverinfo === 'skip') continue; // the cursor, numbers of cells
     const axes = [trace.xaxis || 'x', trace.yaxis || 'y'].map((a) => title(`${a[0]}axis${a.slice(1)}`));
     const rows = trace.type === 'heatmap'
       ? trace.text.flatMap((row, i) => row.map((v, j) => [trace.customdata[i][j], v]))

@@ -51,10 +51,11 @@ def test_dwells_are_shaded_and_parts_of_the_run_named() -> None:
 
 def test_ratios_beyond_the_scale_keep_their_number() -> None:
     where = {'phases': ['dwell_hot'], 'cycles': [1, 2], 'ratio': [[50.0, None]]}
-    (trace,) = failure_figure({'': where})['data']
+    trace, numbers = failure_figure({'': where})['data']
     assert trace['z'] == [[pytest.approx(1.0), None]]  # log10 of the largest that is shown
     assert LARGEST_SHOWN_RATIO == 10.0
     assert trace['text'] == [['50 ×', '']]
+    assert (numbers['customdata'], numbers['textfont']['color']) == (['50 ×'], ['@on_loud'])
 
 
 def test_proposed_steps_are_hatched_and_the_floor_is_drawn() -> None:

@@ -5,6 +5,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from imu_workbench.report.figures.modelled import FAILURE_SCALE, TEXT_COLOURS
 from imu_workbench.report.figures.palette import COLOURS
 from imu_workbench.web.case.scatter_figures import BRANCHES
 
@@ -65,3 +66,20 @@ def test_no_two_meanings_of_one_figure_share_a_colour(theme) -> None:
     meanings = ['x', 'y', 'z', 'temperature', 'candidate', 'raw', 'raw_soft', 'model']
     meanings += [colour.removeprefix('@') for colour in BRANCHES.values() if colour != '@raw']
     assert len({COLOURS[theme][name] for name in meanings}) == len(meanings)
+
+
+def contrast(one: np.ndarray, other: np.ndarray) -> float:
+    """Contrast of two colours in linear sRGB (WCAG 2)."""
+    low, high = sorted(float(XYZ[1] @ rgb) + 0.05 for rgb in (one, other))
+    return high / low
+
+
+@pytest.mark.parametrize('theme', COLOURS)
+def test_numbers_in_a_map_contrast_with_their_cells(theme) -> None:
+    stops = [(place, COLOURS[theme][name[1:]]) for place, name in FAILURE_SCALE['colorscale']]
+    levels = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for _, c in stops])
+    for value in np.linspace(0.0, 1.0, 101):
+        at = [np.interp(value, [place for place, _ in stops], levels[:, k]) for k in range(3)]
+        cell = '#' + ''.join(f'{round(level):02x}' for level in at)
+        colour = next(name for most, name in TEXT_COLOURS if value < most)
+        assert contrast(linear(cell), linear(COLOURS[theme][colour[1:]])) > 3.0, (value, cell)

@@ -22,7 +22,7 @@ from scipy.stats import chi2
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.model.values import ThermalModel
-from thermal_comp.presentation.display import SENSORS
+from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS
 
 LEVEL = 0.95
 SHORTEST = 64
@@ -62,19 +62,52 @@ class AllanDeviation:
     degrees: FloatArray
     """(k,) equivalent degrees of freedom."""
 
+    def interval(self) -> tuple[FloatArray, FloatArray]:
+        """(k,) and (k,) ends of the 95 % interval of the deviation, by χ² [unit]."""
+        low, high = (
+            self.deviation * np.sqrt(self.degrees / chi2.ppf(p, self.degrees))
+            for p in (0.5 + LEVEL / 2.0, 0.5 - LEVEL / 2.0)
+        )
+        return low, high
 
-def allan_content(
-    model: ThermalModel, runs: Sequence[PreparedRun], datasheet: Mapping[str, Any]
-) -> list[dict[str, Any]]:
+
+Deviations = Mapping[Sensor, Sequence[AllanDeviation | None]]
+"""Of every axis of the sensors that were certified; None where there is too little."""
+
+
+def allan_deviations(model: ThermalModel, runs: Sequence[PreparedRun]) -> Deviations:
+    """Return the Allan deviation of what the model leaves of each sensor."""
+    return {
+        sensor: [allan_deviation(left_over(model, runs, sensor, axis)) for axis in range(3)]
+        for sensor in SENSORS
+        if sensor in model.sensors
+    }
+
+
+def allan_curves(found: Deviations) -> dict[str, dict[str, dict[str, list[float]]]]:
+    """Return averaging time [s], deviation and interval [display unit], by sensor and axis."""
+    result: dict[str, dict[str, dict[str, list[float]]]] = {}
+    for sensor, axes in found.items():
+        factor = DISPLAY_UNITS[sensor].factor
+        for axis, one in zip('xyz', axes, strict=True):
+            if one is not None:
+                low, high = one.interval()
+                lines = {'tau': one.taus, 'deviation': factor * one.deviation,
+                         'low': factor * low, 'high': factor * high}  # fmt: skip
+                result.setdefault(sensor, {})[axis] = {
+                    name: [float(f'{value:.4g}') for value in values]
+                    for name, values in lines.items()
+                }
+    return result
+
+
+def allan_content(found: Deviations, datasheet: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return one row per sensor and coefficient: a value with its 95 % interval per axis.
 
     `datasheet` holds values by sensor and coefficient, in the units of the rows.
     """
     rows = []
-    for sensor in SENSORS:
-        if sensor not in model.sensors:
-            continue
-        axes = [allan_deviation(left_over(model, runs, sensor, axis)) for axis in range(3)]
+    for sensor, axes in found.items():
         fitted = [coefficients(one) if one else {} for one in axes]
         for key, units in COEFFICIENTS.items():
             name, unit, factor = units[sensor]

@@ -25,7 +25,7 @@ from thermal_comp.presentation.display import (
 )
 
 from imu_workbench.report.analysis import Analysis, Certified
-from imu_workbench.report.certificate.allan import allan_content
+from imu_workbench.report.certificate.allan import allan_content, allan_curves, allan_deviations
 from imu_workbench.report.certificate.quantities import Quantity, quantities
 from imu_workbench.report.laboratory import NOT_STATED, Laboratory
 from imu_workbench.report.limits import Limits
@@ -73,6 +73,7 @@ def certificate(
     simulated = laboratory.simulated or any(recording.simulated for recording in recordings)
     errors = error_content(certified)
     diagnosis = analysis.diagnoses.get(device)
+    deviations = allan_deviations(certified.model, certified.runs)
     low, high = _range(part.temperature_range for part in certified.model.sensors.values())
     return {
         'schema': 1,
@@ -110,9 +111,8 @@ def certificate(
         'shapes': fitted_shapes(certified.model),
         'errors': errors,
         'residuals': residuals(certified),
-        'allan': allan_content(
-            certified.model, certified.runs, laboratory.content.get('datasheet', {})
-        ),
+        'allan': allan_content(deviations, laboratory.content.get('datasheet', {})),
+        'allan_deviation': allan_curves(deviations),
         'period': certified.comparison.period,
         'not_included': sorted({text for q in found for text in q.budget.not_included}),
         'decisions': decisions,

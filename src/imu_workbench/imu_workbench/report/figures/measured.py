@@ -9,7 +9,7 @@ from typing import Any
 from imu_workbench.report.figures.palette import AXES
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
 
-TRACK_LOOK = {
+TRACK_LOOK: dict[str, dict[str, Any]] = {
     'set-point': {'color': '@soft', 'dash': 'dot', 'width': 1.4},
     'chamber air': {'color': '@temperature', 'dash': 'dash', 'width': 1.1},
     'thermocouple on the device': {'color': '@temperature', 'dash': 'dashdot', 'width': 1.4},

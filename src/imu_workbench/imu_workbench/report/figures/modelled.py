@@ -29,6 +29,8 @@ FAILURE_SCALE = {
     },
 }  # fmt: skip
 """The logarithm of residual over noise floor as a colour."""
+TEXT_COLOURS = ((0.5, '@on_calm'), (0.78, '@on_raised'), (math.inf, '@on_loud'))
+"""Logarithm up to which a number in a cell is written in a colour, for contrast."""
 PART_COLOURS = {'cold dwell': '@cold', 'hot dwell': '@hot', 'other': '@raw_soft'}
 
 
@@ -140,8 +142,8 @@ def failure_figure(maps: Mapping[str, Mapping[str, Any]]) -> Figure:
         panel.y['showticklabels'] = False  # the rows are those of the first map
     rows = len(next(iter(maps.values()))['phases'])
     spec = figure(
-        traces, panels, columns=len(maps), height=60 + 36 * rows, linked=False,
-        coloraxis=FAILURE_SCALE,
+        [*traces, *map(cell_numbers, traces)], panels, columns=len(maps),
+        height=60 + 36 * rows, linked=False, coloraxis=FAILURE_SCALE,
     )  # fmt: skip
     spec['narrow']['coloraxis'] = {'showscale': False}
     for i in range(len(maps)):
@@ -151,6 +153,25 @@ def failure_figure(maps: Mapping[str, Mapping[str, Any]]) -> Figure:
     if not any(maps):
         spec['layout']['margin']['t'] = spec['narrow']['margin']['t'] = 12
     return spec
+
+
+def cell_numbers(trace: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the texts of a heat map as a trace over it, in colours that its cells contrast."""
+    cells = [
+        (x, y, text, next(colour for most, colour in TEXT_COLOURS if value < most))
+        for y, values, texts in zip(trace['y'], trace['z'], trace['text'], strict=True)
+        for x, value, text in zip(trace['x'], values, texts, strict=True)
+        if value is not None
+    ]
+    x, y, texts, colours = (
+        (list(column) for column in zip(*cells, strict=True)) if cells else ([],) * 4
+    )
+    return {
+        'type': 'scatter', 'mode': 'text', 'name': 'numbers', 'showlegend': False,
+        'x': x, 'y': y, 'customdata': texts, 'texttemplate': '%{customdata}',
+        'textfont': {'size': 10, 'color': colours}, 'hoverinfo': 'skip',
+        'xaxis': trace['xaxis'], 'yaxis': trace['yaxis'],
+    }  # fmt: skip
 
 
 def failure_panel(title: str) -> Panel:
@@ -174,7 +195,6 @@ def failure_trace(where: Mapping[str, Any], index: int) -> dict[str, Any]:
         'coloraxis': 'coloraxis',
         'xgap': 2,
         'ygap': 2,
-        'texttemplate': '%{text}',
         'hovertemplate': '%{y}, %{x}: %{customdata:.3~g} times the noise floor<extra></extra>',
         **trace_axes(index),
     }

@@ -43,6 +43,9 @@ COLOURS: dict[str, dict[str, str]] = {
         'calm': '#e9f1f6',
         'raised': '#f0a860',
         'loud': '#8f2d00',
+        'on_calm': '#1b2430',
+        'on_raised': '#1b2430',
+        'on_loud': '#ffffff',
     },
     'dark': {
         'x': '#5db3ea',
@@ -75,6 +78,9 @@ COLOURS: dict[str, dict[str, str]] = {
         'calm': '#243240',
         'raised': '#a8622a',
         'loud': '#ffd0a0',
+        'on_calm': '#f2f5f9',
+        'on_raised': '#0d141c',
+        'on_loud': '#0d141c',
     },
 }
 

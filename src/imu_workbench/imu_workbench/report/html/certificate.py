@@ -10,6 +10,7 @@ from typing import Any
 from imu_recording.recording import SENSOR_UNITS
 from thermal_comp.presentation.display import DISPLAY_UNITS, fixed, shown, with_uncertainty
 
+from imu_workbench.report.figures.allan import allan_deviation_figure
 from imu_workbench.report.html.render import Row, Section
 
 SMALL_UNITS = {
@@ -100,9 +101,13 @@ def allan_section(certificates: Mapping[str, Mapping[str, Any]]) -> Section | No
     ]
     if not devices:
         return None
-    return Section(
-        'allan', 'Noise: Allan deviation', 'allan.html', {'devices': devices}, {}, 'Noise'
-    )
+    figures = {
+        f'allan|{name}': allan_deviation_figure(found['allan_deviation'])
+        for name, found in certificates.items()
+        if found['allan_deviation']
+    }
+    values = {'devices': devices, 'drawn': figures}
+    return Section('allan', 'Noise: Allan deviation', 'allan.html', values, figures, 'Noise')
 
 
 def interval(axis: Sequence[float] | None) -> str:

@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
-from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, duration, fixed, shown
+from thermal_comp.presentation.display import SENSORS, duration, fixed, shown
 
 from imu_workbench.report.claims.claim import VERDICT_NAMES
 from imu_workbench.report.html.render import Section
@@ -55,25 +56,22 @@ def recordings_card(content: Mapping[str, Any]) -> Card:
 
 
 def sensor_card(content: Mapping[str, Any], sensor: str) -> Card | None:
-    """Return the errors of the channel that is most times its noise floor; None: none is known."""
+    """Return the certified errors of the channel most times its noise floor; None: none known."""
     channels = [
-        (after / floor, before, after, floor, f'{device} {axis}')
-        for device, found in content['comparison'].items()
-        if (part := found['sensors'].get(sensor))
-        for before, after, floor, axis in zip(
-            part['measured_rms'], part['held_out_rms'], part['noise_floor'], 'xyz', strict=True
-        )
-        if before is not None and after is not None and floor
+        (row['ratio'], device, row)
+        for device, found in content['certificates'].items()
+        for row in found['errors']
+        if row['sensor'] == sensor and math.isfinite(row['ratio'])
     ]
     if not channels:
         return None
-    unit = DISPLAY_UNITS[sensor]
-    _, before, after, floor, channel = max(channels)
+    _, device, row = max(channels, key=lambda channel: channel[0])
     return _card(
         f'{sensor.capitalize()} error, worst channel (rms)',
-        f'{shown(before * unit.factor)} → {shown(after * unit.factor)}',
-        unit.unit,
-        f'{channel}: measured → held out; noise floor {shown(floor * unit.factor)} {unit.unit}',
+        f'{shown(row["before"])} → {shown(row["after"])}',
+        row['unit'],
+        f'{device} {row["axis"]}: measured → certified model, held out; noise floor '
+        f'{shown(row["floor"])} {row["unit"]}',
     )
 
 

@@ -59,6 +59,7 @@ class Centre:
                     self._places.props('role=group aria-label="worst places"')
                     self._all = ui.element('button').classes('place all').props('type=button')
                     self._all.on('click', lambda _: brush(None))
+                    self._all.visible = False
                     with self._all:
                         ui.label('Show everything')
             self._temperature = figure_card(

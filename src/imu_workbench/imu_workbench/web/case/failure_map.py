@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from imu_recording.recording import PHASES, FloatArray
 
-from imu_workbench.report.figures.modelled import FAILURE_SCALE
+from imu_workbench.report.figures.modelled import FAILURE_SCALE, cell_numbers
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
 from imu_workbench.web.case.run_blocks import RunBlocks
 from imu_workbench.web.case.version import Version
@@ -100,8 +100,7 @@ def failure_figure(found: FailureMap, view: View) -> Figure:
         **trace_axes(0),
     }]  # fmt: skip
     if len(found.columns) <= 20:
-        data[0]['texttemplate'] = '%{text}'
-        data[0]['textfont'] = {'size': 10}
+        data.append(cell_numbers(data[0]))
     panel = Panel(
         'cycle', '',
         x={'tickvals': list(range(len(found.columns))), 'ticktext': [c for _, c in found.columns],

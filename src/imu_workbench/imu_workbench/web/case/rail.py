@@ -75,12 +75,15 @@ class Rail:
         self._place.clear()
         with self._place:
             ui.html(f'<h2>What may be missing in the {escape(sensor)}</h2>', sanitize=False)
-            if version is None or work is None or sensor not in version.comparison['sensors']:
+            if version is None or work is None:
+                ui.label('Candidates stand here once the catalogue was asked.').classes('soft')
+                return
+            if sensor not in version.comparison['sensors']:
                 ui.label('The sensors that were measured stand above.').classes('soft')
                 return
             self._show_inside(version)
             if found is None:
-                ui.label('Candidates stand here when the catalogue was asked.').classes('soft')
+                ui.label('Candidates stand here once the catalogue was asked.').classes('soft')
                 return
             self._show(self._candidates(preview), version, preview)
             if waits:
