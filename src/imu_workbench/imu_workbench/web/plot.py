@@ -12,6 +12,7 @@ from nicegui import ui
 
 from imu_workbench.report.figures.palette import painted
 from imu_workbench.report.figures.panels import Figure
+from imu_workbench.web.words import with_help
 
 CONFIG = {
     'displaylogo': False,
@@ -117,6 +118,5 @@ def card_head(title: str) -> None:
         f'aria-label="save “{plain}” as {format_.upper()}">{format_.upper()}</button>'
         for format_ in ('svg', 'png', 'csv')
     )
-    ui.html(f'<h2>{plain}</h2><span class="saves">{buttons}</span>', sanitize=False).classes(
-        'card-head'
-    )
+    head = f'<h2>{with_help(title)}</h2><span class="saves">{buttons}</span>'
+    ui.html(head, sanitize=False).classes('card-head')

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from html import escape
 
 from thermal_comp.presentation.words import WORDS
@@ -15,21 +16,44 @@ KEYS = {
     'evidence': 'evidence',
     'probability': 'probability',
     'empirical': 'prediction',
-    'block means': 'block',
+    'phase': 'phase',
+    'residual': 'left',
+    'allan deviation': 'allan',
+    'spectrum': 'spectrum',
+    'error staircase': 'staircase',
+    'coefficients': 'coefficients',
 }
-"""What the page says → its entry in WORDS."""
+"""What the page says, in small letters → its entry in WORDS or OWN."""
 OWN = {
     'prediction': 'The cause is undecided: the effect only lowers the error on parts of the runs '
     'the fit has not seen. It corrects runs like these and says nothing of the physics.',
+    'left': 'Measured minus modelled error: what the model leaves, as means over blocks of 20 s.',
+    'allan': 'How much means over an averaging time differ from one to the next: it falls where '
+    'noise averages out and rises where the output drifts.',
+    'spectrum': 'How what is left is spread over frequencies: what stands above the noise model '
+    'at the period of a thermal cycle is temperature error.',
+    'staircase': 'Held-out error of each version, from no model to the one looked at; dashed: '
+    'the noise floor, which no model gets below.',
+    'coefficients': 'What each effect of the model is multiplied by, found from the recordings, '
+    'with one standard deviation.',
 }
 """Words that only the page has."""
+LONGEST_FIRST = re.compile('|'.join(sorted(map(re.escape, KEYS), key=len, reverse=True)), re.I)
 
 
-def word(text: str) -> str:
-    """Return HTML of a word that explains itself: to a pointer, a finger and the keyboard."""
-    key = KEYS[text]
+def word(text: str, meant: str = '') -> str:
+    """Return HTML of a word that explains itself: to a pointer, a finger and the keyboard.
+
+    `meant` is the word where the text is a number of it.
+    """
+    key = KEYS[(meant or text).lower()]
     meaning = OWN.get(key) or WORDS[key]
     return (
         f'<span class="word" tabindex="0">{escape(text)}'
         f'<span class="meaning" role="tooltip">{escape(meaning)}</span></span>'
     )
+
+
+def with_help(title: str) -> str:
+    """Return HTML of a title whose technical words explain themselves, each once."""
+    return LONGEST_FIRST.sub(lambda found: word(found.group()), title)

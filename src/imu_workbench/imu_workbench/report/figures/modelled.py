@@ -7,7 +7,7 @@ Figures 5 and 6 of the paper, and what its linear model leaves.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from thermal_comp.presentation.display import shown
@@ -142,8 +142,8 @@ def failure_figure(maps: Mapping[str, Mapping[str, Any]]) -> Figure:
         panel.y['showticklabels'] = False  # the rows are those of the first map
     rows = len(next(iter(maps.values()))['phases'])
     spec = figure(
-        [*traces, *map(cell_numbers, traces)], panels, columns=len(maps),
-        height=60 + 36 * rows, linked=False, coloraxis=FAILURE_SCALE,
+        [*traces, *(cell_numbers(trace, trace['text']) for trace in traces)], panels,
+        columns=len(maps), height=60 + 36 * rows, linked=False, coloraxis=FAILURE_SCALE,
     )  # fmt: skip
     spec['narrow']['coloraxis'] = {'showscale': False}
     for i in range(len(maps)):
@@ -155,20 +155,20 @@ def failure_figure(maps: Mapping[str, Mapping[str, Any]]) -> Figure:
     return spec
 
 
-def cell_numbers(trace: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the texts of a heat map as a trace over it, in colours that its cells contrast."""
+def cell_numbers(trace: Mapping[str, Any], texts: Sequence[Sequence[str]]) -> dict[str, Any]:
+    """Return texts for the cells of a heat map as a trace over it, in colours that contrast."""
     cells = [
         (x, y, text, next(colour for most, colour in TEXT_COLOURS if value < most))
-        for y, values, texts in zip(trace['y'], trace['z'], trace['text'], strict=True)
-        for x, value, text in zip(trace['x'], values, texts, strict=True)
+        for y, values, row in zip(trace['y'], trace['z'], texts, strict=True)
+        for x, value, text in zip(trace['x'], values, row, strict=True)
         if value is not None
     ]
-    x, y, texts, colours = (
+    x, y, labels, colours = (
         (list(column) for column in zip(*cells, strict=True)) if cells else ([],) * 4
     )
     return {
         'type': 'scatter', 'mode': 'text', 'name': 'numbers', 'showlegend': False,
-        'x': x, 'y': y, 'customdata': texts, 'texttemplate': '%{customdata}',
+        'x': x, 'y': y, 'customdata': labels, 'texttemplate': '%{customdata}',
         'textfont': {'size': 10, 'color': colours}, 'hoverinfo': 'skip',
         'xaxis': trace['xaxis'], 'yaxis': trace['yaxis'],
     }  # fmt: skip

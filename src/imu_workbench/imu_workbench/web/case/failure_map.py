@@ -100,7 +100,11 @@ def failure_figure(found: FailureMap, view: View) -> Figure:
         **trace_axes(0),
     }]  # fmt: skip
     if len(found.columns) <= 20:
-        data.append(cell_numbers(data[0]))
+        short = [
+            ['' if r is None else f'{r:.1f}' if r < 9.95 else f'{r:.0f}' for r in row]
+            for row in found.ratio
+        ]
+        data.append(cell_numbers(data[0], short))
     panel = Panel(
         'cycle', '',
         x={'tickvals': list(range(len(found.columns))), 'ticktext': [c for _, c in found.columns],

@@ -40,7 +40,10 @@ def spectrum_figure(version: Version, view: View) -> Figure:
             curve({'x': rounded_log(frequency), 'y': rounded_log(expected * factor)},
                   'noise model', trace_axes(0), color='@model', width=1.8, dash='dash')
         )  # fmt: skip
-    panel = Panel('frequency [Hz]', f'residual [{unit}/√Hz]', x=LOGARITHMIC, y=LOGARITHMIC)
+    x, y = ([v for trace in data for v in trace[axis] if v] for axis in 'xy')
+    panel = Panel(
+        'frequency [Hz]', f'residual [{unit}/√Hz]', x=logarithmic(x), y=logarithmic(y)
+    )  # fmt: skip
     return _finished(data, panel)
 
 
@@ -75,8 +78,8 @@ def allan_figure(version: Version, view: View, bags: Sequence[StoredBag]) -> Fig
         )  # fmt: skip
     drawn = [y for trace in data for y in trace['y'] if y]
     panel = Panel(
-        'averaging time [s]', f'Allan deviation [{unit}]', x=LOGARITHMIC,
-        y=LOGARITHMIC | {'range': decades(drawn)},
+        'averaging time [s]', f'Allan deviation [{unit}]', x=logarithmic(reach),
+        y=logarithmic(drawn) | {'range': decades(drawn)},
     )  # fmt: skip
     return _finished(data, panel)
 
@@ -90,7 +93,10 @@ def blocks_in_window(version: Version, view: View) -> list[RunBlocks]:
     return [run for run in cut if len(run.time)]
 
 
-LOGARITHMIC = {'type': 'log', 'exponentformat': 'power', 'minor': {'ticks': 'outside'}}
+def logarithmic(values: Sequence[float]) -> dict[str, Any]:
+    """Return an axis of positive values, labelled at decades; at 2 and 5 where these are few."""
+    few = max(values, default=1.0) / min(values, default=1.0) < 1e3
+    return {'type': 'log', 'dtick': 'D2' if few else 1, 'minor': {'ticks': 'outside'}}
 
 
 def residual_spectrum(blocks: Sequence[RunBlocks], view: View) -> tuple[FloatArray, FloatArray]:

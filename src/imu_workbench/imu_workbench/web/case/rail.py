@@ -156,7 +156,8 @@ class Rail:
             .classes('candidate on' if on else 'candidate')
             .props(f'aria-label="{escape(name)}"')
         ):
-            probability = probability_text(candidate.probability)
+            percentage = probability_text(candidate.probability)
+            probability = word(percentage, 'probability') if percentage else ''
             empirical = f' <span class="chip">{word("empirical")}</span>'
             ui.html(
                 f'<h3>{escape(name)}{empirical if candidate.empirical else ""}'

@@ -16,6 +16,7 @@ from imu_workbench.web.case.verdict import (
     verdict_sentence,
     what_would_be_found,
 )
+from imu_workbench.web.plot import Look
 from imu_workbench.web.session import Session
 from imu_workbench.web.words import word
 
@@ -33,8 +34,8 @@ class TopActions:
 class TopStrip:
     """Alerts, verdict and next action of the version looked at."""
 
-    def __init__(self, session: Session, actions: TopActions) -> None:
-        self._session, self._actions = session, actions
+    def __init__(self, session: Session, look: Look, actions: TopActions) -> None:
+        self._session, self._look, self._actions = session, look, actions
         self._drawn: tuple[Any, ...] | None = None
         with ui.element('section').classes('card top').props('aria-label="Verdict"'):
             self._alerts = ui.element('div').classes('alerts').props('role=alert')
@@ -99,9 +100,13 @@ class TopStrip:
                 ui.label(f'As it was found before. {session.nothing_yet}').classes('soft')
             smallest = what_would_be_found(found)
             if smallest:
-                ui.label('Would have been found from here on, rms:').classes('soft')
-            for line in smallest:
-                ui.label(line).classes('soft')
+                with ui.element('details').classes('soft sizes') as sizes:
+                    if not self._look.narrow:
+                        sizes.props('open')
+                    with ui.element('summary'):
+                        ui.label('How small an effect would have been found')
+                    for line in smallest:
+                        ui.label(line)
             words = f'{word("noise")} · {word("held out")} · {word("evidence")}'
             ui.html(f'<span class="soft">What is meant by {words}</span>', sanitize=False)
 

@@ -17,6 +17,7 @@ from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axe
 from imu_workbench.web.case.version import Version, parameter_text
 from imu_workbench.web.plot import Look, Plot, card_head
 from imu_workbench.web.session import Session
+from imu_workbench.web.words import with_help
 
 MOST_LABELS = 5
 """Steps that all carry their number, a phone's width apart."""
@@ -53,7 +54,7 @@ class VersionsPanel:
                     look, 'Held-out error of every version per sensor', 'error_staircase'
                 )
             with ui.element('section').classes('card coefficients'):
-                ui.html('<h2>Coefficients</h2>', sanitize=False)
+                ui.html(f'<h2>{with_help("Coefficients")}</h2>', sanitize=False)
                 self._coefficients = ui.html('', sanitize=False).classes('scroll')
                 self._remarks = ui.element('div')
 
