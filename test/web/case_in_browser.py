@@ -127,6 +127,28 @@ def test_fits_queue_branch_and_are_cancelled_and_bags_come_and_go(serve, watch, 
     watched.check()
 
 
+def test_a_fit_that_waits_when_the_server_is_killed_is_done_by_the_next(
+    serve, watch, small_bags, tmp_path
+):
+    cases = tmp_path / 'cases'
+    server = serve(small_bags / 'dut2_x', cases=cases)
+    watched = watch(server.address)
+    page = watched.page
+    wait_for_verdict(page)
+    for effect in ('temperature rate', 'humidity'):
+        add(page, effect)
+    page.locator('.fit', has_text='humidity').wait_for()
+    server.kill()
+    content = yaml.safe_load((cases / 'dut2' / 'case.yaml').read_text('utf-8'))
+    assert 'humidity' in [fit['effect'] for fit in content['requested']]
+    page.goto('about:blank')
+    server = serve(cases / 'dut2', port=server.port)
+    page.goto(server.address)
+    page.locator('.tree-row', has_text='+ humidity').wait_for()
+    page.locator('.tree-row', has_text='v2 + temperature rate').wait_for()
+    assert server.alive
+
+
 def test_an_effect_file_is_kept_in_the_case_and_asked_for_where_it_was_never_given(
     serve, watch, small_bags, tmp_path
 ):

@@ -13,8 +13,10 @@ from imu_workbench.report.certificate.allan import (
     allan_deviation,
     allan_deviations,
     coefficients,
+    datasheet_noise,
 )
 from imu_workbench.report.figures.allan import allan_deviation_figure
+from imu_workbench.report.laboratory import Laboratory
 
 PERIOD = 0.5
 
@@ -89,3 +91,18 @@ def test_a_simulated_device_shows_its_noise(run) -> None:
     drawn = [trace for trace in figure['data'] if trace.get('fill') is None]
     assert [t['y'] for t in drawn[:3]] == [c['deviation'] for c in curves['gyroscope'].values()]
     assert figure['layout']['xaxis']['type'] == figure['layout']['yaxis']['type'] == 'log'
+
+
+def test_the_datasheet_is_the_laboratorys_else_that_of_the_chip_it_names() -> None:
+    known = datasheet_noise(Laboratory({'device': {'type': 'InvenSense MPU-9250'}}))
+    # 0.01 °/s/√Hz and 300 µg/√Hz, one-sided
+    assert known['gyroscope']['random_walk'] == pytest.approx(0.01 * 60.0 / math.sqrt(2.0))
+    velocity = 300e-6 * 9.80665 * 60.0 / math.sqrt(2.0)
+    assert known['accelerometer']['random_walk'] == pytest.approx(velocity)
+    assert known['magnetometer'] == {}
+    stated = {'gyroscope': {'random_walk': 0.3, 'bias_instability': 9.0}}
+    given = {'device': {'type': 'MPU-9250'}, 'datasheet': stated}
+    assert datasheet_noise(Laboratory(given))['gyroscope'] == stated['gyroscope']
+    measured = datasheet_noise(Laboratory({'device': {'type': 'LSM9DS1'}}))  # of no datasheet
+    assert not any(measured.values())
+    assert not any(datasheet_noise(Laboratory()).values())

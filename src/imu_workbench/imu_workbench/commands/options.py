@@ -13,6 +13,7 @@ import yaml
 from imu_recording.logging_contract import TRACK_OF_TOPIC
 from imu_recording.plausibility import ACCEPTABLE, admitted
 from imu_recording.user_error import UserError, did_you_mean, fault_in_yaml
+from thermal_comp.data.conditions import SENSORS
 from thermal_comp.data.motion import refuse_moving
 from thermal_comp.diagnosis.noise_level import NoiseReference, chip_references
 from thermal_comp.effects.effect import Effect
@@ -107,7 +108,8 @@ def noise_reference(
             f'known chips: {", ".join(chips)}'
         )
     known = load_model(Path(given), catalogue)
-    found = {s: m.noise for s, m in known.sensors.items() if m.noise is not None}
+    sensors = ((s, known.sensors[s].noise) for s in SENSORS if s in known.sensors)
+    found = {sensor: noise for sensor, noise in sensors if noise is not None}
     if not found:
         raise UserError(
             f'--noise-reference {given}: the model knows no noise; fit one to '

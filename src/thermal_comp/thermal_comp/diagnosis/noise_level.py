@@ -49,7 +49,7 @@ class NoiseReference:
 
     name: str
     """Whose noise it is."""
-    sensors: Mapping[str, NoiseModel]
+    sensors: Mapping[Sensor, NoiseModel]
     """Without processes where only the density of white noise is known."""
 
 

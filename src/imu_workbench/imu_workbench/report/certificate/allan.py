@@ -8,6 +8,7 @@ IEEE Std 952 and 1293. σ²(τ) = N²/τ + (2 ln 2/π) B² + K² τ/3.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,8 +22,11 @@ from scipy.optimize import nnls
 from scipy.stats import chi2
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.diagnosis.noise_level import chip_references
 from thermal_comp.model.values import ThermalModel
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS
+
+from imu_workbench.report.laboratory import Laboratory
 
 LEVEL = 0.95
 SHORTEST = 64
@@ -99,6 +103,22 @@ def allan_curves(found: Deviations) -> dict[str, dict[str, dict[str, list[float]
                     for name, values in lines.items()
                 }
     return result
+
+
+def datasheet_noise(laboratory: Laboratory) -> dict[str, dict[str, float]]:
+    """Return a datasheet's values by sensor and coefficient, in the units of the rows.
+
+    As the laboratory states them, else those that are known of a chip in the device's type.
+    """
+    stated = laboratory.content.get('datasheet', {})
+    kind = re.sub('[^a-z0-9]', '', laboratory.text('device', 'type').lower())
+    chip = next((c for name, c in chip_references().items() if name in kind), None)
+    of_chip = {
+        sensor: {'random_walk': COEFFICIENTS['random_walk'][sensor][2] * float(noise.white[0])}
+        for sensor, noise in (chip.sensors.items() if chip else ())
+        if not len(noise.time_constants)  # a density of a datasheet, not a measured device
+    }
+    return {s: of_chip.get(s, {}) | stated.get(s, {}) for s in SENSORS}
 
 
 def allan_content(found: Deviations, datasheet: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -25,7 +25,12 @@ from thermal_comp.presentation.display import (
 )
 
 from imu_workbench.report.analysis import Analysis, Certified
-from imu_workbench.report.certificate.allan import allan_content, allan_curves, allan_deviations
+from imu_workbench.report.certificate.allan import (
+    allan_content,
+    allan_curves,
+    allan_deviations,
+    datasheet_noise,
+)
 from imu_workbench.report.certificate.quantities import Quantity, quantities
 from imu_workbench.report.laboratory import NOT_STATED, Laboratory
 from imu_workbench.report.limits import Limits
@@ -111,7 +116,7 @@ def certificate(
         'shapes': fitted_shapes(certified.model),
         'errors': errors,
         'residuals': residuals(certified),
-        'allan': allan_content(deviations, laboratory.content.get('datasheet', {})),
+        'allan': allan_content(deviations, datasheet_noise(laboratory)),
         'allan_deviation': allan_curves(deviations),
         'period': certified.comparison.period,
         'not_included': sorted({text for q in found for text in q.budget.not_included}),
