@@ -116,8 +116,8 @@ def test_every_axis_has_a_title_with_its_unit(page) -> None:
             axis = figure['layout'][f'{name[0]}axis{name[1:]}']
             labelled = axis.get('showticklabels', True)
             text = axis['title']['text']
-            if key.startswith(('dependence', 'attitude', 'where', 'stairs')) and not text:
-                continue  # a neighbouring panel in the same row or column carries the title
+            if key.startswith(('dependence', 'attitude', 'where', 'stairs', 'allan')) and not text:
+                continue  # the panel's title has it, or a neighbour in the same row or column
             assert not labelled or re.search(r'\[.+\]|blocks of 20 s', text), (key, name, text)
 
 

@@ -34,7 +34,7 @@ def allan_deviation_figure(curves: Mapping[str, Mapping[str, Any]]) -> Figure:
                       hovertemplate=f'{axis}: %{{y:.3~g}} {unit} at %{{x:.3~g}} s<extra></extra>')
             )  # fmt: skip
         panels.append(
-            Panel('averaging time [s]', f'[{unit}]', title=sensor.capitalize(),
+            Panel('averaging time [s]', '', title=f'{sensor.capitalize()} [{unit}]',
                   x={'type': 'log', 'dtick': 1},
                   y=logarithmic_axis([v for line in found.values() for v in line['deviation']]))
         )  # fmt: skip

@@ -118,7 +118,7 @@ def residual_figure(axes: Mapping[str, Any], unit: str, floor: list[float] | Non
         ]  # fmt: skip
         panels += [
             Panel('time [h]', f'error [{unit}]', title=f'axis {axis}'),
-            Panel('time [h]', f'residual [{unit}]'),
+            Panel('time [h]', f'residual [{unit}]', y={'nticks': 4}),
         ]
         if floor and floor[i]:
             place = trace_axes(2 * i + 1)
