@@ -37,12 +37,19 @@ def test_every_bundled_bag_is_admitted(bags: Path) -> None:
         ('temperature', 1.8, 32.0, '°F'),
         ('temperature', 1.0, 273.15, '-90 … 200'),
         ('linear_acceleration', 1671.0, 0.0, '-400 … 400'),
+        ('chamber_temperature', 1.8, 32.0, '°F'),
+        ('pressure', 1e-2, 0.0, 'hPa'),
+        ('humidity', 100.0, 0.0, '%'),
+        ('supply_voltage', 1000.0, 0.0, 'mV'),
     ],
 )
 def test_another_unit_is_refused_by_name(
     run: ImuRecording, field: str, factor: float, offset: float, unit: str
 ) -> None:
-    wrong = replace(run, **{field: getattr(run, field) * factor + offset})
+    every = np.ones(len(run))
+    right = replace(run, pressure=98e3 * every, humidity=0.4 * every, supply_voltage=3.3 * every)
+    assert admitted(right) is right
+    wrong = replace(right, **{field: getattr(right, field) * factor + offset})
     with pytest.raises(RecordingError, match=field) as refused:
         admitted(wrong)
     assert unit in str(refused.value)
@@ -58,6 +65,27 @@ def test_a_few_damaged_values_are_left_out_and_counted(run: ImuRecording) -> Non
     assert found.notes[-1] == (
         'linear_acceleration: 2 rows with impossible values (up to 3.4e+127) left out'
     )
+
+
+def test_error_codes_of_a_thermometer_are_left_out_and_counted(run: ImuRecording) -> None:
+    values = run.temperature.copy()
+    values[::50] = -127.0
+    found = admitted(replace(run, temperature=values))
+    assert np.array_equal(np.isnan(found.temperature), values == -127.0)
+    assert found.notes[-1].endswith('rows with impossible values (up to -127) left out')
+
+
+@pytest.mark.parametrize('axes', [[0, 1, 2], [1]])
+def test_counts_too_coarse_for_a_gyroscope_are_degrees(run: ImuRecording, axes: list[int]) -> None:
+    count = np.radians(0.00875)
+    noise = np.random.default_rng(0).normal(0.0, 0.1, run.angular_velocity.shape)
+    rates = np.round(0.3 * (run.temperature[:, None] - 20.0) + noise) * count
+    raw = replace(run, angular_velocity=rates)
+    assert admitted(raw) is raw
+    rates = rates.copy()
+    rates[:, axes] = np.degrees(rates[:, axes])  # too quiet for the noise to tell
+    with pytest.raises(RecordingError, match=r'counts of .* as if in °/s'):
+        admitted(replace(run, angular_velocity=rates))
 
 
 def test_a_device_that_turns_about_the_vertical_is_no_wrong_unit(run: ImuRecording) -> None:

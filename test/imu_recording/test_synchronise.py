@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -136,6 +137,24 @@ def test_stamps_that_were_never_set(tmp_path: Path) -> None:
     recording = read_bag(make_bag(tmp_path / 'some', messages))
     assert len(recording) == 6
     assert 'imu/data_raw: 4 samples without a stamp left out' in recording.notes
+
+
+@pytest.mark.parametrize(('factor', 'word'), [(1e-3, 'slower'), (1e3, 'faster')])
+def test_stamps_in_another_unit_are_refused(tmp_path: Path, factor: float, word: str) -> None:
+    messages = [
+        ('/imu/data_raw', START + i * PERIOD, imu(START + round(i * PERIOD * factor), i))
+        for i in range(100)
+    ]
+    with pytest.raises(BagError, match=f'imu/data_raw advance 1000 times {word}'):
+        read_bag(make_bag(tmp_path / 'b', messages))
+
+
+def test_names_stay_in_their_line(tmp_path: Path) -> None:
+    recording = read_bag(make_bag(tmp_path / 'b', standard_messages(20)))
+    named = replace(recording, device='a\nb\x1b[2J', run='up\r')
+    write_bag(named, tmp_path / 'named')
+    again = read_bag(tmp_path / 'named')
+    assert (again.device, again.run) == ('a b [2J', 'up ')
 
 
 def test_not_a_number_is_kept_and_counted(tmp_path: Path) -> None:

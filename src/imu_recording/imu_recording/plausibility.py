@@ -37,13 +37,27 @@ POSSIBLE = {
     'chamber_temperature_2': (-100.0, 300.0),
     'device_temperature': (-100.0, 300.0),
     'setpoint': (-100.0, 300.0),
+    'humidity': (-0.05, 1.1),
     'pressure': (0.0, 2e7),
+    'supply_voltage': (0.0, 60.0),
+    'vibration': (0.0, 1e5),
 }
 """Least and greatest value a field can hold [its unit]: twice the widest full scales of MEMS
 sensors (16 and 24 g, 2000 °/s, 50 gauss), temperatures of working electronics and chambers, and
 pressures from vacuum to two kilometres under water."""
+LATER_JUDGED = (*MEASURED_FIELDS, 'humidity', 'supply_voltage', 'vibration')
+"""Fields whose defects a diagnosis names itself (`sensors` False)."""
 FEW = 0.01
-"""Up to this share of impossible values is damage and left out; more is another unit."""
+"""Up to this share of impossible values is damage and left out; more is another unit …"""
+ALONE = 0.2
+"""… unless each stands alone between possible ones (a thermometer's error code): up to this."""
+FOREIGN_UNITS = {
+    'humidity': {'%': (1.1, 110.0)},
+    'supply_voltage': {'mV': (1e3, 6e4)},
+    'pressure': {'hPa': (300.0, 1100.0), 'kPa': (30.0, 110.0)},
+}
+"""Median numbers [as they stand] of air at heights people work at, and of supplies, in the units
+that logs are kept in."""
 
 NORM = {'accelerometer': (7.0, 13.0), 'magnetometer': (4e-6, 4e-4)}
 """Median norm [m/s², T]: gravity, whatever the attitude, and Earth's field of 22 … 67 µT with
@@ -69,6 +83,10 @@ REST_NOISE = 0.006
 REST_DENSITY = 0.003
 """… and a step times the root of the period [rad/s·√s]: 0.004 … 0.03 °/s/√Hz, and as much again
 where single samples were logged."""
+COARSEST_RATE = 0.003
+"""Counts of ±2000 °/s in 16 bits are 0.001 rad/s, those of ±125 °/s read as rad/s 0.0038."""
+FEWEST_COUNTS = 5
+"""Different numbers of one axis by which its counts are told."""
 DENSITY_PERIOD_S = 2.0
 """Slower rows may be single samples of a wide band: only the step itself is judged."""
 WARMER = 25.0
@@ -76,7 +94,8 @@ WARMER = 25.0
 CLOSE = 10.0
 """… it is within this of the chamber when it is converted [K], and …"""
 STEEPER = 1.2
-"""… rises so many times as much as the chamber at least, or the chamber does not change."""
+"""… rises so many times as much as the chamber at least, or the chamber does not change; and the
+chamber is in °F where it is the other way round."""
 LEAST_CHAMBER_SPAN = 5.0
 """Span of the chamber's temperature [K] from which the slope tells something."""
 
@@ -109,7 +128,7 @@ def admitted(
 def judged(recording: ImuRecording, *, sensors: bool = True) -> tuple[ImuRecording, str]:
     """Return the recording without a few impossible values, and why it is refused, '' if not."""
     recording, reason = _without_damage(recording, sensors=sensors)
-    reason = reason or _foreign_temperature(recording)
+    reason = reason or _foreign_temperature(recording) or _foreign_pressure(recording)
     if sensors and not reason:
         reason = next(implausible(recording), '')
     return recording, reason
@@ -151,6 +170,9 @@ def rate_at_rest(recording: ImuRecording) -> str:
     loud = noise * period**0.5 > REST_DENSITY if dense else noise > REST_NOISE
     if loud and shake < QUIET_FORCE:
         return f'steps of {noise:.2g} rad/s from row to row of a device at rest, as if in °/s'
+    count = max(map(_count, rate[:100_000].T))
+    if count > COARSEST_RATE:
+        return f'counts of {count:.2g} rad/s, coarser than any gyroscope has, as if in °/s'
     return ''
 
 
@@ -177,13 +199,15 @@ def _without_damage(recording: ImuRecording, *, sensors: bool) -> tuple[ImuRecor
             continue
         with np.errstate(invalid='ignore'):
             wrong = (values < low) | (values > high)
-        rows = int(np.count_nonzero(wrong.reshape(len(values), -1).any(axis=1)))
+        wrong_rows = wrong.reshape(len(values), -1).any(axis=1)
+        rows = int(np.count_nonzero(wrong_rows))
         if not rows:
             continue
         worst = float(values[wrong][np.argmax(np.abs(values[wrong]))])
         topic = TRACK_OF_FIELD[field].topic
-        if rows > max(FEW * len(values), 1):
-            if not sensors and field in MEASURED_FIELDS:
+        together = int(np.count_nonzero(wrong_rows[1:] & wrong_rows[:-1]))
+        if together > FEW * len(values) or rows > max(ALONE * len(values), 1):
+            if not sensors and field in LATER_JUDGED:
                 continue
             return recording, (
                 f'{field} ({topic}) reaches {worst:.4g} in {rows} of {len(values)} rows, '
@@ -196,9 +220,28 @@ def _without_damage(recording: ImuRecording, *, sensors: bool) -> tuple[ImuRecor
 
 
 def _guessed(recording: ImuRecording, field: str) -> str:
+    if unit := _foreign_unit(field, recording):
+        return f', as if in {unit}'
     sensor = next((s for s, name in SENSOR_FIELDS.items() if name == field), '')
     unit = unit_of_norm(sensor, _median_norm(getattr(recording, field))) if sensor in NORM else ''
     return f', as if in {unit}' if unit else ''
+
+
+def _foreign_unit(field: str, recording: ImuRecording) -> str:
+    """Return the unit of FOREIGN_UNITS that a track's numbers look like, '' for none."""
+    values = getattr(recording, field)
+    known = values[np.isfinite(values)] if field in FOREIGN_UNITS and values is not None else ()
+    middle = float(np.median(known)) if len(known) else np.nan
+    units = FOREIGN_UNITS.get(field, {}).items()
+    return next((unit for unit, (low, high) in units if low <= middle <= high), '')
+
+
+def _foreign_pressure(recording: ImuRecording) -> str:
+    """Tell a pressure in hPa from one in Pa, which would be that of the stratosphere."""
+    unit = _foreign_unit('pressure', recording)
+    if not unit or recording.pressure is None:
+        return ''
+    return f'pressure is {np.nanmedian(recording.pressure):.4g} Pa in the middle, as if in {unit}'
 
 
 def _size_text(sensor: str, size: float) -> str:
@@ -212,26 +255,33 @@ def _size_text(sensor: str, size: float) -> str:
 
 
 def _foreign_temperature(recording: ImuRecording) -> str:
-    """Tell a die temperature in °F from the chamber's in °C."""
+    """Tell a die temperature in °F from the chamber's in °C, and the other way round."""
     for field in ('chamber_temperature', 'device_temperature', 'setpoint'):
         chamber = getattr(recording, field)
         if chamber is None:
             continue
         known = np.isfinite(chamber) & np.isfinite(recording.temperature)
-        x, y = chamber[known], recording.temperature[known]
-        if len(x) < 3:
+        if np.count_nonzero(known) < 3:
             continue
-        gap = float(np.mean(y) - np.mean(x))
-        converted = float(np.mean((y - 32.0) / 1.8) - np.mean(x))
-        tells = np.ptp(x) >= LEAST_CHAMBER_SPAN
-        slope = float(np.polyfit(x - x.mean(), y, 1)[0]) if tells else STEEPER
-        if gap > WARMER and abs(converted) < CLOSE and slope >= STEEPER:
-            return (
-                f'temperature is {y.mean():.1f} on average where {field} is {x.mean():.1f} °C, '
-                'as if in °F'
-            )
-        return ''
+        x, y = chamber[known], recording.temperature[known]
+        if _in_fahrenheit(y, x, still=True):
+            text = f'temperature is {y.mean():.1f} on average where {field} is {x.mean():.1f} °C'
+        elif _in_fahrenheit(x, y, still=False):
+            text = f'{field} is {x.mean():.1f} on average where the die is {y.mean():.1f} °C'
+        else:
+            return ''
+        return f'{text}, as if in °F'
     return ''
+
+
+def _in_fahrenheit(y: FloatArray, x: FloatArray, *, still: bool) -> bool:
+    """Tell whether y is in °F beside x in °C; `still`, where x hardly changes, too."""
+    near = abs(float(np.mean((y - 32.0) / 1.8) - np.mean(x))) < CLOSE
+    if not near or float(np.mean(y) - np.mean(x)) <= WARMER:
+        return False
+    if np.ptp(x) < LEAST_CHAMBER_SPAN:
+        return still
+    return float(np.polyfit(x - x.mean(), y, 1)[0]) >= STEEPER
 
 
 def _rests(recording: ImuRecording) -> bool:
@@ -284,6 +334,18 @@ def _step(values: FloatArray) -> float:
     step = np.abs(np.diff(values[:100_000], axis=0))
     step = step[np.isfinite(step).all(axis=1)]
     return float(np.median(step.max(axis=1))) if len(step) else 0.0
+
+
+def _count(column: FloatArray) -> float:
+    """Return the distance of the numbers of an axis (n,) that stands on counts; 0 where none do.
+
+    On counts, most numbers come again, which those of an average or of floating point do not.
+    """
+    known = column[np.isfinite(column)]
+    numbers = np.unique(known)
+    if not FEWEST_COUNTS <= len(numbers) <= len(known) / 2:
+        return 0.0
+    return float(np.diff(numbers).min())
 
 
 def _name(recording: ImuRecording) -> str:

@@ -234,6 +234,22 @@ def test_single_damaged_values_spoil_no_block(field: str, value: float) -> None:
     assert not any('far from' in note for note in wanted.notes)
 
 
+def test_what_stands_still_is_left_out_of_the_blocks() -> None:
+    clean = still(2.0, 10.0)
+    half = len(clean) // 2
+    swing = 20.0 + 15.0 * np.sin(2.0 * np.pi * clean.time / 3600.0)
+    force = clean.linear_acceleration.copy()
+    force[half:] = force[half]
+    frozen = np.where(clean.time < 1800.0, swing, swing[clean.time >= 1800.0][0])
+    (run,) = prepare([replace(clean, linear_acceleration=force)])
+    assert any(f'linear_acceleration: {half - 1} of 72000 rows repeat' in n for n in run.notes)
+    known = np.isfinite(run.measured['accelerometer']).all(axis=1)
+    assert known.mean() == pytest.approx(0.5, 0.02)
+    (run,) = prepare([replace(clean, temperature=frozen, chamber_temperature=swing)])
+    assert any(': temperature: ' in n and 'rows repeat one value' in n for n in run.notes)
+    assert run.conditions.time[-1] == pytest.approx(1800.0, abs=5.0)
+
+
 def test_time_and_memory_follow_the_samples_not_the_span() -> None:
     clean = still(1.0, 1.0)
     late = np.arange(len(clean)) >= 2400

@@ -55,7 +55,7 @@ def test_what_would_not_lower_the_error_is_not_offered_as_if_it_did() -> None:
 
 
 def test_a_note_stands_once() -> None:
-    note = 'gyroscope left out: run x never changes'
+    note = 'gyroscope left out: axis z of run a never changes'
     told = Diagnosis('dut1', (), {}, {}, (), (note, note)).to_dict()
     assert told['notes'] == [note, note]
     assert diagnosis_text(told).count(note) == 1

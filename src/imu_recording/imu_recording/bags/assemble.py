@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -19,7 +20,14 @@ from imu_recording.logging_contract import (
     TRACK_OF_TOPIC,
 )
 from imu_recording.phase import parse_phase, phases_from_setpoint
-from imu_recording.recording import UP_AXES, FloatArray, ImuRecording, IntArray, infer_up_axis
+from imu_recording.recording import (
+    UP_AXES,
+    BagError,
+    FloatArray,
+    ImuRecording,
+    IntArray,
+    infer_up_axis,
+)
 from imu_recording.synchronise import (
     Joined,
     Samples,
@@ -28,6 +36,9 @@ from imu_recording.synchronise import (
     join_next,
     without_jumps,
 )
+
+CLOCK_UNIT_SHARE = 0.05
+"""A factor of a thousand or a million is met so closely by no chance."""
 
 
 def assemble_recording(
@@ -39,7 +50,10 @@ def assemble_recording(
 ) -> ImuRecording:
     """Sort and join the topics of one device onto the rows of imu/data_raw."""
     notes = list(notes)
+    metadata = {key: _one_line(value) for key, value in metadata.items()}
     by_name = {column.track.topic: column for column in columns.values() if column.count}
+    if IMU_TOPIC in by_name:
+        _refuse_other_clock_unit(by_name[IMU_TOPIC].clock_ratio, source)
     for column in columns.values():
         notes += _topic_notes(column)
     samples = {name: _samples(name, column, notes) for name, column in by_name.items()}
@@ -62,6 +76,22 @@ def assemble_recording(
         notes=tuple(notes),
         unplaced=unplaced,
     )
+
+
+def _one_line(text: str) -> str:
+    """Return a name without what would break, or write over, the line it is printed in."""
+    return ''.join(c if c.isprintable() else ' ' for c in text)
+
+
+def _refuse_other_clock_unit(ratio: float, source: str) -> None:
+    """Raise BagError where stamps were written in a unit of their own."""
+    for factor, slower in itertools.product((1e3, 1e6), (True, False)):
+        if abs(ratio / factor - 1.0 if slower else ratio * factor - 1.0) < CLOCK_UNIT_SHARE:
+            raise BagError(
+                f'{source}: the stamps of {IMU_TOPIC} advance {factor:.0f} times '
+                f'{"slower" if slower else "faster"} than the times of receipt, as if in another '
+                'unit than seconds and nanoseconds: mend what writes the stamps and record again'
+            )
 
 
 def _tracks(

@@ -21,6 +21,10 @@ from imu_recording.logging_contract import STRING, Track
 from imu_recording.recording import FloatArray, IntArray
 
 _NO_WORDS = np.empty((0, 0), np.int64)
+RECORDED_SINCE_NS = 946_684_800_000_000_000
+"""The year 2000 [ns]: no bag was received before."""
+FEWEST_FOR_CLOCK = 20
+"""Samples whose intervals tell the unit of their stamps."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,21 @@ class TopicColumns:
     def unstamped(self) -> bool:
         """Whether the header's stamps were never set, so that times of receipt stand in."""
         return self.count > 0 and not self._stamp[: self.count].any()
+
+    @property
+    def clock_ratio(self) -> float:
+        """Median interval of the times of receipt over that of the header's stamps.
+
+        1 where one of them tells nothing: times of receipt before RECORDED_SINCE_NS were made up
+        by whatever wrote the bag.
+        """
+        count = min(self.count, 100_000)
+        if count < FEWEST_FOR_CLOCK or self._received[0] < RECORDED_SINCE_NS:
+            return 1.0
+        received, stamped = (
+            float(np.median(np.diff(times[:count]))) for times in (self._received, self._stamp)
+        )
+        return received / stamped if received > 0.0 and stamped > 0.0 else 1.0
 
     def hand_over(self) -> tuple[IntArray, list[FloatArray]]:
         """Return stamps (n,) of the headers, else times of receipt [ns], and (n, k) numbers.

@@ -248,7 +248,9 @@ def save_unless_worse(
     if worse and not options.force:
         return f'not saved: {"; ".join(worse)}; --force saves it', CHECK_FAILED
     save_model(model, options.output)
-    return f'saved {options.output}', 0
+    lows, highs = zip(*(s.temperature_range for s in model.sensors.values()), strict=True)
+    low, high = min(lows), max(highs)
+    return f'saved {options.output}, which holds from {low:.1f} to {high:.1f} °C', 0
 
 
 def claim_output(target: Path, *, force: bool, folder: bool = False) -> None:

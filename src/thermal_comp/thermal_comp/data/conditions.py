@@ -140,8 +140,9 @@ def static_conditions(
     n = len(recording)
     if not recording.up_axis:
         raise RecordingError(
-            f'{recording.source or "recording"}: up_axis is not known; record it in the bag, or '
-            'keep the device still so that gravity tells it'
+            f'{recording.source or "recording"}: up_axis is not known, and gravity stays on '
+            'no axis: turn an axis up or down for the whole run, or record one bag for each '
+            'orientation'
         )
     up = np.zeros(3)
     up['xyz'.index(recording.up_axis[1])] = gravity if recording.up_axis[0] == '+' else -gravity

@@ -54,7 +54,8 @@ def motion_of(recording: ImuRecording) -> str:
     if moves.sum() < max(LEAST_MOVING_SECONDS, LEAST_MOVING_SHARE * len(moves)):
         return ''
     fastest = np.degrees(rate.max())
-    return f'the device moves in {moves.mean():.0%} of the time, turned by up to {fastest:.0f} °/s'
+    turned_by = f', turned by up to {fastest:.0f} °/s' if fastest >= 1.0 else ''
+    return f'the device moves in {moves.mean():.0%} of the time{turned_by}'
 
 
 def resting(recordings: Sequence[ImuRecording]) -> tuple[list[ImuRecording], list[str]]:

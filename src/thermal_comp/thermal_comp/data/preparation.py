@@ -31,7 +31,7 @@ from thermal_comp.data.conditions import (
     static_conditions,
 )
 from thermal_comp.data.hard_iron import hard_iron_of
-from thermal_comp.data.quality import without_spikes
+from thermal_comp.data.quality import without_damage
 from thermal_comp.data.startup import cut_startup
 from thermal_comp.effects.effect import Effect
 
@@ -202,7 +202,7 @@ def prepare_run(
     recording = cut_startup(whole)
     notes = list(recording.notes)
     if truth is resting:  # what moves may well leave its neighbours for one sample
-        recording, damaged = without_spikes(recording)
+        recording, damaged = without_damage(recording)
         notes += damaged
     recording = _measured_temperature(recording)
     origin = int(whole.stamp[0])

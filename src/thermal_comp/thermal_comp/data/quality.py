@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from imu_recording.plausibility import FACTORS, rate_at_rest
+from imu_recording.plausibility import FACTORS, POSSIBLE, rate_at_rest
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
 from numpy.typing import NDArray
 
@@ -23,12 +23,23 @@ from thermal_comp.data.defective_rows import (
     temperature_spikes,
 )
 from thermal_comp.data.startup import startup_rows
-from thermal_comp.data.thermometer import instrument_faults
+from thermal_comp.data.thermometer import instrument_faults, stuck_temperature
 
 
-def without_spikes(recording: ImuRecording) -> tuple[ImuRecording, list[str]]:
-    """Return the recording of a device at rest without single damaged values, and what was cut."""
+def without_damage(recording: ImuRecording) -> tuple[ImuRecording, list[str]]:
+    """Return the recording of a device at rest without damaged values, and what was cut.
+
+    Damaged is what stands still while it should not, and what stands alone.
+    """
     period = _period(recording)
+    stuck = {name: stuck_rows(getattr(recording, name), period) for name in SENSOR_FIELDS.values()}
+    stuck['temperature'] = stuck_temperature(recording)
+    notes = []
+    for name, rows in stuck.items():
+        if rows.any():
+            text = f'{name}: {int(rows.sum())} of {len(rows)} rows repeat one value, left out'
+            notes.append(text)
+            recording = _blank(recording, name, rows)
     spikes = {
         name: spike_rows(getattr(recording, name), period) for name in SENSOR_FIELDS.values()
     }
@@ -36,7 +47,6 @@ def without_spikes(recording: ImuRecording) -> tuple[ImuRecording, list[str]]:
         switched = _switched(recording)
         spikes = {name: rows & ~switched for name, rows in spikes.items()}
     spikes['temperature'] = temperature_spikes(recording)
-    notes = []
     for name, rows in spikes.items():
         if rows.any():
             far = getattr(recording, name)[rows]
@@ -49,21 +59,22 @@ def without_spikes(recording: ImuRecording) -> tuple[ImuRecording, list[str]]:
     return recording, notes
 
 
-POSSIBLE = {
-    'vibration': (0.0, 1e5, 'is no variance'),
-    'humidity': (-0.05, 1.1, 'is no relative humidity (0 … 1)'),
-    'temperature': (-80.0, 200.0, 'is no temperature of a working die'),
-    'chamber_temperature': (-100.0, 300.0, 'is no temperature of a chamber'),
-    'pressure': (0.0, 2e7, 'is no pressure'),
-    'supply_voltage': (0.0, 60.0, 'is no supply voltage'),
+IMPOSSIBLE = {
+    'vibration': 'is no variance',
+    'humidity': 'is no relative humidity (0 … 1)',
+    'temperature': 'is no temperature of a working die',
+    'chamber_temperature': 'is no temperature of a chamber',
+    'pressure': 'is no pressure',
+    'supply_voltage': 'is no supply voltage',
 }
-"""Least and greatest value a track can have [its unit], and what is said of others."""
+"""What is said of a track's values outside of what is possible."""
 
 
 def impossible_rows(recording: ImuRecording) -> list[tuple[str, BoolArray, str]]:
     """Return track, rows (n,) and a sentence for every track with values that cannot be."""
     found = []
-    for name, (low, high, text) in POSSIBLE.items():
+    for name, text in IMPOSSIBLE.items():
+        low, high = POSSIBLE[name]
         values = getattr(recording, name)
         if values is None:
             continue

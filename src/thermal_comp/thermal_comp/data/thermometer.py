@@ -95,7 +95,7 @@ def _thermometer(recording: ImuRecording) -> Iterator[InstrumentFault]:
             text = f'always {measured[0]:g} °C: no dependence on temperature can be fitted'
             yield InstrumentFault('thermometer_constant', every, False, text)
         return
-    stuck = _stuck_rows(recording)
+    stuck = stuck_temperature(recording)
     if stuck.any():
         text = (
             f'one value in {int(stuck.sum())} rows while the chamber changes: they are left out, '
@@ -128,7 +128,7 @@ def _measured(recording: ImuRecording) -> FloatArray:
     return values[np.isfinite(values)]
 
 
-def _stuck_rows(recording: ImuRecording) -> BoolArray:
+def stuck_temperature(recording: ImuRecording) -> BoolArray:
     """Return the rows (n,) of one value during which every possible die would move."""
     values = recording.temperature
     stuck = np.zeros(len(values), dtype=bool)

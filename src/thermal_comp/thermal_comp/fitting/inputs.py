@@ -73,7 +73,8 @@ def _unusable(run: PreparedRun, sensor: Sensor) -> str:
     constant = [
         axis for axis, spread in zip('xyz', np.ptp(values, axis=0), strict=True) if not spread
     ]
-    return f'run {run.name} {"".join(constant)} never changes' if constant else ''
+    axes = f'{"axes" if len(constant) > 1 else "axis"} {", ".join(constant)}'
+    return f'{axes} of run {run.name} never change{"s" * (len(constant) == 1)}' if constant else ''
 
 
 def effects_by_sensor(
