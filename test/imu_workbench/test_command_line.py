@@ -34,10 +34,18 @@ ROOT = Path(__file__).resolve().parents[2]
 WORKBENCH = [sys.executable, '-m', 'imu_workbench']
 
 
-def test_a_mistyped_verb_or_effect_is_guessed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_mistyped_verb_or_effect_is_guessed(
+    bags: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for argv, guess in (
         (['dignose', 'bag'], 'did you mean diagnose?'),
         (['explain', 'termal_lag'], 'did you mean thermal_lag?'),
+        (['explain', 'lag'], 'did you mean thermal_lag?'),
+        (['simulate', 'short_20_min', '-o', 'x'], 'did you mean short_20min?'),
+        (
+            ['replay', str(bags / 'dut1_x'), '--node', 'ahrs', '-o', 'x'],
+            'did you mean ahrs_filter?',
+        ),
         (['add', 'thermal_lagg', 'bag', '-o', 'm.yaml'], 'did you mean thermal_lag?'),
         (['simulate', 'short_20min', '--hide', 'wrm_up', '-o', 'x'], 'did you mean warm_up?'),
     ):
@@ -104,6 +112,7 @@ def test_nothing_that_exists_is_replaced_unasked(
         ['auto', dut, '-o', str(model)],
         ['add', 'thermal_lag', dut, '-o', str(model)],
         ['report', dut, '-o', str(model)],
+        [*simulate, '-o', str(bag)],
         [*simulate, '--orientation', 'x', '-o', str(bag)],
         [*simulate, '--orientation', 'x', '-o', str(bag), '--force'],
     ):

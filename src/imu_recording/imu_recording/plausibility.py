@@ -299,7 +299,7 @@ def _rests(recording: ImuRecording) -> bool:
         kept = np.where(known[:, None], values, 0.0)
         part = np.add.reduceat(known, edges, dtype=np.int64) > 0
         total = np.add.reduceat(kept, edges, axis=0)[part]
-        norm = np.linalg.norm(total, axis=1)
+        norm = _norms(total)
         if not (norm > STILL_SHARE * np.add.reduceat(_norms(kept), edges)[part]).all():
             return False
         direction = total / norm[:, None]

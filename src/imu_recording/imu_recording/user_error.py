@@ -8,6 +8,9 @@ import errno
 import os
 from collections.abc import Iterable
 
+SHORTEST_PART = 3
+"""Letters of a word that tell which longer one is meant."""
+
 
 class UserError(ValueError):
     """A mistake the user can mend; the message is one line that names the value and a way out.
@@ -39,12 +42,16 @@ def why_not_open(port: str, error: Exception) -> str:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return the word most like a mistyped one as a question, '' where none is like it.
+    """Return the word most like a mistyped one, or holding it, as a question, '' without one.
 
     >>> did_you_mean('termal_lag', ['thermal_lag', 'warm_up'])
     ' (did you mean thermal_lag?)'
+    >>> did_you_mean('lag', ['warm_up', 'thermal_lag'])
+    ' (did you mean thermal_lag?)'
     """
-    near = difflib.get_close_matches(word, list(known), n=1)
+    listed = list(known)
+    within = [name for name in listed if len(word) >= SHORTEST_PART and word in name]
+    near = difflib.get_close_matches(word, listed, n=1) or within
     return f' (did you mean {near[0]}?)' if near else ''
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from imu_recording.bags.files import locate_bag
 from imu_recording.bags.messages import BagMessage, bag_topics, read_messages
 from imu_recording.ros.message_cdr import message_class, numbers_of, serialise, type_of
-from imu_recording.user_error import UserError
+from imu_recording.user_error import UserError, did_you_mean
 from rclpy.serialization import deserialize_message
 
 from imu_workbench.isolated_context import quiet_context
@@ -86,7 +86,8 @@ def replay(
 
 def _node_class(name: str) -> Any:
     if name not in NODES:
-        raise ReplayError(f'no node {name!r} to replay; there are {", ".join(NODES)}')
+        near = did_you_mean(name, NODES)
+        raise ReplayError(f'no node {name!r} to replay{near}; there are {", ".join(NODES)}')
     module, class_name = NODES[name]
     return getattr(import_module(module), class_name)
 

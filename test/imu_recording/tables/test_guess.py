@@ -146,7 +146,7 @@ def test_columns_without_a_number_are_said(tmp_path: Path) -> None:
 
 BAD = {
     'no header': ('1,2,3\n4,5,6\n', 'no header'),
-    'nothing': ('', 'no header'),
+    'nothing': ('', 'is empty'),
     'no vector': ('time,pressure\n1,2\n', 'no columns such as'),
     'no time': ('ax,ay,az\n0,0,9.8\n', 'no column looks like the time'),
     'twice the same': ('t,ax,ax,az\n0,0,0,9.8\n', 'the same name'),
@@ -200,3 +200,45 @@ def test_limits_that_leave_nothing_are_refused(numbered: Path) -> None:
     for first, last, said in (('9', '3', 'after the end'), ('3 days', None, 'expected a line')):
         with pytest.raises(UserError, match=said):
             row_range(first, last)
+
+
+ROWS = [f'{k},0.1,0.2,9.8,0.001,0.002,0.003,2{k % 9}.5' for k in range(200)]
+HEADER = 't,ax,ay,az,gx,gy,gz,temp'
+
+
+NO_TABLES = {
+    'empty': ('', 'the file is empty'),
+    'header alone': (HEADER, 'no line follows it'),
+    'decimal commas': (
+        '\n'.join([HEADER, *(row.replace('.', ',') for row in ROWS)]),
+        'most have 15: decimal commas',
+    ),
+    'a picture': ('\x89PNG\r\x1a\n\0\r,\r', 'is no header'),
+    'a clock that stands': (
+        '\n'.join([HEADER, *(f'0,{row.partition(",")[2]}' for row in ROWS)]),
+        "'t' holds the same time",
+    ),
+    'a year beyond': ('\n'.join([HEADER, *ROWS, '1e300,1e300,1,1,1,1,1,1']), '1e+300 ms is no'),
+    'a word': ('\n'.join([HEADER, *ROWS, '200,err,1,9.8,0,0,0,25']), "'err' is no number; corr"),
+}
+
+
+@pytest.mark.parametrize(('content', 'told'), NO_TABLES.values(), ids=NO_TABLES)
+def test_what_is_no_table_is_told_in_a_line(
+    content: str, told: str, tmp_path: Path, recwarn: pytest.WarningsRecorder
+) -> None:
+    path = tmp_path / 'a.csv'
+    path.write_bytes(content.encode())
+    with pytest.raises(BagError) as refused:
+        import_csv(path, guess_mapping(path).mapping)
+    assert told in str(refused.value)
+    assert '\n' not in str(refused.value)
+    assert not recwarn.list
+
+
+def test_utf16_is_read_and_said(tmp_path: Path) -> None:
+    path = tmp_path / 'a.csv'
+    path.write_text('\n'.join([HEADER, *ROWS]), 'utf-16')
+    recording = import_csv(path, guess_mapping(path).mapping)
+    assert len(recording) == 200
+    assert 'the file is read as UTF-16' in recording.notes

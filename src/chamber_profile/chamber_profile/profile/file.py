@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from imu_recording.user_error import did_you_mean
 
 from chamber_profile.profile.check import ProfileError, checked_content
 from chamber_profile.profile.unroll import signed_axis, unrolled_steps
@@ -37,7 +38,8 @@ def load_profile(name_or_path: str | Path) -> Profile:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, 'strerror', None) or str(error)
         raise ProfileError(
-            f'profile {str(name_or_path)!r}: {reason}; a file, or one of '
+            f'profile {str(name_or_path)!r}: {reason}'
+            f'{did_you_mean(path.stem, profile_names())}; a file, or one of '
             f'{", ".join(profile_names())}'
         ) from error
     return parse_profile(text, str(path))

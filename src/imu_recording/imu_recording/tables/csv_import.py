@@ -90,6 +90,11 @@ def _read(path: Path, told: CsvMapping, rows: RowRange) -> tuple[Samples, list[s
     stamp, kept = _stamps(path, table[:, 0], told, notes)
     fields = fields_of(told, table[kept])
     samples = without_jumps('rows', in_order('rows', stamp, tuple(fields.values())))
+    if len(stamp) > 1 and len(samples.stamp) == 1 and not np.ptp(stamp):
+        raise BagError(
+            f'{path}: column {told.time_column!r} holds the same time in all {len(stamp)} rows; '
+            'is it the time? (time: column in the mapping)'
+        )
     return samples, list(fields), [*notes, *samples.notes]
 
 

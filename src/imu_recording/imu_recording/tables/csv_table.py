@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Sequence
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime, tzinfo
 from pathlib import Path
+from typing import TextIO, TypeVar
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from imu_recording.user_error import did_you_mean
 ALL_ROWS = RowRange()
 MISSING = frozenset({'', 'nan', 'na', 'n/a', 'null', 'none', '-'})
 """What a cell without a value may hold, in lower case."""
+Parsed = TypeVar('Parsed')
 _INFINITE = frozenset({'inf', '+inf', '-inf', 'infinity', '-infinity'})
 
 
@@ -30,14 +33,25 @@ def read_table(
     Cells without a value are NaN; lines with another number of cells are left out and counted.
     Dates become seconds since 1970 (UTC where they name no zone, which is said).
     """
+    table, notes = in_its_encoding(path, lambda stream: _parse(stream, path, mapping, names, rows))
+    return table, notes
+
+
+def in_its_encoding(
+    path: Path, parse: Callable[[TextIO], tuple[Parsed, list[str]]]
+) -> tuple[Parsed, list[str]]:
+    """Return what `parse` makes of the file's text and its notes, and how the text was encoded."""
     try:
+        with path.open('rb') as stream:
+            wide = stream.read(2) in (BOM_UTF16_LE, BOM_UTF16_BE)
         try:
-            with path.open(encoding='utf-8-sig', newline='') as stream:
-                return _parse(stream, path, mapping, names, rows)
-        except UnicodeDecodeError:
-            with path.open(encoding='cp1252', errors='replace', newline='') as stream:
-                table, notes = _parse(stream, path, mapping, names, rows)
-            return table, [*notes, 'the file is not UTF-8: read as Windows-1252 (cp1252)']
+            with path.open(encoding='utf-16' if wide else 'utf-8-sig', newline='') as text:
+                parsed, notes = parse(text)
+            return parsed, [*notes, 'the file is read as UTF-16'] if wide else notes
+        except UnicodeError:
+            with path.open(encoding='cp1252', errors='replace', newline='') as text:
+                parsed, notes = parse(text)
+            return parsed, [*notes, 'the file is not UTF-8: read as Windows-1252 (cp1252)']
     except OSError as error:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from None
     except csv.Error as error:
@@ -137,7 +151,7 @@ def _expected(cell: str, mapping: CsvMapping, *, date: bool) -> str:
         return 'date; write dates as 2024-03-07T12:00:00 (ISO 8601)'
     if mapping.decimal == '.' and _value(cell, ',') is not None:
         return "number; is the decimal sign a comma? (decimal: ',' in the mapping)"
-    return 'number'
+    return 'number; correct it, or leave the cell empty where nothing was measured'
 
 
 def _value(cell: str, decimal: str) -> float | None:

@@ -7,16 +7,18 @@ import csv
 import io
 import itertools
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
 from imu_recording.plausibility import rate_at_rest
 from imu_recording.recording import GRAVITY, BagError, FloatArray, ImuRecording
-from imu_recording.tables.csv_import import fields_of
+from imu_recording.tables.csv_import import LATEST_STAMP, fields_of
+from imu_recording.tables.csv_table import in_its_encoding
 from imu_recording.tables.mapping import TIME_UNITS, UNITS, WRITTEN_AS, CsvMapping, mapping_from
 
 LINES = 5000
@@ -162,38 +164,47 @@ def _time_column(path: Path, names: Mapping[str, str], values: Mapping[str, Floa
     raise BagError(f'{path}: no column looks like the time; write a mapping (--mapping)')
 
 
-def _beginning(path: Path) -> str:
-    """Return the first lines, read as the import reads them."""
-    for encoding, errors in (('utf-8-sig', 'strict'), ('cp1252', 'replace')):
-        try:
-            with path.open(encoding=encoding, errors=errors, newline='') as stream:
-                return ''.join(itertools.islice(stream, LINES))
-        except UnicodeDecodeError:
-            continue
-        except OSError as error:
-            raise BagError(f'{path}: cannot be read ({error.strerror})') from None
-    return ''
+def _beginning(stream: TextIO) -> tuple[tuple[str, list[list[str]]], list[str]]:
+    """Return delimiter and cells of the first lines that are not blank; no notes."""
+    text = ''.join(itertools.islice(stream, LINES))
+    first = next((line for line in text.splitlines() if line.strip()), '')
+    delimiter = max(DELIMITERS, key=first.count)
+    lines = csv.reader(io.StringIO(text, newline=''), delimiter=delimiter)
+    return (delimiter, [row for row in lines if any(row)]), []
 
 
 def _table(path: Path) -> tuple[str, str, list[str], FloatArray]:
     """Return delimiter, decimal sign, header and (n, columns) of the first lines."""
-    text = _beginning(path)
-    first = next((line for line in text.splitlines() if line.strip()), '')
-    delimiter = max(DELIMITERS, key=first.count)
-    rows = [row for row in csv.reader(io.StringIO(text), delimiter=delimiter) if any(row)]
-    header = [cell.strip() for cell in rows[0]] if rows else []
+    (delimiter, rows), _ = in_its_encoding(path, _beginning)
+    if not rows:
+        raise BagError(f'{path}: the file is empty')
+    header = [cell.strip() for cell in rows[0]]
     if len(header) < 2 or all(np.isfinite(_number(cell)) for cell in header):
         raise BagError(f'{path}: its first line is no header; write a mapping (--mapping)')
     if len(set(header)) < len(header):
         raise BagError(f'{path}: two columns have the same name; write a mapping (--mapping)')
+    widths = Counter(len(row) for row in rows[1:])
     rows = [row for row in rows[1:] if len(row) == len(header)]
     commas = sum(bool(DECIMAL_COMMA.fullmatch(cell.strip())) for row in rows for cell in row)
     points = sum('.' in cell for row in rows for cell in row)
     decimal = ',' if commas > points else '.'
     numbers = [[_number(cell.replace(decimal, '.')) for cell in row] for row in rows]
     if not numbers:
-        raise BagError(f'{path}: no line has as many cells as its header, {len(header)}')
+        raise BagError(
+            f'{path}: no line has as many cells as its header, {len(header)}'
+            f'{_other_width(widths, len(header), delimiter)}'
+        )
     return delimiter, decimal, header, np.array(numbers)
+
+
+def _other_width(widths: Counter[int], columns: int, delimiter: str) -> str:
+    """Return how many cells most lines have instead, and what that looks like."""
+    if not widths:
+        return '; no line follows it'
+    cells = widths.most_common(1)[0][0]
+    doubled = delimiter == ',' and columns < cells <= 2 * columns
+    commas = ': decimal commas? Export it with decimal points, or another delimiter'
+    return f'; most have {cells}{commas if doubled else ""}'
 
 
 def _number(cell: str) -> float:
@@ -255,7 +266,8 @@ def _vector_unit(
     if not len(known):
         unsure.append(f'{name}: no cell of {len(values)} lines is a number')
         return {'unit': next(iter(UNITS[name]))}
-    norm = float(np.median(np.linalg.norm(known, axis=1)))
+    with np.errstate(over='ignore'):
+        norm = float(np.median(np.linalg.norm(known, axis=1)))
     counts = bool(np.all(known % 1.0 == 0.0))
     if name == 'angular_velocity':
         if counts:
@@ -306,8 +318,9 @@ def _check_rates(
         return
     told = mapping_from(mapping)
     table = np.column_stack([values[name] for name in _names(told)])
-    time: FloatArray = table[:, 0] * TIME_UNITS.get(told.time_unit, np.nan)
-    if not np.isfinite(time).all() or not (np.diff(time) > 0.0).all():
+    with np.errstate(over='ignore'):
+        time: FloatArray = table[:, 0] * TIME_UNITS.get(told.time_unit, np.nan)
+    if not (np.abs(time) < LATEST_STAMP).all() or not (np.diff(time) > 0.0).all():
         time = np.arange(len(table), dtype=np.float64) * (USUAL_PERIOD_S * 1e9)
     fields = fields_of(told, table)
     nothing = np.full((len(table), 3), np.nan)

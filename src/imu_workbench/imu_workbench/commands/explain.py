@@ -64,7 +64,10 @@ def run(options: argparse.Namespace) -> Answer:
     else:
         known = [*catalogue, *FINDINGS, *WORDS, *parameters]
         near = did_you_mean(options.effect, known)
-        raise UserError(f'effect {options.effect!r} is not known{near}; known: {", ".join(known)}')
+        raise UserError(
+            f'{options.effect!r} is no effect, finding or word of an answer{near}; effects: '
+            f'{", ".join(catalogue)}'
+        )
     if options.output:
         options.output.write_text(text.rstrip() + '\n', 'utf-8')
         text = f'wrote {options.output}'

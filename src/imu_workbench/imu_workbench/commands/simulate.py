@@ -118,8 +118,7 @@ def run(options: argparse.Namespace) -> Answer:
     truth = options.output / TRUTH_FILE
     if truth.exists() and not options.force:
         raise UserError(f'{options.output}: holds a hidden effect already; name another folder')
-    for path in [options.output] if options.orientation else _paths(options):
-        claim_output(path, force=options.force, folder=True)
+    _claim(options)
     if options.hide or options.aged:
         return _hidden(options, logging)
     if options.orientation:
@@ -228,6 +227,21 @@ def _magnitude(text: str) -> float:
     if not 0.0 < magnitude < math.inf:
         raise UserError(f'--magnitude {text}: it must be a number above 0')
     return magnitude
+
+
+def _claim(options: argparse.Namespace) -> None:
+    """Refuse a bag, or a folder of bags, that holds something already, unless --force."""
+    folder = options.output
+    if options.orientation:
+        claim_output(folder, force=options.force, folder=True)
+        return
+    if folder.is_dir() and any(folder.iterdir()) and not options.force:
+        raise UserError(
+            f'{folder} exists already and is not empty: choose another -o, or write into it with '
+            '--force'
+        )
+    for path in _paths(options):
+        claim_output(path, force=options.force, folder=True)
 
 
 def _paths(options: argparse.Namespace) -> list[Path]:

@@ -52,6 +52,11 @@ WORDS: Mapping[str, str] = {
     'noise_floor': 'What the residual would be if only the noise of the sensor were left.',
     'error_before': 'Held-out rms without the effect.',
     'error_after': 'Held-out rms with it.',
+    'parts': 'Of an added effect: parts of the runs that were held out, one after the other.',
+    'parts_lowered': 'In how many of them the effect lowers the error: half of them is chance.',
+    'smallest_found': 'How small an effect of each kind would have been found in runs like these.',
+    'worse': 'Why a model is not saved: something simpler leaves less on what was held out.',
+    'unplaced': 'Samples of a topic that belong to no row of imu/data_raw, by topic.',
     'greyed_out': 'Effects that cannot be tried with these runs, with the reason: a channel that '
     'was not recorded, runs that are too short, too few orientations.',
     'undetermined': 'Parameters these runs cannot determine; they are left out of the model.',
