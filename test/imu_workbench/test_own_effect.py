@@ -75,6 +75,8 @@ def test_it_is_hidden_found_added_and_used(
     assert read_bag(out).compensated
     node = ['-p', f'model:={model}', '-p', f'effects:=[{effect}]', '-o', str(tmp_path / 'node')]
     assert main(['replay', bags[0], '--node', 'thermal_comp', *node]) == 0
+    node = ['-p', f'model:={model}', *own, '-o', str(tmp_path / 'told')]
+    assert main(['replay', bags[0], '--node', 'thermal_comp', *node]) == 0
 
     # Another version of the file is not what the model was fitted with.
     capsys.readouterr()
@@ -97,6 +99,9 @@ def test_an_effect_that_raises_is_told_by_its_own_line(
     assert f'raises ZeroDivisionError: division by zero (faulty.py, line {line})' in (
         capsys.readouterr().out
     )
+    file.write_text(faulty.replace('1 / 0', 'raise SystemExit(7)'))
+    assert main(['check-effect', str(file)]) == 3
+    assert f'raises SystemExit: 7 (faulty.py, line {line})' in capsys.readouterr().out
     # One that fails on real runs only.
     late = effect.read_text().replace(
         '        return np.exp',

@@ -70,7 +70,7 @@ def _content(path: str) -> dict[str, dict[str, Any]]:
         content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
     except OSError as error:
         raise BoardsError(f'boards:={path}: {error.strerror}') from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         told = ' '.join(str(error).split())
         raise BoardsError(f'{path}: no YAML, expected {FORM} ({told})') from None
     if not isinstance(content, dict) or not content:

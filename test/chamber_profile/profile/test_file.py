@@ -93,6 +93,8 @@ def test_all_errors_come_at_once_each_with_its_line() -> None:
         (('schema: 1', 'schema: 2'), '1 was expected'),
         (('rate_max_c_per_min: 2', 'rate_max_c_per_min: 1'), 'above the limit 1'),
         (('steps:', 'steps: ['), 'not valid YAML'),
+        (('schema: 1', 'schema: 2024-99-99'), 'not valid YAML: month must be'),
+        (('schema: 1', 'schema: ' + '[' * 5000), 'not valid YAML'),
         ((PAPER.text, ''), 'empty'),
         ((PAPER.text, '- 1'), 'object'),
     ],

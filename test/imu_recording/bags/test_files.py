@@ -63,3 +63,11 @@ def test_the_summary_of_an_mcap_file_is_what_a_scan_finds(tmp_path: Path) -> Non
     path.write_bytes(path.read_bytes()[:-20])
     assert read_summary(path) is None
     assert inspect_file(path)[0].counts == file.counts
+
+
+def test_metadata_nested_without_end_is_done_without(tmp_path: Path) -> None:
+    path = make_bag(tmp_path / 'b', standard_messages(4))
+    (path / 'metadata.yaml').write_text('a: ' + '[' * 100_000)
+    bag = locate_bag(path)
+    assert [file.storage for file in bag.files] == ['mcap']
+    assert 'metadata.yaml cannot be read: the files were scanned without it' in bag.notes

@@ -274,3 +274,11 @@ def test_errors_are_bounded_in_conditions_that_can_be(track: str) -> None:
     values = getattr(conditions, track)
     assert low <= values.min() <= values.max() <= high
     assert track != 'pressure' or values.min() > 3e4  # on Earth
+
+
+@pytest.mark.parametrize('text', ['a: ' + '[' * 100_000, 'device: 2024-99-99'])
+def test_yaml_that_python_cannot_hold_is_refused(text: str, tmp_path: Path) -> None:
+    file = tmp_path / 'm.yaml'
+    file.write_text(text)
+    with pytest.raises(ModelError, match=r'm\.yaml: not a YAML file: '):
+        load_model(file)

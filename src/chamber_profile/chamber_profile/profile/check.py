@@ -48,7 +48,7 @@ def parse_located(text: str) -> LocatedText:
         lines: dict[Place, int] = {}
         problems: list[tuple[int, str]] = []
         content = _plain(loader, root, (), lines, problems)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, RecursionError) as error:
         mark = getattr(error, 'problem_mark', None)
         line = mark.line + 1 if mark else 1
         what = getattr(error, 'problem', None) or str(error)
@@ -71,7 +71,11 @@ def _plain(
             _plain(loader, item, (*place, i), lines, problems) for i, item in enumerate(node.value)
         ]
     if not isinstance(node, yaml.MappingNode):
-        return loader.construct_object(node)
+        try:
+            return loader.construct_object(node)
+        except ValueError as error:  # a date that there is not
+            fault = str(error)
+            raise yaml.constructor.ConstructorError(None, None, fault, node.start_mark) from None
     content: dict[str, Any] = {}
     for key_node, value_node in node.value:
         key = str(getattr(key_node, 'value', '?'))

@@ -19,13 +19,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
-import yaml
 
 from imu_recording.bags.cdr import ENCAPSULATION, LAYOUTS
 from imu_recording.bags.files import Bag, locate_bag
 from imu_recording.bags.mcap_writer import McapStream
 from imu_recording.bags.message_types import definition_of
 from imu_recording.bags.metadata import (
+    UNREADABLE,
     Qos,
     RecordedFile,
     qos_from_text,
@@ -212,7 +212,7 @@ class _TopicCopy:
     def define(self, channel: Channel) -> None:
         """Declare the topic as the bag does."""
         profiles: list[Qos] = []
-        with contextlib.suppress(yaml.YAMLError, ValueError, TypeError):
+        with contextlib.suppress(*UNREADABLE):
             profiles = qos_from_text(channel.qos)
         self.copy.declare(self.topic, channel.message_type, channel.definition, profiles)
 

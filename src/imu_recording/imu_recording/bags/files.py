@@ -13,6 +13,8 @@ import yaml
 
 from imu_recording.bags import mcap_writer, sqlite
 from imu_recording.bags.compression import ZSTD_MAGIC
+from imu_recording.bags.metadata import UNREADABLE
+from imu_recording.deep_yaml import refuse_deep_yaml
 from imu_recording.recording import BagError
 
 ROS1_MAGIC = b'#ROSBAG V2.0'
@@ -20,6 +22,12 @@ METADATA = 'metadata.yaml'
 SUFFIXES = ('.mcap', '.db3', '.bag')
 YAML_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 LOOKED_FOR = 'metadata.yaml, *.mcap, *.db3, *.bag'
+
+
+def yaml_content(text: str) -> Any:
+    """Return what a YAML text holds; raise one of UNREADABLE where it holds nothing usable."""
+    refuse_deep_yaml(text)
+    return yaml.load(text, Loader=YAML_LOADER)  # noqa: S506 (safe, written in C)
 
 
 @dataclass(frozen=True)
@@ -82,14 +90,14 @@ def _metadata(folder: Path, bag: Bag) -> dict[str, Any]:
         return {}
     try:
         text = file.read_text(encoding='utf-8', errors='replace')
-        content = yaml.load(text, Loader=YAML_LOADER)  # noqa: S506 (safe, written in C)
+        content = yaml_content(text)
         information = content['rosbag2_bagfile_information']
         return {
             'relative_file_paths': [str(p) for p in information.get('relative_file_paths') or []],
             'custom_data': dict(information.get('custom_data') or {}),
             'compression_mode': str(information.get('compression_mode') or '').lower(),
         }
-    except (yaml.YAMLError, LookupError, TypeError, AttributeError, ValueError):
+    except UNREADABLE:
         bag.notes.append('metadata.yaml cannot be read: the files were scanned without it')
         return {}
 

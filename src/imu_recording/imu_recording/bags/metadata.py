@@ -18,6 +18,11 @@ from imu_recording.recording import BagError
 if TYPE_CHECKING:
     from imu_recording.bags.topic_columns import Channel, MessageBlock
 
+UNREADABLE = (
+    yaml.YAMLError, LookupError, TypeError, AttributeError, ValueError, RecursionError,
+)  # fmt: skip
+"""What reading YAML raises that is damaged, or of another form than rosbag2 writes."""
+
 
 @dataclass(frozen=True)
 class RecordedFile:
@@ -113,7 +118,7 @@ def known_metadata(folder: Path) -> dict[str, str]:
         content = yaml.safe_load((folder / 'metadata.yaml').read_text(encoding='utf-8'))
         custom = content['rosbag2_bagfile_information']['custom_data'] or {}
         return {str(key): str(value) for key, value in custom.items()}
-    except (OSError, yaml.YAMLError, KeyError, TypeError, AttributeError):
+    except (OSError, *UNREADABLE):
         return {}
 
 

@@ -13,16 +13,16 @@ from tempfile import TemporaryDirectory
 from typing import Protocol
 
 import numpy as np
-import yaml
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.rosbag1 import ReaderError
 from rosbags.serde import SerdeError
 from rosbags.typesys import TypesysError
 
 from imu_recording.bags.compression import ZstdFile, decompress_message
-from imu_recording.bags.files import YAML_LOADER, BagFile
+from imu_recording.bags.files import BagFile, yaml_content
 from imu_recording.bags.mcap_footer import checksum_faults
 from imu_recording.bags.mcap_reader import McapScan, read_summary
+from imu_recording.bags.metadata import UNREADABLE
 from imu_recording.bags.slow_decode import values_of
 from imu_recording.bags.sqlite import scan_sqlite, sqlite_channels, sqlite_metadata
 from imu_recording.bags.topic_columns import Channel, MessageBlock, TopicColumns
@@ -134,8 +134,8 @@ def _metadata_inside(
     """Take device, run … from the file's own metadata where metadata.yaml lacks them."""
     found: dict[str, str] = dict(custom)
     try:
-        content = yaml.load(text, Loader=YAML_LOADER) if text else None  # noqa: S506 (safe)
-    except (yaml.YAMLError, ValueError, TypeError):
+        content = yaml_content(text) if text else None
+    except UNREADABLE:
         content = None  # the recording itself does not depend on it
     if isinstance(content, dict) and isinstance(content.get('custom_data'), dict):
         found |= {str(key): str(value) for key, value in content['custom_data'].items()}

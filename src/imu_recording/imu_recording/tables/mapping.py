@@ -181,7 +181,7 @@ def mappings_in(path: str | Path) -> list[Any]:
         contents = list(yaml.safe_load_all(path.read_text(encoding='utf-8')))
     except OSError as error:
         raise MappingError(f'{path}: cannot be read ({error.strerror})') from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise MappingError(f'{path}: not a YAML file: {fault_in_yaml(error)}') from None
     return contents or [None]
 

@@ -160,7 +160,7 @@ def topics_file(path: Path) -> dict[str, str]:
     """Return the rules of a --topics file; UserError names the file, the line and the key."""
     try:
         content = yaml.safe_load(path.read_text('utf-8'))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise UserError(f'--topics {path}: not a YAML file: {fault_in_yaml(error)}') from None
     if not isinstance(content, dict):
         raise UserError(f'--topics {path}: expected lines such as "imu/mag: /compass"')

@@ -14,7 +14,7 @@ from imu_recording.user_error import UserError
 
 from imu_recording import bag_namespaces
 from imu_workbench.answer import CHECK_FAILED, Answer, show_progress
-from imu_workbench.commands.options import topic_remap
+from imu_workbench.commands.options import add_effects_argument, topic_remap
 from imu_workbench.golden_run import columns_of, find_drift, read_golden, write_golden
 from imu_workbench.replay import NODES, Sent, as_bag_messages, replay
 
@@ -40,6 +40,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help='parameter of the node; repeatable',
     )
+    add_effects_argument(parser)
     parser.add_argument('-o', '--output', metavar='DIR', type=Path, help='bag to write')
     parser.add_argument('--namespace', metavar='/NAME', help='the device to take')
     parser.add_argument(
@@ -59,7 +60,7 @@ def run(options: argparse.Namespace) -> Answer:
     sent = replay(
         options.bag,
         options.node,
-        parameters_of(options.parameters),
+        _parameters(options),
         namespace=_namespace(options),
         remap=topic_remap(options),
         progress=lambda done, of: show_progress(f'{options.node}: {done} of {of} messages'),
@@ -86,7 +87,7 @@ def _golden(
     if options.write_golden:
         made_by = {
             'node': options.node,
-            'parameters': parameters_of(options.parameters),
+            'parameters': _parameters(options),
             'bag': options.bag.name,
         }
         write_golden(options.write_golden, columns_of(sent), made_by)
@@ -122,6 +123,14 @@ def _namespace(options: argparse.Namespace) -> str:
         names = ', '.join(namespaces)
         raise UserError(f'{options.bag} holds several devices: {names}; choose with --namespace')
     return namespaces[0] if namespaces else ''
+
+
+def _parameters(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the node's parameters; --effects is its parameter of that name."""
+    parameters = parameters_of(options.parameters)
+    if options.effects:
+        parameters['effects'] = [str(path) for path in options.effects]
+    return parameters
 
 
 def parameters_of(rules: list[str]) -> dict[str, Any]:

@@ -22,10 +22,10 @@ def read_checked(path: Path, schema: str) -> dict[str, Any]:
 
     try:
         content = json_like(yaml.safe_load(path.read_text('utf-8')))
-    except yaml.YAMLError as error:
-        raise UserError(f'{path}: {fault_in_yaml(error)}') from error
     except UnicodeDecodeError as error:
         raise UserError(f'{path}: is no text in UTF-8') from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise UserError(f'{path}: {fault_in_yaml(error)}') from error
     text = files('imu_workbench').joinpath('report', 'schemas', schema).read_text('utf-8')
     errors = sorted(Draft202012Validator(json.loads(text)).iter_errors(content), key=str)
     if errors:

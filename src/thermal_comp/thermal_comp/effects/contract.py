@@ -60,7 +60,7 @@ def check_effect(
             problems += _problems_of_the_shape(instance) + _problems_of_the_search(effect)
             for sensor in effect.sensors:
                 problems += _problems_of_the_columns(instance, sensor)
-        except Exception as error:  # noqa: BLE001 (whatever the effect's own code does)
+        except (Exception, SystemExit) as error:  # noqa: BLE001 (whatever the effect's own code does)
             problems.append(f'raises {type(error).__name__}: {error}{line_of(error)}')
     return [f'{effect.name or effect.__name__}: {problem}' for problem in problems]
 

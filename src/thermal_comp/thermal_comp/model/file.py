@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from imu_recording.deep_yaml import refuse_deep_yaml
 from imu_recording.user_error import fault_in_yaml
 
 from thermal_comp.effects import EFFECTS
@@ -74,7 +75,7 @@ def load_model(
         raise ModelError(f'{path}: {error.strerror}') from None
     except ModelError as error:
         raise ModelError(f'{path}: {error}') from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ModelError(f'{path}: not a YAML file: {fault_in_yaml(error)}') from None
     try:
         return model_from_document(document, effects)
@@ -99,6 +100,7 @@ def check_device(model: ThermalModel | None, device: str) -> None:
 
 def _parsed(text: str) -> Any:
     """Return the document; refuse a key that stands twice, of which YAML takes the last."""
+    refuse_deep_yaml(text)
     loader = _Loader(text)
     try:
         node = loader.get_single_node()
