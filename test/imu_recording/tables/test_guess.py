@@ -213,7 +213,7 @@ NO_TABLES = {
         '\n'.join([HEADER, *(row.replace('.', ',') for row in ROWS)]),
         'most have 15: decimal commas',
     ),
-    'a picture': ('\x89PNG\r\x1a\n\0\r,\r', 'is no header'),
+    'a picture': ('\x89PNG,\x1a\n\0,\r', 'is no text'),
     'a clock that stands': (
         '\n'.join([HEADER, *(f'0,{row.partition(",")[2]}' for row in ROWS)]),
         "'t' holds the same time",

@@ -250,6 +250,13 @@ def test_what_stands_still_is_left_out_of_the_blocks() -> None:
     assert run.conditions.time[-1] == pytest.approx(1800.0, abs=5.0)
 
 
+def test_a_temperature_that_is_always_the_same_is_no_missing_one() -> None:
+    clean = still(1.0, 1.0)
+    constant = replace(clean, temperature=np.full(len(clean), 25.0))
+    (run,) = prepare([replace(constant, chamber_temperature=clean.temperature)])
+    assert np.ptp(run.temperature) == 0.0
+
+
 def test_time_and_memory_follow_the_samples_not_the_span() -> None:
     clean = still(1.0, 1.0)
     late = np.arange(len(clean)) >= 2400

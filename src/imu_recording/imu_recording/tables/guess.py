@@ -179,6 +179,8 @@ def _table(path: Path) -> tuple[str, str, list[str], FloatArray]:
     if not rows:
         raise BagError(f'{path}: the file is empty')
     header = [cell.strip() for cell in rows[0]]
+    if not ''.join(header).isprintable():
+        raise BagError(f'{path}: is no text; give a CSV file or a whole PX4 or ArduPilot log')
     if len(header) < 2 or all(np.isfinite(_number(cell)) for cell in header):
         raise BagError(f'{path}: its first line is no header; write a mapping (--mapping)')
     if len(set(header)) < len(header):

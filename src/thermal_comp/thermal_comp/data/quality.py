@@ -36,7 +36,7 @@ def without_damage(recording: ImuRecording) -> tuple[ImuRecording, list[str]]:
     stuck['temperature'] = stuck_temperature(recording)
     notes = []
     for name, rows in stuck.items():
-        if rows.any():
+        if rows.any() and not rows.all():  # what is always the same is told elsewhere
             text = f'{name}: {int(rows.sum())} of {len(rows)} rows repeat one value, left out'
             notes.append(text)
             recording = _blank(recording, name, rows)
