@@ -49,12 +49,6 @@ BRIDGE = 1 / 16
 HELD = 1 / 4
 """Error² of an angle carried on by the last rate over h, in (change of rate per second)² h⁴."""
 
-RAMP_TIME, RAMP_START = 60.0, 10.0
-"""Time over which corrections of the bias are a mean, and the time before any counts [s]."""
-RAMP_WEIGHT = 0.5
-"""Part of the square of that mean that is taken for a ramp. The corrections of a bias that only
-walks leave 1.5 times its density over `RAMP_TIME`: below 2/3 the walk cannot feed itself."""
-
 
 class AveragingParams(NamedTuple):
     """Noises of the means, as densities: they do not depend on the sample rate."""
@@ -149,8 +143,6 @@ class AveragingState(NamedTuple):
     since_field: float
     """Time since the last step with a field [s]."""
     factors: VarianceFactors
-    bias_slope: Vector
-    """Mean rate at which the bias has been corrected over `RAMP_TIME` [rad/s²], sensor."""
 
 
 @inline
@@ -185,7 +177,6 @@ def no_averages() -> AveragingState:
         reference=no_reference(),
         since_field=0.0,
         factors=no_factors(),
-        bias_slope=ZERO,
     )
 
 
@@ -208,7 +199,6 @@ def start_averages(
         reference=no_reference() if flags & JUMPED_BACK else before.reference,
         since_field=0.0,
         factors=no_factors(),
-        bias_slope=ZERO,
     )
 
 
@@ -259,7 +249,6 @@ def accumulate(
         reference=state.reference,
         since_field=state.since_field,
         factors=state.factors,
-        bias_slope=state.bias_slope,
     )
 
 
@@ -297,14 +286,8 @@ def is_step_due(state: AveragingState, params: AveragingParams) -> bool:
 
 @inline
 def bias_variance(state: AveragingState, params: AveragingParams) -> float:
-    """Return the variance that the bias's random walk added since the last step [(rad/s)²].
-
-    A bias that has been corrected one way for a while is on a ramp, as a temperature moves it: it
-    walks faster, by the ramp's change over that while.
-    """
-    slope = state.bias_slope
-    ramp = RAMP_WEIGHT * min(RAMP_TIME, state.age) * dot(slope, slope)
-    return (params.bias_random_walk * params.bias_random_walk + ramp) * state.integrals.elapsed
+    """Return the variance that the bias's random walk added since the last step [(rad/s)²]."""
+    return params.bias_random_walk * params.bias_random_walk * state.integrals.elapsed
 
 
 @inline

@@ -12,8 +12,6 @@ from typing import NamedTuple
 
 from orientation_filters.averages import (
     BRIDGE,
-    RAMP_START,
-    RAMP_TIME,
     AveragingParams,
     AveragingState,
     no_integrals,
@@ -48,6 +46,7 @@ from orientation_filters.variance_factors import (
     FIELD_TIME,
     FORCE_TIME,
     VarianceFactors,
+    add_bridged,
     no_error,
     observe_angle,
     observe_error,
@@ -161,15 +160,20 @@ def _variance_factors(
 ) -> VarianceFactors:
     """Return the variance factors after the innovations of a step.
 
-    At rest the low-pass of specific force delays what the gyroscope's noise has turned; in motion
-    it mostly takes accelerations away, whose power the unused vertical part has.
+    The low-pass of specific force delays noise; accelerations it takes away, and their power is in
+    the unused vertical part.
     """
     before, t = state.factors, state.integrals.elapsed
     rests = state.rest.duration >= params.rest.duration
-    inclination, heading = before.inclination, before.heading
+    gaps = state.integrals.gaps
+    bridged = BRIDGE * rate_change(state) * gaps if gaps > params.interval**4 else 0.0
+    inclination = add_bridged(before.inclination, bridged)
+    heading = add_bridged(before.heading, bridged)
     force_error, field_error = before.force, before.field
     if force.variance > 0.0:
         a, pull = force.acceleration, 1.0 / GRAVITY
+        white = params.acceleration_floor * params.acceleration_floor
+        noise = 1.0 if rests else white / (white + force.power)
         inclination = observe_angle(
             inclination,
             (sqrt(0.5) * pull * a[0], sqrt(0.5) * pull * a[1]),
@@ -177,7 +181,7 @@ def _variance_factors(
             0.5 * (orientation[0] + orientation[3]),
             pull * pull * force.variance,
             t,
-            params.acceleration_smoothing if rests else 0.0,
+            noise * params.acceleration_smoothing,
             rests,
         )
         force_error = observe_error(force_error, inclination.unused, t, FORCE_TIME)
@@ -205,7 +209,8 @@ def _mean_force(
     """Return the mean specific force; its variance follows the acceleration's power.
 
     What the low-pass leaves counts as acceleration where the tilt's own variance does not
-    explain it. A rotation by a large angle is known to half of its square, as it is linearised.
+    explain it; at rest what was before counts no more. A rotation by a large angle is known to
+    half of its square, as it is linearised.
     """
     t = state.integrals.elapsed
     force = scale(1.0 / t, state.integrals.force)
@@ -224,7 +229,8 @@ def _mean_force(
             params.acceleration_weight * (fast[0] * fast[0] + fast[1] * fast[1])
             + params.slow_weight * slow
         )
-        power += (now - power) * t / (params.acceleration_memory + t)
+        rests = state.rest.duration >= params.rest.duration
+        power = now if rests else power + (now - power) * t / (params.acceleration_memory + t)
         density = params.acceleration_floor * params.acceleration_floor + max(power, now)
         variance = density / min(t, params.interval)
         persistent = approach(persistent, force, t / (min(PERSISTENCE, age - t) + t))
@@ -374,17 +380,9 @@ def shown_covariance(covariance: Symmetric, means: Means, params: AveragingParam
 
 
 @inline
-def after_step(
-    state: AveragingState, means: Means, turn: Quaternion, bias_error: Vector
-) -> AveragingState:
-    """Return the state with nothing accumulated, the smoothed force turned as the attitude was.
-
-    `bias_error`: taken away from the bias in this step [rad/s].
-    """
+def after_step(state: AveragingState, means: Means, turn: Quaternion) -> AveragingState:
+    """Return the state with nothing accumulated, the smoothed force turned as the attitude was."""
     past, rows = state.integrals, matrix(turn)
-    t = past.elapsed
-    gain = t / (min(RAMP_TIME, state.age) + t) if state.age > RAMP_START else 0.0
-    slope = approach(state.bias_slope, scale(-1.0 / t, bias_error), gain)
     since_field = 0.0 if past.fields else state.since_field + past.elapsed
     return AveragingState(
         integrals=no_integrals(),
@@ -400,7 +398,6 @@ def after_step(
         reference=means.field.reference,
         since_field=since_field,
         factors=means.factors,
-        bias_slope=slope,
     )
 
 

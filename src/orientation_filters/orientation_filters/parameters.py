@@ -84,7 +84,7 @@ class FilterParameters:
         dynamic=True,
     )
     field_tolerance: float = parameter(
-        0.14,
+        0.2,
         'Field disturbed: distance from the reference, as a part of its norm',
         bounds=(0.0, 10.0),
         dynamic=True,
@@ -106,7 +106,11 @@ class FilterParameters:
         dynamic=True,
     )
     bias_random_walk: float = parameter(
-        6e-5, 'Adaptive: random walk of the bias', unit='rad/s/√s', bounds=(0.0, 1.0), dynamic=True
+        2.5e-4,
+        'Adaptive: random walk of the bias',
+        unit='rad/s/√s',
+        bounds=(0.0, 1.0),
+        dynamic=True,
     )
     acceleration_weight: float = parameter(
         0.015,

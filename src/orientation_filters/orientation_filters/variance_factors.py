@@ -25,7 +25,10 @@ START = 3.0
 """Innovations count later: what was assumed at the start is forgotten by then [s]."""
 PRIOR_WEIGHT = 0.1
 """Independent values that the factor 1 counts for."""
-MEMORY, LONGEST_MEMORY = 20.0, 60.0
+RECENCY = 3.0
+"""Weight of the newest value beside that in a plain mean: value n of a mean weighs with n². What
+innovations show at the start, where attitude and bias are still wrong, is forgotten so."""
+MEMORY, LONGEST_MEMORY = 60.0, 60.0
 """A factor is the mean over so many independent values, and over no longer [s]."""
 FORCE_TIME, FIELD_TIME = 10.0, 2.0
 """What is left of a sensor's error after a low-pass of this time constant persists [s]."""
@@ -60,6 +63,9 @@ class AngleFactor(NamedTuple):
     """Variance of that as claimed [rad²]."""
     unused: Pair
     """Errors in parts of the measurement that the filter does not use, after that low-pass."""
+    bridged: float
+    """Variance left of gaps in the angular velocity [rad²]: no factor scales it, as it is no
+    assumed noise."""
     rest: Observed
     motion: Observed
 
@@ -99,6 +105,7 @@ def no_factors() -> VarianceFactors:
         innovation=(0.0, 0.0),
         expected=0.0,
         unused=(0.0, 0.0),
+        bridged=0.0,
         rest=nothing,
         motion=nothing,
     )
@@ -110,6 +117,20 @@ def no_factors() -> VarianceFactors:
 def no_error() -> PersistentError:
     """Return the state before any measurement."""
     return PersistentError(age=0.0, last=(0.0, 0.0), low=(0.0, 0.0), power=0.0, white=0.0)
+
+
+@inline
+def add_bridged(before: AngleFactor, bridged: float) -> AngleFactor:
+    """Return the state after a step in which gaps of the gyroscope added a variance [rad²]."""
+    return AngleFactor(
+        age=before.age,
+        innovation=before.innovation,
+        expected=before.expected,
+        unused=before.unused,
+        bridged=before.bridged + bridged,
+        rest=before.rest,
+        motion=before.motion,
+    )
 
 
 @inline
@@ -126,8 +147,8 @@ def observe_angle(
     """Return the state after a measurement [rad], `dt` [s] after the one before.
 
     `variance`, `noise`: of the angle before it and of the measurement [rad²]; `delay`: time
-    constant of a low-pass that it went through before [s]. The mean square of a pair is the sum
-    of its squares: of two angles each is divided by √2.
+    constant of a low-pass that its white noise went through before [s]. The mean square of a pair
+    is the sum of its squares: of two angles each is divided by √2.
     """
     gain = variance / (variance + noise)
     keep = 1.0 - gain
@@ -136,7 +157,7 @@ def observe_angle(
     expected = keep * keep * before.expected + gain * variance
     rest, motion = before.rest, before.motion
     if before.age > START:
-        ratio = _delayed(gain * delay / dt) * _square(innovation) / expected
+        ratio = _delayed(gain * delay / dt, rests) * _square(innovation) / expected
         power = _square(unused)
         if rests:
             rest = _take(rest, ratio, power, gain, dt)
@@ -147,32 +168,40 @@ def observe_angle(
         innovation=innovation,
         expected=expected,
         unused=unused,
+        bridged=keep * keep * before.bridged,
         rest=rest,
         motion=motion,
     )
 
 
 @inline
-def _delayed(k: float) -> float:
-    """Return how much larger the error is for the gyroscope's noise in a delayed measurement.
+def _delayed(k: float, rests: bool) -> float:
+    """Return how much larger the error is where a low-pass delays the measurement.
 
-    k: time constant of the low-pass before the filter, over the filter's own. From the spectra of
-    error, w (1 + k + i x k) / ((1 + i x) (1 + i x k)), and low-passed innovation,
-    w / ((1 + i x)² (1 + i x k)): mean square of the one over twice that of the other.
+    k: time constant of the low-pass before the filter, over the filter's own; the ratio is that
+    of the error's mean square to twice that of the low-passed innovation, from their spectra. For
+    the gyroscope's noise, w (1 + k + i x k) / ((1 + i x) (1 + i x k)) and
+    w / ((1 + i x)² (1 + i x k)): all there is at rest. For the measurement's,
+    w / ((1 + i x) (1 + i x k)) and w i x / ((1 + i x)² (1 + i x k)): 1 + k. In motion both have
+    half of the error, as they have in a filter whose noises are true.
     """
-    return (1.0 + k) * (1.0 + 3.0 * k + k * k) / (1.0 + 2.0 * k)
+    square = 1.0 + 3.0 * k + k * k
+    if rests:
+        return (1.0 + k) * square / (1.0 + 2.0 * k)
+    return 2.0 * (1.0 + k) * square / (2.0 + 5.0 * k + k * k)
 
 
 @inline
 def _take(before: Observed, ratio: float, power: float, gain: float, dt: float) -> Observed:
     """Return the means with one more value, of which every 1 / gain is independent."""
     shortest = dt / LONGEST_MEMORY
-    known = before.weight + gain
-    by_ratio = max(gain / (PRIOR_WEIGHT + known), shortest)
+    newest = RECENCY * gain
+    by_ratio = max(newest / (PRIOR_WEIGHT + before.weight + newest), shortest)
+    by_power = max(newest / (before.weight + newest), shortest)
     return Observed(
         factor=before.factor + by_ratio * (ratio - before.factor),
-        unused=before.unused + max(gain / known, shortest) * (power - before.unused),
-        weight=min(known, MEMORY),
+        unused=before.unused + by_power * (power - before.unused),
+        weight=min(before.weight + gain, MEMORY),
     )
 
 
@@ -187,7 +216,7 @@ def observe_error(
     low = _low_pass(before.low, error, dt / (time_constant + dt))
     change = error[0] - before.last[0], error[1] - before.last[1]
     white = 0.5 * _square(change) * dt / (2.0 * time_constant + dt)
-    gain = dt / min(age - time_constant + dt, PERSISTENT_MEMORY)
+    gain = dt / min((age - time_constant) / RECENCY + dt, PERSISTENT_MEMORY)
     return PersistentError(
         age=age,
         last=error,
@@ -209,7 +238,9 @@ def scaled(c: Symmetric, factors: VarianceFactors) -> Symmetric:
     t, h = tilt.factor, turn.factor
     both = sqrt(t * h)
     more = max(tilt.unused - 0.5 * t * (c[0] + c[3]), 0.0) + ACROSS * factors.force.power
+    more += max(1.0 - t, 0.0) * factors.inclination.bridged
     turned = max(factors.field.power - factors.field.white, 0.0)
+    turned += max(1.0 - h, 0.0) * factors.heading.bridged
     return (
         t * c[0] + more,
         t * c[1],

@@ -179,7 +179,7 @@ def remove_errors(state: State, params: Params, means: Means, errors: Errors) ->
         adaptive=AdaptiveState(
             covariance=covariance,
             shown=shown_covariance(covariance.orientation, means, params.averaging),
-            averages=after_step(before.averages, means, turn, errors.bias),
+            averages=after_step(before.averages, means, turn),
         ),
     )
 

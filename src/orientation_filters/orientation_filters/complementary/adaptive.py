@@ -132,7 +132,7 @@ def adaptive_step(
     d, covariance = means.field.disturbance, covariance_of(found.unknowns)
     return (
         AdaptiveState(
-            averages=after_step(averages, means, turn, found.bias),
+            averages=after_step(averages, means, turn),
             unknowns=found.unknowns,
             covariance=covariance,
             shown=shown_covariance(covariance, means, params),
@@ -145,19 +145,29 @@ def adaptive_step(
 
 @inline
 def _predict(before: Unknowns, averages: AveragingState, params: AveragingParams) -> Unknowns:
-    """Return what is unknown after the time since the last step."""
+    """Return what is unknown after the time since the last step.
+
+    A bias that walks has less to do with what it did before: that part of the lag becomes noise,
+    so that the joint covariance of attitude and bias stays what it was.
+    """
     past, b = averages.integrals, before.bias
     walk = angle_variance(averages, params)
     drift = bias_variance(averages, params)
     if not params.learn_bias:
         b, drift = ZERO6, 0.0
-    n, lag = before.noise, before.lag
+    n, lag, total = before.noise, before.lag, b[0] + b[3] + b[5]
+    keep = total / (total + 3.0 * drift) if drift > 0.0 else 1.0
+    freed = 1.0 - keep
     return Unknowns(
-        noise=(n[0] + walk, n[1] + walk, n[2] + walk),
+        noise=(
+            n[0] + walk + freed * dot(lag[0], apply_symmetric(b, lag[0])),
+            n[1] + walk + freed * dot(lag[1], apply_symmetric(b, lag[1])),
+            n[2] + walk + freed * dot(lag[2], apply_symmetric(b, lag[2])),
+        ),
         lag=(
-            subtract(lag[0], past.turned[0]),
-            subtract(lag[1], past.turned[1]),
-            subtract(lag[2], past.turned[2]),
+            subtract(scale(keep, lag[0]), past.turned[0]),
+            subtract(scale(keep, lag[1]), past.turned[1]),
+            subtract(scale(keep, lag[2]), past.turned[2]),
         ),
         bias=(b[0] + drift, b[1], b[2], b[3] + drift, b[4], b[5] + drift),
     )
