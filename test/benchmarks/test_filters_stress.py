@@ -25,3 +25,11 @@ def test_error_and_covariance_in_a_situation(situation: Situation) -> None:
         assert rms <= 1.5 * situation.limit, name
         assert 0.1 < nees < 3.0 or situation.name in SHORT, name
         assert coverage >= 0.8, name
+
+
+def test_a_heading_seen_from_a_wrong_tilt_is_not_believed() -> None:
+    """One sample of a shaken device is 90° off, and shows the field as if it did not dip."""
+    situation = next(s for s in SITUATIONS if s.name == SHORT[0])
+    for name in FILTERS:
+        rms, _, _ = judge_run(situation.make(301), name)
+        assert rms <= situation.worst, name

@@ -276,7 +276,8 @@ def _mean_field(
 ) -> MeanField:
     """Return the mean field's angle from north, unless it is unlike the reference.
 
-    A tilt turns the horizontal part of a field that dips: the heading is not known better.
+    A tilt turns the horizontal part of a field that dips: the heading is not known better. The dip
+    itself is seen in the tilted attitude, and wrong by the tilt.
     """
     past, north, deviation = state.integrals, params.north, state.deviation
     if past.fields == 0:
@@ -303,8 +304,8 @@ def _mean_field(
     deviation += (now - deviation) * since / (params.field_memory + since)
     noise = params.heading_noise * params.heading_noise
     variance = (noise + params.field_weight * max(deviation, now)) / since
-    slope = mean[2] / level
-    tilt, heading = 0.5 * slope * slope * (orientation[0] + orientation[3]), orientation[5]
+    slope, inclined = mean[2] / level, orientation[0] + orientation[3]
+    tilt, heading = 0.5 * (slope * slope + inclined) * inclined, orientation[5]
     variance += tilt * heading / max(heading - tilt, LEAST_GAIN * heading)
     variance += 0.25 * (sine * sine) * (sine * sine)
     return MeanField(
