@@ -2,6 +2,7 @@
 """Rows of several runs are whitened run by run; gaps and axes have filters of their own."""
 
 import numpy as np
+import pytest
 from thermal_comp.linear.whitening import (
     RowWhitening,
     apply_gains,
@@ -28,9 +29,18 @@ def test_stacked_rows_are_whitened_as_each_run_is() -> None:
             np.testing.assert_array_equal(
                 found[axis, rows], apply_gains(columns[rows, axis], gains)
             )
-    own = np.ascontiguousarray(columns[:, 1])
+    own = np.ascontiguousarray(columns[:, 1].T)
     whitening.whiten_in_place(own, 1)
-    np.testing.assert_array_equal(own, found[1])
+    np.testing.assert_array_equal(own.T, found[1])
+
+
+@pytest.mark.parametrize('width', range(1, 10))
+def test_columns_are_whitened_each_as_by_itself(width: int) -> None:
+    columns = np.random.default_rng(3).standard_normal((45, width))
+    gains = innovation_gains(SLOTS[1], NOISE, 0, 20.0)
+    found = apply_gains(columns, gains)
+    for k in range(width):
+        np.testing.assert_array_equal(found[:, [k]], apply_gains(columns[:, [k]], gains))
 
 
 def test_the_transposed_filter_is_the_transpose() -> None:

@@ -70,8 +70,8 @@ class ColumnSource:
 __all__ = ['RANK_TOLERANCE', 'CandidateDesign', 'ColumnSource', 'ColumnGroup']
 
 
-TRANSPOSED_ROWS = 128
-"""Rows that are transposed together: they stay in the processor's cache."""
+COLUMNS_AT_A_TIME = 8
+"""Columns that are whitened together: they stay in the processor's cache."""
 FIRST_COLUMN_CAPACITY = 2048
 """Columns there is room for at first; memory that is not written to costs nothing."""
 
@@ -120,7 +120,7 @@ class CandidateDesign:
             [run.cv_group[ok] for run, ok in zip(runs, self.valid, strict=True)]
         )
         self._terms: dict[Effect, ColumnGroup] = {}
-        self._columns = np.zeros((3, FIRST_COLUMN_CAPACITY, self.rows))
+        self._columns = np.empty((3, FIRST_COLUMN_CAPACITY, self.rows))
         self._normal = np.zeros((3, FIRST_COLUMN_CAPACITY, FIRST_COLUMN_CAPACITY))
         self._known = np.zeros((FIRST_COLUMN_CAPACITY, FIRST_COLUMN_CAPACITY), dtype=bool)
         self.right = np.zeros((3, FIRST_COLUMN_CAPACITY))
@@ -223,16 +223,19 @@ class CandidateDesign:
             if not len(rows):
                 continue
             place = np.flatnonzero(lacking[rows].any(axis=0))
+            if least_share and _neighbours(other):
+                # A product too many takes less time than a copy of the columns about it.
+                place = np.arange(place[0], place[-1] + 1)
             new = lacking[rows[:, None], place]
             left, right = one[rows], other[place]
+            block, mirrored = _block(left, right), _block(right, left)
             for columns, normal in zip(self._columns, self._normal, strict=True):
+                found = columns[_rows(left)] @ columns[_rows(right)].T
                 # Products that other sensors have informed are known and stay.
-                known = normal[left[:, None], right]
-                found = np.where(new, columns[left] @ columns[right].T, known)
-                normal[left[:, None], right] = found
-                normal[right[:, None], left] = found.T
-            self._known[left[:, None], right] = True
-            self._known[right[:, None], left] = True
+                found = np.where(new, found, normal[block])
+                normal[block] = found
+                normal[mirrored] = found.T
+            self._known[block] = self._known[mirrored] = True
 
     def size_of(self, term: ColumnGroup) -> FloatArray:
         """(p,) norm of the term's whitened columns before they were made one long."""
@@ -243,7 +246,7 @@ class CandidateDesign:
         own, common = self._split(terms)
         gain, rank, shared_normal, shared_right = self._eliminated(own, common)
         if common:
-            full = np.diag(self._normal.sum(axis=0))[common]
+            full = self._normal[:, common, common].sum(axis=0)
             answer, used = pseudo_solve(shared_normal, shared_right[:, None], full)
             gain += float(shared_right @ answer[:, 0])
             rank += used
@@ -331,11 +334,6 @@ class CandidateDesign:
         gains = self.whitening.gains_of(run, axis)
         return apply_gains(columns[self.valid[run]], gains), self.whitening.rows_of(run)
 
-    def split_sizes(self, terms: Sequence[ColumnGroup]) -> tuple[int, int]:
-        """Return how many columns each axis has of its own and how many are shared."""
-        own, common = self._split(terms)
-        return len(own), len(common)
-
     @staticmethod
     def _split(terms: Sequence[ColumnGroup]) -> tuple[list[int], list[int]]:
         own = [c for term in terms if not term.shared for c in term.columns]
@@ -372,34 +370,35 @@ class CandidateDesign:
     def _append(self, parts: Sequence[FloatArray]) -> int:
         """Whiten, project and keep columns (rows, 3, p) of several parts; return their start."""
         start = self.width
-        stop = self.width = start + sum(part.shape[2] for part in parts)
+        own, first = [], start
+        for part in parts:
+            own.append(slice(first, first + part.shape[2]))
+            first = own[-1].stop
+        stop = self.width = first
         self._grow(stop)
-        before, size = np.zeros((2, stop - start))
-        for axis in range(3):
-            columns = np.concatenate([part[:, axis] for part in parts], axis=1)
-            self.whitening.whiten_in_place(columns, axis)
-            before += np.einsum('np,np->p', columns, columns)
-            columns = project_out(self.base[axis], columns)
-            size += np.einsum('np,np->p', columns, columns)
-            for row in range(0, self.rows, TRANSPOSED_ROWS):
-                piece = slice(row, row + TRANSPOSED_ROWS)
-                self._columns[axis, start:stop, piece] = columns[piece].T
-        before, size = np.sqrt(before), np.sqrt(size)
+        for axis, columns in enumerate(self._columns):
+            for part, place in zip(parts, own, strict=True):
+                columns[place] = part[:, axis].T
+        before, left = np.zeros((2, stop - start))
+        for axis, columns in enumerate(self._columns):
+            for first in range(start, stop, COLUMNS_AT_A_TIME):
+                place = slice(first, min(first + COLUMNS_AT_A_TIME, stop))
+                new = columns[place]
+                self.whitening.whiten_in_place(new, axis)
+                before[place.start - start : place.stop - start] += _power(new)
+                new -= (new @ self.base[axis]) @ self.base[axis].T
+                left[place.start - start : place.stop - start] += _power(new)
+        before, size = np.sqrt(before), np.sqrt(left)
         scale = np.where(size > 1e-6 * before, 1.0 / np.maximum(size, 1e-300), 0.0)
         self._size = np.concatenate([self._size, size])
         self._known[start:stop] = self._known[:, start:stop] = False
-        for axis in range(3):
-            new = self._columns[axis, start:stop]
-            new *= scale[:, None]
-            self.right[axis, start:stop] = new @ self.target[axis]
-        first = start
-        for part in parts:
-            own = slice(first, first + part.shape[2])
-            for axis in range(3):
-                columns = self._columns[axis, own]
-                self._normal[axis, own, own] = columns @ columns.T
-            self._known[own, own] = True
-            first = own.stop
+        for axis, columns in enumerate(self._columns):
+            columns[start:stop] *= scale[:, None]
+            self.right[axis, start:stop] = columns[start:stop] @ self.target[axis]
+            for place in own:
+                self._normal[axis, place, place] = columns[place] @ columns[place].T
+        for place in own:
+            self._known[place, place] = True
         return start
 
     def _grow(self, width: int) -> None:
@@ -410,3 +409,27 @@ class CandidateDesign:
             self._normal = np.pad(self._normal, ((0, 0), (0, more), (0, more)))
             self._known = np.pad(self._known, (0, more))
             self.right = np.pad(self.right, ((0, 0), (0, more)))
+
+
+def _power(columns: FloatArray) -> FloatArray:
+    """Return the sums of squares of columns (p, rows)."""
+    return np.asarray(np.einsum('pn,pn->p', columns, columns))
+
+
+def _neighbours(index: IntArray) -> bool:
+    """Tell whether every index follows the one before."""
+    span = index[-1] - index[0] == len(index) - 1
+    return bool(span and (index[1:] > index[:-1]).all())
+
+
+def _rows(index: IntArray) -> slice | IntArray:
+    """Return an index of rows, a slice where they are neighbours: it copies nothing."""
+    return slice(index[0], index[-1] + 1) if _neighbours(index) else index
+
+
+def _block(rows: IntArray, columns: IntArray) -> tuple[slice | IntArray, slice | IntArray]:
+    """Return the index of all elements of a matrix in given rows and columns."""
+    first, second = _rows(rows), _rows(columns)
+    if isinstance(first, slice) or isinstance(second, slice):
+        return first, second
+    return first[:, None], second

@@ -56,15 +56,15 @@ def innovation_gains(slot: IntArray, noise: NoiseModel, axis: int, period: float
 
 def apply_gains(values: FloatArray, gains: Gains) -> FloatArray:
     """Return the whitened rows (m, q)."""
-    whitened = np.array(values, dtype=np.float64, order='C')
-    apply_gains_in_place(whitened, gains)
-    return whitened
+    columns = np.array(values.T, dtype=np.float64, order='C')
+    _whiten(columns, 0, gains)
+    return np.ascontiguousarray(columns.T)
 
 
-def apply_gains_in_place(rows: FloatArray, gains: Gains) -> None:
-    """Whiten rows (m, q) that lie contiguously."""
-    state = np.zeros((len(gains.decay), rows.shape[1]))
-    _innovate(rows, state, gains.decay, gains.weight, gains.missed, gains.gain, gains.deviation)
+def _whiten(columns: FloatArray, start: int, gains: Gains) -> None:
+    """Whiten the m rows from `start` on of columns (q, rows), each of which lies contiguously."""
+    g = gains
+    _innovate(columns, start, g.decay, g.weight, g.missed, g.gain, g.deviation)
 
 
 def apply_transposed(values: FloatArray, gains: Gains) -> FloatArray:
@@ -111,9 +111,9 @@ class RowWhitening:
         return whitened
 
     def whiten_in_place(self, columns: FloatArray, axis: int) -> None:
-        """Whiten columns (rows, p) of one axis that lie contiguously."""
-        for run, gains in enumerate(self._gains):
-            apply_gains_in_place(columns[self.rows_of(run)], gains[axis])
+        """Whiten columns (p, rows) of one axis, each of which lies contiguously."""
+        for start, gains in zip(self.edges[:-1].tolist(), self._gains, strict=True):
+            _whiten(columns, start, gains[axis])
 
 
 # The kernels are plain loops over scalars that fill arrays made outside: what numpy does inside
@@ -159,25 +159,46 @@ def _fill_gains(
 
 @njit(cache=True, nogil=True)
 def _innovate(
-    rows: FloatArray,
-    state: FloatArray,
+    columns: FloatArray,
+    start: int,
     decay: FloatArray,
     weight: FloatArray,
     missed: FloatArray,
     gain: FloatArray,
     deviation: FloatArray,
 ) -> None:
-    order, width = state.shape
-    for i in range(rows.shape[0]):
-        for j in range(order):
-            for c in range(width):
-                state[j, c] *= missed[i, j]
-                rows[i, c] -= weight[j] * state[j, c]
-        for j in range(order):
-            for c in range(width):
-                state[j, c] = decay[j] * state[j, c] + gain[i, j] * rows[i, c]
-        for c in range(width):
-            rows[i, c] /= deviation[i]
+    # Four columns at a time stay in registers; the last one stands in for those that are lacking.
+    last = columns.shape[0] - 1
+    state = np.empty((len(decay), 4))
+    for a in range(0, last + 1, 4):
+        b, c, d = min(a + 1, last), min(a + 2, last), min(a + 3, last)
+        state[:] = 0.0
+        for i in range(len(deviation)):
+            row = start + i
+            at_a, at_b, at_c, at_d = (
+                columns[a, row],
+                columns[b, row],
+                columns[c, row],
+                columns[d, row],
+            )
+            for j in range(len(decay)):
+                kept, share = missed[i, j], weight[j]
+                of_a, of_b = kept * state[j, 0], kept * state[j, 1]
+                of_c, of_d = kept * state[j, 2], kept * state[j, 3]
+                state[j, 0], state[j, 1], state[j, 2], state[j, 3] = of_a, of_b, of_c, of_d
+                at_a -= share * of_a
+                at_b -= share * of_b
+                at_c -= share * of_c
+                at_d -= share * of_d
+            for j in range(len(decay)):
+                kept, share = decay[j], gain[i, j]
+                state[j, 0] = kept * state[j, 0] + share * at_a
+                state[j, 1] = kept * state[j, 1] + share * at_b
+                state[j, 2] = kept * state[j, 2] + share * at_c
+                state[j, 3] = kept * state[j, 3] + share * at_d
+            spread = deviation[i]
+            columns[a, row], columns[b, row] = at_a / spread, at_b / spread
+            columns[c, row], columns[d, row] = at_c / spread, at_d / spread
 
 
 @njit(cache=True, nogil=True)
