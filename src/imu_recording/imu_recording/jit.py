@@ -15,7 +15,7 @@ import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
 import numba
 from numba.core.event import Listener, register
@@ -28,6 +28,14 @@ F = TypeVar('F', bound=Callable[..., Any])
 _KERNELS: list[Any] = []
 _VERSIONS: dict[str, str] = {}
 """Of every module with kernels, as it was when its first kernel was defined: digest."""
+
+
+@overload
+def njit(function: F) -> F: ...
+
+
+@overload
+def njit(function: None = None, **options: Any) -> Callable[[F], F]: ...
 
 
 def njit(function: Any = None, **options: Any) -> Any:

@@ -55,7 +55,7 @@ class TcpEndpoint:
             if key.fileobj is self._listener:
                 self._accept(refuse='disconnect' in active)
             elif key.fileobj in self._clients:
-                self._answer(key.fileobj, active)  # type: ignore[arg-type]
+                self._answer(key.fileobj, active)
 
     def send(self, data: bytes) -> None:
         """Send to every client."""

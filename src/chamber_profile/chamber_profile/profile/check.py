@@ -54,7 +54,7 @@ def parse_located(text: str) -> LocatedText:
         what = getattr(error, 'problem', None) or str(error)
         raise LocatedTextError(f'line {line}: not valid YAML: {what}') from error
     finally:
-        loader.dispose()  # type: ignore[no-untyped-call]
+        loader.dispose()
     return LocatedText(content, lines, tuple(problems))
 
 

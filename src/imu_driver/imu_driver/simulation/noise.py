@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from imu_recording.jit import njit
 from imu_recording.recording import FloatArray
+from numpy.typing import NDArray
 
 SHORTEST, LONGEST, PROCESSES = 10.0, 4.0e4, 8
 """First and last correlation time [s], and number of processes."""
@@ -22,7 +23,9 @@ PROCESS_STD = np.sqrt(np.log(RATIO) / np.pi)
 
 
 @njit(cache=True)
-def _sum_of_processes(normals: FloatArray, start: FloatArray, decay: FloatArray) -> FloatArray:
+def _sum_of_processes(
+    normals: NDArray[np.float32], start: FloatArray, decay: FloatArray
+) -> FloatArray:
     """Add up OU processes of unit variance: normals (p, n, axes), start (p, axes), decay (p,)."""
     processes, n, axes = normals.shape
     total = np.zeros((n, axes))

@@ -3,16 +3,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from imu_recording.bags.cdr import Bytes
 from imu_recording.jit import njit
+from imu_recording.recording import IntArray
 
 MINUS_ONE = np.array([-1.0]).view(np.int64)[0]
 NOT_A_NUMBER = np.array([np.nan]).view(np.int64)[0]
 
 
 @njit(cache=True)
-def little32(buffer, at):  # type: ignore[no-untyped-def]
+def little32(buffer: Bytes, at: int) -> Any:
     """Return the unsigned 32-bit integer at a byte as int64."""
     return (
         np.int64(buffer[at])
@@ -23,7 +27,7 @@ def little32(buffer, at):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def little64(buffer, at):  # type: ignore[no-untyped-def]
+def little64(buffer: Bytes, at: int) -> Any:
     """Return the 64 bits at a byte as int64."""
     return (
         np.int64(buffer[at])
@@ -38,7 +42,9 @@ def little64(buffer, at):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def is_expected(buffer, at, length, size, frame, stamped):  # type: ignore[no-untyped-def]
+def is_expected(
+    buffer: Bytes, at: int, length: int, size: int, frame: Bytes, stamped: int
+) -> bool:
     """Tell whether a message has the expected encapsulation, length and frame_id."""
     if length != size or little32(buffer, at) != 256:
         return False
@@ -54,7 +60,7 @@ def is_expected(buffer, at, length, size, frame, stamped):  # type: ignore[no-un
 
 
 @njit(cache=True, nogil=True)
-def header_stamp(buffer, at):  # type: ignore[no-untyped-def]
+def header_stamp(buffer: Bytes, at: int) -> Any:
     """Return the stamp of a message with a header [ns]."""
     seconds = little32(buffer, at + 4)
     if seconds >= 2147483648:
@@ -63,7 +69,7 @@ def header_stamp(buffer, at):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def copy_group(buffer, at, first, mark, out, row):  # type: ignore[no-untyped-def]
+def copy_group(buffer: Bytes, at: int, first: int, mark: int, out: IntArray, row: int) -> int:
     """Copy the doubles of one group to a row; return 1 where it is marked as not reported."""
     if mark >= 0 and little64(buffer, at + 8 * mark) == MINUS_ONE:
         for j in range(out.shape[1]):
@@ -75,7 +81,16 @@ def copy_group(buffer, at, first, mark, out, row):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, nogil=True)
-def decode_messages(buffer, messages, span, wanted, frame, shape, out, row):  # type: ignore[no-untyped-def]
+def decode_messages(
+    buffer: Bytes,
+    messages: tuple[IntArray, IntArray, IntArray, IntArray],
+    span: tuple[int, int],
+    wanted: int,
+    frame: Bytes,
+    shape: tuple[int, ...],
+    out: tuple[IntArray, IntArray, IntArray, IntArray],
+    row: int,
+) -> tuple[int, int, int]:
     """Copy the numbers of one slot's messages into columns, until one has another layout.
 
     `messages` are a block's arrays offset, length, received and slot, `span` (from, to) those to

@@ -16,6 +16,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from imu_recording.bags.cdr import Bytes
 from imu_recording.bags.cdr_decode import little64
 from imu_recording.bags.compression import decompress_chunk
 from imu_recording.bags.mcap_footer import read_footer, summary_bytes
@@ -32,7 +33,7 @@ from imu_recording.bags.mcap_writer import (
 )
 from imu_recording.bags.topic_columns import Channel, MessageBlock, empty_block
 from imu_recording.jit import njit
-from imu_recording.recording import BagError
+from imu_recording.recording import BagError, IntArray
 
 RECORD_END = 0
 """The bytes given are used up."""
@@ -252,7 +253,16 @@ def _parse_map(content: bytes) -> dict[str, str]:
 
 
 @njit(cache=True, nogil=True)
-def find_messages(buffer, at, end, slot_of_channel, offset, length, received, slot):  # type: ignore[no-untyped-def]
+def find_messages(
+    buffer: Bytes,
+    at: int,
+    end: int,
+    slot_of_channel: IntArray,
+    offset: IntArray,
+    length: IntArray,
+    received: IntArray,
+    slot: IntArray,
+) -> tuple[int, int, int]:
     """Find the mcap message records (opcode 5) from byte `at` on.
 
     Records of channels whose slot is −1 are passed over. Fills `offset` and `length` of the

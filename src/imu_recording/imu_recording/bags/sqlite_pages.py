@@ -11,9 +11,11 @@ import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from imu_recording.bags.cdr import Bytes
 from imu_recording.bags.topic_columns import MessageBlock, empty_block
 from imu_recording.jit import njit
 from imu_recording.recording import IntArray
@@ -171,7 +173,7 @@ def _read(
 
 
 @njit(cache=True, nogil=True)
-def varint(buffer, at):  # type: ignore[no-untyped-def]
+def varint(buffer: Bytes, at: int) -> tuple[Any, Any]:
     """Return a variable-length integer and the byte behind it."""
     value = np.int64(0)
     for k in range(8):
@@ -183,7 +185,7 @@ def varint(buffer, at):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def big_endian(buffer, at, width):  # type: ignore[no-untyped-def]
+def big_endian(buffer: Bytes, at: int, width: int) -> Any:
     """Return a signed big-endian integer of 1 to 8 bytes."""
     value = np.int64(buffer[at])
     if value >= 128:
@@ -194,7 +196,9 @@ def big_endian(buffer, at, width):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def read_record(buffer, at, end, places, widths):  # type: ignore[no-untyped-def]
+def read_record(
+    buffer: Bytes, at: int, end: int, places: tuple[int, int, int], widths: IntArray
+) -> tuple[Any, Any, Any, Any]:
     """Return (topic, timestamp, byte and length of data); length −1 where it is not plain."""
     topic, moment, data, length = np.int64(-1), np.int64(0), np.int64(0), np.int64(-1)
     size, head = varint(buffer, at)
@@ -227,7 +231,16 @@ def read_record(buffer, at, end, places, widths):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True)
-def read_leaves(buffer, starts, usable, places, slots, widths, arrays, last):  # type: ignore[no-untyped-def]
+def read_leaves(
+    buffer: Bytes,
+    starts: IntArray,
+    usable: int,
+    places: tuple[int, int, int],
+    slots: IntArray,
+    widths: IntArray,
+    arrays: tuple[IntArray, ...],
+    last: int,
+) -> tuple[int, int, bool]:
     """List the wanted messages of leaf pages; return their number, the last row, whether plain."""
     offset, length, received, slot = arrays
     found = 0

@@ -77,7 +77,7 @@ def overridable() -> QoSOverridingOptions:
     )
 
 
-class ConfiguredNode(LifecycleNode):
+class ConfiguredNode(LifecycleNode):  # type: ignore[misc]
     """A lifecycle node whose parameters are the fields of a frozen dataclass.
 
     Subclasses set `config_class` and implement `setup(config)`, which creates inputs and outputs,

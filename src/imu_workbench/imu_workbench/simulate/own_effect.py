@@ -23,7 +23,7 @@ from thermal_comp.effects.effect import COUNT, Effect
 from thermal_comp.effects.user_effects import effect_catalogue
 
 CHAMBER_TRACKS = ('chamber_temperature', 'humidity', 'heater', 'compressor', 'fan', 'setpoint')
-INNER = 0.1
+MARGIN_SHARE = 0.1
 """Shapes are drawn this share of the range away from its ends: at an end half the effect shows."""
 
 
@@ -59,7 +59,7 @@ def _drawn(effect: type[Effect], generator: np.random.Generator) -> Effect:
         if item.metadata['unit'] == COUNT or isinstance(item.default, tuple):
             continue
         low, high = item.metadata['bounds']
-        share = generator.uniform(INNER, 1.0 - INNER)
+        share = generator.uniform(MARGIN_SHARE, 1.0 - MARGIN_SHARE)
         even = low <= 0.0 or high < 10.0 * low
         value = low + share * (high - low) if even else low * (high / low) ** share
         shape[item.name] = float(value)
@@ -82,7 +82,7 @@ def _conditions(run: DeviceRun, sensor: str) -> Conditions:
         specific_force=inputs['accelerometer'],
         angular_velocity=inputs['gyroscope'],
         magnetic_field=inputs['magnetometer'],
-        sensor=SENSORS[SENSORS.index(sensor)],  # type: ignore[arg-type]
+        sensor=SENSORS[SENSORS.index(sensor)],
         supply_voltage=run.supply,
         vibration=run.vibration,
         phase=run.environment.phase,

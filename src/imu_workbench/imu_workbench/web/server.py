@@ -77,7 +77,7 @@ def run_server(
         look = (here / 'theme.css').read_text('utf-8')
         scripts = [(here / name).read_text('utf-8') for name in SCRIPTS]
 
-        @ui.page('/', response_timeout=30.0)
+        @ui.page('/', response_timeout=30.0)  # type: ignore[untyped-decorator]
         def _page(request: Request) -> None:
             ui.add_css(look)
             ui.add_head_html(''.join(f'<script>{script}</script>' for script in scripts))

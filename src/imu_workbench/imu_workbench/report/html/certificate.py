@@ -135,7 +135,7 @@ def displayed(sensor: str, unit: str) -> tuple[str, float]:
     if rest:
         name, factor = SMALL_UNITS[sensor]
         return f'{name}{rest}', factor
-    shown_in = DISPLAY_UNITS[sensor]  # type: ignore[index]
+    shown_in = DISPLAY_UNITS[sensor]
     return shown_in.unit, shown_in.factor
 
 
