@@ -95,12 +95,6 @@ def effects_beyond(
     return not_followed(runs, sensor, effects, saturated_basis)
 
 
-def fit_noise_to_values(runs: Sequence[PreparedRun], values: Sequence[FloatArray]) -> NoiseModel:
-    """Return the noise of values (m, 3) per run, measured or drawn under the runs' conditions."""
-    spectra = [_spectrum(run, v, {}) for run, v in zip(runs, values, strict=True)]
-    return fit_noise_to_spectra([s for s in spectra if s is not None])
-
-
 def fit_noise_to_spectra(spectra: Sequence[ResidualSpectrum]) -> NoiseModel:
     """Return the noise model whose expected spectra fit best, per axis."""
     if not spectra:

@@ -23,8 +23,6 @@ from imu_workbench.answer import plain
 
 HELD_OUT_AT_FIRST = 5
 """Candidates of a sensor whose held-out error is computed without being asked for."""
-CERTAIN = 0.99
-"""Probability from which the odds to a rival are no question any more."""
 
 
 @dataclass(frozen=True)
