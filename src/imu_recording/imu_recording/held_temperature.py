@@ -11,19 +11,19 @@ import numpy as np
 
 from imu_recording.recording import FloatArray, IntArray
 
-CHANGES = 30
+LEAST_CHANGES = 30
 """Changes of the value from which its period is judged."""
 LEAST_ROWS = 3
 """Rows to a measurement from which holding matters."""
-ON_TIME = 0.95
+ON_TIME_SHARE = 0.95
 """Share of the changes that come whole periods after the one before, to one row …"""
-LONG = 20.0
+LONG_PERIOD_ROWS = 20.0
 """… or two, of periods from so many rows."""
-LONGER = 10
+LONG_INTERVALS = 10
 """Intervals of two periods and more, on time, that tell a period from a slow, coarse sensor …"""
-BY_CHANCE = 0.5
+CHANCE_PROBABILITY = 0.5
 """… for which being on time by chance is at most this probable."""
-UNEVEN = 1.5
+UNEVEN_STEP_RATIO = 1.5
 """Steps so many times the smallest are of different size: no resolution is passed in order."""
 
 
@@ -45,7 +45,7 @@ def measurement_stamps(written: IntArray, values: FloatArray) -> IntArray | None
     known = np.flatnonzero(np.isfinite(values) & (written >= 0))
     first = known[np.flatnonzero(np.diff(written[known], prepend=-1))]
     changed = np.flatnonzero(np.diff(values[first])) + 1
-    if len(changed) < CHANGES or len(changed) * (LEAST_ROWS - 1) > len(first):
+    if len(changed) < LEAST_CHANGES or len(changed) * (LEAST_ROWS - 1) > len(first):
         return None
     rows_between = np.diff(changed)
     period = _period(rows_between, np.abs(np.diff(values[first])[changed - 1]))
@@ -83,13 +83,13 @@ def _period(rows_between: IntArray, steps: FloatArray) -> float:
     if period < LEAST_ROWS:
         return 0.0
     count = np.maximum(np.rint(rows_between / period), 1.0)
-    tolerance = 1.5 if period < LONG else 2.5
+    tolerance = 1.5 if period < LONG_PERIOD_ROWS else 2.5
     on_time = np.abs(rows_between - count * period) <= tolerance
-    if on_time.mean() < ON_TIME:
+    if on_time.mean() < ON_TIME_SHARE:
         return 0.0
     least = float(steps.min())
-    if float(np.mean(steps > UNEVEN * least)) > 1.0 - ON_TIME:
+    if float(np.mean(steps > UNEVEN_STEP_RATIO * least)) > 1.0 - ON_TIME_SHARE:
         return period
     longer = (count > 1.0) & (count <= 10.0)
-    told = period > 2.0 * tolerance / BY_CHANCE and int(longer.sum()) >= LONGER
-    return period if told and on_time[longer].mean() >= ON_TIME else 0.0
+    told = period > 2.0 * tolerance / CHANCE_PROBABILITY and int(longer.sum()) >= LONG_INTERVALS
+    return period if told and on_time[longer].mean() >= ON_TIME_SHARE else 0.0

@@ -47,9 +47,9 @@ sensors (16 and 24 g, 2000 °/s, 50 gauss), temperatures of working electronics 
 pressures from vacuum to two kilometres under water."""
 LATER_JUDGED = (*MEASURED_FIELDS, 'humidity', 'supply_voltage', 'vibration')
 """Fields whose defects a diagnosis names itself (`sensors` False)."""
-FEW = 0.01
+DAMAGED_SHARE = 0.01
 """Up to this share of impossible values is damage and left out; more is another unit …"""
-ALONE = 0.2
+ALONE_SHARE = 0.2
 """… unless each stands alone between possible ones (a thermometer's error code): up to this."""
 FOREIGN_UNITS = {
     'humidity': {'%': (1.1, 110.0)},
@@ -89,11 +89,11 @@ FEWEST_COUNTS = 5
 """Different numbers of one axis by which its counts are told."""
 DENSITY_PERIOD_S = 2.0
 """Slower rows may be single samples of a wide band: only the step itself is judged."""
-WARMER = 25.0
+FAHRENHEIT_EXCESS_K = 25.0
 """A die so much warmer than its chamber [K] is in °F where …"""
-CLOSE = 10.0
+CELSIUS_DISTANCE_K = 10.0
 """… it is within this of the chamber when it is converted [K], and …"""
-STEEPER = 1.2
+FAHRENHEIT_SLOPE_RATIO = 1.2
 """… rises so many times as much as the chamber at least, or the chamber does not change; and the
 chamber is in °F where it is the other way round."""
 LEAST_CHAMBER_SPAN = 5.0
@@ -206,7 +206,7 @@ def _without_damage(recording: ImuRecording, *, sensors: bool) -> tuple[ImuRecor
         worst = float(values[wrong][np.argmax(np.abs(values[wrong]))])
         topic = TRACK_OF_FIELD[field].topic
         together = int(np.count_nonzero(wrong_rows[1:] & wrong_rows[:-1]))
-        if together > FEW * len(values) or rows > max(ALONE * len(values), 1):
+        if together > DAMAGED_SHARE * len(values) or rows > max(ALONE_SHARE * len(values), 1):
             if not sensors and field in LATER_JUDGED:
                 continue
             return recording, (
@@ -276,12 +276,12 @@ def _foreign_temperature(recording: ImuRecording) -> str:
 
 def _in_fahrenheit(y: FloatArray, x: FloatArray, *, still: bool) -> bool:
     """Tell whether y is in °F beside x in °C; `still`, where x hardly changes, too."""
-    near = abs(float(np.mean((y - 32.0) / 1.8) - np.mean(x))) < CLOSE
-    if not near or float(np.mean(y) - np.mean(x)) <= WARMER:
+    near = abs(float(np.mean((y - 32.0) / 1.8) - np.mean(x))) < CELSIUS_DISTANCE_K
+    if not near or float(np.mean(y) - np.mean(x)) <= FAHRENHEIT_EXCESS_K:
         return False
     if np.ptp(x) < LEAST_CHAMBER_SPAN:
         return still
-    return float(np.polyfit(x - x.mean(), y, 1)[0]) >= STEEPER
+    return float(np.polyfit(x - x.mean(), y, 1)[0]) >= FAHRENHEIT_SLOPE_RATIO
 
 
 def _rests(recording: ImuRecording) -> bool:

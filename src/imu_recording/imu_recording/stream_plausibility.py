@@ -16,7 +16,7 @@ FIRST_SAMPLES = 20
 WINDOW_S = 10.0
 """Afterwards stretches of this length [s] are judged …"""
 WINDOW_NS = round(WINDOW_S * 1e9)
-FEWEST, MOST = 100, 4096
+FEWEST_SAMPLES, MOST_SAMPLES = 100, 4096
 """… of so many samples at least and at most."""
 JUMP_BACK_NS = 1_000_000_000
 """A stamp that much before the newest is a new start, not a late sample [ns]."""
@@ -63,7 +63,7 @@ class StreamCheck:
             rows = self._rows
             rows.append((sample.stamp, rate, force, self._field, self._temperature))
             count, waited = len(rows), sample.stamp - rows[0][0]
-            if count == FIRST_SAMPLES or count >= MOST or waited >= WINDOW_NS:
+            if count == FIRST_SAMPLES or count >= MOST_SAMPLES or waited >= WINDOW_NS:
                 self._judge()
         elif sample.stamp < self.newest - JUMP_BACK_NS:
             self.newest, self._rows = sample.stamp, []
@@ -88,8 +88,8 @@ class StreamCheck:
     def _judge(self) -> None:
         count = len(self._rows)
         first = not self._judged_first and count == FIRST_SAMPLES
-        long = self.newest - self._rows[0][0] >= WINDOW_NS and count >= FEWEST
-        if first or long or count >= MOST:
+        long = self.newest - self._rows[0][0] >= WINDOW_NS and count >= FEWEST_SAMPLES
+        if first or long or count >= MOST_SAMPLES:
             self.objection = judged(_recording(self._rows))[1]
             self._judged_first = True
             if not first:

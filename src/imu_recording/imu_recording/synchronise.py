@@ -22,7 +22,7 @@ JUMP_S = 6 * 3600.0
 """A step of the stamps above this [s], and above JUMP_STEPS usual ones, is no gap in a run: the
 clock was set, or it is another run."""
 JUMP_STEPS = 100.0
-EMPTIEST = 100.0
+LARGEST_SPAN_RATIO = 100.0
 """Stamps that span more than this many times what their samples fill are refused."""
 SLOWEST_S = 20.0
 """A sample fills at least this much time [s]."""
@@ -164,7 +164,7 @@ def longest_stretch(name: str, stamp: IntArray) -> tuple[slice, str]:
         stamp, step = stamp[kept], step[kept.start : kept.stop - 1]
     span = float(stamp[-1] - stamp[0]) * 1e-9 if len(stamp) else 0.0
     filled = len(stamp) * max(SLOWEST_S, float(np.median(step)) if len(step) else 0.0)
-    if span > EMPTIEST * filled or usual > SLOWEST_SAMPLES_S:
+    if span > LARGEST_SPAN_RATIO * filled or usual > SLOWEST_SAMPLES_S:
         raise RecordingError(
             f'{name}: {len(stamp)} samples over {_span(span)}: the stamps cannot be right; were '
             'they damaged, or written in another unit than nanoseconds?'

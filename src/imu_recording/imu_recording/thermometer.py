@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_recording.recording import FloatArray
 
-FEWEST = 50
+FEWEST_MEASUREMENTS = 50
 """Measurements from which a thermometer is judged."""
 MISSING_ROWS = 20
 """So many values that are missing are a fault."""
@@ -76,8 +76,8 @@ class LiveThermometer:
         if self._missing >= MISSING_ROWS:
             return 'the thermometer has no value (NaN)'
         seconds = (self._newest - self._since) * 1e-9
-        if self._equal >= FEWEST and seconds >= CONSTANT_S:
+        if self._equal >= FEWEST_MEASUREMENTS and seconds >= CONSTANT_S:
             return f'the thermometer stands at {self._value:g} °C for {seconds / 60.0:.0f} min'
-        if self._whole >= FEWEST and self._whole_values > 1:
+        if self._whole >= FEWEST_MEASUREMENTS and self._whole_values > 1:
             return 'temperature in whole degrees'
         return ''

@@ -44,9 +44,9 @@ UNKNOWN_HEADING_VARIANCE = 3.29
 """Of a heading that may be anything: π² / 3 [rad²]."""
 START_POWER = 4.0
 """Square of an acceleration that may be there at the start, per axis [(m/s²)²]."""
-BRIDGE = 1 / 16
+INTERPOLATION_FACTOR = 1 / 16
 """Error² of an angle over a gap h on a straight line, in (change of rate per second)² h⁴."""
-HELD = 1 / 4
+EXTRAPOLATION_FACTOR = 1 / 4
 """Error² of an angle carried on by the last rate over h, in (change of rate per second)² h⁴."""
 
 
@@ -132,7 +132,7 @@ class AveragingState(NamedTuple):
     smoothed: Vector
     """Specific force after its low-pass, world [m/s²]."""
     persistent: Vector
-    """Mean specific force over `PERSISTENCE`, world [m/s²]."""
+    """Mean specific force over `PERSISTENCE_S`, world [m/s²]."""
     deviation: float
     """Running mean square of the field's distance from the reference, per part, as a part of its
     horizontal part."""
@@ -215,7 +215,9 @@ def held(
 ) -> tuple[Quaternion, Symmetric]:
     """Return attitude and covariance carried on by the last rate while there is none [s]."""
     rate = subtract(state.rate, bias)
-    grown = HELD * state.rate_change * (interval * interval) * (interval * interval)
+    grown = (
+        EXTRAPOLATION_FACTOR * state.rate_change * (interval * interval) * (interval * interval)
+    )
     c = covariance
     return (
         normalised(multiply(q, from_rotation_vector(scale(interval, rate)))),
@@ -303,7 +305,7 @@ def angle_variance(state: AveragingState, params: AveragingParams) -> float:
         density = max(density, state.rest.angular_velocity_variance / 3.0 * interval)
     walk = density * past.elapsed
     scale_error = params.rate_error * params.rate_error * past.angle
-    return walk + scale_error + BRIDGE * rate_change(state) * past.gaps
+    return walk + scale_error + INTERPOLATION_FACTOR * rate_change(state) * past.gaps
 
 
 @inline

@@ -11,7 +11,7 @@ from math import pi, sqrt
 from typing import NamedTuple
 
 from orientation_filters.averages import (
-    BRIDGE,
+    INTERPOLATION_FACTOR,
     AveragingParams,
     AveragingState,
     no_integrals,
@@ -59,11 +59,11 @@ ADOPTION_DOUBT = 0.1
 """Standard deviation of the heading that a newly adopted field shows [rad]."""
 UNSETTLED_TILT = 0.035
 """Standard deviation of the inclination above which a field cannot be judged [rad]."""
-RELEARNED = 10.0
+RELEARNED_FIELD_S = 10.0
 """A field seen for less is learned anew where the tilt was found wrong [s]."""
 LEAST_GAIN = 0.01
 """Part of a heading that corrects one whose variance is no larger than the tilt explains."""
-PERSISTENCE = 10.0
+PERSISTENCE_S = 10.0
 """Time over which an acceleration that persists is more likely a wrong tilt [s]."""
 LEAST_AGE = 1.0
 """Accelerations have had the time to average out [s]."""
@@ -139,7 +139,7 @@ def take_means(
     force = _mean_force(state, params, orientation)
     tilt = 0.5 * (orientation[0] + orientation[3])
     is_unsettled = force.doubt > 0.0 or tilt > UNSETTLED_TILT * UNSETTLED_TILT
-    is_new = is_unsettled and state.reference.agreed_for < RELEARNED
+    is_new = is_unsettled and state.reference.agreed_for < RELEARNED_FIELD_S
     reference = no_reference() if is_new else state.reference
     field = _mean_field(state, params, orientation, reference)
     return Means(
@@ -166,7 +166,9 @@ def _variance_factors(
     before, t = state.factors, state.integrals.elapsed
     rests = state.rest.duration >= params.rest.duration
     gaps = state.integrals.gaps
-    bridged = BRIDGE * rate_change(state) * gaps if gaps > params.interval**4 else 0.0
+    bridged = (
+        INTERPOLATION_FACTOR * rate_change(state) * gaps if gaps > params.interval**4 else 0.0
+    )
     inclination = add_bridged(before.inclination, bridged)
     heading = add_bridged(before.heading, bridged)
     force_error, field_error = before.force, before.field
@@ -217,7 +219,7 @@ def _mean_force(
     power, age, variance, doubt = state.power, state.age, -1.0, 0.0
     smoothed, persistent = state.smoothed, state.persistent
     if dot(force, force) > 0.0:
-        bridged = BRIDGE * rate_change(state) * state.integrals.gaps
+        bridged = INTERPOLATION_FACTOR * rate_change(state) * state.integrals.gaps
         is_lost = bridged > 0.25 * (orientation[0] + orientation[3])
         age = t if is_lost else age + t
         gain = t / (min(params.acceleration_smoothing, age - t) + t)
@@ -233,8 +235,8 @@ def _mean_force(
         power = now if rests else power + (now - power) * t / (params.acceleration_memory + t)
         density = params.acceleration_floor * params.acceleration_floor + max(power, now)
         variance = density / min(t, params.interval)
-        persistent = approach(persistent, force, t / (min(PERSISTENCE, age - t) + t))
-        doubt = _doubt(persistent, params.up, 0.5 * tilt + density / min(PERSISTENCE, age))
+        persistent = approach(persistent, force, t / (min(PERSISTENCE_S, age - t) + t))
+        doubt = _doubt(persistent, params.up, 0.5 * tilt + density / min(PERSISTENCE_S, age))
     level = _level_part(smoothed, params.up)
     if variance > 0.0:
         square = level[0] * level[0] + level[1] * level[1]

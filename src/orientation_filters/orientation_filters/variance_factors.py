@@ -21,7 +21,7 @@ from typing import NamedTuple
 from orientation_filters.kernel import inline
 from orientation_filters.rotation.scalars import Symmetric
 
-START = 3.0
+START_S = 3.0
 """Innovations count later: what was assumed at the start is forgotten by then [s]."""
 PRIOR_WEIGHT = 0.1
 """Independent values that the factor 1 counts for."""
@@ -34,7 +34,7 @@ FORCE_TIME, FIELD_TIME = 10.0, 2.0
 """What is left of a sensor's error after a low-pass of this time constant persists [s]."""
 PERSISTENT_MEMORY = 60.0
 """Over which the power of what persists is a mean [s]."""
-ACROSS = 4.0
+ACROSS_GRAVITY_POWER = 4.0
 """Power of an accelerometer's error across gravity over that along it: calibrated by the length of
 gravity, it keeps the misalignment of its axes (measured on BROAD)."""
 
@@ -156,7 +156,7 @@ def observe_angle(
     unused = _low_pass(before.unused, unused, gain)
     expected = keep * keep * before.expected + gain * variance
     rest, motion = before.rest, before.motion
-    if before.age > START:
+    if before.age > START_S:
         ratio = _delayed(gain * delay / dt, rests) * _square(innovation) / expected
         power = _square(unused)
         if rests:
@@ -237,7 +237,10 @@ def scaled(c: Symmetric, factors: VarianceFactors) -> Symmetric:
         tilt, turn = factors.inclination.rest, factors.heading.rest
     t, h = tilt.factor, turn.factor
     both = sqrt(t * h)
-    more = max(tilt.unused - 0.5 * t * (c[0] + c[3]), 0.0) + ACROSS * factors.force.power
+    more = (
+        max(tilt.unused - 0.5 * t * (c[0] + c[3]), 0.0)
+        + ACROSS_GRAVITY_POWER * factors.force.power
+    )
     more += max(1.0 - t, 0.0) * factors.inclination.bridged
     turned = max(factors.field.power - factors.field.white, 0.0)
     turned += max(1.0 - h, 0.0) * factors.heading.bridged

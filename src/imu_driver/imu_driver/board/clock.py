@@ -22,9 +22,9 @@ LARGEST_SKEW: Final = 1e-2
 """Relative; more than a ceramic resonator is off, let alone a crystal."""
 SKEW_BASELINE: Final = 5.0
 """[s] Shortest span of data that determines the skew under delays of milliseconds."""
-STEP: Final = 0.5
+STEP_S: Final = 0.5
 """[s] A larger change of the delay is a step of the host's clock …"""
-STEP_DURATION: Final = 3.0
+STEP_DURATION_S: Final = 3.0
 """[s] … if it lasts this long; a stall of the host ends sooner."""
 RESIDUAL_WEIGHT: Final = 1e-3
 """Of one sample in the running mean and variance of the delay."""
@@ -141,7 +141,7 @@ class DeviceClock:
         advance = 0 if self._origin is None else self._advance(tick, arrival)
         if advance < 0:
             self.restart()
-        elif arrival < self._arrival - STEP * NANOSECOND:
+        elif arrival < self._arrival - STEP_S * NANOSECOND:
             self.steps += 1
             self._start()
             self._last_stamp = 0
@@ -195,12 +195,12 @@ class DeviceClock:
     def _host_clock_stepped(self, newest: Observation, line: tuple[float, float, float]) -> bool:
         """Whether the delay has jumped and stayed so; a congested line delays gradually more."""
         x, y, slope = line
-        if newest.offset - (y + slope * (newest.time - x)) < STEP:
+        if newest.offset - (y + slope * (newest.time - x)) < STEP_S:
             self._jumped_at = math.inf
-        elif newest.offset - self._last_offset > STEP:
+        elif newest.offset - self._last_offset > STEP_S:
             self._jumped_at = newest.time
         self._last_offset = newest.offset
-        if newest.time - self._jumped_at <= STEP_DURATION:
+        if newest.time - self._jumped_at <= STEP_DURATION_S:
             return False
         self.steps += 1
         return True

@@ -20,7 +20,7 @@ ASK_AFTER_SILENCE: Final = 1.0
 """[s] A device that has sent nothing for this long is asked for information."""
 REOPEN_AFTER_SILENCE: Final = 5.0
 """[s] A line on which nothing came for this long is closed and opened again."""
-TOGETHER: Final = 1.5
+SAMPLES_WORTH_WAITING: Final = 1.5
 """Samples within `read_period` from which it pays to wait for them."""
 
 
@@ -115,7 +115,7 @@ class DeviceReader:
             outgoing = session.outgoing(now)
             if outgoing:
                 transport.write(outgoing)
-            if chunk and self.read_period * session.nominal_rate > TOGETHER:
+            if chunk and self.read_period * session.nominal_rate > SAMPLES_WORTH_WAITING:
                 time.sleep(max(began + self.read_period - time.monotonic(), 0.0))
 
     def _report_events(self) -> None:

@@ -66,7 +66,7 @@ FASTEST_K_PER_S = 0.5
 """Change of a temperature over a whole file that no chamber makes."""
 MOST_STEPS_BACK = 0.01
 """Share of the steps of a clock that may go back."""
-WARM = 60.0
+WARMEST_CELSIUS = 60.0
 """Temperatures above it are asked about: most boards are this warm in °F only."""
 UNTOLD_RATE = 'angular_velocity: no unit in the header, taken as rad/s'
 USUAL_PERIOD_S = 0.02
@@ -298,7 +298,7 @@ def _scalar_unit(
     if name in GREATEST:
         greatest = float(known.max()) if len(known) else np.nan
         return {'unit': next(u for u, most in GREATEST[name].items() if not greatest > most)}
-    if WARM < middle < 130.0:
+    if WARMEST_CELSIUS < middle < 130.0:
         unsure.append(f'{name}: {column} is about {middle:.3g}, taken as °C: or is it °F?')
     if -60.0 < middle < 130.0:
         return {'unit': '°C'}

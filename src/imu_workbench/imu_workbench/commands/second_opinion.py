@@ -44,9 +44,9 @@ UNITS: dict[Sensor, tuple[float, str]] = {
     'gyroscope': (180.0 / np.pi, '°/s'),
 }
 """Factor from SI and unit, as pilots know them."""
-GOOD = 1.5
+GOOD_NOISE_RATIO = 1.5
 """Times the noise floor up to which curves are good."""
-SMALL = 2.0
+SMALL_NOISE_RATIO = 2.0
 """Times the noise floor up to which what cooling leaves is small."""
 WIDE_K = 25.0
 """Range from which a log covers the weather [K]."""
@@ -135,7 +135,7 @@ def _worth(found: Mapping[Sensor, OtherLogs]) -> str:
     worse = [sensor for sensor, part in found.items() if rms_of(part.left) >= rms_of(part.raw)]
     if worse:
         return f'they do not hold: on other logs they make the {" and ".join(worse)} worse'
-    if all(rms_of(part.left) <= GOOD * rms_of(part.own) for part in found.values()):
+    if all(rms_of(part.left) <= GOOD_NOISE_RATIO * rms_of(part.own) for part in found.values()):
         return 'they hold from log to log'
     return 'they help, but less than within their own log: lag, hysteresis or another mounting'
 
@@ -163,7 +163,7 @@ def verdict(opinion: SecondOpinion) -> list[str]:
     worst = max(_times_floor(s, s.held_out) for s in opinion.sensors.values())
     judged = (
         'good: noise leaves as much'
-        if worst <= GOOD
+        if worst <= GOOD_NOISE_RATIO
         else f'{shown(worst, 2)} times what noise would leave'
     )
     name = NAMES[opinion.autopilot]
@@ -197,11 +197,11 @@ def _advice(opinion: SecondOpinion, worst: float) -> str:
         advice.append('keep logging while the board cools down again, and ask once more')
     if high - low < WIDE_K:
         advice.append(f'start colder or end warmer: {high - low:.0f} K is a narrow range')
-    if opinion.decidable and max(worst, later) > max(GOOD, SMALL):
+    if opinion.decidable and max(worst, later) > max(GOOD_NOISE_RATIO, SMALL_NOISE_RATIO):
         advice.append(
             'a cubic is not enough: `import`, `auto`, then `export --to c99`, which has the lag'
         )
-    elif worst > GOOD:
+    elif worst > GOOD_NOISE_RATIO:
         advice.append('do not load these curves yet')
     elif opinion.decidable:
         advice.append(f'load these curves; they hold between {low:.0f} and {high:.0f} °C')

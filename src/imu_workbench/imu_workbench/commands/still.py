@@ -49,7 +49,7 @@ EPILOG = (
     'python -m imu_workbench auto rests/* -o m.yaml'
 )
 
-WORSE = 1.05
+WORSE_ERROR_RATIO = 1.05
 """Ratio of the errors on held-out logs, with the model and without, from which it is worse."""
 
 
@@ -160,5 +160,5 @@ def _worse(curves: StillCurves) -> list[str]:
     return [
         f'{sensor}: what other logs say makes it worse'
         for sensor, part in curves.sensors.items()
-        if np.mean(part.held_out**2) > WORSE**2 * np.mean(part.raw**2)
+        if np.mean(part.held_out**2) > WORSE_ERROR_RATIO**2 * np.mean(part.raw**2)
     ]

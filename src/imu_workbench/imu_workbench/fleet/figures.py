@@ -21,7 +21,7 @@ SHOWN_POINTS = 400
 """Devices a control chart draws one by one; of more only every k-th and those beyond limits."""
 HIGHEST_RATIO = 1.4
 """Where the scale of the shortening curve ends."""
-CERTAIN = 12.0
+LARGEST_LOG_PROBABILITY = 12.0
 """The map's scale ends here (−log10 of a probability)."""
 
 
@@ -35,14 +35,14 @@ def map_figure(
 ) -> Figure:
     """Return devices × sensors, worst first, as a heat map; names link to `places` (URLs)."""
     worst = worst_devices(scores)[::-1]
-    z = [[min(CERTAIN, scores[d].get(s, 0.0)) for s in sensors] for d in worst]
+    z = [[min(LARGEST_LOG_PROBABILITY, scores[d].get(s, 0.0)) for s in sensors] for d in worst]
     trace = {
         'type': 'heatmap',
         'x': list(sensors),
         'y': worst,
         'z': z,
         'zmin': 0.0,
-        'zmax': CERTAIN,
+        'zmax': LARGEST_LOG_PROBABILITY,
         'xgap': 2,
         'ygap': 1,
         'colorscale': [[0.0, '@calm'], [0.4, '@raised'], [1.0, '@loud']],

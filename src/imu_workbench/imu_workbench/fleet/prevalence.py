@@ -25,9 +25,9 @@ SHARES = np.linspace(0.025, 1.0, 40)
 """Grid of π, each as probable as the next."""
 RATIOS = np.geomspace(0.25, 1e5, 24)
 """Grid of g."""
-NAMED = 0.95
+NAMED_PROBABILITY = 0.95
 """Probability from which an effect is named."""
-ALONE = 3.0
+ALONE_LOG_BAYES_FACTOR = 3.0
 """ln of the Bayes factor from which a device shows an effect by itself."""
 
 
@@ -56,7 +56,7 @@ class Prevalence:
     @property
     def named(self) -> bool:
         """Whether it is the probable answer."""
-        return self.probability >= NAMED
+        return self.probability >= NAMED_PROBABILITY
 
 
 def joint_evidence(gain: FloatArray, degrees: int) -> tuple[FloatArray, FloatArray]:
@@ -139,5 +139,5 @@ def _of_effect(
             float(SHARES[np.searchsorted(below, 0.05)]),
             float(SHARES[min(int(np.searchsorted(below, 0.95)), len(SHARES) - 1)]),
         ),
-        alone=int((single[:, form, ratio] > ALONE).sum()),
+        alone=int((single[:, form, ratio] > ALONE_LOG_BAYES_FACTOR).sum()),
     )

@@ -30,12 +30,12 @@ and misfits that are not quite normal."""
 TOGETHER_SHARE = 0.2
 """Of the coefficients' false alarms, what the distance of all three gets; the rest goes to each by
 itself."""
-TRIMMED = 1e-3
+TRIMMED_SHARE = 1e-3
 """Devices rarer than this do not count towards the yardstick."""
 LEAST_DEVICES = 12
 """A smaller lot tells nothing about oddness."""
 ROUNDS = 10
-START = 300
+START_DEVICES = 300
 """Devices, at least half of them more, that the robust start of a larger lot is made of."""
 SEED = 5
 """Of the subsets that the minimum covariance determinant starts from."""
@@ -101,7 +101,7 @@ def p_values(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     p = np.empty(len(y))
     for _ in range(ROUNDS):
         p = _left_out(y, kept)
-        grown = p > TRIMMED
+        grown = p > TRIMMED_SHARE
         if grown.sum() <= y.shape[1] + 2 or (grown == kept).all():
             break
         kept = grown
@@ -125,7 +125,7 @@ def _first_clean(y: FloatArray) -> NDArray[np.bool_]:
 
 def _spread_out(n: int) -> slice:
     """Every k-th device: a few hundred are as good a start as all."""
-    return slice(None, None, max(1, n // START))
+    return slice(None, None, max(1, n // START_DEVICES))
 
 
 def _left_out(y: FloatArray, kept: NDArray[np.bool_]) -> FloatArray:

@@ -14,7 +14,7 @@ import numpy as np
 from imu_recording.user_error import UserError
 
 REQUIRED = ('dut', 'quantity', 'axis', 'segment', 'min', 'max', 'mean', 'std')
-LARGE = 5.0
+LARGE_MEAN_SIGMA = 5.0
 """A channel is large where its mean is this many standard deviations from zero."""
 TO_SI = {
     'm/s^2': 1.0, 'm/s²': 1.0, 'm/s2': 1.0, 'g': 9.80665, 'mg': 9.80665e-3,
@@ -51,7 +51,9 @@ class Row:
     @property
     def large(self) -> bool:
         """Whether it measures gravity or the field rather than an offset."""
-        return self.quantity != 'gyroscope' and abs(self.mean) > LARGE * max(self.std, 1e-300)
+        return self.quantity != 'gyroscope' and abs(self.mean) > LARGE_MEAN_SIGMA * max(
+            self.std, 1e-300
+        )
 
     @property
     def rounding(self) -> float:

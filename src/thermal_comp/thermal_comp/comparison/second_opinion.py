@@ -40,7 +40,7 @@ FITTED: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
 """Sensors that autopilots have curves of."""
 POWERS = (BiasTemperature(), BiasTemperatureCurvature())
 """Effects that are a cubic together."""
-FLAT = 1e-6
+FLAT_PRIOR_PRECISION = 1e-6
 """Precision of their coefficients before the log is seen, of whitened columns of unit length."""
 LAGS_S = tuple(np.geomspace(15.0, 1200.0, 26).tolist())
 """Time constants a lag may have [s]: package to enclosure, close enough together that the one
@@ -237,7 +237,7 @@ class _Alternative:
         self._means, self._roots = np.zeros((3, len(columns))), []
         self.log_evidence = 0.0
         for axis, (normal, right) in enumerate(zip(*design.equations(columns), strict=True)):
-            precision = np.full(len(columns), FLAT)
+            precision = np.full(len(columns), FLAT_PRIOR_PRECISION)
             if history is not None:
                 slope = right[0] / normal[0, 0] / size[0]
                 precision[-1] = 1.0 / max((share * slope * size[-1]) ** 2, 1e-12)

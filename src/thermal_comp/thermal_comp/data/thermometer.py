@@ -14,7 +14,7 @@ import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording
 from imu_recording.thermometer import (
     CONSTANT_S,
-    FEWEST,
+    FEWEST_MEASUREMENTS,
     MISSING_ROWS,
     is_constant,
     is_whole_degrees,
@@ -88,7 +88,7 @@ def _thermometer(recording: ImuRecording) -> Iterator[InstrumentFault]:
         text = f'no temperature in {int(lost.sum())} of {len(values)} rows: they fit nothing'
         yield InstrumentFault('thermometer_missing', lost, False, text)
     measured = _measured(recording)
-    if len(measured) < FEWEST:
+    if len(measured) < FEWEST_MEASUREMENTS:
         return
     if is_constant(measured):
         if recording.time[-1] >= CONSTANT_S or _moved(_possible_dies(recording), every):
@@ -133,7 +133,7 @@ def stuck_temperature(recording: ImuRecording) -> BoolArray:
     values = recording.temperature
     stuck = np.zeros(len(values), dtype=bool)
     edges = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0.0) + 1, [len(values)]))
-    long = np.flatnonzero(np.diff(edges) >= FEWEST)
+    long = np.flatnonzero(np.diff(edges) >= FEWEST_MEASUREMENTS)
     dies = _possible_dies(recording) if len(long) else []
     for start, stop in zip(edges[long].tolist(), edges[long + 1].tolist(), strict=True):
         if _moved(dies, slice(start, stop)):
@@ -168,7 +168,7 @@ def copied_from(recording: ImuRecording) -> str:
         if track is None:
             continue
         known = np.isfinite(values) & np.isfinite(track)
-        if known.sum() < FEWEST or len(np.unique(values[known])) < COPIED_VALUES:
+        if known.sum() < FEWEST_MEASUREMENTS or len(np.unique(values[known])) < COPIED_VALUES:
             continue
         if float((values[known] == track[known]).mean()) > COPIED_SHARE:
             return name
@@ -185,7 +185,7 @@ def wrong_scale(recording: ImuRecording) -> float:
         around, die, time = track[rows], recording.temperature[rows], recording.time[rows]
         known = np.isfinite(around) & np.isfinite(die)
         around, die, time = around[known], die[known], time[known]
-        if len(die) < FEWEST or np.ptp(around) < SCALE_SPAN or np.ptp(die) == 0.0:
+        if len(die) < FEWEST_MEASUREMENTS or np.ptp(around) < SCALE_SPAN or np.ptp(die) == 0.0:
             continue
         return _scale_that_cannot_be(around, die, time)
     return 0.0
@@ -219,7 +219,7 @@ def _scale_that_cannot_be(around: FloatArray, die: FloatArray, time: FloatArray)
 
 
 def _clock(recording: ImuRecording) -> Iterator[InstrumentFault]:
-    if len(recording) < FEWEST:
+    if len(recording) < FEWEST_MEASUREMENTS:
         return
     intervals = np.diff(recording.stamp)
     usual = float(np.median(intervals))

@@ -25,7 +25,7 @@ CUTS = ((1,), (7, 8, 300), (150, 151, 599), tuple(range(50, 600, 50)))
 """Rows at which the example is cut into pieces."""
 RELATIONS = ('look_alikes', 'separated_by_cycles')
 """Attributes that name other effects."""
-FASTER = 20.0
+LARGEST_GROWTH_RATIO = 20.0
 """Ratio of columns at a hundred and at ten times a temperature above which they outgrow it."""
 USER_MODULES = 'user_effects_'
 """What the names of modules begin with that are read from files of a user's effects."""
@@ -253,7 +253,7 @@ def _problems_far_out(effect: Effect) -> list[str]:
     near, far = (np.abs(effect.columns(conditions)[0]).max(axis=0) for conditions in hot)
     return (
         ['columns grow faster than in proportion to temperature: say bends = True']
-        if not bool(np.all(far <= FASTER * near))
+        if not bool(np.all(far <= LARGEST_GROWTH_RATIO * near))
         else []
     )
 

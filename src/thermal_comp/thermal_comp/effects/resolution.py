@@ -17,7 +17,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import CHANNELS, STANDARD_GRAVITY, Conditions, Sensor
 
-ALIKE = 0.7
+NEIGHBOUR_CORRELATION = 0.7
 """Correlation of the columns of neighbours, beside a line in temperature, that a grid keeps."""
 MOST_VALUES = 65
 """Values of one parameter, at most …"""
@@ -41,7 +41,7 @@ def refined(values: Sequence[float], columns_at: Callable[[float], FloatArray]) 
         added = [
             0.5 * (low + high) if even else float(np.sqrt(low * high))
             for low, high in pairwise(ordered)
-            if abs(known[low] @ known[high]) < ALIKE
+            if abs(known[low] @ known[high]) < NEIGHBOUR_CORRELATION
         ]
         if not added or len(known) + len(added) > MOST_VALUES:
             return ordered

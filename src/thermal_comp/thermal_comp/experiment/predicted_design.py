@@ -18,7 +18,7 @@ from thermal_comp.model.values import NoiseModel, ThermalModel
 
 SHAPE_GRID_POINTS = 5
 """Points of the grid over each shape parameter of a rival."""
-ABSORBED = 1e-9
+ABSORBED_SHARE = 1e-9
 """Share of a column's length that is rounding where the rest of the model takes it up."""
 
 
@@ -116,6 +116,8 @@ class PredictedDesign:
         """(3, rows, p) columns (rows, 3, p) whitened, zero where the base takes them up."""
         whitened = self._whitening.whitened(columns)
         rest = np.stack([project_out(*pair) for pair in zip(self._base, whitened, strict=True)])
-        taken_up = np.linalg.norm(rest, axis=1) <= ABSORBED * np.linalg.norm(whitened, axis=1)
+        taken_up = np.linalg.norm(rest, axis=1) <= ABSORBED_SHARE * np.linalg.norm(
+            whitened, axis=1
+        )
         rest[np.broadcast_to(taken_up[:, None], rest.shape)] = 0.0
         return rest

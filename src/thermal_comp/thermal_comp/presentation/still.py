@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 EVERY_K = 5.0
 """Distance of the temperatures of the table [K]."""
-BAND = 1.96
+BAND_SIGMA = 1.96
 """Half-width of a 95 % band in standard deviations."""
-SURE = 2.0
+SEEN_SIGMA = 2.0
 """Standard deviations from which ageing is seen."""
-DAYS = 365.25
+DAYS_PER_YEAR = 365.25
 DISPLAY: dict[Sensor, tuple[float, str]] = {
     'accelerometer': (1e3, 'mm/s²'),
     'gyroscope': (180.0 / np.pi, '°/s'),
@@ -69,7 +69,7 @@ def curves_content(curves: StillCurves) -> dict[str, Any]:
         'base_temperature': curves.base,
         'odd_stretches': list(curves.odd),
         'logs': [
-            {'log': log.name, 'age_days': DAYS * float(age)}
+            {'log': log.name, 'age_days': DAYS_PER_YEAR * float(age)}
             for log, age in zip(curves.logs, curves.ages, strict=True)
         ],
         'sensors': {sensor: _sensor_content(curves, sensor, grid) for sensor in curves.sensors},
@@ -84,7 +84,7 @@ def _sensor_content(curves: StillCurves, sensor: Sensor, grid: np.ndarray) -> di
         'unit': SENSOR_UNITS[sensor],
         'temperature': grid,
         'curve': value,
-        'band_95': BAND * std,
+        'band_95': BAND_SIGMA * std,
         'lag_s': next((float(s['time_constant']) for s in lags if 'time_constant' in s), None),
         'turn_on_std': part.turn_on,
         'level_of_logs': part.log_levels,
@@ -187,13 +187,13 @@ def _levels(part: Mapping[str, Any], factor: float, unit: str) -> str:
     if not np.isfinite(ageing).all():
         return f'{text}; ageing is not known: the logs have no dates a day apart'
     seen = [
-        f'{axis} {_with_band(factor * a, BAND * factor * s)}'
+        f'{axis} {_with_band(factor * a, BAND_SIGMA * factor * s)}'
         for axis, a, s in zip('xyz', ageing, std, strict=True)
-        if abs(a) > SURE * s
+        if abs(a) > SEEN_SIGMA * s
     ]
     if seen:
         return f'{text}; it ages by {", ".join(seen)} {unit} a year'
-    most = shown(BAND * factor * float(std.max()), 2)
+    most = shown(BAND_SIGMA * factor * float(std.max()), 2)
     return f'{text}; no ageing is seen (it would be from {most} {unit} a year)'
 
 
@@ -208,7 +208,7 @@ def still_picture(curves: StillCurves) -> Picture:
         factor, unit = DISPLAY[sensor]
         value, std = curves.curve(sensor, course)
         for axis, (label, colour) in enumerate(AXES.items()):
-            line, reach = factor * value[:, axis], BAND * factor * std[:, axis]
+            line, reach = factor * value[:, axis], BAND_SIGMA * factor * std[:, axis]
             panel.plot(course, line, color=colour, lw=1.5, label=label)
             panel.fill_between(course, line - reach, line + reach, color=colour, alpha=0.2, lw=0)
         panel.set(title=f'{curves.model.device}, {sensor}', ylabel=f'change [{unit}]')

@@ -16,11 +16,11 @@ from thermal_comp.effects.thermal_lag import ThermalLag
 
 LAGS = tuple(ThermalLag(10.0 * 2.0**k) for k in range(7))
 """Lags that are tried [s]: package to enclosure …"""
-FINER = 2.0**0.25
+FINE_LAG_RATIO = 2.0**0.25
 """… and in these steps about the likeliest."""
-CURVE = 1 + len(DEGREES)
+CURVE_SIZE = 1 + len(DEGREES)
 """Coefficients of an axis: the line and the polynomials of `empirical_term`; a lag comes last."""
-LAG = 3
+LAG_SIZE = 3
 """Coefficients of an axis for a lag: its own, and two of what it counts more where it is steep."""
 
 
@@ -43,12 +43,12 @@ class Form:
     @property
     def coefficients(self) -> int:
         """Return how many an axis has."""
-        return CURVE if self.lag is None or self.tied else CURVE + LAG
+        return CURVE_SIZE if self.lag is None or self.tied else CURVE_SIZE + LAG_SIZE
 
 
 def near(best: Form) -> list[Form]:
     """Return forms with lags about the likeliest one."""
-    seconds = (best.lag or LAGS[0]).time_constant * FINER ** np.arange(-3.0, 4.0)
+    seconds = (best.lag or LAGS[0]).time_constant * FINE_LAG_RATIO ** np.arange(-3.0, 4.0)
     lags = [ThermalLag(float(s)) for s in seconds if s >= LAGS[0].time_constant]
     return [Form(lag, tied) for lag in lags for tied in (False, True)]
 

@@ -27,11 +27,11 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.optimize import minimize
 
-DOUBT = 2.0
+LOG_SIGMA_STD = 2.0
 """Standard deviation of ln σ about its usual value before the logs are seen."""
-SHARE = 1e-12
+LEAST_PRECISION = 1e-12
 """Precision that makes a factorisation possible and decides nothing."""
-FAR = 14.0
+LARGEST_LOG_SIGMA = 14.0
 """|ln σ| beyond which the search does not go, about its usual value."""
 
 
@@ -92,7 +92,7 @@ def solve_levels(equations: LevelEquations, sigma: FloatArray | None = None) -> 
             method='Nelder-Mead',
             options={'xatol': 0.1, 'fatol': 0.05, 'initial_simplex': _simplex()},
         )
-        sigma = equations.usual * np.exp(np.clip(found.x, -FAR, FAR))
+        sigma = equations.usual * np.exp(np.clip(found.x, -LARGEST_LOG_SIGMA, LARGEST_LOG_SIGMA))
     precision, moment = _posterior(equations, sigma)[:2]
     size = 1.0 / np.sqrt(np.diag(precision))
     root = cholesky(precision * np.outer(size, size), lower=True)
@@ -109,7 +109,7 @@ def _simplex() -> FloatArray:
 
 def _log_posterior(equations: LevelEquations, x: FloatArray) -> float:
     """Return ln of the marginal likelihood and of the prior of the variances, up to a constant."""
-    if np.abs(x).max() > FAR:
+    if np.abs(x).max() > LARGEST_LOG_SIGMA:
         return -np.inf
     precision, moment, weight, energy = _posterior(equations, equations.usual * np.exp(x))
     size = 1.0 / np.sqrt(np.diag(precision))
@@ -120,7 +120,7 @@ def _log_posterior(equations: LevelEquations, x: FloatArray) -> float:
     value = 0.5 * (half @ half - energy) - np.log(np.diag(root) / size).sum()
     value += 0.5 * np.linalg.slogdet(weight)[1] - bends * x[2] - np.log(fixed).sum()
     value -= equations.slopes.sum() * x[3]
-    return float(value - 0.5 * (x @ x) / DOUBT**2)
+    return float(value - 0.5 * (x @ x) / LOG_SIGMA_STD**2)
 
 
 def _posterior(
@@ -142,7 +142,7 @@ def _posterior(
         e.common_std**-2.0,
     ])  # fmt: skip
     diagonal = np.diag_indices(len(precision))
-    precision[diagonal] = precision[diagonal] * (1.0 + SHARE) + prior
+    precision[diagonal] = precision[diagonal] * (1.0 + LEAST_PRECISION) + prior
     moment = columns.T @ (weight @ e.target)
     moment[:inside] += e.moment
     return precision, moment, weight, float(e.target @ weight @ e.target)

@@ -20,12 +20,12 @@ from thermal_comp.linear.design import Design
 from thermal_comp.linear.gaussian_evidence import log_sum
 from thermal_comp.model.values import SensorModel
 from thermal_comp.noise.of_runs import noise_of_runs
-from thermal_comp.still.forms import CURVE, LAGS, Form, near
+from thermal_comp.still.forms import CURVE_SIZE, LAGS, Form, near
 from thermal_comp.still.levels import LevelEquations, LevelSolution, solve_levels
 
 KINDS = int(GROUPS[-1]) + 1
 """Groups of columns of `empirical_term`; its first are the polynomials."""
-OPEN = 1e6
+OPEN_STD = 1e6
 """Prior standard deviation of a polynomial that decides nothing; its size is found here."""
 GRAVITY_STD = 0.015
 """How far the gravity of a place is from the standard one [m/s²]."""
@@ -39,18 +39,18 @@ USUAL: dict[Sensor, FloatArray] = {
 stretch has beside the curve's [unit/K], as a rule."""
 LAG_STD: dict[Sensor, float] = {'gyroscope': 7e-4, 'accelerometer': 7e-3}
 """Coefficient of a lag, as a rule: the slope [unit/K]."""
-STEEPER = 0.4
+STEEP_LAG_SHARE = 0.4
 """What it counts more towards the ends of the range, in that."""
 AGEING_STD: dict[Sensor, float] = {'gyroscope': 0.01, 'accelerometer': 0.5}
 """Ageing of a level, as a rule [unit a year]."""
 YEAR_S = 365.25 * 86400.0
 LEAST_AGE_S = 86400.0
 """Span of dates from which ageing is asked for [s]."""
-ODD = 6.0
+ODD_SIGMA = 6.0
 """Standard deviations from which a stretch is not what the others lead to expect …"""
-MOST_ODD = 0.1
+MOST_ODD_SHARE = 0.1
 """… and share of the stretches that may be left out for it."""
-CLEAR = 5.0
+LAG_LOG_BAYES_FACTOR = 5.0
 """ln of the Bayes factor from which there is a lag."""
 LEARNING_RATE = 0.1
 """Weight of the evidence between forms, none of which is exact (Grünwald and van Ommen, Bayesian
@@ -82,7 +82,7 @@ class _Answer:
 
     each: Sequence[LevelSolution]
     form: Form
-    of_forms: FloatArray = field(default_factory=lambda: np.zeros((CURVE, 3, CURVE, 3)))
+    of_forms: FloatArray = field(default_factory=lambda: np.zeros((CURVE_SIZE, 3, CURVE_SIZE, 3)))
     """Covariance of the curve's coefficients from not knowing the form."""
 
     @property
@@ -107,7 +107,7 @@ class Pool:
         self._span = span
         middle, half = 0.5 * (span[0] + span[1]), max(0.5 * (span[1] - span[0]), 1.0)
         self._line = BiasTemperature()
-        self._bends = Empirical(middle, half, (OPEN,) * 3 + (0.0,) * 3 * (KINDS - 1))
+        self._bends = Empirical(middle, half, (OPEN_STD,) * 3 + (0.0,) * 3 * (KINDS - 1))
         self._noise, guessed = noise_of_runs(runs, sensor, LAGS)
         self.notes = [guessed] if guessed else []
         curve = {sensor: (self._line, self._bends)}
@@ -131,9 +131,12 @@ class Pool:
         if form not in self._each:
             effects = form.effects(self._line, self._bends)
             # Of the empirical term the polynomials come first, the rest is zero.
-            width = CURVE if form.tied else 1 + len(GROUPS)
+            width = CURVE_SIZE if form.tied else 1 + len(GROUPS)
             further = 3 * (1 + width)
-            own = np.r_[: 3 * (1 + CURVE), further : further + 3 * (form.coefficients - CURVE)]
+            own = np.r_[
+                : 3 * (1 + CURVE_SIZE),
+                further : further + 3 * (form.coefficients - CURVE_SIZE),
+            ]
             found = []
             for base in self._designs:
                 design = base.with_effects({self._sensor: effects})
@@ -146,9 +149,9 @@ class Pool:
     def _without_odd(self) -> _Answer:
         """Return the solution of all stretches but those that are odd, and forget those."""
         answer = self._searched()
-        while len(self.odd) < MOST_ODD * len(self._runs) and self._kept.sum() > 3:
+        while len(self.odd) < MOST_ODD_SHARE * len(self._runs) and self._kept.sum() > 3:
             apart = np.max([solution.apart for solution in answer.each], axis=0)
-            if not apart.max() > ODD:
+            if not apart.max() > ODD_SIGMA:
                 break
             row = int(np.flatnonzero(self._kept)[int(np.argmax(apart))])
             self.odd.append(self._runs[row].name)
@@ -163,7 +166,7 @@ class Pool:
         coarse = [Form(lag, tied) for lag in LAGS for tied in (False, True)]
         tried = {form: self._solved(self._kept, form, sigma) for form in (none, *coarse)}
         best = max(tried, key=lambda form: tried[form].log_evidence)
-        if tried[best].log_evidence < tried[none].log_evidence + CLEAR:
+        if tried[best].log_evidence < tried[none].log_evidence + LAG_LOG_BAYES_FACTOR:
             best = none
         if best.lag is not None:
             again = self._solved(self._kept, best)
@@ -174,7 +177,7 @@ class Pool:
         worth *= LEARNING_RATE
         weight = np.exp(worth - log_sum(worth))
         n = int(self._kept.sum())
-        curves = np.array([self._unpacked(one, n)[1][:CURVE] for one in tried.values()])
+        curves = np.array([self._unpacked(one, n)[1][:CURVE_SIZE] for one in tried.values()])
         off = curves - curves[list(tried).index(best)]
         spread = np.einsum('k,kpa,kqb->paqb', weight, off, off)
         return replace(self._solved(self._kept, best), of_forms=spread)
@@ -210,10 +213,10 @@ class Pool:
             gram[np.ix_(place, place)] += turned.T @ part[np.ix_(own, own)] @ turned
             moment[place] += turned.T @ right[own]
         std = np.full(terms, np.inf)
-        std[CURVE:] = LAG_STD[self._sensor]
-        std[CURVE + 1 :] *= STEEPER
+        std[CURVE_SIZE:] = LAG_STD[self._sensor]
+        std[CURVE_SIZE + 1 :] *= STEEP_LAG_SHARE
         bending = np.full(terms, np.inf)
-        bending[1:CURVE] = 1.0
+        bending[1:CURVE_SIZE] = 1.0
         free = np.full(n, np.inf)
         seen, target, common, common_std, alike = self._of_levels(rows)
         return LevelEquations(
@@ -263,7 +266,7 @@ class Pool:
         lag = () if answer.form.lag is None else (answer.form.lag,)
         everything = np.zeros((1 + len(GROUPS) + len(lag), 3))
         # The other groups of the empirical term stand between the polynomials and the lag.
-        place = np.r_[:CURVE, len(everything) - len(lag) : len(everything)]
+        place = np.r_[:CURVE_SIZE, len(everything) - len(lag) : len(everything)]
         everything[place] = found
         wide = np.zeros((len(everything), 3, len(everything), 3))
         wide[np.ix_(place, np.arange(3), place, np.arange(3))] = covariance
@@ -291,16 +294,16 @@ class Pool:
             found[:, index] = solution.estimate[own].reshape(p, a)
             part = solution.covariance[own, own].reshape(p, a, p, a)
             covariance[np.ix_(np.arange(p), index, np.arange(p), index)] = part
-        covariance[:CURVE, :, :CURVE] += answer.of_forms
+        covariance[:CURVE_SIZE, :, :CURVE_SIZE] += answer.of_forms
         if answer.form.lag is None:
             return levels, found, covariance
-        wide = np.zeros((CURVE + 1, 3, CURVE + 1, 3))
+        wide = np.zeros((CURVE_SIZE + 1, 3, CURVE_SIZE + 1, 3))
         if answer.form.tied:
             found = np.concatenate([found, self._slope_of(found, answer.form.lag)])
-            wide[:CURVE, :, :CURVE] = covariance
+            wide[:CURVE_SIZE, :, :CURVE_SIZE] = covariance
             return levels, found, wide
-        wide[:] = covariance[: CURVE + 1, :, : CURVE + 1]
-        return levels, found[: CURVE + 1], wide
+        wide[:] = covariance[: CURVE_SIZE + 1, :, : CURVE_SIZE + 1]
+        return levels, found[: CURVE_SIZE + 1], wide
 
     def _slope_of(self, curve: FloatArray, lag: ThermalLag) -> FloatArray:
         """Return the (1, 3) coefficient of the lag that comes nearest to the curve behind it."""
@@ -310,7 +313,7 @@ class Pool:
             np.concatenate([
                 np.concatenate([run.columns(e, self._sensor) for e in form], axis=1)
                 for run in self._runs
-            ])[:, :CURVE]
+            ])[:, :CURVE_SIZE]
             for form in (effects, Form(lag, tied=True).effects(*effects))
         )  # fmt: skip
         slope: FloatArray = behind[None] @ ((then - now) @ curve) / max(behind @ behind, 1e-300)
@@ -361,7 +364,10 @@ class Pool:
             for row in np.flatnonzero(self._kept & held).tolist():
                 run = self._runs[row]
                 columns = np.concatenate([run.columns(e, self._sensor) for e in effects], 1)
-                used = np.r_[:CURVE, columns.shape[1] - len(found) + CURVE : columns.shape[1]]
+                used = np.r_[
+                    :CURVE_SIZE,
+                    columns.shape[1] - len(found) + CURVE_SIZE : columns.shape[1],
+                ]
                 measured = run.measured[self._sensor]
                 left = measured - columns[:, used] @ found
                 before.append(measured - np.nanmean(measured, axis=0))

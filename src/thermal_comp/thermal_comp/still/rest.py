@@ -31,7 +31,7 @@ QUIET_WINDOWS = 9
 """The noise is the least median over so many windows in a row."""
 NOISE_FACTOR = 1.4
 """Scatter of a window at rest, at most, in that noise, beside what chance adds …"""
-CHANCE = 5.0
+CHANCE_SIGMA = 5.0
 """… in standard deviations of a scatter from the samples of a window."""
 MEAN_CHANGE = 6.0
 """Change of a mean from window to window at rest, at most, in the usual one."""
@@ -39,7 +39,7 @@ LARGEST_NOISE = {'gyroscope': 0.02, 'accelerometer': 0.2}
 """Scatter above which a recording shakes throughout [rad/s, m/s²]."""
 LEAST_CHANGE = {'gyroscope': 5e-4, 'accelerometer': 5e-3}
 """Change of a mean that is none [rad/s, m/s²]: far below the slowest motion by hand."""
-FALL = 0.2
+GRAVITY_TOLERANCE = 0.2
 """Specific force at rest is gravity within this share."""
 STEADY_TURN = 0.02
 """Mean rates of two stretches of a recording differ by less unless it turns in one [rad/s]."""
@@ -83,11 +83,11 @@ def find_rest(recording: ImuRecording, *, least_s: float = LEAST_REST_S) -> Rest
         if noise[sensor] > LARGEST_NOISE[sensor]:
             why = f'its quietest seconds shake by {noise[sensor]:.2g} at the {sensor}'
             return Rest((), np.zeros(m, bool), edges, noise, why)
-        chance = CHANCE / np.sqrt(6.0 * np.maximum(np.diff(edges) - 1, 1))
+        chance = CHANCE_SIGMA / np.sqrt(6.0 * np.maximum(np.diff(edges) - 1, 1))
         resting &= scatter <= NOISE_FACTOR * noise[sensor] * (1.0 + chance)
         joined &= _alike(means[sensor], resting, LEAST_CHANGE[sensor])
     norm = np.linalg.norm(means['accelerometer'], axis=1)
-    resting &= np.abs(norm / STANDARD_GRAVITY - 1.0) < FALL
+    resting &= np.abs(norm / STANDARD_GRAVITY - 1.0) < GRAVITY_TOLERANCE
     joined &= np.diff(recording.stamp[edges[:-1]]) < 2 * np.median(
         np.diff(recording.stamp[edges[:-1]])
     )

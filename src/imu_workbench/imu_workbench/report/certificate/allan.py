@@ -29,7 +29,7 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS
 from imu_workbench.report.laboratory import Laboratory
 
 LEVEL = 0.95
-SHORTEST = 64
+LEAST_STRETCH_SAMPLES = 64
 """Samples from which a stretch has an Allan deviation worth the name."""
 LEAST_SHARE = 0.5
 """Share of the variance at its best averaging time that a coefficient must have to be told."""
@@ -155,7 +155,7 @@ def left_over(
         error = model.sensors[sensor].modelled_error(run.conditions.of(sensor))[0]
         values = (run.fine_measured[sensor] - error)[:, axis]
         good = np.isfinite(values)
-        if good.sum() < SHORTEST:
+        if good.sum() < LEAST_STRETCH_SAMPLES:
             continue
         stamp = np.round(run.conditions.time[good] * 1e9).astype(np.int64)
         stretch, _ = longest_stretch('samples', stamp)
@@ -163,7 +163,7 @@ def left_over(
         steps = np.diff(stamp[stretch]) * 1e-9 > 1.5 * period
         edges = [0, *(np.flatnonzero(steps) + 1).tolist(), len(steps) + 1]
         first, last = max(pairwise(edges), key=lambda e: e[1] - e[0])
-        if last - first >= SHORTEST:
+        if last - first >= LEAST_STRETCH_SAMPLES:
             found.append((values[good][stretch][first:last], period))
     return found
 

@@ -14,7 +14,7 @@ from imu_workbench.report.attitude import Attitude
 from imu_workbench.report.claims.claim import Claim, untestable
 
 EULER = ('yaw', 'pitch', 'roll')
-SLOW = (
+TOO_SLOW_FOR_FILTERS = (
     'The filters need samples at 50 Hz or more; these recordings are slower and were interpolated.'
 )
 Attitudes = Mapping[str, Sequence[Attitude]]
@@ -45,7 +45,7 @@ def without_verdict(claim: Claim) -> Claim:
     if claim.verdict == 'untestable':
         return claim
     ours = f'interpolated, so without a verdict: {claim.ours}'
-    return replace(claim, ours=ours, verdict='untestable', why=SLOW)
+    return replace(claim, ours=ours, verdict='untestable', why=TOO_SLOW_FOR_FILTERS)
 
 
 def spread_claim(attitudes: Attitudes) -> Claim:
@@ -53,7 +53,7 @@ def spread_claim(attitudes: Attitudes) -> Claim:
     said = 'The standard deviation of every Euler angle shrinks with compensation (Tables VI, VII)'
     factors = spread_factors(attitudes)
     if not factors:
-        return untestable('spread', said, SLOW)
+        return untestable('spread', said, TOO_SLOW_FOR_FILTERS)
     cycles = cycle_factors(attitudes)
     values = [f for row in factors for f in row['factor'].values()]
     held = sum(value > 1.0 for value in values)
@@ -76,7 +76,7 @@ def order_of_magnitude_claim(attitudes: Attitudes) -> Claim:
     )
     rows = [row for row in spread_factors(attitudes) if row['filter'] == 'complementary']
     if not rows:
-        return untestable('order_of_magnitude', said, SLOW)
+        return untestable('order_of_magnitude', said, TOO_SLOW_FOR_FILTERS)
     values = [f for row in rows for f in row['factor'].values()]
     return Claim(
         'order_of_magnitude',
@@ -99,7 +99,7 @@ def mean_claim(attitudes: Attitudes) -> Claim:
         means = {a: (abs(raw['mean'][a]), abs(compensated['mean'][a])) for a in EULER}
         rows.append({'run': run, 'filter': name, 'mean_deg': means})
     if not rows:
-        return untestable('mean', said, SLOW)
+        return untestable('mean', said, TOO_SLOW_FOR_FILTERS)
     pairs = [pair for row in rows for pair in row['mean_deg'].values()]
     held = sum(after < before for before, after in pairs)
     largest = (max(b for b, _ in pairs), max(a for _, a in pairs))
@@ -139,7 +139,7 @@ def worse_filter_claim(attitudes: Attitudes) -> Claim:
         if 'ahrs' in row and 'complementary' in row:
             rows.append(row)
     if not rows:
-        return untestable('worse_filter', said, SLOW)
+        return untestable('worse_filter', said, TOO_SLOW_FOR_FILTERS)
     worse = sum(row['ahrs']['raw_deg'] > row['complementary']['raw_deg'] for row in rows)
     first = rows[0]
     due = ', '.join(
@@ -169,7 +169,7 @@ def cost_claim(attitudes: Attitudes, state_bytes: Mapping[str, int]) -> Claim:
                 cost.get(one.filter, np.inf), one.nanoseconds_per_sample
             )  # the best of several is the least disturbed
     if not {'ahrs', 'complementary'} <= cost.keys():
-        return untestable('cost', said, SLOW)
+        return untestable('cost', said, TOO_SLOW_FOR_FILTERS)
     ratio = cost['ahrs'] / cost['complementary']
     return Claim(
         'cost',

@@ -30,7 +30,7 @@ from imu_workbench.web.live.topics import DEVICE_ROLES, ROLES
 
 DECIMALS = {'gyroscope': 4, 'accelerometer': 4, 'magnetometer': 2}
 """Decimals in display units: a tenth of the noise of a second's mean."""
-DRIFTS = 1.5
+DRIFT_NOISE_RATIO = 1.5
 """Ratio to the noise from which a static residual is more: flicker alone reaches 1.3."""
 SILENT_S = 3.0
 """A topic counts as silent after this time without a message."""
@@ -82,7 +82,9 @@ def verdict(state: LiveState, zero: int) -> str:
     worst = {s: int(np.nanargmax(axes)) for s, axes in known.items()}
     told = {s: f'{s} {AXES[axis]}' for s, axis in worst.items()}
     drifting = {s: float(known[s][axis]) for s, axis in worst.items()}
-    beyond = sorted((s for s in drifting if drifting[s] > DRIFTS), key=lambda s: -drifting[s])
+    beyond = sorted(
+        (s for s in drifting if drifting[s] > DRIFT_NOISE_RATIO), key=lambda s: -drifting[s]
+    )
     if not beyond:
         largest = max(drifting, key=lambda s: drifting[s])
         return f'What is left is noise: at most {drifting[largest]:.2f} × ({told[largest]}).'
