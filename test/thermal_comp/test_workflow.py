@@ -115,6 +115,8 @@ def test_a_recording_of_a_moving_device_says_so(bags: Path) -> None:
         (lambda runs, *_: tc.add(runs, 'thermal_leg'), "'thermal_leg' is not known"),
         (lambda runs, _, results: tc.add(runs, results['diagnosis']), 'names no effect'),
         (lambda runs, *_: tc.fit([]), 'no recordings'),
+        (lambda runs, _, results: tc.compare(results['model'], runs), 'they come first'),
+        (lambda runs, _, results: tc.compensate(results['model'], runs), 'they come first'),
     ],
 )
 def test_a_mistake_is_one_message(

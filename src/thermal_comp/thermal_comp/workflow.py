@@ -174,6 +174,11 @@ def _read_one(path: Path, namespace: str | None) -> ImuRecording:
 
 def _recordings(given: Recordings, model: ThermalModel | None = None) -> list[ImuRecording]:
     """Return the recordings, read where they are paths; refuse a device `model` is not of."""
+    if isinstance(given, ThermalModel):
+        raise ModelError(
+            'a model stands where recordings belong: they come first, as in '
+            'compare(recordings, model)'
+        )
     recordings: list[ImuRecording] = []
     for item in [given] if isinstance(given, ImuRecording | str | PathLike) else given:
         recordings += [item] if isinstance(item, ImuRecording) else read(item)
