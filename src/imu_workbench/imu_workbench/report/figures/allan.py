@@ -18,7 +18,7 @@ def allan_deviation_figure(curves: Mapping[str, Mapping[str, Any]]) -> Figure:
     data: list[dict[str, Any]] = []
     panels = []
     for i, (sensor, found) in enumerate(curves.items()):
-        unit = DISPLAY_UNITS[sensor].unit  # type: ignore[index]
+        unit = DISPLAY_UNITS[sensor].unit
         for axis, line in found.items():
             place = trace_axes(i)
             data.append({
