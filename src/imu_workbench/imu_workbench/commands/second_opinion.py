@@ -13,12 +13,12 @@ from imu_recording.logs.dataflash import is_dataflash
 from imu_recording.logs.import_log import import_log, is_log
 from imu_recording.plausibility import admitted
 from imu_recording.user_error import UserError
+from thermal_comp.comparison.compare import rms_of
 from thermal_comp.comparison.other_logs import OtherLogs, on_other_logs
 from thermal_comp.comparison.second_opinion import SecondOpinion, SensorOpinion, second_opinion
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.motion import refuse_moving
 from thermal_comp.data.quality import check_recording
-from thermal_comp.diagnosis.findings import rms_of
 from thermal_comp.model.export.autopilot_fit import FITS, Autopilot
 from thermal_comp.presentation.display import shown
 from thermal_comp.presentation.second_opinion import opinion_picture

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from thermal_comp.comparison.compare import rms_of
 from thermal_comp.model.values import ThermalModel
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS
 
@@ -43,13 +44,13 @@ def sensor_steps(device: DeviceAnalysis, sensor: str, diagnosis: Any) -> dict[st
     assert device.comparison and device.model  # noqa: S101, PT018 (the caller has looked)
     part = device.comparison.to_dict()['sensors'][sensor]
     factor = DISPLAY_UNITS[sensor].factor
-    steps = [{'label': 'measured', 'error': _rms(part['measured_rms']) * factor}]
+    steps = [{'label': 'measured', 'error': rms_of(part['measured_rms']) * factor}]
     for older, comparison in zip(device.model.history, device.versions, strict=True):
         if sensor in comparison.sensors:
             error = comparison.to_dict()['sensors'][sensor]['held_out_rms']
-            steps.append({'label': _effects(older, sensor), 'error': _rms(error) * factor})
+            steps.append({'label': _effects(older, sensor), 'error': rms_of(error) * factor})
     steps.append({
-        'label': _effects(device.model, sensor), 'error': _rms(part['held_out_rms']) * factor,
+        'label': _effects(device.model, sensor), 'error': rms_of(part['held_out_rms']) * factor,
     })  # fmt: skip
     proposed = [
         {'label': f'+ {step["added"].replace("_", " ")}', 'error': step['error_after'] * factor}
@@ -60,7 +61,7 @@ def sensor_steps(device: DeviceAnalysis, sensor: str, diagnosis: Any) -> dict[st
         'unit': DISPLAY_UNITS[sensor].unit,
         'steps': steps,
         'proposed': proposed,
-        'floor': _rms(part['noise_floor']) * factor,
+        'floor': rms_of(part['noise_floor']) * factor,
     }
 
 
@@ -100,7 +101,3 @@ def _effects(model: ThermalModel, sensor: str) -> str:
         if name == sensor:
             return ' + '.join(e.name.replace('_', ' ') for e in part.effects) or 'levels only'
     return 'no model'
-
-
-def _rms(per_axis: Any) -> float:
-    return float(np.sqrt(np.nanmean(np.square(per_axis))))

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from imu_recording.recording import FloatArray
+from thermal_comp.comparison.compare import rms_of
 from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.data.quality import check_quality
@@ -98,8 +98,8 @@ def _sensors(
         unit = DISPLAY_UNITS[sensor]
         before = grown[0].before.sensors[sensor]
         floor = grown[-1].after.sensors[sensor].noise_floor
-        errors = [('measured', _rms(before.measured_rms))]
-        errors.append(('bias temperature', _rms(before.held_out_rms)))
+        errors = [('measured', rms_of(before.measured_rms))]
+        errors.append(('bias temperature', rms_of(before.held_out_rms)))
         errors += [
             (f'+ {step.added.replace("_", " ")}', step.error_after)
             for step in steps
@@ -109,7 +109,7 @@ def _sensors(
             'unit': unit.unit,
             'steps': [{'label': name, 'error': error * unit.factor} for name, error in errors],
             'proposed': [],
-            'floor': _rms(floor) * unit.factor,
+            'floor': rms_of(floor) * unit.factor,
             'maps': {
                 'before': _map(line, runs, sensor, floor),
                 'after': _map(grown[-1].model, runs, sensor, floor),
@@ -181,10 +181,6 @@ def _named(finding: dict[str, Any]) -> str:
 def _mark(content: dict[str, Any]) -> str:
     slow = any(row['interpolated'] for row in content['degrees'])
     return ' (interpolated: no verdict)' if slow else ''
-
-
-def _rms(per_axis: Any) -> float:
-    return float(np.sqrt(np.nanmean(np.square(per_axis))))
 
 
 def _value(found: dict[str, Any]) -> str:

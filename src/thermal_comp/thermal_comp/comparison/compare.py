@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from imu_recording.recording import SENSOR_UNITS, FloatArray, ImuRecording
+from numpy.typing import ArrayLike
 
 from thermal_comp.comparison.gaussianity import DwellModes, Gaussianity, dwell_modes, gaussianity
 from thermal_comp.comparison.held_out import HeldOut, hold_out
@@ -262,6 +263,13 @@ def _compare_sensor(
         modes_after=dwell_modes(residual, phase),
         residuals=tuple(residuals),
     )
+
+
+def rms_of(per_axis: ArrayLike) -> float:
+    """Return the rms over the axes that have a value; NaN where none has."""
+    values = np.asarray(per_axis, dtype=np.float64)
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else float('nan')
 
 
 def part_squares(held: HeldOut, sensor: Sensor) -> FloatArray:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from imu_recording.recording import ImuRecording
 
-from thermal_comp.comparison.compare import Comparison, compare_prepared
+from thermal_comp.comparison.compare import Comparison, compare_prepared, rms_of
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.change import changes
@@ -19,7 +19,6 @@ from thermal_comp.diagnosis.findings import (
     noise_findings,
     quality_finding,
     ranked,
-    rms_of,
     sensor_state,
     unnamed_findings,
 )

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from imu_recording.recording import SENSOR_UNITS
 
-from thermal_comp.comparison.compare import Comparison
+from thermal_comp.comparison.compare import Comparison, rms_of
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.quality import QualityFinding
 from thermal_comp.diagnosis import priors
@@ -287,8 +287,3 @@ def quality_finding(defect: QualityFinding) -> Finding:
     return Finding(
         'data_quality', defect.name, defect.sensor, defect.evidence, 0.0, text=defect.text
     )
-
-
-def rms_of(per_axis: np.ndarray) -> float:
-    """Return the rms over the axes."""
-    return float(np.sqrt(np.mean(np.square(per_axis))))

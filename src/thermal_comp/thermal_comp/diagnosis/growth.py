@@ -9,13 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from thermal_comp.comparison.compare import Comparison, SensorComparison, compare_prepared
+from thermal_comp.comparison.compare import (
+    Comparison,
+    SensorComparison,
+    compare_prepared,
+    rms_of,
+)
 from thermal_comp.comparison.simpler import worse_than_simpler
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.candidates import missing_channels
 from thermal_comp.diagnosis.diagnose import Settings, base_effects, diagnose_prepared
-from thermal_comp.diagnosis.findings import rms_of
 from thermal_comp.diagnosis.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.priors import NOTHING
 from thermal_comp.diagnosis.result import Diagnosis, Prediction

@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from thermal_comp.comparison.compare import Comparison
+from thermal_comp.comparison.compare import Comparison, rms_of
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.file import load_model, save_model
@@ -47,15 +47,15 @@ class Version:
 
     def error(self, sensor: str) -> float:
         """Held-out rms over the axes [SI unit]."""
-        return _rms(self.comparison['sensors'][sensor]['held_out_rms'])
+        return rms_of(self.comparison['sensors'][sensor]['held_out_rms'])
 
     def floor(self, sensor: str) -> float:
         """Noise floor of `error` [SI unit]."""
-        return _rms(self.comparison['sensors'][sensor]['noise_floor'])
+        return rms_of(self.comparison['sensors'][sensor]['noise_floor'])
 
     def measured(self, sensor: str) -> float:
         """Error without any model, rms over the axes [SI unit]."""
-        return _rms(self.comparison['sensors'][sensor]['measured_rms'])
+        return rms_of(self.comparison['sensors'][sensor]['measured_rms'])
 
     def errors(self) -> dict[str, dict[str, float]]:
         """Return measured, held-out error and floor of every sensor [SI unit]."""
@@ -129,8 +129,3 @@ def _terms(model: ThermalModel) -> list[dict[str, Any]]:
                     'value': plain(value), 'std': plain(std), 'unit': unit,
                 })  # fmt: skip
     return rows
-
-
-def _rms(per_axis: Sequence[float | None]) -> float:
-    known = [value for value in per_axis if value is not None]
-    return (sum(value**2 for value in known) / len(known)) ** 0.5 if known else float('nan')
