@@ -242,7 +242,7 @@ def test_the_catalogue_goes_to_a_file(tmp_path: Path, answer: Answer) -> None:
     assert set(content) == set(EFFECTS)
     written = target.read_text()
     assert all(name in written for name in EFFECTS)
-    assert "'magic' is not known" in refuses(answer, 'explain', 'magic')
+    assert "'magic' is no effect, finding or word" in refuses(answer, 'explain', 'magic')
 
 
 def test_the_next_experiment_runs_in_the_chamber(

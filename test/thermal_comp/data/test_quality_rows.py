@@ -74,3 +74,8 @@ def test_a_pulse_of_the_heater_is_no_spike_of_the_magnetometer() -> None:
     assert [f.name for f in blind] == ['spikes']
     _, found = check_recording(replace(recording, heater=pulses), 'logged')
     assert found == []
+
+
+def test_values_without_noise_are_not_stuck_where_nothing_changes() -> None:
+    ramp = np.clip(np.linspace(-1.0, 2.0, 3000), 0.0, 1.0)[:, None] * np.array([1.0, -2.0, 0.5])
+    assert not stuck_rows(ramp, PERIOD).any()

@@ -30,6 +30,10 @@ PULSE = 0.02
 """Share of a switching channel's range by which it stands out of its neighbours."""
 COARSE_SHARE = 0.95
 """Changes of one count among all from which counts are coarser than the noise."""
+SMOOTH_SHARE = 0.1
+"""Change from a step to the next, as a share of a step, below which values have no noise."""
+FEWEST_MOVING_ROWS = 10
+"""Rows with a step before and after by which that is told."""
 PILE = 10
 """At least this many values at the very extreme are a rail."""
 PILE_RATIO = 3.0
@@ -40,8 +44,10 @@ def stuck_rows(values: FloatArray, period: float) -> BoolArray:
     """Return the rows (n,) in which all axes repeat the row before, for long enough.
 
     Counts coarser than the noise repeat themselves while nothing changes, and leave a stretch by
-    one count: what leaves it by more was stuck.
+    one count: what leaves it by more was stuck. Nothing is where values have no noise at all.
     """
+    if _is_smooth(values):
+        return np.zeros(len(values), dtype=bool)
     same = np.zeros(len(values) + 2, dtype=bool)
     for rows in pieces(len(values) - 1):
         behind = slice(rows.start + 1, rows.stop + 1)
@@ -58,6 +64,18 @@ def stuck_rows(values: FloatArray, period: float) -> BoolArray:
             stuck[start:stop] = True
     # A constant triad is no log.
     return stuck & bool(stuck.mean() < 0.9)
+
+
+def _is_smooth(values: FloatArray) -> bool:
+    """Tell whether steps from row to row hardly differ from the one before, on every axis."""
+    rows = some_rows(len(values) - 2)
+    with np.errstate(invalid='ignore'):
+        steps, after = values[rows + 1] - values[rows], values[rows + 2] - values[rows + 1]
+    moving = ((steps != 0.0) & (after != 0.0)).all(axis=1) & np.isfinite(after - steps).all(axis=1)
+    if moving.sum() < FEWEST_MOVING_ROWS:
+        return False
+    bend = np.median(np.abs(after - steps)[moving], axis=0)
+    return bool((bend < SMOOTH_SHARE * np.median(np.abs(steps)[moving], axis=0)).all())
 
 
 def _coarse_counts(values: FloatArray) -> FloatArray:

@@ -61,7 +61,7 @@ def sensor_card(content: Mapping[str, Any], sensor: str) -> Card | None:
         (row['ratio'], device, row)
         for device, found in content['certificates'].items()
         for row in found['errors']
-        if row['sensor'] == sensor and math.isfinite(row['ratio'])
+        if row['sensor'] == sensor and row['ratio'] is not None and math.isfinite(row['ratio'])
     ]
     if not channels:
         return None
