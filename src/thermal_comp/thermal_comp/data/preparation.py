@@ -415,7 +415,7 @@ def _cv_groups(cycle: IntArray | None, starts: IntArray) -> tuple[IntArray, bool
 
 
 def contiguous_parts(blocks: int) -> IntArray:
-    """Return the part, from 1, of each of a run's blocks where there are no cycles to hold out."""
+    """Return (blocks,) the part, from 1, of each block of a run without cycles to hold out."""
     parts = min(max(FEWEST_PARTS, min(MOST_PARTS, blocks // PART_BLOCKS)), blocks)
     part: IntArray = 1 + np.arange(blocks, dtype=np.int64) * parts // max(blocks, 1)
     return part

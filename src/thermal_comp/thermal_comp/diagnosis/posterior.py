@@ -277,10 +277,10 @@ def _unseen_twins(hypotheses: SensorHypotheses, some: EffectSet, weight: float) 
 def _of_any_cause(some: EffectSet, weight: float) -> list[_Beside]:
     """Return what speaks for another cause of an effect of a set; `weight`: the set's."""
     share = weight + float(np.log(priors.ANY_CAUSE))
+    effects = [c.form.effect for c in some.components if c.form.effect.of_any_cause]
     return [
-        _Beside(NOT_IN_CATALOGUE, 'frequency', share)
-        for component in some.components
-        if component.form.effect.of_any_cause
+        _Beside(NOT_IN_CATALOGUE, 'time' if e.line_frequency is None else 'frequency', share)
+        for e in effects
     ]
 
 
