@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What jumps is neither taken for noise nor for something that was not logged."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
@@ -48,6 +50,31 @@ def test_a_session_may_begin_with_the_first_cycle() -> None:
     (found,) = (f for f in findings if f.kind != 'noise')
     assert (found.kind, found.name, found.sensor) == ('effect', 'turn_on_bias', 'gyroscope')
     assert found.parameters['first']['value'] == 1.0
+
+
+def test_creep_goes_on_from_run_to_run_or_begins_anew() -> None:
+    time = chamber()[0]
+    begins = 60_000.0 * np.arange(3)  # the chamber waits between the runs
+
+    def creeping(since: np.ndarray) -> dict[str, np.ndarray]:
+        # Relaxations spread evenly in logarithm from 400 s on: ln(1 + t/t₀) step by step.
+        rates = np.exp(-np.linspace(np.log(400.0), np.log(4e7), 60))
+        crept = -np.expm1(-since[:, None] * rates).sum(axis=1) * np.log(1e5) / 60.0
+        return {'angular_velocity': 2e-4 * crept[:, None] * AXES}
+
+    for counted, starts in ((1.0, begins), (0.0, np.zeros(3))):
+        runs = [
+            run(up, seed=k, error=creeping(time + start))
+            for k, (up, start) in enumerate(zip(UP, starts, strict=True))
+        ]
+        dated = [
+            replace(one, stamp=one.stamp + round(begin * 1e9))
+            for one, begin in zip(runs, begins, strict=True)
+        ]
+        findings = diagnose(measured_by(dated, 'gyroscope'), catalogue=TIMED).findings
+        (found,) = (f for f in findings if f.kind == 'effect')
+        assert (found.name, found.ambiguous_with) == ('bias_creep', ())
+        assert found.parameters['from_first_run']['value'] == counted
 
 
 class Ripple(Effect):

@@ -42,6 +42,8 @@ class Conditions:
     """(n, 3) [rad/s]."""
     magnetic_field: FloatArray
     """(n, 3) [T]."""
+    time_before: float = 0.0
+    """Time from the first sample of the campaign's first run to where `time` is zero [s]."""
     sensor: Sensor = 'accelerometer'
     """The sensor whose error is asked for."""
     reference_temperature: float = REFERENCE_TEMPERATURE

@@ -61,6 +61,8 @@ class PreparedRun:
     """(m,) part of the run that is held out together, 1 …; 0 is never held out."""
     has_cycles: bool
     """Whether the parts are thermal cycles; else they are contiguous blocks."""
+    origin: int = 0
+    """Stamp at which its time is zero [ns]."""
     sampled: bool = False
     """Whether the fine rows are samples, whose stamps may jitter, and not means."""
     hash: str = ''
@@ -167,15 +169,25 @@ def prepare(
         )
         for number, recording in enumerate(recordings, 1)
     ]
-    return with_hard_iron(in_common_blocks(runs) if period is None else runs)
+    return as_campaign(in_common_blocks(runs) if period is None else runs)
 
 
-def with_hard_iron(runs: Sequence[PreparedRun]) -> list[PreparedRun]:
-    """Return runs of one device in one field, with what they tell together of its hard iron."""
+def as_campaign(runs: Sequence[PreparedRun]) -> list[PreparedRun]:
+    """Return runs of one device in one field, with what they know of each other.
+
+    That is the time since the first of them began, and what all tell of the hard iron.
+    """
     offset = hard_iron_of([run.conditions for run in runs])
-    if offset is None:
-        return list(runs)
-    return [replace(run, conditions=replace(run.conditions, hard_iron=offset)) for run in runs]
+    first = min((run.origin for run in runs), default=0)
+    return [
+        replace(
+            run,
+            conditions=replace(
+                run.conditions, hard_iron=offset, time_before=(run.origin - first) * 1e-9
+            ),
+        )
+        for run in runs
+    ]
 
 
 def run_name(recording: ImuRecording, number: int, taken: dict[str, int]) -> str:
@@ -235,6 +247,7 @@ def prepare_run(
             fine_measured={s: _finite_or_nan(getattr(fine, SENSOR_FIELDS[s])) for s in SENSORS},
             cv_group=np.zeros(0, dtype=np.int64),
             has_cycles=False,
+            origin=origin,
             sampled=sampled,
             hash=columns_hash(whole),
         ),

@@ -109,6 +109,7 @@ def campaign_of(design: CandidateDesign, known: Sequence[ColumnGroup] = ()) -> C
     return Campaign(
         cycles=max(int(run.cycle.max()) for run in runs),
         durations=tuple(float(run.time[-1]) for run in runs),
+        times_before=tuple(run.conditions.time_before for run in runs),
         spectral_lines=partial(design.source.spectral_lines, design.sensor),
         step_times=partial(step_times, design, known),
     )

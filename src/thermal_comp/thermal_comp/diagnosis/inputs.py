@@ -12,10 +12,10 @@ from imu_recording.recording import FloatArray, ImuRecording
 
 from thermal_comp.data.preparation import (
     PreparedRun,
+    as_campaign,
     in_common_blocks,
     prepare_run,
     run_name,
-    with_hard_iron,
 )
 from thermal_comp.data.quality import (
     QualityFinding,
@@ -82,7 +82,7 @@ def prepare_inputs(
         findings.append(replace(finding, rows=len(runs[number].conditions)))
         runs[number] = _without(runs[number], finding)
     return DiagnosisInputs(
-        with_hard_iron(runs), merged(findings), slope_of_windows(windows), all(known)
+        as_campaign(runs), merged(findings), slope_of_windows(windows), all(known)
     )
 
 

@@ -20,10 +20,14 @@ class BiasCreep(Effect):
     time_constant: float = shape_parameter(
         1800.0, unit='s', bounds=(30.0, 30_000.0), searched=(30.0, 8000.0)
     )
+    from_first_run: float = shape_parameter(0.0, unit='1', bounds=(0.0, 1.0))
+    """1: it goes on from run to run, as after a change of stress; 0: it begins anew with each."""
 
     name: ClassVar[str] = 'bias_creep'
     kind: ClassVar[Literal['device', 'campaign']] = 'campaign'
-    equation: ClassVar[str] = 'error = a · ln(1 + t / t₀),  t since the first sample [s]'
+    equation: ClassVar[str] = (
+        'error = a · ln(1 + t / t₀),  t since the first sample of the run, or of the first run [s]'
+    )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',)
     mechanism: ClassVar[str] = 'The adhesive creeps after a change of stress.'
     look_alikes: ClassVar[tuple[str, ...]] = ('bias_drift', 'warm_up', 'turn_on_bias')
@@ -46,9 +50,12 @@ class BiasCreep(Effect):
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
         """Return (n, 1): ln(1 + t / t₀)."""
-        return np.log1p(np.maximum(conditions.time, 0.0) / self.time_constant)[:, None], None
+        time = conditions.time + self.from_first_run * conditions.time_before
+        return np.log1p(np.maximum(time, 0.0) / self.time_constant)[:, None], None
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:
         """Return times up to where a run of some hours cannot tell creep from drift."""
-        return [Candidate(cls(float(t))) for t in np.geomspace(60.0, 8000.0, 6)]
+        counted = (0.0, 1.0) if any(campaign.times_before) else (0.0,)
+        times = np.geomspace(60.0, 8000.0, 6).tolist()
+        return [Candidate(cls(time, first)) for first in counted for time in times]

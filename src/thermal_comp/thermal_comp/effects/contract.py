@@ -34,6 +34,7 @@ EXPLAINED_BY = ('mechanism', 'separation', 'typical_size', 'reference')
 CAMPAIGN = Campaign(
     cycles=4,
     durations=(40_000.0,) * 3,
+    times_before=(0.0, 60_000.0, 120_000.0),
     spectral_lines=lambda: [(0.0123, 0.0), (0.0123, 2e-5)],
     step_times=lambda: [(1, 20_000.0, 0.0)],
 )

@@ -71,6 +71,8 @@ class Campaign:
     """Thermal cycles of the run that has most."""
     durations: tuple[float, ...]
     """Time of each run's last block [s]."""
+    times_before: tuple[float, ...]
+    """Time from the start of the first run to that of each [s]."""
     spectral_lines: Callable[[], Sequence[tuple[float, float]]]
     """Frequency [Hz] and drift [Hz/K] of the most prominent lines, strongest first."""
     step_times: Callable[[], Sequence[tuple[int, float, float]]]

@@ -128,6 +128,7 @@ def usable_forms(
     campaign = Campaign(
         cycles=max(int(run.cycle.max()) for run in runs),
         durations=tuple(float(run.time[-1]) for run in runs),
+        times_before=tuple(run.conditions.time_before for run in runs),
         spectral_lines=list,
         step_times=list,
     )
