@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from imu_recording.recording import ImuRecording
 from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.data.spectral_lines import LOWEST_HZ, spectral_lines
 from thermal_comp.diagnosis.hypotheses import NOT_IN_CATALOGUE
@@ -102,6 +103,28 @@ def test_the_strongest_line_is_found_where_it_is() -> None:
     (strongest, *_) = spectral_lines(runs_with(steady), SENSOR)
     assert strongest.frequency == pytest.approx(HERTZ, abs=3e-6)
     assert strongest.drift == 0.0
+
+
+def test_a_drift_is_found_as_closely_as_days_of_rows_tell() -> None:
+    time = 10.0 * np.arange(22_000)
+    temperature = 25.0 + 7.0 * np.cos(2.0 * np.pi * time / 110_000.0)
+    frequency, drift = 0.01429, 4.93e-6
+    phase = 2.0 * np.pi * np.cumsum(frequency + drift * (temperature - 20.0)) * 10.0
+    field = 3.0 * np.multiply.outer(np.cos(phase), GAINS)
+    field += np.random.default_rng(2).standard_normal(field.shape)
+    stamp = np.round(time * 1e9).astype(np.int64)
+    at_rest = np.zeros_like(field)
+    room = ImuRecording(
+        stamp=stamp,
+        temperature=temperature,
+        linear_acceleration=at_rest + [0.0, 0.0, 9.8],
+        angular_velocity=at_rest,
+        magnetic_field=1e-7 * field,
+        up_axis='+z',
+    )
+    (strongest, *_) = spectral_lines(prepare([room]), SENSOR)
+    assert strongest.drift == pytest.approx(drift, abs=2e-7)
+    assert strongest.frequency == pytest.approx(frequency, abs=1e-6)
 
 
 def test_what_temperature_leaves_at_low_frequencies_is_no_line() -> None:

@@ -179,3 +179,21 @@ def test_twins_whose_courses_are_the_same_to_some_per_cent_are_both_said() -> No
     by_name = {e.names: e.probability for e in said.explanations}
     assert min(by_name['temperature_rate',], by_name['thermal_gradient',]) > 0.05
     assert by_name['temperature_rate',] + by_name['thermal_gradient',] > 0.9
+
+
+def test_a_channel_that_is_read_with_noise_still_names_its_effect() -> None:
+    time = chamber()[0]
+    shaking = np.random.default_rng(3)
+    load = 1.0 + 0.3 * np.sin(2.0 * np.pi * time / 700.0)
+    variance = np.multiply.outer(4e-4 * load * (time % 1500.0 < 600.0), [0.8, 1.0, 1.2])
+    read = variance * shaking.chisquare(200, size=variance.shape) / 200.0
+    error = variance @ np.diag([40.0, -60.0, 30.0])
+    runs = prepare([
+        replace(run(up, seed=k, error={'linear_acceleration': error}), vibration=read)
+        for k, up in enumerate(('+x', '+y', '+z'))
+    ])  # fmt: skip
+    base = {'accelerometer': (BiasTemperature(),)}
+    noise = determined_noise(runs, base)[0]
+    said = search_sensors(runs, base, noise, Settings(EFFECTS))['accelerometer']
+    assert said.likeliest.names == ('vibration_rectification',)
+    assert said.likeliest.probability > 0.9

@@ -44,6 +44,8 @@ DRIFT_STEPS = 4
 """Steps of the coarse drifts on either side of the best that dechirping tries more finely."""
 MOST_DRIFTS = 128
 """Drifts that are tried about the best, as close as the rows can tell."""
+REFINED_STEPS = (0.25, 0.0625)
+"""Steps, in those of dechirping, by which the best drift is refined: its peak is as wide."""
 AVERAGED_ROWS = 32
 """Dechirped rows per average: a drift wrong by DRIFT_STEPS turns one average by a quarter."""
 
@@ -137,6 +139,9 @@ def _moving_line(
         still = SpectralLine(rough.frequency, 0.0)
         standing = max(standing, *(p for p, _ in _dechirped(series, step, still, np.zeros(1))))
     prominence, line = max(found, default=(0.0, SpectralLine(0.0, 0.0)))
+    for part in REFINED_STEPS if prominence >= PROMINENCE else ():
+        about = np.arange(-DRIFT_STEPS, DRIFT_STEPS + 1) * part * (offsets[1] - offsets[0])
+        prominence, line = max([(prominence, line), *_dechirped(series, step, line, about)])
     lowest = line.frequency + float((line.drift * temperatures).min())
     prominent = prominence >= max(PROMINENCE, MOVING_GAIN * standing)
     return [line] if prominent and line.drift and lowest > LOWEST_HZ else []

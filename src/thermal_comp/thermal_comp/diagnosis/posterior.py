@@ -78,6 +78,9 @@ class _Fitted:
     free_flaw: float
     course: float
     """ln of the evidence for a course that the runs share; −∞ where none was looked for."""
+    elsewhere: frozenset[str]
+    """Channels and lines of effects that stand beside these in another set: any law of such a
+    variable is that effect's and what it lacks, so it is weighed there."""
 
     @property
     def course_size(self) -> float:
@@ -85,10 +88,13 @@ class _Fitted:
         return float(np.sqrt(2.0 * max(self.course, 0.0)))
 
 
-def _fitted(hypotheses: SensorHypotheses, some: EffectSet, *, courses: bool) -> _Fitted:
+def _fitted(
+    hypotheses: SensorHypotheses, some: EffectSet, close: Sequence[EffectSet], *, courses: bool
+) -> _Fitted:
     state = hypotheses.conditioned(some.components)
     free = _free_flaw(hypotheses, some, state)
-    return _Fitted(some, state, free, _common_course(hypotheses, some) if courses else -np.inf)
+    course = _common_course(hypotheses, some) if courses else -np.inf
+    return _Fitted(some, state, free, course, _variables_of_larger(some, close))
 
 
 def explanations(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> list[Explanation]:
@@ -98,7 +104,8 @@ def explanations(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> lis
     # What a smaller set leaves to a further effect may be a flaw of its own equations.
     close += [s for s in sets if s not in close and set(s.names) <= set(best.names)]
     fitted = [
-        _fitted(hypotheses, some, courses=some is best or not some.components) for some in close
+        _fitted(hypotheses, some, close, courses=some is best or not some.components)
+        for some in close
     ]
     weighed: list[tuple[EffectSet, list[_Beside]]] = [
         (s, [_Beside('', None, _exact_weight(hypotheses, s))]) for s in sets if s not in close
@@ -196,6 +203,24 @@ def _unnamed(
     return Explanation((kind,), probability, False, believed, strongest.depends_on, some.explained)
 
 
+def _own_variables(some: EffectSet) -> set[str]:
+    """Return what the effects of a set follow: channels, and 'frequency' for a spectral line."""
+    effects = [one.form.effect for one in some.components]
+    channels = {c.removesuffix('_voltage') for effect in effects for c in effect.channels}
+    lines = [effect for effect in effects if effect.line_frequency is not None]
+    return channels | ({'frequency'} if lines else set())
+
+
+def _variables_of_larger(some: EffectSet, others: Sequence[EffectSet]) -> frozenset[str]:
+    """Return what one effect more in another set follows and those here do not."""
+    return frozenset(
+        variable
+        for other in others
+        if len(other.names) == len(some.names) + 1 and set(other.names) >= set(some.names)
+        for variable in _own_variables(other) - _own_variables(some)
+    )
+
+
 def _beside(hypotheses: SensorHypotheses, one: _Fitted, flaw: float) -> list[_Beside]:
     """Return what may act beside the effects of a set: nothing, a flaw, something unknown."""
     some, state = one.set, one.state
@@ -205,12 +230,13 @@ def _beside(hypotheses: SensorHypotheses, one: _Fitted, flaw: float) -> list[_Be
     strongest = float(np.sqrt(some.explained)) if some.components else None
     amplitude = priors.amplitude_log_prior(strongest, priors.UNNAMED_RATIO_LN)
     gains = _gains(hypotheses, some, state, amplitude)
-    own = {c.removesuffix('_voltage') for one in some.components for c in one.form.effect.channels}
-    measured = [gain for r, gain in gains if r.depends_on in own]
+    measured = [r for r in hypotheses.regressors if r.depends_on in _own_variables(some)]
     if measured:
-        gains = [(r, gain) for r, gain in gains if r.depends_on not in own]
+        own_error = priors.flaw_log_prior(_explained_by_equations(hypotheses, some))
+        each = [_gain(state, r.term, own_error, beside=True)[0] for r in measured]
         share = float(np.log(priors.CHANNEL_FLAWED / len(measured)))
-        found.append(_Beside('flaw', None, log_sum(measured) + share))
+        found.append(_Beside('flaw', None, log_sum(each) + share))
+    gains = [(r, gain) for r, gain in gains if r.depends_on not in one.elsewhere]
     course = one.course + _at(one.course_size, amplitude)
     weight = log_sum([b.log_weight for b in found])
     found += _unknown(hypotheses, some, gains, course)
@@ -387,7 +413,8 @@ def _flaw(
     explained = _explained_by_equations(hypotheses, some)
     log_prior = priors.flaw_log_prior(explained)
     likeness = priors.flaw_log_prior(explained, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
-    variables = [r.term for r in hypotheses.regressors if r.depends_on != 'temperature']
+    elsewhere = {'temperature', *one.elsewhere}
+    variables = [r.term for r in hypotheses.regressors if r.depends_on not in elsewhere]
     single = _together(hypotheses, some, one.state, variables, log_prior, beside=True)
     single.append(one.course + _at(one.course_size, log_prior))
     kin = _kin(hypotheses, some)

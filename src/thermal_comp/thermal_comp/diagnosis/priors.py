@@ -58,7 +58,8 @@ LIKENESS_SHARE, LIKENESS_SHARE_LN = 0.03, 0.8
 """The same where it looks like another effect: what is a tenth or more is that effect."""
 
 CHANNEL_FLAWED = 0.3
-"""That what an effect of a channel lacks is the channel's own error: noise, another place."""
+"""That what an effect lacks is an error of the channel that it follows, noise or another place, or
+of the amplitude of its line, which comes and goes with its cause."""
 
 SLOW_NOISE = ((0.0, 0.5), (3.0, 0.3), (15.0, 0.2))
 """Slow noise beyond the fitted one, in units of its variance, with probabilities: what a few
