@@ -197,3 +197,29 @@ def test_a_channel_that_is_read_with_noise_still_names_its_effect() -> None:
     said = search_sensors(runs, base, noise, Settings(EFFECTS))['accelerometer']
     assert said.likeliest.names == ('vibration_rectification',)
     assert said.likeliest.probability > 0.9
+
+
+def test_what_a_compressor_does_without_turning_came_through_the_supply() -> None:
+    time = chamber()[0]
+    running = (np.sin(time / 240.0 + (time / 1e4) ** 2) > 0.2).astype(float)
+    courses = {False: 3e-7 * lagging(running, 40.0, PERIOD), True: 3e-7 * running}
+    base = {'magnetometer': (BiasTemperature(),)}
+    said = {}
+    for turned in (False, True):
+        runs = prepare([
+            replace(
+                run(up, seed=k, error={'magnetic_field': np.outer(courses[turned], gains)}),
+                compressor=running,
+            )
+            for k, (up, gains) in enumerate(zip(('+x', '+y', '+z'), _seen(turned), strict=True))
+        ])  # fmt: skip
+        noise = determined_noise(runs, base)[0]
+        said[turned] = search_sensors(runs, base, noise, Settings(EFFECTS))['magnetometer']
+    assert (said[False].kind, said[False].likeliest.depends_on) == ('unlogged', 'supply')
+    assert said[True].likeliest.names == ('compressor_hard_iron',)
+
+
+def _seen(turned: bool) -> list[np.ndarray]:
+    """Return per run the direction in the sensor's frame, of the chamber or of the sensor."""
+    direction = np.array([1.0, -0.7, 0.8])
+    return [np.roll(direction, axis + 1) if turned else direction for axis in range(3)]

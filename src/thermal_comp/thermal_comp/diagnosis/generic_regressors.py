@@ -182,9 +182,10 @@ def _betrayed(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> 
 
     A compressor reaches accelerometer and gyroscope by shaking them or through the supply, a
     heater through the supply. What repeats with the cycle and is no law of temperature, or
-    follows the chamber's power, is a machine of the chamber.
+    follows the chamber's power, is a machine of the chamber. The field of a machine turns with
+    the orientation: what does not reached the magnetometer through the supply.
     """
-    switched = design.sensor != 'magnetometer' and depends_on in {'heater', 'compressor'}
+    turned = design.sensor == 'magnetometer'
     order = {
         'compressor': ('vibration', 'supply_voltage'),
         'heater': ('supply_voltage', 'compressor', 'vibration'),
@@ -194,8 +195,8 @@ def _betrayed(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> 
     }
     if depends_on == 'humidity' and 'humidity' in lost:
         return 'humidity'
-    if depends_on in {'heater', 'compressor'} and not switched:
-        return ''
+    if turned and depends_on in {'heater', 'compressor'}:
+        order = {depends_on: ('supply_voltage',) if len(design.source.runs) > 1 else ()}
     suspects = [c for c in order.get(depends_on, ()) if c in lost]
     if {'heater', 'compressor'} <= set(suspects):
         return 'chamber'

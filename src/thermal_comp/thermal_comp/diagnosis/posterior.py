@@ -236,7 +236,7 @@ def _beside(hypotheses: SensorHypotheses, one: _Fitted, flaw: float) -> list[_Be
         each = [_gain(state, r.term, own_error, beside=True)[0] for r in measured]
         share = float(np.log(priors.CHANNEL_FLAWED / len(measured)))
         found.append(_Beside('flaw', None, log_sum(each) + share))
-    gains = [(r, gain) for r, gain in gains if r.depends_on not in one.elsewhere]
+    gains = [(r, gain) for r, gain in gains if r.unlogged or r.depends_on not in one.elsewhere]
     course = one.course + _at(one.course_size, amplitude)
     weight = log_sum([b.log_weight for b in found])
     found += _unknown(hypotheses, some, gains, course)
