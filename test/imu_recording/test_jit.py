@@ -66,8 +66,8 @@ def test_kernels_run_where_nothing_can_be_written(tmp_path: Path) -> None:
 def test_who_has_to_wait_for_compilation_is_told_once(tmp_path: Path) -> None:
     write(tmp_path)
     # asked for before numba is there, as nodes do
-    told = "from imu_recording.compilation import TOLD\nTOLD.append(lambda: print('compiling'))\n"
-    told += WHOLE
+    told = 'from imu_recording.compilation import COMPILATION_LISTENERS as listeners\n'
+    told += "listeners.append(lambda: print('compiling'))\n" + WHOLE
     (tmp_path / 'whole.py').write_text(f'{told}print(whole(2))\n')
     assert run(tmp_path).split() == ['compiling', '7.0', '1', '7.0']
     assert run(tmp_path).split() == ['7.0', '0', '7.0']

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who is told that this process begins to compile kernels; numba is not imported for it.
+"""Listeners for the first compilation of a kernel in this process, kept apart from numba.
 
 A node may load its first kernels long after it was started: a driver does for a simulated board.
 """
@@ -8,5 +8,5 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-TOLD: list[Callable[[], None]] = []
-"""Called once, before the first kernel that no cache held is compiled (`imu_recording.jit`)."""
+COMPILATION_LISTENERS: list[Callable[[], None]] = []
+"""Called once, before the first kernel that no cache holds is compiled (`imu_recording.jit`)."""

@@ -21,7 +21,7 @@ import numba
 from numba.core.event import Listener, register
 from numba.extending import register_jitable
 
-from imu_recording.compilation import TOLD
+from imu_recording.compilation import COMPILATION_LISTENERS
 
 F = TypeVar('F', bound=Callable[..., Any])
 
@@ -83,12 +83,12 @@ def entry_of(kernel: Any, arguments: tuple[Any, ...]) -> Callable[..., Any]:
 
 
 class _FirstCompilation(Listener):  # type: ignore[misc]
-    """Calls `TOLD` when this process begins to compile, as no cache held what it needs."""
+    """Calls `COMPILATION_LISTENERS` before this process first compiles a kernel."""
 
     def on_start(self, _: Any) -> None:
         """Tell, once."""
-        while TOLD:
-            TOLD.pop()()
+        while COMPILATION_LISTENERS:
+            COMPILATION_LISTENERS.pop()()
 
     def on_end(self, _: Any) -> None:
         """Nothing is left to be told."""

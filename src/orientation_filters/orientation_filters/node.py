@@ -26,7 +26,7 @@ from sensor_msgs.msg import Imu, MagneticField
 from orientation_filters.ahrs.parameters import AhrsParameters
 from orientation_filters.complementary.parameters import ComplementaryParameters
 from orientation_filters.filters import preset_changes
-from orientation_filters.live_filter import LiveEstimate, LiveFilter
+from orientation_filters.live.filter import LiveEstimate, LiveFilter
 from orientation_filters.parameters import PRESET_NAMES, FilterParameters, check_mount
 
 

@@ -13,10 +13,10 @@ from typing import Any, ClassVar
 
 from imu_recording.ros.parameter import ParameterError, parameter
 
-from orientation_filters.averages import AveragingParams
 from orientation_filters.magnetic_reference import FieldParams
 from orientation_filters.rest_detection import RestParams
 from orientation_filters.sample_checks import SampleParams
+from orientation_filters.step_averages.accumulation import AveragingParams
 
 WORLD_FRAMES = ('enu', 'ned', 'nwu')
 PRESET_NAMES = ('paper', 'robust')

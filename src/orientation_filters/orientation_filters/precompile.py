@@ -17,7 +17,7 @@ from imu_recording.ros.messages import ImuSample, MagneticSample
 
 from imu_recording import ImuRecording
 from orientation_filters.filters import FILTERS, filter_parameters, run_filter
-from orientation_filters.live_filter import LiveFilter
+from orientation_filters.live.filter import LiveFilter
 from orientation_filters.parameters import PRESET_NAMES
 from orientation_filters.upsampling import upsample
 

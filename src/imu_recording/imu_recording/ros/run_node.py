@@ -30,7 +30,7 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from imu_recording.compilation import TOLD
+from imu_recording.compilation import COMPILATION_LISTENERS
 from imu_recording.ros.lifecycle_node import ConfiguredNode
 from imu_recording.ros.parameter import NodeConfig, default_of, listed
 from imu_recording.user_error import UserError
@@ -110,7 +110,7 @@ def run_node(
     node, interrupts = None, Interrupts()
     try:
         os.environ.setdefault(*MIDDLEWARE_PROFILES)
-        TOLD.append(partial(get_logger('imu_recording').info, COMPILING))
+        COMPILATION_LISTENERS.append(partial(get_logger('imu_recording').info, COMPILING))
         node = _new_node(node_class, arguments)
         if node.get_parameter('autostart').value and not node.autostart(interrupts.begin_to_count):
             if spin:

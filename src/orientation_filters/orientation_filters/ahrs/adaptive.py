@@ -4,7 +4,7 @@
 The errors are those of the indirect filter (orientation, bias, linear acceleration, magnetic
 disturbance), orientation's now about the world's axes and with its correlation to the bias kept,
 so that bias is learned in motion too. Linear acceleration and disturbance are white from step to
-step; their variances follow what the means show (`averages`).
+step; their variances follow what the means show (`step_averages`).
 """
 
 from __future__ import annotations
@@ -22,20 +22,8 @@ from orientation_filters.ahrs.covariance import (
     with_independent_bias,
 )
 from orientation_filters.ahrs.state import MICROTESLA, AdaptiveState, Params, State
-from orientation_filters.averages import (
-    UNKNOWN_HEADING_VARIANCE,
-    AveragingParams,
-    AveragingState,
-    accumulate,
-    angle_variance,
-    averaging_flags,
-    bias_variance,
-    is_step_due,
-    start_averages,
-)
 from orientation_filters.kernel import inline
 from orientation_filters.magnetic_reference import FieldState, norm_of
-from orientation_filters.means import Means, after_step, doubts, shown_covariance, take_means
 from orientation_filters.rotation.scalars import (
     ZERO,
     Quaternion,
@@ -50,6 +38,24 @@ from orientation_filters.rotation.scalars import (
     to_sensor,
 )
 from orientation_filters.sample_checks import GRAVITY, CheckedSample
+from orientation_filters.step_averages.accumulation import (
+    UNKNOWN_HEADING_VARIANCE,
+    AveragingParams,
+    AveragingState,
+    accumulate,
+    angle_variance,
+    averaging_flags,
+    bias_variance,
+    is_step_due,
+    start_averages,
+)
+from orientation_filters.step_averages.means import (
+    Means,
+    after_step,
+    doubts,
+    shown_covariance,
+    take_means,
+)
 
 
 @inline

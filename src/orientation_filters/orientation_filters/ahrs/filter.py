@@ -25,7 +25,6 @@ from orientation_filters.ahrs.state import (
     State,
     initial_state,
 )
-from orientation_filters.averages import UNKNOWN_HEADING_VARIANCE, held, integrate
 from orientation_filters.kernel import inline, kernel
 from orientation_filters.result import (
     DROPPED,
@@ -58,6 +57,11 @@ from orientation_filters.sample_checks import (
     sample_columns,
     sample_of,
 )
+from orientation_filters.step_averages.accumulation import (
+    UNKNOWN_HEADING_VARIANCE,
+    held,
+    integrate,
+)
 
 __all__ = ['ADAPTIVE_STATE', 'FIXED_STATE', 'Params', 'State', 'initial_state', 'run', 'update']
 
@@ -79,7 +83,7 @@ def step(
 ) -> tuple[Quaternion, Symmetric, int]:
     """Return the fields of the estimate after those of a sample.
 
-    State and parameters are held (`live_state`); plain tuples pass in a tenth of the time.
+    State and parameters are held (`live.state`); plain tuples pass in a tenth of the time.
     """
     states[0], found = update(states[0], params[0], Sample(stamp, w, f, m))
     return found.orientation, found.covariance, found.flags

@@ -30,8 +30,6 @@ from orientation_filters.ahrs.state import (
     Variances,
     initial_state,
 )
-from orientation_filters.averages import is_step_due
-from orientation_filters.means import Means
 from orientation_filters.result import (
     DROPPED,
     JAMMED,
@@ -49,6 +47,8 @@ from orientation_filters.rotation.arrays import (
     rotate,
 )
 from orientation_filters.sample_checks import GRAVITY, CheckedSample, Sample, check_sample
+from orientation_filters.step_averages.accumulation import is_step_due
+from orientation_filters.step_averages.means import Means
 
 __all__ = ['Params', 'State', 'initial_state', 'run', 'update']
 

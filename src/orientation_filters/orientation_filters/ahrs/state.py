@@ -6,9 +6,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orientation_filters.ahrs.covariance import ZERO6, JointCovariance, no_covariance
-from orientation_filters.averages import AveragingParams, AveragingState, no_averages
 from orientation_filters.rotation.scalars import IDENTITY, ZERO, Quaternion, Symmetric, Vector
 from orientation_filters.sample_checks import SampleParams
+from orientation_filters.step_averages.accumulation import (
+    AveragingParams,
+    AveragingState,
+    no_averages,
+)
 
 MICROTESLA = 1e6
 """µT per T: the documented noises are in µT²."""

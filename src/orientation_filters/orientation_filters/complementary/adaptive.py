@@ -11,19 +11,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from orientation_filters.averages import (
-    UNKNOWN_HEADING_VARIANCE,
-    AveragingParams,
-    AveragingState,
-    accumulate,
-    angle_variance,
-    bias_variance,
-    is_step_due,
-    no_averages,
-    start_averages,
-)
 from orientation_filters.kernel import inline
-from orientation_filters.means import Means, after_step, doubts, shown_covariance, take_means
 from orientation_filters.rotation.scalars import (
     ZERO,
     Matrix,
@@ -42,6 +30,24 @@ from orientation_filters.rotation.scalars import (
     subtract,
 )
 from orientation_filters.sample_checks import GRAVITY, CheckedSample
+from orientation_filters.step_averages.accumulation import (
+    UNKNOWN_HEADING_VARIANCE,
+    AveragingParams,
+    AveragingState,
+    accumulate,
+    angle_variance,
+    bias_variance,
+    is_step_due,
+    no_averages,
+    start_averages,
+)
+from orientation_filters.step_averages.means import (
+    Means,
+    after_step,
+    doubts,
+    shown_covariance,
+    take_means,
+)
 
 ZERO6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 

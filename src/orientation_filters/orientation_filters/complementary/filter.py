@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from imu_recording.recording import ImuRecording
 
-from orientation_filters.averages import averaging_flags, held, integrate
 from orientation_filters.complementary.adaptive import adaptive_step, start_adaptive
 from orientation_filters.complementary.bias_learning import learned_bias
 from orientation_filters.complementary.corrections import (
@@ -68,6 +67,7 @@ from orientation_filters.sample_checks import (
     sample_columns,
     sample_of,
 )
+from orientation_filters.step_averages.accumulation import averaging_flags, held, integrate
 
 __all__ = ['ADAPTIVE_STATE', 'FIXED_STATE', 'Params', 'State', 'initial_state', 'run', 'update']
 
@@ -90,7 +90,7 @@ def step(
 ) -> tuple[Quaternion, Symmetric, int]:
     """Return the fields of the estimate after those of a sample.
 
-    State and parameters are held (`live_state`); plain tuples pass in a tenth of the time.
+    State and parameters are held (`live.state`); plain tuples pass in a tenth of the time.
     """
     states[0], found = update(states[0], params[0], Sample(stamp, w, f, m))
     return found.orientation, found.covariance, found.flags

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from orientation_filters.averages import AveragingParams
 from orientation_filters.complementary.adaptive import AdaptiveState, no_adaptation
 from orientation_filters.rest_detection import RestParams, RestState, start_rest
 from orientation_filters.rotation.scalars import IDENTITY, ZERO, Quaternion, Vector
 from orientation_filters.sample_checks import SampleParams
+from orientation_filters.step_averages.accumulation import AveragingParams
 
 
 class Params(NamedTuple):

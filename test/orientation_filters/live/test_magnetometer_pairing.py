@@ -6,7 +6,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from imu_recording.ros.messages import ImuSample, MagneticSample
-from orientation_filters.magnetometer_pairing import MagnetometerPairing
+from orientation_filters.live.magnetometer_pairing import MagnetometerPairing
 
 MS = 1_000_000
 

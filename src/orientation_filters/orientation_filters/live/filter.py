@@ -13,8 +13,8 @@ import numpy as np
 from imu_recording.ros.messages import Covariance, ImuSample, MagneticSample
 
 from orientation_filters.filters import FilterError, check_cutoff, module
-from orientation_filters.live_state import live_state
-from orientation_filters.magnetometer_pairing import MagnetometerPairing, Pair
+from orientation_filters.live.magnetometer_pairing import MagnetometerPairing, Pair
+from orientation_filters.live.state import live_state
 from orientation_filters.parameters import FilterParameters
 from orientation_filters.result import (
     BIAS_LIMITED,

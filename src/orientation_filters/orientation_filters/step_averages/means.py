@@ -10,14 +10,6 @@ from __future__ import annotations
 from math import pi, sqrt
 from typing import NamedTuple
 
-from orientation_filters.averages import (
-    INTERPOLATION_FACTOR,
-    AveragingParams,
-    AveragingState,
-    no_integrals,
-    rate_change,
-    rest_flags,
-)
 from orientation_filters.kernel import inline
 from orientation_filters.magnetic_reference import (
     FieldState,
@@ -42,7 +34,15 @@ from orientation_filters.rotation.scalars import (
     transform,
 )
 from orientation_filters.sample_checks import GRAVITY
-from orientation_filters.variance_factors import (
+from orientation_filters.step_averages.accumulation import (
+    INTERPOLATION_FACTOR,
+    AveragingParams,
+    AveragingState,
+    no_integrals,
+    rate_change,
+    rest_flags,
+)
+from orientation_filters.step_averages.variance_factors import (
     FIELD_TIME,
     FORCE_TIME,
     VarianceFactors,

@@ -38,7 +38,7 @@ from orientation_filters.rotation.scalars import (
     transform,
 )
 from orientation_filters.sample_checks import CheckedSample
-from orientation_filters.variance_factors import VarianceFactors, no_factors
+from orientation_filters.step_averages.variance_factors import VarianceFactors, no_factors
 
 UNKNOWN_HEADING_VARIANCE = 3.29
 """Of a heading that may be anything: π² / 3 [rad²]."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from orientation_filters.variance_factors import (
+from orientation_filters.step_averages.variance_factors import (
     FIELD_TIME,
     no_error,
     no_factors,

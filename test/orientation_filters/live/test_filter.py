@@ -8,10 +8,10 @@ import pytest
 from imu_recording.recording import ImuRecording
 from imu_recording.ros.messages import ImuSample, MagneticSample
 from orientation_filters.filters import FILTERS, filter_parameters, run_filter
-from orientation_filters.live_filter import LiveEstimate, LiveFilter
+from orientation_filters.live.filter import LiveEstimate, LiveFilter
 from orientation_filters.rotation.arrays import rotate
 
-from .recordings import random_attitude, rest
+from ..recordings import random_attitude, rest
 
 
 def feed(live: LiveFilter, recording: ImuRecording) -> list[LiveEstimate]:
