@@ -27,9 +27,9 @@ from imu_workbench.fleet.engine import Cluster, connected, outcomes
 from imu_workbench.fleet.estimate import SHARES, Settings
 from imu_workbench.fleet.page import fleet_page
 from imu_workbench.fleet.sources import find_devices
+from imu_workbench.fleet.statistics.vectors import SENSORS
 from imu_workbench.fleet.study import study
 from imu_workbench.fleet.table import Row, write_rows
-from imu_workbench.fleet.vectors import SENSORS
 from imu_workbench.simulate.campaign import Logging
 from imu_workbench.simulate.fleet import FleetPlan, write_fleet
 

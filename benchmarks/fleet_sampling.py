@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 from imu_driver.simulation.population import draw_fleet_device, draw_lots
-from imu_workbench.fleet.population import device_effects, error_variances, populations
-from imu_workbench.fleet.vectors import SENSORS, Vectors
+from imu_workbench.fleet.statistics.population import device_effects, error_variances, populations
+from imu_workbench.fleet.statistics.vectors import SENSORS, Vectors
 
 STD = 2.4e-5
 """Error of a slope of the gyroscope [rad/s/K]."""

@@ -24,10 +24,10 @@ from imu_driver.simulation.hidden import hide_anything
 from imu_driver.simulation.population import FleetDevice, draw_fleet_device, draw_lots
 from imu_recording.recording import FloatArray
 from imu_workbench.fleet.estimate import LINE
-from imu_workbench.fleet.prior import fleet_prior, with_prior
 from imu_workbench.fleet.short_profile import short_profile
+from imu_workbench.fleet.statistics.prior import fleet_prior, with_prior
+from imu_workbench.fleet.statistics.vectors import SENSORS
 from imu_workbench.fleet.study import fleet_curve
-from imu_workbench.fleet.vectors import SENSORS
 from imu_workbench.simulate.campaign import Logging, prepare_campaign, record_campaign
 from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.fitting.fit import fit_prepared

@@ -17,10 +17,10 @@ from imu_workbench.fleet.figures import map_figure, worst_devices
 from imu_workbench.fleet.page import fleet_page
 from imu_workbench.fleet.short_profile import LEAST_DWELL_S, short_profile
 from imu_workbench.fleet.shortening import curve_content, shortening_curve
+from imu_workbench.fleet.statistics.vectors import read_vectors
 from imu_workbench.fleet.study import study
 from imu_workbench.fleet.summary import shortest_first, study_lines
 from imu_workbench.fleet.table import FleetTable, Row, write_rows
-from imu_workbench.fleet.vectors import read_vectors
 from imu_workbench.report.limits import Limit, Limits
 
 TEMPERATURES = np.arange(0.0, 41.0)

@@ -103,8 +103,8 @@ def _with_fleet(
 ) -> tuple[ThermalModel, list[str]]:
     """Return the model with the fleet as prior, and where the device is outside of it."""
     require_fleet()
-    from imu_workbench.fleet.prior import fleet_prior, with_prior
     from imu_workbench.fleet.sources import NO_TYPE
+    from imu_workbench.fleet.statistics.prior import fleet_prior, with_prior
 
     prior = fleet_prior(options.fleet, options.lot, options.type or NO_TYPE, model.device)
     return with_prior(model, runs, prior)

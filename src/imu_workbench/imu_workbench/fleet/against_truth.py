@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from imu_workbench.fleet.vectors import SENSORS
+from imu_workbench.fleet.statistics.vectors import SENSORS
 
 
 def score_fleet(found: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, Any]:

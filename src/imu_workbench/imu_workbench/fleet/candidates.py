@@ -5,8 +5,8 @@ The measurement, whitened by the device's noise, is freed of the levels of its r
 line; so are the columns of an effect. The sum of squares that an orthonormal basis of what is left
 of the columns takes up is χ² with as many degrees of freedom as columns where the effect is
 absent, and that times one plus its share of the information where it is present. Added over
-devices it tells what no single one can (`fleet.prevalence`). Of an effect with one column and one
-shape parameter, the coefficient in each form is kept too (`fleet.shape_population`).
+devices it tells what no single one can (`statistics.prevalence`). Of an effect with one column and
+one shape parameter, the coefficient in each form is kept too (`statistics.shape_population`).
 """
 
 from __future__ import annotations

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from imu_workbench.fleet.statistics.vectors import Vectors
 from imu_workbench.fleet.summary import campaign_text, shortest_first
-from imu_workbench.fleet.vectors import Vectors
 from imu_workbench.report.figures.palette import device_colour
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
 

@@ -22,16 +22,16 @@ from imu_recording.recording import FloatArray
 from numpy.typing import NDArray
 
 from imu_workbench.fleet.estimate import SHARES
-from imu_workbench.fleet.population import (
+from imu_workbench.fleet.short_profile import least_dwell, run_hours
+from imu_workbench.fleet.statistics.population import (
     LEAST_DEVICES,
     device_effects,
     error_variances,
     fit_population,
     type_population,
 )
-from imu_workbench.fleet.short_profile import least_dwell, run_hours
+from imu_workbench.fleet.statistics.vectors import Vectors
 from imu_workbench.fleet.table import FleetTable
-from imu_workbench.fleet.vectors import Vectors
 
 MOST_TEMPERATURES = 6
 GOOD_ENOUGH = 1.1

@@ -10,23 +10,23 @@ from typing import Any
 import numpy as np
 from imu_recording.user_error import UserError
 
-from imu_workbench.fleet.capability import capabilities
-from imu_workbench.fleet.clusters import find_clusters
-from imu_workbench.fleet.control import control_chart
 from imu_workbench.fleet.estimate import version
-from imu_workbench.fleet.population import (
+from imu_workbench.fleet.shortening import curve_content, shortening_curve
+from imu_workbench.fleet.statistics.capability import capabilities
+from imu_workbench.fleet.statistics.clusters import find_clusters
+from imu_workbench.fleet.statistics.control import control_chart
+from imu_workbench.fleet.statistics.population import (
     LEAST_DEVICES,
     Population,
     TypePopulation,
     error_variances,
     populations,
 )
-from imu_workbench.fleet.prevalence import prevalences
-from imu_workbench.fleet.screening import Screening, odd_devices, screen
-from imu_workbench.fleet.shape_population import shape_populations
-from imu_workbench.fleet.shortening import curve_content, shortening_curve
+from imu_workbench.fleet.statistics.prevalence import prevalences
+from imu_workbench.fleet.statistics.screening import Screening, odd_devices, screen
+from imu_workbench.fleet.statistics.shape_population import shape_populations
+from imu_workbench.fleet.statistics.vectors import SENSORS, Vectors, read_vectors
 from imu_workbench.fleet.table import FleetTable
-from imu_workbench.fleet.vectors import SENSORS, Vectors, read_vectors
 from imu_workbench.report.limits import Limits
 
 SCHEMA = 1
@@ -105,15 +105,9 @@ def _population(one: Population, sensors: list[Vectors]) -> dict[str, Any]:
     vectors = next(v for v in sensors if v.sensor == one.sensor)
     group = vectors.of((vectors.type == one.type) & (vectors.lot == one.lot))
     return {
-        'type': one.type,
+        **_distribution(one),
         'lot': one.lot,
-        'sensor': one.sensor,
-        'unit': one.unit,
         'devices': one.devices,
-        'mean': one.mean.tolist(),
-        'mean_std': np.sqrt(np.diag(one.mean_covariance)).tolist(),
-        'covariance': one.covariance.tolist(),
-        'std': np.sqrt(np.diag(one.covariance)).tolist(),
         'run_std': one.run_std.tolist(),
         'estimate_std': np.sqrt(np.median(error_variances(group), axis=0)).tolist(),
     }
@@ -121,16 +115,22 @@ def _population(one: Population, sensors: list[Vectors]) -> dict[str, Any]:
 
 def _type(one: TypePopulation) -> dict[str, Any]:
     return {
+        **_distribution(one),
+        'lots': one.lots,
+        'within': one.within.tolist(),
+        'within_std': np.sqrt(np.diag(one.within)).tolist(),
+    }
+
+
+def _distribution(one: Population | TypePopulation) -> dict[str, Any]:
+    return {
         'type': one.type,
         'sensor': one.sensor,
         'unit': one.unit,
-        'lots': one.lots,
         'mean': one.mean.tolist(),
         'mean_std': np.sqrt(np.diag(one.mean_covariance)).tolist(),
         'covariance': one.covariance.tolist(),
         'std': np.sqrt(np.diag(one.covariance)).tolist(),
-        'within': one.within.tolist(),
-        'within_std': np.sqrt(np.diag(one.within)).tolist(),
     }
 
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from imu_workbench.fleet.capability import CAPABLE
 from imu_workbench.fleet.sources import NO_TYPE
+from imu_workbench.fleet.statistics.capability import CAPABLE
 
 SHOWN = 20
 """Odd or failed devices, and slopes beyond limits, that are listed; all stand in the JSON."""

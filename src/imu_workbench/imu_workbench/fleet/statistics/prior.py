@@ -14,11 +14,11 @@ from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.model.values import SensorModel, ThermalModel
 
-from imu_workbench.fleet.population import device_effects, populations, run_variance
-from imu_workbench.fleet.screening import odd_devices, screen
 from imu_workbench.fleet.sources import NO_TYPE
+from imu_workbench.fleet.statistics.population import device_effects, populations, run_variance
+from imu_workbench.fleet.statistics.screening import odd_devices, screen
+from imu_workbench.fleet.statistics.vectors import Vectors, read_vectors
 from imu_workbench.fleet.table import FleetTable
-from imu_workbench.fleet.vectors import Vectors, read_vectors
 
 RARE = 0.01
 """A device is told to be outside its lot where so few of the lot would be as far off."""

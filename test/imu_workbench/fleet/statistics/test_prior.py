@@ -12,7 +12,7 @@ from imu_workbench.fleet.table import Row, write_rows
 from thermal_comp.model.file import load_model
 from thermal_comp.model.values import ThermalModel
 
-BAG = str(Path(__file__).parents[3] / 'bags' / 'dut1_x')
+BAG = str(Path(__file__).parents[4] / 'bags' / 'dut1_x')
 LOT_STD = 3e-7
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from imu_recording.recording import FloatArray
 from imu_workbench.fleet.page import fleet_page
-from imu_workbench.fleet.shape_population import ShapeEvidence, fit_shapes
+from imu_workbench.fleet.statistics.shape_population import ShapeEvidence, fit_shapes
 from imu_workbench.fleet.study import study
 from imu_workbench.fleet.summary import study_lines
 from imu_workbench.fleet.table import write_rows

@@ -23,7 +23,7 @@ import numpy as np
 from imu_recording.recording import SENSOR_UNITS, FloatArray
 from thermal_comp.effects import EFFECTS
 
-from imu_workbench.fleet.prevalence import Prevalence
+from imu_workbench.fleet.statistics.prevalence import Prevalence
 from imu_workbench.fleet.table import FleetTable
 
 GRID = 41

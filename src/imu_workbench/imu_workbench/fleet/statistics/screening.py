@@ -20,7 +20,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from numpy.typing import NDArray
 
-from imu_workbench.fleet.vectors import Vectors
+from imu_workbench.fleet.statistics.vectors import Vectors
 
 FALSE_ALARMS = 0.01
 """Share of ordinary devices that may be called odd, all questions together."""

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from imu_workbench.fleet.vectors import Vectors
+from imu_workbench.fleet.statistics.vectors import Vectors
 
 ITERATIONS = 500
 TOLERANCE = 1e-6

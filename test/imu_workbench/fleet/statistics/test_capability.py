@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from imu_workbench.fleet.capability import capabilities
+from imu_workbench.fleet.statistics.capability import capabilities
 from imu_workbench.report.limits import read_limits
 
 LIMITS = """

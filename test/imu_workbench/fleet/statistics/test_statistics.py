@@ -8,12 +8,12 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from imu_workbench.fleet.clusters import find_clusters
-from imu_workbench.fleet.control import control_chart
-from imu_workbench.fleet.population import device_effects, fit_population, populations
-from imu_workbench.fleet.prevalence import SHARES, joint_evidence
-from imu_workbench.fleet.screening import Screening, odd_devices, screen
-from imu_workbench.fleet.vectors import Vectors
+from imu_workbench.fleet.statistics.clusters import find_clusters
+from imu_workbench.fleet.statistics.control import control_chart
+from imu_workbench.fleet.statistics.population import device_effects, fit_population, populations
+from imu_workbench.fleet.statistics.prevalence import SHARES, joint_evidence
+from imu_workbench.fleet.statistics.screening import Screening, odd_devices, screen
+from imu_workbench.fleet.statistics.vectors import Vectors
 
 MIX = np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [-0.3, 0.2, 0.9]])
 """Axes of a lot correlate."""

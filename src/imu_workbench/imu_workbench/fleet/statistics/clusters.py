@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
-from imu_workbench.fleet.vectors import Vectors
+from imu_workbench.fleet.statistics.vectors import Vectors
 
 MOST_CLUSTERS = 12
 STUDIED = 4000
