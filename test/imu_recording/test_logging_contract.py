@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import fields
 
-from imu_recording.bags.cdr import LAYOUTS
+from imu_recording.bags.decoding.cdr import LAYOUTS
 from imu_recording.logging_contract import (
     CHANNEL_FIELDS,
     MEASURED_FIELDS,

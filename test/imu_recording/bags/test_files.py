@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from imu_recording.bags.files import locate_bag
-from imu_recording.bags.mcap_reader import McapScan, read_summary
+from imu_recording.bags.mcap.reader import McapScan, read_summary
 from imu_recording.bags.metadata import inspect_file
 from imu_recording.bags.scan import topics_of_file
 from recording_samples import START, make_bag, standard_messages

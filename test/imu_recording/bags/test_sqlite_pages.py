@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from imu_recording.bags import sqlite as sqlite_scan
+from imu_recording.bags.decoding.topic_columns import MessageBlock
 from imu_recording.bags.sqlite import scan_sqlite, sqlite_channels
-from imu_recording.bags.topic_columns import MessageBlock
 from recording_samples import START, make_bag, standard_messages
 
 from imu_recording import BagError, read_bag

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from anyreader_columns import columns
-from imu_recording.bags.cdr import LAYOUTS
+from imu_recording.bags.decoding.cdr import LAYOUTS
 from imu_recording.logging_contract import IMU
 from recording_samples import (
     START,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from imu_recording.bags.topic_columns import TopicColumns
+from imu_recording.bags.decoding.topic_columns import TopicColumns
 from imu_recording.held_temperature import note_held
 from imu_recording.logging_contract import (
     IMU_TOPIC,

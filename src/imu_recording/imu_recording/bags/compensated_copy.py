@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
-from imu_recording.bags.cdr import ENCAPSULATION, LAYOUTS
+from imu_recording.bags.decoding.cdr import ENCAPSULATION, LAYOUTS
+from imu_recording.bags.decoding.message_types import definition_of
 from imu_recording.bags.files import Bag, locate_bag
-from imu_recording.bags.mcap_writer import McapStream
-from imu_recording.bags.message_types import definition_of
+from imu_recording.bags.mcap.writer import McapStream
 from imu_recording.bags.metadata import (
     UNREADABLE,
     Qos,
@@ -47,7 +47,7 @@ from imu_recording.logging_contract import (
 from imu_recording.recording import BagError, FloatArray, ImuRecording
 
 if TYPE_CHECKING:
-    from imu_recording.bags.topic_columns import Channel, MessageBlock
+    from imu_recording.bags.decoding.topic_columns import Channel, MessageBlock
 
 CHUNK_BYTES = 1 << 20
 """Bytes of messages after which a chunk is closed."""

@@ -11,8 +11,9 @@ from typing import Any
 
 import yaml
 
-from imu_recording.bags import mcap_writer, sqlite
+from imu_recording.bags import sqlite
 from imu_recording.bags.compression import ZSTD_MAGIC
+from imu_recording.bags.mcap import writer as mcap
 from imu_recording.bags.metadata import UNREADABLE
 from imu_recording.deep_yaml import refuse_deep_yaml
 from imu_recording.recording import BagError
@@ -140,7 +141,7 @@ def _identified(file: Path, *, per_message: bool) -> BagFile:
         storage = 'sqlite3' if '.db3' in file.name else 'mcap'
         return BagFile(file, storage, file_compressed=True)
     for magic, storage in (
-        (mcap_writer.MAGIC, 'mcap'),
+        (mcap.MAGIC, 'mcap'),
         (sqlite.MAGIC, 'sqlite3'),
         (ROS1_MAGIC, 'ros1'),
     ):

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
-from imu_recording.bags.message_types import hash_of
+from imu_recording.bags.decoding.message_types import hash_of
 from imu_recording.recording import BagError
 
 if TYPE_CHECKING:
-    from imu_recording.bags.topic_columns import Channel, MessageBlock
+    from imu_recording.bags.decoding.topic_columns import Channel, MessageBlock
 
 UNREADABLE = (
     yaml.YAMLError, LookupError, TypeError, AttributeError, ValueError, RecursionError,
@@ -38,7 +38,7 @@ class RecordedFile:
 
 def inspect_file(path: Path) -> tuple[RecordedFile, dict[str, tuple[str, list[Qos]]]]:
     """Return what an mcap file holds, closed or not, and type and offered QoS by topic."""
-    from imu_recording.bags.mcap_reader import McapScan  # only here: it brings compiled kernels
+    from imu_recording.bags.mcap.reader import McapScan  # only here: it brings compiled kernels
 
     topics: dict[str, tuple[str, list[Qos]]] = {}
     counts: list[int] = []

@@ -8,10 +8,10 @@ from os import PathLike
 from pathlib import Path
 
 from imu_recording.bags.assemble import assemble_recording
+from imu_recording.bags.decoding.message_types import DecodeError
+from imu_recording.bags.decoding.topic_columns import TopicColumns
 from imu_recording.bags.files import Bag, locate_bag
-from imu_recording.bags.message_types import DecodeError
 from imu_recording.bags.scan import scan_columns, topics_of_file
-from imu_recording.bags.topic_columns import TopicColumns
 from imu_recording.logging_contract import (
     APPLIED_MODEL,
     COMPENSATED,

@@ -19,13 +19,13 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import TypesysError
 
 from imu_recording.bags.compression import ZstdFile, decompress_message
+from imu_recording.bags.decoding.slow_decode import values_of
+from imu_recording.bags.decoding.topic_columns import Channel, MessageBlock, TopicColumns
 from imu_recording.bags.files import BagFile, yaml_content
-from imu_recording.bags.mcap_footer import checksum_faults
-from imu_recording.bags.mcap_reader import McapScan, read_summary
+from imu_recording.bags.mcap.footer import checksum_faults
+from imu_recording.bags.mcap.reader import McapScan, read_summary
 from imu_recording.bags.metadata import UNREADABLE
-from imu_recording.bags.slow_decode import values_of
 from imu_recording.bags.sqlite import scan_sqlite, sqlite_channels, sqlite_metadata
-from imu_recording.bags.topic_columns import Channel, MessageBlock, TopicColumns
 from imu_recording.logging_contract import METADATA_KEYS
 from imu_recording.recording import BagError
 

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from imu_recording.bags.compression import decompress_message
+from imu_recording.bags.decoding.topic_columns import Channel, MessageBlock
 from imu_recording.bags.sqlite_pages import LARGEST_COLUMN_COUNT, MessagesTable, scan_pages
-from imu_recording.bags.topic_columns import Channel, MessageBlock
 from imu_recording.recording import BagError
 
 MAGIC = b'SQLite format 3\x00'

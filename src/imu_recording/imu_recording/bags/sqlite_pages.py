@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from imu_recording.bags.cdr import Bytes
-from imu_recording.bags.topic_columns import MessageBlock, empty_block
+from imu_recording.bags.decoding.cdr import Bytes
+from imu_recording.bags.decoding.topic_columns import MessageBlock, empty_block
 from imu_recording.jit import njit
 from imu_recording.recording import IntArray
 

@@ -23,8 +23,8 @@ from rosbags.interfaces import (
 )
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer, WriterError
 
-from imu_recording.bags.cdr import ENCAPSULATION, LAYOUTS, NANOSECONDS, encode_messages
-from imu_recording.bags.message_types import standard_types
+from imu_recording.bags.decoding.cdr import ENCAPSULATION, LAYOUTS, NANOSECONDS, encode_messages
+from imu_recording.bags.decoding.message_types import standard_types
 from imu_recording.bags.metadata import INFINITE_DURATION
 from imu_recording.logging_contract import (
     IMU,

@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from imu_recording.bags.mcap_repair import repair_mcap
-from imu_recording.bags.mcap_writer import McapStream
-from imu_recording.bags.message_types import definition_of
+from imu_recording.bags.decoding.message_types import definition_of
+from imu_recording.bags.mcap.repair import repair_mcap
+from imu_recording.bags.mcap.writer import McapStream
 from imu_recording.bags.metadata import (
     Qos,
     RecordedFile,

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from imu_recording.bags.cdr import NANOSECONDS
+from imu_recording.bags.decoding.cdr import NANOSECONDS
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]

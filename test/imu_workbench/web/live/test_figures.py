@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from imu_recording.bags.cdr import encode_messages
+from imu_recording.bags.decoding.cdr import encode_messages
 from imu_recording.logging_contract import IMU, TEMPERATURE
 from imu_workbench.report.figures.palette import COLOURS, painted
 from imu_workbench.web.live import figures

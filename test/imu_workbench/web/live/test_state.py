@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from imu_recording.bags.cdr import encode_messages
+from imu_recording.bags.decoding.cdr import encode_messages
 from imu_recording.logging_contract import IMU, MAGNETIC_FIELD, TEMPERATURE
 from imu_recording.ros.message_cdr import serialise
 from imu_workbench.web.live import readings as view

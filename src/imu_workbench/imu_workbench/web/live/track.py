@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from imu_recording.bags.cdr import ENCAPSULATION, LAYOUTS, NANOSECONDS
+from imu_recording.bags.decoding.cdr import ENCAPSULATION, LAYOUTS, NANOSECONDS
 from imu_recording.recording import FloatArray, IntArray
 
 

@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from imu_recording.bags import cdr_decode
-from imu_recording.bags.cdr import LAYOUTS, encode_messages
-from imu_recording.bags.message_types import (
+from imu_recording.bags.decoding import cdr_kernels
+from imu_recording.bags.decoding.cdr import LAYOUTS, encode_messages
+from imu_recording.bags.decoding.message_types import (
     DecodeError,
     definition_of,
     hash_of,
     standard_types,
     types_of,
 )
-from imu_recording.bags.slow_decode import decode_message
-from imu_recording.bags.topic_columns import MessageBlock, TopicColumns
+from imu_recording.bags.decoding.slow_decode import decode_message
+from imu_recording.bags.decoding.topic_columns import MessageBlock, TopicColumns
 from imu_recording.logging_contract import IMU, STRING, TEMPERATURE, TRACKS
 from recording_samples import START
 
@@ -64,9 +64,9 @@ def test_compiled_and_plain_python_agree(monkeypatch: pytest.MonkeyPatch) -> Non
 
     compiled_stamp, compiled = columns()
     for name in ('little32', 'little64', 'is_expected', 'header_stamp', 'copy_group'):
-        monkeypatch.setattr(cdr_decode, name, getattr(cdr_decode, name).py_func)
-    plain = cdr_decode.decode_messages.py_func
-    monkeypatch.setattr('imu_recording.bags.topic_columns.decode_messages', plain)
+        monkeypatch.setattr(cdr_kernels, name, getattr(cdr_kernels, name).py_func)
+    plain = cdr_kernels.decode_messages.py_func
+    monkeypatch.setattr('imu_recording.bags.decoding.topic_columns.decode_messages', plain)
     stamp, groups = columns()
     assert np.array_equal(stamp, compiled_stamp)
     assert all(np.array_equal(a, b) for a, b in zip(groups, compiled, strict=True))

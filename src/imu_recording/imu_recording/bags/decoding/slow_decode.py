@@ -10,8 +10,8 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import TypesysError
 from rosbags.typesys.store import Typestore
 
-from imu_recording.bags.cdr import LAYOUTS, NANOSECONDS
-from imu_recording.bags.message_types import DecodeError
+from imu_recording.bags.decoding.cdr import LAYOUTS, NANOSECONDS
+from imu_recording.bags.decoding.message_types import DecodeError
 from imu_recording.logging_contract import STRING
 
 Values = tuple[tuple[float, ...], ...]

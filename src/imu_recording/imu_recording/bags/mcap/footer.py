@@ -11,7 +11,7 @@ import zlib
 from dataclasses import dataclass
 from typing import BinaryIO
 
-from imu_recording.bags.mcap_writer import DATA_END, FOOTER, MAGIC
+from imu_recording.bags.mcap.writer import DATA_END, FOOTER, MAGIC
 
 LARGEST_SUMMARY = 256 << 20
 """A summary that claims to be larger is damage [bytes]."""

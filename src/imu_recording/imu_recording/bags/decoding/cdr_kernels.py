@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from imu_recording.bags.cdr import Bytes
+from imu_recording.bags.decoding.cdr import Bytes
 from imu_recording.jit import njit
 from imu_recording.recording import IntArray
 

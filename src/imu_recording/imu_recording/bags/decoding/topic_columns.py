@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_recording.bags.cdr import ENCAPSULATION, LAYOUTS, Bytes
-from imu_recording.bags.cdr_decode import decode_messages
 from imu_recording.bags.compression import ZSTD_MAGIC, decompress_message
-from imu_recording.bags.message_types import DecodeError, standard_types, types_of
-from imu_recording.bags.slow_decode import (
+from imu_recording.bags.decoding.cdr import ENCAPSULATION, LAYOUTS, Bytes
+from imu_recording.bags.decoding.cdr_kernels import decode_messages
+from imu_recording.bags.decoding.message_types import DecodeError, standard_types, types_of
+from imu_recording.bags.decoding.slow_decode import (
     Values,
     decode_message,
 )

@@ -6,7 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from imu_recording.bags.mcap_repair import repair_mcap
+from imu_recording.bags.mcap.repair import repair_mcap
 from imu_recording.recorder.bag_recorder import BagRecorder
 from mcap.reader import NonSeekingReader, SeekingReader
 from recording_samples import TYPES, standard_messages

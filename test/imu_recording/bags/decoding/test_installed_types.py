@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from imu_recording.bags.installed_types import installed_types, message_name, message_text
-from imu_recording.bags.message_types import definition_of, hash_of, standard_types
+from imu_recording.bags.decoding.installed_types import installed_types, message_name, message_text
+from imu_recording.bags.decoding.message_types import definition_of, hash_of, standard_types
 from imu_recording.recorder.bag_recorder import BagRecorder
 from imu_recording.ros.message_cdr import message_class
 from rosbags.highlevel import AnyReader

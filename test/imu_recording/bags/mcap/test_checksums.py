@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from imu_recording.bags.mcap_footer import checksum_faults, read_footer
-from imu_recording.bags.mcap_reader import read_summary
-from imu_recording.bags.mcap_writer import McapStream
+from imu_recording.bags.mcap.footer import checksum_faults, read_footer
+from imu_recording.bags.mcap.reader import read_summary
+from imu_recording.bags.mcap.writer import McapStream
 from mcap.writer import CompressionType, Writer
 from recording_samples import TYPES, imu, temperature
 

@@ -15,7 +15,7 @@ from rosbags.typesys import (
 )
 from rosbags.typesys.store import Typestore
 
-from imu_recording.bags.installed_types import installed_types
+from imu_recording.bags.decoding.installed_types import installed_types
 
 
 class DecodeError(ValueError):

@@ -17,8 +17,9 @@ from typing import BinaryIO
 
 import numpy as np
 
-from imu_recording.bags.mcap_reader import McapScan
-from imu_recording.bags.mcap_writer import (
+from imu_recording.bags.decoding.topic_columns import Channel, MessageBlock
+from imu_recording.bags.mcap.reader import McapScan
+from imu_recording.bags.mcap.writer import (
     CHUNK,
     DATA_END,
     MAGIC,
@@ -29,7 +30,6 @@ from imu_recording.bags.mcap_writer import (
     WrittenChunk,
     message_index,
 )
-from imu_recording.bags.topic_columns import Channel, MessageBlock
 from imu_recording.recording import BagError, IntArray
 
 _CHUNK_HEAD = struct.Struct('<QQQII')

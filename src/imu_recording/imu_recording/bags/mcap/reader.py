@@ -16,11 +16,12 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from imu_recording.bags.cdr import Bytes
-from imu_recording.bags.cdr_decode import little64
 from imu_recording.bags.compression import decompress_chunk
-from imu_recording.bags.mcap_footer import read_footer, summary_bytes
-from imu_recording.bags.mcap_writer import (
+from imu_recording.bags.decoding.cdr import Bytes
+from imu_recording.bags.decoding.cdr_kernels import little64
+from imu_recording.bags.decoding.topic_columns import Channel, MessageBlock, empty_block
+from imu_recording.bags.mcap.footer import read_footer, summary_bytes
+from imu_recording.bags.mcap.writer import (
     ATTACHMENT,
     CHANNEL,
     CHUNK,
@@ -31,7 +32,6 @@ from imu_recording.bags.mcap_writer import (
     SCHEMA,
     STATISTICS,
 )
-from imu_recording.bags.topic_columns import Channel, MessageBlock, empty_block
 from imu_recording.jit import njit
 from imu_recording.recording import BagError, IntArray
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from anyreader_columns import columns
-from imu_recording.bags.mcap_writer import McapStream
+from imu_recording.bags.mcap.writer import McapStream
 from imu_recording.logging_contract import IMU
 from recording_samples import START, TYPES, imu
 from rosbags.highlevel import AnyReader
