@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from imu_recording.recording import SENSOR_UNITS, FloatArray
 
+from thermal_comp.comparison.compare import rms_of
 from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Effect
@@ -81,9 +82,9 @@ def compare_across(effects: Sequence[Effect], runs: Sequence[PreparedRun]) -> li
                         device,
                         sensor,
                         SENSOR_UNITS[sensor],
-                        _rms([_rest(run, None, sensor) for run in own]),
+                        rms_of(np.concatenate([_rest(run, None, sensor) for run in own])),
                         held_out[sensor],
-                        _rms([_rest(run, model, sensor) for run in own]),
+                        rms_of(np.concatenate([_rest(run, model, sensor) for run in own])),
                         int(compatible.sum()),
                         len(compatible),
                     )
@@ -102,7 +103,9 @@ def _held_out(
         for run in runs
     ]
     return {
-        sensor: _rms([_rest(r, m, sensor) for r, m in zip(runs, models, strict=True)])
+        sensor: rms_of(
+            np.concatenate([_rest(r, m, sensor) for r, m in zip(runs, models, strict=True)])
+        )
         for sensor in SENSORS
         if all(sensor in model.sensors for model in models)
     }
@@ -116,10 +119,6 @@ def _rest(run: PreparedRun, model: ThermalModel | None, sensor: Sensor) -> Float
         rest = rest - run.block_mean(error)
     centred: FloatArray = rest - np.nanmean(rest, axis=0)
     return centred
-
-
-def _rms(parts: Sequence[FloatArray]) -> float:
-    return float(np.sqrt(np.nanmean(np.concatenate(parts) ** 2)))
 
 
 def _compatible(first: ThermalModel, second: ThermalModel, sensor: Sensor) -> FloatArray:

@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 from imu_recording.recording import GRAVITY, ImuRecording
 
+from thermal_comp.comparison.compare import rms_of
 from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.model.values import NoiseModel
 
@@ -88,7 +89,7 @@ def is_shipped_chip(noise: Mapping[Sensor, NoiseModel]) -> bool:
     to be measured by that of this one.
     """
     known = chip_references()[SHIPPED].sensors
-    ratios = [_rms(model.white) / _rms(known[sensor].white) for sensor, model in noise.items()]
+    ratios = [rms_of(model.white) / rms_of(known[sensor].white) for sensor, model in noise.items()]
     return 1.0 / SAME_CHIP_RATIO < float(np.median(ratios)) < SAME_CHIP_RATIO
 
 
@@ -116,7 +117,7 @@ def noise_above_reference(
     """
     if not noise.white.any():
         return None
-    white_ratio = _rms(noise.white) / _rms(reference.white)
+    white_ratio = rms_of(noise.white) / rms_of(reference.white)
     evidences = [_evidence(white_ratio, LOG_RATIO_STD**2)] if bandwidth_known else []
     flicker_ratio, name = None, None
     if len(reference.time_constants):
@@ -127,11 +128,11 @@ def noise_above_reference(
         )
         amplitude = np.sqrt((noise.amplitudes**2).mean(axis=1))
         ratios = amplitude / np.maximum(flicker, 1e-300)
-        flicker_ratio = _rms(ratios)
+        flicker_ratio = rms_of(ratios)
         seen = 3.0 * duration / (2.0 * noise.time_constants)
         variance = 0.5 * float((1.0 / seen).sum()) / len(seen) ** 2
         evidences.append(_evidence(flicker_ratio, LOG_RATIO_STD**2 + variance))
-        fast, slow = _rms(ratios[:3]), _rms(ratios[-3:])
+        fast, slow = rms_of(ratios[:3]), rms_of(ratios[-3:])
         name = 'random_walk' if slow > WALK_RATIO * max(fast, 0.5) else None
     evidence = max(evidences, default=0.0)
     if evidence < REPORTED_EVIDENCE:
@@ -142,7 +143,3 @@ def noise_above_reference(
 def _evidence(ratio: float, variance: float) -> float:
     """Return how many variances the logarithm of a ratio is above nought; 0 for small ones."""
     return float(np.log(ratio)) ** 2 / variance if ratio > REPORTED_RATIO else 0.0
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt((values**2).mean()))
