@@ -20,6 +20,7 @@ from thermal_comp.effects import EFFECTS, Effect
 from thermal_comp.effects.c_form import CColumns
 from thermal_comp.effects.contract import example_conditions
 from thermal_comp.model.export.c99 import c99_of
+from thermal_comp.model.export.single_precision import TOLERANCE, single_precision_shares
 from thermal_comp.model.export.vectors import example_course, recorded_course, vectors_text
 from thermal_comp.model.values import ModelError, NoiseModel, SensorModel, ThermalModel
 
@@ -61,6 +62,16 @@ def model_of(effects: Sequence[Effect], seed: int = 0) -> ThermalModel:
     return ThermalModel('dut1', sensors, reference_temperature=22.5)
 
 
+def with_coefficients(
+    effects: Sequence[Effect], coefficients: Sequence[Sequence[Sequence[float]]]
+) -> ThermalModel:
+    """A model of effects whose coefficients are given, the same of every sensor."""
+    model = model_of(effects)
+    given = tuple(np.array(rows) for rows in coefficients)
+    parts = {s: replace(part, coefficients=given) for s, part in model.sensors.items()}
+    return replace(model, sensors=parts)
+
+
 def write_c(folder: Path, model: ThermalModel) -> Mapping[str, int]:
     """Write the C form; return the channels of a sample."""
     exported = c99_of(model)
@@ -93,9 +104,9 @@ def test_effect_in_c_is_the_effect(name: str, tmp_path: Path) -> None:
 def test_all_effects_at_once_share_what_they_follow(tmp_path: Path) -> None:
     model = model_of([EFFECTS[name]() for name in DEVICE_EFFECTS])
     off_by(tmp_path, model, [example_course(model), example_course(model)])
-    # 1 lag of thermal_lag, 2 of the two stages, 2 of the rate, 10 of the empirical term, humidity:
-    # once each, however many sensors follow them.
-    assert 'imu_thermal_lag lag[16];' in (tmp_path / 'imu_thermal.h').read_text()
+    # 1 lag of thermal_lag, 1 of the two stages, 2 of the rate, 10 of the empirical term, humidity:
+    # once each, however many sensors follow them; the second stage is kept as a difference.
+    assert 'imu_thermal_lag lag[15];' in (tmp_path / 'imu_thermal.h').read_text()
 
 
 @pytest.mark.usefixtures('compiler')
@@ -130,6 +141,39 @@ def test_a_slow_lag_at_a_high_rate_holds_in_single_precision(tmp_path: Path) -> 
     model = model_of([effect])
     course = Conditions(time, measured, still, still, still, reference_temperature=22.5)
     assert max(off_by(tmp_path, model, [course])[3:]) < 1e-5
+
+
+@pytest.mark.usefixtures('compiler')
+@pytest.mark.parametrize('slow', [1000.0, 431.1, 429.9])
+def test_two_lags_that_nearly_cancel_hold_in_single_precision(slow: float, tmp_path: Path) -> None:
+    """A fit that finds no second lag lets the two meet, with large coefficients against it."""
+    effect = EFFECTS['thermal_lag_two_stage'](430.0, slow)
+    model = with_coefficients([effect], [[[1.0] * 3, [-1.0] * 3]])
+    off = off_by(tmp_path, model, [example_course(model)])
+    assert len(off) == 6
+    assert max(off[:3]) < 1e-9
+    assert max(off[3:]) < 1e-6
+
+
+@pytest.mark.usefixtures('compiler')
+def test_what_single_precision_is_off_by_is_foreseen(tmp_path: Path) -> None:
+    """Two effects of nearly the same lag: no form of either one can help."""
+    effects = [EFFECTS['thermal_lag'](300.0), EFFECTS['thermal_lag_two_stage'](300.5, 900.0)]
+    model = with_coefficients(effects, [[[1.0] * 3], [[-1.0] * 3, [0.0] * 3]])
+    vectors = vectors_text(model, write_c(tmp_path, model), [example_course(model)])
+    (tmp_path / 'imu_thermal_vectors.txt').write_text(vectors)
+    command = ['make', '-s', '-C', FIRMWARE, 'thermal', f'THERMAL={tmp_path}']
+    done = subprocess.run(
+        [*command, f'BUILD={tmp_path}/b'], capture_output=True, text=True, check=False
+    )
+    assert done.returncode
+    single = [float(x) for x in re.findall(r'off by (\S+) of.*too much', done.stdout)]
+    foreseen = single_precision_shares(model, [example_course(model)])
+    assert len(single) == len(foreseen) == 3
+    for share in foreseen.values():
+        assert max(single) / 3.0 < share < 6.0 * min(single)
+    usual = model_of([EFFECTS[name]() for name in DEVICE_EFFECTS])
+    assert max(single_precision_shares(usual, [example_course(usual)]).values()) < TOLERANCE
 
 
 @pytest.mark.usefixtures('compiler')

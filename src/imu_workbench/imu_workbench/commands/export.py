@@ -19,6 +19,7 @@ from thermal_comp.model.export.c99 import C99_FILES, c99_of
 from thermal_comp.model.export.cubic import RATE_C_PER_MIN, Cubic, fitted_cubic, loss, reduced
 from thermal_comp.model.export.kalibr import HORIZON_S, densities, kalibr_text
 from thermal_comp.model.export.px4 import INSTANCES, LETTERS, px4_text
+from thermal_comp.model.export.single_precision import TOLERANCE, single_precision_shares
 from thermal_comp.model.export.vectors import example_course, recorded_course, vectors_text
 from thermal_comp.model.file import load_model, model_label
 from thermal_comp.model.values import ThermalModel
@@ -102,7 +103,8 @@ def _c99(
     exported = c99_of(model)
     show_progress('computing test vectors …')
     courses = [recorded_course(model, recording) for recording in recordings]
-    vectors = vectors_text(model, exported.channels, courses or [example_course(model)])
+    courses = courses or [example_course(model)]
+    vectors = vectors_text(model, exported.channels, courses)
     write_files(options.output, {**exported.files, VECTORS: vectors})
     effects = {
         sensor: [effect.name for _, effect, _ in part.device_terms()]
@@ -117,13 +119,31 @@ def _c99(
         'effects': effects,
         'channels': dict(exported.channels),
         'vectors': vectors.count('\n') - 1,
+        'single_precision': single_precision_shares(model, courses),
     }
     lines = [f'wrote {options.output}: {", ".join(content["files"])}']
     lines += [f'  {sensor}: {", ".join(names) or "nothing"}' for sensor, names in effects.items()]
     if exported.channels:
         lines.append(f'  the board has to supply: {", ".join(exported.channels)}')
+    lines += _precision_lines(content['single_precision'])
     lines.append(f'check it: make -C firmware test THERMAL={options.output.resolve()}')
     return Answer(content, '\n'.join(lines))
+
+
+def _precision_lines(shares: Mapping[Sensor, float]) -> list[str]:
+    """Return which sensors single precision is too coarse for, and what to do."""
+    coarse = {sensor: share for sensor, share in shares.items() if share > TOLERANCE}
+    lines = [
+        f'  {sensor}: off by about {share:.0e} of the correction in single precision '
+        f'({TOLERANCE:.0e} is wanted): its effects nearly cancel each other'
+        for sensor, share in coarse.items()
+    ]
+    if coarse:
+        lines.append(
+            '  define IMU_THERMAL_DOUBLE where it is compiled, or leave one of them out of the '
+            'model; `make test` fails in single precision'
+        )
+    return lines
 
 
 def claim_files(folder: Path, *, force: bool) -> None:

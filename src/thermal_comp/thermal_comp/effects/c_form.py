@@ -17,6 +17,9 @@ CColumn = str | tuple[str, str, str]
 """Expression of a column with a coefficient per axis; or of each axis ('' for none), where the
 axes share the coefficient."""
 
+Kind = Literal['lag_difference', 'lag', 'play']
+"""Kinds of signals, in the order in which they advance: a difference sees the lag before it."""
+
 
 class CFormError(UserError):
     """An effect that cannot be written in C; the message names it and says why."""
@@ -36,11 +39,12 @@ class CColumns:
 class Signal:
     """A quantity with a history, advanced once a sample whoever asks for it."""
 
-    kind: Literal['lag', 'play']
+    kind: Kind
     value: str
     """Expression it follows."""
-    parameter: float
-    """Time constant of a lag [s], half-width of a play in the unit of the value."""
+    parameters: tuple[float, ...]
+    """Time constant of a lag, both of a difference of lags [s]; half-width of a play in the unit
+    of the value."""
     channels: tuple[str, ...]
     """Channels that have to be known; until they are, the history has not begun."""
 
@@ -57,8 +61,12 @@ class Signals:
         """Return the expression of a signal's output."""
         if signal not in self.listed:
             self.listed.append(signal)
+        return f'{self.place(signal)}.output'
+
+    def place(self, signal: Signal) -> str:
+        """Return where the state keeps a listed signal."""
         place = [s for s in self.listed if s.kind == signal.kind].index(signal)
-        return f'state->{signal.kind}[{place}].output'
+        return f'state->{signal.kind}[{place}]'
 
 
 @dataclass
@@ -141,15 +149,25 @@ class CForm:
         """
         return self._signal('lag', value, time_constant)
 
+    def behind_two(self, value: str, first: float, second: float) -> tuple[str, str]:
+        """Return `behind` of a lag, and by how much a second lag is above the first.
+
+        The difference has a state of its own: of two lags that are nearly alike, large
+        coefficients take nearly all away, and single precision would keep their rounding.
+        """
+        return self.behind(value, first), self._signal('lag_difference', value, first, second)
+
     def play(self, value: str, half_width: float) -> str:
         """Return the play of a value (`operators.play`); it starts centred."""
         return self._signal('play', value, half_width)
 
-    def _signal(self, kind: Literal['lag', 'play'], value: str, parameter: float) -> str:
+    def _signal(self, kind: Kind, value: str, *parameters: float) -> str:
         self._refuse_held()
         if re.search(r'\bv\d+\b', value):
             raise CFormError(f'{self.effect}: a signal follows operators, no name made by `let`')
-        return self.signals.output(Signal(kind, value, float(parameter), self.channels))
+        return self.signals.output(
+            Signal(kind, value, tuple(map(float, parameters)), self.channels)
+        )
 
     def _refuse_held(self) -> None:
         if self.held:

@@ -58,9 +58,9 @@ class ThermalLagTwoStage(Effect):
         return columns, (fast_state, slow_state)
 
     def c_columns(self, c: CForm) -> CColumns:
-        """Return T_fast − T and T_slow − T."""
+        """Return T_fast − T and T_slow − T_fast."""
         times = (self.time_constant_fast, self.time_constant_slow)
-        return CColumns([c.behind(c.temperature, time) for time in times])
+        return CColumns(c.behind_two(c.temperature, *times), np.array([[1.0, 1.0], [0.0, 1.0]]))
 
     @classmethod
     def search_grid(cls, campaign: Campaign) -> list[Candidate]:

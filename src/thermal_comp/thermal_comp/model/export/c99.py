@@ -9,12 +9,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
 from string import Template
+from typing import get_args
 
 import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, FloatArray
 
 from thermal_comp.data.conditions import SENSORS, Conditions, Sensor
-from thermal_comp.effects.c_form import CColumns, CForm, Signals
+from thermal_comp.effects.c_form import CColumns, CForm, Kind, Signal, Signals
 from thermal_comp.effects.effect import EDGE_K, Effect
 from thermal_comp.model.file import model_label
 from thermal_comp.model.values import ModelError, SensorModel, ThermalModel
@@ -45,6 +46,30 @@ static void advance_lag(imu_thermal_lag *lag, imu_thermal_real value, imu_therma
   lag->input = value;
 }
 """,
+    'advance_lag_difference(': """
+/* output = second - first lag of a value, after a step in which the value is linear; `first` is
+ * before it. With h = step / time constant and a = h1 - h2 its exact course is
+ * e^-h2 output + (e^-h2 - e^-h1) first - change (e^-h1 - e^-h2 + a (1 - e^-h1) / h1) / h2. */
+static void advance_lag_difference(imu_thermal_lag_difference *difference,
+                                   const imu_thermal_lag *first, imu_thermal_real value,
+                                   imu_thermal_real step, imu_thermal_real first_time_constant,
+                                   imu_thermal_real second_time_constant, imu_thermal_real apart)
+{
+  if (first->started && step > REAL(0.0)) {
+    const imu_thermal_real change = value - first->input;
+    const imu_thermal_real h1 = step / first_time_constant;
+    const imu_thermal_real h2 = step / second_time_constant;
+    const imu_thermal_real decay = EXPM1(-h2);
+    const imu_thermal_real more = (REAL(1.0) + decay) * EXPM1(-step * apart);
+    const imu_thermal_real lead = (more - EXPM1(-h1) / h1 * step * apart) / h2;
+    const imu_thermal_real added =
+        decay * difference->output - more * first->output - change * lead - difference->lost;
+    const imu_thermal_real sum = difference->output + added;
+    difference->lost = (sum - difference->output) - added;
+    difference->output = sum;
+  }
+}
+""",
     'advance_play(': """
 static void advance_play(imu_thermal_play *play, imu_thermal_real value,
                          imu_thermal_real half_width)
@@ -71,6 +96,12 @@ typedef struct {
   imu_thermal_real lost;   /* what the sum lost to rounding */
   bool started;
 } imu_thermal_lag;
+""",
+    'lag_difference': """
+typedef struct {
+  imu_thermal_real output; /* second lag above the first */
+  imu_thermal_real lost;   /* what the sum lost to rounding */
+} imu_thermal_lag_difference;
 """,
     'play': """
 typedef struct {
@@ -278,14 +309,9 @@ def _advance_function(signals: Signals) -> str:
     if not signals.listed:
         return ''
     lines = []
-    places = {'lag': 0, 'play': 0}
-    for signal in signals.listed:
-        target = f'&state->{signal.kind}[{places[signal.kind]}]'
-        places[signal.kind] += 1
-        step = 'step, ' if signal.kind == 'lag' else ''
-        call = (
-            f'advance_{signal.kind}({target}, {signal.value}, {step}REAL({signal.parameter!r}));'
-        )
+    for signal in sorted(signals.listed, key=lambda signal: get_args(Kind).index(signal.kind)):
+        passed = [f'&{signals.place(signal)}', *_advanced_by(signal, signals)]
+        call = f'advance_{signal.kind}({", ".join(passed)});'
         known = _known(signal.channels, signals)
         lines.append(f'  if ({known}) {{\n    {call}\n  }}\n' if known else f'  {call}\n')
     text = ''.join(lines)
@@ -296,6 +322,19 @@ def _advance_function(signals: Signals) -> str:
         'imu_thermal_real temperature,\n                    const imu_thermal_sample *sample)\n'
         f'{{\n{unused}{text}}}\n'
     )
+
+
+def _advanced_by(signal: Signal, signals: Signals) -> list[str]:
+    """Return what a signal's function takes beside its state."""
+    numbers = [f'REAL({parameter!r})' for parameter in signal.parameters]
+    if signal.kind == 'play':
+        return [signal.value, *numbers]
+    if signal.kind == 'lag':
+        return [signal.value, 'step', *numbers]
+    first, second = signal.parameters
+    lag = signals.place(replace(signal, kind='lag', parameters=(first,)))
+    apart = f'REAL({1.0 / first - 1.0 / second!r})'
+    return [f'&{lag}', signal.value, 'step', *numbers, apart]
 
 
 def _error_call(sensor: Sensor) -> str:

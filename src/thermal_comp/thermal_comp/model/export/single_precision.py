@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far the C form of a model is off in single precision, told from the size of its terms.
+
+A sum is rounded in proportion to its largest terms: where coefficients are large and take nearly
+all of each other away, as those of effects that look alike do, what is left is mostly rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.compensation.recording import plan_of, sensor_error
+from thermal_comp.data.conditions import SENSORS, Conditions, Sensor
+from thermal_comp.effects.c_form import CForm, Signals
+from thermal_comp.effects.effect import Effect, columns_from
+from thermal_comp.model.values import SensorModel, ThermalModel
+
+ROUNDING = 2.0 * 2.0**-24
+"""Error of a term in its size, with its history: two roundings, as measured (test_c99.py)."""
+TOLERANCE = 1e-5
+"""Share of the correction's range that single precision may be off by."""
+
+
+def single_precision_shares(
+    model: ThermalModel, courses: Sequence[Conditions]
+) -> dict[Sensor, float]:
+    """Return of each compensated sensor how far single precision is off, about.
+
+    It is a share of the range of the correction over the courses.
+    """
+    shares: dict[Sensor, float] = {}
+    for sensor in SENSORS:
+        if sensor not in model.sensors:
+            continue
+        part = model.sensors[sensor]
+        errors, sizes = zip(*(_error_and_size(part, c.of(sensor)) for c in courses), strict=True)
+        span = float(np.ptp(np.concatenate(errors)))
+        if span > 0.0:
+            shares[sensor] = ROUNDING * float(np.concatenate(sizes).max()) / span
+    return shares
+
+
+def _error_and_size(part: SensorModel, conditions: Conditions) -> tuple[FloatArray, FloatArray]:
+    """Return the (n, 3) error and the (n, 3) sum of its terms' sizes, as C adds them [unit]."""
+    plan = plan_of(part)
+    size = np.zeros((len(conditions), 3))
+    for effect, coefficients in zip(plan.effects, plan.coefficients, strict=True):
+        if all(conditions.has(channel) for channel in effect.channels):
+            columns = columns_from(effect, conditions, (plan.low, plan.high))[0]
+            size += _size(effect, conditions.sensor, np.nan_to_num(columns), coefficients)
+    return sensor_error(plan, conditions, uncertain=False).error, size
+
+
+def _size(
+    effect: Effect, sensor: Sensor, columns: FloatArray, coefficients: FloatArray
+) -> FloatArray:
+    """Return the (n, 3) sum of the sizes of an effect's terms [unit]."""
+    made = effect.c_columns(
+        CForm(sensor, Signals(), effect.name, effect.channels, held=effect.bends)
+    )
+    mixing = None if made is None else made.mixing
+    if mixing is not None:
+        columns, coefficients = columns @ np.linalg.pinv(mixing), mixing @ coefficients
+    size: FloatArray = np.abs(columns) @ np.abs(coefficients)
+    return size
