@@ -7,6 +7,7 @@ import ast
 import contextlib
 import os
 import pty
+import shutil
 import signal
 import subprocess
 import sys
@@ -125,6 +126,36 @@ def test_nothing_that_exists_is_replaced_unasked(
     for force in ([], ['--force']):
         argv = [*simulate, '--orientation', 'x', '-o', str(tmp_path / 'run'), *force]
         assert main(argv) == 0
+
+
+def test_no_force_replaces_what_is_read_or_a_recording(
+    bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag, other = tmp_path / 'bag', tmp_path / 'other'
+    for copy in (bag, other):
+        shutil.copytree(bags / 'dut1_x', copy)
+    model, rules = tmp_path / 'm.yaml', tmp_path / 'topics.yaml'
+    rules.write_text('imu/mag: imu/mag\n')
+    assert main(['fit', str(bag), '-o', str(model)]) == 0
+    before = {path: path.read_bytes() for path in tmp_path.rglob('*') if path.is_file()}
+    storage = next(other.glob('*.mcap'))
+    fit = ['fit', str(bag), '--topics', str(rules), '--force']
+    for argv, said in (
+        ([*fit, '-o', str(other / 'metadata.yaml')], 'belongs to a recording'),
+        ([*fit, '-o', str(storage)], 'belongs to a recording'),
+        ([*fit, '-o', str(rules)], 'is what is read'),
+        (['compare', str(bag), '--json', str(other / 'metadata.yaml')], 'belongs to a recording'),
+        (['compare', str(bag), '--json', str(model)], 'no .json file'),
+        (['compare', str(bag), '--plot', str(storage)], 'belongs to a recording'),
+        (['apply', str(bag), '--model', str(model), '-o', str(bag), '--force'], 'is what is read'),
+    ):
+        capsys.readouterr()
+        assert main(argv) == 2
+        said_in_all = capsys.readouterr().err
+        assert said in said_in_all
+        assert said_in_all.count('\n') == 1
+    assert {path: path.read_bytes() for path in tmp_path.rglob('*') if path.is_file()} == before
+    assert main(['fit', str(bag), '-o', str(model), '--force']) == 0
 
 
 def test_what_is_replaced_stays_until_the_new_bag_is_written(

@@ -81,7 +81,8 @@ def test_golden_run_names_the_first_sample_that_moved(bag: Path, tmp_path: Path)
     [
         (['--node', 'ahrs', '-o', 'x'], 'there are thermal_comp, complementary_filter'),
         (['--node', 'ahrs_filter'], 'nothing to do'),
-        (['--node', 'ahrs_filter', '-p', 'foo:=1', '-o', 'x'], "no parameter 'foo'"),
+        (['--node', 'ahrs_filter', '-p', 'foo:=1', '-o', 'x'], "no parameter 'foo'; it has "),
+        (['--node', 'ahrs_filter', '-p', 'max_gop:=1', '-o', 'x'], 'did you mean max_gap'),
         (['--node', 'ahrs_filter', '-p', 'max_gap:=-1', '-o', 'x'], 'max_gap is -1'),
         (['--node', 'ahrs_filter', '-p', 'max_gap', '-o', 'x'], 'name:=value'),
         (['--node', 'complementary_filter', '-p', 'cutoff_hz:=60', '-o', 'x'], '60 Hz .* 100 Hz'),
@@ -92,6 +93,12 @@ def test_golden_run_names_the_first_sample_that_moved(bag: Path, tmp_path: Path)
 def test_mistakes_are_one_clear_error(bag: Path, arguments: list[str], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         call(bag, *arguments)
+
+
+def test_a_mistyped_parameter_is_one_line(bag: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ValueError, match='no parameter'):
+        call(bag, '--node', 'complementary_filter', '-p', 'cutof_hz:=1', '-o', 'x')
+    assert capfd.readouterr().err == ''
 
 
 def test_a_file_that_is_no_golden_run_is_refused(bag: Path, tmp_path: Path) -> None:

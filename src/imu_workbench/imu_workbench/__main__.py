@@ -30,6 +30,7 @@ from imu_recording.user_error import UserError, did_you_mean
 
 from imu_workbench.answer import Answer, error_line, show_progress, write_json
 from imu_workbench.commands import COMMANDS
+from imu_workbench.protected import refuse_to_destroy
 
 OWN_PACKAGES = ('imu_recording', 'imu_driver', 'thermal_comp', 'orientation_filters',
                 'chamber_profile', 'imu_workbench')  # fmt: skip
@@ -144,6 +145,7 @@ def _discard_output() -> None:
 def _answer(options: argparse.Namespace) -> int:
     if options.json and not options.json.parent.is_dir():
         raise UserError(f'--json {options.json}: there is no folder {options.json.parent}')
+    refuse_to_destroy(options)
     answer: Answer = options.run(options)
     show_progress('')
     if options.json:

@@ -12,6 +12,7 @@ from typing import Any
 from imu_recording.bags.files import locate_bag
 from imu_recording.bags.messages import BagMessage, bag_topics, read_messages
 from imu_recording.ros.message_cdr import message_class, numbers_of, serialise, type_of
+from imu_recording.ros.parameter import ROS_PARAMETERS
 from imu_recording.user_error import UserError, did_you_mean
 from rclpy.serialization import deserialize_message
 
@@ -64,6 +65,7 @@ def replay(
     sent: list[Sent] = []
     clock = [0]
     node_class = _node_class(node_name)
+    _check_parameters(node_class, node_name, parameters or {})
     parameters = _of_device(bag, node_class, namespace, parameters or {})
     with quiet_context() as context:
         node = node_class(
@@ -75,7 +77,6 @@ def replay(
             start_parameter_services=False,
         )
         try:
-            _check_parameters(node, node_name, parameters)
             if not node.autostart():
                 raise ReplayError(f'{node_name} refuses: {node.refused}')
             _feed(bag, node, clock, namespace.rstrip('/'), remap or {}, progress)
@@ -102,11 +103,13 @@ def _of_device(
     return ({'device': device} if asks and device else {}) | dict(parameters)
 
 
-def _check_parameters(node: Any, node_name: str, parameters: Mapping[str, Any]) -> None:
+def _check_parameters(node_class: Any, node_name: str, parameters: Mapping[str, Any]) -> None:
+    """Refuse a name that the node would only warn of."""
+    known = sorted(item.name for item in fields(node_class.config_class))
     for name in parameters:
-        if not node.has_parameter(name):
-            known = ', '.join(sorted(p for p in node._parameters if '.' not in p))
-            raise ReplayError(f'{node_name} has no parameter {name!r}; it has {known}')
+        if name not in known and not name.startswith(ROS_PARAMETERS):
+            near = did_you_mean(name, known) or f'; it has {", ".join(known)}'
+            raise ReplayError(f'{node_name} has no parameter {name!r}{near}')
 
 
 def _feed(

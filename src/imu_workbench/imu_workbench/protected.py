@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Outputs that would destroy a recording or another input: refused, whatever is forced."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Iterator
+from pathlib import Path
+
+from imu_recording.user_error import UserError
+
+OUTPUTS = {
+    'output': '-o',
+    'json': '--json',
+    'plot': '--plot',
+    'html': '--html',
+    'csv': '--csv',
+    'write_golden': '--write-golden',
+}
+"""Options that name what a verb writes, as they are given."""
+REPLACEABLE = {'model'}
+"""Inputs that a user may replace: a model by the next one."""
+RECORDINGS = {'.mcap', '.db3', '.bag', '.ulg', '.bin', '.bbl'}
+"""Suffixes of files that hold measurements."""
+
+
+def refuse_to_destroy(options: Namespace) -> None:
+    """Refuse to write over what is read, over a recording, or JSON over a file of another kind.
+
+    Raises UserError naming the option and the path.
+    """
+    read = set(_inputs(options))
+    for name, given in OUTPUTS.items():
+        path = getattr(options, name, None)
+        if not isinstance(path, Path) or not path.exists():
+            continue
+        if path.resolve() in read:
+            raise UserError(f'{given} {path} is what is read: choose another name')
+        if path.is_file() and _is_recording(path):
+            raise UserError(f'{given} {path} belongs to a recording: choose another name')
+        if name == 'json' and path.is_file() and path.suffix.lower() != '.json':
+            raise UserError(f'--json {path} exists and is no .json file: choose another name')
+
+
+def _inputs(options: Namespace) -> Iterator[Path]:
+    """Return the resolved paths of what is read."""
+    for name, value in vars(options).items():
+        given = value if isinstance(value, list) else [value]
+        if name not in OUTPUTS and name not in REPLACEABLE:
+            yield from (path.resolve() for path in given if isinstance(path, Path))
+
+
+def _is_recording(path: Path) -> bool:
+    if path.name == 'metadata.yaml':
+        return 'rosbag2' in path.read_text('utf-8', 'replace')
+    return path.suffix.lower() in RECORDINGS
