@@ -299,6 +299,7 @@ def main() -> int:
     """Run what was not run before, print the matrix and every red cell."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--fuzz', type=int, default=0, metavar='N', help='damaged files to try')
+    parser.add_argument('--first-seed', type=int, default=0, help='of the damaged files')
     parser.add_argument('--fresh', action='store_true', help='forget what was run before')
     parser.add_argument('--verb', action='append', choices=tuple(VERBS), help='only these')
     parser.add_argument('-o', '--output', type=Path, default=ROOT / 'build' / 'bad_input')
@@ -308,7 +309,7 @@ def main() -> int:
         done_file.unlink(missing_ok=True)
     bench = prepared(options.output)
     waiting = cells_of_bags(bench, options.verb or list(VERBS)) | cells_of_models(bench)
-    for seed in range(options.fuzz):
+    for seed in range(options.first_seed, options.first_seed + options.fuzz):
         waiting[f'fuzz {seed}', ''] = partial(fuzz_case, bench, seed)
     done = _done(done_file)
     with done_file.open('a', encoding='utf-8') as log:

@@ -88,6 +88,45 @@ def test_counts_too_coarse_for_a_gyroscope_are_degrees(run: ImuRecording, axes: 
         admitted(replace(run, angular_velocity=rates))
 
 
+def alone(run: ImuRecording, temperature: np.ndarray) -> ImuRecording:
+    return replace(
+        run,
+        temperature=temperature,
+        chamber_temperature=None,
+        chamber_temperature_2=None,
+        device_temperature=None,
+        setpoint=None,
+    )
+
+
+@pytest.mark.parametrize('step', [0.0625, 1 / 256, 0.1, 0.01])
+def test_a_thermometers_steps_tell_fahrenheit_without_a_chamber(
+    run: ImuRecording, step: float
+) -> None:
+    smooth = run.temperature + np.random.default_rng(0).normal(0.0, 0.01, len(run))
+    celsius = np.round((15.0 + 0.2 * smooth) / step) * step
+    right = alone(run, celsius)
+    assert admitted(right) is right
+    with pytest.raises(RecordingError, match=r'temperature has steps of .* °C, as if in °F'):
+        admitted(alone(run, celsius * 1.8 + 32.0))
+
+
+def test_a_die_hotter_than_sensors_are_made_for_is_in_fahrenheit(run: ImuRecording) -> None:
+    smooth = run.temperature + np.random.default_rng(0).normal(0.0, 0.01, len(run))
+    with pytest.raises(RecordingError, match=r'for 105 at most: as if in °F'):
+        admitted(alone(run, smooth * 1.8 + 32.0))
+    automotive = alone(run, smooth * 2.5 - 10.0)  # −35 … 115 °C
+    assert admitted(automotive) is automotive
+
+
+def test_a_die_that_is_hot_throughout_is_noted(run: ImuRecording) -> None:
+    smooth = 24.0 + 0.1 * run.temperature + np.random.default_rng(0).normal(0.0, 0.01, len(run))
+    note = admitted(alone(run, smooth * 1.8 + 32.0)).notes[-1]
+    assert note.startswith('temperature is 73.')
+    assert note.endswith('where it is in °F, say so in the mapping')
+    assert admitted(alone(run, smooth)).notes == run.notes
+
+
 def test_a_device_that_turns_about_the_vertical_is_no_wrong_unit(run: ImuRecording) -> None:
     rate = np.tile([1.0, 0.0, 0.0], (len(run), 1))
     angle = run.time

@@ -98,6 +98,14 @@ FAHRENHEIT_SLOPE_RATIO = 1.2
 chamber is in °F where it is the other way round."""
 LEAST_CHAMBER_SPAN = 5.0
 """Span of the chamber's temperature [K] from which the slope tells something."""
+HOTTEST_RATED = 105.0
+"""Greatest temperature most MEMS sensors are made for [°C]: 85, some 105 …"""
+COLDEST_OF_HOT = 0.0
+"""… and what a recording beyond it stays above that is in °F: −18 °C."""
+ROOM_IN_FAHRENHEIT = (60.0, 131.0)
+"""Least and greatest temperature of a die switched on in a room, 15 … 55 °C, in °F."""
+ROUND_STEP = 1e-3
+"""Share by which a thermometer's step is off a round one at most."""
 
 
 def admitted(
@@ -131,7 +139,8 @@ def judged(recording: ImuRecording, *, sensors: bool = True) -> tuple[ImuRecordi
     reason = reason or _foreign_temperature(recording) or _foreign_pressure(recording)
     if sensors and not reason:
         reason = next(implausible(recording), '')
-    return recording, reason
+    hint = '' if reason else _hot_throughout(recording)
+    return (recording.with_notes(hint) if hint else recording), reason
 
 
 def possible(field: str, *values: float) -> bool:
@@ -271,7 +280,52 @@ def _foreign_temperature(recording: ImuRecording) -> str:
         else:
             return ''
         return f'{text}, as if in °F'
+    return _alone_in_fahrenheit(recording.temperature)
+
+
+def _alone_in_fahrenheit(temperature: FloatArray) -> str:
+    """Tell a die temperature in °F where no other thermometer stands beside it."""
+    known = temperature[np.isfinite(temperature)]
+    if not len(known):
+        return ''
+    step = _count(known[:100_000])
+    if step and _is_round(step / 1.8) and not _is_round(step):
+        place = (known[:100_000] - 32.0) / step
+        if np.abs(place - np.round(place)).max() < 10.0 * ROUND_STEP:
+            return f'temperature has steps of {step:.6g}, {step / 1.8:.6g} °C, as if in °F'
+    low, high = float(known.min()), float(known.max())
+    hot = np.count_nonzero(known > HOTTEST_RATED) > DAMAGED_SHARE * len(known)
+    if hot and low > COLDEST_OF_HOT:
+        return (
+            f'temperature is {low:.1f} … {high:.1f} °C, sensors are made for {HOTTEST_RATED:g} '
+            'at most: as if in °F'
+        )
     return ''
+
+
+def _is_round(step: float) -> bool:
+    """Tell whether a thermometer's step is a power of two, or 1, 2 or 5 times one of ten.
+
+    >>> _is_round(0.0625), _is_round(0.02), _is_round(0.1125)
+    (True, True, False)
+    """
+    mantissas = np.array([1.0, 2.0, 5.0, 10.0]) * 10.0 ** np.floor(np.log10(step))
+    nearest = np.append(mantissas, 2.0 ** np.round(np.log2(step)))
+    return bool((np.abs(nearest / step - 1.0) < ROUND_STEP).any())
+
+
+def _hot_throughout(recording: ImuRecording) -> str:
+    """Return a hint where a die is as warm throughout as one in a room is in °F."""
+    known = recording.temperature[np.isfinite(recording.temperature)]
+    if recording.chamber_temperature is not None or not len(known):
+        return ''
+    low, high = float(known.min()), float(known.max())
+    if not (ROOM_IN_FAHRENHEIT[0] < low and high < ROOM_IN_FAHRENHEIT[1]):
+        return ''
+    return (
+        f'temperature is {low:.1f} … {high:.1f} °C, never that of a room: where it is in °F, '
+        'say so in the mapping'
+    )
 
 
 def _in_fahrenheit(y: FloatArray, x: FloatArray, *, still: bool) -> bool:
