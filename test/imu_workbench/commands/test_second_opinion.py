@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from imu_workbench.__main__ import main
 
-from imu_recording import read_bag
+from imu_recording import read_bag, write_bag
 
 
 def test_logs_are_judged_by_their_own_autopilot(
@@ -42,6 +42,26 @@ def test_what_is_no_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
     assert main(['second-opinion', str(table)]) == 2
     assert '`import` it' in capsys.readouterr().err
     assert main(['second-opinion', str(tmp_path / 'missing.ulg')]) == 2
+
+
+def test_a_bag_is_judged_device_by_device_and_a_sensor_that_is_dead_is_named(
+    bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board = read_bag(bags / 'dut1_z')
+    dead = board.angular_velocity.copy()
+    dead[:, 1] = 0.0
+    one = replace(board, namespace='/dut1')
+    other = replace(board, device='dut2', namespace='/dut2', angular_velocity=dead)
+    write_bag([one, other], tmp_path / 'pair')
+    told = tmp_path / 's.json'
+    storage = next((tmp_path / 'pair').glob('*.mcap'))
+    assert main(['second-opinion', str(storage), '--json', str(told)]) == 0
+    first, second = json.loads(told.read_text())['imus']
+    assert [imu['imu'].split()[-1] for imu in (first, second)] == ['/dut1', '/dut2']
+    assert first['notes'] == []
+    assert set(second['sensors']) == {'accelerometer'}
+    assert second['notes'] == ['gyroscope left out: axis y of run log never changes']
+    assert second['notes'][0] in capsys.readouterr().out
 
 
 def test_logs_of_one_board_are_judged_by_one_another(

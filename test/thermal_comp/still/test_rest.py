@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -126,3 +127,14 @@ def test_false_rest_on_real_motion_is_rarer_than_stated() -> None:
     assert moving > 1000
     assert false <= FALSE_REST * moving
     assert found >= FOUND * resting
+
+
+def test_values_that_are_missing_are_no_turn() -> None:
+    log = recording([(60, 'rest'), (40, 'hand'), (50, 'rest')])
+    holey = log.angular_velocity.copy()
+    holey[::60] = np.nan
+    rest = find_rest(replace(log, angular_velocity=holey))
+    assert len(rest.stretches) == 2
+    assert rest.note == ''
+    none = find_rest(replace(log, angular_velocity=np.full_like(holey, np.nan)))
+    assert none.note.endswith('have a finite gyroscope value')

@@ -19,6 +19,8 @@ from imu_recording.deep_yaml import refuse_deep_yaml
 from imu_recording.recording import BagError
 
 ROS1_MAGIC = b'#ROSBAG V2.0'
+IMPORTED = {'.csv', '.tsv', '.txt', '.ulg', '.bin', '.log'}
+"""Suffixes of tables and of logs of autopilots."""
 METADATA = 'metadata.yaml'
 SUFFIXES = ('.mcap', '.db3', '.bag')
 YAML_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
@@ -147,7 +149,10 @@ def _identified(file: Path, *, per_message: bool) -> BagFile:
     ):
         if head.startswith(magic):
             return BagFile(file, storage, message_compressed=per_message and storage != 'ros1')
-    raise BagError(f'{file}: neither mcap nor sqlite3 nor a ROS 1 bag (its first bytes are wrong)')
+    way = '; `import` it first' if file.suffix.lower() in IMPORTED else ''
+    raise BagError(
+        f'{file}: neither mcap nor sqlite3 nor a ROS 1 bag (its first bytes are wrong){way}'
+    )
 
 
 def _few(names: list[str]) -> str:

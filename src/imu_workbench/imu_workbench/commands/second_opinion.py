@@ -23,10 +23,10 @@ from thermal_comp.model.export.autopilot_fit import FITS, Autopilot
 from thermal_comp.presentation.display import shown
 from thermal_comp.presentation.second_opinion import opinion_picture
 
-from imu_recording import ImuRecording, read_bag
+from imu_recording import ImuRecording
 from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.compare import claim_picture
-from imu_workbench.commands.options import add_accept_argument
+from imu_workbench.commands.options import add_accept_argument, read_devices
 
 HELP = 'Judge the curves that PX4 or ArduPilot would fit to a warm-up log: good, or not, and why.'
 EPILOG = (
@@ -84,6 +84,7 @@ def run(options: argparse.Namespace) -> Answer:
         said = verdict(opinion)
         rows.append(_row(name, opinion, faults, said))
         lines += [name, *(f'  first: {fault}' for fault in faults), *(f'  {s}' for s in said)]
+        lines += [f'  note: {note}' for note in opinion.notes]
         opinions.append((name, opinion))
     across, said = _across(opinions)
     lines += said
@@ -143,14 +144,11 @@ def _worth(found: Mapping[Sensor, OtherLogs]) -> str:
 def _imus(options: argparse.Namespace) -> Iterator[tuple[str, ImuRecording, Autopilot]]:
     """Yield name, recording and autopilot of every IMU."""
     for path in options.logs:
-        if path.is_dir():
-            yield str(path), read_bag(path), 'px4'
-            continue
-        if not path.is_file():
-            raise UserError(f'{path}: no such file')
-        if not is_log(path):
-            raise UserError(f'{path} is no log of an autopilot: `import` it, then give the bag')
         show_progress(f'reading {path} …')
+        if path.is_dir() or not is_log(path):
+            for recording in read_devices(path, None, None, every_device=True):
+                yield f'{path} {recording.namespace}'.rstrip(), recording, 'px4'
+            continue
         with path.open('rb') as stream:
             own: Autopilot = 'ardupilot' if is_dataflash(stream.read(16)) else 'px4'
         for imu in import_log(path):
@@ -217,6 +215,7 @@ def _row(name: str, opinion: SecondOpinion, faults: list[str], said: list[str]) 
         'autopilot': opinion.autopilot,
         'verdict': said,
         'faults': faults,
+        'notes': opinion.notes,
         'temperature_range': opinion.temperature_range,
         'both_ways': opinion.both_ways,
         'lag_or_curve': 'told apart' if opinion.decidable else 'cannot be told apart',

@@ -13,7 +13,7 @@ distributed for each of these, and they weigh by their evidence
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,6 +99,8 @@ class SecondOpinion:
     """Share of the range that was passed warming and cooling."""
     sensors: Mapping[Sensor, SensorOpinion]
     run: PreparedRun
+    notes: Sequence[str] = ()
+    """Which sensors nothing is said of, and why."""
 
     @property
     def decidable(self) -> bool:
@@ -120,7 +122,8 @@ def second_opinion(
             f'temperature: {low:.1f} … {high:.1f} °C is no range for a curve; warm the board by '
             f'{LEAST_SPAN_K:g} K at least, better by 30'
         )
-    known = [s for s in usable_sensors([run])[0] if s in FITTED]
+    usable, left_out = usable_sensors([run])
+    known = [s for s in usable if s in FITTED]
     if not known:
         raise ModelError('neither accelerometer nor gyroscope can be used: nothing to judge')
     cubic = compare_prepared(fit_prepared(dict.fromkeys(known, POWERS), [run]), [run])
@@ -136,7 +139,9 @@ def second_opinion(
             cubic.sensors[sensor].noise_floor,
             _when_cooling(run, sensor, fitted, rng),
         )
-    return SecondOpinion(recording.device, autopilot, (low, high), _both_ways(run), sensors, run)
+    notes = [note for note in left_out if note.startswith(FITTED)]
+    span = (low, high)
+    return SecondOpinion(recording.device, autopilot, span, _both_ways(run), sensors, run, notes)
 
 
 def _fitted(

@@ -208,7 +208,7 @@ def prepare_run(
 ) -> PreparedRun:
     """Return the prepared run of one recording."""
     if len(recording) < 2:
-        raise RecordingError(f'{name}: {len(recording)} samples; a run needs more')
+        raise RecordingError(f'{name}: {len(recording)} rows are too few for a run')
     stretch, jumped = longest_stretch('samples', recording.stamp)
     whole = recording.rows(stretch).with_notes(jumped) if jumped else recording
     recording = cut_startup(whole)

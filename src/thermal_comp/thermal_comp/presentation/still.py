@@ -181,6 +181,8 @@ def _worth(part: Mapping[str, Any], factor: float, unit: str) -> str:
 
 
 def _levels(part: Mapping[str, Any], factor: float, unit: str) -> str:
+    if len(part['level_of_logs']) < 2:
+        return 'one log: what a power-on changes is not known, nor ageing'
     turn = ', '.join(shown(factor * float(v), 2) for v in part['turn_on_std'])
     text = f'each power-on changes the level by {turn} {unit} (std)'
     ageing, std = np.asarray(part['ageing_per_year']), np.asarray(part['ageing_std'])

@@ -80,6 +80,9 @@ def find_rest(recording: ImuRecording, *, least_s: float = LEAST_REST_S) -> Rest
         variance = bin_variances(columns, edges, means[sensor]).mean(axis=1)
         scatter = np.sqrt(np.where(np.isfinite(variance), variance, np.inf))
         noise[sensor] = _noise_of(scatter, columns)
+        if not np.isfinite(noise[sensor]):
+            why = f'no {QUIET_WINDOWS} windows in a row have a finite {sensor} value'
+            return Rest((), np.zeros(m, bool), edges, {}, why)
         if noise[sensor] > LARGEST_NOISE[sensor]:
             why = f'its quietest seconds shake by {noise[sensor]:.2g} at the {sensor}'
             return Rest((), np.zeros(m, bool), edges, noise, why)
@@ -150,7 +153,7 @@ def _without_turns(found: Sequence[slice], recording: ImuRecording) -> tuple[lis
     """Return the stretches whose mean rate is that of the most time at rest."""
     if not found:
         return [], 'it never rests for long enough'
-    rates = np.array([recording.angular_velocity[rows].mean(axis=0) for rows in found])
+    rates = np.array([np.nanmean(recording.angular_velocity[rows], axis=0) for rows in found])
     length = np.array([rows.stop - rows.start for rows in found])
     near = np.linalg.norm(rates[:, None] - rates[None], axis=2) < STEADY_TURN
     kept = near[int(np.argmax(near @ length))]
