@@ -127,7 +127,7 @@ def admitted(
     if reason:
         raise RecordingError(
             f'{_name(recording)}: {reason}; convert it to SI units (in a CSV: unit of the '
-            'mapping), leave the topic out (--topic NAME:=), or take it as it is with '
+            'mapping), leave it out (--topic NAME:= of a bag), or take it as it is with '
             '--accept units'
         )
     return recording

@@ -23,6 +23,18 @@ HEADERS = {
         'gyro_x_dps,gyro_y_dps,gyro_z_dps', 180 / np.pi,
         'IMU temperature (K)', 273.15,
     ),
+    'units alone tell, in another language': (
+        'Zeitstempel [s]', 's',
+        'Beschl X [mg],Beschl Y [mg],Beschl Z [mg]', 1000 / 9.80665,
+        'Drehrate X [°/s],Drehrate Y [°/s],Drehrate Z [°/s]', 180 / np.pi,
+        'Temperatur [°C]', 0.0,
+    ),
+    'seconds behind the name': (
+        'time_s', 's',
+        'ax[m/s^2],ay[m/s^2],az[m/s^2]', 1.0,
+        'gx[rad/s],gy[rad/s],gz[rad/s]', 1.0,
+        't_die[C]', 0.0,
+    ),
     'mg by their norm': (
         'timestamp_us', 'us',
         'accelX,accelY,accelZ', 1000 / 9.80665,
@@ -91,6 +103,22 @@ def resting(path: Path, header: str, *, encoding: str = 'utf-8', comma: bool = F
         header = header.replace(',', ';')
     path.write_text('\n'.join([header, *lines]), encoding=encoding)
     return path
+
+
+def test_comments_above_the_header_are_left_out(tmp_path: Path) -> None:
+    path = resting(
+        tmp_path / 'a.csv', '# board A7\n"time", "ax", "ay", "az", "gx", "gy", "gz", "T"'
+    )
+    guess = guess_mapping(path)
+    assert guess.mapping['comment'] == '#'
+    assert len(import_csv(path, guess.mapping)) == 600
+
+
+def test_unix_times_are_told_by_their_size(tmp_path: Path) -> None:
+    path = tmp_path / 'a.csv'
+    rows = (f'{1.7e9 + k + 86400 * (k > 50):.3f},0,0,9.8,{20 + k / 100}' for k in range(100))
+    path.write_text('\n'.join(['unix_time,ax,ay,az,temp', *rows]))
+    assert guess_mapping(path).mapping['time'] == {'column': 'unix_time', 'unit': 's'}
 
 
 def test_rates_that_would_be_too_loud_are_degrees(tmp_path: Path) -> None:

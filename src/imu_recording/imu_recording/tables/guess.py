@@ -24,6 +24,8 @@ from imu_recording.tables.mapping import TIME_UNITS, UNITS, WRITTEN_AS, CsvMappi
 LINES = 5000
 """Lines that are looked at."""
 DELIMITERS = ',;\t|'
+COMMENTS = '#%'
+"""What lines above a header begin with."""
 DECIMAL_COMMA = re.compile(r'[-+]?\d+,\d+')
 VECTORS = {
     'linear_acceleration': r'(lin(ear)?_?)?a(cc(el(eration|erometer)?)?)?',
@@ -36,7 +38,7 @@ SCALARS = {
     'chamber_temperature': r'(chamber|oven|ambient|air|outside)(_?t(emp(erature)?)?)?',
     'chamber_temperature_2': r'(chamber|oven|ambient|air|outside)(_?t(emp(erature)?)?)?_?2',
     'device_temperature': r'(board|case|thermocouple|tc|baro(meter)?|pcb)(_?t(emp(erature)?)?)?',
-    'temperature': r'((imu|die|d|sensor|chip)_?)?(t|temp(erature)?)',
+    'temperature': r'((imu|die|d|sensor|chip)_?)?(t|temp(eratur(e)?)?)(_?(die|imu|chip))?',
     'humidity': r'(rh|hum(idity)?|relative_?humidity)',
     'pressure': r'(air_?|baro(meter)?_?)?press(ure)?',
     'heater': r'heat(er|ing)(_?(duty|state|on|power))?',
@@ -54,7 +56,11 @@ GREATEST = {
     'pressure': {'bar': 2.0, 'kPa': 200.0, 'hPa': 2000.0, 'Pa': np.inf},
 }
 """Up to which greatest value a channel without a unit is taken for one, in this order."""
-TIME = r'(sample_?)?(time(_?stamp)?|stamp|t|date(_?time)?|sec(onds)?|millis|micros|zeit|datum)'
+TIME = (
+    r'((sample|unix|epoch|utc|gps|ros|log|elapsed|system|local)_?)*'
+    r'(time(_?stamp)?|stamp|t|date(_?time)?|sec(onds)?|millis|micros|epoch|utc|uptime|elapsed|'
+    r'zeit(stempel)?|datum)(_?(s|sec|ms|us|ns))?'
+)
 PREFIX = r'(imu\d?|sensor|raw|data)?_?'
 NORMS = {
     'linear_acceleration': {'m/s²': GRAVITY, 'g': 1.0, 'mg': 1000.0},
@@ -69,6 +75,8 @@ MOST_STEPS_BACK = 0.01
 WARMEST_CELSIUS = 60.0
 """Temperatures above it are asked about: most boards are this warm in °F only."""
 UNTOLD_RATE = 'angular_velocity: no unit in the header, taken as rad/s'
+DATES_S = (1e9, 4e9)
+"""Unix times from 2001 to 2096 [s]."""
 USUAL_PERIOD_S = 0.02
 """Of units that are possible the one with the more usual period is taken."""
 
@@ -87,14 +95,14 @@ def guess_mapping(path: Path, *, beside: bool = False) -> Guess:
     `beside` that of a board it may be the log of a chamber. Raises BagError where there is no
     header, no time, or neither a vector of a sensor nor, beside another, any channel in it.
     """
-    delimiter, decimal, header, table = _table(path)
+    delimiter, decimal, header, table, comment = _table(path)
     names = {name: _plain(name) for name in header}
     units = {name: _unit_in(name) for name in header}
     columns: dict[str, Any] = {}
     unsure: list[str] = []
     values = dict(zip(header, table.T, strict=True))
     for field_name, pattern in VECTORS.items():
-        found = _vector(names, pattern)
+        found = _vector(names, pattern) or _vector_of_unit(field_name, names, units)
         if found:
             told = _vector_unit(field_name, [values[n] for n in found], units[found[0]], unsure)
             columns[field_name] = {'columns': found, **told}
@@ -122,6 +130,7 @@ def guess_mapping(path: Path, *, beside: bool = False) -> Guess:
     mapping: dict[str, Any] = {'schema': 1, **device, 'time': time, 'columns': columns}
     mapping |= {'delimiter': delimiter} if delimiter != ',' else {}
     mapping |= {'decimal': decimal} if decimal != '.' else {}
+    mapping |= {'comment': comment} if comment else {}
     _check_rates(mapping, values, unsure)
     left = [name for name in header if name not in taken]
     if left:
@@ -167,15 +176,17 @@ def _time_column(path: Path, names: Mapping[str, str], values: Mapping[str, Floa
 def _beginning(stream: TextIO) -> tuple[tuple[str, list[list[str]]], list[str]]:
     """Return delimiter and cells of the first lines that are not blank; no notes."""
     text = ''.join(itertools.islice(stream, LINES))
-    first = next((line for line in text.splitlines() if line.strip()), '')
-    delimiter = max(DELIMITERS, key=first.count)
-    lines = csv.reader(io.StringIO(text, newline=''), delimiter=delimiter)
+    told = (line for line in text.splitlines() if line.strip() and line[0] not in COMMENTS)
+    delimiter = max(DELIMITERS, key=next(told, '').count)
+    lines = csv.reader(io.StringIO(text, newline=''), delimiter=delimiter, skipinitialspace=True)
     return (delimiter, [row for row in lines if any(row)]), []
 
 
-def _table(path: Path) -> tuple[str, str, list[str], FloatArray]:
-    """Return delimiter, decimal sign, header and (n, columns) of the first lines."""
+def _table(path: Path) -> tuple[str, str, list[str], FloatArray, str]:
+    """Return delimiter, decimal sign, header, (n, columns) of the first lines, comment sign."""
     (delimiter, rows), _ = in_its_encoding(path, _beginning)
+    comment = rows[0][0][:1] if rows and rows[0][0][:1] in tuple(COMMENTS) else ''
+    rows = [row for row in rows if not (comment and row[0].startswith(comment))]
     if not rows:
         raise BagError(f'{path}: the file is empty')
     header = [cell.strip() for cell in rows[0]]
@@ -196,7 +207,7 @@ def _table(path: Path) -> tuple[str, str, list[str], FloatArray]:
             f'{path}: no line has as many cells as its header, {len(header)}'
             f'{_other_width(widths, len(header), delimiter)}'
         )
-    return delimiter, decimal, header, np.array(numbers)
+    return delimiter, decimal, header, np.array(numbers), comment
 
 
 def _other_width(widths: Counter[int], columns: int, delimiter: str) -> str:
@@ -224,10 +235,10 @@ def _plain(name: str) -> str:
     """
     bare = re.sub(r'[\[(].*?[\])]', '', name).strip()
     first, _, last = bare.rpartition('_')
-    bare = first if first and _known_unit(last) else bare
+    bare = first if first and len(last) > 1 and _known_unit(last) else bare
     bare = re.sub(r'(?<=[a-z])(?=[A-Z])', '_', bare)
     parts = [part for part in re.split(r'[^0-9a-zA-Z]+', bare.lower()) if part]
-    if len(parts) > 1 and _known_unit(parts[-1]):
+    if len(parts) > 1 and len(parts[-1]) > 1 and _known_unit(parts[-1]):
         parts.pop()
     return '_'.join(parts)
 
@@ -235,17 +246,20 @@ def _plain(name: str) -> str:
 def _unit_in(name: str) -> str:
     """Return what stands in brackets, or after the last _, '' where that is no unit.
 
-    >>> _unit_in('ax [mg]'), _unit_in('gyro_x_dps'), _unit_in('temp')
-    ('mg', 'dps', '')
+    >>> _unit_in('ax [g]'), _unit_in('gyro_x_dps'), _unit_in('temp'), _unit_in('acc_g')
+    ('g', 'dps', '', '')
     """
     bracket = re.search(r'[\[(](.*?)[\])]', name)
-    told = bracket[1].strip() if bracket else name.rpartition('_')[2] if '_' in name else ''
-    return told if _known_unit(told) else ''
+    if bracket:
+        told = bracket[1].strip()
+        return told if told and _known_unit(told) else ''
+    told = name.rpartition('_')[2] if '_' in name else ''
+    return told if len(told) > 1 and _known_unit(told) else ''
 
 
 def _known_unit(word: str) -> bool:
     listed = {unit.lower() for known in UNITS.values() for unit in known}
-    return len(word) > 1 and (word.lower() in {*listed, *WRITTEN_AS, *TIME_UNITS})
+    return word.lower() in {*listed, *WRITTEN_AS, *TIME_UNITS}
 
 
 def _vector(names: Mapping[str, str], pattern: str) -> list[str]:
@@ -256,6 +270,14 @@ def _vector(names: Mapping[str, str], pattern: str) -> list[str]:
         if match:
             found.setdefault(match['axis'], name)
     return [found[axis] for axis in 'xyz'] if len(found) == 3 else []
+
+
+def _vector_of_unit(
+    field_name: str, names: Mapping[str, str], units: Mapping[str, str]
+) -> list[str]:
+    """Return three columns x, y, z of a sensor's unit, in whatever language they are named."""
+    own = {name: plain for name, plain in names.items() if _is_of(field_name, units[name])}
+    return _vector(own, r'[a-z0-9_]*?')
 
 
 def _vector_unit(
@@ -309,6 +331,10 @@ def _scalar_unit(
 
 
 def _is_of(name: str, unit: str) -> bool:
+    """Tell whether a unit is one of a field's: mg is no mG where it is written so."""
+    written = {field_name for field_name, known in UNITS.items() if unit in known}
+    if written:
+        return name in written
     return WRITTEN_AS.get(unit.lower(), unit).lower() in {known.lower() for known in UNITS[name]}
 
 
@@ -356,6 +382,9 @@ def _time_unit(
     if not possible:
         unsure.append(f'time: steps of {name} are {step:.4g}: unit?')
         return 's'
+    dated = [u for u in possible if DATES_S[0] < known[0] * TIME_UNITS[u] * 1e-9 < DATES_S[1]]
+    if len(dated) == 1:
+        return dated[0]
     periods = {unit: step * TIME_UNITS[unit] * 1e-9 for unit in possible}
     unit = min(periods, key=lambda u: abs(np.log(periods[u] / USUAL_PERIOD_S)))
     if len(possible) > 1:
