@@ -242,7 +242,7 @@ def watch(browser: Browser) -> Iterator[Callable[..., Watched]]:
         context = browser.new_context(
             viewport={'width': width, 'height': height},
             accept_downloads=True,
-            reduced_motion='reduce',  # spinners cost as much as the work they wait for
+            reduced_motion='reduce',
             **look,
         )
         contexts.append(context)

@@ -15,9 +15,9 @@ from multiprocessing import forkserver
 from typing import Any
 
 from imu_workbench.__main__ import run_process
-from imu_workbench.web import jobs, page, server
+from imu_workbench.web import application, jobs
 
-IMPORTED = (page, server)
+IMPORTED = (application,)
 
 
 def serve(request: dict[str, Any]) -> int:

@@ -78,8 +78,7 @@ def run(options: argparse.Namespace) -> Answer:
     Thread(target=warm_up, daemon=True).start()  # workers get ready while the page is imported
     from imu_workbench.web.access import is_local
     from imu_workbench.web.bag_root import BagRoot
-    from imu_workbench.web.page import Start
-    from imu_workbench.web.server import bind, run_server
+    from imu_workbench.web.server import Start, bind, run_server
 
     effect_catalogue(options.effects)  # refused now rather than in every tab
     remap = topic_remap(options)

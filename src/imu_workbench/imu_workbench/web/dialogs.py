@@ -158,7 +158,6 @@ class WorkPanel:
     def _row(self, row: Stoppable | QueuedFit) -> None:
         fit = row if isinstance(row, QueuedFit) else None
         with ui.element('div').classes('job fit' if fit else 'job'):
-            ui.spinner(size='1.1em')
             label = ui.label('starting …')
             button = ui.button('Cancel', on_click=lambda: self._cancel(row))
             button.props('no-caps flat dense')

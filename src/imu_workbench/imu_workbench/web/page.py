@@ -7,7 +7,6 @@ import asyncio
 import json
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl
@@ -38,27 +37,12 @@ BROWSER_TIMEOUT_S = 60.0
 """How long a browser may take to answer before its page is given up [s]."""
 
 
-@dataclass(frozen=True)
-class Start:
-    """What a server begins with."""
-
-    bags: tuple[Path, ...] = ()
-    case: Path | None = None
-    """The one case that is opened; None: those of the bags, without bags all there are."""
-    model_text: str | None = None
-    effects: tuple[Path, ...] = ()
-    """Files with effects of the user's own."""
-    remap: Mapping[str, str] = field(default_factory=dict)
-    """Names of the logging contract → names in the bags."""
-    local: bool = True
-    """Whether only this machine can open the page."""
-
-
 class Page:
     """One browser tab: builds it and keeps it up to date."""
 
-    def __init__(self, workspace: Workspace, start: Start, query: Mapping[str, str]) -> None:
-        self._workspace, self._start = workspace, start
+    def __init__(self, workspace: Workspace, query: Mapping[str, str], *, local: bool) -> None:
+        """`local`: only this machine can open the page, so that it may load effect files."""
+        self._workspace, self._local = workspace, local
         self._session = Session(workspace, query)
         self._look = Look()
         self._dark = ui.dark_mode(None)
@@ -100,7 +84,7 @@ class Page:
                     lambda: self._effect_upload.run_method('pickFiles'),
                     self._load_kept,
                 )
-                self._rail = Rail(session, rail, may_load=self._start.local)
+                self._rail = Rail(session, rail, may_load=self._local)
             actions = VersionActions(
                 self._show_version, self._save_model, self._save_report, self._save_case,
                 self._open_model, lambda text: self._workspace.note(session.device, text),
@@ -139,7 +123,7 @@ class Page:
     def _upload(self) -> ui.upload:
         async def load(event: events.UploadEventArguments) -> None:
             name, content = event.file.name, await event.file.read()
-            if not self._start.local:
+            if not self._local:
                 return
             self._tell_of_effects(name, await self._workspace.load_effects(name, content))
 
@@ -148,7 +132,7 @@ class Page:
 
     async def _load_kept(self, key: str) -> None:
         work = self._session.work
-        if work is not None and self._start.local:
+        if work is not None and self._local:
             name = kept_effects(work.case)[key]
             self._tell_of_effects(name, await self._workspace.load_kept_effects(work.case, key))
 

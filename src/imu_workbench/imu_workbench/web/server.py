@@ -1,34 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The server of the page."""
+"""The server of the page: it begins to read before the page's libraries are there."""
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import errno
 import signal
 import socket
-from collections.abc import Callable
-from importlib.resources import files
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import uvicorn
-from fastapi import FastAPI, Request
 from imu_recording.user_error import UserError
-from nicegui import app as nicegui_app
-from nicegui import ui
 
 from imu_workbench.case import lock_cases
-from imu_workbench.web.access import AccessCheck
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.jobs import end_all
-from imu_workbench.web.page import Page, Start
 from imu_workbench.web.result_cache import ResultCache
 from imu_workbench.web.workspace import Workspace
 
-SCRIPTS = ('resizing.js', 'watching.js', 'cells.js', 'cursor.js', 'saving.js')
-RECONNECT_S = 30.0
-"""A tab that lost the server keeps its state so long."""
+
+@dataclass(frozen=True)
+class Start:
+    """What a server begins with."""
+
+    bags: tuple[Path, ...] = ()
+    case: Path | None = None
+    """The one case that is opened; None: those of the bags, without bags all there are."""
+    model_text: str | None = None
+    effects: tuple[Path, ...] = ()
+    """Files with effects of the user's own."""
+    remap: Mapping[str, str] = field(default_factory=dict)
+    """Names of the logging contract → names in the bags."""
+    local: bool = True
+    """Whether only this machine can open the page."""
 
 
 class PortError(UserError):
@@ -69,47 +77,32 @@ def run_server(
     ready: Callable[[], None] = lambda: None,
 ) -> None:
     """Serve the cases of a folder until interrupted."""
+    # Being ended is the normal way to end: it must pass through here, where files are removed.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     with lock_cases(cases), TemporaryDirectory(prefix='imu_workbench_') as folder:
         workspace = Workspace(ResultCache(root, Path(folder)), cases, start.remap)
-        outer = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
-        outer.add_middleware(AccessCheck, token=token)
-        here = files('imu_workbench') / 'web'
-        look = (here / 'theme.css').read_text('utf-8')
-        scripts = [(here / name).read_text('utf-8') for name in SCRIPTS]
-
-        @ui.page('/', response_timeout=30.0)  # type: ignore[untyped-decorator]
-        def _page(request: Request) -> None:
-            ui.add_css(look)
-            ui.add_head_html(''.join(f'<script>{script}</script>' for script in scripts))
-            ui.query('.nicegui-content').classes('content')
-            Page(workspace, start, dict(request.query_params))
-
-        async def begin() -> None:
-            opening = workspace.start(
-                start.bags,
-                start.effects,
-                case=start.case,
-                model_text=start.model_text,
-                run_kept=start.local,
-            )
-            workspace.begin(opening)
-
-        nicegui_app.on_startup(begin)
-        nicegui_app.on_startup(ready)
-        ui.run_with(
-            outer,
-            title='IMU workbench',
-            favicon='📈',
-            dark=None,
-            language='en-US',
-            reconnect_timeout=RECONNECT_S,
-            show_welcome_message=False,
-        )
-        settings = uvicorn.Config(outer, log_level='warning', lifespan='on')
-        # Being ended is the normal way to end: it must pass through here, where files are removed.
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
         try:
             with contextlib.suppress(KeyboardInterrupt):
-                uvicorn.Server(settings).run(sockets=[listening])
+                asyncio.run(_serve(listening, workspace, start, token, ready))
         finally:
             end_all()
+
+
+async def _serve(
+    listening: socket.socket,
+    workspace: Workspace,
+    start: Start,
+    token: str,
+    ready: Callable[[], None],
+) -> None:
+    """Open what the server was started with, and serve the page as soon as it is imported."""
+    opening = workspace.start(
+        start.bags,
+        start.effects,
+        case=start.case,
+        model_text=start.model_text,
+        run_kept=start.local,
+    )
+    workspace.begin(opening)
+    application = await asyncio.to_thread(import_module, 'imu_workbench.web.application')
+    await application.serve(listening, workspace, local=start.local, token=token, ready=ready)

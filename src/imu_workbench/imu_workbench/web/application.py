@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page as a web application: styles, scripts, who may see it, and what serves it."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from importlib.resources import files
+
+import uvicorn
+from fastapi import FastAPI, Request
+from nicegui import app as nicegui_app
+from nicegui import ui
+
+from imu_workbench.web.access import AccessCheck
+from imu_workbench.web.page import Page
+from imu_workbench.web.workspace import Workspace
+
+SCRIPTS = ('resizing.js', 'watching.js', 'cells.js', 'cursor.js', 'saving.js')
+RECONNECT_S = 30.0
+"""A tab that lost the server keeps its state so long."""
+
+
+async def serve(
+    listening: socket.socket,
+    workspace: Workspace,
+    *,
+    local: bool,
+    token: str,
+    ready: Callable[[], None],
+) -> None:
+    """Serve the page until interrupted; `local`: only this machine can open it."""
+    outer = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+    outer.add_middleware(AccessCheck, token=token)
+    here = files('imu_workbench') / 'web'
+    look = (here / 'theme.css').read_text('utf-8')
+    scripts = [(here / name).read_text('utf-8') for name in SCRIPTS]
+
+    @ui.page('/', response_timeout=30.0)  # type: ignore[untyped-decorator]
+    def _page(request: Request) -> None:
+        ui.add_css(look)
+        ui.add_head_html(''.join(f'<script>{script}</script>' for script in scripts))
+        ui.query('.nicegui-content').classes('content')
+        Page(workspace, dict(request.query_params), local=local)
+
+    nicegui_app.on_startup(ready)
+    ui.run_with(
+        outer,
+        title='IMU workbench',
+        favicon='📈',
+        dark=None,
+        language='en-US',
+        reconnect_timeout=RECONNECT_S,
+        show_welcome_message=False,
+    )
+    settings = uvicorn.Config(outer, log_level='warning', lifespan='on')
+    await uvicorn.Server(settings).serve(sockets=[listening])
