@@ -33,7 +33,7 @@ WEAKEST_DIRECTION = 1e-5
 them, and would take noise out of what is left for no effect."""
 
 LARGEST_SHARE = 0.4
-"""Columns the model may have, as a share of the blocks."""
+"""Columns the model may have, as a share of the instants."""
 
 CHANNELS = ('heater', 'compressor', 'fan', 'supply_voltage', 'humidity', 'chamber_temperature')
 
@@ -42,10 +42,10 @@ def saturated_basis(run: PreparedRun) -> FloatArray:
     """Return an orthonormal basis (m, p): temperature × branch, lags, channels, cycles.
 
     Fitted per run and axis it takes up every effect of the catalogue to first order. A run of
-    few blocks, of which that would leave little, has powers of temperature and time and a lag.
+    few instants, of which that would leave little, has powers of temperature and time and a lag.
     """
     columns = [*_repeatable(run), *_slow(run)]
-    if sum(part.shape[1] for part in columns) > LARGEST_SHARE * len(run):
+    if sum(part.shape[1] for part in columns) > LARGEST_SHARE * _instants(run):
         columns = _few(run)
     return joined_basis(columns)
 
@@ -81,8 +81,22 @@ def _repeatable(run: PreparedRun) -> list[FloatArray]:
     return blocks
 
 
+def _instants(run: PreparedRun) -> float:
+    """Return the number of blocks, a burst counted as one: beside its pause it is short.
+
+    Of a stretch that is b blocks long, between pauses of g, the share b / g counts.
+    """
+    steps = np.diff(run.slot)
+    ends = np.flatnonzero(steps > 1)
+    if not len(ends):
+        return float(len(run))
+    lengths = np.diff(np.r_[-1, ends, len(steps)])
+    pause = float(np.mean(steps[ends] - 1))
+    return float(np.maximum(lengths * np.minimum(lengths / pause, 1.0), 1.0).sum())
+
+
 def _few(run: PreparedRun) -> list[FloatArray]:
-    """Return the columns a run of few blocks can bear."""
+    """Return the columns a run of few instants can bear."""
     temperature, time = run.temperature, run.time
     low, span = float(temperature.min()), max(float(np.ptp(temperature)), 1e-6)
     x, t = (temperature - low) / span, (time - time[0]) / max(float(np.ptp(time)), 1.0)
