@@ -18,6 +18,7 @@ Results print as text, show as tables in a notebook, and have `to_dict()` and, b
 `linear`, `fitting`, `comparison`, `diagnosis`, `experiment`, `model`, `compensation`.
 """
 
+import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +33,9 @@ if TYPE_CHECKING:
         read,
         save,
     )
+
+# Before numpy is loaded: on small matrices OpenBLAS threads wait longer for a core than they work.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 __all__ = ['add', 'compare', 'compensate', 'diagnose', 'fit', 'load', 'read', 'save']
 
