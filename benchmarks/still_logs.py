@@ -16,9 +16,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # as the verbs: two spin for each other
 
 import numpy as np
 from imu_recording.recording import FloatArray

@@ -10,7 +10,9 @@ pose adds:
 For a gyroscope U is the identity, t zero, γ the device's zero-rate level, and the floor Earth's
 rate in an unknown direction. Of an accelerometer in an unknown pose only the norm says anything:
 U is the direction of gravity û in each stretch and t gravity itself, so that across it a stretch
-shows its change with temperature and no more. The slope over temperature of a single stretch
+shows its change with temperature and no more. û is the direction of what was measured less what is
+known of the error: an error e across gravity lengthens the mean by e²/2g, as it changes over
+temperature by many mm/s² (`pool.py`). The slope over temperature of a single stretch
 may differ from the curve's by N(0, σ_s²): whatever else warms up with it. σ_u, σ_v, σ_s and the
 size of the curve's bends are those of the largest marginal likelihood over γ and the coefficients
 (restricted maximum likelihood: Patterson and Thompson, Biometrika 58, 1971; the bends as Rasmussen
