@@ -9,6 +9,7 @@ from imu_recording.user_error import UserError
 from imu_workbench.report import pdf
 from imu_workbench.report.analysis import analyse_recordings
 from imu_workbench.report.content import report_content
+from imu_workbench.report.figures.run_pages import allan_picture
 from weasyprint import HTML
 
 
@@ -35,6 +36,14 @@ def test_every_run_has_its_page_and_nothing_is_dark(page) -> None:
         assert f'Annex: run dut1_{axis} of dut1' in page
     assert 'data-theme' not in page
     assert '<script' not in page
+
+
+def test_the_allan_deviation_is_drawn(page, content) -> None:
+    found = content['certificates']['dut1']['allan_deviation']
+    assert page.count('alt="Allan deviation of dut1"') == 1
+    drawn = allan_picture(found)
+    lines = [line['tau'] for axes in found.values() for line in axes.values()]
+    assert drawn.count('id="FillBetweenPolyCollection_') == len(lines) == 9
 
 
 def test_it_is_a_pdf(content) -> None:

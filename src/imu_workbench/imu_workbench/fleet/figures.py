@@ -46,7 +46,11 @@ def map_figure(
         'xgap': 2,
         'ygap': 1,
         'colorscale': [[0.0, '@calm'], [0.4, '@raised'], [1.0, '@loud']],
-        'colorbar': {'title': {'text': '−log₁₀ p'}, 'thickness': 12, 'outlinewidth': 0},
+        'colorbar': {
+            'title': {'text': '−log₁₀ p', 'side': 'right'},
+            'thickness': 12,
+            'outlinewidth': 0,
+        },
         'hovertemplate': '%{y} %{x}: %{z:.1f}<extra></extra>',
     } | trace_axes(0)
     category = {'type': 'category', 'showgrid': False}

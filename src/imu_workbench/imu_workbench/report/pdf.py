@@ -21,6 +21,11 @@ from imu_workbench.report.html.modelled import model_section
 from imu_workbench.report.html.render import Section, templates
 
 SYSTEM_LIBRARIES = 'apt install libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0'
+RUN_CAPTION = (
+    'Temperatures over the run, and what the certified model leaves of each sensor’s error (block '
+    'means).'
+)
+ALLAN_CAPTION = 'What the certified model leaves, all runs together; bands: 95 % interval.'
 
 
 def check_pdf() -> None:
@@ -65,20 +70,35 @@ def printed_page(content: Mapping[str, Any]) -> str:
             title=f'Calibration certificate {", ".join(certificates)}',
             number=', '.join(found['laboratory']['number'] for found in certificates.values()),
             certificates=[certificate_section(found) for found in certificates.values()],
-            pictures=list(run_pictures(content)),
+            pictures=list(pictures_of(content)),
             annexes=[section for section in annexes if isinstance(section, Section)],
             simulated=any(found['simulated'] for found in certificates.values()),
         )
     )
 
 
-def run_pictures(content: Mapping[str, Any]) -> Iterator[dict[str, str]]:
-    """Give name, device and picture of every run that a certificate is about."""
-    from imu_workbench.report.figures.run_pages import run_picture
+def pictures_of(content: Mapping[str, Any]) -> Iterator[dict[str, str]]:
+    """Give a picture of every run that a certificate is about, and of what noise is left."""
+    from imu_workbench.report.figures.run_pages import allan_picture, run_picture
 
     plans = {recording['name']: recording['plan'] for recording in content['recordings']}
     for device, found in content['certificates'].items():
         for run, residuals in found['residuals'].items():
-            picture = run_picture(plans.get(run), residuals)
-            coded = base64.b64encode(picture.encode()).decode()
-            yield {'device': device, 'run': run, 'source': f'data:image/svg+xml;base64,{coded}'}
+            yield {
+                'kind': 'run',
+                'title': f'run {run} of {device}',
+                'caption': RUN_CAPTION,
+                'source': as_source(run_picture(plans.get(run), residuals)),
+            }
+        if found['allan_deviation']:
+            yield {
+                'kind': 'annex',
+                'title': f'Allan deviation of {device}',
+                'caption': ALLAN_CAPTION,
+                'source': as_source(allan_picture(found['allan_deviation'])),
+            }
+
+
+def as_source(svg: str) -> str:
+    """Return an SVG picture as the address of an image."""
+    return f'data:image/svg+xml;base64,{base64.b64encode(svg.encode()).decode()}'

@@ -65,7 +65,15 @@ def test_a_deuteranope_takes_a_grey_for_a_green_that_others_tell_apart() -> None
 def test_no_two_meanings_of_one_figure_share_a_colour(theme) -> None:
     meanings = ['x', 'y', 'z', 'temperature', 'candidate', 'raw', 'raw_soft', 'model']
     meanings += [colour.removeprefix('@') for colour in BRANCHES.values() if colour != '@raw']
+    meanings += [f'd{i}' for i in range(6)]
     assert len({COLOURS[theme][name] for name in meanings}) == len(meanings)
+
+
+@pytest.mark.parametrize('theme', COLOURS)
+@pytest.mark.parametrize('axis', 'xyz')
+def test_no_device_is_taken_for_an_axis(theme, axis) -> None:
+    axes = COLOURS[theme][axis]
+    assert all(distance(COLOURS[theme][f'd{i}'], axes, np.eye(3)) > APART for i in range(6))
 
 
 def contrast(one: np.ndarray, other: np.ndarray) -> float:

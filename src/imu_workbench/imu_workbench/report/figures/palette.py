@@ -4,6 +4,8 @@
 After Okabe and Ito (2008), "Color Universal Design"; what is drawn over each other is told apart
 by deuteranopes too. The dark theme takes the lighter relatives. What was measured is grey, what
 the model makes of it has the text's colour, temperatures share one colour and differ by dash.
+Devices, and filters, have six colours of their own that are no axis's: among muted ones those
+that differ most from each other, as everybody and as deuteranopes see them.
 Figures write '@name'; the page puts the theme's colour in.
 """
 
@@ -26,12 +28,12 @@ COLOURS: dict[str, dict[str, str]] = {
         'raw_soft': '#c3cad3',
         'cold': '#56b4e9',
         'hot': '#e69f00',
-        'd0': '#0072b2',
-        'd1': '#d55e00',
-        'd2': '#009e73',
-        'd3': '#882255',
-        'd4': '#f0b400',
-        'd5': '#56b4e9',
+        'd0': '#1b1b59',
+        'd1': '#cc7a8f',
+        'd2': '#6ca632',
+        'd3': '#853dcc',
+        'd4': '#594a1b',
+        'd5': '#3289a6',
         'band': 'rgba(230,159,0,0.16)',
         'noise': 'rgba(90,102,117,0.15)',
         'text': '#1b2430',
@@ -61,12 +63,12 @@ COLOURS: dict[str, dict[str, str]] = {
         'raw_soft': '#4a5666',
         'cold': '#7cc8f5',
         'hot': '#f2b632',
-        'd0': '#5db3ea',
-        'd1': '#ee7a28',
-        'd2': '#35cfa2',
-        'd3': '#c23a78',
-        'd4': '#ffdf70',
-        'd5': '#c5e6fb',
+        'd0': '#ffff4d',
+        'd1': '#bf397c',
+        'd2': '#99ffcc',
+        'd3': '#bf7c39',
+        'd4': '#4d4dff',
+        'd5': '#4da6ff',
         'band': 'rgba(242,182,50,0.16)',
         'noise': 'rgba(157,170,185,0.20)',
         'text': '#e6ebf1',

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One picture per run for paper: temperature, and what the certified model leaves."""
+"""Pictures for paper: a run with what the certified model leaves, and its Allan deviation."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from thermal_comp.presentation.display import DISPLAY_UNITS
 
 from imu_workbench.report.figures.measured import TRACK_LOOK
 from imu_workbench.report.figures.palette import COLOURS
 
 SIZE_INCHES = (7.1, 7.6)
+ALLAN_SIZE_INCHES = (7.1, 2.3)
 STYLE: Any = {
     'svg.fonttype': 'none',
     'font.size': 7.5,
@@ -59,8 +61,31 @@ def run_picture(plan: Mapping[str, Any] | None, residuals: Mapping[str, Any]) ->
                 loc='lower right', bbox_to_anchor=(1.0, 0.97), ncols=4, frameon=False, fontsize=6.5
             )
         panels[-1].set_xlabel('time [h]')
-        text = io.StringIO()
-        figure.savefig(text, format='svg', metadata={'Date': None})
+        return _svg(figure)
+
+
+def allan_picture(curves: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return SVG of the Allan deviation in a certificate, a panel per sensor."""
+    with rc_context(STYLE):
+        figure = Figure(figsize=ALLAN_SIZE_INCHES, layout='constrained')
+        panels = figure.subplots(1, len(curves), squeeze=False)[0]
+        for panel, (sensor, found) in zip(panels, curves.items(), strict=True):
+            for axis, line in found.items():
+                tau, low, high = (_numbers(line[key]) for key in ('tau', 'low', 'high'))
+                panel.fill_between(tau, low, high, color=LIGHT[f'{axis}_soft'], alpha=0.5, lw=0)
+                panel.loglog(
+                    tau, _numbers(line['deviation']), linewidth=0.9, color=LIGHT[axis], label=axis
+                )
+            panel.set_title(f'{sensor.capitalize()} [{DISPLAY_UNITS[sensor].unit}]', fontsize=7.5)
+            panel.set_xlabel('averaging time [s]')
+            panel.grid(visible=True, color='0.92', linewidth=0.5)
+            panel.legend(frameon=False, fontsize=6.5)
+        return _svg(figure)
+
+
+def _svg(figure: Figure) -> str:
+    text = io.StringIO()
+    figure.savefig(text, format='svg', metadata={'Date': None})
     return text.getvalue()
 
 
