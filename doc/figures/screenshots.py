@@ -45,6 +45,7 @@ WATCHED_MS = 70_000
 def save(page: Page, name: str) -> None:
     """Write doc/figures/NAME.png in as many colours as the size allows."""
     page.mouse.move(0, 0)
+    page.locator('.job').first.wait_for(state='detached')  # it would stand before the picture
     page.wait_for_timeout(1000)
     picture = Image.open(BytesIO(page.screenshot())).convert('RGB')
     for colours in (256, 128, 64, 32):

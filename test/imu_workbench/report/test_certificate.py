@@ -13,6 +13,9 @@ from imu_workbench.report.content import report_content
 from imu_workbench.report.html.document import report_page
 from imu_workbench.report.laboratory import Laboratory, read_laboratory
 from imu_workbench.report.limits import Limit, Limits
+from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.effects.scale_factor_temperature import ScaleFactorTemperature
+from thermal_comp.fitting.fit import fit
 
 EXAMPLE = Path(__file__).resolve().parents[3] / 'examples' / 'laboratory.yaml'
 SLOPES = {
@@ -91,6 +94,17 @@ def test_a_limit_without_a_result_is_named_and_a_wrong_unit_refused(analysis) ->
         UserError, match=r'gyroscope\.slope is in rad/s, its coefficient in rad/s/K'
     ):
         content_of(analysis, limits=wrong)
+
+
+def test_several_coefficients_of_an_effect_are_counted_and_limited_together(run) -> None:
+    recordings = [run('dut1', up, seed=i, cycles=3) for i, up in enumerate('xyz')]
+    model = fit([BiasTemperature(), ScaleFactorTemperature()], recordings)
+    analysis = analyse_recordings(recordings, {'dut1': model}, attitudes=False, diagnosis=False)
+    limits = Limits({'accelerometer': {'scale_factor_temperature': Limit(-1.0, 1.0, '1/K')}})
+    found = content_of(analysis, limits=limits)['certificates']['dut1']
+    counted = [f'scale_factor_temperature, {number} of 3' for number in (1, 2, 3)]
+    assert [d['coefficient'] for d in found['decisions']] == counted
+    assert all(coefficients(found, name) for name in counted)
 
 
 def test_what_was_not_given_is_not_stated(analysis) -> None:

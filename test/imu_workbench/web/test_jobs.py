@@ -7,8 +7,9 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from imu_workbench.web import jobs
 from imu_workbench.web.case.tasks import effects_task
-from imu_workbench.web.jobs import Job, JobCancelled, JobError, LockWait
+from imu_workbench.web.jobs import Job, JobCancelled, JobError, LockWait, expected_seconds
 from thermal_comp.effects import EFFECTS
 
 ENDLESS = partial(operator.contains, range(10**18))
@@ -26,6 +27,17 @@ def test_mistakes_are_one_line_and_bugs_say_that_they_are():
         Job(effects_task, [Path('nowhere.py')]).wait()
     with pytest.raises(JobError, match='bug in the workbench'):
         Job(effects_task, 7).wait()
+
+
+def test_a_short_task_that_was_slow_says_little_of_how_long_others_take(monkeypatch):
+    monkeypatch.setattr(jobs, 'SPENT', {'': (20.0, 20.0), 'diagnose_task': (10.0, 10.0)})
+    Job(effects_task, []).wait()
+    foretold, took = jobs.SPENT['effects_task']
+    assert jobs.SPENT[''] == (20.0 + foretold, 20.0 + took)
+    assert expected_seconds('effects_task', 0) == pytest.approx(took)
+    assert expected_seconds('diagnose_task', 0) == pytest.approx(9.0)
+    others = (20.0 + took) / (20.0 + foretold)
+    assert expected_seconds('report_task', 0) == pytest.approx(15.0 * others)
 
 
 def test_a_job_can_be_stopped():

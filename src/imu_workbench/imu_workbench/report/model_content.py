@@ -60,12 +60,12 @@ def sensor_terms(sensor: str, part: SensorModel) -> list[dict[str, Any]]:
         if values.ndim == 1:
             values, own = (np.repeat(a[:, None], 3, axis=1) for a in (values, own))
         for number, (value, sigma) in enumerate(zip(values, own, strict=True)):
-            name = effect.name if len(values) == 1 else f'{effect.name} [{number}]'
+            place = '' if len(values) == 1 else f', {number + 1} of {len(values)}'
             units = effect.coefficient_units
             rows.append(
                 {
                     'sensor': sensor,
-                    'effect': name,
+                    'effect': f'{effect.name}{place}',
                     'value': value,
                     'uncertainty': sigma,
                     'unit': (units[number] if number < len(units) else '').format(unit=unit),

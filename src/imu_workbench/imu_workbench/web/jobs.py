@@ -60,8 +60,8 @@ SECONDS = {
     'effects_task': (1.5, 0.0),
 }
 """Task → seconds at the least, and per byte or sample; on two cores of 2024."""
-PACE: dict[str, float] = {}
-"""Task → how much longer than that it took here the last time."""
+SPENT: dict[str, tuple[float, float]] = {}
+"""Task, '' for all together → seconds that this foretold, and that they took here."""
 
 
 def workload(arguments: Sequence[Any]) -> int:
@@ -79,8 +79,14 @@ def expected_seconds(name: str, size: int) -> float | None:
     """Return how long a task should take here; None: nobody knows."""
     if name not in SECONDS:
         return None
+    foretold, took = SPENT.get(name) or SPENT.get('', (1.0, 1.0))
+    return seconds_of(name, size) * took / foretold
+
+
+def seconds_of(name: str, size: int) -> float:
+    """Return how long a task takes on the machine of the table."""
     least, each = SECONDS[name]
-    return (least + each * size) * PACE.get(name, PACE.get('', 1.0))
+    return least + each * size
 
 
 def time_left(job: Stoppable, now: float) -> str:
@@ -122,10 +128,10 @@ class Job:
     def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
         self.progress = ''
         self.cancelled = False
-        self._name, size = getattr(function, '__name__', ''), workload(arguments)
+        self._name, self._size = getattr(function, '__name__', ''), workload(arguments)
         self._began = time.monotonic()
-        self._expected = expected_seconds(self._name, size)
-        self.expected_end = None if self._expected is None else self._began + self._expected
+        expected = expected_seconds(self._name, self._size)
+        self.expected_end = None if expected is None else self._began + expected
         context = start_context()
         self._connection, theirs = context.Pipe(duplex=False)
         self._process = context.Process(
@@ -164,10 +170,12 @@ class Job:
             RUNNING.discard(self)
 
     def _learn(self) -> None:
-        """Remember how much longer than expected it took: a slow machine, a quick one."""
-        if self._expected:
-            ratio = (time.monotonic() - self._began) / self._expected
-            PACE[self._name] = PACE[''] = ratio * PACE.get(self._name, PACE.get('', 1.0))
+        """Remember how much longer it took: a slow machine, a quick one."""
+        if self._name in SECONDS:
+            took = time.monotonic() - self._began
+            for name in (self._name, ''):  # a short task says little of how long others take
+                foretold, before = SPENT.get(name, (0.0, 0.0))
+                SPENT[name] = (foretold + seconds_of(self._name, self._size), before + took)
 
     def cancel(self) -> None:
         """End the process and those it has started."""

@@ -310,7 +310,7 @@ def decided(found: Sequence[Quantity], limits: Limits | None) -> list[dict[str, 
     rows = []
     for quantity in found if limits else ():
         assert limits is not None  # noqa: S101 (the loop is empty without)
-        name = quantity.coefficient.partition(' [')[0]
+        name = quantity.coefficient.partition(', ')[0]
         limit = limits.of(quantity.sensor, name)
         if limit is None:
             continue
@@ -336,7 +336,7 @@ def decided(found: Sequence[Quantity], limits: Limits | None) -> list[dict[str, 
 
 def without_result(decisions: Sequence[Mapping[str, Any]], limits: Limits | None) -> list[str]:
     """Return the limits nothing is said about: no such coefficient was determined."""
-    told = {(d['sensor'], d['coefficient'].partition(' [')[0]) for d in decisions}
+    told = {(d['sensor'], d['coefficient'].partition(', ')[0]) for d in decisions}
     given = limits.sensors.items() if limits else ()
     return [
         f'{name} of the {sensor}'

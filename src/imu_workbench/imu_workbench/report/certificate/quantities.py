@@ -260,7 +260,7 @@ def coefficients_of(evidence: Evidence) -> Iterator[Quantity]:
             linear = isinstance(effect, BiasTemperature)
             name = 'slope' if linear else effect.name
             if len(values) > 1:
-                name = f'{name} [{column}]'
+                name = f'{name}, {column + 1} of {len(values)}'
             for axis in range(1 if shared else 3):
                 place = (column,) if shared else (column, axis)
                 fitted = Fitted(

@@ -23,7 +23,8 @@ FAILURE_SCALE = {
     'cmax': math.log10(LARGEST_SHOWN_RATIO),
     'colorscale': [[0.0, '@calm'], [0.11, '@calm'], [0.5, '@raised'], [1.0, '@loud']],
     'colorbar': {
-        'title': {'text': 'times the<br>noise floor'}, 'thickness': 12, 'outlinewidth': 0,
+        'title': {'text': 'times the noise floor', 'side': 'right'},
+        'thickness': 12, 'outlinewidth': 0,
         'tickvals': [0.0, math.log10(2.0), math.log10(5.0), 1.0],
         'ticktext': ['1', '2', '5', '≥ 10'],
     },

@@ -44,7 +44,7 @@ class VersionsPanel:
         with ui.element('div').classes('bottom'):
             with ui.element('section').classes('card versions').props('aria-label="Versions"'):
                 ui.html('<h2>Versions</h2>', sanitize=False)
-                self._tree = ui.element('div').classes('scroll')
+                self._tree = ui.element('div').classes('scroll versions')
                 self._buttons()
                 self._notes = ui.textarea('Notes', on_change=self._on_note)
                 self._notes.props('dense outlined autogrow debounce=600').classes('notes')
@@ -127,21 +127,21 @@ class VersionsPanel:
 
     def _show_tree(self, tree: Sequence[tuple[CaseVersion, int]]) -> None:
         sensors = [s for s in SENSORS if any(s in v.errors for v, _ in tree)]
-        columns = f'minmax(150px, 1fr) repeat({len(sensors)}, max-content)'
-        with ui.element('div').classes('tree-row head').style(f'grid-template-columns: {columns}'):
+        self._tree.style(
+            f'grid-template-columns: minmax(150px, 1fr) repeat({len(sensors)}, max-content)'
+        )
+        with ui.element('div').classes('tree-row head'):
             ui.label('Version: held-out error (× noise floor)')
             for sensor in sensors:
                 ui.label(f'{sensor.capitalize()} [{DISPLAY_UNITS[sensor].unit}]')
         with ui.element('div').classes('tree').props('role=list aria-label="Versions"'):
             for version, depth in tree:
-                self._tree_row(version, depth, sensors, columns)
+                self._tree_row(version, depth, sensors)
 
-    def _tree_row(
-        self, version: CaseVersion, depth: int, sensors: Sequence[str], columns: str
-    ) -> None:
+    def _tree_row(self, version: CaseVersion, depth: int, sensors: Sequence[str]) -> None:
         on = version.name == self._session.version_name
         with ui.element('div').classes('tree-row on' if on else 'tree-row') as row:
-            row.props('role=listitem').style(f'grid-template-columns: {columns}')
+            row.props('role=listitem')
             button = ui.element('button').classes('version').props('type=button')
             button.props(f'aria-pressed={"true" if on else "false"}')
             button.style(f'margin-left: {16 * depth}px')
