@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import zipfile
 from pathlib import Path
 
@@ -26,6 +27,21 @@ def add(page, effect: str) -> None:
     if further.count() and further.get_attribute('open') is None:
         further.locator('summary').click()
     button.last.click()
+
+
+@pytest.fixture
+def held_by(tmp_path: Path) -> Path:
+    """File that holds back the fits of a server it is given to."""
+    held_by = tmp_path / 'held_by'
+    os.mkfifo(held_by)
+    return held_by
+
+
+def release(held_by: Path) -> None:
+    """Let the fits begin, these and later ones."""
+    with held_by.open('w'):
+        held_by.unlink()
+        held_by.touch()
 
 
 def test_reload_back_and_a_killed_server_lose_nothing(serve, watch, small_bags, tmp_path):
@@ -85,8 +101,10 @@ def check_saved_case(page) -> None:
     assert [v['parent'] for v in content['versions']] == [None, 'v1']
 
 
-def test_fits_queue_branch_and_are_cancelled_and_bags_come_and_go(serve, watch, small_bags):
-    server = serve(small_bags / 'dut2_x', '--root', small_bags)
+def test_fits_queue_branch_and_are_cancelled_and_bags_come_and_go(
+    serve, watch, small_bags, held_by
+):
+    server = serve(small_bags / 'dut2_x', '--root', small_bags, held_by=held_by)
     watched = watch(server.address)
     page = watched.page
     wait_for_verdict(page)
@@ -94,6 +112,7 @@ def test_fits_queue_branch_and_are_cancelled_and_bags_come_and_go(serve, watch, 
         add(page, effect)
     page.locator('.fit', has_text='icing').get_by_role('button').click()
     page.locator('.fit', has_text='icing').wait_for(state='detached')
+    release(held_by)
     page.locator('.tree-row', has_text='v2 + temperature rate').wait_for()
     page.locator('.tree-row', has_text='v3 + humidity').wait_for()
     page.locator('.tree-row.on', has_text='v3').wait_for()
@@ -128,10 +147,10 @@ def test_fits_queue_branch_and_are_cancelled_and_bags_come_and_go(serve, watch, 
 
 
 def test_a_fit_that_waits_when_the_server_is_killed_is_done_by_the_next(
-    serve, watch, small_bags, tmp_path
+    serve, watch, small_bags, tmp_path, held_by
 ):
     cases = tmp_path / 'cases'
-    server = serve(small_bags / 'dut2_x', cases=cases)
+    server = serve(small_bags / 'dut2_x', cases=cases, held_by=held_by)
     watched = watch(server.address)
     page = watched.page
     wait_for_verdict(page)

@@ -85,12 +85,17 @@ class ServerStarter:
             cwd=ROOT,
         )
 
-    def start(self, arguments: list[str], output: Path) -> tuple[Process, str]:
+    def start(
+        self, arguments: list[str], output: Path, held_by: Path | None = None
+    ) -> tuple[Process, str]:
         """Start one that writes to `output`; return its process and its first line."""
         assert self._starter.stdin
         assert self._starter.stdout
         os.mkfifo(output)
-        request = {'arguments': arguments, 'environment': {**os.environ}, 'output': str(output)}
+        request = {
+            'arguments': arguments, 'environment': {**os.environ}, 'output': str(output),
+            'held_by': held_by and str(held_by),
+        }  # fmt: skip
         self._starter.stdin.write(json.dumps(request) + '\n')
         self._starter.stdin.flush()
         process = Forked(int(self._starter.stdout.readline()))
@@ -137,7 +142,11 @@ def servers(starter: ServerStarter) -> Iterator[Callable[..., Server]]:
     folder = TemporaryDirectory(prefix='cases_')
 
     def start(
-        *paths: str | Path, cases: Path | None = None, port: str = '0', by_command: bool = False
+        *paths: str | Path,
+        cases: Path | None = None,
+        port: str = '0',
+        by_command: bool = False,
+        held_by: Path | None = None,
     ) -> Server:
         number = len(started)
         cases = cases or Path(folder.name) / str(number)
@@ -145,7 +154,8 @@ def servers(starter: ServerStarter) -> Iterator[Callable[..., Server]]:
         if by_command:
             process, line = start_command(arguments)
         else:
-            process, line = starter.start(arguments, Path(folder.name) / f'output_{number}')
+            output = Path(folder.name) / f'output_{number}'
+            process, line = starter.start(arguments, output, held_by)
         started.append(process)
         assert line.startswith('workbench at '), line
         return Server(line.split()[2], process, cases)

@@ -1,38 +1,57 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starts servers by forking a process that has imported all that they need.
 
-A line of JSON on standard input is a request: arguments, environment and a FIFO for what the
-server writes; the answer is a line with the number of its process. Ends when the input does.
+A line of JSON on standard input is a request: arguments, environment, a FIFO for what the server
+writes, and one that holds its fits back until somebody has written to it, or none. The answer is
+a line with the number of its process. Ends when the input does.
+Each worker of a server executes the top of this file again, as multiprocessing does with the main
+module of whoever asks for it: what takes a second to import is imported by the functions.
 """
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import signal
 import sys
 from multiprocessing import forkserver
+from pathlib import Path
 from typing import Any
-
-from imu_workbench.__main__ import run_process
-from imu_workbench.web import application, jobs
-
-IMPORTED = (application,)
 
 
 def serve(request: dict[str, Any]) -> int:
     """Run the server that is asked for; workers are forked from the process there is."""
+    from imu_workbench.__main__ import run_process
+
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     forkserver._forkserver.ensure_running = lambda: None  # type: ignore[method-assign]
     os.environ.clear()
     os.environ.update(request['environment'])
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(os.open(request['output'], os.O_WRONLY), 1)
+    if request['held_by']:
+        hold_fits(Path(request['held_by']))
     return run_process(request['arguments'])
+
+
+def hold_fits(held_by: Path) -> None:
+    """Begin no fit of this server before the file can be read to its end."""
+    from imu_workbench.web.fit_queue import FitQueue
+
+    run = FitQueue._run
+
+    async def run_when_released(self: FitQueue) -> None:
+        await asyncio.to_thread(held_by.read_bytes)
+        await run(self)
+
+    FitQueue._run = run_when_released  # type: ignore[method-assign]
 
 
 def main() -> int:
     """Answer requests."""
+    from imu_workbench.web import application, jobs  # noqa: F401 (for the servers)
+
     jobs.warm_up()
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # whoever asked for a server waits for its end
     while line := sys.stdin.readline():
