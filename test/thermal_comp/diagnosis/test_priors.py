@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a diagnosis believes beforehand are probabilities, and larger flaws are less likely."""
+
+import numpy as np
+import pytest
+from thermal_comp.diagnosis.priors import (
+    AMPLITUDES,
+    SLOW_NOISE,
+    THERMOMETER_LAGS_S,
+    TWIN_SHARE,
+    amplitude_log_prior,
+    flaw_log_prior,
+    log_odds_of_twin,
+)
+
+
+@pytest.mark.parametrize('alternatives', [SLOW_NOISE, THERMOMETER_LAGS_S])
+def test_alternatives_share_one(alternatives: tuple[tuple[float, float], ...]) -> None:
+    assert sum(probability for _, probability in alternatives) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize('explained', [0.0, 10.0, 300.0, 1e5])
+def test_a_flaw_has_some_size(explained: float) -> None:
+    assert np.exp(flaw_log_prior(explained)).sum() == pytest.approx(1.0)
+
+
+def test_an_effect_beside_another_is_likeliest_as_large_as_that() -> None:
+    alone = np.exp(amplitude_log_prior(None))
+    assert alone == pytest.approx(np.full(len(AMPLITUDES), 1.0 / len(AMPLITUDES)))
+    beside = amplitude_log_prior(AMPLITUDES[6])
+    assert int(np.argmax(beside)) == 6
+    assert np.exp(beside).sum() <= 1.0 + 1e-6
+
+
+def test_equations_lack_more_where_they_explain_more() -> None:
+    likeliest = [int(np.argmax(flaw_log_prior(e))) for e in (100.0, 3000.0, 60000.0)]
+    assert likeliest == sorted(set(likeliest))
+
+
+def test_what_a_twin_explains_better_speaks_against_the_other_beyond_some_per_cent() -> None:
+    odds = [log_odds_of_twin(share) for share in (0.0, 0.01, TWIN_SHARE, 0.2, 1.0)]
+    assert odds == sorted(odds, reverse=True)
+    assert odds[0] == pytest.approx(0.0, abs=1e-6)
+    assert odds[2] == pytest.approx(np.log(0.5))
