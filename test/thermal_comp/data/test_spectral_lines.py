@@ -9,8 +9,8 @@ import pytest
 from imu_recording.recording import ImuRecording
 from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.data.spectral_lines import LOWEST_HZ, spectral_lines
-from thermal_comp.diagnosis.hypotheses import NOT_IN_CATALOGUE
-from thermal_comp.diagnosis.posterior import probability
+from thermal_comp.diagnosis.evidence.hypotheses import NOT_IN_CATALOGUE
+from thermal_comp.diagnosis.evidence.posterior import probability
 from thermal_comp.diagnosis.sensor_search import SensorAnswer, Settings, search_sensors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.noise.estimation import fit_noise

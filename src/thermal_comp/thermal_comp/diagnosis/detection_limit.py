@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.diagnosis import priors
-from thermal_comp.diagnosis.candidates import Form
-from thermal_comp.diagnosis.hypotheses import SensorHypotheses
+from thermal_comp.diagnosis.evidence import priors
+from thermal_comp.diagnosis.evidence.candidates import Form
+from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.linear.columns import per_axis
 from thermal_comp.linear.gaussian_evidence import ConditionedDesign
 

@@ -12,6 +12,7 @@ from thermal_comp.comparison.compare import Comparison, compare_prepared, rms_of
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.change import changes
+from thermal_comp.diagnosis.evidence.posterior import credible
 from thermal_comp.diagnosis.findings import (
     Explained,
     clock_findings,
@@ -25,7 +26,6 @@ from thermal_comp.diagnosis.findings import (
 from thermal_comp.diagnosis.identifiability import undecidable
 from thermal_comp.diagnosis.inputs import prepare_inputs
 from thermal_comp.diagnosis.noise_level import NoiseReference
-from thermal_comp.diagnosis.posterior import credible
 from thermal_comp.diagnosis.ranking import ranked_effects
 from thermal_comp.diagnosis.result import Diagnosis, Finding, NamedExplanation, Prediction
 from thermal_comp.diagnosis.sensor_search import (

@@ -12,9 +12,10 @@ from imu_recording.recording import SENSOR_UNITS
 from thermal_comp.comparison.compare import Comparison, rms_of
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.quality import QualityFinding
-from thermal_comp.diagnosis import priors
 from thermal_comp.diagnosis.detection_limit import smallest_found
-from thermal_comp.diagnosis.hypotheses import NOT_IN_CATALOGUE, UNLOGGED
+from thermal_comp.diagnosis.evidence import priors
+from thermal_comp.diagnosis.evidence.hypotheses import NOT_IN_CATALOGUE, UNLOGGED
+from thermal_comp.diagnosis.evidence.posterior import CREDIBLE, probability
 from thermal_comp.diagnosis.inputs import ClockFinding
 from thermal_comp.diagnosis.noise_level import (
     REPORTED_EVIDENCE,
@@ -24,7 +25,6 @@ from thermal_comp.diagnosis.noise_level import (
     is_shipped_chip,
     noise_above_reference,
 )
-from thermal_comp.diagnosis.posterior import CREDIBLE, probability
 from thermal_comp.diagnosis.result import Finding, SensorState
 from thermal_comp.diagnosis.sensor_search import SensorAnswer
 from thermal_comp.effects.effect import Effect

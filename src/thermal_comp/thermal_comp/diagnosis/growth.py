@@ -18,10 +18,10 @@ from thermal_comp.comparison.compare import (
 from thermal_comp.comparison.simpler import worse_than_simpler
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
-from thermal_comp.diagnosis.candidates import missing_channels
 from thermal_comp.diagnosis.diagnose import Settings, base_effects, diagnose_prepared
-from thermal_comp.diagnosis.hypotheses import SensorHypotheses
-from thermal_comp.diagnosis.priors import NOTHING
+from thermal_comp.diagnosis.evidence.candidates import missing_channels
+from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
+from thermal_comp.diagnosis.evidence.priors import NOTHING
 from thermal_comp.diagnosis.result import Diagnosis, Prediction
 from thermal_comp.diagnosis.sensor_search import Listed
 from thermal_comp.effects.effect import Effect, joined_effects

@@ -10,7 +10,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.data.preparation import PreparedRun
-from thermal_comp.diagnosis.candidates import usable
+from thermal_comp.diagnosis.evidence.candidates import usable
 from thermal_comp.diagnosis.result import Undecided
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect

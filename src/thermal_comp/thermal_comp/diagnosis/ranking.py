@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from math import log
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.diagnosis.posterior import probability
-from thermal_comp.diagnosis.priors import NOTHING
+from thermal_comp.diagnosis.evidence.posterior import probability
+from thermal_comp.diagnosis.evidence.priors import NOTHING
 from thermal_comp.diagnosis.result import RankedEffect
 from thermal_comp.diagnosis.sensor_search import SensorAnswer
 

@@ -15,17 +15,17 @@ from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun, in_blocks
 from thermal_comp.data.spectral_lines import spectral_lines
-from thermal_comp.diagnosis.candidates import missing_channels
-from thermal_comp.diagnosis.common_thermometer import told_by_others
-from thermal_comp.diagnosis.hypotheses import (
+from thermal_comp.diagnosis.evidence.candidates import missing_channels
+from thermal_comp.diagnosis.evidence.common_thermometer import told_by_others
+from thermal_comp.diagnosis.evidence.hypotheses import (
     NOT_IN_CATALOGUE,
     UNLOGGED,
     Component,
     EffectSet,
     SensorHypotheses,
 )
+from thermal_comp.diagnosis.evidence.posterior import Explanation, explanations, probability
 from thermal_comp.diagnosis.noise_level import NoiseReference
-from thermal_comp.diagnosis.posterior import Explanation, explanations, probability
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import NoiseModel

@@ -7,12 +7,12 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
-from thermal_comp.diagnosis.common_course import RUNS_IN_STEP_EVIDENCE, coherence
+from thermal_comp.diagnosis.evidence.common_mode import RUNS_IN_STEP_EVIDENCE, coherence
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.noise.estimation import fit_noise
 
-from ..campaign import WHITE, chamber, run
+from ...campaign import WHITE, chamber, run
 
 HOUR = 3600.0
 GAINS = np.array([1.2, -0.7, 0.9])

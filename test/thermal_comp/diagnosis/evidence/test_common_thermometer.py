@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from thermal_comp.data.preparation import prepare
-from thermal_comp.diagnosis.common_thermometer import told_by_others
+from thermal_comp.diagnosis.evidence.common_thermometer import told_by_others
 from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.noise.of_runs import determined_noise
@@ -13,7 +13,7 @@ from thermal_comp.noise.of_runs import determined_noise
 import thermal_comp as tc
 from imu_recording import ImuRecording
 
-from ..campaign import chamber, lagging, run
+from ...campaign import chamber, lagging, run
 
 UP = ('+x', '+y', '+z')
 SLOPES = {

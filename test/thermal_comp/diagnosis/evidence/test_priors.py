@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from thermal_comp.diagnosis.priors import (
+from thermal_comp.diagnosis.evidence.priors import (
     AMPLITUDES,
     SLOW_NOISE,
     THERMOMETER_LAGS_S,

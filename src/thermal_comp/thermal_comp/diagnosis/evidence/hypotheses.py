@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.diagnosis import priors
-from thermal_comp.diagnosis.candidates import (
+from thermal_comp.diagnosis.evidence import priors
+from thermal_comp.diagnosis.evidence.candidates import (
     Family,
     Form,
     channels_not_logged,
@@ -20,12 +20,12 @@ from thermal_comp.diagnosis.candidates import (
     moved_forms,
     renewed,
 )
-from thermal_comp.diagnosis.generic_regressors import (
+from thermal_comp.diagnosis.evidence.generic_regressors import (
     all_variables,
     generic_regressors,
     lost_over_time,
 )
-from thermal_comp.diagnosis.nuisances import nuisance_priors, thermometer_errors
+from thermal_comp.diagnosis.evidence.nuisances import nuisance_priors, thermometer_errors
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.candidate_design import CandidateDesign
 from thermal_comp.linear.gaussian_evidence import (

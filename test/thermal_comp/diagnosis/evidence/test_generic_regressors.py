@@ -4,14 +4,14 @@
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
-from thermal_comp.diagnosis.generic_regressors import generic_regressors
-from thermal_comp.diagnosis.hypotheses import NOT_IN_CATALOGUE, SensorHypotheses
-from thermal_comp.diagnosis.posterior import explanations
+from thermal_comp.diagnosis.evidence.generic_regressors import generic_regressors
+from thermal_comp.diagnosis.evidence.hypotheses import NOT_IN_CATALOGUE, SensorHypotheses
+from thermal_comp.diagnosis.evidence.posterior import explanations
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.noise.estimation import fit_noise
 
-from ..campaign import WHITE, chamber, run
+from ...campaign import WHITE, chamber, run
 
 TIME, DIE, _, CYCLE = chamber(3, 20.0)
 SIZE = 20.0 * WHITE['angular_velocity'] * np.array([1.0, -0.6, 0.8])

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.diagnosis import priors
-from thermal_comp.diagnosis.common_course import coherence
-from thermal_comp.diagnosis.generic_regressors import GenericRegressor
-from thermal_comp.diagnosis.hypotheses import (
+from thermal_comp.diagnosis.evidence import priors
+from thermal_comp.diagnosis.evidence.common_mode import coherence
+from thermal_comp.diagnosis.evidence.generic_regressors import GenericRegressor
+from thermal_comp.diagnosis.evidence.hypotheses import (
     NOT_IN_CATALOGUE,
     UNLOGGED,
     Component,
@@ -93,7 +93,7 @@ def _fitted(
 ) -> _Fitted:
     state = hypotheses.conditioned(some.components)
     free = _free_flaw(hypotheses, some, state)
-    course = _common_course(hypotheses, some) if courses else -np.inf
+    course = _common_mode(hypotheses, some) if courses else -np.inf
     return _Fitted(some, state, free, course, _variables_of_larger(some, close))
 
 
@@ -441,7 +441,7 @@ def _kin(hypotheses: SensorHypotheses, some: EffectSet) -> set[str]:
     return {f.name for f in families if any(e.is_kin_of(f.effect()) for e in effects)}
 
 
-def _common_course(hypotheses: SensorHypotheses, some: EffectSet) -> float:
+def _common_mode(hypotheses: SensorHypotheses, some: EffectSet) -> float:
     """Return ln of what speaks for a course over time that the runs repeat from their start.
 
     One that only the axes share says nothing: slow noise may be common to them.

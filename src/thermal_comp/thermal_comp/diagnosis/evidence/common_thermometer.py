@@ -20,8 +20,8 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.diagnosis import priors
-from thermal_comp.diagnosis.hypotheses import EffectSet, SensorHypotheses
+from thermal_comp.diagnosis.evidence import priors
+from thermal_comp.diagnosis.evidence.hypotheses import EffectSet, SensorHypotheses
 from thermal_comp.linear.gaussian_evidence import NOISE_ROWS, log_sum
 
 

@@ -23,7 +23,7 @@ RUNS_IN_STEP_EVIDENCE = 8.0
 
 @dataclass(frozen=True)
 class Coherence:
-    """What speaks for a common course; 2 ln of the Bayes factor, about −5 for noise alone."""
+    """What speaks for a common mode; 2 ln of the Bayes factor, about −5 for noise alone."""
 
     axes: float
     """The axes share it."""
