@@ -22,12 +22,12 @@ from typing import Any
 
 import numpy as np
 import orjson
-from imu_workbench.web.case.failure_map import failure_figure, failure_map
-from imu_workbench.web.case.noise_figures import allan_figure, spectrum_figure
-from imu_workbench.web.case.scatter_figures import phase_figure, rate_figure, temperature_figure
+from imu_workbench.web.case.figures.failure_map import failure_figure, failure_map
+from imu_workbench.web.case.figures.noise import allan_figure, spectrum_figure
+from imu_workbench.web.case.figures.scatter import phase_figure, rate_figure, temperature_figure
+from imu_workbench.web.case.figures.time_course import time_figure, time_lines
 from imu_workbench.web.case.stored_bag import StoredBag, store_recording
 from imu_workbench.web.case.tasks import Change, change_task, version_task
-from imu_workbench.web.case.time_figure import time_figure, time_lines
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import View
 from imu_workbench.web.jobs import Job, warm_up

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from imu_workbench.report.figures.modelled import FAILURE_SCALE, TEXT_COLOURS
 from imu_workbench.report.figures.palette import COLOURS
-from imu_workbench.web.case.scatter_figures import BRANCHES
+from imu_workbench.web.case.figures.scatter import BRANCHES
 
 OVER_EACH_OTHER = [
     *(('raw_soft', curve) for curve in ('model', 'x', 'y', 'z', 'candidate')),

@@ -9,18 +9,18 @@ from imu_workbench.case import CaseVersion
 from imu_workbench.report.figures.modelled import FAILURE_SCALE
 from imu_workbench.report.figures.palette import painted
 from imu_workbench.web.case.centre import window_of
-from imu_workbench.web.case.failure_map import failure_figure, failure_map
-from imu_workbench.web.case.next_experiment import profile_figure, setpoint_of
-from imu_workbench.web.case.noise_figures import (
+from imu_workbench.web.case.figures.failure_map import failure_figure, failure_map
+from imu_workbench.web.case.figures.noise import (
     allan_figure,
     allan_variance,
     noise_allan_variance,
     noise_density,
     spectrum_figure,
 )
+from imu_workbench.web.case.figures.scatter import phase_figure, rate_figure, temperature_figure
+from imu_workbench.web.case.figures.time_course import sample_line, time_figure, time_lines
+from imu_workbench.web.case.next_experiment import profile_figure, setpoint_of
 from imu_workbench.web.case.preview import preview_task
-from imu_workbench.web.case.scatter_figures import phase_figure, rate_figure, temperature_figure
-from imu_workbench.web.case.time_figure import sample_line, time_figure, time_lines
 from imu_workbench.web.case.versions_panel import error_steps_figure
 from imu_workbench.web.case.view import View, timeline_of
 from thermal_comp.experiment.plan import PAPER

@@ -10,12 +10,12 @@ from typing import Any
 from nicegui import ui
 
 from imu_workbench.report.figures.panels import Figure
-from imu_workbench.web.case.cell_grid import CellGrid
-from imu_workbench.web.case.failure_map import FailureMap, failure_figure, failure_map
-from imu_workbench.web.case.noise_figures import allan_figure, spectrum_figure
+from imu_workbench.web.case.figures.cell_grid import CellGrid
+from imu_workbench.web.case.figures.failure_map import FailureMap, failure_figure, failure_map
+from imu_workbench.web.case.figures.noise import allan_figure, spectrum_figure
+from imu_workbench.web.case.figures.scatter import phase_figure, rate_figure, temperature_figure
+from imu_workbench.web.case.figures.time_course import time_figure
 from imu_workbench.web.case.preview import EffectPreview
-from imu_workbench.web.case.scatter_figures import phase_figure, rate_figure, temperature_figure
-from imu_workbench.web.case.time_figure import time_figure
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import Place, View
 from imu_workbench.web.plot import Look, Plot, card_head, figure_card

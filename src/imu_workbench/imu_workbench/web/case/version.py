@@ -18,7 +18,7 @@ from thermal_comp.presentation.display import with_uncertainty
 
 from imu_workbench.answer import plain
 from imu_workbench.report.model_content import sensor_terms
-from imu_workbench.web.case.run_blocks import RunBlocks, blocks_of_runs
+from imu_workbench.web.case.figures.run_blocks import RunBlocks, blocks_of_runs
 from imu_workbench.web.case.view import Timeline
 
 

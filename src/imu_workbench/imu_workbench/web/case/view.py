@@ -11,7 +11,7 @@ from imu_recording.recording import PHASES
 from numpy.typing import NDArray
 
 from imu_workbench.report.figures.measured import PHASE_NAMES
-from imu_workbench.web.case.run_blocks import RunBlocks
+from imu_workbench.web.case.figures.run_blocks import RunBlocks
 from imu_workbench.web.case.stored_bag import StoredBag
 
 PHASE_LABELS = PHASE_NAMES | {'precondition': 'reference', 'final': 'final'}

@@ -9,7 +9,7 @@ from typing import Any
 from imu_recording.recording import PHASES
 from nicegui import ui
 
-from imu_workbench.web.case.failure_map import FailureMap
+from imu_workbench.web.case.figures.failure_map import FailureMap
 from imu_workbench.web.case.view import Place
 
 CellLabels = dict[Place, tuple[str, bool]]

@@ -13,7 +13,7 @@ from imu_recording.recording import PHASES, FloatArray
 
 from imu_workbench.report.figures.modelled import FAILURE_SCALE, cell_numbers
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
-from imu_workbench.web.case.run_blocks import RunBlocks
+from imu_workbench.web.case.figures.run_blocks import RunBlocks
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import PHASE_LABELS, Place, View
 

@@ -13,7 +13,7 @@ from thermal_comp.presentation.display import DISPLAY_UNITS
 
 from imu_workbench.report.figures.measured import curve
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
-from imu_workbench.web.case.run_blocks import RunBlocks
+from imu_workbench.web.case.figures.run_blocks import RunBlocks
 from imu_workbench.web.case.stored_bag import StoredBag
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import View, inside_window

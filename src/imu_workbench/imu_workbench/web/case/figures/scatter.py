@@ -14,8 +14,8 @@ from thermal_comp.presentation.display import DISPLAY_UNITS
 from imu_workbench.report.figures.measured import curve
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
 from imu_workbench.report.series import rounded
+from imu_workbench.web.case.figures.time_course import cursor_trace, noise_band
 from imu_workbench.web.case.preview import EffectPreview
-from imu_workbench.web.case.time_figure import cursor_trace, noise_band
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import View, inside_window
 
