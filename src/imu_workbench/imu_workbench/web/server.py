@@ -81,11 +81,8 @@ def run_server(
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with lock_cases(cases), TemporaryDirectory(prefix='imu_workbench_') as folder:
         workspace = Workspace(ResultCache(root, Path(folder)), cases, start.remap)
-        try:
-            with contextlib.suppress(KeyboardInterrupt):
-                asyncio.run(_serve(listening, workspace, start, token, ready))
-        finally:
-            end_all()
+        with contextlib.suppress(KeyboardInterrupt):
+            asyncio.run(_serve(listening, workspace, start, token, ready))
 
 
 async def _serve(
@@ -104,5 +101,8 @@ async def _serve(
         run_kept=start.local,
     )
     workspace.begin(opening)
-    application = await asyncio.to_thread(import_module, 'imu_workbench.web.application')
-    await application.serve(listening, workspace, local=start.local, token=token, ready=ready)
+    try:
+        application = await asyncio.to_thread(import_module, 'imu_workbench.web.application')
+        await application.serve(listening, workspace, local=start.local, token=token, ready=ready)
+    finally:
+        end_all()  # before the loop is closed, which waits for the threads that wait for jobs
