@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Defects of the data before any physics: what is wrong with which rows, and without them."""
+"""Defects of the data before any physics: which rows are wrong, and the data without them."""
 
 from __future__ import annotations
 
@@ -180,7 +180,7 @@ class QualityFinding:
 
     @property
     def evidence(self) -> float:
-        """How much stands against chance; every affected row counts ten."""
+        """Evidence against chance; every affected row counts ten."""
         return 10.0 * max(self.rows, 1)
 
 

@@ -78,7 +78,7 @@ def startup_rows(recording: ImuRecording) -> tuple[int, float]:
 
 
 def _slow_rows(recording: ImuRecording) -> tuple[int, float] | None:
-    """Return how many first rows a common exponential takes that is over before the middle."""
+    """Return how many first rows a common exponential lasts that ends before the middle."""
     soon, late = np.searchsorted(recording.time, WINDOWS_S[-2:])
     values = _channels(recording.rows(slice(0, int(late))))
     decay = decay_of(recording.time[:late], values[:, _large_ratios(values[:soon])[1]])

@@ -121,7 +121,7 @@ def _thermometer(recording: ImuRecording) -> Iterator[InstrumentFault]:
 
 
 def _measured(recording: ImuRecording) -> FloatArray:
-    """Return the values that were measured, not the rows that hold them."""
+    """Return the measured values without the rows that repeat the newest one."""
     values, stamp = recording.temperature, recording.temperature_stamp
     if stamp is not None:
         values = values[np.flatnonzero(np.diff(stamp, prepend=stamp[:1] - 1))]

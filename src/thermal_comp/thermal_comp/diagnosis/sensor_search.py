@@ -91,7 +91,7 @@ class SensorAnswer:
 
     @property
     def kind(self) -> Kind:
-        """What is said: that nothing is missing unless something is believed to be."""
+        """Kind of the answer: complete, unless it is highly probable that something is missing."""
         missing = 1.0 - probability(self.explanations, lambda e: e.names == ())
         if missing < BELIEVED:
             return 'complete'
@@ -103,7 +103,7 @@ class SensorAnswer:
 
     @property
     def likeliest(self) -> Explanation:
-        """The most probable explanation of the kind that is said; no effect in it is in doubt."""
+        """The most probable explanation of that kind, without effects whose probability is low."""
         kind = self.kind
         alone = {'complete': (), 'unexplained': (NOT_IN_CATALOGUE,), 'unlogged': (UNLOGGED,)}
         if kind in alone:
@@ -132,7 +132,7 @@ class SensorAnswer:
 
 
 def _one_fewer(fewer: Explanation, said: Explanation) -> bool:
-    """Tell whether an explanation does with an effect less and is not unlikely beside `said`."""
+    """Tell whether an explanation has one effect fewer than `said` and is not much less likely."""
     less = set(fewer.names) < set(said.names) and len(fewer.names) == len(said.names) - 1
     return less and fewer.probability > DISPENSABLE * said.probability
 
@@ -322,7 +322,7 @@ def _equations_of(
 
 
 def _earned_by_kin(effect: Effect, answer: SensorAnswer) -> float:
-    """Return ln of what effects of one sensor that a coupled one would replace speak for."""
+    """Return ln of the evidence for the effects that a coupled one would replace in a sensor."""
     best = max(s.log_posterior for s in answer.sets)
     without = [
         s.log_posterior
@@ -351,7 +351,7 @@ def _coefficient_deviation(effect: Effect, answer: SensorAnswer) -> float:
 
 
 def _speaks_for(normal: FloatArray, right: FloatArray, deviation: float) -> float:
-    """Return 2 ln of what equations (p, p) and (p,) say for coefficients of a prior width."""
+    """Return 2 ln of the Bayes factor of coefficients with normal equations (p, p), (p,)."""
     inner = np.eye(len(right)) + deviation**2 * normal
     gain = deviation**2 * right @ np.linalg.solve(inner, right)
     return float(gain - np.linalg.slogdet(inner)[1])

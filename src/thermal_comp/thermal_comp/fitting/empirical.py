@@ -83,7 +83,7 @@ def _likeliest_widths(sums: PartSums, part: int, own: IntArray) -> FloatArray:
 def _climbed(
     left: FloatArray, own: IntArray, unit: FloatArray, rows: int, start: int
 ) -> tuple[tuple[int, ...], float]:
-    """Return the level of each group from which no change of one is likelier, and how likely."""
+    """Return the levels that no change of a single one makes likelier, and their likelihood."""
     best = (start,) * KINDS
     value = _log_likelihood(left, own, unit, rows, best)
     while True:

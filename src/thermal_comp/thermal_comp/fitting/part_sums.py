@@ -28,7 +28,7 @@ LEAST_FALL = 0.05
 
 
 def falls(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> bool:
-    """Tell whether mean squares over k parts fall: by more than chance, and worth it.
+    """Tell whether mean squares over k parts fall by more than chance and by enough to matter.
 
     (k,) or (k, axes); `noise` is the square that noise alone leaves, (axes,): what lies below it
     counts as noise. Student's t of ln(before / after) over the parts, and the rms over all.
@@ -55,7 +55,7 @@ def _in_floors(squares: FloatArray, noise: FloatArray | float) -> FloatArray:
 
 
 def may_fall(squares: FloatArray, noise: FloatArray | float) -> bool:
-    """Tell whether mean squares over parts are so far above the noise that a fall is worth it."""
+    """Tell whether mean squares over parts are far enough above the noise for a fall to matter."""
     if not len(squares):
         return False
     above = float(np.maximum(squares / noise, 1.0).mean())

@@ -147,7 +147,7 @@ def usable_forms(
 
 
 def _best(sums: PartSums, before: Selection, tried: Sequence[Selection]) -> Selection | None:
-    """Return the smallest of those that lower the held-out error most; None: none does."""
+    """Return the smallest selection that lowers the held-out error most; None: none does."""
     lower = [
         s
         for s in tried
@@ -168,7 +168,7 @@ def _falls(sums: PartSums, before: Selection, after: Selection) -> bool:
 
 
 def _differs(one: Selection, other: Selection) -> bool:
-    """Tell whether two selections are more than a line in other words."""
+    """Tell whether two selections leave different errors: else they are one in other columns."""
     return not np.allclose(one.errors, other.errors, rtol=NO_DIFFERENCE, atol=0.0)
 
 

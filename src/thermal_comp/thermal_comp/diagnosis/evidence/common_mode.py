@@ -37,7 +37,7 @@ class Coherence:
 
 
 def coherence(design: CandidateDesign, found: Sequence[ColumnGroup] = ()) -> Coherence:
-    """Return the evidence for a course common to the axes in what the found effects leave.
+    """Return the evidence for a course common to the axes in what the effects found so far leave.
 
     A course over time hides in a noise model that is rich enough to follow it, but noise is
     independent between axes and between runs. The slow half waves of each run, whitened and made

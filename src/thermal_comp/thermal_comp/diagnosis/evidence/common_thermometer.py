@@ -119,9 +119,9 @@ def _log_evidence(told: Information) -> float:
 
 
 def _as_far_as_it_holds(told: Information) -> Information:
-    """Return the information with the errors known to a share of themselves at best.
+    """Return the information, none of it more exact than a share of the error it is about.
 
-    Six columns are no exact account of a thermometer.
+    Six columns describe a thermometer only approximately.
     """
     deviation = priors.thermometer_deviations(max(s for s, _ in priors.THERMOMETER_LAGS_S))
     inner = np.eye(len(deviation)) + told.normal * np.outer(deviation, deviation)

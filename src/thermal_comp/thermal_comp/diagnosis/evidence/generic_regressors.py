@@ -53,7 +53,7 @@ class GenericRegressor:
 
     @property
     def may_be_law(self) -> bool:
-        """Whether a law of what was logged may be it; one of history repeats with the cycle."""
+        """Whether a law of logged variables may be it; one of history repeats with the cycle."""
         return not self.unlogged or self.depends_on == 'phase'
 
 

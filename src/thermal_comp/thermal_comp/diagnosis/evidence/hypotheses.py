@@ -297,7 +297,7 @@ class SensorHypotheses:
         return 2.0 * (self.log_evidence(components)[0] - self.log_evidence(left)[0])
 
     def speaks_for(self, components: Sequence[Component]) -> float:
-        """Return ln of the evidence for effects in their forms, relative to nothing's."""
+        """Return ln of the Bayes factor of effects in their forms against no effect."""
         return self.log_evidence(components)[0] - self.nothing
 
     def needed_evidence(self, belief: float) -> float:
