@@ -3,12 +3,14 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from imu_recording.user_error import UserError
 from imu_workbench.report.analysis import analyse_recordings
 from imu_workbench.report.certificate.budget import Input, Measurand, budget_of, scatter_inputs
+from imu_workbench.report.certificate.content import recording_row, still_missing
 from imu_workbench.report.content import report_content
 from imu_workbench.report.html.document import report_page
 from imu_workbench.report.laboratory import Laboratory, read_laboratory
@@ -118,6 +120,41 @@ def test_what_was_not_given_is_not_stated(analysis) -> None:
     page = report_page(content)
     assert 'class="watermark"' not in page
     assert 'No limits of these coefficients were given' in page
+
+
+def test_a_chamber_that_nobody_recorded_or_stated_is_not_told_of(run) -> None:
+    logged = run('dut1', 'z', cycles=3)
+    bare = replace(
+        logged, profile='', setpoint=None, phase=None, cycle=None, chamber_temperature=None
+    )
+    said = {}
+    for name, recording, told in (
+        ('recorded', logged, {}), ('stated', bare, {'chamber': {'name': 'oven'}}),
+        ('neither', bare, {}),
+    ):  # fmt: skip
+        analysis = analyse_recordings([recording], attitudes=False, diagnosis=False)
+        found = content_of(analysis, laboratory=Laboratory(told))
+        said[name] = found['certificates']['dut1']['method'][0]
+    assert 'in a climatic chamber in 1 run, while the air was led through' in said['recorded']
+    assert 'in a climatic chamber in 1 run, while its temperature changed' in said['stated']
+    assert 'The device rested in 1 run, while its temperature changed' in said['neither']
+
+
+def test_a_clock_that_was_not_set_is_told(run) -> None:
+    late = run('dut1', 'z', cycles=3)
+    early = replace(late, stamp=late.stamp - late.stamp[0] + 10**17)
+    assert recording_row(early, '')['start'] == '1973-03-03 09:46, clock not set'
+    assert 'clock' not in recording_row(late, '')['start']
+
+
+def test_what_was_added_is_not_called_missing() -> None:
+    added = SimpleNamespace(added=('thermal_lag',))
+    lag = {'kind': 'effect', 'sensor': 'accelerometer', 'text': 'thermal_lag is missing'}
+    other = {'kind': 'unlogged', 'sensor': 'gyroscope', 'text': 'a variable acts: chamber (60 %)'}
+    diagnosis = {'steps': [], 'verdict': 'missing', 'findings': [lag]}
+    assert not still_missing(added, diagnosis)
+    both = diagnosis | {'findings': [lag, other]}
+    assert still_missing(added, both) == 'gyroscope: a variable acts: chamber'
 
 
 def test_simulated_data_say_so(analysis, content) -> None:

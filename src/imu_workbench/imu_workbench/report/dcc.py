@@ -214,7 +214,7 @@ def _measurement(found: Mapping[str, Any]) -> Node:
         f'{row["name"]} {row["start"]} UTC sha256 {row["sha256"]}' for row in found['recordings']
     )
     method = [
-        _text('name', 'Thermal calibration in a climatic chamber'),
+        _text('name', 'Thermal calibration at rest'),
         _text('description', *found['method']),
         ('norm', 'JCGM 100:2008'),
     ]

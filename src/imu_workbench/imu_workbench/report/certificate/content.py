@@ -39,6 +39,8 @@ from imu_workbench.report.series import line
 
 RESIDUAL_POINTS = 600
 """Points of a residual's line on paper."""
+EARLIEST_YEAR = 2000
+"""No MEMS IMU of nine axes was recorded before: an earlier date is that of a clock not set."""
 NAMED_STEPS = {'pass': 'kept', 'fail': 'not kept', 'undecided': 'not decided'}
 RULES = {
     'guarded': 'guarded acceptance (ILAC-G8:09/2019): kept where the value is inside the limits '
@@ -109,7 +111,9 @@ def certificate(
         },
         'recordings': [recording_row(r, hashes.get(r.run, '')) for r in recordings],
         'conditions': conditions(recordings, low, high),
-        'method': method(certified, recordings, found),
+        'method': method(
+            certified, recordings, found, in_chamber=bool(laboratory.content.get('chamber'))
+        ),
         'reference_temperature': certified.model.reference_temperature,
         'quantities': [quantity_content(q) for q in found],
         'not_determined': not_determined(found, certified),
@@ -137,7 +141,8 @@ def recording_row(recording: ImuRecording, digest: str) -> dict[str, Any]:
     period = float(np.median(np.diff(recording.stamp))) * 1e-9
     return {
         'name': recording.run,
-        'start': start.strftime('%Y-%m-%d %H:%M'),
+        'start': start.strftime('%Y-%m-%d %H:%M')
+        + ', clock not set' * (start.year < EARLIEST_YEAR),
         'hours': float(recording.time[-1]) / 3600.0,
         'rate_hz': 1.0 / period,
         'up_axis': recording.up_axis,
@@ -187,17 +192,25 @@ def ramp_rate(recording: ImuRecording) -> float | None:
 
 
 def method(
-    certified: Certified, recordings: Sequence[ImuRecording], found: Sequence[Quantity]
+    certified: Certified,
+    recordings: Sequence[ImuRecording],
+    found: Sequence[Quantity],
+    *,
+    in_chamber: bool,
 ) -> list[str]:
-    """Return the method in five sentences."""
+    """Return the method in five sentences; a chamber is in it where recorded or stated."""
     count = len(recordings)
     period = shown(certified.comparison.period, 2)
     reference = fixed(certified.model.reference_temperature, 0)
     folds = certified.comparison.folds
     deviation = shown(100.0 * monte_carlo_deviation(found), 1)
+    planned = any(r.profile or r.setpoint is not None for r in recordings)
+    in_chamber |= planned or any(r.chamber_temperature is not None for r in recordings)
     rested = (
-        f'The device rested in a climatic chamber in {count} run{"s" * (count > 1)}, while the '
-        'air was led through the plan; its outputs and its own thermometer were recorded together.'
+        f'The device rested {"in a climatic chamber " * in_chamber}in {count} '
+        f'run{"s" * (count > 1)}, while '
+        f'{"the air was led through the plan" if planned else "its temperature changed"}; its '
+        'outputs and its own thermometer were recorded together.'
     )
     averaged = (
         f'Outputs were averaged over {period} s, without the samples of the start-up; the error '
@@ -425,8 +438,9 @@ def still_missing(certified: Certified, diagnosis: Mapping[str, Any] | None) -> 
     others = [
         f for f in diagnosis['findings'] if f['kind'] not in ('effect', 'data_quality', 'clock')
     ]
-    if certified.added and not others:
-        return ''
+    if certified.added:
+        texts = [f'{f["sensor"]}: {f["text"].partition(" (")[0]}' for f in others]
+        return '; '.join(texts).replace('_', ' ')
     if diagnosis['verdict'] == 'complete':
         return 'no further effect was found'
     return verdict_line(diagnosis).replace('_', ' ')
