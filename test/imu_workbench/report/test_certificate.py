@@ -149,8 +149,16 @@ def test_a_clock_that_was_not_set_is_told(run) -> None:
 
 def test_what_was_added_is_not_called_missing() -> None:
     added = SimpleNamespace(added=('thermal_lag',))
-    lag = {'kind': 'effect', 'sensor': 'accelerometer', 'text': 'thermal_lag is missing'}
-    other = {'kind': 'unlogged', 'sensor': 'gyroscope', 'text': 'a variable acts: chamber (60 %)'}
+    lag = {
+        'kind': 'effect',
+        'sensor': 'accelerometer',
+        'text': 'accelerometer: thermal_lag is missing',
+    }
+    other = {
+        'kind': 'unlogged',
+        'sensor': 'gyroscope',
+        'text': 'gyroscope: a variable acts: chamber (60 %)',
+    }
     diagnosis = {'steps': [], 'verdict': 'missing', 'findings': [lag]}
     assert not still_missing(added, diagnosis)
     both = diagnosis | {'findings': [lag, other]}

@@ -439,8 +439,7 @@ def still_missing(certified: Certified, diagnosis: Mapping[str, Any] | None) -> 
         f for f in diagnosis['findings'] if f['kind'] not in ('effect', 'data_quality', 'clock')
     ]
     if certified.added:
-        texts = [f'{f["sensor"]}: {f["text"].partition(" (")[0]}' for f in others]
-        return '; '.join(texts).replace('_', ' ')
+        return '; '.join(f['text'].partition(' (')[0] for f in others).replace('_', ' ')
     if diagnosis['verdict'] == 'complete':
         return 'no further effect was found'
     return verdict_line(diagnosis).replace('_', ' ')
