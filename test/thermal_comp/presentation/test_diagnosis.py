@@ -3,7 +3,7 @@
 
 import pytest
 from thermal_comp.diagnosis.result import Diagnosis, Finding
-from thermal_comp.presentation.diagnosis import diagnosis_text, prediction_lines
+from thermal_comp.presentation.diagnosis import diagnosis_text, prediction_lines, verdict_line
 
 
 @pytest.mark.parametrize(
@@ -44,6 +44,13 @@ def test_first_line_and_last_say_what_is_wrong_and_what_to_do(
     lines = diagnosis_text(Diagnosis('dut1', (finding,), {}, {}, (), ()).to_dict()).splitlines()
     assert lines[0].endswith(summary)
     assert next_step in lines[-1]
+
+
+def test_a_sensor_that_was_not_judged_is_not_said_to_lack_nothing() -> None:
+    judged = {'accelerometer': {'verdict': 'complete'}, 'gyroscope': {'verdict': 'complete'}}
+    content = {'verdict': 'complete', 'findings': [], 'explanations': [], 'sensors': judged}
+    said = verdict_line(content)
+    assert said == 'nothing is missing in accelerometer and gyroscope, all that could be judged'
 
 
 def test_what_would_not_lower_the_error_is_not_offered_as_if_it_did() -> None:

@@ -61,6 +61,9 @@ def verdict_line(content: Mapping[str, Any]) -> str:
     if content['verdict'] == 'complete' and doubt:
         named = ', '.join(f'{sensor}, {percent(p)}' for sensor, p in doubt.items())
         return f'nothing is missing for certain, but something may be ({named})'
+    judged = list(content['sensors'])
+    if content['verdict'] == 'complete' and 0 < len(judged) < len(SENSORS):
+        return f'{VERDICTS["complete"]} in {" and ".join(judged)}, all that could be judged'
     return VERDICTS[content['verdict']] + _summary(content)
 
 
