@@ -132,14 +132,14 @@ def _moving_line(
     span = max(float(np.ptp(_departure_from_line(one.integral))) for one in series)
     reach = DRIFT_STEPS * drift_step
     count = min(int(np.ceil(4.0 * reach * span)) | 1, MOST_DRIFTS + 1)
-    offsets = np.linspace(-reach, reach, count)
+    offsets = np.linspace(-reach, reach, count) if count > 1 else np.zeros(1)
     found, standing = [], 0.0
     for rough in [*_along_temperature(series, bin_hz, drift_step), *steady]:
         found += _dechirped(series, step, rough, offsets)
         still = SpectralLine(rough.frequency, 0.0)
         standing = max(standing, *(p for p, _ in _dechirped(series, step, still, np.zeros(1))))
     prominence, line = max(found, default=(0.0, SpectralLine(0.0, 0.0)))
-    for part in REFINED_STEPS if prominence >= PROMINENCE else ():
+    for part in REFINED_STEPS if prominence >= PROMINENCE and count > 1 else ():
         about = np.arange(-DRIFT_STEPS, DRIFT_STEPS + 1) * part * (offsets[1] - offsets[0])
         prominence, line = max([(prominence, line), *_dechirped(series, step, line, about)])
     lowest = line.frequency + float((line.drift * temperatures).min())
