@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page as a web application: styles, scripts, who may see it, and what serves it."""
+"""The page as a web application: styles, scripts, who may see it, and what serves it.
+
+It alone imports the web libraries, which take seconds: the server reads recordings meanwhile.
+"""
 
 from __future__ import annotations
 

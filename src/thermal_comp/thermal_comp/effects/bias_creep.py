@@ -21,7 +21,8 @@ class BiasCreep(Effect):
         1800.0, unit='s', bounds=(30.0, 30_000.0), searched=(30.0, 8000.0)
     )
     from_first_run: float = shape_parameter(0.0, unit='1', bounds=(0.0, 1.0))
-    """1: it goes on from run to run, as after a change of stress; 0: it begins anew with each."""
+    """1: t counts from the first run of the campaign, as after one change of stress; 0: from the
+    start of each run."""
 
     name: ClassVar[str] = 'bias_creep'
     kind: ClassVar[Literal['device', 'campaign']] = 'campaign'

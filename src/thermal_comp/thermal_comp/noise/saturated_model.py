@@ -33,7 +33,7 @@ WEAKEST_DIRECTION = 1e-5
 them, and would take noise out of what is left for no effect."""
 
 LARGEST_SHARE = 0.4
-"""Columns the model may have, as a share of the instants."""
+"""Columns the model may have, as a share of the effective blocks."""
 
 CHANNELS = ('heater', 'compressor', 'fan', 'supply_voltage', 'humidity', 'chamber_temperature')
 
@@ -42,10 +42,11 @@ def saturated_basis(run: PreparedRun) -> FloatArray:
     """Return an orthonormal basis (m, p): temperature × branch, lags, channels, cycles.
 
     Fitted per run and axis it takes up every effect of the catalogue to first order. A run of
-    few instants, of which that would leave little, has powers of temperature and time and a lag.
+    few effective blocks, of which that would leave little, has powers of temperature and time and
+    a lag.
     """
     columns = [*_repeatable(run), *_slow(run)]
-    if sum(part.shape[1] for part in columns) > LARGEST_SHARE * _instants(run):
+    if sum(part.shape[1] for part in columns) > LARGEST_SHARE * _effective_blocks(run):
         columns = _few(run)
     return joined_basis(columns)
 
@@ -81,10 +82,10 @@ def _repeatable(run: PreparedRun) -> list[FloatArray]:
     return blocks
 
 
-def _instants(run: PreparedRun) -> float:
-    """Return the number of blocks, a burst counted as one: beside its pause it is short.
+def _effective_blocks(run: PreparedRun) -> float:
+    """Return the effective number of blocks: one for a burst that is short beside its pauses.
 
-    Of a stretch that is b blocks long, between pauses of g, the share b / g counts.
+    A stretch of b blocks between pauses of g blocks counts b · min(1, b / g), at least one.
     """
     steps = np.diff(run.slot)
     ends = np.flatnonzero(steps > 1)
@@ -96,7 +97,7 @@ def _instants(run: PreparedRun) -> float:
 
 
 def _few(run: PreparedRun) -> list[FloatArray]:
-    """Return the columns a run of few instants can bear."""
+    """Return the columns a run of few effective blocks can bear."""
     temperature, time = run.temperature, run.time
     low, span = float(temperature.min()), max(float(np.ptp(temperature)), 1e-6)
     x, t = (temperature - low) / span, (time - time[0]) / max(float(np.ptp(time)), 1.0)

@@ -78,9 +78,9 @@ class _Fitted:
     free_flaw: float
     course: float
     """ln of the evidence for a course that the runs share; −∞ where none was looked for."""
-    elsewhere: frozenset[str]
-    """Channels and lines of effects that stand beside these in another set: any law of such a
-    variable is that effect's and what it lacks, so it is weighed there."""
+    variables_of_larger: frozenset[str]
+    """Variables that a further effect in a larger set follows: any law of such a variable is that
+    effect's law and its flaw, so it is weighed in the larger set."""
 
     @property
     def course_size(self) -> float:
@@ -236,7 +236,9 @@ def _beside(hypotheses: SensorHypotheses, one: _Fitted, flaw: float) -> list[_Be
         each = [_gain(state, r.term, own_error, beside=True)[0] for r in measured]
         share = float(np.log(priors.CHANNEL_FLAWED / len(measured)))
         found.append(_Beside('flaw', None, log_sum(each) + share))
-    gains = [(r, gain) for r, gain in gains if r.unlogged or r.depends_on not in one.elsewhere]
+    gains = [
+        (r, gain) for r, gain in gains if r.unlogged or r.depends_on not in one.variables_of_larger
+    ]
     course = one.course + _at(one.course_size, amplitude)
     weight = log_sum([b.log_weight for b in found])
     found += _unknown(hypotheses, some, gains, course)
@@ -413,8 +415,8 @@ def _flaw(
     explained = _explained_by_equations(hypotheses, some)
     log_prior = priors.flaw_log_prior(explained)
     likeness = priors.flaw_log_prior(explained, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
-    elsewhere = {'temperature', *one.elsewhere}
-    variables = [r.term for r in hypotheses.regressors if r.depends_on not in elsewhere]
+    left_out = {'temperature', *one.variables_of_larger}
+    variables = [r.term for r in hypotheses.regressors if r.depends_on not in left_out]
     single = _together(hypotheses, some, one.state, variables, log_prior, beside=True)
     single.append(one.course + _at(one.course_size, log_prior))
     kin = _kin(hypotheses, some)
