@@ -146,6 +146,31 @@ def test_fits_queue_branch_and_are_cancelled_and_bags_come_and_go(
     watched.check()
 
 
+HOLD_PRESSES = """() => {
+    const emit = socket.emit.bind(socket), held = [];
+    let holds = true;
+    socket.emit = (kind, ...rest) =>
+        holds && kind === 'event' ? held.push(rest) : emit(kind, ...rest);
+    window.passOn = () => { holds = false; };
+    window.sendHeld = () => held.forEach((rest) => emit('event', ...rest));
+}"""
+"""Keep back what the page tells its server until `passOn`; `sendHeld` sends it late."""
+
+
+def test_a_press_that_arrives_after_the_page_was_drawn_anew_is_heard(serve, watch, small_bags):
+    watched = watch(serve(small_bags / 'dut2_x').address)
+    page = watched.page
+    wait_for_verdict(page)
+    page.evaluate(HOLD_PRESSES)
+    add(page, 'temperature rate')
+    page.evaluate('passOn()')
+    page.get_by_role('button', name='Preview humidity').click()
+    page.get_by_role('button', name='Hide humidity').wait_for()
+    page.evaluate('sendHeld()')
+    page.locator('.version', has_text='v2 + temperature rate').wait_for()
+    watched.check()
+
+
 def test_a_fit_that_waits_when_the_server_is_killed_is_done_by_the_next(
     serve, watch, small_bags, tmp_path, held_by
 ):
@@ -223,7 +248,7 @@ def test_two_tabs_and_two_devices_keep_out_of_each_others_way(serve, watch, smal
     assert 'dut2' in rows.nth(0).inner_text()  # dut7 has its effect by now
     rows.nth(1).get_by_role('button', name='dut7').click()
     one.page.locator('.tree-row.on', has_text='v2').wait_for()
-    assert 'fleet' not in one.page.url
+    one.page.wait_for_url(lambda url: 'fleet' not in url)
 
     third = watch(other.page.url)  # a second tab of the same device sees what the first did
     third.page.locator('.tree-row.on', has_text='v2').wait_for()

@@ -71,15 +71,15 @@ class Page:
         self._messages = Messages(self._workspace)
         self._work = WorkPanel(self._workspace)
         with ui.element('main').classes('body case') as self._case:
-            top = TopActions(self._preview_in, self._add_in, self._plan, self._save_report)
+            top = TopActions(self._preview_in, self._add, self._plan, self._save_report)
             self._top = TopStrip(session, look, top)
             self._tiles = ChannelSelector(session, self._choose_channel)
             with ui.element('div').classes('middle'):
                 self._centre = Centre(session, look, self._go_to, self._brush)
                 rail = RailActions(
                     self._toggle_preview,
-                    lambda effect: self._request(effect, added=True),
-                    lambda effect: self._request(effect, added=False),
+                    self._add,
+                    self._take_out,
                     lambda effect: self._explain_dialog.show(self._workspace.effects[effect]),
                     lambda: self._effect_upload.run_method('pickFiles'),
                     self._load_kept,
@@ -369,14 +369,14 @@ class Page:
         if self._session.work is not None:
             self._recordings.show(self._session.work)
 
-    def _add_in(self, effect: str, sensors: tuple[str, ...]) -> None:
-        session = self._session
-        change = change_of(effect, sensors)
-        self._workspace.request(session.device, session.version_name, change, self._tab)
+    def _add(self, effect: str, sensors: tuple[str, ...]) -> None:
+        self._request(change_of(effect, sensors, added=True))
 
-    def _request(self, effect: str, *, added: bool) -> None:
+    def _take_out(self, effect: str, sensors: tuple[str, ...]) -> None:
+        self._request(change_of(effect, sensors, added=False))
+
+    def _request(self, change: Change) -> None:
         session = self._session
-        change = change_of(effect, (session.view.sensor,), added=added)
         self._workspace.request(session.device, session.version_name, change, self._tab)
 
     async def _plan(self, one: str, other: str) -> None:
@@ -428,7 +428,7 @@ def zipped(folder: Path, target: Path) -> Path:
     return Path(shutil.make_archive(str(target / 'case'), 'zip', target, folder.name))
 
 
-def change_of(effect: str, sensors: tuple[str, ...], *, added: bool = True) -> Change:
+def change_of(effect: str, sensors: tuple[str, ...], *, added: bool) -> Change:
     """Return the change of an effect in some sensors, by their names."""
     return Change(effect, tuple(s for s in SENSORS if s in sensors), added)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from html import escape
 from typing import Any
 
@@ -13,6 +14,7 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.presentation.diagnosis import percent
 from thermal_comp.presentation.display import DISPLAY_UNITS, shown
 
+from imu_workbench.web.case.buttons import Buttons
 from imu_workbench.web.case.candidates import Candidate, why_not
 from imu_workbench.web.case.preview import EffectPreview
 from imu_workbench.web.case.version import Version, parameter_text
@@ -28,8 +30,8 @@ class RailActions:
     """What the rail asks the page to do."""
 
     preview: Callable[[str], Any]
-    add: Callable[[str], Any]
-    take_out: Callable[[str], Any]
+    add: Callable[[str, tuple[str, ...]], Any]
+    take_out: Callable[[str, tuple[str, ...]], Any]
     explain: Callable[[str], Any]
     load_effects: Callable[[], Any]
     load_kept: Callable[[str], Any]
@@ -44,6 +46,7 @@ class Rail:
         self._may_load, self._offered = may_load, dict[str, str]()
         self._open: dict[str, bool] = {}
         self._section = ui.element('section').classes('card rail')
+        self._buttons = Buttons(self._section)
         with self._section.props('aria-label="Candidates" aria-busy=true'):
             self._place = ui.element('div')
             self._kept = ui.element('div')
@@ -99,11 +102,9 @@ class Rail:
         self._kept.clear()
         with self._kept:
             for key, name in kept.items():
-                button = ui.button(
-                    f'Load {name}, kept in this case',
-                    on_click=lambda _, key=key: self._actions.load_kept(key),
-                )
-                button.props('no-caps outline').set_enabled(self._may_load)
+                act = partial(self._actions.load_kept, key)
+                button = self._buttons.add(f'Load {name}, kept in this case', f'load {key}', act)
+                button.props('outline').set_enabled(self._may_load)
                 ui.label(f'It runs code: SHA-256 {key[:16]}.').classes('reason')
 
     def _candidates(self, preview: EffectPreview | None) -> list[Candidate]:
@@ -177,19 +178,19 @@ class Rail:
                     f'Drawn over the residual: it would explain {100.0 * share:.0f} % of the '
                     f'variance of {self._session.view.axis_name}.'
                 ).classes('note')
-            self._buttons(candidate, on=on, add='Add')
+            self._offer(candidate, on=on, add='Add')
 
-    def _buttons(self, candidate: Candidate, *, on: bool, add: str) -> None:
-        do, effect = self._actions, candidate.effect
+    def _offer(self, candidate: Candidate, *, on: bool, add: str) -> None:
+        do, effect, sensor = self._actions, candidate.effect, candidate.sensor
         name = effect.replace('_', ' ')
         with ui.row().classes('actions small'):
             for label, act in (
-                ('Hide' if on else 'Preview', lambda: do.preview(effect)),
-                ('Explain', lambda: do.explain(effect)),
-                (add, lambda: do.add(effect)),
+                ('Hide' if on else 'Preview', partial(do.preview, effect)),
+                ('Explain', partial(do.explain, effect)),
+                (add, partial(do.add, effect, (sensor,))),
             ):
-                button = ui.button(label, on_click=act).props('no-caps outline dense')
-                button.props(f'aria-label="{label} {name}"')
+                button = self._buttons.add(label, f'{label} {sensor} {effect}', act)
+                button.props(f'outline dense aria-label="{label} {name}"')
 
     def _group(self, title: str, rest: Sequence[Candidate], version: Version) -> None:
         if not rest:
@@ -208,15 +209,15 @@ class Rail:
                 with ui.element('div').classes('other on' if on else 'other'):
                     ui.label(candidate.effect.replace('_', ' ')).classes('other-name')
                     ui.label(little_text(candidate, before)).classes('reason')
-                    self._buttons(candidate, on=on, add='Add anyway')
+                    self._offer(candidate, on=on, add='Add anyway')
 
     def _remember(self) -> None:
         self._open['further'] = not self._open.get('further', False)
 
     def _show_inside(self, version: Version) -> None:
         """List the effects of the model, with a button to take each out."""
-        inside = version.effects.get(self._session.view.sensor, ())
-        effects = self._session.workspace.effects
+        sensor, effects = self._session.view.sensor, self._session.workspace.effects
+        inside = version.effects.get(sensor, ())
         with ui.element('div').classes('inside'):
             ui.label('In the model:').classes('soft')
             for name in inside:
@@ -226,7 +227,8 @@ class Rail:
                     if removable:
                         button = ui.element('button').classes('close').props('type=button')
                         button.props(f'aria-label="take {name.replace("_", " ")} out"')
-                        button.on('click', lambda _, name=name: self._actions.take_out(name))
+                        act = partial(self._actions.take_out, name, (sensor,))
+                        self._buttons.heard(button, f'take out {sensor} {name}', act)
                         with button:
                             ui.label('×')
 

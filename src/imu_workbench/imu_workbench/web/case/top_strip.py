@@ -5,10 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from nicegui import ui
 
+from imu_workbench.web.case.buttons import Buttons
 from imu_workbench.web.case.verdict import (
     Action,
     data_alerts,
@@ -40,7 +42,8 @@ class TopStrip:
         with ui.element('section').classes('card top').props('aria-label="Verdict"'):
             self._alerts = ui.element('div').classes('alerts').props('role=alert')
             self._sentence = ui.element('div').classes('verdict').props('aria-live=polite')
-            self._buttons = ui.row().classes('actions')
+            self._row = ui.row().classes('actions')
+            self._buttons = Buttons(self._row)
 
     def refresh(self) -> None:
         """Show what is known by now."""
@@ -111,35 +114,27 @@ class TopStrip:
             ui.html(f'<span class="soft">What is meant by {words}</span>', sanitize=False)
 
     def _show_action(self, action: Action) -> None:
-        self._buttons.clear()
+        self._row.clear()
         session, do = self._session, self._actions
-        with self._buttons:
+        with self._row:
             if action.kind == 'none':
                 ready = session.version is not None and not session.workspace.is_diagnosing(
                     session.device, session.version_name
                 )
                 if ready:
-                    ui.button(
-                        'Ask what is missing',
-                        on_click=lambda: session.workspace.ask(
-                            session.device, session.version_name
-                        ),
-                    ).props('no-caps unelevated')
+                    ask = partial(session.workspace.ask, session.device, session.version_name)
+                    self._add('Ask what is missing', 'unelevated', ask)
                 return
             if action.text:
                 ui.label(f'Next: {action.text}').classes('next')
             if action.kind == 'experiment':
                 one, other = (name.replace('_', ' ') for name in action.rivals)
-                ui.button(
-                    f'Plan the experiment: {one} or {other}?',
-                    on_click=lambda: do.plan(*action.rivals),
-                ).props('no-caps unelevated')
+                label = f'Plan the experiment: {one} or {other}?'
+                self._add(label, 'unelevated', partial(do.plan, *action.rivals))
             if action.effect:
                 self._offer(action)
             if action.kind == 'certificate':
-                ui.button('Save the certificate', on_click=do.certificate).props(
-                    'no-caps unelevated'
-                )
+                self._add('Save the certificate', 'unelevated', do.certificate)
 
     def _offer(self, action: Action) -> None:
         do, name = self._actions, action.effect.replace('_', ' ')
@@ -147,10 +142,11 @@ class TopStrip:
         first = not previewed and action.kind == 'add'
         look = 'unelevated' if first else 'outline'
         if not previewed:
-            ui.button(
-                f'Preview {name}', on_click=lambda: do.preview(action.effect, action.sensors)
-            ).props(f'no-caps {look}')
+            self._add(f'Preview {name}', look, partial(do.preview, action.effect, action.sensors))
         look = 'unelevated' if previewed and action.kind == 'add' else 'outline'
-        ui.button(f'Add {name}', on_click=lambda: do.add(action.effect, action.sensors)).props(
-            f'no-caps {look}'
-        )
+        self._add(f'Add {name}', look, partial(do.add, action.effect, action.sensors))
+
+    def _add(self, label: str, look: str, act: Callable[[], Any]) -> None:
+        session = self._session
+        key = f'{label} {session.device} {session.version_name}'
+        self._buttons.add(label, key, act).props(look)

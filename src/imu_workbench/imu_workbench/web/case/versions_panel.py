@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from html import escape
 from typing import Any
 
@@ -14,6 +15,7 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown, wit
 from imu_workbench.case import CaseVersion
 from imu_workbench.report.figures.error_steps import logarithmic_axis
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
+from imu_workbench.web.case.buttons import Buttons
 from imu_workbench.web.case.version import Version, parameter_text
 from imu_workbench.web.plot import Look, Plot, card_head
 from imu_workbench.web.session import Session
@@ -45,7 +47,8 @@ class VersionsPanel:
             with ui.element('section').classes('card versions').props('aria-label="Versions"'):
                 ui.html('<h2>Versions</h2>', sanitize=False)
                 self._tree = ui.element('div').classes('scroll versions')
-                self._buttons()
+                self._rows = Buttons(self._tree)
+                self._save_and_open()
                 self._notes = ui.textarea('Notes', on_change=self._on_note)
                 self._notes.props('dense outlined autogrow debounce=600').classes('notes')
             with ui.element('section').classes('card'):
@@ -58,7 +61,7 @@ class VersionsPanel:
                 self._coefficients = ui.html('', sanitize=False).classes('scroll')
                 self._remarks = ui.element('div')
 
-    def _buttons(self) -> None:
+    def _save_and_open(self) -> None:
         do = self._actions
 
         async def opened(event: events.UploadEventArguments) -> None:
@@ -145,7 +148,7 @@ class VersionsPanel:
             button = ui.element('button').classes('version').props('type=button')
             button.props(f'aria-pressed={"true" if on else "false"}')
             button.style(f'margin-left: {16 * depth}px')
-            button.on('click', lambda _, name=version.name: self._actions.show(name))
+            self._rows.heard(button, version.name, partial(self._actions.show, version.name))
             with button:
                 branch = f'{version.name} {version.label.replace("_", " ")}'
                 ui.label(f'{"└ " if depth else ""}{branch}')

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Buttons of a part of the page that is drawn anew while people press them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from html import escape
+from typing import Any
+
+from nicegui import ui
+
+PRESSED = """(event) => {
+    const button = event.target.closest('[data-act]');
+    if (button) emit(button.dataset.act);
+}"""
+
+
+class Buttons:
+    """The buttons of one part of the page, heard by that part.
+
+    An element that is drawn anew forgets its own handlers: a press under way at that moment would
+    be lost. The part stays, and knows every act by its key.
+    """
+
+    def __init__(self, part: ui.element) -> None:
+        self._acts: dict[str, Callable[[], Any]] = {}
+        part.on('click', self._press, js_handler=PRESSED)
+
+    def add(self, label: str, key: str, act: Callable[[], Any]) -> ui.button:
+        """Return a new button; `key`: the same wherever the same thing is done, no other's."""
+        return self.heard(ui.button(label).props('no-caps'), key, act)
+
+    def heard(self, element: Any, key: str, act: Callable[[], Any]) -> Any:
+        """Have an element do something when it is pressed; return it."""
+        self._acts[key] = act
+        return element.props(f'data-act="{escape(key)}"')
+
+    def _press(self, event: Any) -> Any:
+        return self._acts[str(event.args)]()
