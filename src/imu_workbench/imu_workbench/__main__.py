@@ -30,7 +30,7 @@ from imu_recording.user_error import UserError, did_you_mean
 
 from imu_workbench.answer import Answer, error_line, show_progress, write_json
 from imu_workbench.commands import COMMANDS
-from imu_workbench.protected import refuse_to_destroy
+from imu_workbench.outputs import refuse_to_destroy
 
 OWN_PACKAGES = ('imu_recording', 'imu_driver', 'thermal_comp', 'orientation_filters',
                 'chamber_profile', 'imu_workbench')  # fmt: skip

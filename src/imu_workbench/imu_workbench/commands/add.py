@@ -20,10 +20,10 @@ from imu_workbench.commands.options import (
     add_effects_argument,
     add_model_argument,
     add_output_argument,
-    claim_output,
     read_recordings,
     save_unless_worse,
 )
+from imu_workbench.outputs import claim_output
 
 HELP = 'Add an effect to the model, refit it jointly, show how far the error falls.'
 EPILOG = 'example:\n  python -m imu_workbench add thermal_lag bags/dut1_? -o dut1_lag.yaml'

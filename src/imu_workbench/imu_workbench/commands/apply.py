@@ -23,11 +23,10 @@ from imu_workbench.commands.options import (
     add_effects_argument,
     add_model_argument,
     add_output_argument,
-    claim_output,
     read_recordings,
-    replacing,
     topic_remap,
 )
+from imu_workbench.outputs import claim_output, replacing
 
 HELP = 'Subtract the modelled error from bags; write compensated bags.'
 EPILOG = (

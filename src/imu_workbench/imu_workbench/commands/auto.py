@@ -21,10 +21,10 @@ from imu_workbench.commands.options import (
     add_effects_argument,
     add_model_argument,
     add_output_argument,
-    claim_output,
     read_recordings,
     save_unless_worse,
 )
+from imu_workbench.outputs import claim_output
 
 HELP = 'Diagnose and add, again and again, until the model is complete or nothing can be decided.'
 EPILOG = 'example:\n  python -m imu_workbench auto bags/hidden_effect_? -o model.yaml'

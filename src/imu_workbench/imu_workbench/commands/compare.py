@@ -22,9 +22,9 @@ from imu_workbench.commands.options import (
     add_bag_arguments,
     add_effects_argument,
     add_model_argument,
-    claim_output,
     read_recordings,
 )
+from imu_workbench.outputs import claim_output
 
 PICTURES = ('.png', '.svg', '.pdf')
 HELP = 'Compare measured and modelled error per axis: rms, held out, noise floor, worst phase.'

@@ -31,9 +31,9 @@ from imu_workbench.commands.options import (
     add_bag_arguments,
     add_effects_argument,
     add_output_argument,
-    claim_output,
     read_recordings,
 )
+from imu_workbench.outputs import claim_output
 
 HELP = (
     'Write a model as C99, PX4 or ArduPilot parameters, or the noise for Kalibr; say what is lost.'

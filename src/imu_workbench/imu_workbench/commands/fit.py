@@ -23,11 +23,11 @@ from imu_workbench.answer import Answer, show_progress
 from imu_workbench.commands.options import (
     add_bag_arguments,
     add_output_argument,
-    claim_output,
     read_recordings,
     save_unless_worse,
 )
 from imu_workbench.fleet.extra import require_fleet
+from imu_workbench.outputs import claim_output
 
 HELP = 'Fit a line per axis against die temperature to the runs of one device; save the model.'
 EPILOG = """\

@@ -27,12 +27,8 @@ from thermal_comp.presentation.display import duration, shown
 
 from imu_recording import ImuRecording, write_bag
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.commands.options import (
-    add_accept_argument,
-    add_output_argument,
-    claim_output,
-    replacing,
-)
+from imu_workbench.commands.options import add_accept_argument, add_output_argument
+from imu_workbench.outputs import claim_output, replacing
 
 HELP = 'Turn CSV files, a PX4 ULog or an ArduPilot DataFlash log into bags.'
 EPILOG = (

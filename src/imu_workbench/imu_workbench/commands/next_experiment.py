@@ -21,8 +21,8 @@ from imu_workbench.commands.options import (
     add_effects_argument,
     add_model_argument,
     add_output_argument,
-    claim_output,
 )
+from imu_workbench.outputs import claim_output
 from imu_workbench.proposed_profile import profile_content
 
 HELP = 'Find the chamber profile that best separates two rival effects; write it as a profile.'

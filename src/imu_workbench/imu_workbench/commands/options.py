@@ -5,9 +5,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import yaml
 from imu_recording.logging_contract import TRACK_OF_TOPIC
@@ -251,31 +249,3 @@ def save_unless_worse(
     lows, highs = zip(*(s.temperature_range for s in model.sensors.values()), strict=True)
     low, high = min(lows), max(highs)
     return f'saved {options.output}, which holds from {low:.1f} to {high:.1f} °C', 0
-
-
-def claim_output(target: Path, *, force: bool, folder: bool = False) -> None:
-    """Refuse an output that exists, unless `force`; a file's folder has to exist.
-
-    With `force` an old bag makes way for a bag (`folder`); no other folder is ever replaced.
-    """
-    if not folder and not target.parent.is_dir():
-        raise UserError(f'{target}: there is no folder {target.parent}')
-    if not target.exists():
-        return
-    if not force:
-        raise UserError(f'{target} exists already: choose another -o, or replace it with --force')
-    if target.is_dir() != folder or (folder and not (target / 'metadata.yaml').is_file()):
-        kind = 'a bag' if folder else 'a file'
-        raise UserError(f'{target} is not {kind}: --force does not replace it; choose another -o')
-
-
-@contextmanager
-def replacing(target: Path) -> Iterator[Path]:
-    """Give a path for a bag that takes the target's place once it is written, and not before."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(prefix=f'.{target.name}.', dir=target.parent) as folder:
-        fresh = Path(folder) / target.name  # files of a bag are named after their folder
-        yield fresh
-        if target.exists():
-            target.rename(Path(folder) / 'replaced')
-        fresh.rename(target)

@@ -15,8 +15,9 @@ from chamber_profile.profile.values import Profile
 from imu_recording.user_error import UserError
 
 from imu_workbench.answer import CHECK_FAILED, Answer
-from imu_workbench.commands.options import add_output_argument, claim_output
+from imu_workbench.commands.options import add_output_argument
 from imu_workbench.fleet.extra import require_fleet
+from imu_workbench.outputs import claim_output
 from imu_workbench.profile_timetable import timetable_content, timetable_text
 
 HELP = 'Show the timetable of a chamber profile and check it against its limits.'

@@ -21,10 +21,10 @@ from imu_workbench.commands.options import (
     add_effects_argument,
     add_noise_reference_argument,
     add_output_argument,
-    claim_output,
     noise_reference,
     read_recordings,
 )
+from imu_workbench.outputs import claim_output
 from imu_workbench.report.content import command_line, versions
 from imu_workbench.report.laboratory import read_laboratory
 from imu_workbench.report.limits import read_limits

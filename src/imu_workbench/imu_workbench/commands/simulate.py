@@ -18,12 +18,8 @@ from imu_recording.user_error import UserError
 
 from imu_recording import ImuRecording, write_bag
 from imu_workbench.answer import Answer, show_progress
-from imu_workbench.commands.options import (
-    add_effects_argument,
-    add_output_argument,
-    claim_output,
-    replacing,
-)
+from imu_workbench.commands.options import add_effects_argument, add_output_argument
+from imu_workbench.outputs import claim_output, replacing
 from imu_workbench.simulate.campaign import ORIENTATIONS, Logging, simulate_campaign, simulate_run
 from imu_workbench.simulate.fleet import FleetPlan, write_fleet
 from imu_workbench.simulate.hidden_effect import (

@@ -30,12 +30,11 @@ from imu_workbench.commands.options import (
     add_accept_argument,
     add_output_argument,
     add_topic_arguments,
-    claim_output,
     read_devices,
-    replacing,
     save_unless_worse,
     topic_remap,
 )
+from imu_workbench.outputs import claim_output, replacing
 
 HELP = 'Find the stretches at rest in logs that move; fit curves over temperature to them.'
 EPILOG = (

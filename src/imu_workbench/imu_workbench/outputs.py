@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Outputs that would destroy a recording or another input: refused, whatever is forced."""
+"""What verbs may write over: nothing that is read, whatever is forced; else only by force."""
 
 from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from imu_recording.user_error import UserError
 
@@ -54,3 +56,31 @@ def _is_recording(path: Path) -> bool:
     if path.name == 'metadata.yaml':
         return 'rosbag2' in path.read_text('utf-8', 'replace')
     return path.suffix.lower() in RECORDINGS
+
+
+def claim_output(target: Path, *, force: bool, folder: bool = False) -> None:
+    """Refuse an output that exists, unless `force`; a file's folder has to exist.
+
+    With `force` an old bag makes way for a bag (`folder`); no other folder is ever replaced.
+    """
+    if not folder and not target.parent.is_dir():
+        raise UserError(f'{target}: there is no folder {target.parent}')
+    if not target.exists():
+        return
+    if not force:
+        raise UserError(f'{target} exists already: choose another -o, or replace it with --force')
+    if target.is_dir() != folder or (folder and not (target / 'metadata.yaml').is_file()):
+        kind = 'a bag' if folder else 'a file'
+        raise UserError(f'{target} is not {kind}: --force does not replace it; choose another -o')
+
+
+@contextmanager
+def replacing(target: Path) -> Iterator[Path]:
+    """Give a path for a bag that takes the target's place once it is written, and not before."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(prefix=f'.{target.name}.', dir=target.parent) as folder:
+        fresh = Path(folder) / target.name  # files of a bag are named after their folder
+        yield fresh
+        if target.exists():
+            target.rename(Path(folder) / 'replaced')
+        fresh.rename(target)
