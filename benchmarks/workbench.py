@@ -30,7 +30,7 @@ from imu_workbench.web.case.stored_bag import StoredBag, store_recording
 from imu_workbench.web.case.tasks import Change, change_task, version_task
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import View
-from imu_workbench.web.jobs import Job, warm_up
+from imu_workbench.web.work.jobs import Job, warm_up
 from verdict import Verdict, judge
 
 from imu_recording import ImuRecording, read_bag

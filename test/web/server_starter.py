@@ -37,7 +37,7 @@ def serve(request: dict[str, Any]) -> int:
 
 def hold_fits(held_by: Path) -> None:
     """Begin no fit of this server before the file can be read to its end."""
-    from imu_workbench.web.fit_queue import FitQueue
+    from imu_workbench.web.work.fit_queue import FitQueue
 
     run = FitQueue._run
 

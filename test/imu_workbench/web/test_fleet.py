@@ -7,8 +7,8 @@ import pytest
 from imu_workbench.case import CASE_FILE, case_of_device, with_version
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.fleet import error_text, fleet_rows
-from imu_workbench.web.result_cache import ResultCache
-from imu_workbench.web.workspace import Workspace
+from imu_workbench.web.work.result_cache import ResultCache
+from imu_workbench.web.work.workspace import Workspace
 
 
 def errors(**ratios: float) -> dict[str, dict[str, float]]:

@@ -8,10 +8,10 @@ from urllib.parse import parse_qsl
 from imu_workbench.case import Case, case_of_device, with_version
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.case.view import Place
-from imu_workbench.web.device_work import DeviceWork
-from imu_workbench.web.result_cache import ResultCache
 from imu_workbench.web.session import Session, place_of
-from imu_workbench.web.workspace import Workspace
+from imu_workbench.web.work.device_work import DeviceWork
+from imu_workbench.web.work.result_cache import ResultCache
+from imu_workbench.web.work.workspace import Workspace
 
 
 def opened(folder: Path, fitted) -> Workspace:

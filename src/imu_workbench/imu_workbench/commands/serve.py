@@ -24,7 +24,7 @@ from imu_workbench.commands.options import (
     add_topic_arguments,
     topic_remap,
 )
-from imu_workbench.web.jobs import warm_up
+from imu_workbench.web.work.jobs import warm_up
 
 HELP = 'Serve the workbench, a local web page: what a device lacks, in a sentence; then add it.'
 EPILOG = """\

@@ -17,7 +17,7 @@ from nicegui import ui
 
 from imu_workbench.web.access import AccessCheck
 from imu_workbench.web.page import Page
-from imu_workbench.web.workspace import Workspace
+from imu_workbench.web.work.workspace import Workspace
 
 SCRIPTS = ('resizing.js', 'watching.js', 'cells.js', 'cursor.js', 'saving.js')
 RECONNECT_S = 30.0

@@ -12,10 +12,10 @@ from pathlib import Path
 from nicegui import ui
 
 from imu_workbench.web.bag_root import BagRoot
-from imu_workbench.web.device_work import DeviceWork
-from imu_workbench.web.fit_queue import QueuedFit
-from imu_workbench.web.jobs import Stoppable, time_left
-from imu_workbench.web.workspace import Workspace
+from imu_workbench.web.work.device_work import DeviceWork
+from imu_workbench.web.work.fit_queue import QueuedFit
+from imu_workbench.web.work.jobs import Stoppable, time_left
+from imu_workbench.web.work.workspace import Workspace
 
 
 @contextmanager

@@ -29,7 +29,7 @@ from imu_workbench.web.dialogs import Messages, OpenDialog, RecordingsDialog, Wo
 from imu_workbench.web.fleet import FleetView
 from imu_workbench.web.plot import Look
 from imu_workbench.web.session import SHOWN, Session, Shown
-from imu_workbench.web.workspace import Workspace
+from imu_workbench.web.work.workspace import Workspace
 
 PHONE_WIDTH_PX = 640
 """Width [px] below which figures stand below each other."""

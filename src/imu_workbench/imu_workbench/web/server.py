@@ -18,9 +18,9 @@ from imu_recording.user_error import UserError
 
 from imu_workbench.case import lock_cases
 from imu_workbench.web.bag_root import BagRoot
-from imu_workbench.web.jobs import end_all
-from imu_workbench.web.result_cache import ResultCache
-from imu_workbench.web.workspace import Workspace
+from imu_workbench.web.work.jobs import end_all
+from imu_workbench.web.work.result_cache import ResultCache
+from imu_workbench.web.work.workspace import Workspace
 
 
 @dataclass(frozen=True)

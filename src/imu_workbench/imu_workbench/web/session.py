@@ -13,8 +13,8 @@ from thermal_comp.presentation.display import SENSORS
 
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import Place, View
-from imu_workbench.web.device_work import DeviceWork
-from imu_workbench.web.workspace import Workspace
+from imu_workbench.web.work.device_work import DeviceWork
+from imu_workbench.web.work.workspace import Workspace
 
 Shown = Literal['case', 'fleet', 'live']
 SHOWN: tuple[Shown, ...] = ('case', 'fleet', 'live')

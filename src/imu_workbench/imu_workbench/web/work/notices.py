@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from imu_workbench.web.jobs import Stoppable
+from imu_workbench.web.work.jobs import Stoppable
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from imu_workbench.web import jobs
 from imu_workbench.web.case.tasks import effects_task
-from imu_workbench.web.jobs import Job, JobCancelled, JobError, LockWait, expected_seconds
+from imu_workbench.web.work import jobs
+from imu_workbench.web.work.jobs import Job, JobCancelled, JobError, LockWait, expected_seconds
 from thermal_comp.effects import EFFECTS
 
 ENDLESS = partial(operator.contains, range(10**18))

@@ -20,9 +20,9 @@ from imu_workbench.case import (
 )
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.case.stored_bag import StoredBag
-from imu_workbench.web.device_work import DeviceWork
-from imu_workbench.web.result_cache import ResultCache
-from imu_workbench.web.workspace import Workspace
+from imu_workbench.web.work.device_work import DeviceWork
+from imu_workbench.web.work.result_cache import ResultCache
+from imu_workbench.web.work.workspace import Workspace
 
 ERRORS = {'gyroscope': {'measured': 3.0, 'error': 2.0, 'floor': 1.0}}
 FOUND = {'diagnosis': {'verdict': 'complete', 'findings': []}, 'candidates': {}, 'errors': ERRORS}

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from imu_workbench.web.notices import Notices
+from imu_workbench.web.work.notices import Notices
 
 
 def test_a_message_stands_once_until_it_is_closed() -> None:

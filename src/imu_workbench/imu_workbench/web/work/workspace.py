@@ -45,11 +45,11 @@ from imu_workbench.web.case.next_experiment import next_profile_task
 from imu_workbench.web.case.preview import EffectPreview, preview_task
 from imu_workbench.web.case.stored_bag import StoredBag, with_unique_runs
 from imu_workbench.web.case.version import Version
-from imu_workbench.web.device_work import DeviceWork
-from imu_workbench.web.fit_queue import FitQueue, QueuedFit
-from imu_workbench.web.jobs import JobCancelled, JobError, Stoppable
-from imu_workbench.web.notices import Notices
-from imu_workbench.web.result_cache import ResultCache, file_key
+from imu_workbench.web.work.device_work import DeviceWork
+from imu_workbench.web.work.fit_queue import FitQueue, QueuedFit
+from imu_workbench.web.work.jobs import JobCancelled, JobError, Stoppable
+from imu_workbench.web.work.notices import Notices
+from imu_workbench.web.work.result_cache import ResultCache, file_key
 
 FIRST_LABEL = 'line per axis'
 

@@ -24,7 +24,7 @@ from imu_recording.user_error import UserError
 
 from imu_workbench.answer import error_line
 
-PRELOADED_MODULE = 'imu_workbench.web.worker'
+PRELOADED_MODULE = 'imu_workbench.web.work.worker'
 """Imported once in the process that workers are forked from."""
 logger = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.case.tasks import effects_task
-from imu_workbench.web.result_cache import ResultCache, file_key
+from imu_workbench.web.work.result_cache import ResultCache, file_key
 
 
 def test_tabs_that_ask_for_the_same_share_one_computation(tmp_path):

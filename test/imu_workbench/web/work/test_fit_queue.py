@@ -4,7 +4,7 @@ from __future__ import annotations
 import asyncio
 
 from imu_workbench.web.case.tasks import Change
-from imu_workbench.web.fit_queue import FitQueue, QueuedFit
+from imu_workbench.web.work.fit_queue import FitQueue, QueuedFit
 
 
 def run(script) -> list[str]:

@@ -15,7 +15,7 @@ from typing import Any
 from imu_workbench.case import file_state
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.case.stored_bag import StoredBag
-from imu_workbench.web.jobs import Job, LockWait, Stoppable
+from imu_workbench.web.work.jobs import Job, LockWait, Stoppable
 
 READ_TOGETHER = 2
 """Bags that are read at the same time …"""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from imu_workbench.web.case.tasks import Change
-from imu_workbench.web.jobs import Stoppable
+from imu_workbench.web.work.jobs import Stoppable
 
 MOST_FINISHED = 50
 """Finished fits that are remembered, so that tabs go on to what they asked for."""
