@@ -121,9 +121,9 @@ def latency(seconds: float, rate: float = 238.0) -> dict[str, float]:
     published: list[float] = []
 
     class Watched(ImuDriverNode):
-        def publish(self, sample: Sample) -> None:
-            super().publish(sample)
-            published.append(time.monotonic())
+        def publish(self, samples: list[Sample]) -> None:
+            super().publish(samples)
+            published.extend([time.monotonic()] * len(samples))
 
     writer = subprocess.Popen(
         [sys.executable, __file__, '--write-frames', str(board), str(rate), str(seconds)],

@@ -22,10 +22,10 @@ def test_a_publisher_that_hangs_loses_nothing() -> None:
     published: list[Sample] = []
     board = emulated_board('dut1', BoardOptions(output_data_rate=952.0))
 
-    def publish(sample: Sample) -> None:
+    def publish(samples: list[Sample]) -> None:
         hanging.set()
         assert free.wait(DEADLINE)
-        published.append(sample)
+        published.extend(samples)
         if len(published) == board.samples and board_time >= began + SPAN:
             complete.set()
 

@@ -98,7 +98,7 @@ class ImuDriver:
         parameters: DriverParameters,
         *,
         now: Callable[[], int],
-        publish: Callable[[Sample], None],
+        publish: Callable[[list[Sample]], None],
         report: Callable[[str], None],
     ) -> None:
         self.parameters = parameters
@@ -158,8 +158,8 @@ class ImuDriver:
         return 'restarting'
 
     def _deliver(self, samples: list[Sample]) -> None:
+        self._publish(samples)
         for sample in samples:
-            self._publish(sample)
             self.statistics.add(sample)
 
 

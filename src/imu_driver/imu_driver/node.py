@@ -105,7 +105,13 @@ class ImuDriverNode(ConfiguredNode):
         if volts:
             self._supply.publish(Float64(data=float(volts)))
 
-    def publish(self, sample: Sample) -> None:
+    def publish(self, samples: list[Sample]) -> None:
+        """Publish samples that came together; the messages leave once all are worked on."""
+        with self._exchange.outbox:
+            for sample in samples:
+                self._publish_one(sample)
+
+    def _publish_one(self, sample: Sample) -> None:
         """Publish, temperature first."""
         stamp, frame_id = sample.stamp, self.config.frame_id
         rate, force, field = self._variances

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from threading import Lock
 from time import monotonic
 from typing import Any
 
@@ -34,6 +36,39 @@ class LocalTopic:
         return lambda: setattr(self, name, tuple(t for t in getattr(self, name) if t != take))
 
 
+class Outbox:
+    """Serialised messages on their way out: at once, or within `with` all together at its end.
+
+    The stages of a chain then work undisturbed, and so does the middleware: code that takes turns
+    with the other's finds its data gone from the processor's cache.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[Any, bytes]] = deque()
+        self._holds = False
+        self._sending = Lock()
+
+    def put(self, handle: Any, data: bytes) -> None:
+        """Send a message by this handle of a publisher, after those put before."""
+        self._waiting.append((handle, data))
+        if not self._holds:
+            self._send()
+
+    def __enter__(self) -> None:
+        self._holds = True
+
+    def __exit__(self, *_: object) -> None:
+        self._holds = False
+        self._send()
+
+    def _send(self) -> None:
+        with self._sending:  # of two threads none overtakes the other
+            while self._waiting:
+                handle, data = self._waiting.popleft()
+                with handle:
+                    handle.publish_raw(data)  # what `publish` does with bytes
+
+
 class Exchange:
     """The topics of nodes that share a process, by full name.
 
@@ -42,6 +77,7 @@ class Exchange:
     """
 
     def __init__(self) -> None:
+        self.outbox = Outbox()
         self._topics: dict[str, LocalTopic] = {}
 
     def topic(self, name: str) -> LocalTopic:
@@ -56,8 +92,12 @@ class Exchange:
 class SampleOutput:
     """Sends samples while its node is active; serialises one only if somebody asks for bytes."""
 
-    def __init__(self, publisher: Any, form: SampleForm, local: LocalTopic) -> None:
+    def __init__(
+        self, publisher: Any, form: SampleForm, local: LocalTopic, outbox: Outbox
+    ) -> None:
         self._publisher = publisher
+        self._handle = publisher.handle
+        self._outbox = outbox
         self._to_bytes = form.to_bytes
         self._local = local
         self._has_subscribers = False
@@ -74,8 +114,7 @@ class SampleOutput:
             self._counted_at = now
         if local.serialised or self._has_subscribers:
             data = self._to_bytes(sample)
-            with (handle := publisher.handle):
-                handle.publish_raw(data)  # what `publish` does with bytes
+            self._outbox.put(self._handle, data)
             for take in local.serialised:
                 take(data)
         for take in local.samples:

@@ -214,7 +214,7 @@ class ConfiguredNode(LifecycleNode):  # type: ignore[misc]
             local.offered -= 1
 
         self._entities.append(withdraw)
-        return SampleOutput(publisher, form, local)
+        return SampleOutput(publisher, form, local, self._exchange.outbox)
 
     def sample_input(
         self, message_type: type, topic: str, callback: Callable[[Any], None]

@@ -109,7 +109,7 @@ class _Device:
         gyroscope, accelerometer, magnetometer, thermometer = self.source.sample(time_s, ambient_c)
         counts = (*gyroscope, *accelerometer, *magnetometer)
         frame = DataFrame(0, 0, MAGNETOMETER_NEW | TEMPERATURE_NEW, thermometer, counts)
-        self.node.publish(self._scale.sample(stamp, frame))
+        self.node.publish([self._scale.sample(stamp, frame)])
 
 
 class _NodeRun:
