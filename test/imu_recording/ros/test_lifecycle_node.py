@@ -119,6 +119,32 @@ def test_changes_of_health_are_logged_once_at_their_level(ros: Any, capfd: Any) 
     assert told[0] == ('[INFO]', 'active: listens to /in; publishes /out')
 
 
+class Twofold(Talker):
+    def tasks(self) -> dict[str, tuple[int, str, dict[str, Any]]]:
+        return super().tasks() | {'second': self.second}
+
+    second: tuple[int, str, dict[str, Any]] = (0, 'well, too', {})
+
+
+def test_an_error_of_one_task_hides_no_warning_of_another(ros: Any, capfd: Any) -> None:
+    node = Twofold('twofold')
+    assert node.autostart()
+    node.publish_diagnostics()
+    node.said, node.second = (2, 'another device'), (1, '/typo has no publisher', {})
+    node.publish_diagnostics()
+    node.second = (0, 'well, too', {})
+    node.publish_diagnostics()
+    node.destroy_node()
+    lines = [line for line in capfd.readouterr().err.splitlines() if '[twofold]' in line]
+    told = [(line.split()[0], line.partition('[twofold]: ')[2]) for line in lines[1:]]
+    assert told == [
+        ('[INFO]', 'well'),
+        ('[ERROR]', 'another device'),
+        ('[WARN]', '/typo has no publisher'),
+        ('[INFO]', 'well, too'),
+    ]
+
+
 def test_a_list_of_numbers_may_be_of_integers(ros: Any) -> None:
     node, _ = make(weights=[1, 0])
     assert node.autostart()

@@ -126,7 +126,8 @@ class ConfiguredNode(LifecycleNode):  # type: ignore[misc]
         self.hosted: list[ConfiguredNode] = []
         """Nodes that `run_node` runs beside this one, in the same executor."""
         self.refused = ''
-        self._status_log = StatusLog()
+        self._status_logs: dict[str, StatusLog] = {}
+        """Of the first task, and of each that ever was not in order."""
         self._input_timeout = InputTimeout()
         self.losses = Losses()
         self._fields = {item.name: item for item in fields(self.config_class)}
@@ -323,8 +324,9 @@ class ConfiguredNode(LifecycleNode):  # type: ignore[misc]
         """Publish one DiagnosticArray with the status of each task of this node."""
         statuses = self._statuses()
         if (self.logs_status or self.expects) and self.state == ACTIVE and not self._capture:
-            level, line, _ = max(statuses.values(), key=lambda status: status[0])
-            self._log_status(level, line)
+            for task, (level, line, _) in statuses.items():
+                if level or task == self.task or task in self._status_logs:
+                    self._log_status(task, level, line)
         self.send_diagnostics(statuses)
 
     def send_diagnostics(self, statuses: Mapping[str, Status]) -> None:
@@ -353,8 +355,9 @@ class ConfiguredNode(LifecycleNode):  # type: ignore[misc]
             status = 1, reason, status[2]
         return self.losses.applied(status)
 
-    def _log_status(self, level: int, line: str) -> None:
-        if not self._status_log.is_new(time.monotonic(), level, line):
+    def _log_status(self, task: str, level: int, line: str) -> None:
+        log = self._status_logs.setdefault(task, StatusLog())
+        if not log.is_new(time.monotonic(), level, line):
             return
         if level == 0:  # rclpy wants a line of its own for each severity
             self.get_logger().info(line)
