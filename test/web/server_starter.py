@@ -50,7 +50,8 @@ def hold_fits(held_by: Path) -> None:
 
 def main() -> int:
     """Answer requests."""
-    from imu_workbench.web import application, jobs  # noqa: F401 (for the servers)
+    from imu_workbench.web import application  # noqa: F401 (for the servers)
+    from imu_workbench.web.work import jobs
 
     jobs.warm_up()
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # whoever asked for a server waits for its end
