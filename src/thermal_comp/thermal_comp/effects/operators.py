@@ -129,15 +129,20 @@ def grow_and_melt(
     growth_time: float,
     melt_time: float,
     state: IceState | None = None,
+    *,
+    by_degrees: bool = False,
 ) -> tuple[FloatArray, IceState | None]:
     """Return the amount of ice (n,), 0 … 1, and the state after it; it starts without ice.
 
-    dm/dt = (1 − m) / t_grow while T < 0 °C, −m / t_melt above; T holds since the sample before.
+    dm/dt = (1 − m) / t_grow while T < 0 °C, −m / t_melt above; `by_degrees`: −T / (10 K · t_grow)
+    below until all water is frozen, −T / (10 K · t_melt) above until all ice is molten. T holds
+    since the sample before.
     """
     if not len(time):
         return np.empty(0), state
     last_time, amount = state if state is not None else (float(time[0]), 0.0)
-    ice = _grow_and_melt(time, temperature, growth_time, melt_time, last_time, amount)
+    times = (growth_time, melt_time)
+    ice = _grow_and_melt(time, temperature, *times, last_time, amount, by_degrees)
     return ice, (float(time[-1]), float(ice[-1]))
 
 
@@ -149,11 +154,15 @@ def _grow_and_melt(
     melt_time: float,
     last_time: float,
     amount: float,
+    by_degrees: bool,
 ) -> FloatArray:
     ice = np.empty(len(time))
     for i in range(len(time)):
         step = time[i] - last_time
-        if temperature[i] < 0.0:
+        if by_degrees:
+            pace = growth_time if temperature[i] < 0.0 else melt_time
+            amount = min(max(amount - 0.1 * temperature[i] * step / pace, 0.0), 1.0)
+        elif temperature[i] < 0.0:
             amount = 1.0 - (1.0 - amount) * np.exp(-step / growth_time)
         else:
             amount *= np.exp(-step / melt_time)

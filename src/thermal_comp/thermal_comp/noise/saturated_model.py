@@ -27,6 +27,8 @@ HALF_WIDTHS_K = (1.5, 4.0, 8.0, 16.0)
 
 ICE_TIMES_S = ((900.0, 400.0), (3600.0, 400.0), (900.0, 1600.0))
 """Growth and melt times [s] of the ice it offers."""
+ICE_TIMES_BY_DEGREES_S = ((2000.0, 1000.0), (100_000.0, 50_000.0))
+"""Those of ice that grows and melts in proportion to the distance from 0 °C."""
 
 WEAKEST_DIRECTION = 1e-5
 """Columns of unit length: a direction weaker than this is the thermometer's noise between two of
@@ -71,6 +73,10 @@ def _repeatable(run: PreparedRun) -> list[FloatArray]:
     blocks += [(temperature - followed)[:, None] for followed in lagged]
     blocks += [play(temperature, width)[0][:, None] for width in HALF_WIDTHS_K]
     ice = [grow_and_melt(time, temperature, grow, melt)[0] for grow, melt in ICE_TIMES_S]
+    ice += [
+        grow_and_melt(time, temperature, *times, by_degrees=True)[0]
+        for times in ICE_TIMES_BY_DEGREES_S
+    ]
     blocks.append(np.stack(ice, axis=1))
     for name in CHANNELS:
         values = getattr(run.block_conditions, name)

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from thermal_comp.effects.effect import COUNT
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 from thermal_comp.presentation.notebook import html_table
 
@@ -201,9 +202,9 @@ def _finding_lines(finding: Mapping[str, Any]) -> list[str]:
         )
         lines.append(f'    held-out error {before} → {after} {unit.unit}, noise floor {floor}')
     for name, value in finding['parameters'].items():
-        lines.append(
-            f'    {name} = {_number(value["value"])} ± {_number(value["std"])} {value["unit"]}'
-        )
+        spread = '' if value['std'] is None else f' ± {_number(value["std"])}'
+        unit = value['unit'].removeprefix(COUNT)
+        lines.append(f'    {name} = {_number(value["value"])}{spread} {unit}'.rstrip())
     if finding['rivals']:
         rivals = ', '.join(
             f'{r["name"]} {percent(r["probability"])}' for r in finding['rivals'][:3]
@@ -213,8 +214,6 @@ def _finding_lines(finding: Mapping[str, Any]) -> list[str]:
 
 
 def _number(value: Any) -> str:
-    if value is None:
-        return '?'
     if isinstance(value, list | tuple):
         return f'({", ".join(_number(item) for item in value)})'
     return f'{value:.4g}'

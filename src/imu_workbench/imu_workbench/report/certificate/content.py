@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from imu_recording.recording import ImuRecording
 from imu_recording.user_error import UserError
+from thermal_comp.effects.effect import COUNT
 from thermal_comp.model.values import fitted_shapes
 from thermal_comp.presentation.diagnosis import verdict_line
 from thermal_comp.presentation.display import (
@@ -412,7 +413,7 @@ def shape_texts(certified: Certified) -> list[str]:
         values = [
             f'{s["parameter"].replace("_", " ")} {_expanded(s)} {s["unit"]}'
             for s in shapes
-            if s['effect'] == name and not isinstance(s['value'], list)
+            if s['effect'] == name and s['unit'] != COUNT and not isinstance(s['value'], list)
         ]
         detail = f' ({"; ".join(dict.fromkeys(values))}, k = 2)' if values else ''
         result.append(f'{name.replace("_", " ")} of the {" and ".join(where)}{detail}')

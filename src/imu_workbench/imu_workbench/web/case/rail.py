@@ -11,6 +11,7 @@ from typing import Any
 
 from nicegui import ui
 from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.effect import COUNT
 from thermal_comp.presentation.diagnosis import percent
 from thermal_comp.presentation.display import DISPLAY_UNITS, shown
 
@@ -167,7 +168,8 @@ class Rail:
             )
             ui.html(errors_html(candidate, version), sanitize=False)
             for key, value in candidate.parameters.items():
-                text = f'{parameter_text(value["value"], value.get("std"))} {value["unit"]}'
+                unit = value['unit'].removeprefix(COUNT)
+                text = f'{parameter_text(value["value"], value.get("std"))} {unit}'
                 ui.label(f'{key.replace("_", " ")} {text}').classes('soft')
             lost = why_not(candidate, winner, version.error(candidate.sensor))
             if lost:

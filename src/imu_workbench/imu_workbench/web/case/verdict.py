@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from thermal_comp.effects.effect import COUNT
 from thermal_comp.presentation.diagnosis import (
     DEFECTS,
     TOPICS,
@@ -127,6 +128,7 @@ def _effect(finding: Mapping[str, Any]) -> str:
     parts += [
         f'{parameter_text(p["value"], p.get("std"))} {p["unit"]}'.strip()
         for p in finding['parameters'].values()
+        if p['unit'] != COUNT
     ]
     return ', '.join(parts) + (',' if len(parts) > 1 else '')
 
