@@ -51,7 +51,7 @@ def test_the_verdict_comes_by_itself_and_adding_reaches_the_floor(serve, watch, 
     accelerometer = page.locator('.tile', has_text='Accelerometer')
     page.locator('.verdict.missing').wait_for()
     sentence = page.locator('.sentence').inner_text()
-    assert re.match(r'Accelerometer fails in ramps, 8\.3 × noise\. Thermal lag, 7\d', sentence)
+    assert re.match(r'Accelerometer fails in ramps, 8\.4 × noise\. Thermal lag, 7\d', sentence)
     assert accelerometer.get_attribute('aria-pressed') == 'true'
     before = number_of(accelerometer.locator('.tile-value').inner_text())
     assert 'ramp' in page.locator('.place').first.inner_text()

@@ -121,7 +121,7 @@ def test_candidates_are_ranked_and_say_why_not(fitted, found):
 def test_a_candidate_shows_its_errors_with_their_unit(fitted, found):
     html = errors_html(candidates(found, 'accelerometer')[0], fitted.line)
     assert '0.00574 → <b>0.000685</b> m/s² (1.00 ×)' in html
-    assert 'floor 0.000688' in html
+    assert 'floor 0.000687' in html
     assert (probability_text(1e-6), probability_text(0.6), probability_text(None)) == (
         '< 1 %', '60 %', '',
     )  # fmt: skip
