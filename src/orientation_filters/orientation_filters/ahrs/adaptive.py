@@ -98,6 +98,7 @@ def add_sample(state: State, params: Params, seen: CheckedSample, predicted: Qua
         magnetic_disturbance=state.magnetic_disturbance,
         dip=state.dip,
         variances=state.variances,
+        slow=state.slow,
         updates=state.updates,
         field_stamp=seen.stamp if seen.has_field else state.field_stamp,
         adaptive=AdaptiveState(
@@ -180,6 +181,7 @@ def remove_errors(state: State, params: Params, means: Means, errors: Errors) ->
         magnetic_disturbance=disturbance,
         dip=dip,
         variances=state.variances,
+        slow=state.slow,
         updates=state.updates + 1,
         field_stamp=state.field_stamp,
         adaptive=AdaptiveState(

@@ -57,11 +57,12 @@ from orientation_filters.sample_checks import (
     sample_columns,
     sample_of,
 )
-from orientation_filters.step_averages.accumulation import (
-    UNKNOWN_HEADING_VARIANCE,
-    held,
-    integrate,
+from orientation_filters.slow_attitude import (
+    distance_variances,
+    heading_doubt,
+    start_slow,
 )
+from orientation_filters.step_averages.accumulation import held, integrate
 
 __all__ = ['ADAPTIVE_STATE', 'FIXED_STATE', 'Params', 'State', 'initial_state', 'run', 'update']
 
@@ -124,6 +125,7 @@ def start(state: State, params: Params, seen: CheckedSample, flags: int) -> tupl
         magnetic_disturbance=ZERO,
         dip=(1.0, 0.0),
         variances=INITIAL_VARIANCES,
+        slow=start_slow(),
         updates=0,
         field_stamp=seen.stamp if seen.has_force and seen.has_field else -1,
         adaptive=adaptive,
@@ -152,28 +154,18 @@ def _covariance(state: State) -> Symmetric:
     """Return xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
     if state.adaptive.shown[0] > 0.0:
         return state.adaptive.shown
-    v, doubt = state.variances.orientation, _heading_doubt(state)
+    v, b = state.variances.orientation, state.variances.bias
+    tilt, turn = distance_variances(state.slow)
+    turn += heading_doubt(state.stamp, state.field_stamp, (b[0] + b[1] + b[2]) / 3.0)
     x, y, z = matrix(state.orientation)
     return (
-        x[0] * x[0] * v[0] + x[1] * x[1] * v[1] + x[2] * x[2] * v[2],
+        x[0] * x[0] * v[0] + x[1] * x[1] * v[1] + x[2] * x[2] * v[2] + tilt,
         x[0] * y[0] * v[0] + x[1] * y[1] * v[1] + x[2] * y[2] * v[2],
         x[0] * z[0] * v[0] + x[1] * z[1] * v[1] + x[2] * z[2] * v[2],
-        y[0] * y[0] * v[0] + y[1] * y[1] * v[1] + y[2] * y[2] * v[2],
+        y[0] * y[0] * v[0] + y[1] * y[1] * v[1] + y[2] * y[2] * v[2] + tilt,
         y[0] * z[0] * v[0] + y[1] * z[1] * v[1] + y[2] * z[2] * v[2],
-        z[0] * z[0] * v[0] + z[1] * z[1] * v[1] + z[2] * z[2] * v[2] + doubt,
+        z[0] * z[0] * v[0] + z[1] * z[1] * v[1] + z[2] * z[2] * v[2] + turn,
     )
-
-
-@inline
-def _heading_doubt(state: State) -> float:
-    """Return what the note's covariance leaves out [rad²]: a heading that no field has shown.
-
-    Without any field it may be anything; since the last one a bias may have turned it.
-    """
-    if state.field_stamp < 0:
-        return UNKNOWN_HEADING_VARIANCE
-    b, seconds = state.variances.bias, 1e-9 * (state.stamp - state.field_stamp)
-    return min((b[0] + b[1] + b[2]) / 3.0 * seconds * seconds, UNKNOWN_HEADING_VARIANCE)
 
 
 def run(recording: ImuRecording, params: Params, *, details: bool = False) -> OrientationResult:

@@ -46,7 +46,9 @@ from orientation_filters.rotation.arrays import (
     normalised,
     rotate,
 )
+from orientation_filters.rotation.scalars import matrix
 from orientation_filters.sample_checks import GRAVITY, CheckedSample, Sample, check_sample
+from orientation_filters.slow_attitude import follow
 from orientation_filters.step_averages.accumulation import is_step_due
 from orientation_filters.step_averages.means import Means
 
@@ -106,6 +108,7 @@ def _kalman_step(
         2.0 * params.field_strength,
     )
     q = normalised(multiply(predicted, from_rotation_vector(-x[:3])))
+    turned = rotate(predicted, -interval * np.array(state.bias) - x[:3])
     dip = state.dip
     if float(np.sum(x[9:] ** 2)) > 4.0 * params.field_strength**2:
         flags |= JAMMED
@@ -124,6 +127,13 @@ def _kalman_step(
         else state.magnetic_disturbance,
         dip=dip,
         variances=Variances(orientation=t, bias=b, acceleration=a, disturbance=d),
+        slow=follow(
+            state.slow,
+            seen,
+            matrix(tuple(predicted.tolist())),
+            tuple(turned.tolist()),
+            (params.up, params.north),
+        ),
         updates=state.updates + 1,
         field_stamp=seen.stamp if seen.has_field else state.field_stamp,
         adaptive=state.adaptive,

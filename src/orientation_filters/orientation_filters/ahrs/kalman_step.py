@@ -42,6 +42,7 @@ from orientation_filters.rotation.scalars import (
     transform,
 )
 from orientation_filters.sample_checks import GRAVITY, CheckedSample
+from orientation_filters.slow_attitude import follow
 
 
 class Prior(NamedTuple):
@@ -93,10 +94,13 @@ def kalman_update(
     """Return state and flags after a sample that is compared with the predicted attitude."""
     acceleration = scale(params.noise.linear_acceleration_decay, state.linear_acceleration)
     prior = _predict(state, params, seen.interval)
-    innovation = _innovation(state, params, seen, matrix(predicted), acceleration)
+    rows = matrix(predicted)
+    innovation = _innovation(state, params, seen, rows, acceleration)
     limit = 2.0 * params.field_strength
     c = measurement_update(prior, innovation, params.noise, seen.interval, limit)
     q = normalised(multiply(predicted, from_rotation_vector(scale(-1.0, c.orientation))))
+    unbiased = scale(-seen.interval, state.bias)
+    turned = transform(rows, subtract(unbiased, c.orientation))
     dip = state.dip
     if c.jammed:
         flags |= JAMMED
@@ -111,6 +115,7 @@ def kalman_update(
         magnetic_disturbance=c.disturbance if seen.has_field else state.magnetic_disturbance,
         dip=dip,
         variances=_with_bias(c.variances, bias_variance),
+        slow=follow(state.slow, seen, rows, turned, (params.up, params.north)),
         updates=state.updates + 1,
         field_stamp=seen.stamp if seen.has_field else state.field_stamp,
         adaptive=state.adaptive,

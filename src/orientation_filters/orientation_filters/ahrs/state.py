@@ -8,6 +8,7 @@ from typing import NamedTuple
 from orientation_filters.ahrs.covariance import ZERO6, JointCovariance, no_covariance
 from orientation_filters.rotation.scalars import IDENTITY, ZERO, Quaternion, Symmetric, Vector
 from orientation_filters.sample_checks import SampleParams
+from orientation_filters.slow_attitude import SlowAttitude, start_slow
 from orientation_filters.step_averages.accumulation import (
     AveragingParams,
     AveragingState,
@@ -102,6 +103,8 @@ class State(NamedTuple):
     """Cosine and sine of the field's inclination, downward positive."""
     variances: Variances
     """Prior of the first update while `updates` is 0, else posterior of the last."""
+    slow: SlowAttitude
+    """What the error is told by where the step is the technical note's."""
     updates: int
     """Since the attitude was set."""
     field_stamp: int
@@ -111,7 +114,7 @@ class State(NamedTuple):
 
 ADAPTIVE_STATE = ('adaptive',)
 """Fields of the state that only the adaptive step makes use of."""
-FIXED_STATE = ('variances',)
+FIXED_STATE = ('variances', 'slow')
 """Fields of the state that only the step at every sample makes use of."""
 
 
@@ -125,6 +128,7 @@ def initial_state() -> State:
         magnetic_disturbance=ZERO,
         dip=(1.0, 0.0),
         variances=INITIAL_VARIANCES,
+        slow=start_slow(),
         updates=0,
         field_stamp=-1,
         adaptive=AdaptiveState(covariance=no_covariance(), shown=ZERO6, averages=no_averages()),

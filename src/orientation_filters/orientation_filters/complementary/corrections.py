@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What accelerometer and magnetometer turn the attitude by, and what that leaves of its error.
-
-Gains are fixed: those of first-order low-passes. Errors are of two kinds: noise, which the gain
-averages, and a bias of the gyroscope that is not known, behind which the attitude lags.
-"""
+"""What accelerometer and magnetometer turn the attitude by, their gains those of low-passes."""
 
 from __future__ import annotations
 
@@ -16,15 +12,15 @@ from orientation_filters.rotation.scalars import (
     Matrix,
     Quaternion,
     Symmetric,
-    Vector,
     dot,
+    heading_error,
+    inclination_error,
     multiply,
     scale,
     transform,
 )
-from orientation_filters.sample_checks import GRAVITY, CheckedSample
-
-PER_GRAVITY = 1.0 / GRAVITY
+from orientation_filters.sample_checks import CheckedSample
+from orientation_filters.slow_attitude import distance_variances, heading_doubt
 
 
 class InclinationCorrection(NamedTuple):
@@ -35,8 +31,6 @@ class InclinationCorrection(NamedTuple):
     y: float
     gain: float
     """Part of the rotation that is done."""
-    sigma: float
-    """Error of the sample as a vertical [rad]."""
 
 
 class HeadingCorrection(NamedTuple):
@@ -54,16 +48,11 @@ def inclination_correction(
 ) -> InclinationCorrection:
     """Return the rotation to specific force upward; `rows`: attitude, sensor → world."""
     if not seen.has_force:
-        return InclinationCorrection(x=0.0, y=0.0, gain=0.0, sigma=0.0)
+        return InclinationCorrection(x=0.0, y=0.0, gain=0.0)
     f = seen.linear_acceleration
-    length = sqrt(dot(f, f))
-    x, y = _inclination_error(transform(rows, scale(1.0 / length, f)), params.up)
-    return InclinationCorrection(
-        x=x,
-        y=y,
-        gain=_gain(params.inclination_rate, seen.interval),
-        sigma=params.inclination_sigma + abs(length * PER_GRAVITY - 1.0),
-    )
+    upward = transform(rows, scale(1.0 / sqrt(dot(f, f)), f))
+    x, y = inclination_error(upward, params.up)
+    return InclinationCorrection(x=x, y=y, gain=_gain(params.inclination_rate, seen.interval))
 
 
 @inline
@@ -79,7 +68,7 @@ def heading_correction(
     is_as_tilt = interval == seen.interval and params.heading_rate == params.inclination_rate
     if not (seen.has_force and is_as_tilt):
         gain = _gain(params.heading_rate, interval)
-    return HeadingCorrection(z=_heading_error(m, level, params.north), gain=gain)
+    return HeadingCorrection(z=heading_error(m, level, params.north), gain=gain)
 
 
 @inline
@@ -103,52 +92,13 @@ def correct(
 
 
 @inline
-def propagate_errors(
-    state: State,
-    params: Params,
-    dt: float,
-    tilt: InclinationCorrection,
-    turn: HeadingCorrection,
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the variances from noise and the errors from a bias, inclination and heading."""
-    walk = params.angle_random_walk * params.angle_random_walk * dt
-    drift = params.bias_sigma * dt
-    variance = (
-        _filtered(state.variance[0] + walk, tilt.gain, tilt.sigma),
-        _filtered(state.variance[1] + walk, turn.gain, params.heading_sigma),
-    )
-    lag = (
-        (1.0 - tilt.gain) * (state.lag[0] + drift),
-        (1.0 - turn.gain) * (state.lag[1] + drift),
-    )
-    return variance, lag
-
-
-@inline
-def fixed_gain_covariance(state: State) -> Symmetric:
+def fixed_gain_covariance(state: State, params: Params) -> Symmetric:
     """Return xx, xy, xz, yy, yz, zz of the orientation error about the world's axes [rad²]."""
-    tilt = state.variance[0] + state.lag[0] * state.lag[0]
-    turn = state.variance[1] + state.lag[1] * state.lag[1]
+    tilt, turn = distance_variances(state.slow)
+    tilt += params.inclination_sigma * params.inclination_sigma
+    turn += params.heading_sigma * params.heading_sigma
+    turn += heading_doubt(state.stamp, state.field_stamp, params.bias_sigma * params.bias_sigma)
     return tilt, 0.0, 0.0, tilt, 0.0, turn
-
-
-@inline
-def _inclination_error(up: Vector, sign: float) -> tuple[float, float]:
-    """Return x, y of the rotation vector that turns `up` to the vertical: its sine, at most 1."""
-    x, y = up[1] * sign, -up[0] * sign
-    if up[2] * sign < 0.0:  # beyond 90° the sine falls again; the correction must not
-        length = sqrt(x * x + y * y)
-        return (x / length, y / length) if length > 1e-6 else (1.0, 0.0)
-    return x, y
-
-
-@inline
-def _heading_error(m: Vector, level: float, north: tuple[float, float]) -> float:
-    """Return the sine of the angle from the horizontal field to `north`; ±1 beyond 90°."""
-    sine = (m[0] * north[1] - m[1] * north[0]) / level
-    if m[0] * north[0] + m[1] * north[1] < 0.0:
-        return -1.0 if sine < 0.0 else 1.0
-    return sine
 
 
 @inline
@@ -159,9 +109,3 @@ def _gain(rate: float, dt: float) -> float:
         return 1.0 - exp(-x)
     square = x * x
     return x / (1.0 + 0.5 * x + square * (1 / 12 - square * (1 / 720 - square * (1 / 30240))))
-
-
-@inline
-def _filtered(variance: float, gain: float, sigma: float) -> float:
-    """Return the variance after one step of a low-pass over samples of `sigma`."""
-    return (1.0 - gain) * (1.0 - gain) * variance + gain * gain * sigma * sigma

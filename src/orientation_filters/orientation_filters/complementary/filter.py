@@ -9,7 +9,6 @@ detection and bias learning; `adaptive` is a filter of its own, see there.
 
 from __future__ import annotations
 
-from math import pi
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,6 @@ from orientation_filters.complementary.corrections import (
     fixed_gain_covariance,
     heading_correction,
     inclination_correction,
-    propagate_errors,
 )
 from orientation_filters.complementary.state import (
     ADAPTIVE_STATE,
@@ -58,6 +56,7 @@ from orientation_filters.rotation.scalars import (
     normalised,
     scale,
     subtract,
+    transform,
 )
 from orientation_filters.sample_checks import (
     CheckedSample,
@@ -67,6 +66,7 @@ from orientation_filters.sample_checks import (
     sample_columns,
     sample_of,
 )
+from orientation_filters.slow_attitude import follow, start_slow
 from orientation_filters.step_averages.accumulation import averaging_flags, held, integrate
 
 __all__ = ['ADAPTIVE_STATE', 'FIXED_STATE', 'Params', 'State', 'initial_state', 'run', 'update']
@@ -80,7 +80,7 @@ NAN6 = (np.nan,) * 6
 def update(state: State, params: Params, sample: Sample) -> tuple[State, Estimate]:
     """Return state and estimate after a sample."""
     state, flags = _update(state, params, sample, params.learn_bias, params.adaptive)
-    q, covariance = _shown(state, sample.stamp, flags, params.adaptive)
+    q, covariance = _shown(state, params, sample.stamp, flags, params.adaptive)
     return state, Estimate(orientation=q, covariance=covariance, flags=flags)
 
 
@@ -97,10 +97,12 @@ def step(
 
 
 @inline
-def _shown(state: State, stamp: int, flags: int, adaptive: bool) -> tuple[Quaternion, Symmetric]:
+def _shown(
+    state: State, params: Params, stamp: int, flags: int, adaptive: bool
+) -> tuple[Quaternion, Symmetric]:
     """Return attitude and covariance at a stamp [ns], without a rate as the last one has them."""
     if not adaptive:
-        return _orientation(state), fixed_gain_covariance(state)
+        return _orientation(state), fixed_gain_covariance(state, params)
     known = state.adaptive
     if not flags & INVALID_GYROSCOPE or stamp <= state.stamp:
         return _orientation(state), known.shown
@@ -125,14 +127,15 @@ def _update(
     tilt = inclination_correction(params, seen, rows)
     turn = heading_correction(params, seen, rows, tilt.gain)
     corrected = correct(state.orientation, predicted, tilt, turn)
+    turned = (tilt.gain * tilt.x, tilt.gain * tilt.y, turn.gain * turn.z)
+    if learns:
+        turned = subtract(turned, transform(rows, scale(seen.interval, state.bias)))
     rest, bias, rest_flags = learned_bias(state, params, seen, rows, tilt, turn, learns)
-    variance, lag = propagate_errors(state, params, seen.interval, tilt, turn)
     return State(
         stamp=seen.stamp,
         orientation=corrected,
         bias=bias,
-        variance=variance,
-        lag=lag,
+        slow=follow(state.slow, seen, rows, turned, (params.up, params.north)),
         age=state.age + seen.interval,
         field_stamp=seen.stamp if seen.has_field else state.field_stamp,
         rest=rest,
@@ -154,8 +157,7 @@ def _adapt(state: State, params: Params, seen: CheckedSample, flags: int) -> tup
         stamp=seen.stamp,
         orientation=q,
         bias=bias,
-        variance=state.variance,
-        lag=state.lag,
+        slow=state.slow,
         age=state.age + seen.interval,
         field_stamp=seen.stamp if seen.has_field else state.field_stamp,
         rest=state.rest,
@@ -176,13 +178,11 @@ def _start(state: State, params: Params, seen: CheckedSample, flags: int) -> tup
     adaptive = state.adaptive
     if params.adaptive:
         adaptive = start_adaptive(adaptive, params.averaging, seen, flags)
-    heading_sigma = params.heading_sigma if seen.has_field else pi
     return State(
         stamp=seen.stamp if seen.has_force else -1,
         orientation=q if seen.has_force else state.orientation,
         bias=ZERO if flags & JUMPED_BACK else state.bias,
-        variance=(params.inclination_sigma**2, heading_sigma**2),
-        lag=(0.0, 0.0),
+        slow=start_slow(),
         age=0.0,
         field_stamp=seen.stamp if seen.has_force and seen.has_field else -1,
         rest=start_rest(seen.angular_velocity, f, m),
@@ -248,7 +248,7 @@ def _loop(
         if flags:
             result.flags[i] = flags
         started = not flags & NOT_STARTED
-        q, c = _shown(state, samples.stamp[i], flags, adaptive)
+        q, c = _shown(state, params, samples.stamp[i], flags, adaptive)
         q, c = (q, c) if started else (NAN4, NAN6)
         b = state.bias if started else NAN3
         for k in range(4):

@@ -61,28 +61,28 @@ class ComplementaryParameters(FilterParameters):
     )
     angle_random_walk: float = parameter(
         2e-4,
-        'Angle random walk of the gyroscope, for the covariance',
+        'Adaptive: angle random walk of the gyroscope',
         unit='rad/√s',
         bounds=(0.0, 1.0),
         dynamic=True,
     )
     bias_sigma: float = parameter(
         5e-3,
-        'Remaining bias, standard deviation, for the covariance',
+        'Remaining bias, standard deviation: the heading is doubted since the last field',
         unit='rad/s',
         bounds=(0.0, 1.0),
         dynamic=True,
     )
     inclination_sigma: float = parameter(
-        0.02,
-        'Error of a specific force as a vertical, for the covariance',
+        0.005,
+        'Error of specific force as a vertical that stays, for the covariance',
         unit='rad',
         bounds=(0.0, pi),
         dynamic=True,
     )
     heading_sigma: float = parameter(
-        0.05,
-        'Error of a field as a heading, for the covariance',
+        0.01,
+        'Error of the field as a heading that stays, for the covariance',
         unit='rad',
         bounds=(0.0, pi),
         dynamic=True,
@@ -97,7 +97,6 @@ class ComplementaryParameters(FilterParameters):
             north=north,
             inclination_rate=rate,
             heading_rate=2.0 * pi * self.heading_cutoff_hz or rate,
-            angle_random_walk=self.angle_random_walk,
             bias_sigma=self.bias_sigma,
             inclination_sigma=self.inclination_sigma,
             heading_sigma=self.heading_sigma,

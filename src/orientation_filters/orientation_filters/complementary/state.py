@@ -9,6 +9,7 @@ from orientation_filters.complementary.adaptive import AdaptiveState, no_adaptat
 from orientation_filters.rest_detection import RestParams, RestState, start_rest
 from orientation_filters.rotation.scalars import IDENTITY, ZERO, Quaternion, Vector
 from orientation_filters.sample_checks import SampleParams
+from orientation_filters.slow_attitude import SlowAttitude, start_slow
 from orientation_filters.step_averages.accumulation import AveragingParams
 
 
@@ -23,14 +24,12 @@ class Params(NamedTuple):
     """2π × cut-off of the accelerometer's correction [rad/s]."""
     heading_rate: float
     """2π × cut-off of the magnetometer's correction [rad/s]."""
-    angle_random_walk: float
-    """[rad/√s]"""
     bias_sigma: float
     """Gyroscope bias left over, standard deviation [rad/s]."""
     inclination_sigma: float
-    """Error of one specific force as a vertical [rad]."""
+    """Error of specific force as a vertical that stays [rad]."""
     heading_sigma: float
-    """Error of one magnetic field as a heading [rad]."""
+    """Error of the magnetic field as a heading that stays [rad]."""
     adaptive: bool
     learn_bias: bool
     bias_rate: float
@@ -51,10 +50,8 @@ class State(NamedTuple):
     """Of nearly unit length; `Estimate` gives it exactly."""
     bias: Vector
     """Of the gyroscope [rad/s], sensor frame."""
-    variance: tuple[float, float]
-    """Of inclination and heading from noise [rad²]."""
-    lag: tuple[float, float]
-    """Error of inclination and heading from a bias of one standard deviation [rad]."""
+    slow: SlowAttitude
+    """What the error is told by, gains being fixed."""
     age: float
     """Since the attitude was set [s]."""
     field_stamp: int
@@ -67,7 +64,7 @@ class State(NamedTuple):
 
 ADAPTIVE_STATE = ('bias', 'rest', 'disturbance', 'adaptive')
 """Fields of the state that are unused where the filter neither adapts nor learns."""
-FIXED_STATE = ('variance', 'lag', 'age', 'rest')
+FIXED_STATE = ('slow', 'age', 'rest')
 """Fields of the state that the adaptive filter does not use."""
 
 
@@ -77,8 +74,7 @@ def initial_state() -> State:
         stamp=-1,
         orientation=IDENTITY,
         bias=ZERO,
-        variance=(0.0, 0.0),
-        lag=(0.0, 0.0),
+        slow=start_slow(),
         age=0.0,
         field_stamp=-1,
         rest=start_rest(ZERO, ZERO, ZERO),

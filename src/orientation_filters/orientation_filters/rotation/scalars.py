@@ -213,6 +213,31 @@ def euler_zyx(q: Quaternion) -> Vector:
 
 
 @inline
+def inclination_error(up: Vector, sign: float) -> tuple[float, float]:
+    """Return x, y of the rotation vector that turns `up` to the vertical: its sine, at most 1.
+
+    `sign` is +1 for ENU, −1 for NED. Of a vector not of unit length it is so much longer.
+    """
+    x, y = up[1] * sign, -up[0] * sign
+    if up[2] * sign < 0.0:  # beyond 90° the sine falls again; the correction must not
+        length = sqrt(x * x + y * y)
+        return (x / length, y / length) if length > 1e-6 else (1.0, 0.0)
+    return x, y
+
+
+@inline
+def heading_error(m: Vector, level: float, north: tuple[float, float]) -> float:
+    """Return the sine of the angle from a field, `level` its horizontal length, to `north`.
+
+    Beyond 90° it is ±1.
+    """
+    sine = (m[0] * north[1] - m[1] * north[0]) / level
+    if m[0] * north[0] + m[1] * north[1] < 0.0:
+        return -1.0 if sine < 0.0 else 1.0
+    return sine
+
+
+@inline
 def attitude_from_vectors(
     f: Vector, m: Vector, up: float, north: tuple[float, float]
 ) -> Quaternion:
