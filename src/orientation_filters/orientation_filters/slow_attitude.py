@@ -40,7 +40,7 @@ from orientation_filters.step_averages.accumulation import UNKNOWN_HEADING_VARIA
 
 STEP_S = 0.2
 """Between steps, over which samples are averaged [s]."""
-INCLINATION_TIME, HEADING_TIME = 10.0, 20.0
+INCLINATION_TIME, HEADING_TIME = 10.0, 40.0
 """Time constants of the means of specific force and field [s]."""
 INTEGRAL_GAIN = 0.05
 """Of the bias, as a part of 1 / time constant² [1]."""
