@@ -61,6 +61,14 @@ def test_what_was_put_in_is_the_likeliest_explanation(sizes, names) -> None:
     assert probability(said.explanations, lambda e: e.names == names) > 0.5
 
 
+def test_a_name_leaves_room_for_a_further_effect_that_is_too_small_to_be_seen() -> None:
+    said = answer(2e-4, 0.0)
+    unseen = [e for e in said.explanations if set(e.names) > {'thermal_lag'}]
+    assert len({e.names for e in unseen}) == len(unseen) > 5
+    assert 0.001 < sum(e.probability for e in unseen) < 0.2
+    assert said.likeliest.probability < 1.0 - sum(e.probability for e in unseen) + 1e-9
+
+
 def said_of(
     error: np.ndarray, catalogue: tuple[str, ...], only: int | None = None, **logged: np.ndarray
 ) -> SensorAnswer:
@@ -166,6 +174,16 @@ def test_several_steps_may_be_one_supply_that_is_switched(settling: float) -> No
         switched = lagging(switched, settling, float(time[1] - time[0]))
     said = said_of(switched, tuple(EFFECTS), only=1)
     assert said.kind == 'unlogged'
+
+
+def test_a_bias_that_jumps_between_levels_is_not_called_a_switched_channel_alone() -> None:
+    """Random telegraph noise: what is switched and was not logged makes the same steps."""
+    time = chamber()[0]
+    jumps = np.cumsum(np.random.default_rng(4).exponential(5000.0, 40))
+    level = 6e-4 * (np.searchsorted(jumps, time) % 2)
+    said = said_of(level, tuple(EFFECTS), only=1)
+    kept = {e.names for e in credible(said.explanations)}
+    assert kept >= {('not_in_catalogue',), ('unlogged',)}
 
 
 def test_twins_whose_courses_are_the_same_to_some_per_cent_are_both_said() -> None:

@@ -149,6 +149,8 @@ class SensorHypotheses:
         """A smooth function of all that was logged, for what equations lack."""
         self.lost_over_time = lost_over_time(design)
         """Lost channel that may have any course over time; '' where none is."""
+        self.unseen: dict[Names, dict[str, float]] = {}
+        """Set → effect more → odds of it against none, where it would be too small to be seen."""
         self.rows = 3 * design.rows - design.base_rank
         self._fits: dict[Names, tuple[Component, ...]] = {}
         """Sets as they were fitted last: where a search begins anew, fits go on from there."""
@@ -209,7 +211,19 @@ class SensorHypotheses:
                     prior = self.log_prior(1)
                     one = (addition.component,)
                     larger[names] = EffectSet(one, prior + addition.log_gain, prior, 0.0)
+            if before.components:
+                self.unseen[before.names] = self._unseen(before, additions)
         return larger
+
+    def _unseen(self, before: EffectSet, additions: Mapping[str, Addition]) -> dict[str, float]:
+        """Return the odds of effects beside a set that would be too small to be seen."""
+        size = len(before.components)
+        more = self.log_prior(size + 1) - self.log_prior(size)
+        return {
+            name: float(np.exp(more + one.log_gain))
+            for name, one in additions.items()
+            if one.peak < LEAST_GAIN and not one.component.form.effect.guessed_channel
+        }
 
     def additions(self, before: EffectSet) -> dict[str, Addition]:
         """Return what each family not in the set would add to it, roughly."""

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from thermal_comp.diagnosis.evidence.hypotheses import (
     UNLOGGED,
     Component,
     EffectSet,
+    Names,
     SensorHypotheses,
 )
 from thermal_comp.linear.candidate_design import ColumnGroup
@@ -118,7 +119,8 @@ def explanations(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> lis
     weighed = [(s, [*rest, *more]) for (s, rest), more in zip(weighed, twins, strict=True)]
     total = log_sum([s.log_posterior + b.log_weight for s, rest in weighed for b in rest])
     weighed = [(some, _unlogged(some, rest)) for some, rest in weighed]
-    found = [_named(some, rest, total) for some, rest in weighed if not some.guessed]
+    named = [_named(some, rest, total) for some, rest in weighed if not some.guessed]
+    found = _with_unseen(named, hypotheses.unseen)
     found += [_unnamed(kind, weighed, total) for kind in (NOT_IN_CATALOGUE, UNLOGGED)]
     return sorted(found, key=lambda e: -e.probability)
 
@@ -184,6 +186,28 @@ def _named(some: EffectSet, rest: Sequence[_Beside], total: float) -> Explanatio
     )
 
 
+def _with_unseen(
+    named: Sequence[Explanation], unseen: Mapping[Names, Mapping[str, float]]
+) -> list[Explanation]:
+    """Return explanations, and beside each those by one effect more that is too small to be seen.
+
+    `unseen`: set → effect more → odds of it against none.
+    """
+    found: dict[Names, Explanation] = {}
+    looked_at = {one.names for one in named}
+    for one in named:
+        odds: dict[Names, float] = {(): 1.0}
+        for name, value in unseen.get(one.names, {}).items():
+            if tuple(sorted((*one.names, name))) not in looked_at:
+                odds[(name,)] = value
+        for more, value in odds.items():
+            names = tuple(sorted((*one.names, *more)))
+            before = found[names].probability if names in found else 0.0
+            share = one.probability * value / sum(odds.values())
+            found[names] = replace(one, names=names, probability=before + share)
+    return list(found.values())
+
+
 def _unnamed(
     kind: str, weighed: Sequence[tuple[EffectSet, Sequence[_Beside]]], total: float
 ) -> Explanation:
@@ -230,10 +254,17 @@ def _beside(hypotheses: SensorHypotheses, one: _Fitted, flaw: float) -> list[_Be
     strongest = float(np.sqrt(some.explained)) if some.components else None
     amplitude = priors.amplitude_log_prior(strongest, priors.UNNAMED_RATIO_LN)
     gains = _gains(hypotheses, some, state, amplitude)
-    measured = [r for r in hypotheses.regressors if r.depends_on in _own_variables(some)]
+    own = _own_variables(some)
+    measured = [(r, gain) for r, gain in gains if r.depends_on in own]
     if measured:
         own_error = priors.flaw_log_prior(_explained_by_equations(hypotheses, some))
-        each = [_gain(state, r.term, own_error, beside=True)[0] for r in measured]
+        # A line that comes and goes with its cause, a heater's, lacks as much as it explains.
+        each = [
+            gain
+            if r.depends_on == 'frequency'
+            else _gain(state, r.term, own_error, beside=True)[0]
+            for r, gain in measured
+        ]
         share = float(np.log(priors.CHANNEL_FLAWED / len(measured)))
         found.append(_Beside('flaw', None, log_sum(each) + share))
     gains = [
@@ -278,17 +309,21 @@ def _unknown(
 
 
 def _switched(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> list[_Beside]:
-    """Return what speaks for a lost channel that makes the steps of a set; `weight`: the set's.
+    """Return what speaks for one cause of the several steps of a set; `weight`: the set's.
 
-    One channel that is switched makes as many steps as it likes.
+    A lost channel that is switched makes as many steps as it likes, and so does a sensor whose
+    bias jumps between levels by itself (random telegraph noise), which is no effect.
     """
     steps = max(Counter(some.names).values(), default=0)
-    lost = hypotheses.lost_over_time
-    if steps < 2 or not lost:
+    if steps < 2:
         return []
     size = len(some.names)
-    once = hypotheses.log_prior(size - steps + 1) - hypotheses.log_prior(size)
-    return [_Beside(UNLOGGED, lost, weight + once + float(np.log(priors.UNLOGGED)))]
+    once = weight + hypotheses.log_prior(size - steps + 1) - hypotheses.log_prior(size)
+    jumps = priors.NOT_IN_CATALOGUE * priors.JUMPS_BY_ITSELF
+    found = [_Beside(NOT_IN_CATALOGUE, 'time', once + float(np.log(jumps)))]
+    if lost := hypotheses.lost_over_time:
+        found.append(_Beside(UNLOGGED, lost, once + float(np.log(priors.UNLOGGED))))
+    return found
 
 
 def _unseen_twins(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> list[_Beside]:

@@ -26,6 +26,10 @@ UNLOGGED = 0.15
 LOST_WITHOUT_TRACE = 0.5
 """That such a variable leaves no trace in those that were logged, only a course over time."""
 
+JUMPS_BY_ITSELF = 0.5
+"""That what is not in the catalogue jumps between levels, where a bias does: telegraph noise of a
+contact or a trap, a part that sticks and slips."""
+
 UNSEEN_TWIN = 0.5
 """Odds that an effect whose channel was not logged acts in place of the one it looks like: all
 effects are equally likely, but in half of all recordings its exact course would differ."""
