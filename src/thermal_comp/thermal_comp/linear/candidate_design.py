@@ -328,11 +328,16 @@ class CandidateDesign:
         return np.concatenate(columns, axis=1)
 
     def whitened_in_run(
-        self, columns: FloatArray, run: int, axis: int
+        self, columns: FloatArray, run: int, axis: int, first: int = 0
     ) -> tuple[FloatArray, slice]:
-        """Return the columns (m, q) of one run's blocks, whitened where valid, and their rows."""
-        gains = self.whitening.gains_of(run, axis)
-        return apply_gains(columns[self.valid[run]], gains), self.whitening.rows_of(run)
+        """Return columns (m − first, q), zero before block `first`, whitened, and their rows.
+
+        They are those of one run's blocks; what is not valid is left out.
+        """
+        valid, rows = self.valid[run], self.whitening.rows_of(run)
+        before = int(valid[:first].sum())
+        gains = self.whitening.gains_of(run, axis).since(before)
+        return apply_gains(columns[valid[first:]], gains), slice(rows.start + before, rows.stop)
 
     @staticmethod
     def _split(terms: Sequence[ColumnGroup]) -> tuple[list[int], list[int]]:
