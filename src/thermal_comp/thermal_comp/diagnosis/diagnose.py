@@ -24,7 +24,7 @@ from thermal_comp.diagnosis.findings import (
     unnamed_findings,
 )
 from thermal_comp.diagnosis.identifiability import undecidable
-from thermal_comp.diagnosis.inputs import prepare_inputs
+from thermal_comp.diagnosis.inputs import DiagnosisInputs, prepare_inputs
 from thermal_comp.diagnosis.noise_level import NoiseReference
 from thermal_comp.diagnosis.ranking import ranked_effects
 from thermal_comp.diagnosis.result import Diagnosis, Finding, NamedExplanation, Prediction
@@ -43,7 +43,14 @@ from thermal_comp.fitting.fit import fit_prepared, usable_sensors
 from thermal_comp.model.values import NoiseModel, ThermalModel
 from thermal_comp.noise.of_runs import determined_noise, noise_beside
 
-__all__ = ['Settings', 'base_effects', 'diagnose', 'diagnose_prepared', 'greyed_out']
+__all__ = [
+    'Settings',
+    'base_effects',
+    'diagnose',
+    'diagnose_inputs',
+    'diagnose_prepared',
+    'greyed_out',
+]
 
 
 def diagnose(
@@ -60,9 +67,18 @@ def diagnose(
     Without a model the line per axis is fitted first.
     """
     inputs = prepare_inputs(recordings, period=period)
-    runs = inputs.runs
-    settings = Settings(catalogue or EFFECTS, reference, inputs.bandwidth_known)
-    diagnosis = diagnose_prepared(runs, model, settings)
+    return diagnose_inputs(inputs, model, catalogue or EFFECTS, reference)
+
+
+def diagnose_inputs(
+    inputs: DiagnosisInputs,
+    model: ThermalModel | None,
+    catalogue: Mapping[str, type[Effect]],
+    reference: NoiseReference | None = None,
+) -> Diagnosis:
+    """Return the diagnosis of recordings that are checked and prepared, their defects included."""
+    settings = Settings(catalogue, reference, inputs.bandwidth_known)
+    diagnosis = diagnose_prepared(inputs.runs, model, settings)
     findings = [
         *(quality_finding(defect) for defect in inputs.defects),
         *clock_findings(inputs.clock),
