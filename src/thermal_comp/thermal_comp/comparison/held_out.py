@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary, ref
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
@@ -64,8 +65,30 @@ def hold_out(
 ) -> HeldOut:
     """Leave each part out of all runs in turn, fit the rest and predict it.
 
-    Levels come from the rest of the run, shape parameters stay as given.
+    Levels come from the rest of the run, shape parameters stay as given. What was held out of
+    these runs is kept: a model is compared before and after each effect that it gains.
     """
+    kept = _KEPT.setdefault(runs[0], {})
+    key = (tuple(map(ref, runs)), tuple(effects.items()), *(_values(noise[s]) for s in effects))
+    if key not in kept:
+        kept[key] = _hold_out(runs, effects, noise)
+    return kept[key]
+
+
+_KEPT: WeakKeyDictionary[PreparedRun, dict[Hashable, HeldOut]] = WeakKeyDictionary()
+"""What was held out, by the first run; by runs, effects and noise."""
+
+
+def _values(noise: NoiseModel) -> tuple[bytes, ...]:
+    arrays = (noise.white, noise.time_constants, noise.amplitudes)
+    return tuple(np.ascontiguousarray(values).tobytes() for values in arrays)
+
+
+def _hold_out(
+    runs: Sequence[PreparedRun],
+    effects: Mapping[Sensor, tuple[Effect, ...]],
+    noise: Mapping[Sensor, NoiseModel],
+) -> HeldOut:
     design = Design(runs, effects, noise)
     held, power = solve(design.equations()).held, _power(design)
     errors, variances = _empty(design), _empty(design)

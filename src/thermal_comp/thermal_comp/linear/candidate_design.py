@@ -12,7 +12,7 @@ from imu_recording.recording import FloatArray, IntArray
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
-from thermal_comp.data.smoothing import smoothed_temperature
+from thermal_comp.data.smoothing import smoothed_conditions
 from thermal_comp.data.spectral_lines import SpectralLine, spectral_lines
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import orthonormal, per_axis, project_out, stack_runs
@@ -42,12 +42,10 @@ class ColumnSource:
         self.smoothed: list[PreparedRun] = []
         """The runs with the smoothed temperature."""
         for run in self.runs:
-            conditions = run.conditions
-            smoothed = smoothed_temperature(conditions.time, conditions.temperature)
-            self.temperature_noise.append(run.block_mean(smoothed - conditions.temperature))
-            self.smoothed.append(
-                replace(run, conditions=replace(conditions, temperature=smoothed))
-            )
+            smoothed = smoothed_conditions(run.conditions)
+            noise = smoothed.temperature - run.conditions.temperature
+            self.temperature_noise.append(run.block_mean(noise))
+            self.smoothed.append(replace(run, conditions=smoothed))
         self._kept: dict[tuple[Effect, Sensor], list[FloatArray]] = {}
 
     def spectral_lines(self, sensor: Sensor) -> Sequence[SpectralLine]:
