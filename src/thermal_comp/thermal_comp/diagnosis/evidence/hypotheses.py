@@ -160,7 +160,7 @@ class SensorHypotheses:
         """Compute the columns that only what has no name is told by."""
         if not self.regressors:
             self.regressors = generic_regressors(self.design)
-            self.discrepancy = all_variables(self.design)
+            self.discrepancy = all_variables(self.design, self.regressors)
 
     def inform(self, normal: FloatArray, right: FloatArray) -> None:
         """Take what others tell of the thermometer's errors, (p, p) and (p,), as further rows."""
