@@ -3,15 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from weakref import WeakKeyDictionary, ref
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 
 from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.kept_results import kept
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
@@ -58,6 +58,7 @@ class HeldOut:
         return np.sqrt(_mean([v for (_, s), v in self.variances.items() if s == sensor]))
 
 
+@kept
 def hold_out(
     runs: Sequence[PreparedRun],
     effects: Mapping[Sensor, tuple[Effect, ...]],
@@ -65,30 +66,8 @@ def hold_out(
 ) -> HeldOut:
     """Leave each part out of all runs in turn, fit the rest and predict it.
 
-    Levels come from the rest of the run, shape parameters stay as given. What was held out of
-    these runs is kept: a model is compared before and after each effect that it gains.
+    Levels come from the rest of the run, shape parameters stay as given.
     """
-    kept = _KEPT.setdefault(runs[0], {})
-    key = (tuple(map(ref, runs)), tuple(effects.items()), *(_values(noise[s]) for s in effects))
-    if key not in kept:
-        kept[key] = _hold_out(runs, effects, noise)
-    return kept[key]
-
-
-_KEPT: WeakKeyDictionary[PreparedRun, dict[Hashable, HeldOut]] = WeakKeyDictionary()
-"""What was held out, by the first run; by runs, effects and noise."""
-
-
-def _values(noise: NoiseModel) -> tuple[bytes, ...]:
-    arrays = (noise.white, noise.time_constants, noise.amplitudes)
-    return tuple(np.ascontiguousarray(values).tobytes() for values in arrays)
-
-
-def _hold_out(
-    runs: Sequence[PreparedRun],
-    effects: Mapping[Sensor, tuple[Effect, ...]],
-    noise: Mapping[Sensor, NoiseModel],
-) -> HeldOut:
     design = Design(runs, effects, noise)
     held, power = solve(design.equations()).held, _power(design)
     errors, variances = _empty(design), _empty(design)

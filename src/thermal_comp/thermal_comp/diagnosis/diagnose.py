@@ -101,7 +101,7 @@ def diagnose_prepared(
     noise = noise_beside(runs, named_beside(base, answers), noise)
     fitted = fit_prepared(base, runs, noise=noise, refine=False)
     current = compare_prepared(fitted, runs, noise=noise)
-    explained = _explained(runs, base, answers, noise)
+    explained = _explained(runs, base, answers, noise, fitted)
     findings: list[Finding] = []
     if stored is not None and model is not None and stored is not model:
         findings += changes(stored, model, runs, current)
@@ -154,8 +154,12 @@ def _explained(
     base: Listed,
     answers: Mapping[Sensor, SensorAnswer],
     noise: Mapping[Sensor, NoiseModel],
+    fitted: ThermalModel,
 ) -> Explained:
-    """Return the base fitted with all that was named, and what is closest where nothing was."""
+    """Return the base fitted with all that was named, and what is closest where nothing was.
+
+    `fitted` is the base alone.
+    """
     listed = named_beside(base, answers)
     coupled = {e for effects in listed.values() for e in effects if e.coupled}
     for effect in coupled:
@@ -168,7 +172,7 @@ def _explained(
         return Explained(None, None, ())
     model = fit_prepared(listed, runs, noise=noise)
     comparison = compare_prepared(model, runs)
-    before = fit_prepared(base, runs, noise=noise, refine=False).provenance.notes
+    before = fitted.provenance.notes
     told = tuple(f'{sensor}:' for sensor in closest)
     new = tuple(
         note
