@@ -48,6 +48,19 @@ def test_the_runs_are_those_of_the_whole_list(recordings: list[ImuRecording]) ->
     assert np.isnan(inputs.runs[2].measured['magnetometer']).all()
 
 
+def test_runs_that_are_prepared_stand_where_nothing_is_defective(
+    recordings: list[ImuRecording],
+) -> None:
+    prepared = prepare(recordings, period=PERIOD)
+    mended = prepare_inputs(recordings, period=PERIOD, prepared=prepared).runs
+    anew = prepare_inputs(recordings, period=PERIOD).runs
+    for found, wanted in zip(mended, anew, strict=True):
+        np.testing.assert_array_equal(found.measured['gyroscope'], wanted.measured['gyroscope'])
+        np.testing.assert_array_equal(found.conditions.hard_iron, wanted.conditions.hard_iron)
+    sound = prepare(recordings[:1], period=PERIOD)
+    assert prepare_inputs(recordings[:1], period=PERIOD, prepared=sound).runs == sound
+
+
 def test_recordings_that_are_read_when_needed_are_not_kept(
     recordings: list[ImuRecording],
 ) -> None:

@@ -15,9 +15,9 @@ from thermal_comp.comparison.compare import Comparison, compare_prepared
 from thermal_comp.data.conditions import SENSORS
 from thermal_comp.data.motion import resting
 from thermal_comp.data.preparation import PreparedRun, prepare
-from thermal_comp.data.quality import check_quality
-from thermal_comp.diagnosis.diagnose import Settings, diagnose
+from thermal_comp.diagnosis.diagnose import Settings, diagnose_inputs
 from thermal_comp.diagnosis.growth import Growth, add_effect
+from thermal_comp.diagnosis.inputs import prepare_inputs
 from thermal_comp.diagnosis.noise_level import NoiseReference
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
@@ -121,7 +121,8 @@ def analyse_recordings(
     devices, prepared = fit_devices(recordings, given, unnamed)
     lines = {d.name: d.model for d in devices.values() if d.model and d.name not in given}
     filtering = attitude_tasks(recordings, devices) if attitudes else []
-    diagnosing = diagnosis_tasks(recordings, devices, catalogue, reference) if diagnosis else []
+    judged = devices if diagnosis else {}
+    diagnosing = diagnosis_tasks(recordings, judged, catalogue, reference, prepared)
     *results, pooling = run_tasks([*filtering, *diagnosing, PoolingTask(prepared, lines)], workers)
     show_progress('')
     angles = results[: len(filtering)] or [()] * len(recordings)
@@ -196,6 +197,7 @@ def diagnosis_tasks(
     devices: Mapping[str, DeviceAnalysis],
     catalogue: Mapping[str, type[Effect]],
     reference: NoiseReference | None = None,
+    prepared: Sequence[PreparedRun] = (),
 ) -> list[Task]:
     """Return a task per device that has a model: search it for missing effects."""
     return [
@@ -205,6 +207,7 @@ def diagnosis_tasks(
             device.model,
             catalogue,
             reference,
+            [run for run in prepared if run.device == device.name],
         )
         for device in devices.values()
         if device.model
@@ -308,6 +311,8 @@ class DiagnosisTask:
     catalogue: Mapping[str, type[Effect]] = field(default_factory=lambda: EFFECTS)
     reference: NoiseReference | None = None
     """Noise that counts as normal; None: that of the shipped chip."""
+    prepared: Sequence[PreparedRun] = ()
+    """The runs of the recordings, where they are prepared already."""
 
     @property
     def label(self) -> str:
@@ -325,27 +330,28 @@ class DiagnosisTask:
         Where the recordings cannot be diagnosed, `problem` says why and nothing else is there.
         """
         try:
-            found = diagnose(
-                self.recordings, self.model, catalogue=self.catalogue, reference=self.reference
-            )
+            inputs = prepare_inputs(self.recordings, prepared=self.prepared)
+            found = diagnose_inputs(inputs, self.model, self.catalogue, self.reference)
             content = found.to_dict()
         except ModelError as error:
             return {'device': self.device, 'problem': f'not diagnosed: {error}'}, None
-        growth = self._with_named(content['findings'])
+        growth = self._with_named(inputs.runs, content['findings'])
         steps = [step.to_dict() for step in growth.steps] if growth else []
         return content | {'steps': steps}, growth
 
-    def _with_named(self, findings: Sequence[Mapping[str, Any]]) -> Growth | None:
+    def _with_named(
+        self, runs: Sequence[PreparedRun], findings: Sequence[Mapping[str, Any]]
+    ) -> Growth | None:
         """Return the model with every effect that was named, all of one diagnosis."""
         named = [finding for finding in findings if finding['kind'] == 'effect']
         if not named:
             return None
-        runs = prepare(check_quality(self.recordings)[0])
+        settings = Settings(self.catalogue)
         model, growths = self.model, []
         for finding in named:
             sensors = [s for s in SENSORS if s in finding['sensor'].split('+')]
             growths.append(
-                add_effect(model, runs, finding['name'], Settings(self.catalogue), sensors)
+                add_effect(model, runs, finding['name'], settings, sensors, judged=False)
             )
             model = growths[-1].model
         steps = tuple(

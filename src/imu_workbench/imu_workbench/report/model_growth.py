@@ -83,7 +83,7 @@ def _grown(
         if found is None:
             return
         sensors = [s for s in SENSORS if s in found['sensor'].split('+')]
-        growth = add_effect(model, runs, found['name'], settings, sensors)
+        growth = add_effect(model, runs, found['name'], settings, sensors, judged=False)
         yield found, growth
         model = growth.model
 

@@ -11,6 +11,7 @@ from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 
 from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.kept_results import kept
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
@@ -57,6 +58,7 @@ class HeldOut:
         return np.sqrt(_mean([v for (_, s), v in self.variances.items() if s == sensor]))
 
 
+@kept
 def hold_out(
     runs: Sequence[PreparedRun],
     effects: Mapping[Sensor, tuple[Effect, ...]],

@@ -10,9 +10,14 @@ from the spectrum by Whittle's likelihood.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from weakref import WeakKeyDictionary
+
 import numpy as np
 from imu_recording.recording import FloatArray
 from scipy.fft import dct, next_fast_len
+
+from thermal_comp.data.conditions import Conditions
 
 SHORTEST_S, LONGEST_S = 1.0, 3600.0
 """Times over which a spline may smooth [s], r^−⅙."""
@@ -22,6 +27,17 @@ MARGIN = 8.0
 """Widths after which a spline has forgotten its end."""
 GAP_STEPS = 20.0
 """A gap of so many steps parts a run: the temperature on either side is smoothed by itself."""
+
+
+def smoothed_conditions(conditions: Conditions) -> Conditions:
+    """Return conditions with the temperature smoothed; kept, as long as the conditions are."""
+    if conditions not in _SMOOTHED:
+        temperature = smoothed_temperature(conditions.time, conditions.temperature)
+        _SMOOTHED[conditions] = replace(conditions, temperature=temperature)
+    return _SMOOTHED[conditions]
+
+
+_SMOOTHED: WeakKeyDictionary[Conditions, Conditions] = WeakKeyDictionary()
 
 
 def smoothed_temperature(time: FloatArray, temperature: FloatArray) -> FloatArray:
@@ -63,8 +79,9 @@ def _width(temperature: FloatArray, step: float) -> float:
     frequency = np.pi * np.arange(1, len(temperature)) / (len(temperature) * step)
     widths = np.geomspace(SHORTEST_S, LONGEST_S, 60)
     misfits = []
+    steep = frequency**-6.0
     for width in widths:
-        shape = 1.0 + (width * frequency) ** -6.0
+        shape = 1.0 + width**-6.0 * steep
         noise = max(float((power / shape).mean()), 1e-300)
         misfits.append(len(power) * np.log(noise) + float(np.log(shape).sum()))
     return float(widths[int(np.argmin(misfits))])

@@ -157,11 +157,11 @@ def _along_temperature(
     if not len(powers):
         return []
     count = int(LARGEST_DRIFT / drift_step)
-    rows, bins = np.arange(len(powers))[:, None], np.arange(WINDOW_ROWS)
+    rows, bins = np.arange(len(powers))[:, None], np.arange(WINDOW_ROWS // 2)
     best = 0.0, 0, 0
     for number in range(-count, count + 1):
         shift = np.rint(number * drift_step * temperature / bin_hz).astype(int)
-        total = powers[rows, (bins + shift[:, None]) % WINDOW_ROWS].sum(axis=0)[: WINDOW_ROWS // 2]
+        total = powers[rows, (bins + shift[:, None]) % WINDOW_ROWS].sum(axis=0)
         best = max(best, (float(total.max()), number, int(np.argmax(total))))
     _, number, peak = best
     return [SpectralLine(peak * bin_hz, number * drift_step)] if number else []

@@ -24,7 +24,7 @@ from thermal_comp.diagnosis.findings import (
     unnamed_findings,
 )
 from thermal_comp.diagnosis.identifiability import undecidable
-from thermal_comp.diagnosis.inputs import prepare_inputs
+from thermal_comp.diagnosis.inputs import DiagnosisInputs, prepare_inputs
 from thermal_comp.diagnosis.noise_level import NoiseReference
 from thermal_comp.diagnosis.ranking import ranked_effects
 from thermal_comp.diagnosis.result import Diagnosis, Finding, NamedExplanation, Prediction
@@ -43,7 +43,14 @@ from thermal_comp.fitting.fit import fit_prepared, usable_sensors
 from thermal_comp.model.values import NoiseModel, ThermalModel
 from thermal_comp.noise.of_runs import determined_noise, noise_beside
 
-__all__ = ['Settings', 'base_effects', 'diagnose', 'diagnose_prepared', 'greyed_out']
+__all__ = [
+    'Settings',
+    'base_effects',
+    'diagnose',
+    'diagnose_inputs',
+    'diagnose_prepared',
+    'greyed_out',
+]
 
 
 def diagnose(
@@ -60,9 +67,18 @@ def diagnose(
     Without a model the line per axis is fitted first.
     """
     inputs = prepare_inputs(recordings, period=period)
-    runs = inputs.runs
-    settings = Settings(catalogue or EFFECTS, reference, inputs.bandwidth_known)
-    diagnosis = diagnose_prepared(runs, model, settings)
+    return diagnose_inputs(inputs, model, catalogue or EFFECTS, reference)
+
+
+def diagnose_inputs(
+    inputs: DiagnosisInputs,
+    model: ThermalModel | None,
+    catalogue: Mapping[str, type[Effect]],
+    reference: NoiseReference | None = None,
+) -> Diagnosis:
+    """Return the diagnosis of recordings that are checked and prepared, their defects included."""
+    settings = Settings(catalogue, reference, inputs.bandwidth_known)
+    diagnosis = diagnose_prepared(inputs.runs, model, settings)
     findings = [
         *(quality_finding(defect) for defect in inputs.defects),
         *clock_findings(inputs.clock),
@@ -85,7 +101,7 @@ def diagnose_prepared(
     noise = noise_beside(runs, named_beside(base, answers), noise)
     fitted = fit_prepared(base, runs, noise=noise, refine=False)
     current = compare_prepared(fitted, runs, noise=noise)
-    explained = _explained(runs, base, answers, noise)
+    explained = _explained(runs, base, answers, noise, fitted)
     findings: list[Finding] = []
     if stored is not None and model is not None and stored is not model:
         findings += changes(stored, model, runs, current)
@@ -138,8 +154,12 @@ def _explained(
     base: Listed,
     answers: Mapping[Sensor, SensorAnswer],
     noise: Mapping[Sensor, NoiseModel],
+    fitted: ThermalModel,
 ) -> Explained:
-    """Return the base fitted with all that was named, and what is closest where nothing was."""
+    """Return the base fitted with all that was named, and what is closest where nothing was.
+
+    `fitted` is the base alone.
+    """
     listed = named_beside(base, answers)
     coupled = {e for effects in listed.values() for e in effects if e.coupled}
     for effect in coupled:
@@ -152,7 +172,7 @@ def _explained(
         return Explained(None, None, ())
     model = fit_prepared(listed, runs, noise=noise)
     comparison = compare_prepared(model, runs)
-    before = fit_prepared(base, runs, noise=noise, refine=False).provenance.notes
+    before = fitted.provenance.notes
     told = tuple(f'{sensor}:' for sensor in closest)
     new = tuple(
         note

@@ -90,7 +90,7 @@ class Growth(Presented):
     before: Comparison
     after: Comparison
     steps: tuple[Step, ...]
-    unneeded: tuple[str, ...]
+    unneeded: tuple[str, ...] = ()
     """`sensor: effect` of terms the others make superfluous."""
     worse: tuple[str, ...] = ()
     """Where a line, or no model at all, leaves less on held-out parts."""
@@ -134,11 +134,13 @@ def add_effect(
     name: str,
     settings: Settings,
     sensors: Sequence[Sensor] = (),
+    *,
+    judged: bool = True,
 ) -> Growth:
     """Return the model with an effect added and everything refitted together.
 
     Without `sensors` the effect goes where it is likelier than nothing, else to the sensor where
-    it is likeliest.
+    it is likeliest. `judged` False leaves open what became unneeded and where it is worse.
     """
     if name not in settings.catalogue:
         raise ModelError(f'effect {name!r} is not known; known: {", ".join(settings.catalogue)}')
@@ -153,7 +155,8 @@ def add_effect(
     noise = _noise(runs, model)
     listed = _base(runs, model)
     chosen = _placed(runs, listed, noise, name, settings, sensors)
-    return _grown(model, runs, noise, listed, {s: (e,) for s, e in chosen.items()})
+    growth = _grown(model, runs, noise, listed, {s: (e,) for s, e in chosen.items()})
+    return _judged(growth, runs, noise) if judged else growth
 
 
 def grow(
@@ -169,7 +172,7 @@ def grow(
     What is left is taken out by whatever lowers the held-out error by more than chance: effects
     whose cause is undecided, then the empirical term; not with `named_only`.
     """
-    noise = _noise(runs, model)
+    noise = weights = _noise(runs, model)
     steps: list[Step] = []
     first: Comparison | None = None
     current, growth = model, None
@@ -188,7 +191,7 @@ def grow(
         growth = _grown(current, runs, noise, listed, placed, found.ambiguous_with)
         first = first or growth.before
         steps += growth.steps
-        current = growth.model
+        current, weights = growth.model, noise
         noise = _noise(runs, current)
     if not named_only:
         report('looking for what repeats without a name …')
@@ -204,6 +207,7 @@ def grow(
         compared = compare_prepared(fitted, runs, noise=noise)
         worse = worse_than_simpler(fitted, compared, runs)
         return Growth(fitted, compared, compared, (), (), worse, diagnosis)
+    growth = _judged(growth, runs, weights)
     return replace(growth, before=first, steps=tuple(steps), diagnosis=diagnosis)
 
 
@@ -315,9 +319,19 @@ def _grown(
         _step(before.sensors[g[0]], after.sensors[g[0]], names[g[0]], g, ambiguous_with, empirical)
         for g in groups
     )
-    unneeded = () if empirical else _unneeded(runs, grown, noise, next(iter(names.values())))
-    worse = worse_than_simpler(grown, after, runs)
-    return Growth((model or plain).succeeded_by(grown), before, after, steps, unneeded, worse)
+    return Growth((model or plain).succeeded_by(grown), before, after, steps)
+
+
+def _judged(
+    growth: Growth, runs: Sequence[PreparedRun], noise: Mapping[Sensor, NoiseModel]
+) -> Growth:
+    """Return a growth with what its last step made unneeded and where it is worse."""
+    last = growth.steps[-1]
+    return replace(
+        growth,
+        unneeded=() if last.empirical else _unneeded(runs, growth.model, noise, last.added),
+        worse=worse_than_simpler(growth.model, growth.after, runs),
+    )
 
 
 def _labelled(provenance: Provenance, names: Mapping[Sensor, str]) -> Provenance:

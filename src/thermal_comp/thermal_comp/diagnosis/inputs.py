@@ -58,32 +58,38 @@ class ClockFinding:
 
 
 def prepare_inputs(
-    recordings: Iterable[ImuRecording], *, period: float | None = None
+    recordings: Iterable[ImuRecording],
+    *,
+    period: float | None = None,
+    prepared: Sequence[PreparedRun] = (),
 ) -> DiagnosisInputs:
     """Return what is needed of recordings that may be read one after the other.
 
-    The next one is read while one is checked and averaged; none is kept.
+    The next one is read while one is checked and averaged; none is kept. `prepared`: what
+    `prepare` makes of the same recordings; it is taken where nothing is defective.
     """
     runs: list[PreparedRun] = []
     findings: list[QualityFinding] = []
-    names, scales, windows, known = [], [], [], []
+    names, scales, windows, bandwidths = [], [], [], []
     taken: dict[str, int] = {}
     for number, recording in enumerate(_read_ahead(recordings), 1):
         names.append(recording.run or str(number))
         windows.append(clock_windows(recording))
-        known.append(bandwidth_known([recording]))
+        bandwidths.append(bandwidth_known([recording]))
         clean, found = check_recording(recording, names[-1])
         findings += found
         scales.append(scales_of(clean))
-        runs.append(prepare_run(clean, run_name(recording, number, taken), period=period))
+        name = run_name(recording, number, taken)
+        sound = prepared and clean is recording
+        runs.append(prepared[number - 1] if sound else prepare_run(clean, name, period=period))
     if period is None:
         runs = in_common_blocks(runs)
     for number, finding in wrong_units(scales, names, findings):
         findings.append(replace(finding, rows=len(runs[number].conditions)))
         runs[number] = _without(runs[number], finding)
-    return DiagnosisInputs(
-        as_campaign(runs), merged(findings), slope_of_windows(windows), all(known)
-    )
+    if runs != list(prepared):
+        runs = as_campaign(runs)
+    return DiagnosisInputs(runs, merged(findings), slope_of_windows(windows), all(bandwidths))
 
 
 def _read_ahead(recordings: Iterable[ImuRecording]) -> Iterator[ImuRecording]:

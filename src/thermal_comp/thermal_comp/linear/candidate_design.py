@@ -12,7 +12,7 @@ from imu_recording.recording import FloatArray, IntArray
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
-from thermal_comp.data.smoothing import smoothed_temperature
+from thermal_comp.data.smoothing import smoothed_conditions
 from thermal_comp.data.spectral_lines import SpectralLine, spectral_lines
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import orthonormal, per_axis, project_out, stack_runs
@@ -42,12 +42,10 @@ class ColumnSource:
         self.smoothed: list[PreparedRun] = []
         """The runs with the smoothed temperature."""
         for run in self.runs:
-            conditions = run.conditions
-            smoothed = smoothed_temperature(conditions.time, conditions.temperature)
-            self.temperature_noise.append(run.block_mean(smoothed - conditions.temperature))
-            self.smoothed.append(
-                replace(run, conditions=replace(conditions, temperature=smoothed))
-            )
+            smoothed = smoothed_conditions(run.conditions)
+            noise = smoothed.temperature - run.conditions.temperature
+            self.temperature_noise.append(run.block_mean(noise))
+            self.smoothed.append(replace(run, conditions=smoothed))
         self._kept: dict[tuple[Effect, Sensor], list[FloatArray]] = {}
 
     def spectral_lines(self, sensor: Sensor) -> Sequence[SpectralLine]:
@@ -328,11 +326,16 @@ class CandidateDesign:
         return np.concatenate(columns, axis=1)
 
     def whitened_in_run(
-        self, columns: FloatArray, run: int, axis: int
+        self, columns: FloatArray, run: int, axis: int, first: int = 0
     ) -> tuple[FloatArray, slice]:
-        """Return the columns (m, q) of one run's blocks, whitened where valid, and their rows."""
-        gains = self.whitening.gains_of(run, axis)
-        return apply_gains(columns[self.valid[run]], gains), self.whitening.rows_of(run)
+        """Return columns (m − first, q), zero before block `first`, whitened, and their rows.
+
+        They are those of one run's blocks; what is not valid is left out.
+        """
+        valid, rows = self.valid[run], self.whitening.rows_of(run)
+        before = int(valid[:first].sum())
+        gains = self.whitening.gains_of(run, axis).since(before)
+        return apply_gains(columns[valid[first:]], gains), slice(rows.start + before, rows.stop)
 
     @staticmethod
     def _split(terms: Sequence[ColumnGroup]) -> tuple[list[int], list[int]]:

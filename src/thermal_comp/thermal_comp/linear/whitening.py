@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from imu_recording.jit import njit
@@ -28,6 +28,13 @@ class Gains:
     """(m, k) share of the innovation each process takes up."""
     deviation: FloatArray
     """(m,) standard deviation of the innovation [unit]."""
+
+    def since(self, row: int) -> Gains:
+        """Return the filter from a row on, for what is zero before it."""
+        rows = slice(row, None)
+        return replace(
+            self, missed=self.missed[rows], gain=self.gain[rows], deviation=self.deviation[rows]
+        )
 
 
 def innovation_gains(slot: IntArray, noise: NoiseModel, axis: int, period: float) -> Gains:

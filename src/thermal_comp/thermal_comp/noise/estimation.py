@@ -9,6 +9,7 @@ import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
 from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.kept_results import kept
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel
@@ -71,6 +72,7 @@ LEAST_VARIANCE = 1e-9
 """Least variance of a process, as a share of the residual's."""
 
 
+@kept
 def fit_noise(
     runs: Sequence[PreparedRun], sensor: Sensor, effects: Sequence[Effect] = ()
 ) -> NoiseModel:

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.kept_results import kept
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel
@@ -27,6 +28,7 @@ MOST_SPREAD_RATIO = 1.15
 and hours is no noise: an effect that was not named. Chance reaches 1.11 in a hundred campaigns."""
 
 
+@kept
 def noise_of_model(
     runs: Sequence[PreparedRun],
     sensor: Sensor,

@@ -147,13 +147,29 @@ def _likeliest_rise(
     run = design.source.runs[number]
     middles = middle + run.period * np.linspace(-1.0, 1.0, STEP_PLACES)
     forms = [(max(float(t - 0.5 * d), 0.0), d) for t in middles for d in STEP_DURATIONS_S]
-    columns = run.block_mean(np.stack([rise(run.conditions.time, *f) for f in forms], axis=1))
+    first, columns = _rises(run, forms)
     gain: FloatArray = np.zeros(len(forms))
     for axis in range(3):
-        white, rows = design.whitened_in_run(columns, number, axis)
+        white, rows = design.whitened_in_run(columns, number, axis, first)
         power = (white**2).sum(axis=0) - ((design.base[axis][rows].T @ white) ** 2).sum(axis=0)
         gain += (white.T @ residual[axis, rows]) ** 2 / np.maximum(power, 1e-9)
     return forms[int(np.argmax(gain))]
+
+
+def _rises(run: PreparedRun, forms: Sequence[tuple[float, float]]) -> tuple[int, FloatArray]:
+    """Return the first block that any of k rises reaches, and their (…, k) means from it on.
+
+    They are one in the blocks after the last rise.
+    """
+    time, starts = run.conditions.time, run.starts
+    begin, end = np.searchsorted(time, [min(s for s, _ in forms), max(s + d for s, d in forms)])
+    first = int(np.searchsorted(starts[:, 1], begin, side='right'))
+    last = max(int(np.searchsorted(starts[:, 0], end, side='right')), first + 1)
+    near = replace(run, starts=starts[first:last] - starts[first, 0])
+    fine = time[starts[first, 0] : starts[last - 1, 1]]
+    means = np.ones((len(run) - first, len(forms)))
+    means[: last - first] = near.block_mean(np.stack([rise(fine, *f) for f in forms], axis=1))
+    return first, means
 
 
 def form_of(design: CandidateDesign, effect: Effect, run: int | None) -> Form:

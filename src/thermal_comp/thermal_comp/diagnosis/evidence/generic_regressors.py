@@ -35,6 +35,7 @@ CHANNELS_OF: dict[Sensor, tuple[str, ...]] = {
     'magnetometer': ('heater', 'compressor', 'supply_voltage'),
 }
 """Channels that can act on each sensor, directly or through another."""
+CHANNEL_CURVES = ', its lags and products'
 CHAMBER_SETTLING_S = (300.0, 1500.0, 6000.0)
 """Time constants of a chamber whose machines are off [s]."""
 
@@ -86,9 +87,7 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
     for name in ('heater', 'compressor', 'supply_voltage', 'humidity'):
         if all(run.conditions.has(name) for run in runs):
             label = name.removesuffix('_voltage')
-            made.append(
-                (label, f'{label}, its lags and products', partial(spans.channel, name), False)
-            )
+            made.append((label, f'{label}{CHANNEL_CURVES}', partial(spans.channel, name), False))
     if all(run.conditions.has('vibration') for run in runs):
         made.append(('vibration', 'vibration and its square', spans.vibration, False))
     for line in design.source.spectral_lines(design.sensor)[:1]:
@@ -122,24 +121,23 @@ def _regressor(
     return GenericRegressor(depends_on, name, term, betrayed, suspect)
 
 
-def all_variables(design: CandidateDesign) -> ColumnGroup:
+SMOOTH_CURVES = (
+    'curve over temperature',
+    'curve over temperature, one per branch',
+    'curve over the temperature rate',
+    'temperature rate times temperature and time',
+    'curve over time',
+    'curve over temperature that changes with time',
+)
+"""Regressors that together follow anything smooth of temperature, rate and time."""
+
+
+def all_variables(design: CandidateDesign, regressors: Sequence[GenericRegressor]) -> ColumnGroup:
     """Return a smooth function of temperature and branch, rate, time and what channels say."""
-    runs = design.source.runs
-    spans = _spans(design.source.smoothed)
-    channels = [
-        name
-        for name in ('heater', 'compressor', 'supply_voltage', 'humidity')
-        if all(run.conditions.has(name) for run in runs)
-    ]
-
-    def columns(run: PreparedRun) -> FloatArray:
-        parts = [spans.temperature(run), spans.branch(run), spans.rate(run)]
-        parts += [spans.rate_products(run), spans.time(run), spans.slope_in_time(run)]
-        parts += [spans.channel(name, run) for name in channels]
-        return np.concatenate(parts, axis=1)
-
-    functions = [(columns, False)]
-    return design.generic_terms(functions, runs=design.source.smoothed)[0]
+    parts = [r for r in regressors if r.name in SMOOTH_CURVES or r.name.endswith(CHANNEL_CURVES)]
+    together = ColumnGroup(tuple(c for part in parts for c in part.term.columns))
+    design.equations(together.columns)  # the products of one part with another, too
+    return together
 
 
 def lost_channels(design: CandidateDesign) -> list[str]:

@@ -21,13 +21,14 @@ from thermal_comp.diagnosis.evidence.candidates import (
     renewed,
 )
 from thermal_comp.diagnosis.evidence.generic_regressors import (
+    GenericRegressor,
     all_variables,
     generic_regressors,
     lost_over_time,
 )
 from thermal_comp.diagnosis.evidence.nuisances import nuisance_priors, thermometer_errors
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.candidate_design import CandidateDesign
+from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 from thermal_comp.linear.gaussian_evidence import (
     CoefficientPrior,
     ConditionedDesign,
@@ -144,9 +145,10 @@ class SensorHypotheses:
         """Effects of channels that were not logged but can be guessed."""
         self.without_channel = channels_not_logged(design, catalogue)
         """Effects that could act unseen, each with the channel that was not logged."""
-        self.regressors = generic_regressors(design)
-        self.discrepancy = all_variables(design)
-        """A smooth function of all that was logged, for what equations lack."""
+        self.regressors: list[GenericRegressor] = []
+        """Flexible functions of one variable each; none before `allow_unnamed`."""
+        self.discrepancy = ColumnGroup(())
+        """A smooth function of all that was logged, for what equations lack; likewise."""
         self.lost_over_time = lost_over_time(design)
         """Lost channel that may have any course over time; '' where none is."""
         self.unseen: dict[Names, dict[str, float]] = {}
@@ -155,6 +157,12 @@ class SensorHypotheses:
         self._fits: dict[Names, tuple[Component, ...]] = {}
         """Sets as they were fitted last: where a search begins anew, fits go on from there."""
         self._weigh_nuisances()
+
+    def allow_unnamed(self) -> None:
+        """Compute the columns that only what has no name is told by."""
+        if not self.regressors:
+            self.regressors = generic_regressors(self.design)
+            self.discrepancy = all_variables(self.design, self.regressors)
 
     def inform(self, normal: FloatArray, right: FloatArray) -> None:
         """Take what others tell of the thermometer's errors, (p, p) and (p,), as further rows."""

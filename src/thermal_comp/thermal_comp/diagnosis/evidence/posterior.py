@@ -100,6 +100,7 @@ def _fitted(
 
 def explanations(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> list[Explanation]:
     """Return the explanations of one sensor, most probable first; probabilities sum to 1."""
+    hypotheses.allow_unnamed()
     best = max(sets, key=lambda s: s.log_posterior)
     close = [s for s in sets if s.log_posterior > best.log_posterior - WORTH_A_LOOK][:MOST_SETS]
     # What a smaller set leaves to a further effect may be a flaw of its own equations.

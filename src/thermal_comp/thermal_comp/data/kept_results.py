@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Results of functions of prepared runs, kept as long as the runs.
+
+A model is fitted and compared before and after each effect that it gains, by one step after the
+other: most of what a step asks of the runs the step before has asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import wraps
+from typing import Any, Concatenate, cast
+from weakref import WeakKeyDictionary, ref
+
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.model.values import NoiseModel
+
+
+def kept[**P, T](
+    function: Callable[Concatenate[Sequence[PreparedRun], P], T],
+) -> Callable[Concatenate[Sequence[PreparedRun], P], T]:
+    """Return the function, which then computes once what it returns for runs and arguments.
+
+    Runs are the same while their block means are: draws of noise may be written into them.
+    Arguments are sensors, effects and noise, alone or in lists and mappings. Who gets a result
+    leaves it as it is.
+    """
+    results: WeakKeyDictionary[PreparedRun, dict[Hashable, Any]] = WeakKeyDictionary()
+
+    @wraps(function)
+    def looked_up(runs: Sequence[PreparedRun], /, *args: P.args, **kwargs: P.kwargs) -> T:
+        if not runs:
+            return function(runs, *args, **kwargs)
+        known = results.setdefault(runs[0], {})
+        measured = [hash(values.tobytes()) for run in runs for values in run.measured.values()]
+        key = (tuple(map(ref, runs)), tuple(measured), _hashable(args), _hashable(kwargs))
+        if key not in known:
+            known[key] = function(runs, *args, **kwargs)
+        return cast('T', known[key])
+
+    return looked_up
+
+
+def _hashable(value: Any) -> Hashable:
+    if isinstance(value, NoiseModel):
+        return tuple(v.tobytes() for v in (value.white, value.time_constants, value.amplitudes))
+    if isinstance(value, Mapping):
+        return tuple((key, _hashable(each)) for key, each in value.items())
+    if isinstance(value, list | tuple):
+        return tuple(map(_hashable, value))
+    return cast('Hashable', value)

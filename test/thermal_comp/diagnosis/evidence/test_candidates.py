@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The likeliest steps that forms of effects are chosen from."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.diagnosis.evidence.candidates import STEP_DURATIONS_S, _rises
+from thermal_comp.effects.operators import rise
+
+from ...campaign import run
+
+
+@pytest.fixture(scope='module')
+def prepared() -> PreparedRun:
+    whole = run('+z', seed=1, cycles=2)
+    gap = np.arange(len(whole)) // 700 != 3
+    return prepare([whole.rows(gap)], period=20.0)[0]
+
+
+@pytest.mark.parametrize('share', [0.0, 0.2, 0.6, 0.999])
+def test_rises_are_those_over_the_whole_run(prepared: PreparedRun, share: float) -> None:
+    time = prepared.conditions.time
+    start = max(float(share * prepared.time[-1]) - 30.0, 0.0)
+    forms = [(start + k * 7.0, d) for k in range(4) for d in STEP_DURATIONS_S]
+    whole = prepared.block_mean(np.stack([rise(time, *form) for form in forms], axis=1))
+    first, means = _rises(prepared, forms)
+    assert not whole[:first].any()
+    np.testing.assert_array_equal(means, whole[first:])
