@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The section of the page about attitude; of the paper's campaign its Fig. 7, 8, Tables VI, VII."""
+"""The section of the page about attitude, with the tables of the paper where its plan was run."""
 
 from __future__ import annotations
 
