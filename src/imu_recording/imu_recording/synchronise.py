@@ -37,6 +37,8 @@ LONGEST_BRIDGE = 3.0
 """Periods between two samples beyond which nothing is interpolated."""
 MOST_CLOCK_STEPS = 10
 """More steps back than this are disorder, not a clock that was set."""
+CLOCK_SET_BACK = 'the clock was set back'
+"""How a note says it."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,7 @@ def _one_clock(name: str, stamp: IntArray, groups: list[FloatArray]) -> tuple[In
         return stamp, []
     furthest = -float(np.diff(stamp).min()) * 1e-9
     note = (
-        f'{name}: the clock was set back {len(back)} times, by up to {furthest:.6g} s: '
+        f'{name}: {CLOCK_SET_BACK} {len(back)} times, by up to {furthest:.6g} s: '
         f'{lost} samples of times that were stamped twice left out'
     )
     return _taken(stamp, groups, order), [note]

@@ -270,3 +270,22 @@ def test_a_torn_definition_longer_than_the_log_ends(
     finally:
         signal.alarm(0)
         signal.signal(signal.SIGALRM, previous)
+
+
+@pytest.mark.parametrize(
+    ('name', 'content', 'said'),
+    [
+        ('a.ulg', b'hello,world\n' * 9, 'no PX4 ULog .its first bytes are not those of one.'),
+        ('a.BIN', b'', 'no ArduPilot DataFlash log .it is empty.'),
+        ('a.bbl', b'\x00' * 9, 'no Blackbox log .its first bytes are not those of one.'),
+    ],
+)
+def test_a_file_that_is_only_named_like_a_log_is_refused(
+    tmp_path: Path, name: str, content: bytes, said: str
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(LogError, match=f'{said}; copy it again from the board'):
+        is_log(path)
+    other = path.rename(tmp_path / 'a.csv')
+    assert not is_log(other)

@@ -12,6 +12,7 @@ from imu_recording.logging_contract import CHANNEL_FIELDS
 from imu_recording.recording import GRAVITY, BagError
 from imu_recording.tables.csv_import import import_csv
 from imu_recording.tables.mapping import MappingError, mapping_from
+from imu_recording.tables.row_range import RowRange
 from recording_samples import assert_same
 
 from imu_recording import read_bag, write_bag
@@ -407,3 +408,22 @@ def test_gyroscope_and_magnetometer_in_files_of_their_own(tmp_path: Path) -> Non
     np.testing.assert_allclose(recording.angular_velocity[1:, 0], np.arange(99) + 0.75)
     assert np.isnan(recording.angular_velocity[0]).all()
     np.testing.assert_allclose(recording.magnetic_field[:, 0], 1e-6 * np.arange(100))
+
+
+def test_rows_of_a_clock_that_was_set_back_are_counted_with_the_way_out(tmp_path: Path) -> None:
+    times = [*np.arange(1.0, 9.0, 0.5), *np.arange(1.0, 5.0, 0.5)]
+    text = '\n'.join(f'{t:.2f},0,0,9.81,20' for t in times)
+    path = written(tmp_path / 'restarted.csv', text, 't,ax,ay,az,temp\n')
+    mapping = {
+        'schema': 1,
+        'device': 'a',
+        'time': {'column': 't', 'unit': 's'},
+        'columns': {'linear_acceleration': {'columns': ['ax', 'ay', 'az'], 'unit': 'm/s²'}},
+    }
+    whole = import_csv(path, mapping)
+    assert len(whole) == 16
+    assert any('8 samples of times' in n and 'another --from' in n for n in whole.notes)
+    second = import_csv(path, mapping, RowRange(first_line=18))
+    assert len(second) == 8
+    assert 'rows before --from and after --to were not read' in second.notes
+    assert not any('set back' in note for note in second.notes)

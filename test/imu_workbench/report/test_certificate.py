@@ -10,13 +10,19 @@ import pytest
 from imu_recording.user_error import UserError
 from imu_workbench.report.analysis import analyse_recordings
 from imu_workbench.report.certificate.budget import Input, Measurand, budget_of, scatter_inputs
-from imu_workbench.report.certificate.content import recording_row, still_missing
+from imu_workbench.report.certificate.content import (
+    approximate_forms,
+    conclusion,
+    recording_row,
+    still_missing,
+)
 from imu_workbench.report.content import report_content
 from imu_workbench.report.html.document import report_page
 from imu_workbench.report.laboratory import Laboratory, read_laboratory
 from imu_workbench.report.limits import Limit, Limits
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.scale_factor_temperature import ScaleFactorTemperature
+from thermal_comp.effects.thermal_lag import ThermalLag
 from thermal_comp.fitting.fit import fit
 
 EXAMPLE = Path(__file__).resolve().parents[3] / 'examples' / 'laboratory.yaml'
@@ -84,6 +90,36 @@ def test_limits_are_decided_with_the_uncertainty(certificate, content) -> None:
     assert decisions == {'x': 'fail', 'y': 'pass', 'z': 'pass'}
     assert 'of 3 limits 2 kept, 1 not kept' in certificate['conclusion']
     assert 'NOT KEPT' in report_page(content)
+
+
+@pytest.mark.parametrize('approximate', [False, True])
+def test_a_form_that_leaves_more_than_noise_is_called_approximate(analysis, approximate) -> None:
+    certified = replace(analysis.certified['dut1'], added=('bias_temperature (accelerometer)',))
+    explained = {
+        'sensor': 'accelerometer',
+        'names': ['bias_temperature'],
+        'approximate': approximate,
+    }
+    rival = {'sensor': 'accelerometer', 'names': ['icing'], 'approximate': True}
+    found = approximate_forms(certified, {'explanations': [explained, rival]})
+    assert found == ({'bias_temperature'} if approximate else set())
+    assert approximate_forms(certified, None) == set()
+
+
+def test_the_conclusion_says_that_a_form_is_approximate(analysis) -> None:
+    dut1 = analysis.certified['dut1']
+    part = dut1.model.sensors['accelerometer']
+    lagging = replace(part, effects=(*part.effects, ThermalLag(70.0)))
+    sensors = {**dut1.model.sensors, 'accelerometer': lagging}
+    certified = replace(
+        dut1, model=replace(dut1.model, sensors=sensors), added=('thermal_lag (accelerometer)',)
+    )
+    explained = {'sensor': 'accelerometer', 'names': ['thermal_lag'], 'approximate': True}
+    diagnosis = {'explanations': [explained], 'steps': [], 'findings': []}
+    said = conclusion(certified, [], [], diagnosis, (-10.0, 50.0))
+    assert 'form approximate: its equation leaves more than noise' in said
+    exact = diagnosis | {'explanations': [explained | {'approximate': False}]}
+    assert 'approximate' not in conclusion(certified, [], [], exact, (-10.0, 50.0))
 
 
 def test_a_limit_without_a_result_is_named_and_a_wrong_unit_refused(analysis) -> None:

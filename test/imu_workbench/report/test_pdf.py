@@ -46,6 +46,23 @@ def test_the_allan_deviation_is_drawn(page, content) -> None:
     assert drawn.count('id="FillBetweenPolyCollection_') == len(lines) == 9
 
 
+def test_no_caption_ends_a_page(page) -> None:
+    captions = 0
+    for sheet in HTML(string=page).render().pages:
+        boxes = list(sheet._page_box.descendants())
+        lowest = (
+            max(box.position_y for box in boxes if box.element_tag == 'td')
+            if any(box.element_tag == 'td' for box in boxes)
+            else None
+        )
+        for box in boxes:
+            if box.element is not None and box.element.get('class') == 'caption':
+                captions += 1
+                assert lowest is not None
+                assert box.position_y < lowest
+    assert captions > 5
+
+
 def test_it_is_a_pdf(content) -> None:
     certificate = content['certificates']['dut1'] | {'residuals': {}, 'allan_deviation': {}}
     undrawn = content | {'certificates': {'dut1': certificate}}

@@ -105,6 +105,17 @@ def test_the_page_needs_no_network(page) -> None:
     assert len(page.encode()) < 7e6  # two devices with attitudes
 
 
+def test_only_the_campaign_of_the_paper_is_held_against_it(content, page) -> None:
+    words = re.compile(r'>[^<>]*(Fig\. \d|[Tt]he paper|Paper, )')
+    assert not content['follows_paper']
+    assert not words.search(re.sub(r'<script.*?</script>', '', page, flags=re.DOTALL))
+    followed = report_page(content | {'follows_paper': True})
+    for number in (1, 4, 5, 6, 7, 8):
+        assert f'Fig. {number}. ' in followed
+    assert 'Paper, Table VI. [°]' in followed
+    assert 'Table VII. Angles on compensated data' in followed
+
+
 def test_every_axis_has_a_title_with_its_unit(page) -> None:
     figures = figures_of(page)
     assert {key.split('|')[0] for key in figures} == {

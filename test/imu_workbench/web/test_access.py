@@ -56,3 +56,21 @@ def test_a_page_of_another_server_opens_no_web_socket():
     assert foreign[0]['type'] == 'websocket.close'
     own = answer('', host='localhost:8080', origin='http://localhost:8080')
     assert own[0]['status'] == 200
+
+
+@pytest.mark.parametrize('gone', [True, False])
+def test_who_leaves_before_the_answer_is_no_error_of_the_server(gone):
+    async def application(scope, receive, send) -> None:
+        await receive()
+        raise RuntimeError('No response returned.')
+
+    async def receive():
+        return {'type': 'http.disconnect' if gone else 'http.request'}
+
+    scope = {'type': 'http', 'headers': [(b'host', b'localhost')]}
+    asked = AccessCheck(application)(scope, receive, None)
+    if gone:
+        asyncio.run(asked)
+    else:
+        with pytest.raises(RuntimeError, match='No response'):
+            asyncio.run(asked)

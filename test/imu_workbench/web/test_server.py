@@ -9,6 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from imu_recording.user_error import UserError
+from imu_workbench.commands.serve import sort_paths
 from imu_workbench.web.server import PortError, bind
 
 
@@ -62,3 +64,11 @@ def test_being_ended_it_waits_for_no_work_under_way(tmp_path: Path, bags: Path) 
     finally:
         server.kill()
         server.communicate()
+
+
+def test_a_path_that_does_not_exist_is_refused_with_the_way_out(tmp_path):
+    absent = tmp_path / 'absent'
+    with pytest.raises(
+        UserError, match='absent: no such file or folder; name a bag or the folder'
+    ):
+        sort_paths([absent])

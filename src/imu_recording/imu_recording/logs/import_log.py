@@ -31,6 +31,11 @@ from imu_recording.synchronise import (
 
 BLACKBOX = b'H Product:Black'
 """First bytes of a Blackbox log (Betaflight, iNav, Cleanflight and others)."""
+LOG_SUFFIXES = {
+    '.ulg': 'PX4 ULog',
+    '.bin': 'ArduPilot DataFlash log',
+    '.bbl': 'Blackbox log',
+}
 NOT_FROM_BLACKBOX = (
     'a Blackbox log tells nothing about temperature: Betaflight writes none of its IMU into it, '
     'and rates of iNav are whole °/s. Record the IMU with its temperature otherwise (PX4 .ulg, '
@@ -91,13 +96,21 @@ def _imported(path: Path, log: FlightLog) -> list[ImportedImu]:
 
 
 def is_log(path: Path) -> bool:
-    """Tell whether a file begins like a log of an autopilot."""
+    """Tell whether a file begins like a log of an autopilot.
+
+    Raises LogError where its name says that it is one and its first bytes say that it is not.
+    """
     try:
         with path.open('rb') as stream:
             start = stream.read(16)
     except OSError:
         return False
-    return is_ulog(start) or is_dataflash(start) or start.startswith(BLACKBOX)
+    known = is_ulog(start) or is_dataflash(start) or start.startswith(BLACKBOX)
+    named = LOG_SUFFIXES.get(path.suffix.lower())
+    if named and not known:
+        why = 'its first bytes are not those of one' if start else 'it is empty'
+        raise LogError(f'{path}: no {named} ({why}); copy it again from the board')
+    return known
 
 
 def _metadata(log: FlightLog, imu: LoggedImu) -> dict[str, str]:

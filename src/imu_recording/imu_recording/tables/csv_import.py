@@ -16,6 +16,7 @@ from imu_recording.logging_contract import MEASURED_FIELDS
 from imu_recording.phase import phases_from_setpoint
 from imu_recording.recording import BagError, FloatArray, ImuRecording, IntArray, infer_up_axis
 from imu_recording.synchronise import (
+    CLOCK_SET_BACK,
     Samples,
     hold_newest,
     in_order,
@@ -95,7 +96,13 @@ def _read(path: Path, told: CsvMapping, rows: RowRange) -> tuple[Samples, list[s
             f'{path}: column {told.time_column!r} holds the same time in all {len(stamp)} rows; '
             'is it the time? (time: column in the mapping)'
         )
-    return samples, list(fields), [*notes, *samples.notes]
+    if rows.by_line:
+        notes.append('rows before --from and after --to were not read')
+    told_of = [
+        f'{note}; another --from or --to takes those' if CLOCK_SET_BACK in note else note
+        for note in samples.notes
+    ]
+    return samples, list(fields), [*notes, *told_of]
 
 
 def _joined(

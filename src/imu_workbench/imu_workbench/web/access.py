@@ -15,6 +15,8 @@ REFUSED_TOKEN = (
     b'<p>This server asks for its token: open the address with ?token= that it printed at its '
     b'start.</p>'
 )
+NO_RESPONSE = 'No response returned.'
+"""What starlette raises of a request that ended before its answer began."""
 REFUSED_HOST = b'<!doctype html><p>This server answers to localhost only.</p>'
 
 
@@ -28,6 +30,20 @@ def is_local(host: str) -> bool:
         return host == 'localhost' or ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False
+
+
+class Listening:
+    """What a client sends; notes that it has gone."""
+
+    def __init__(self, receive: Any) -> None:
+        self._receive = receive
+        self.gone = False
+
+    async def __call__(self) -> Any:
+        """Return the next message."""
+        message = await self._receive()
+        self.gone = self.gone or message['type'] == 'http.disconnect'
+        return message
 
 
 class AccessCheck:
@@ -45,6 +61,15 @@ class AccessCheck:
         if scope['type'] not in ('http', 'websocket'):
             await self._app(scope, receive, send)
             return
+        receive = Listening(receive)
+        try:
+            await self._checked(scope, receive, send)
+        except RuntimeError as error:
+            # A page that is closed while it loads: nobody misses the answer.
+            if not receive.gone or str(error) != NO_RESPONSE:
+                raise
+
+    async def _checked(self, scope: Any, receive: Any, send: Any) -> None:
         headers = {
             key.decode('latin-1').lower(): value.decode('latin-1')
             for key, value in scope['headers']

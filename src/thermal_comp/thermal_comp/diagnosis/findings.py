@@ -34,6 +34,8 @@ CLOCK_EVIDENCE = 15.0
 """Evidence from which a temperature coefficient of the clock is reported."""
 ORDINARY_CLOCK = 100e-6
 """Temperature coefficient up to which RC oscillators of MEMS sensors reach [1/K]."""
+FORM_APPROXIMATE = 'form approximate: its equation leaves more than noise'
+"""What a sentence adds where an effect is the cause and its equation is not the whole of it."""
 LISTED_WHERE = 6
 """Places named per sensor."""
 
@@ -108,7 +110,7 @@ def _sentence(name: str, answer: SensorAnswer, label: str, rivals: Sequence[str]
         verb = 'explain' if len(rivals) > 1 else 'explains'
         text += f'; {" and ".join(rivals)} {verb} it as well'
     if answer.likeliest.approximate:
-        text += '; form approximate: its equation leaves more than noise'
+        text += f'; {FORM_APPROXIMATE}'
     return text
 
 

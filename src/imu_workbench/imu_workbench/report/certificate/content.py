@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from imu_recording.recording import ImuRecording
 from imu_recording.user_error import UserError
+from thermal_comp.diagnosis.findings import FORM_APPROXIMATE
 from thermal_comp.effects.effect import COUNT
 from thermal_comp.model.values import fitted_shapes
 from thermal_comp.presentation.diagnosis import verdict_line
@@ -229,7 +230,7 @@ def method(
     propagated = (
         'Uncertainties follow the GUM (JCGM 100): U is k = 2 times the combined standard '
         'uncertainty, ν its effective degrees of freedom; a Monte Carlo propagation (JCGM 101) '
-        f'differs by {deviation} % at most.'
+        f'differs by {deviation}\u00a0% at most.'
     )
     return [rested, averaged, fitted, judged, propagated]
 
@@ -382,7 +383,7 @@ def conclusion(
     ratios = [row for row in errors if math.isfinite(row['ratio'])]
     worst = max(ratios, key=lambda row: row['ratio'], default=None)
     text = f'Between {fixed(span[0], 1)} and {fixed(span[1], 1)} °C a line per axis'
-    named = shape_texts(certified)
+    named = shape_texts(certified, approximate_forms(certified, diagnosis))
     if named:
         text = f'{text}, with {", ".join(named)},'
     if worst:
@@ -400,8 +401,17 @@ def conclusion(
     return f'{text}.'
 
 
-def shape_texts(certified: Certified) -> list[str]:
-    """Return every effect beyond the line with its sensors and its shape parameters."""
+def approximate_forms(certified: Certified, diagnosis: Mapping[str, Any] | None) -> frozenset[str]:
+    """Return the added effects whose equation leaves more than noise, as the diagnosis says."""
+    likeliest: dict[str, Mapping[str, Any]] = {}
+    for explanation in diagnosis['explanations'] if diagnosis else ():
+        likeliest.setdefault(explanation['sensor'], explanation)
+    named = {name for e in likeliest.values() if e['approximate'] for name in e['names']}
+    return frozenset(named & {added.partition(' (')[0] for added in certified.added})
+
+
+def shape_texts(certified: Certified, approximate: Collection[str] = ()) -> list[str]:
+    """Return every effect beyond the line with its sensors, shape parameters, approximate form."""
     shapes = fitted_shapes(certified.model)
     sensors: dict[str, list[str]] = {}
     for sensor, part in certified.model.sensors.items():
@@ -415,7 +425,10 @@ def shape_texts(certified: Certified) -> list[str]:
             for s in shapes
             if s['effect'] == name and s['unit'] != COUNT and not isinstance(s['value'], list)
         ]
-        detail = f' ({"; ".join(dict.fromkeys(values))}, k = 2)' if values else ''
+        details = [f'{"; ".join(dict.fromkeys(values))}, k = 2'] if values else []
+        if name in approximate:
+            details.append(FORM_APPROXIMATE)
+        detail = f' ({"; ".join(details)})' if details else ''
         result.append(f'{name.replace("_", " ")} of the {" and ".join(where)}{detail}')
     return result
 

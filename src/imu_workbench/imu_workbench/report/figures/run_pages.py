@@ -85,7 +85,7 @@ def allan_picture(curves: Mapping[str, Mapping[str, Any]]) -> str:
 
 def _svg(figure: Figure) -> str:
     text = io.StringIO()
-    figure.savefig(text, format='svg', metadata={'Date': None})
+    figure.savefig(text, format='svg', metadata={'Date': None}, transparent=True)
     return text.getvalue()
 
 

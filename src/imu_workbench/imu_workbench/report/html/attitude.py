@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The section of the page about attitude: Fig. 7 and 8, Tables VI and VII."""
+"""The section of the page about attitude, with the tables of the paper where its plan was run."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any
 from thermal_comp.presentation.display import fixed, shown
 
 from imu_workbench.report.figures.attitude import FILTER_NAMES, attitude_figure
-from imu_workbench.report.html.render import Row, Section
+from imu_workbench.report.html.render import Row, Section, figure_of_paper
 
 SHOWN_DATA = {
     'raw and compensated': ('raw', 'compensated'),
-    'raw (Fig. 7)': ('raw',),
-    'compensated (Fig. 8)': ('compensated',),
+    'raw': ('raw',),
+    'compensated': ('compensated',),
 }
 TABLES = {'raw': 'VI', 'compensated': 'VII'}
 EULER = ('yaw', 'pitch', 'roll')
@@ -28,7 +28,9 @@ def attitude_section(content: Mapping[str, Any]) -> Section | None:
     if not runs:
         return None
     factors, cycle_factors = factor_rows(content)
+    paper = content['follows_paper']
     values = {
+        'figure': f'{figure_of_paper(content, 7)}{figure_of_paper(content, 8)}',
         'choices': {'Run': [run['name'] for run in runs], 'Data': list(SHOWN_DATA)},
         'slow_runs': [
             {'name': run['name'], 'rate': shown(run['rate_hz'])}
@@ -39,9 +41,9 @@ def attitude_section(content: Mapping[str, Any]) -> Section | None:
         'tables': [
             {
                 'data': data,
-                'name': name,
+                'name': f'Table {name}. ' if paper else '',
                 'rows': angle_rows(runs, data),
-                'published': published_rows(content['published_attitudes'], data),
+                'published': published_rows(content['published_attitudes'], data) if paper else [],
             }
             for data, name in TABLES.items()
         ],
@@ -54,7 +56,7 @@ def attitude_section(content: Mapping[str, Any]) -> Section | None:
         for run in runs
         for label, data in SHOWN_DATA.items()
     }
-    title = 'Attitude: Fig. 7 and 8, Tables VI and VII'
+    title = 'Attitude: Fig. 7 and 8, Tables VI and VII' if paper else 'Attitude'
     return Section('attitude', title, 'attitude.html', values, figures, short='Attitude')
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from thermal_comp.presentation.display import duration, fixed, shown
 
 from imu_workbench.report.figures.measured import cycle_figure, plan_figure
-from imu_workbench.report.html.render import Row, Section
+from imu_workbench.report.html.render import Row, Section, figure_of_paper
 
 DECIMALS = {'°/s': 3, 'm/s²': 3, 'µT': 2}
 """Decimals of Tables III–V: one more than the paper prints for the two inertial sensors."""
@@ -29,6 +29,7 @@ def plan_section(content: Mapping[str, Any]) -> Section | None:
         'hours': fixed(first['duration_h'], 2),
         'paper_hours': shown(first['paper_duration_h'], 2),
         'overheating': overheating_rows(content),
+        'figure': figure_of_paper(content, 1),
     }
     figures = {f'plan|{name}': plan_figure(plan) for name, plan in plans.items()}
     return Section('plan', 'The plan', 'plan.html', values, figures)
@@ -130,7 +131,8 @@ def cycle_section(content: Mapping[str, Any]) -> Section | None:
     if not cycles:
         return None
     figures = {f'cycle|{name}': cycle_figure(cycle) for name, cycle in cycles.items()}
-    return Section('cycle', 'One cycle', 'cycle.html', {'runs': list(cycles)}, figures)
+    values = {'runs': list(cycles), 'figure': figure_of_paper(content, 4)}
+    return Section('cycle', 'One cycle', 'cycle.html', values, figures)
 
 
 def recordings_section(content: Mapping[str, Any]) -> Section:

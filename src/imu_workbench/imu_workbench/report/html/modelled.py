@@ -16,7 +16,7 @@ from imu_workbench.report.figures.modelled import (
     residual_figure,
 )
 from imu_workbench.report.html.certificate import shape_rows
-from imu_workbench.report.html.render import Row, Section
+from imu_workbench.report.html.render import Row, Section, figure_of_paper
 
 ERRORS = {
     'measured_rms': 'measured',
@@ -52,6 +52,7 @@ def dependence_section(content: Mapping[str, Any]) -> Section | None:
         'sensors': sensors,
         'slopes': slopes,
         'pooled': pooled_rows(content['pooled']),
+        'figure': figure_of_paper(content, 5),
         'chosen': worst_channel(content),
     }
     title = 'Dependence on temperature'
@@ -111,6 +112,7 @@ def fit_section(content: Mapping[str, Any]) -> Section | None:
         'choices': {'Run': list(fits), 'Sensor': _sensors_of(fits), 'Axis': list('xyz')},
         'chosen': worst_channel(content),
         'gaussianity': gaussianity_rows(content),
+        'figure': figure_of_paper(content, 6),
     }
     return Section('fit', 'Fit and distributions', 'fit.html', values, figures)
 

@@ -43,6 +43,11 @@ class Section:
         return Markup(templates().get_template(self.template).render(self.values))  # noqa: S704
 
 
+def figure_of_paper(content: Mapping[str, Any], number: int) -> str:
+    """Return which figure of the paper a caption is about; '' where its campaign was not run."""
+    return f'Fig. {number}. ' if content['follows_paper'] else ''
+
+
 @cache
 def templates() -> Environment:
     """Return the templates of the page; every value put into one is escaped."""
