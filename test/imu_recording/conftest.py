@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Put the two modules the tests of this folder share on the path."""
+"""Put the modules the tests of this folder share on the path."""
 
 import sys
 from pathlib import Path

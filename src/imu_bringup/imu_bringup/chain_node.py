@@ -14,8 +14,9 @@ from typing import Any, Final
 from imu_driver.node import ImuDriverNode
 from imu_recording.recorder.node import RecorderNode
 from imu_recording.ros.exchange import Exchange
-from imu_recording.ros.lifecycle_node import ACTIVE, INACTIVE, ConfiguredNode
+from imu_recording.ros.lifecycle_node import ConfiguredNode
 from imu_recording.ros.parameter import NodeConfig, config_from_values, parameter
+from imu_recording.ros.parameter_node import ACTIVE, INACTIVE
 from imu_recording.ros.run_node import run_node
 from imu_recording.user_error import UserError
 from orientation_filters.node import AhrsFilterNode, ComplementaryFilterNode

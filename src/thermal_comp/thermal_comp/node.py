@@ -15,7 +15,7 @@ from imu_recording.logging_contract import (
     VALUE_OF_MESSAGE,
 )
 from imu_recording.ros.diagnostics import NO_HARDWARE, node_of
-from imu_recording.ros.lifecycle_node import ConfiguredNode, latched_qos
+from imu_recording.ros.lifecycle_node import ConfiguredNode
 from imu_recording.ros.message_cdr import message_class
 from imu_recording.ros.messages import (
     ImuSample,
@@ -25,6 +25,7 @@ from imu_recording.ros.messages import (
 )
 from imu_recording.ros.parameter import NodeConfig, parameter
 from imu_recording.ros.run_node import run_node
+from imu_recording.ros.topic_node import latched_qos
 from imu_recording.stream_plausibility import StreamCheck
 from imu_recording.thermometer import LiveThermometer
 from sensor_msgs.msg import Imu, MagneticField, Temperature

@@ -27,10 +27,12 @@ from imu_recording.recorder.run_announcement import RUN_TOPIC, parse_announcemen
 from imu_recording.recorder.run_recorder import RunRecorder
 from imu_recording.recording import BagError, RecordingError
 from imu_recording.ros.diagnostics import NO_HARDWARE, Status, node_of
-from imu_recording.ros.lifecycle_node import ACTIVE, DIAGNOSTICS, ConfiguredNode, latched_qos
+from imu_recording.ros.lifecycle_node import ConfiguredNode
 from imu_recording.ros.losses import nothing_heard
+from imu_recording.ros.parameter_node import ACTIVE
 from imu_recording.ros.run_node import run_node
 from imu_recording.ros.sample_bytes import stamp_from_bytes
+from imu_recording.ros.topic_node import DIAGNOSTICS, latched_qos
 
 IMU = 'sensor_msgs/msg/Imu'
 DISCOVERY_PERIOD_S = 0.5

@@ -75,14 +75,14 @@ def stamp_of(message: Any) -> int:
 
 def sample_from_imu(message: Any) -> ImuSample:
     """Return the sample of a sensor_msgs/Imu; vectors that are not reported are NaN."""
+    of_rate = _covariance(message.angular_velocity_covariance)
+    of_force = _covariance(message.linear_acceleration_covariance)
     return ImuSample(
         stamp=stamp_of(message),
-        angular_velocity=_vector(message.angular_velocity, message.angular_velocity_covariance),
-        linear_acceleration=_vector(
-            message.linear_acceleration, message.linear_acceleration_covariance
-        ),
-        angular_velocity_covariance=_covariance(message.angular_velocity_covariance),
-        linear_acceleration_covariance=_covariance(message.linear_acceleration_covariance),
+        angular_velocity=_vector(message.angular_velocity, of_rate),
+        linear_acceleration=_vector(message.linear_acceleration, of_force),
+        angular_velocity_covariance=of_rate,
+        linear_acceleration_covariance=of_force,
         frame_id=message.header.frame_id,
         orientation=_quaternion(message.orientation),
         orientation_covariance=_covariance(message.orientation_covariance),
@@ -226,8 +226,8 @@ def _quaternion(value: Any) -> Quaternion:
     return float(value.x), float(value.y), float(value.z), float(value.w)
 
 
-def _covariance(values: Sequence[float]) -> Covariance:
-    return tuple(float(value) for value in values)
+def _covariance(values: Any) -> Covariance:
+    return tuple(values.tolist())  # the array of a message: a twelfth of value by value
 
 
 def _nine(values: Sequence[float]) -> list[float]:
