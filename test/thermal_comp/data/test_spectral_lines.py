@@ -9,7 +9,7 @@ import pytest
 from imu_recording.recording import ImuRecording
 from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.data.spectral_lines import LOWEST_HZ, spectral_lines
-from thermal_comp.diagnosis.evidence.hypotheses import NOT_IN_CATALOGUE
+from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE
 from thermal_comp.diagnosis.evidence.posterior import probability
 from thermal_comp.diagnosis.sensor_search import SensorAnswer, Settings, search_sensors
 from thermal_comp.effects import EFFECTS

@@ -14,7 +14,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.quality import QualityFinding
 from thermal_comp.diagnosis.detection_limit import smallest_found
 from thermal_comp.diagnosis.evidence import priors
-from thermal_comp.diagnosis.evidence.hypotheses import NOT_IN_CATALOGUE, UNLOGGED
+from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE, UNLOGGED
 from thermal_comp.diagnosis.evidence.posterior import CREDIBLE, probability
 from thermal_comp.diagnosis.inputs import ClockFinding
 from thermal_comp.diagnosis.noise_level import (

@@ -17,13 +17,13 @@ from thermal_comp.data.preparation import PreparedRun, in_blocks
 from thermal_comp.data.spectral_lines import spectral_lines
 from thermal_comp.diagnosis.evidence.candidates import missing_channels
 from thermal_comp.diagnosis.evidence.common_thermometer import told_by_others
-from thermal_comp.diagnosis.evidence.hypotheses import (
+from thermal_comp.diagnosis.evidence.effect_sets import (
     NOT_IN_CATALOGUE,
     UNLOGGED,
     Component,
     EffectSet,
-    SensorHypotheses,
 )
+from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.posterior import Explanation, explanations, probability
 from thermal_comp.diagnosis.noise_level import NoiseReference
 from thermal_comp.effects.effect import Effect, joined_effects

@@ -4,8 +4,9 @@
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
+from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE
 from thermal_comp.diagnosis.evidence.generic_regressors import generic_regressors
-from thermal_comp.diagnosis.evidence.hypotheses import NOT_IN_CATALOGUE, SensorHypotheses
+from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.posterior import explanations
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource

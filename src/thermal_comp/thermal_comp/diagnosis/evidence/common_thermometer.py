@@ -21,7 +21,8 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.diagnosis.evidence import priors
-from thermal_comp.diagnosis.evidence.hypotheses import EffectSet, SensorHypotheses
+from thermal_comp.diagnosis.evidence.effect_sets import EffectSet
+from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.linear.gaussian_evidence import NOISE_ROWS, log_sum
 
 

@@ -20,6 +20,7 @@ from thermal_comp.diagnosis.evidence.candidates import (
     moved_forms,
     renewed,
 )
+from thermal_comp.diagnosis.evidence.effect_sets import Component, EffectSet, Names
 from thermal_comp.diagnosis.evidence.generic_regressors import (
     GenericRegressor,
     all_variables,
@@ -36,9 +37,6 @@ from thermal_comp.linear.gaussian_evidence import (
     joint_evidence,
     log_sum,
 )
-
-NOT_IN_CATALOGUE = 'not_in_catalogue'
-UNLOGGED = 'unlogged'
 
 MOST_EFFECTS = 3
 """Effects in a set."""
@@ -58,61 +56,6 @@ MOST_MOVES = 12
 """Moves of a shape by one factor."""
 CURVATURE_RATIO = 1.04
 """Factor over which the peak of the evidence over a shape parameter is measured."""
-
-Names = tuple[str, ...]
-"""Names of the effects of a set, sorted; () is nothing."""
-
-
-@dataclass(frozen=True, eq=False)
-class Component:
-    """One effect in one form, with the width of its amplitude's prior."""
-
-    form: Form
-    amplitude: float
-    """Prior standard deviation [√Δχ²]."""
-    forms: int
-    """Forms of its family, equally likely."""
-
-    @property
-    def name(self) -> str:
-        """Catalogue name."""
-        return self.form.effect.name
-
-    @property
-    def columns(self) -> tuple[int, ...]:
-        """Columns of the design."""
-        return tuple(c for term in self.form.terms for c in term.columns)
-
-    @property
-    def prior(self) -> CoefficientPrior:
-        """Prior of its coefficients."""
-        columns = self.columns
-        deviation = np.full(len(columns), self.amplitude)
-        return CoefficientPrior(columns, shared=self.form.terms[0].shared, deviation=deviation)
-
-
-@dataclass(frozen=True, eq=False)
-class EffectSet:
-    """A set of effects as an explanation of one sensor's residual."""
-
-    components: tuple[Component, ...]
-    log_posterior: float
-    """ln of prior times evidence, relative to nothing's evidence."""
-    log_prior: float
-    """ln of its prior, of the effects and of their amplitudes."""
-    explained: float
-    """Δχ² of the set together; 0 where it was not fitted."""
-
-    @property
-    def names(self) -> Names:
-        """Names of its effects, sorted."""
-        return tuple(sorted(c.name for c in self.components))
-
-    @property
-    def guessed(self) -> str:
-        """Channel that an effect of the set guesses; '' where all were logged."""
-        channels = (c.form.effect.guessed_channel for c in self.components)
-        return next(filter(None, channels), '')
 
 
 @dataclass(frozen=True)

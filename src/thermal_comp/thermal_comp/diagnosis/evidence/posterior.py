@@ -12,17 +12,27 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.common_mode import coherence
-from thermal_comp.diagnosis.evidence.generic_regressors import GenericRegressor
-from thermal_comp.diagnosis.evidence.hypotheses import (
+from thermal_comp.diagnosis.evidence.effect_sets import (
     NOT_IN_CATALOGUE,
     UNLOGGED,
     Component,
     EffectSet,
     Names,
-    SensorHypotheses,
 )
-from thermal_comp.linear.candidate_design import ColumnGroup
-from thermal_comp.linear.gaussian_evidence import CoefficientPrior, ConditionedDesign, log_sum
+from thermal_comp.diagnosis.evidence.flaws import (
+    FittedSet,
+    exact_weight,
+    explained_by_equations,
+    flaws,
+    free_flaw,
+    gain_of,
+    gains_together,
+    log_prior_at,
+    may_be_flawed,
+)
+from thermal_comp.diagnosis.evidence.generic_regressors import GenericRegressor
+from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
+from thermal_comp.linear.gaussian_evidence import ConditionedDesign, log_sum
 
 CREDIBLE = 0.95
 """Probability that the reported set of explanations holds together."""
@@ -30,12 +40,8 @@ WORTH_A_LOOK = 9.0
 """ln of the posterior below the best set's from which what its equations lack cannot matter."""
 MOST_SETS = 4
 """Sets whose equations are given a flaw."""
-THERMOMETER_SEEN = 20.0
-"""Δχ² from which errors of the thermometer act, so that their equations may have a flaw."""
 LEAST_WAYS = 4
 """Ways in which something without a name may act at least: one that is looked for is not all."""
-MOST_TOGETHER = 3
-"""Flexible functions beside each other."""
 LEAST_FOLLOWED = -1.0
 """ln of the weight beside a set from which what something without a name follows is said."""
 APPROXIMATE = 0.75
@@ -70,32 +76,13 @@ class _Beside:
     """Whether all that is known is that runs share a course over time."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Fitted:
-    """A set with the equations beside its effects and what a free flaw adds."""
-
-    set: EffectSet
-    state: ConditionedDesign
-    free_flaw: float
-    course: float
-    """ln of the evidence for a course that the runs share; −∞ where none was looked for."""
-    variables_of_larger: frozenset[str]
-    """Variables that a further effect in a larger set follows: any law of such a variable is that
-    effect's law and its flaw, so it is weighed in the larger set."""
-
-    @property
-    def course_size(self) -> float:
-        """√Δχ² of that course."""
-        return float(np.sqrt(2.0 * max(self.course, 0.0)))
-
-
 def _fitted(
     hypotheses: SensorHypotheses, some: EffectSet, close: Sequence[EffectSet], *, courses: bool
-) -> _Fitted:
+) -> FittedSet:
     state = hypotheses.conditioned(some.components)
-    free = _free_flaw(hypotheses, some, state)
+    free = free_flaw(hypotheses, some, state)
     course = _common_mode(hypotheses, some) if courses else -np.inf
-    return _Fitted(some, state, free, course, _variables_of_larger(some, close))
+    return FittedSet(some, state, free, course, _variables_of_larger(some, close))
 
 
 def explanations(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> list[Explanation]:
@@ -110,11 +97,12 @@ def explanations(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> lis
         for some in close
     ]
     weighed: list[tuple[EffectSet, list[_Beside]]] = [
-        (s, [_Beside('', None, _exact_weight(hypotheses, s))]) for s in sets if s not in close
+        (s, [_Beside('', None, exact_weight(hypotheses, s))]) for s in sets if s not in close
     ]
-    flaws = _flaws(hypotheses, fitted)
+    lacking = flaws(hypotheses, fitted)
     weighed += [
-        (one.set, _beside(hypotheses, one, flaw)) for one, flaw in zip(fitted, flaws, strict=True)
+        (one.set, _beside(hypotheses, one, flaw))
+        for one, flaw in zip(fitted, lacking, strict=True)
     ]
     twins = _as_twins(hypotheses, weighed)
     weighed = [(s, [*rest, *more]) for (s, rest), more in zip(weighed, twins, strict=True)]
@@ -157,22 +145,11 @@ def _as_twins(
                 if twin in some.names or better.explained <= some.explained:
                     continue
                 share = float(np.sqrt(better.explained - some.explained))
-                share /= max(_explained_by_equations(hypotheses, some), 1.0)
+                share /= max(explained_by_equations(hypotheses, some), 1.0)
                 change = better.log_posterior - better.log_prior + some.log_prior
                 change += priors.log_odds_of_twin(share) - some.log_posterior
                 found[-1] += [replace(b, log_weight=b.log_weight + change) for b in parts]
     return found
-
-
-def _exact_weight(hypotheses: SensorHypotheses, some: EffectSet) -> float:
-    return (
-        float(np.log(1.0 - priors.FORM_APPROXIMATE)) if _may_be_flawed(hypotheses, some) else 0.0
-    )
-
-
-def _may_be_flawed(hypotheses: SensorHypotheses, some: EffectSet) -> bool:
-    """Tell whether anything is explained by equations: effects' or the thermometer's."""
-    return bool(some.components) or hypotheses.explained_by_thermometer > THERMOMETER_SEEN
 
 
 def _named(some: EffectSet, rest: Sequence[_Beside], total: float) -> Explanation:
@@ -246,11 +223,11 @@ def _variables_of_larger(some: EffectSet, others: Sequence[EffectSet]) -> frozen
     )
 
 
-def _beside(hypotheses: SensorHypotheses, one: _Fitted, flaw: float) -> list[_Beside]:
+def _beside(hypotheses: SensorHypotheses, one: FittedSet, flaw: float) -> list[_Beside]:
     """Return what may act beside the effects of a set: nothing, a flaw, something unknown."""
     some, state = one.set, one.state
-    found = [_Beside('', None, _exact_weight(hypotheses, some))]
-    if _may_be_flawed(hypotheses, some):
+    found = [_Beside('', None, exact_weight(hypotheses, some))]
+    if may_be_flawed(hypotheses, some):
         found.append(_Beside('flaw', None, flaw))
     strongest = float(np.sqrt(some.explained)) if some.components else None
     amplitude = priors.amplitude_log_prior(strongest, priors.UNNAMED_RATIO_LN)
@@ -258,12 +235,12 @@ def _beside(hypotheses: SensorHypotheses, one: _Fitted, flaw: float) -> list[_Be
     own = _own_variables(some)
     measured = [(r, gain) for r, gain in gains if r.depends_on in own]
     if measured:
-        own_error = priors.flaw_log_prior(_explained_by_equations(hypotheses, some))
+        own_error = priors.flaw_log_prior(explained_by_equations(hypotheses, some))
         # A line that comes and goes with its cause, a heater's, lacks as much as it explains.
         each = [
             gain
             if r.depends_on == 'frequency'
-            else _gain(state, r.term, own_error, beside=True)[0]
+            else gain_of(state, r.term, own_error, beside=True)[0]
             for r, gain in measured
         ]
         share = float(np.log(priors.CHANNEL_FLAWED / len(measured)))
@@ -271,7 +248,7 @@ def _beside(hypotheses: SensorHypotheses, one: _Fitted, flaw: float) -> list[_Be
     gains = [
         (r, gain) for r, gain in gains if r.unlogged or r.depends_on not in one.variables_of_larger
     ]
-    course = one.course + _at(one.course_size, amplitude)
+    course = one.course + log_prior_at(one.course_size, amplitude)
     weight = log_sum([b.log_weight for b in found])
     found += _unknown(hypotheses, some, gains, course)
     found += _switched(hypotheses, some, weight) + _unseen_twins(hypotheses, some, weight)
@@ -356,127 +333,8 @@ def _gains(
 ) -> list[tuple[GenericRegressor, float]]:
     """Return by generic regressor ln of the evidence it adds; the best with others beside it."""
     regressors = hypotheses.regressors
-    gains = _together(hypotheses, some, state, [r.term for r in regressors], amplitude)
+    gains = gains_together(hypotheses, some, state, [r.term for r in regressors], amplitude)
     return list(zip(regressors, gains, strict=True))
-
-
-def _together(
-    hypotheses: SensorHypotheses,
-    some: EffectSet,
-    state: ConditionedDesign,
-    terms: Sequence[ColumnGroup],
-    amplitude: FloatArray,
-    *,
-    beside: bool = False,
-    known: tuple[CoefficientPrior, ...] = (),
-) -> list[float]:
-    """Return ln of the evidence each flexible function adds; the best with others beside it.
-
-    What acts rarely follows one variable alone: another may stand beside the best, and so on.
-    """
-    each = [_gain(state, term, amplitude, beside=beside) for term in terms]
-    gains = [gain for gain, _ in each]
-    place = int(np.argmax(gains))
-    if gains[place] > 0.0 and len(known) + 1 < MOST_TOGETHER:
-        columns, width = terms[place].columns, each[place][1]
-        if beside:
-            width /= np.sqrt(state.power(columns))
-        best = CoefficientPrior(columns, shared=False, deviation=np.full(len(columns), width))
-        with_best = (*known, best)
-        after = hypotheses.conditioned(some.components, with_best)
-        others = [term for term in terms if term is not terms[place]]
-        further = _together(
-            hypotheses, some, after, others, amplitude, beside=beside, known=with_best
-        )
-        more = log_sum(further) + float(np.log(priors.ANOTHER_EFFECT / len(others)))
-        gains[place] = float(np.logaddexp(gains[place], gains[place] + more))
-    return gains
-
-
-def _gain(
-    state: ConditionedDesign, term: ColumnGroup, amplitude: FloatArray, *, beside: bool = False
-) -> tuple[float, float]:
-    """Return ln of the evidence a flexible function adds and its best amplitude.
-
-    `amplitude` (s,) is ln of the prior over AMPLITUDES; `beside`: of all that the function adds.
-    """
-    evidence, _ = state.evidences(
-        np.array([term.columns]), priors.AMPLITUDES, shared=term.shared, beside=beside
-    )
-    weighted = evidence[0] + amplitude - state.log_evidence
-    return log_sum(weighted), float(priors.AMPLITUDES[int(np.argmax(weighted))])
-
-
-def _free_flaw(hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedDesign) -> float:
-    """Return ln of the evidence that a smooth function of all that was logged adds to a set.
-
-    It is as large as a share of what the equations of effects and thermometer explain (Kennedy
-    and O'Hagan, Bayesian Calibration of Computer Models, 2001).
-    """
-    size = priors.flaw_log_prior(_explained_by_equations(hypotheses, some))
-    return _gain(state, hypotheses.discrepancy, size, beside=True)[0]
-
-
-def _explained_by_equations(hypotheses: SensorHypotheses, some: EffectSet) -> float:
-    """Return √Δχ² that the equations of effects and thermometer explain."""
-    return float(np.sqrt(max(some.explained, hypotheses.explained_by_thermometer)))
-
-
-def _flaws(hypotheses: SensorHypotheses, fitted: Sequence[_Fitted]) -> list[float]:
-    """Return ln of prior times evidence of what each set's equations lack.
-
-    It is a smooth function of all that was logged, or follows one variable (not temperature
-    alone: curves over it are what laws are told by), or looks like a kindred effect (a lag of two
-    stages like a gradient), or by chance like another: what was fitted with that effect, right or
-    flawed itself, is then this set in a flawed form. All four are equally likely.
-    """
-    flaws: dict[int, float] = {}
-    for place in sorted(range(len(fitted)), key=lambda k: -len(fitted[k].set.names)):
-        some = fitted[place].set
-        larger = []
-        for other, flaw in flaws.items():
-            further = Counter(fitted[other].set.names) - Counter(some.names)
-            if further.total() == 1 and len(fitted[other].set.names) == len(some.names) + 1:
-                whole = np.logaddexp(_exact_weight(hypotheses, fitted[other].set), flaw)
-                larger.append((next(iter(further)), fitted[other].set, float(whole)))
-        flaws[place] = _flaw(hypotheses, fitted[place], larger)
-    return [flaws[place] for place in range(len(fitted))]
-
-
-def _flaw(
-    hypotheses: SensorHypotheses, one: _Fitted, larger: Sequence[tuple[str, EffectSet, float]]
-) -> float:
-    """Return the flaw of one set; `larger`: effect more, set with it, its weight, flaw or not."""
-    some = one.set
-    explained = _explained_by_equations(hypotheses, some)
-    log_prior = priors.flaw_log_prior(explained)
-    likeness = priors.flaw_log_prior(explained, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
-    left_out = {'temperature', *one.variables_of_larger}
-    variables = [r.term for r in hypotheses.regressors if r.depends_on not in left_out]
-    single = _together(hypotheses, some, one.state, variables, log_prior, beside=True)
-    single.append(one.course + _at(one.course_size, log_prior))
-    kin = _kin(hypotheses, some)
-    alike: list[float] = []
-    others: list[float] = []
-    for further, with_it, weight in larger:
-        size = float(np.sqrt(max(with_it.explained - some.explained, 0.0)))
-        gain = with_it.log_posterior - with_it.log_prior + some.log_prior - some.log_posterior
-        (alike if further in kin else others).append(gain + weight + _at(size, likeness))
-    ways = [(one.free_flaw, 1), (log_sum(single), len(single))]
-    ways += [(log_sum(alike), len(kin))] if alike else []
-    every = len(hypotheses.families) + len(hypotheses.guesses)
-    ways += [(log_sum(others), every)] if others else []
-    parts = [gain - float(np.log(count * len(ways))) for gain, count in ways]
-    return log_sum(parts) + float(np.log(priors.FORM_APPROXIMATE))
-
-
-def _kin(hypotheses: SensorHypotheses, some: EffectSet) -> set[str]:
-    """Return the families kindred to an effect of the set, or to the temperature's errors."""
-    families = [*hypotheses.families, *hypotheses.guesses]
-    if not some.components:
-        return {f.name for f in families if f.effect.kin == 'temperature'}
-    effects = [c.form.effect for c in some.components]
-    return {f.name for f in families if any(e.is_kin_of(f.effect()) for e in effects)}
 
 
 def _common_mode(hypotheses: SensorHypotheses, some: EffectSet) -> float:
@@ -487,12 +345,6 @@ def _common_mode(hypotheses: SensorHypotheses, some: EffectSet) -> float:
     terms = [term for c in some.components for term in c.form.terms]
     terms.append(hypotheses.thermometer)
     return 0.5 * coherence(hypotheses.design, terms).runs
-
-
-def _at(size: float, log_prior: FloatArray) -> float:
-    """Return ln of a prior over AMPLITUDES at an amplitude [√Δχ²]."""
-    known = float(np.log(max(size, priors.AMPLITUDES[0])))
-    return float(np.interp(known, np.log(priors.AMPLITUDES), log_prior))
 
 
 def credible(found: Sequence[Explanation]) -> list[Explanation]:

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sets of effects with their amplitudes: what a hypothesis about a sensor consists of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thermal_comp.diagnosis.evidence.candidates import Form
+from thermal_comp.linear.gaussian_evidence import CoefficientPrior
+
+NOT_IN_CATALOGUE = 'not_in_catalogue'
+UNLOGGED = 'unlogged'
+
+Names = tuple[str, ...]
+"""Names of the effects of a set, sorted; () is nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Component:
+    """One effect in one form, with the width of its amplitude's prior."""
+
+    form: Form
+    amplitude: float
+    """Prior standard deviation [√Δχ²]."""
+    forms: int
+    """Forms of its family, equally likely."""
+
+    @property
+    def name(self) -> str:
+        """Catalogue name."""
+        return self.form.effect.name
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """Columns of the design."""
+        return tuple(c for term in self.form.terms for c in term.columns)
+
+    @property
+    def prior(self) -> CoefficientPrior:
+        """Prior of its coefficients."""
+        columns = self.columns
+        deviation = np.full(len(columns), self.amplitude)
+        return CoefficientPrior(columns, shared=self.form.terms[0].shared, deviation=deviation)
+
+
+@dataclass(frozen=True, eq=False)
+class EffectSet:
+    """A set of effects as an explanation of one sensor's residual."""
+
+    components: tuple[Component, ...]
+    log_posterior: float
+    """ln of prior times evidence, relative to nothing's evidence."""
+    log_prior: float
+    """ln of its prior, of the effects and of their amplitudes."""
+    explained: float
+    """Δχ² of the set together; 0 where it was not fitted."""
+
+    @property
+    def names(self) -> Names:
+        """Names of its effects, sorted."""
+        return tuple(sorted(c.name for c in self.components))
+
+    @property
+    def guessed(self) -> str:
+        """Channel that an effect of the set guesses; '' where all were logged."""
+        channels = (c.form.effect.guessed_channel for c in self.components)
+        return next(filter(None, channels), '')

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the equations of effects lack: how large it is, and which forms it may have."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.diagnosis.evidence import priors
+from thermal_comp.diagnosis.evidence.effect_sets import EffectSet
+from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
+from thermal_comp.linear.candidate_design import ColumnGroup
+from thermal_comp.linear.gaussian_evidence import CoefficientPrior, ConditionedDesign, log_sum
+
+THERMOMETER_SEEN = 20.0
+"""Δχ² from which errors of the thermometer act, so that their equations may have a flaw."""
+MOST_TOGETHER = 3
+"""Flexible functions beside each other."""
+
+
+@dataclass(frozen=True, eq=False)
+class FittedSet:
+    """A set with the equations beside its effects and what a free flaw adds."""
+
+    set: EffectSet
+    state: ConditionedDesign
+    free_flaw: float
+    course: float
+    """ln of the evidence for a course that the runs share; −∞ where none was looked for."""
+    variables_of_larger: frozenset[str]
+    """Variables that a further effect in a larger set follows: any law of such a variable is that
+    effect's law and its flaw, so it is weighed in the larger set."""
+
+    @property
+    def course_size(self) -> float:
+        """√Δχ² of that course."""
+        return float(np.sqrt(2.0 * max(self.course, 0.0)))
+
+
+def exact_weight(hypotheses: SensorHypotheses, some: EffectSet) -> float:
+    """Return ln of the prior that the equations of a set lack nothing."""
+    return float(np.log(1.0 - priors.FORM_APPROXIMATE)) if may_be_flawed(hypotheses, some) else 0.0
+
+
+def may_be_flawed(hypotheses: SensorHypotheses, some: EffectSet) -> bool:
+    """Tell whether anything is explained by equations: effects' or the thermometer's."""
+    return bool(some.components) or hypotheses.explained_by_thermometer > THERMOMETER_SEEN
+
+
+def free_flaw(hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedDesign) -> float:
+    """Return ln of the evidence that a smooth function of all that was logged adds to a set.
+
+    It is as large as a share of what the equations of effects and thermometer explain (Kennedy
+    and O'Hagan, Bayesian Calibration of Computer Models, 2001).
+    """
+    size = priors.flaw_log_prior(explained_by_equations(hypotheses, some))
+    return gain_of(state, hypotheses.discrepancy, size, beside=True)[0]
+
+
+def explained_by_equations(hypotheses: SensorHypotheses, some: EffectSet) -> float:
+    """Return √Δχ² that the equations of effects and thermometer explain."""
+    return float(np.sqrt(max(some.explained, hypotheses.explained_by_thermometer)))
+
+
+def flaws(hypotheses: SensorHypotheses, fitted: Sequence[FittedSet]) -> list[float]:
+    """Return ln of prior times evidence of what each set's equations lack.
+
+    It is a smooth function of all that was logged, or follows one variable (not temperature
+    alone: curves over it are what laws are told by), or looks like a kindred effect (a lag of two
+    stages like a gradient), or by chance like another: what was fitted with that effect, right or
+    flawed itself, is then this set in a flawed form. All four are equally likely.
+    """
+    found: dict[int, float] = {}
+    for place in sorted(range(len(fitted)), key=lambda k: -len(fitted[k].set.names)):
+        some = fitted[place].set
+        larger = []
+        for other, flaw in found.items():
+            further = Counter(fitted[other].set.names) - Counter(some.names)
+            if further.total() == 1 and len(fitted[other].set.names) == len(some.names) + 1:
+                whole = np.logaddexp(exact_weight(hypotheses, fitted[other].set), flaw)
+                larger.append((next(iter(further)), fitted[other].set, float(whole)))
+        found[place] = _flaw(hypotheses, fitted[place], larger)
+    return [found[place] for place in range(len(fitted))]
+
+
+def _flaw(
+    hypotheses: SensorHypotheses, one: FittedSet, larger: Sequence[tuple[str, EffectSet, float]]
+) -> float:
+    """Return the flaw of one set; `larger`: effect more, set with it, its weight, flaw or not."""
+    some = one.set
+    explained = explained_by_equations(hypotheses, some)
+    log_prior = priors.flaw_log_prior(explained)
+    likeness = priors.flaw_log_prior(explained, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
+    left_out = {'temperature', *one.variables_of_larger}
+    variables = [r.term for r in hypotheses.regressors if r.depends_on not in left_out]
+    single = gains_together(hypotheses, some, one.state, variables, log_prior, beside=True)
+    single.append(one.course + log_prior_at(one.course_size, log_prior))
+    kin = _kin(hypotheses, some)
+    alike: list[float] = []
+    others: list[float] = []
+    for further, with_it, weight in larger:
+        size = float(np.sqrt(max(with_it.explained - some.explained, 0.0)))
+        gain = with_it.log_posterior - with_it.log_prior + some.log_prior - some.log_posterior
+        (alike if further in kin else others).append(gain + weight + log_prior_at(size, likeness))
+    ways = [(one.free_flaw, 1), (log_sum(single), len(single))]
+    ways += [(log_sum(alike), len(kin))] if alike else []
+    every = len(hypotheses.families) + len(hypotheses.guesses)
+    ways += [(log_sum(others), every)] if others else []
+    parts = [gain - float(np.log(count * len(ways))) for gain, count in ways]
+    return log_sum(parts) + float(np.log(priors.FORM_APPROXIMATE))
+
+
+def _kin(hypotheses: SensorHypotheses, some: EffectSet) -> set[str]:
+    """Return the families kindred to an effect of the set, or to the temperature's errors."""
+    families = [*hypotheses.families, *hypotheses.guesses]
+    if not some.components:
+        return {f.name for f in families if f.effect.kin == 'temperature'}
+    effects = [c.form.effect for c in some.components]
+    return {f.name for f in families if any(e.is_kin_of(f.effect()) for e in effects)}
+
+
+def gains_together(
+    hypotheses: SensorHypotheses,
+    some: EffectSet,
+    state: ConditionedDesign,
+    terms: Sequence[ColumnGroup],
+    amplitude: FloatArray,
+    *,
+    beside: bool = False,
+    known: tuple[CoefficientPrior, ...] = (),
+) -> list[float]:
+    """Return ln of the evidence each flexible function adds; the best with others beside it.
+
+    What acts rarely follows one variable alone: another may stand beside the best, and so on.
+    """
+    each = [gain_of(state, term, amplitude, beside=beside) for term in terms]
+    gains = [gain for gain, _ in each]
+    place = int(np.argmax(gains))
+    if gains[place] > 0.0 and len(known) + 1 < MOST_TOGETHER:
+        columns, width = terms[place].columns, each[place][1]
+        if beside:
+            width /= np.sqrt(state.power(columns))
+        best = CoefficientPrior(columns, shared=False, deviation=np.full(len(columns), width))
+        with_best = (*known, best)
+        after = hypotheses.conditioned(some.components, with_best)
+        others = [term for term in terms if term is not terms[place]]
+        further = gains_together(
+            hypotheses, some, after, others, amplitude, beside=beside, known=with_best
+        )
+        more = log_sum(further) + float(np.log(priors.ANOTHER_EFFECT / len(others)))
+        gains[place] = float(np.logaddexp(gains[place], gains[place] + more))
+    return gains
+
+
+def gain_of(
+    state: ConditionedDesign, term: ColumnGroup, amplitude: FloatArray, *, beside: bool = False
+) -> tuple[float, float]:
+    """Return ln of the evidence a flexible function adds and its best amplitude.
+
+    `amplitude` (s,) is ln of the prior over AMPLITUDES; `beside`: of all that the function adds.
+    """
+    evidence, _ = state.evidences(
+        np.array([term.columns]), priors.AMPLITUDES, shared=term.shared, beside=beside
+    )
+    weighted = evidence[0] + amplitude - state.log_evidence
+    return log_sum(weighted), float(priors.AMPLITUDES[int(np.argmax(weighted))])
+
+
+def log_prior_at(size: float, log_prior: FloatArray) -> float:
+    """Return ln of a prior over AMPLITUDES at an amplitude [√Δχ²]."""
+    known = float(np.log(max(size, priors.AMPLITUDES[0])))
+    return float(np.interp(known, np.log(priors.AMPLITUDES), log_prior))
