@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import pytest
-from filters_stress import SITUATIONS, Situation, judge_run
+from filters_stress import judge_run
 from orientation_filters.filters import FILTERS
+from stress_situations import SITUATIONS, Situation
 
 SEED = 0
 LONG = ('never at rest', 'ramp')

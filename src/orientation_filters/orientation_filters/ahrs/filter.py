@@ -99,8 +99,7 @@ def _update(state: State, params: Params, sample: Sample) -> tuple[State, int]:
     if flags & REINITIALISED:
         return start(state, params, seen, flags)
     if params.adaptive:
-        rate = state.adaptive.averages.rate
-        predicted = integrate(state.orientation, state.bias, rate, seen)
+        predicted = integrate(state.orientation, state.bias, state.adaptive.averages, seen)
         return adaptive_update(state, params, seen, predicted, flags)
     return kalman_update(state, params, seen, _integrate(state, seen), flags)
 

@@ -49,7 +49,7 @@ from orientation_filters.rotation.arrays import (
 from orientation_filters.rotation.scalars import matrix
 from orientation_filters.sample_checks import GRAVITY, CheckedSample, Sample, check_sample
 from orientation_filters.slow_attitude import follow
-from orientation_filters.step_averages.accumulation import is_step_due
+from orientation_filters.step_averages.accumulation import integrate, is_step_due
 from orientation_filters.step_averages.means import Means
 
 __all__ = ['Params', 'State', 'initial_state', 'run', 'update']
@@ -68,18 +68,16 @@ def _update(state: State, params: Params, sample: Sample) -> tuple[State, int]:
         return state, flags
     if flags & REINITIALISED:
         return native.start(state, params, seen, flags)
-    rate = np.array(seen.angular_velocity)
     if params.adaptive:
-        rate = 0.5 * (rate + state.adaptive.averages.rate)
-    angle = (rate - state.bias) * seen.interval
-    predicted = multiply(np.array(state.orientation), from_rotation_vector(angle))
-    if params.adaptive:
-        state = add_sample(state, params, seen, tuple(normalised(predicted).tolist()))
+        carried = integrate(state.orientation, state.bias, state.adaptive.averages, seen)
+        state = add_sample(state, params, seen, carried)
         if is_step_due(state.adaptive.averages, params.averaging):
             prior, means = measurements(state, params, flags)
             errors = adaptive_errors(prior, means, params.up)
             state = remove_errors(state, params, means, errors)
         return state, flags | adaptive_flags(state, params, seen)
+    angle = (np.array(seen.angular_velocity) - state.bias) * seen.interval
+    predicted = multiply(np.array(state.orientation), from_rotation_vector(angle))
     return _kalman_step(state, params, seen, predicted, flags)
 
 

@@ -147,7 +147,7 @@ def _update(
 @inline
 def _adapt(state: State, params: Params, seen: CheckedSample, flags: int) -> tuple[State, int]:
     """Return state and flags of the adaptive filter after a sample."""
-    predicted = integrate(state.orientation, state.bias, state.adaptive.averages.rate, seen)
+    predicted = integrate(state.orientation, state.bias, state.adaptive.averages, seen)
     adaptive, q, bias, disturbance = adaptive_step(
         state.adaptive, params.averaging, seen, predicted, state.bias, flags
     )

@@ -2,9 +2,9 @@
 """Samples added up over short steps in the world frame: attitude, specific force and field.
 
 Both robust filters stand on this. Between steps, `interval` apart, the gyroscope alone carries the
-attitude, its rate a straight line from sample to sample, over gaps too. Specific force and field
-are averaged in the world frame, where gravity and the Earth's field stand still and accelerations
-largely cancel. `means` says what the averages measure, and how well.
+attitude, its rate a parabola from sample to sample, a straight line over gaps. Specific force and
+field are averaged in the world frame, where gravity and the Earth's field stand still and
+accelerations largely cancel. `means` says what the averages measure, and how well.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from orientation_filters.rotation.scalars import (
     Symmetric,
     Vector,
     add,
+    cross,
     dot,
     from_rotation_vector,
     matrix,
@@ -123,6 +124,10 @@ class AveragingState(NamedTuple):
     integrals: Integrals
     rate: Vector
     """Angular velocity of the last sample [rad/s], sensor frame."""
+    slope: Vector
+    """Its change per second since the sample before [rad/s²]."""
+    interval: float
+    """Between those two samples [s]."""
     mean_rate: Vector
     """Of the last step [rad/s], sensor frame."""
     rate_change: float
@@ -166,6 +171,8 @@ def no_averages() -> AveragingState:
     return AveragingState(
         integrals=no_integrals(),
         rate=ZERO,
+        slope=ZERO,
+        interval=0.0,
         mean_rate=ZERO,
         rate_change=0.0,
         power=0.0,
@@ -188,6 +195,8 @@ def start_averages(
     return AveragingState(
         integrals=no_integrals(),
         rate=seen.angular_velocity,
+        slope=ZERO,
+        interval=0.0,
         mean_rate=seen.angular_velocity,
         rate_change=0.0,
         power=START_POWER * params.slow_weight,
@@ -203,10 +212,22 @@ def start_averages(
 
 
 @inline
-def integrate(q: Quaternion, bias: Vector, before: Vector, seen: CheckedSample) -> Quaternion:
-    """Return the attitude carried on by the mean of this rate and the one before it."""
-    rate = subtract(scale(0.5, add(before, seen.angular_velocity)), bias)
-    return normalised(multiply(q, from_rotation_vector(scale(seen.interval, rate))))
+def integrate(
+    q: Quaternion, bias: Vector, before: AveragingState, seen: CheckedSample
+) -> Quaternion:
+    """Return the attitude carried on by the rate, a parabola through this sample and two before.
+
+    Its area, and what the axis turns by while the rate changes (Bortz, IEEE Trans. Aerospace and
+    Electronic Systems 7, 1971). Where the interval before was shorter, the parabola counts for
+    less: it would be bent by noise.
+    """
+    h, past = seen.interval, before.interval
+    first, last = subtract(before.rate, bias), subtract(seen.angular_velocity, bias)
+    bend = h * min(h, past) / (6.0 * (h + past))
+    bent = scale(bend, subtract(subtract(last, first), scale(h, before.slope)))
+    coning = scale(h * h / 12.0, cross(first, last))
+    turn = add(subtract(scale(0.5 * h, add(first, last)), bent), coning)
+    return normalised(multiply(q, from_rotation_vector(turn)))
 
 
 @inline
@@ -240,6 +261,8 @@ def accumulate(
     return AveragingState(
         integrals=_add(state.integrals, seen, q),
         rate=seen.angular_velocity,
+        slope=scale(1.0 / seen.interval, subtract(seen.angular_velocity, state.rate)),
+        interval=seen.interval,
         mean_rate=state.mean_rate,
         rate_change=state.rate_change,
         power=state.power,
