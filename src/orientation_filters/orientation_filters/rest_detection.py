@@ -167,7 +167,7 @@ def _is_moving(state: RestState, params: RestParams, gain: float) -> bool:
         or state.linear_acceleration_variance
         > params.linear_acceleration * params.linear_acceleration
         or dot(change, change) > RATE_CHANGE * RATE_CHANGE + RATE_CHANGE_NOISE * gain * variance
-        or dot(fall, fall) / (dot(first, first) + 1e-300) > DETECTABLE_TURN * DETECTABLE_TURN
+        or dot(fall, fall) > DETECTABLE_TURN * DETECTABLE_TURN * dot(first, first)
     )
 
 
@@ -186,9 +186,9 @@ def _field_turn(state: RestState, params: RestParams) -> float:
     difference = subtract(now, first)
     change = dot(difference, difference)
     across, up = cross(first, force), dot(force, force)
-    level = dot(across, across) / up
-    if change <= DETECTABLE_TURN * DETECTABLE_TURN * level:
+    if change * up <= DETECTABLE_TURN * DETECTABLE_TURN * dot(across, across):
         return 0.0
+    level = dot(across, across) / up
     strength = sqrt(dot(now, now)) - sqrt(dot(first, first))
     sunk = dot(difference, force)
     magnet = strength * strength + sunk * sunk / up > 0.25 * change

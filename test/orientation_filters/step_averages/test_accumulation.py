@@ -46,8 +46,8 @@ def drift_deg(time: FloatArray, noise: FloatArray | float = 0.0) -> float:
     for dt, w in zip(np.diff(time), rate[1:].tolist(), strict=True):
         seen = CheckedSample(0, tuple(w), ZERO, NO_FIELD, False, False, float(dt), float(dt))
         q = integrate(q, ZERO, averages, seen)
-        slope = tuple(((np.array(w) - averages.rate) / dt).tolist())
-        averages = averages._replace(rate=tuple(w), slope=slope, interval=float(dt))
+        change = tuple((np.array(w) - averages.rate).tolist())
+        averages = averages._replace(rate=tuple(w), change=change, interval=float(dt))
     apart = multiply(np.array(q), conjugate(attitude[-1]))
     return float(np.degrees(np.linalg.norm(to_rotation_vector(apart))))
 

@@ -124,8 +124,8 @@ class AveragingState(NamedTuple):
     integrals: Integrals
     rate: Vector
     """Angular velocity of the last sample [rad/s], sensor frame."""
-    slope: Vector
-    """Its change per second since the sample before [rad/s²]."""
+    change: Vector
+    """By how much it has changed since the sample before [rad/s]."""
     interval: float
     """Between those two samples [s]."""
     mean_rate: Vector
@@ -171,7 +171,7 @@ def no_averages() -> AveragingState:
     return AveragingState(
         integrals=no_integrals(),
         rate=ZERO,
-        slope=ZERO,
+        change=ZERO,
         interval=0.0,
         mean_rate=ZERO,
         rate_change=0.0,
@@ -195,7 +195,7 @@ def start_averages(
     return AveragingState(
         integrals=no_integrals(),
         rate=seen.angular_velocity,
-        slope=ZERO,
+        change=ZERO,
         interval=0.0,
         mean_rate=seen.angular_velocity,
         rate_change=0.0,
@@ -223,11 +223,27 @@ def integrate(
     """
     h, past = seen.interval, before.interval
     first, last = subtract(before.rate, bias), subtract(seen.angular_velocity, bias)
-    bend = h * min(h, past) / (6.0 * (h + past))
-    bent = scale(bend, subtract(subtract(last, first), scale(h, before.slope)))
+    bend, longer = h / 12.0, 1.0
+    if h != past:
+        longer = h / past if past > 0.0 else 0.0
+        bend = h * min(h, past) / (6.0 * (h + past))
+    bent = scale(bend, subtract(subtract(last, first), scale(longer, before.change)))
     coning = scale(h * h / 12.0, cross(first, last))
     turn = add(subtract(scale(0.5 * h, add(first, last)), bent), coning)
-    return normalised(multiply(q, from_rotation_vector(turn)))
+    return _carried(q, from_rotation_vector(turn))
+
+
+@inline
+def _carried(q: Quaternion, turn: Quaternion) -> Quaternion:
+    """Return an attitude turned in the sensor's frame, w ≥ 0, of unit length to rounding.
+
+    Rescaled by the length² before: no square root in the way of the next sample.
+    """
+    x, y, z, w = multiply(q, turn)
+    factor = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    if w < 0.0:
+        factor = -factor
+    return x * factor, y * factor, z * factor, w * factor
 
 
 @inline
@@ -261,7 +277,7 @@ def accumulate(
     return AveragingState(
         integrals=_add(state.integrals, seen, q),
         rate=seen.angular_velocity,
-        slope=scale(1.0 / seen.interval, subtract(seen.angular_velocity, state.rate)),
+        change=subtract(seen.angular_velocity, state.rate),
         interval=seen.interval,
         mean_rate=state.mean_rate,
         rate_change=state.rate_change,

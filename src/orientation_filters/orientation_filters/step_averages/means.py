@@ -390,7 +390,7 @@ def after_step(state: AveragingState, means: Means, turn: Quaternion) -> Averagi
     return AveragingState(
         integrals=no_integrals(),
         rate=state.rate,
-        slope=state.slope,
+        change=state.change,
         interval=state.interval,
         mean_rate=scale(1.0 / past.elapsed, past.rotation),
         rate_change=rate_change(state),
