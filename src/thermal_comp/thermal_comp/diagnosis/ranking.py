@@ -14,7 +14,10 @@ from thermal_comp.diagnosis.sensor_search import SensorAnswer
 
 
 def ranked_effects(answers: Mapping[Sensor, SensorAnswer]) -> tuple[RankedEffect, ...]:
-    """Return every effect that was weighed, sensor by sensor, most probable first."""
+    """Return every effect that was weighed, sensor by sensor, most probable first.
+
+    That it might stand beside others too small to be seen makes no effect a rival of theirs.
+    """
     found: list[RankedEffect] = []
     for sensor, answer in answers.items():
         together = {effect.name: effect for effect in (*answer.named, *answer.closest)}
@@ -23,7 +26,10 @@ def ranked_effects(answers: Mapping[Sensor, SensorAnswer]) -> tuple[RankedEffect
             RankedEffect(
                 sensor,
                 together.get(name, one.components[0].form.effect),
-                probability(answer.explanations, lambda e, n=name: n in e.names),  # type: ignore[misc]
+                probability(
+                    answer.explanations,
+                    lambda e, n=name: n in e.names and e.unseen != n,  # type: ignore[misc]
+                ),
                 one.log_posterior - log(NOTHING),
             )
             for name, one in alone.items()

@@ -63,6 +63,8 @@ class Explanation:
     """What the unknown part follows, or which channel is missing."""
     explained: float = 0.0
     """Δχ²."""
+    unseen: str = ''
+    """The one of its effects that is too small to be seen beside the others; '' for none."""
 
 
 @dataclass(frozen=True)
@@ -174,15 +176,16 @@ def _with_unseen(
     found: dict[Names, Explanation] = {}
     looked_at = {one.names for one in named}
     for one in named:
-        odds: dict[Names, float] = {(): 1.0}
-        for name, value in unseen.get(one.names, {}).items():
-            if tuple(sorted((*one.names, name))) not in looked_at:
-                odds[(name,)] = value
+        odds = {'': 1.0} | {
+            name: value
+            for name, value in unseen.get(one.names, {}).items()
+            if tuple(sorted((*one.names, name))) not in looked_at
+        }
         for more, value in odds.items():
-            names = tuple(sorted((*one.names, *more)))
+            names = tuple(sorted((*one.names, more))) if more else one.names
             before = found[names].probability if names in found else 0.0
-            share = one.probability * value / sum(odds.values())
-            found[names] = replace(one, names=names, probability=before + share)
+            share = before + one.probability * value / sum(odds.values())
+            found[names] = replace(one, names=names, probability=share, unseen=more)
     return list(found.values())
 
 
@@ -232,17 +235,10 @@ def _beside(hypotheses: SensorHypotheses, one: FittedSet, flaw: float) -> list[_
     strongest = float(np.sqrt(some.explained)) if some.components else None
     amplitude = priors.amplitude_log_prior(strongest, priors.UNNAMED_RATIO_LN)
     gains = _gains(hypotheses, some, state, amplitude)
-    own = _own_variables(some)
-    measured = [(r, gain) for r, gain in gains if r.depends_on in own]
+    measured = [r for r in hypotheses.regressors if r.depends_on in _own_variables(some)]
     if measured:
         own_error = priors.flaw_log_prior(explained_by_equations(hypotheses, some))
-        # A line that comes and goes with its cause, a heater's, lacks as much as it explains.
-        each = [
-            gain
-            if r.depends_on == 'frequency'
-            else gain_of(state, r.term, own_error, beside=True)[0]
-            for r, gain in measured
-        ]
+        each = [gain_of(state, r.term, own_error, beside=True)[0] for r in measured]
         share = float(np.log(priors.CHANNEL_FLAWED / len(measured)))
         found.append(_Beside('flaw', None, log_sum(each) + share))
     gains = [
