@@ -134,3 +134,20 @@ def test_what_temperature_leaves_at_low_frequencies_is_no_line() -> None:
     for line in spectral_lines(runs, SENSOR):
         ends = line.frequency + line.drift * np.array([temperature.min(), temperature.max()])
         assert ends.min() > LOWEST_HZ
+
+
+def test_a_slow_error_in_bursts_is_no_line() -> None:
+    time = np.add.outer(900.0 * np.arange(24), np.arange(40.0)).ravel()
+    slow = np.cos(2.0 * np.pi * time / 9_000.0)
+    stamp = np.round(time * 1e9).astype(np.int64)
+    noise = 0.1 * np.random.default_rng(4).standard_normal((len(time), 3))
+    at_rest = np.zeros_like(noise)
+    bursts = ImuRecording(
+        stamp=stamp,
+        temperature=20.0 + 5.0 * np.sin(2.0 * np.pi * time / 21_000.0),
+        linear_acceleration=at_rest + [0.0, 0.0, 9.8],
+        angular_velocity=at_rest,
+        magnetic_field=1e-7 * (np.multiply.outer(slow, GAINS) + noise),
+        up_axis='+z',
+    )
+    assert spectral_lines(prepare([bursts]), SENSOR) == []

@@ -93,6 +93,15 @@ def test_the_magnetometer_tells_a_tilt_from_a_scale_factor() -> None:
     assert scale.ambiguous_with == ()
 
 
+def test_a_tilt_stands_among_the_explanations_of_every_sensor_that_it_turns() -> None:
+    catalogue = {name: EFFECTS[name] for name in TURNS}
+    said = diagnose(turned(1e-4, field_too=True), catalogue=catalogue).explanations
+    for sensor in ('accelerometer', 'magnetometer'):
+        first = next(one for one in said if one.sensor == sensor)
+        assert first.names == ('fixture_tilt',)
+        assert first.probability > 0.9
+
+
 def test_a_tilt_keeps_its_name_beside_a_field_that_grows_in_the_chamber() -> None:
     names = (*TURNS, 'fixture_hard_iron')
     found = findings(turned(1e-4, field_too=True, magnet=3e-8), names)

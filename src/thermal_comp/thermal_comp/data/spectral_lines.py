@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from imu_recording.recording import FloatArray
 from scipy.integrate import cumulative_trapezoid
+from scipy.ndimage import maximum_filter1d
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
@@ -63,6 +64,8 @@ class _Series:
 
     values: FloatArray
     """(n, 3) residual of level, time and temperature."""
+    known: FloatArray
+    """(n,) one where there is a row, else zero."""
     temperature: FloatArray
     """(n,) difference from the reference [K]."""
     integral: FloatArray
@@ -81,15 +84,25 @@ def spectral_lines(runs: Sequence[PreparedRun], sensor: Sensor) -> list[Spectral
     return [*moving, *steady][:MOST_LINES]
 
 
+def frequencies_told_apart(runs: Sequence[PreparedRun]) -> int:
+    """Return the number of frequencies among which a line is the most prominent one."""
+    times = [run.conditions.time for run in runs]
+    step = float(np.median(np.diff(times[0])))
+    return max(round(0.5 * max(float(np.ptp(time)) for time in times) / step), 1)
+
+
 def _series(run: PreparedRun, sensor: Sensor, step: float) -> _Series:
     fine = run.conditions
     slot = np.rint((fine.time - fine.time[0]) / step).astype(int)
     temperature = fine.temperature_difference
     values = np.zeros((slot[-1] + 1, 3))
     values[slot] = _detrended(run.fine_measured[sensor], temperature)
+    known = np.zeros(len(values))
+    known[slot] = 1.0
     integral = cumulative_trapezoid(temperature, fine.time, initial=0.0)
     every = np.arange(len(values))
-    return _Series(values, *(np.interp(every, slot, row) for row in (temperature, integral)))
+    evenly = (np.interp(every, slot, row) for row in (temperature, integral))
+    return _Series(values, known, *evenly)
 
 
 def _detrended(values: FloatArray, temperature: FloatArray) -> FloatArray:
@@ -103,15 +116,24 @@ def _detrended(values: FloatArray, temperature: FloatArray) -> FloatArray:
 
 
 def _steady_lines(series: Sequence[_Series], step: float) -> list[SpectralLine]:
-    """Return the peaks of the spectrum, the most prominent first."""
+    """Return the peaks of the spectrum, the most prominent first.
+
+    In rows with gaps, as bursts have them, a slow error has lines of its own: it is multiplied by
+    the pattern of the rows, and shows wherever the spectrum of that pattern has a peak.
+    """
     size = 1 << (2 * max(len(one.values) for one in series)).bit_length()
-    power: FloatArray = np.zeros(size // 2 + 1)
-    for one in series:
-        tapered = one.values * np.hanning(len(one.values))[:, None]
-        spectrum = np.abs(np.fft.rfft(tapered, size, axis=0)) ** 2
-        power += (spectrum / np.maximum(np.median(spectrum, axis=0), 1e-300)).sum(axis=1)
     frequency = np.fft.rfftfreq(size, step)
-    prominence = np.where(frequency > LOWEST_HZ, power / _surroundings(power), 0.0)
+    slow = frequency <= LOWEST_HZ
+    power, leaked = np.zeros((2, size // 2 + 1))
+    for one in series:
+        taper = np.hanning(len(one.values))
+        spectrum = np.abs(np.fft.rfft(one.values * taper[:, None], size, axis=0)) ** 2
+        spectrum /= np.maximum(np.median(spectrum, axis=0), 1e-300)
+        power += spectrum.sum(axis=1)
+        pattern = np.abs(np.fft.rfft(one.known * taper, size)) ** 2
+        pattern = maximum_filter1d(pattern / pattern[0], 2 * int(slow.sum()) + 1)
+        leaked += pattern * spectrum[slow].max(axis=0).sum()
+    prominence = np.where(slow, 0.0, power / (_surroundings(power) + leaked))
     found = []
     for _ in range(MOST_LINES):
         peak = int(np.argmax(prominence))

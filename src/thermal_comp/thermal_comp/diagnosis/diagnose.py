@@ -136,7 +136,7 @@ def diagnose_prepared(
         explanations=tuple(
             NamedExplanation(e.names, sensor, e.probability, e.approximate, e.depends_on)
             for sensor, answer in answers.items()
-            for e in credible(answer.explanations)
+            for e in credible(answer.with_coupled)
         ),
         ranking=ranked_effects(answers),
     )

@@ -20,6 +20,7 @@ from thermal_comp.diagnosis.evidence.effect_sets import (
     UNLOGGED,
     Component,
     EffectSet,
+    Names,
 )
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.posterior import Explanation, explanations, probability
@@ -52,6 +53,8 @@ LONGEST_SEARCH_BLOCK_S = 60.0
 """… the longest of them [s]: lags of half a minute still leave a trace in ramps …"""
 BLOCKS_PER_PERIOD = 8
 """… and how many of them a period of a spectral line holds: a mean keeps 97 % of its amplitude."""
+UNNAMED: tuple[Names, Names] = ((NOT_IN_CATALOGUE,), (UNLOGGED,))
+"""Explanations by what has no name here."""
 Listed = dict[Sensor, tuple[Effect, ...]]
 Kind = Literal['complete', 'named', 'unexplained', 'unlogged']
 
@@ -68,6 +71,16 @@ class Settings:
 
 
 @dataclass(frozen=True, eq=False)
+class FoundElsewhere:
+    """A coupled effect that another sensor named, and that acts on this one, too."""
+
+    name: str
+    probability: float
+    otherwise: tuple[Explanation, ...]
+    """What explains this sensor's residual where it does not act."""
+
+
+@dataclass(frozen=True, eq=False)
 class SensorAnswer:
     """What explains one sensor's residual."""
 
@@ -79,6 +92,26 @@ class SensorAnswer:
     """Effects of the catalogue that were looked for in this sensor …"""
     untried: frozenset[str]
     """… and those whose channel was not logged."""
+    elsewhere: FoundElsewhere | None = None
+    """The coupled effect beside which all this was found."""
+
+    @property
+    def with_coupled(self) -> tuple[Explanation, ...]:
+        """The explanations, with the coupled effect among the names, most probable first."""
+        if self.elsewhere is None:
+            return self.explanations
+        effect, found = self.elsewhere, dict[Names, Explanation]()
+        beside = [
+            e if e.names in UNNAMED else replace(e, names=tuple(sorted((*e.names, effect.name))))
+            for e in self.explanations
+        ]
+        for some, share in ((beside, effect.probability),
+                            (effect.otherwise, 1.0 - effect.probability)):  # fmt: skip
+            for one in some:
+                known = found.setdefault(one.names, replace(one, probability=0.0))
+                together = known.probability + share * one.probability
+                found[one.names] = replace(known, probability=together)
+        return tuple(sorted(found.values(), key=lambda e: -e.probability))
 
     def evidence(self, name: str | None = None) -> float:
         """Return 2 ln of the Bayes factor of an effect in the likeliest set, or of the whole."""
@@ -105,7 +138,7 @@ class SensorAnswer:
     def likeliest(self) -> Explanation:
         """The most probable explanation of that kind, without effects whose probability is low."""
         kind = self.kind
-        alone = {'complete': (), 'unexplained': (NOT_IN_CATALOGUE,), 'unlogged': (UNLOGGED,)}
+        alone = {'complete': (), 'unexplained': UNNAMED[0], 'unlogged': UNNAMED[1]}
         if kind in alone:
             return next(e for e in self.explanations if e.names == alone[kind])
         named = [e for e in self.explanations if e.names not in alone.values()]
@@ -250,7 +283,11 @@ class SensorSearches:
         ]
         again = {first: self._answer(found[first].hypotheses, sets)}
         forms = [form for form in again[first].named if form.name == effect.name]
-        return again | {s: self.of_sensor(s, forms) for s in others if forms}
+        certain = probability(again[first].explanations, lambda e: effect.name in e.names)
+        for sensor in others if forms else ():
+            elsewhere = FoundElsewhere(effect.name, certain, found[sensor].explanations)
+            again[sensor] = replace(self.of_sensor(sensor, forms), elsewhere=elsewhere)
+        return again
 
     def _under(
         self,

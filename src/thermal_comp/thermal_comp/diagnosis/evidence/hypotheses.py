@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from imu_recording.recording import FloatArray
 
+from thermal_comp.data.spectral_lines import frequencies_told_apart
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.candidates import (
     Family,
@@ -218,8 +219,9 @@ class SensorHypotheses:
 
     def _form_count(self, family: Family) -> int:
         """Return the number of forms that could have been chosen from."""
-        chosen = family.forms[0].effect.line_frequency is not None
-        return max(len(family.forms), self.design.rows if chosen else 1)
+        if family.forms[0].effect.line_frequency is None:
+            return len(family.forms)
+        return frequencies_told_apart(self.design.source.runs)
 
     def conditioned(
         self,
