@@ -98,6 +98,7 @@ class Page:
         ui.on('went', lambda event: self._went(str(event.args)))
         self._client.on_delete(lambda: self._workspace.leave(self._changed))
         self._show_parts()  # before the browser has loaded what figures need
+        self._address(step=False)
         ui.timer(0.0, self._start_up, once=True)
 
     def _bar(self) -> None:
