@@ -10,7 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -77,8 +77,6 @@ class ServerStarter:
     """Starts servers whose modules are imported already; see server_starter.py."""
 
     def __init__(self) -> None:
-        self._folder = TemporaryDirectory(prefix='answered_')
-        self._answered: dict[tuple[str, ...], Path] = {}
         self._starter = subprocess.Popen(
             [sys.executable, Path(__file__).with_name('server_starter.py')],
             stdin=subprocess.PIPE,
@@ -91,33 +89,21 @@ class ServerStarter:
         self, arguments: list[str], output: Path, held_by: Path | None = None
     ) -> tuple[Process, str]:
         """Start one that writes to `output`; return its process and its first line."""
+        assert self._starter.stdin
+        assert self._starter.stdout
         os.mkfifo(output)
-        process = self._fork(
-            {'arguments': arguments, 'output': str(output), 'held_by': held_by and str(held_by)}
-        )
+        request = {
+            'arguments': arguments, 'environment': {**os.environ}, 'output': str(output),
+            'held_by': held_by and str(held_by),
+        }  # fmt: skip
+        self._starter.stdin.write(json.dumps(request) + '\n')
+        self._starter.stdin.flush()
+        process = Forked(int(self._starter.stdout.readline()))
         with output.open() as file:
             return process, file.readline()
 
-    def answered(self, paths: Sequence[str | Path]) -> Path:
-        """Return a folder with the cases of these bags, what is found in them included."""
-        bags = tuple(map(str, paths))
-        if bags not in self._answered:
-            cases = Path(self._folder.name) / str(len(self._answered))
-            self._fork({'answered': bags, 'cases': str(cases)}).wait()
-            self._answered[bags] = cases
-        return self._answered[bags]
-
-    def _fork(self, request: dict[str, Any]) -> Forked:
-        assert self._starter.stdin
-        assert self._starter.stdout
-        text = json.dumps({'environment': {**os.environ}, **request})
-        self._starter.stdin.write(f'{text}\n')
-        self._starter.stdin.flush()
-        return Forked(int(self._starter.stdout.readline()))
-
     def end(self) -> None:
         self._starter.communicate()
-        self._folder.cleanup()
 
 
 @dataclass
@@ -161,13 +147,9 @@ def servers(starter: ServerStarter) -> Iterator[Callable[..., Server]]:
         port: str = '0',
         by_command: bool = False,
         held_by: Path | None = None,
-        answered: Sequence[str | Path] = (),
     ) -> Server:
-        """`answered`: bags in whose cases the answer stands already, found once for all tests."""
         number = len(started)
         cases = cases or Path(folder.name) / str(number)
-        if answered:
-            shutil.copytree(starter.answered(answered), cases)
         arguments = ['serve', '--port', port, '--case', str(cases), *map(str, paths)]
         if by_command:
             process, line = start_command(arguments)

@@ -97,8 +97,6 @@ class Page:
         ui.on('dark', lambda event: self._on_system_theme(dark=bool(event.args)))
         ui.on('went', lambda event: self._went(str(event.args)))
         self._client.on_delete(lambda: self._workspace.leave(self._changed))
-        self._show_parts()  # before the browser has loaded what figures need
-        self._address(step=False)
         ui.timer(0.0, self._start_up, once=True)
 
     def _bar(self) -> None:
@@ -178,23 +176,6 @@ class Page:
         self._follow_fits()
         session.settle()
         self._address(step=False)
-        if self._live_page is not None:
-            self._live_page.active = session.shown == 'live'
-        if session.shown == 'live':
-            self._show_live()
-        elif session.shown == 'fleet':
-            self._fleet.refresh()
-        else:
-            self._load_what_is_missing()
-        preview = self._fresh_preview() if session.shown == 'case' else None
-        self._show_parts(preview)
-        if session.shown == 'case':
-            await self._centre.refresh(preview)
-
-    def _show_parts(self, preview: EffectPreview | None = None) -> None:
-        """Show all but the figures of the case."""
-        session = self._session
-        session.settle()
         work = session.work
         devices = list(self._workspace.devices)
         if (devices, session.device) != (self._device.options, self._device.value or ''):
@@ -209,12 +190,21 @@ class Page:
             current = 'page' if shown == session.shown else 'false'
             button.props(f'aria-current={current}')
             places[shown].visible = shown == session.shown
-        if session.shown == 'case':
-            self._top.refresh()
-            self._tiles.refresh()
-            self._rail.refresh(preview)
-            self._versions.refresh()
-            self._centre.show_place()
+        if self._live_page is not None:
+            self._live_page.active = session.shown == 'live'
+        if session.shown == 'live':
+            self._show_live()
+        elif session.shown == 'fleet':
+            self._fleet.refresh()
+        if session.shown != 'case':
+            return
+        self._load_what_is_missing()
+        self._top.refresh()
+        self._tiles.refresh()
+        preview = self._fresh_preview()
+        self._rail.refresh(preview)
+        self._versions.refresh()
+        await self._centre.refresh(preview)
 
     def _follow_fits(self) -> None:
         """Go on to the version that a fit this tab asked for has made."""

@@ -205,8 +205,7 @@ def start_context() -> Any:
 
 def warm_up() -> None:
     """Start the server that processes are forked from."""
-    with contextlib.suppress(JobError, JobCancelled, EOFError, OSError):  # it is being ended
-        Job(_nothing).wait()
+    Job(_nothing).wait()
 
 
 def _nothing(_: Callable[[str], None]) -> None:
