@@ -8,10 +8,15 @@ import numpy as np
 import pytest
 from imu_recording.recording import ImuRecording
 from thermal_comp.data.preparation import PreparedRun, prepare
-from thermal_comp.data.spectral_lines import LOWEST_HZ, spectral_lines
+from thermal_comp.data.spectral_lines import LOWEST_HZ, SpectralLine, spectral_lines
 from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE
 from thermal_comp.diagnosis.evidence.posterior import probability
-from thermal_comp.diagnosis.sensor_search import SensorAnswer, Settings, search_sensors
+from thermal_comp.diagnosis.sensor_search import (
+    SensorAnswer,
+    Settings,
+    in_search_blocks,
+    search_sensors,
+)
 from thermal_comp.effects import EFFECTS
 from thermal_comp.noise.estimation import fit_noise
 
@@ -151,3 +156,13 @@ def test_a_slow_error_in_bursts_is_no_line() -> None:
         up_axis='+z',
     )
     assert spectral_lines(prepare([bursts]), SENSOR) == []
+
+
+def test_only_a_line_that_longer_blocks_would_average_away_keeps_them_short() -> None:
+    runs = runs_with(steady)
+    fast, slow = SpectralLine(HERTZ, 0.0), SpectralLine(1.0 / 800.0, 0.0)
+    assert in_search_blocks(runs, [fast])[0].period == runs[0].period
+    longer = in_search_blocks(runs, [])[0].period
+    assert longer > runs[0].period
+    assert in_search_blocks(runs, [slow])[0].period == longer
+    assert in_search_blocks(runs, [slow._replace(drift=1e-3)])[0].period == runs[0].period

@@ -74,9 +74,8 @@ class _Series:
 
 def spectral_lines(runs: Sequence[PreparedRun], sensor: Sensor) -> list[SpectralLine]:
     """Return the most prominent lines, strongest first."""
-    step = float(np.median(np.diff(runs[0].conditions.time)))
-    longest = max(float(np.ptp(run.conditions.time)) for run in runs) / step
-    if not LEAST_ROWS <= longest < MOST_ROWS:
+    step = _distance_of_rows(runs)
+    if not LEAST_ROWS <= 2 * frequencies_told_apart(runs) < MOST_ROWS:
         return []
     series = [_series(run, sensor, step) for run in runs]
     steady = _steady_lines(series, step)
@@ -85,10 +84,17 @@ def spectral_lines(runs: Sequence[PreparedRun], sensor: Sensor) -> list[Spectral
 
 
 def frequencies_told_apart(runs: Sequence[PreparedRun]) -> int:
-    """Return the number of frequencies among which a line is the most prominent one."""
-    times = [run.conditions.time for run in runs]
-    step = float(np.median(np.diff(times[0])))
-    return max(round(0.5 * max(float(np.ptp(time)) for time in times) / step), 1)
+    """Return the number of frequencies among which a line is the most prominent one.
+
+    They lie 1/T apart up to 1/2Δt in rows Δt apart in the longest run, of T, gaps counted.
+    """
+    longest = max(float(np.ptp(run.conditions.time)) for run in runs)
+    return max(int(0.5 * longest / _distance_of_rows(runs)), 1)
+
+
+def _distance_of_rows(runs: Sequence[PreparedRun]) -> float:
+    """Return the usual distance of rows [s]."""
+    return float(np.median(np.diff(runs[0].conditions.time)))
 
 
 def _series(run: PreparedRun, sensor: Sensor, step: float) -> _Series:

@@ -53,8 +53,6 @@ LONGEST_SEARCH_BLOCK_S = 60.0
 """… the longest of them [s]: lags of half a minute still leave a trace in ramps …"""
 BLOCKS_PER_PERIOD = 8
 """… and how many of them a period of a spectral line holds: a mean keeps 97 % of its amplitude."""
-UNNAMED: tuple[Names, Names] = ((NOT_IN_CATALOGUE,), (UNLOGGED,))
-"""Explanations by what has no name here."""
 Listed = dict[Sensor, tuple[Effect, ...]]
 Kind = Literal['complete', 'named', 'unexplained', 'unlogged']
 
@@ -100,17 +98,18 @@ class SensorAnswer:
         """The explanations, with the coupled effect among the names, most probable first."""
         if self.elsewhere is None:
             return self.explanations
-        effect, found = self.elsewhere, dict[Names, Explanation]()
-        beside = [
-            e if e.names in UNNAMED else replace(e, names=tuple(sorted((*e.names, effect.name))))
+        effect, acts = self.elsewhere.name, self.elsewhere.probability
+        parts = [
+            replace(e, names=_with_name(e.names, effect), probability=acts * e.probability)
             for e in self.explanations
         ]
-        for some, share in ((beside, effect.probability),
-                            (effect.otherwise, 1.0 - effect.probability)):  # fmt: skip
-            for one in some:
-                known = found.setdefault(one.names, replace(one, probability=0.0))
-                together = known.probability + share * one.probability
-                found[one.names] = replace(known, probability=together)
+        parts += [
+            replace(e, probability=(1.0 - acts) * e.probability) for e in self.elsewhere.otherwise
+        ]
+        found: dict[Names, Explanation] = {}
+        for one in parts:
+            first = found.get(one.names, replace(one, probability=0.0))
+            found[one.names] = replace(first, probability=first.probability + one.probability)
         return tuple(sorted(found.values(), key=lambda e: -e.probability))
 
     def evidence(self, name: str | None = None) -> float:
@@ -138,7 +137,7 @@ class SensorAnswer:
     def likeliest(self) -> Explanation:
         """The most probable explanation of that kind, without effects whose probability is low."""
         kind = self.kind
-        alone = {'complete': (), 'unexplained': UNNAMED[0], 'unlogged': UNNAMED[1]}
+        alone = {'complete': (), 'unexplained': (NOT_IN_CATALOGUE,), 'unlogged': (UNLOGGED,)}
         if kind in alone:
             return next(e for e in self.explanations if e.names == alone[kind])
         named = [e for e in self.explanations if e.names not in alone.values()]
@@ -162,6 +161,11 @@ class SensorAnswer:
         best = max(self.sets, key=lambda s: s.log_posterior)
         effects = (c.form.effect for c in best.components)
         return tuple(effect for effect in effects if not effect.guessed_channel)
+
+
+def _with_name(names: Names, name: str) -> Names:
+    """Return the names of a set with one effect more; what has no name stands alone."""
+    return names if {NOT_IN_CATALOGUE, UNLOGGED} & {*names} else tuple(sorted((*names, name)))
 
 
 def _one_fewer(fewer: Explanation, said: Explanation) -> bool:
