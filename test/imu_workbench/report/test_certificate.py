@@ -143,6 +143,7 @@ def test_several_coefficients_of_an_effect_are_counted_and_limited_together(run)
     counted = [f'scale_factor_temperature, {number} of 3' for number in (1, 2, 3)]
     assert [d['coefficient'] for d in found['decisions']] == counted
     assert all(coefficients(found, name) for name in counted)
+    assert found['equations']['scale_factor_temperature'].startswith('error_i = s_i · x · u_i')
 
 
 def test_what_was_not_given_is_not_stated(analysis) -> None:
@@ -171,9 +172,21 @@ def test_a_chamber_that_nobody_recorded_or_stated_is_not_told_of(run) -> None:
         analysis = analyse_recordings([recording], attitudes=False, diagnosis=False)
         found = content_of(analysis, laboratory=Laboratory(told))
         said[name] = found['certificates']['dut1']['method'][0]
+        page = report_page(found)
+        for words in ('Shaded: dwells', 'One cycle', 'The plan'):
+            assert (words in page) == (recording is logged), words
     assert 'in a climatic chamber in 1 run, while the air was led through' in said['recorded']
     assert 'in a climatic chamber in 1 run, while its temperature changed' in said['stated']
     assert 'The device rested in 1 run, while its temperature changed' in said['neither']
+
+
+def test_the_conclusion_says_where_the_error_does_not_fall(analysis) -> None:
+    certified = analysis.certified['dut1']
+    row = {'sensor': 'gyroscope', 'before': 2.0, 'after': 1.0, 'ratio': 1.0}
+    rows = [row | {'axis': 'x'}, row | {'axis': 'z', 'before': 0.9}]
+    said = conclusion(certified, rows, [], None, (0.0, 40.0))
+    assert 'does not lower the error of gyroscope z;' in said
+    assert 'does not lower' not in conclusion(certified, rows[:1], [], None, (0.0, 40.0))
 
 
 def test_a_clock_that_was_not_set_is_told(run) -> None:

@@ -214,9 +214,10 @@ def lead(analysis: Analysis) -> str:
     names = ', '.join(device.name for device in analysis.devices)
     profiles = sorted({run.recording.profile for run in analysis.runs if run.recording.profile})
     plan = f' through {", ".join(profiles)}' if profiles else ''
+    attitude = ', and what that does to the attitude' * any(run.attitudes for run in analysis.runs)
     return (
         f'{names}{plan}: what temperature does to gyroscope, accelerometer and magnetometer, how '
-        'much of it the model removes, and what that does to the attitude.'
+        f'much of it the model removes{attitude}.'
     )
 
 

@@ -171,11 +171,16 @@ def _draw(generator: np.random.Generator, item: Input, draws: int) -> FloatArray
 
 
 def scatter_inputs(
-    noise: float, noise_degrees: float, values: FloatArray, run: IntArray, unit: str
+    noise: float,
+    noise_degrees: float,
+    values: FloatArray,
+    run: IntArray,
+    unit: str,
+    parts: str = 'cycles',
 ) -> tuple[list[Input], list[str]]:
-    """Return noise, repeatability over cycles and run-to-run, and what could not be told.
+    """Return noise, repeatability over parts of runs and run-to-run, and what could not be told.
 
-    Nested analysis of variance of the (k,) values of single cycles in their runs (k,): each level
+    Nested analysis of variance of the (k,) values of single parts in their runs (k,): each level
     counts for what it scatters beyond the one below it, so that nothing is counted twice. The
     degrees of freedom of a difference of mean squares are Satterthwaite's.
     """
@@ -189,12 +194,12 @@ def scatter_inputs(
         square = sum(float(((g - g.mean()) ** 2).sum()) for g in groups) / within
         mean_square = square / counts.sum()
         inputs += _beyond(
-            'repeatability over cycles', mean_square, within, known, known_degrees, unit
+            f'repeatability over {parts}', mean_square, within, known, known_degrees, unit
         )
         if mean_square > known:
             known, known_degrees = mean_square, within
     else:
-        missing.append('repeatability over cycles: single cycles do not tell it')
+        missing.append(f'repeatability over {parts}: one alone does not tell it')
     if len(groups) > 1:
         between = float(np.var([g.mean() for g in groups], ddof=1)) / len(groups)
         inputs += _beyond('run to run', between, len(groups) - 1.0, known, known_degrees, unit)

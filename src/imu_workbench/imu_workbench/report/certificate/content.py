@@ -15,6 +15,7 @@ import numpy as np
 from imu_recording.recording import ImuRecording
 from imu_recording.user_error import UserError
 from thermal_comp.diagnosis.findings import FORM_APPROXIMATE
+from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import COUNT
 from thermal_comp.model.values import fitted_shapes
 from thermal_comp.presentation.diagnosis import verdict_line
@@ -113,6 +114,7 @@ def certificate(
         },
         'recordings': [recording_row(r, hashes.get(r.run, '')) for r in recordings],
         'conditions': conditions(recordings, low, high),
+        'equations': equations(certified),
         'method': method(
             certified, recordings, found, in_chamber=bool(laboratory.content.get('chamber'))
         ),
@@ -205,7 +207,6 @@ def method(
     period = shown(certified.comparison.period, 2)
     reference = fixed(certified.model.reference_temperature, 0)
     folds = certified.comparison.folds
-    deviation = shown(100.0 * monte_carlo_deviation(found), 1)
     planned = any(r.profile or r.setpoint is not None for r in recordings)
     in_chamber |= planned or any(r.chamber_temperature is not None for r in recordings)
     rested = (
@@ -230,15 +231,34 @@ def method(
     propagated = (
         'Uncertainties follow the GUM (JCGM 100): U is k = 2 times the combined standard '
         'uncertainty, ν its effective degrees of freedom; a Monte Carlo propagation (JCGM 101) '
-        f'differs by {deviation}\u00a0% at most.'
+        f'differs by {percent_at_most(monte_carlo_deviation(found))} at most.'
     )
     return [rested, averaged, fitted, judged, propagated]
+
+
+def equations(certified: Certified) -> dict[str, str]:
+    """Return the equation of every effect beyond the line: it says what its letters mean."""
+    effects = [e for part in certified.model.sensors.values() for e in part.effects]
+    return {
+        effect.name: ' '.join(effect.equation.split())
+        for effect in effects
+        if not isinstance(effect, BiasTemperature)
+    }
 
 
 def monte_carlo_deviation(found: Sequence[Quantity]) -> float:
     """Return the largest relative difference of Monte Carlo and GUM uncertainty."""
     ratios = [q.budget.monte_carlo / q.budget.combined for q in found if q.budget.combined > 0.0]
     return float(max((abs(ratio - 1.0) for ratio in ratios), default=0.0))
+
+
+def percent_at_most(share: float) -> str:
+    """Return a share in percent that is not below it, to a tenth.
+
+    >>> percent_at_most(0.0106).split()
+    ['1.1', '%']
+    """
+    return f'{math.ceil(1e3 * share - 1e-9) / 10.0:.1f}\u00a0%'
 
 
 def quantity_content(quantity: Quantity) -> dict[str, Any]:
@@ -391,6 +411,9 @@ def conclusion(
             f'{text} leaves at most {shown(worst["ratio"], 2)} × the noise '
             f'({worst["sensor"]} {worst["axis"]})'
         )
+    grown = [f'{r["sensor"]} {r["axis"]}' for r in ratios if r['after'] > r['before']]
+    if grown:
+        text = f'{text}; it does not lower the error of {", ".join(grown)}'
     left = still_missing(certified, diagnosis)
     if left:
         text = f'{text}; {left}'

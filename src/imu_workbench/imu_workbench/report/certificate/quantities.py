@@ -166,6 +166,7 @@ def biases(evidence: Evidence) -> Iterator[Quantity]:
             repeated.level[here, axis] - offsets,
             repeated.run[here],
             unit,
+            repeated.parts,
         )
         slope = float(evidence.slope[axis])
         warmth, unknown = temperature_inputs(evidence, span=False)
@@ -283,7 +284,7 @@ class Fitted:
     noise: float
     """Standard uncertainty of the fit [unit]."""
     repeated: FloatArray | None
-    """(k, 3) from single cycles, of all axes."""
+    """(k, 3) from single parts, of all axes."""
 
 
 def _coefficient(
@@ -292,11 +293,11 @@ def _coefficient(
     degrees, unit = evidence.noise_degrees(axis), fitted.unit
     if fitted.repeated is None:
         scatter = [Input('noise', fitted.noise, unit, degrees)]
-        untold = ['repeatability and run to run of coefficients that no single cycle tells']
+        untold = ['repeatability and run to run of coefficients that no part of a run tells alone']
     else:
         values = fitted.repeated[:, axis]
         scatter, untold = scatter_inputs(
-            fitted.noise, degrees, values, evidence.repeated.run, unit
+            fitted.noise, degrees, values, evidence.repeated.run, unit, evidence.repeated.parts
         )
     power = power_of_kelvin(unit)
     warmth, unknown = temperature_inputs(evidence, span=True) if power else ([], [])

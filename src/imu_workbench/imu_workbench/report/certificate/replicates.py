@@ -32,6 +32,8 @@ class Replicates:
     """(k, q, 3) of the columns of the terms."""
     terms: tuple[tuple[int, int], ...]
     """(q,) place of each column: effect of the sensor model, column of the effect."""
+    parts: str = 'cycles'
+    """What the parts are called."""
 
     def of(self, effect: int, column: int) -> FloatArray | None:
         """(k, 3) replicates of a coefficient, None where a cycle alone does not tell it."""
@@ -70,7 +72,9 @@ def replicates(model: SensorModel, runs: Sequence[PreparedRun], sensor: Sensor) 
             if solved is not None:
                 found.append((r, solved))
     values = np.array([v for _, v in found]).reshape(-1, width + 1, 3)
-    return Replicates(np.array([r for r, _ in found], int), values[:, 0], values[:, 1:], terms)
+    number = np.array([r for r, _ in found], int)
+    kind = 'cycles' if all(run.has_cycles for run in runs) else 'parts of a run'
+    return Replicates(number, values[:, 0], values[:, 1:], terms, kind)
 
 
 def _columns(

@@ -10,6 +10,7 @@ from typing import Any
 from imu_recording.recording import SENSOR_UNITS
 from thermal_comp.presentation.display import DISPLAY_UNITS, fixed, shown, with_uncertainty
 
+from imu_workbench.report.certificate.content import percent_at_most
 from imu_workbench.report.figures.allan import allan_deviation_figure
 from imu_workbench.report.html.render import Row, Section
 
@@ -72,7 +73,7 @@ def budget_section(certificates: Mapping[str, Mapping[str, Any]]) -> Section | N
         {
             'name': name,
             'tables': budget_tables(found),
-            'deviation': shown(100.0 * found['monte_carlo_deviation'], 2),
+            'deviation': percent_at_most(found['monte_carlo_deviation']),
             'not_included': found['not_included'],
         }
         for name, found in certificates.items()
@@ -165,11 +166,15 @@ def result_rows(found: Mapping[str, Any]) -> list[dict[str, Any]]:
 def degrees(value: float | None) -> str:
     """Return effective degrees of freedom: truncated, above a hundred they no longer matter.
 
-    >>> degrees(4.97), degrees(250.0), degrees(None)
-    ('4', '> 100', '∞')
+    Below ten a tenth of one tells in k₉₅.
+
+    >>> degrees(4.97), degrees(49.7), degrees(250.0), degrees(None)
+    ('4.9', '49', '> 100', '∞')
     """
     if value is None or not math.isfinite(value):
         return '∞'
+    if value < 10:
+        return f'{math.floor(10.0 * value) / 10.0:.1f}'
     return '> 100' if value > 100 else str(int(value))
 
 

@@ -61,7 +61,8 @@ def report_page(content: Mapping[str, Any]) -> str:
         reproduce_section(content),
     )
     names = [device['name'] for device in content['devices']]
-    subtitle = f'{", ".join(names)} · {len(content["recordings"])} runs'
+    count = len(content['recordings'])
+    subtitle = f'{", ".join(names)} · {count} {"run" if count == 1 else "runs"}'
     return render_page(content['title'], subtitle, [s for s in sections if s])
 
 

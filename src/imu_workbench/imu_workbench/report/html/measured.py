@@ -14,6 +14,13 @@ from imu_workbench.report.html.render import Row, Section, figure_of_paper
 DECIMALS = {'°/s': 3, 'm/s²': 3, 'µT': 2}
 """Decimals of Tables III–V: one more than the paper prints for the two inertial sensors."""
 PAPER_DECIMALS = 2
+TRACKS = {
+    'set-point': 'set-point as programmed',
+    'chamber air': 'air as the chamber measures it',
+    'thermocouple on the device': 'thermocouple on the device',
+    'die': 'die as the device itself says',
+}
+"""Tracks of the plan's figure and what its caption says of them."""
 SEGMENT_NAMES = {'reference': 'Reference'}
 
 
@@ -23,16 +30,20 @@ def plan_section(content: Mapping[str, Any]) -> Section | None:
     if not plans:
         return None
     first = next(iter(plans.values()))
+    drawn = {name for plan in plans.values() for name in plan['tracks']}
     values = {
         'runs': list(plans),
         'cycles': first['cycles'],
         'hours': fixed(first['duration_h'], 2),
+        'dwells': any(leg['phase'].startswith('dwell') for leg in first['phases']),
+        'tracks': ', '.join(TRACKS[name] for name in TRACKS if name in drawn),
         'paper_hours': shown(first['paper_duration_h'], 2),
         'overheating': overheating_rows(content),
         'figure': figure_of_paper(content, 1),
     }
     figures = {f'plan|{name}': plan_figure(plan) for name, plan in plans.items()}
-    return Section('plan', 'The plan', 'plan.html', values, figures)
+    title = 'The plan' if 'set-point' in drawn else 'Temperatures over the runs'
+    return Section('plan', title, 'plan.html', values, figures)
 
 
 def overheating_rows(content: Mapping[str, Any]) -> list[Row]:
@@ -131,8 +142,15 @@ def cycle_section(content: Mapping[str, Any]) -> Section | None:
     if not cycles:
         return None
     figures = {f'cycle|{name}': cycle_figure(cycle) for name, cycle in cycles.items()}
-    values = {'runs': list(cycles), 'figure': figure_of_paper(content, 4)}
-    return Section('cycle', 'One cycle', 'cycle.html', values, figures)
+    some = has_cycles(content)
+    values = {'runs': list(cycles), 'figure': figure_of_paper(content, 4), 'cycles': some}
+    title = 'One cycle' if some else 'Every channel over the run'
+    return Section('cycle', title, 'cycle.html', values, figures)
+
+
+def has_cycles(content: Mapping[str, Any]) -> bool:
+    """Tell whether the runs have thermal cycles."""
+    return any(run['cycle'] and run['cycle']['cycle'] for run in content['recordings'])
 
 
 def recordings_section(content: Mapping[str, Any]) -> Section:

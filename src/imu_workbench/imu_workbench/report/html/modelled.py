@@ -16,6 +16,7 @@ from imu_workbench.report.figures.modelled import (
     residual_figure,
 )
 from imu_workbench.report.html.certificate import shape_rows
+from imu_workbench.report.html.measured import has_cycles
 from imu_workbench.report.html.render import Row, Section, figure_of_paper
 
 ERRORS = {
@@ -54,6 +55,7 @@ def dependence_section(content: Mapping[str, Any]) -> Section | None:
         'pooled': pooled_rows(content['pooled']),
         'figure': figure_of_paper(content, 5),
         'chosen': worst_channel(content),
+        'parts': 'cycles' if has_cycles(content) else 'parts of the run',
     }
     title = 'Dependence on temperature'
     return Section('dependence', title, 'dependence.html', values, figures)
@@ -113,6 +115,7 @@ def fit_section(content: Mapping[str, Any]) -> Section | None:
         'chosen': worst_channel(content),
         'gaussianity': gaussianity_rows(content),
         'figure': figure_of_paper(content, 6),
+        'cycles': has_cycles(content),
     }
     return Section('fit', 'Fit and distributions', 'fit.html', values, figures)
 
