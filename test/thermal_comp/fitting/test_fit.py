@@ -14,9 +14,9 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.fit import fit
 from thermal_comp.model.values import ModelError
 
-from imu_recording import read_bag
+from imu_recording import ImuRecording, read_bag
 
-from ..campaign import SLOPES, WHITE, chamber, lagging, run
+from ..campaign import SLOPES, WHITE, chamber, coloured, lagging, run
 
 LINE = (EFFECTS['bias_temperature'](),)
 
@@ -53,6 +53,32 @@ def test_the_noise_found_is_the_noise_put_in() -> None:
         found = np.sqrt(model.sensors[sensor].noise.variance_of_means(20.0))
         put_in = WHITE[name] * np.sqrt(1 / 20.0 + 2 * 0.4**2)
         assert found == pytest.approx(put_in, rel=0.35)
+
+
+def test_a_noisy_thermometer_dilutes_no_slope_of_a_slow_recording() -> None:
+    rng = np.random.default_rng(5)
+    time = np.arange(0.0, 2 * 86_400.0, 10.0)
+    die = 25.0 + 4.0 * np.sin(2.0 * np.pi * time / 86_400.0) + np.sin(2.0 * np.pi * time / 7e3)
+    measured = {
+        name: (die - 20.0)[:, None] * slope + WHITE[name] * coloured((len(time), 3), rng, 10.0)
+        for name, slope in SLOPES.items()
+    }
+    measured['linear_acceleration'][:, 2] += 9.80665
+    recording = ImuRecording(
+        stamp=np.round(time * 1e9).astype(np.int64),
+        temperature=0.125 * np.round((die + 0.15 * rng.standard_normal(len(time))) / 0.125),
+        device='board',
+        up_axis='+z',
+        **measured,
+    )
+    model = fit(LINE, [recording])
+    fitted = model.sensors['accelerometer']
+    found, std = fitted.coefficients[0][0], np.sqrt(np.diag(fitted.covariance))
+    true = SLOPES['linear_acceleration']
+    assert (np.abs(found - true) < 3.0 * std).all()
+    assert (std < 0.05 * np.abs(true)).all()
+    sensor = compare(model, [recording]).sensors['accelerometer']
+    assert (sensor.held_out_rms < 1.1 * sensor.noise_floor).all()
 
 
 def test_a_lag_is_found_with_its_time_constant() -> None:

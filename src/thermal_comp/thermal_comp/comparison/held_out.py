@@ -66,9 +66,11 @@ def hold_out(
 ) -> HeldOut:
     """Leave each part out of all runs in turn, fit the rest and predict it.
 
-    Levels come from the rest of the run, shape parameters stay as given.
+    Levels come from the rest of the run, shape parameters stay as given. The rest is learned from
+    without the noise of the thermometer; what is predicted has it, as where a model is applied.
     """
-    design = Design(runs, effects, noise)
+    measured = Design(runs, effects, noise)
+    design = Design([run.smoothed for run in runs], effects, noise)
     held, power = solve(design.equations()).held, _power(design)
     errors, variances = _empty(design), _empty(design)
     relearned: set[str] = set()
@@ -80,7 +82,7 @@ def hold_out(
         unseen = [j for j in _unseen(training, power) if j not in held]
         relearned |= {training.describe(j).partition(' ')[0].partition('[')[0] for j in unseen}
         for run, sensor, rows in _held_out_rows(design, training, part):
-            error = _errors(training, solution, run, sensor)[rows]
+            error = _errors(measured, solution, run, sensor)[rows]
             for axis in range(3):
                 basis = _local_basis(training, unseen, run, sensor, axis)[rows]
                 error[:, axis] = project_out(basis, error[:, axis])

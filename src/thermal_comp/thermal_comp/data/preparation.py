@@ -32,6 +32,7 @@ from thermal_comp.data.conditions import (
 )
 from thermal_comp.data.hard_iron import hard_iron_of
 from thermal_comp.data.quality import without_damage
+from thermal_comp.data.smoothing import smoothed_conditions
 from thermal_comp.data.startup import cut_startup
 from thermal_comp.effects.effect import Effect
 
@@ -83,6 +84,16 @@ class PreparedRun:
     def columns(self, effect: Effect, sensor: Sensor) -> FloatArray:
         """Return the effect's (m, p) or (m, 3, p) columns, averaged over the blocks."""
         return self.block_mean(effect.columns(self.conditions.of(sensor))[0])
+
+    @cached_property
+    def smoothed(self) -> PreparedRun:
+        """The run without the noise of its thermometer, for what learns from the whole of it.
+
+        Columns of a noisy temperature pull their coefficients towards zero (regression dilution;
+        Carroll et al., Measurement Error in Nonlinear Models, 2006, ch. 4: regression
+        calibration), the more the slower the temperature moves.
+        """
+        return replace(self, conditions=smoothed_conditions(self.conditions))
 
     @cached_property
     def time(self) -> FloatArray:

@@ -73,8 +73,11 @@ def fit_prepared(
     sensors, left_out = usable_sensors(runs)
     listed = effects_by_sensor(effects, sensors, runs)
     weights, guessed = _noise_by_sensor(runs, listed, noise or {})
+    without_noise = [run.smoothed for run in runs]
     groups = [
-        _fit_group(Design(runs, {s: listed[s] for s in group}, weights), refine=refine)
+        _fit_group(
+            Design(without_noise, {s: listed[s] for s in group}, weights), runs, refine=refine
+        )
         for group in sensor_groups(listed)
     ]
     models = {s: g.sensor_model(s, temperature_range) for g in groups for s in g.design.sensors}
@@ -104,12 +107,15 @@ def _noise_by_sensor(
     return {s: noise for s, (noise, _) in found.items()}, [n for _, n in found.values() if n]
 
 
-def _fit_group(design: Design, *, refine: bool) -> FittedGroup:
-    """Return the fit of sensors that share coefficients: shapes, noise beside them, the rest."""
+def _fit_group(design: Design, runs: Sequence[PreparedRun], *, refine: bool) -> FittedGroup:
+    """Return the fit of sensors that share coefficients: shapes, noise beside them, the rest.
+
+    `runs` are those of the design as they were measured: so is their noise.
+    """
     if refine:
         design = refine_shapes(design)
     at_bounds = bound_notes(design) if refine else []
-    beside = noise_beside(design.runs, design.effects, design.noise)
+    beside = noise_beside(runs, design.effects, design.noise)
     if any(beside[s] is not design.noise[s] for s in beside):
         design = Design(design.runs, design.effects, beside)
     fitted = fitted_group(design)

@@ -125,10 +125,15 @@ def part_sums(
     further: Sequence[Effect],
     noise: NoiseModel,
 ) -> PartSums:
-    """Return the sums over the parts of the runs; `known` effects are in every fit."""
+    """Return the sums over the parts of the runs; `known` effects are in every fit.
+
+    Fits are without the noise of the thermometer, their errors with it.
+    """
     groups = _parts_of(runs, sensor)
-    stacked = [_columns(runs, sensor, effect) for effect in (*known, *further)]
-    starts = np.cumsum([len(runs), *(parts[0].shape[2] for parts in stacked)])
+    effects = (*known, *further)
+    measured = [_columns(runs, sensor, effect) for effect in effects]
+    smoothed = [_columns([run.smoothed for run in runs], sensor, effect) for effect in effects]
+    starts = np.cumsum([len(runs), *(parts[0].shape[2] for parts in measured)])
     width = int(starts[-1]) + 1
     own = [
         j
@@ -138,25 +143,28 @@ def part_sums(
     ]
     white, plain, rows, part, number = [], [], [], [], []
     for r, run in enumerate(runs):
-        measured = run.measured[sensor]
-        valid = np.isfinite(measured).all(axis=1)
-        level = np.nanmean(measured, axis=0)
+        values = run.measured[sensor]
+        valid = np.isfinite(values).all(axis=1)
+        level = np.nanmean(values, axis=0)
         for p in np.unique(groups[r][valid]).tolist():
             here = valid & (groups[r] == p)
-            table = np.zeros((3, int(here.sum()), width))
-            table[:, :, r] = 1.0
-            for k, parts in enumerate(stacked):
-                table[:, :, starts[k] : starts[k + 1]] = parts[r][here].transpose(1, 0, 2)
-            table[:, :, -1] = (measured[here] - level).T
+            fitted = np.zeros((3, int(here.sum()), width))
+            fitted[:, :, r] = 1.0
+            fitted[:, :, -1] = (values[here] - level).T
+            table = fitted.copy()
+            for k in range(len(effects)):
+                place = slice(int(starts[k]), int(starts[k + 1]))
+                fitted[:, :, place] = smoothed[k][r][here].transpose(1, 0, 2)
+                table[:, :, place] = measured[k][r][here].transpose(1, 0, 2)
             whitened = np.stack(
                 [
                     apply_gains(
-                        table[axis], innovation_gains(run.slot[here], noise, axis, run.period)
+                        fitted[axis], innovation_gains(run.slot[here], noise, axis, run.period)
                     )
                     for axis in range(3)
                 ]
             )
-            for k, effect in enumerate((*known, *further)):
+            for k, effect in enumerate(effects):
                 if effect.bends:
                     straight = _straight(run, effect, sensor, _span(runs, groups, p))
                     table[:, :, starts[k] : starts[k + 1]] = straight[here].transpose(1, 0, 2)

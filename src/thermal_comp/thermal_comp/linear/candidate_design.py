@@ -5,14 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
-from thermal_comp.data.smoothing import smoothed_conditions
 from thermal_comp.data.spectral_lines import SpectralLine, spectral_lines
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import orthonormal, per_axis, project_out, stack_runs
@@ -37,15 +36,13 @@ class ColumnSource:
         """`lines` are those of the spectrum, where they are known."""
         self.runs = list(runs)
         self._lines = dict(lines or {})
-        self.temperature_noise: list[FloatArray] = []
-        """(m,) per run: smoothed minus measured temperature [K]."""
-        self.smoothed: list[PreparedRun] = []
+        self.smoothed = [run.smoothed for run in self.runs]
         """The runs with the smoothed temperature."""
-        for run in self.runs:
-            smoothed = smoothed_conditions(run.conditions)
-            noise = smoothed.temperature - run.conditions.temperature
-            self.temperature_noise.append(run.block_mean(noise))
-            self.smoothed.append(replace(run, conditions=smoothed))
+        self.temperature_noise = [
+            smooth.temperature - run.temperature
+            for run, smooth in zip(self.runs, self.smoothed, strict=True)
+        ]
+        """(m,) per run: smoothed minus measured temperature [K]."""
         self._kept: dict[tuple[Effect, Sensor], list[FloatArray]] = {}
 
     def spectral_lines(self, sensor: Sensor) -> Sequence[SpectralLine]:

@@ -113,7 +113,7 @@ class Pool:
         self._noise, guessed = noise_of_runs(runs, sensor, LAGS)
         self.notes = [guessed] if guessed else []
         curve = {sensor: (self._line, self._bends)}
-        self._designs = [Design([run], curve, {sensor: self._noise}) for run in runs]
+        self._designs = [Design([run.smoothed], curve, {sensor: self._noise}) for run in runs]
         for design in self._designs:
             design.equations()  # whitens what every form has
         self._each: dict[Form, list[tuple[FloatArray, FloatArray]]] = {}
