@@ -80,6 +80,19 @@ def test_bias_of_each_cycle_is_taken_like_a_level_and_said() -> None:
     assert any('turn_on_bias' in note for note in comparison.notes)
 
 
+def test_a_mean_over_the_end_of_a_cycle_belongs_to_neither() -> None:
+    cycle = chamber(period=20.0)[3]
+    levels = 5e-3 * np.array([0.0, 0.0, 1.0, -1.0, 2.0])[cycle]
+    ends = 1 + np.flatnonzero(np.diff(cycle))
+    levels[ends] = 0.5 * (levels[ends - 1] + levels[ends])
+    error = {'angular_velocity': levels[:, None] * np.array([1.0, -0.6, 0.3])}
+    recordings = [run(period=20.0, seed=3, error=error)]
+    effects = {'gyroscope': (*LINE, EFFECTS['turn_on_bias']())}
+    found = compare(fit(effects, recordings), recordings).sensors['gyroscope']
+    assert (found.held_out_rms < 1.15 * found.noise_floor).all()
+    assert (found.residual_rms < 2e-4).all()
+
+
 def test_a_model_is_compared_with_recordings_it_has_not_seen() -> None:
     comparison = compare(fit(LINE, [run(seed=1)]), [run(seed=2)])
     assert any('has not seen these recordings' in note for note in comparison.notes)

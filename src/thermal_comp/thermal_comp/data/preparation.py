@@ -243,6 +243,7 @@ def prepare_run(
         )
     fine, filled = _complete(fine)
     notes += filled
+    fine = _without_cycle_ends(fine)
     offset = (fine.stamp[0] - origin) * 1e-9
     conditions = truth(fine)
     conditions = replace(conditions, time=conditions.time + offset)
@@ -391,6 +392,20 @@ def _complete(fine: ImuRecording) -> tuple[ImuRecording, list[str]]:
             changed['cycle'] = cycle
             notes.append(f'{cycle.max()} thermal cycles are found in the temperature itself')
     return replace(fine, **changed), notes
+
+
+def _without_cycle_ends(fine: ImuRecording) -> ImuRecording:
+    """Return the recording without the rows on both sides of where a cycle ends.
+
+    A row may hold a share of both cycles, whatever its label says: where each has a level of its
+    own, an error of many times the noise.
+    """
+    if fine.cycle is None:
+        return fine
+    ends = np.flatnonzero(np.diff(fine.cycle))
+    kept = np.ones(len(fine), dtype=bool)
+    kept[ends] = kept[ends + 1] = False
+    return fine.rows(kept)
 
 
 def _measured_temperature(recording: ImuRecording) -> ImuRecording:
