@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Small campaigns with physics of their own: integrated step by step, noise from a recursion."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import lru_cache
 
@@ -106,6 +106,27 @@ def run(
         device=device,
         run=f'{up_axis} {seed}',
         up_axis=up_axis,
+        **measured,
+    )
+
+
+def slow_days(error: Callable[[np.ndarray, np.ndarray], dict[str, np.ndarray]]) -> ImuRecording:
+    """Two days at a window, +z up: 25 ± 5 °C read to 0.15 K; `error` of time and temperature."""
+    rng = np.random.default_rng(5)
+    time = np.arange(0.0, 2 * 86_400.0, 10.0)
+    die = 25.0 + 4.0 * np.sin(2.0 * np.pi * time / 86_400.0) + np.sin(2.0 * np.pi * time / 7e3)
+    measured = {
+        name: (die - 20.0)[:, None] * slope + WHITE[name] * coloured((len(time), 3), rng, 10.0)
+        for name, slope in SLOPES.items()
+    }
+    measured['linear_acceleration'][:, 2] += GRAVITY
+    for name, values in error(time, die).items():
+        measured[name] += values
+    return ImuRecording(
+        stamp=np.round(time * 1e9).astype(np.int64),
+        temperature=0.125 * np.round((die + 0.15 * rng.standard_normal(len(time))) / 0.125),
+        device='board',
+        up_axis='+z',
         **measured,
     )
 

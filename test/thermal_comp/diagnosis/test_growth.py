@@ -13,7 +13,7 @@ from thermal_comp.model.values import ModelError
 
 from imu_recording import ImuRecording
 
-from ..campaign import WHITE, chamber, lagging, run
+from ..campaign import WHITE, chamber, lagging, measured_by, run, slow_days
 
 PERIOD = 20.0
 SENSOR = 'gyroscope'
@@ -81,3 +81,22 @@ def test_a_wrong_effect_shows_no_gain_on_held_out_parts() -> None:
 def test_noise_gets_no_empirical_term() -> None:
     runs = prepare([run('+z', seed=20, cycles=3, period=PERIOD)])
     assert grow(None, runs, FEW).steps == ()
+
+
+def test_a_right_name_whose_correction_passes_on_more_noise_is_not_added() -> None:
+    def error(time: np.ndarray, die: np.ndarray) -> dict[str, np.ndarray]:
+        gains = 3e3 * WHITE['magnetic_field'] * np.array([1.0, -0.7, 0.9])
+        return {'magnetic_field': np.multiply.outer(np.gradient(die, time), gains)}
+
+    runs = prepare(measured_by([slow_days(error)], 'magnetometer'))
+    settings = Settings({'temperature_rate': EFFECTS['temperature_rate']})
+    alone = add_effect(None, runs, 'temperature_rate', settings)
+    assert alone.steps[0].error_after > 1.2 * alone.steps[0].error_before
+    assert alone.worse
+    said: list[str] = []
+    grown = grow(None, runs, settings, said.append, named_only=True)
+    assert grown.diagnosis is not None
+    assert [f.name for f in grown.diagnosis.findings if f.kind == 'effect'] == ['temperature_rate']
+    assert grown.diagnosis.predictions[0].terms == ()
+    assert grown.model.sensors['magnetometer'].effects == (LINE,)
+    assert 'temperature_rate (magnetometer) raises the held-out error: left out' in said

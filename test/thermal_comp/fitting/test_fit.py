@@ -14,9 +14,9 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.fit import fit
 from thermal_comp.model.values import ModelError
 
-from imu_recording import ImuRecording, read_bag
+from imu_recording import read_bag
 
-from ..campaign import SLOPES, WHITE, chamber, coloured, lagging, run
+from ..campaign import SLOPES, WHITE, chamber, lagging, run, slow_days
 
 LINE = (EFFECTS['bias_temperature'](),)
 
@@ -56,21 +56,7 @@ def test_the_noise_found_is_the_noise_put_in() -> None:
 
 
 def test_a_noisy_thermometer_dilutes_no_slope_of_a_slow_recording() -> None:
-    rng = np.random.default_rng(5)
-    time = np.arange(0.0, 2 * 86_400.0, 10.0)
-    die = 25.0 + 4.0 * np.sin(2.0 * np.pi * time / 86_400.0) + np.sin(2.0 * np.pi * time / 7e3)
-    measured = {
-        name: (die - 20.0)[:, None] * slope + WHITE[name] * coloured((len(time), 3), rng, 10.0)
-        for name, slope in SLOPES.items()
-    }
-    measured['linear_acceleration'][:, 2] += 9.80665
-    recording = ImuRecording(
-        stamp=np.round(time * 1e9).astype(np.int64),
-        temperature=0.125 * np.round((die + 0.15 * rng.standard_normal(len(time))) / 0.125),
-        device='board',
-        up_axis='+z',
-        **measured,
-    )
+    recording = slow_days(lambda time, die: {})
     model = fit(LINE, [recording])
     fitted = model.sensors['accelerometer']
     found, std = fitted.coefficients[0][0], np.sqrt(np.diag(fitted.covariance))

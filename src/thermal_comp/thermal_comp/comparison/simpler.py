@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from thermal_comp.comparison.compare import Comparison, part_squares
+from thermal_comp.comparison.compare import Comparison, SensorComparison, part_squares, rms_of
 from thermal_comp.comparison.held_out import hold_out
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
-from thermal_comp.fitting.part_sums import falls
+from thermal_comp.fitting.part_sums import LEAST_FALL, falls
 from thermal_comp.model.values import ThermalModel
 
 SIMPLER: dict[str, tuple[Effect, ...]] = {
@@ -20,6 +20,15 @@ SIMPLER: dict[str, tuple[Effect, ...]] = {
     'a line': (BiasTemperature(),),
 }
 """What a model has to be as good as, by name."""
+
+
+NO_CHANCE = 2.0
+"""Ratio of held-out errors that is no chance, however few the parts that were held out."""
+
+
+def raised(before: SensorComparison, after: SensorComparison) -> bool:
+    """Tell whether the held-out error is larger than it was before, by enough to matter."""
+    return rms_of(after.held_out_rms) > (1.0 + LEAST_FALL) * rms_of(before.held_out_rms)
 
 
 def worse_than_simpler(
@@ -37,10 +46,9 @@ def worse_than_simpler(
             held = hold_out(runs, {sensor: effects}, {sensor: fitted.noise})
             squares, floor = part_squares(held, sensor), part.noise_floor**2
             for axis in range(3):
-                if falls(part.held_out_squares[:, axis], squares[:, axis], floor[axis]):
-                    rise = float(
-                        np.sqrt(part.held_out_squares[:, axis].sum() / squares[:, axis].sum())
-                    )
+                left, least = part.held_out_squares[:, axis], squares[:, axis]
+                rise = float(np.sqrt(left.sum() / max(least.sum(), 1e-300)))
+                if rise > NO_CHANCE or falls(left, least, floor[axis]):
                     worse.append(
                         f'{sensor} {"xyz"[axis]}: the error on held-out parts is {rise:.2f} times '
                         f'that of {name}'

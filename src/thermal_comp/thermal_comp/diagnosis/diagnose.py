@@ -9,6 +9,7 @@ from dataclasses import replace
 from imu_recording.recording import ImuRecording
 
 from thermal_comp.comparison.compare import Comparison, compare_prepared, rms_of
+from thermal_comp.comparison.simpler import raised
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.change import changes
@@ -188,15 +189,17 @@ def _predictions(
     current: Comparison,
     explained: Explained,
 ) -> tuple[Prediction, ...]:
-    """Return what each sensor's correction would leave."""
+    """Return what each sensor's correction would leave; none where that is more than before."""
     made = []
     for sensor, answer in answers.items():
         before, after = current.sensors[sensor], current.sensors[sensor]
         terms: tuple[str, ...] = ()
         if explained.model is not None and explained.comparison is not None:
-            after = explained.comparison.sensors[sensor]
-            known = len(base[sensor])
-            terms = tuple(e.name for e in explained.model.sensors[sensor].effects[known:])
+            grown = explained.comparison.sensors[sensor]
+            if not raised(before, grown):
+                after = grown
+                known = len(base[sensor])
+                terms = tuple(e.name for e in explained.model.sensors[sensor].effects[known:])
         made.append(
             Prediction(
                 sensor,

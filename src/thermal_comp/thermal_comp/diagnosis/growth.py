@@ -15,7 +15,7 @@ from thermal_comp.comparison.compare import (
     compare_prepared,
     rms_of,
 )
-from thermal_comp.comparison.simpler import worse_than_simpler
+from thermal_comp.comparison.simpler import raised, worse_than_simpler
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.diagnosis.diagnose import Settings, base_effects, diagnose_prepared
@@ -169,26 +169,25 @@ def grow(
 ) -> Growth:
     """Diagnose and add the strongest effect, again and again, until nothing can be named.
 
-    What is left is taken out by whatever lowers the held-out error by more than chance: effects
-    whose cause is undecided, then the empirical term; not with `named_only`.
+    A name whose correction raises the held-out error is left out: a derivative may let more of the
+    thermometer's noise through than it takes away. What is left is taken out by whatever lowers
+    the held-out error by more than chance: effects whose cause is undecided, then the empirical
+    term; not with `named_only`.
     """
     noise = weights = _noise(runs, model)
     steps: list[Step] = []
     first: Comparison | None = None
     current, growth = model, None
+    left_out: set[str] = set()
     while True:
         report('diagnosing …')
         diagnosis = diagnose_prepared(runs, current, settings)
-        found = next((f for f in diagnosis.findings if f.kind == 'effect'), None)
-        if found is None or len(steps) == MOST_STEPS:
+        if len(steps) == MOST_STEPS:
             break
-        report(f'adding {found.name} …')
-        names = [s for s in noise if s in found.sensor.split('+')]
-        listed = _base(runs, current)
-        assert found.name is not None  # noqa: S101 (findings of kind effect have one)
-        chosen = _placed(runs, listed, noise, found.name, settings, names)
-        placed = {s: (effect,) for s, effect in chosen.items()}
-        growth = _grown(current, runs, noise, listed, placed, found.ambiguous_with)
+        added = _named(current, runs, noise, settings, diagnosis, left_out, report)
+        if added is None:
+            break
+        growth = added
         first = first or growth.before
         steps += growth.steps
         current, weights = growth.model, noise
@@ -209,6 +208,36 @@ def grow(
         return Growth(fitted, compared, compared, (), (), worse, diagnosis)
     growth = _judged(growth, runs, weights)
     return replace(growth, before=first, steps=tuple(steps), diagnosis=diagnosis)
+
+
+def _named(
+    model: ThermalModel | None,
+    runs: Sequence[PreparedRun],
+    noise: Mapping[Sensor, NoiseModel],
+    settings: Settings,
+    diagnosis: Diagnosis,
+    left_out: set[str],
+    report: Callable[[str], None],
+) -> Growth | None:
+    """Return the model with the strongest effect that was named and lowers the error.
+
+    `left_out` keeps the names, each with its sensors, that do not.
+    """
+    for found in diagnosis.findings:
+        key = f'{found.name} ({found.sensor})'
+        if found.kind != 'effect' or found.name is None or key in left_out:
+            continue
+        report(f'adding {found.name} …')
+        sensors = [s for s in noise if s in found.sensor.split('+')]
+        listed = _base(runs, model)
+        chosen = _placed(runs, listed, noise, found.name, settings, sensors)
+        placed = {s: (effect,) for s, effect in chosen.items()}
+        grown = _grown(model, runs, noise, listed, placed, found.ambiguous_with)
+        if not all(raised(grown.before.sensors[s], grown.after.sensors[s]) for s in placed):
+            return grown
+        report(f'{key} raises the held-out error: left out')
+        left_out.add(key)
+    return None
 
 
 def _predictive(
