@@ -27,6 +27,19 @@ def test_only_a_real_threshold_is_named(threshold: float, weight: str) -> None:
             'next-experiment thermal_lag temperature_rate',
         ),
         (
+            Finding(
+                'effect',
+                'temperature_rate',
+                'gyroscope',
+                99.0,
+                error_before=1e-4,
+                error_after=2e-4,
+                noise_floor=5e-5,
+            ),
+            'temperature_rate (gyroscope)',
+            'leave temperature_rate out of the model',
+        ),
+        (
             Finding('unlogged', None, 'magnetometer', 99.0, depends_on='supply'),
             'depends on supply (magnetometer)',
             'log imu/supply_voltage',

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from thermal_comp.effects.effect import COUNT
+from thermal_comp.fitting.part_sums import LEAST_FALL
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 from thermal_comp.presentation.notebook import html_table
 
@@ -258,6 +259,10 @@ DEFECTS = {
 }
 
 
+NOT_WORTH = 1.0 + LEAST_FALL
+"""Ratio of held-out errors from which a correction does harm."""
+
+
 def advice(content: Mapping[str, Any]) -> list[str]:
     """Return what to do next, once each, in the order of the findings."""
     findings = content['findings']
@@ -274,6 +279,9 @@ def _of_finding(finding: Mapping[str, Any]) -> Sequence[str]:
         return []
     if kind == 'effect' and name == 'clock_temperature':
         return ['stamp the samples by the host, or scale the interval by temperature']
+    before, after = (finding[key] or 0.0 for key in ('error_before', 'error_after'))
+    if kind == 'effect' and after > NOT_WORTH * before:
+        return [f'leave {name} out of the model: its correction raises the held-out error']
     if kind == 'effect':
         add = f'add {name}: python -m imu_workbench add {name} BAG… -o model.yaml'
         rivals = finding['ambiguous_with']
