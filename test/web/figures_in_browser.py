@@ -7,6 +7,7 @@ import csv
 import re
 from pathlib import Path
 
+import playwright.sync_api
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 
@@ -172,6 +173,22 @@ def test_figures_follow_a_window_that_changes_its_width(hidden_effect_server, wa
     page.wait_for_function(FITS)
     numbers.first.wait_for(state='detached')
     watched.check()
+
+
+def test_nothing_can_be_pressed_before_the_server_hears_it(hidden_effect_server, browser):
+    page = browser.new_page()
+    held = []
+    page.route_web_socket('**', lambda socket: held.insert(0, socket))
+    page.goto(hidden_effect_server.address)
+    button = page.get_by_role('button', name='Open bags')
+    button.wait_for()
+    with pytest.raises(playwright.sync_api.TimeoutError):
+        button.click(timeout=1000)
+    assert len(held) == 1
+    held[0].connect_to_server()
+    button.click()
+    page.get_by_role('checkbox').first.wait_for()
+    page.close()
 
 
 def test_a_finger_scrolls_over_figures_and_taps_a_cell(hidden_effect_server, watch):
