@@ -5,11 +5,15 @@ from __future__ import annotations
 
 import csv
 import re
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import playwright.sync_api
 import pytest
 from axe_playwright_python.sync_playwright import Axe
+
+from imu_recording import read_bag, write_bag
 
 from .conftest import ROOT
 
@@ -32,8 +36,20 @@ def drag(page, first: float, last: float) -> None:
     page.mouse.up()
 
 
-def test_a_brushed_time_filters_all_figures_and_survives_the_theme(serve, watch):
-    server = serve(*(ROOT / 'bags' / f'dut1_{axis}' for axis in 'xyz'))
+@pytest.fixture
+def dense_bags(tmp_path: Path) -> list[Path]:
+    """Runs with far more samples than a figure has points, of a device with one sensor."""
+    bags = []
+    for axis in 'xyz':
+        recording = read_bag(ROOT / 'bags' / f'dut1_{axis}')
+        unknown = np.full((len(recording), 3), np.nan)
+        bags.append(tmp_path / f'dut1_{axis}')
+        write_bag(replace(recording, angular_velocity=unknown, magnetic_field=unknown), bags[-1])
+    return bags
+
+
+def test_a_brushed_time_filters_all_figures_and_survives_the_theme(serve, watch, dense_bags):
+    server = serve(*dense_bags)
     watched = watch(server.address)
     page = watched.page
     page.locator('.place').first.wait_for()
