@@ -103,7 +103,8 @@ def test_bags_that_cannot_be_opened_are_explained(serve, watch, folder):
 
 
 def test_bad_models_and_effects_are_explained(serve, watch, small_bags, tmp_path):
-    server = serve(small_bags / 'dut2_x')
+    bag = small_bags / 'dut2_x'
+    server = serve(bag, answered=[bag])
     watched = watch(server.address)
     page = watched.page
     page.locator('.verdict:not(.waiting) .sentence').wait_for()

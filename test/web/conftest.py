@@ -10,7 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -68,8 +68,8 @@ class Forked:
         if self.poll() is None:
             signal.pidfd_send_signal(self._descriptor, number)
 
-    def wait(self) -> int:
-        self._ended.poll()
+    def wait(self, patience_ms: int | None = None) -> int:
+        self._ended.poll(patience_ms)
         return 0
 
 
@@ -77,6 +77,8 @@ class ServerStarter:
     """Starts servers whose modules are imported already; see server_starter.py."""
 
     def __init__(self) -> None:
+        self._folder = TemporaryDirectory(prefix='answered_')
+        self._answered: dict[tuple[str, ...], Path] = {}
         self._starter = subprocess.Popen(
             [sys.executable, Path(__file__).with_name('server_starter.py')],
             stdin=subprocess.PIPE,
@@ -89,21 +91,36 @@ class ServerStarter:
         self, arguments: list[str], output: Path, held_by: Path | None = None
     ) -> tuple[Process, str]:
         """Start one that writes to `output`; return its process and its first line."""
-        assert self._starter.stdin
-        assert self._starter.stdout
         os.mkfifo(output)
-        request = {
-            'arguments': arguments, 'environment': {**os.environ}, 'output': str(output),
-            'held_by': held_by and str(held_by),
-        }  # fmt: skip
-        self._starter.stdin.write(json.dumps(request) + '\n')
-        self._starter.stdin.flush()
-        process = Forked(int(self._starter.stdout.readline()))
+        process = self._fork(
+            {'arguments': arguments, 'output': str(output), 'held_by': held_by and str(held_by)}
+        )
         with output.open() as file:
             return process, file.readline()
 
+    def answered(self, paths: Sequence[str | Path]) -> Path:
+        """Return a folder with the cases of these bags, what is found in them included."""
+        bags = tuple(map(str, paths))
+        if bags not in self._answered:
+            cases = Path(self._folder.name) / str(len(self._answered))
+            process = self._fork({'answered': bags, 'cases': str(cases)})
+            process.wait(PATIENCE_MS)
+            assert process.poll() is not None, 'the bags find no answer'
+            assert list(cases.glob('*/found/v1.json')), 'nothing was found in the bags'
+            self._answered[bags] = cases
+        return self._answered[bags]
+
+    def _fork(self, request: dict[str, Any]) -> Forked:
+        assert self._starter.stdin
+        assert self._starter.stdout
+        text = json.dumps({'environment': {**os.environ}, **request})
+        self._starter.stdin.write(f'{text}\n')
+        self._starter.stdin.flush()
+        return Forked(int(self._starter.stdout.readline()))
+
     def end(self) -> None:
         self._starter.communicate()
+        self._folder.cleanup()
 
 
 @dataclass
@@ -147,9 +164,13 @@ def servers(starter: ServerStarter) -> Iterator[Callable[..., Server]]:
         port: str = '0',
         by_command: bool = False,
         held_by: Path | None = None,
+        answered: Sequence[str | Path] = (),
     ) -> Server:
+        """`answered`: bags in whose cases the answer stands already, found once for all tests."""
         number = len(started)
         cases = cases or Path(folder.name) / str(number)
+        if answered:
+            shutil.copytree(starter.answered(answered), cases)
         arguments = ['serve', '--port', port, '--case', str(cases), *map(str, paths)]
         if by_command:
             process, line = start_command(arguments)

@@ -5,10 +5,15 @@ from __future__ import annotations
 
 import csv
 import re
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import playwright.sync_api
 import pytest
 from axe_playwright_python.sync_playwright import Axe
+
+from imu_recording import read_bag, write_bag
 
 from .conftest import ROOT
 
@@ -31,8 +36,20 @@ def drag(page, first: float, last: float) -> None:
     page.mouse.up()
 
 
-def test_a_brushed_time_filters_all_figures_and_survives_the_theme(serve, watch):
-    server = serve(*(ROOT / 'bags' / f'dut1_{axis}' for axis in 'xyz'))
+@pytest.fixture
+def dense_bags(tmp_path: Path) -> list[Path]:
+    """Runs with far more samples than a figure has points, of a device with one sensor."""
+    bags = []
+    for axis in 'xyz':
+        recording = read_bag(ROOT / 'bags' / f'dut1_{axis}')
+        unknown = np.full((len(recording), 3), np.nan)
+        bags.append(tmp_path / f'dut1_{axis}')
+        write_bag(replace(recording, angular_velocity=unknown, magnetic_field=unknown), bags[-1])
+    return bags
+
+
+def test_a_brushed_time_filters_all_figures_and_survives_the_theme(serve, watch, dense_bags):
+    server = serve(*dense_bags)
     watched = watch(server.address)
     page = watched.page
     page.locator('.place').first.wait_for()
@@ -172,6 +189,22 @@ def test_figures_follow_a_window_that_changes_its_width(hidden_effect_server, wa
     page.wait_for_function(FITS)
     numbers.first.wait_for(state='detached')
     watched.check()
+
+
+def test_nothing_can_be_pressed_before_the_server_hears_it(hidden_effect_server, browser):
+    page = browser.new_page()
+    held = []
+    page.route_web_socket('**', lambda socket: held.insert(0, socket))
+    page.goto(hidden_effect_server.address)
+    button = page.get_by_role('button', name='Open bags')
+    button.wait_for()
+    with pytest.raises(playwright.sync_api.TimeoutError):
+        button.click(timeout=1000)
+    assert len(held) == 1
+    held[0].connect_to_server()
+    button.click()
+    page.get_by_role('checkbox').first.wait_for()
+    page.close()
 
 
 def test_a_finger_scrolls_over_figures_and_taps_a_cell(hidden_effect_server, watch):

@@ -3,7 +3,9 @@
 
 A line of JSON on standard input is a request: arguments, environment, a FIFO for what the server
 writes, and one that holds its fits back until somebody has written to it, or none. The answer is
-a line with the number of its process. Ends when the input does.
+a line with the number of its process. Where the request names `answered` bags, that process serves
+nobody: it finds what is to be found in them, keeps that in the cases, and ends. Ends when the
+input does.
 Each worker of a server executes the top of this file again, as multiprocessing does with the main
 module of whoever asks for it: what takes a second to import is imported by the functions.
 """
@@ -17,6 +19,7 @@ import signal
 import sys
 from multiprocessing import forkserver
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 
@@ -24,15 +27,41 @@ def serve(request: dict[str, Any]) -> int:
     """Run the server that is asked for; workers are forked from the process there is."""
     from imu_workbench.__main__ import run_process
 
-    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-    forkserver._forkserver.ensure_running = lambda: None  # type: ignore[method-assign]
-    os.environ.clear()
-    os.environ.update(request['environment'])
+    prepare(request)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(os.open(request['output'], os.O_WRONLY), 1)
     if request['held_by']:
         hold_fits(Path(request['held_by']))
     return run_process(request['arguments'])
+
+
+def answer(request: dict[str, Any]) -> int:
+    """Find what is to be found in bags, as a server does that nobody looks at."""
+    from imu_workbench.web.bag_root import BagRoot
+    from imu_workbench.web.work.result_cache import ResultCache
+    from imu_workbench.web.work.workspace import Workspace
+
+    prepare(request)
+    bags = [Path(bag) for bag in request['answered']]
+
+    async def find(folder: str) -> None:
+        cache = ResultCache(BagRoot.of(bags), Path(folder))
+        workspace = Workspace(cache, Path(request['cases']))
+        await workspace.start(bags, [])
+        while workspace._background:
+            await asyncio.gather(*workspace._background)
+
+    with TemporaryDirectory() as folder:
+        asyncio.run(find(folder))
+    return 0
+
+
+def prepare(request: dict[str, Any]) -> None:
+    """Become a process of its own that forks workers from the process there is."""
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    forkserver._forkserver.ensure_running = lambda: None  # type: ignore[method-assign]
+    os.environ.clear()
+    os.environ.update(request['environment'])
 
 
 def hold_fits(held_by: Path) -> None:
@@ -58,7 +87,10 @@ def main() -> int:
     while line := sys.stdin.readline():
         number = os.fork()
         if number == 0:
-            return serve(json.loads(line))
+            request = json.loads(line)
+            code = answer(request) if request.get('answered') else serve(request)
+            sys.stdout.flush()
+            os._exit(code)  # to take down what the fork has inherited costs a second
         sys.stdout.write(f'{number}\n')
         sys.stdout.flush()
     return 0

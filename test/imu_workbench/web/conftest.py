@@ -57,6 +57,6 @@ def fitted(tmp_path_factory) -> Fitted:
 def found(fitted) -> dict[str, Any]:
     """What is missing in the line: the diagnosis, and the candidates of every sensor."""
     text = fitted.line.model_text
-    answer = diagnose_task(fitted.progress.append, fitted.bags, text, [])
+    answer = diagnose_task(fitted.progress.append, fitted.bags, fitted.prepared, text, [])
     weighed = (fitted.prepared, text, answer['candidates'], [])
     return answer | {'candidates': held_out_task(fitted.progress.append, *weighed)}

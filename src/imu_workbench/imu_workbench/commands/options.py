@@ -1,25 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arguments that verbs share, and the recordings they name."""
+"""Arguments that verbs share, and the recordings they name.
+
+What takes a second to import is imported by what uses it: `serve` has workers get ready first.
+"""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import yaml
 from imu_recording.logging_contract import TRACK_OF_TOPIC
-from imu_recording.plausibility import ACCEPTABLE, admitted
 from imu_recording.user_error import UserError, did_you_mean, fault_in_yaml
-from thermal_comp.data.conditions import SENSORS
-from thermal_comp.data.motion import refuse_moving
-from thermal_comp.diagnosis.noise_level import NoiseReference, chip_references
-from thermal_comp.effects.effect import Effect
-from thermal_comp.model.file import check_device, load_model, save_model
-from thermal_comp.model.values import ThermalModel
 
-from imu_recording import ImuRecording, bag_namespaces, read_bag
 from imu_workbench.answer import CHECK_FAILED, show_progress
+
+if TYPE_CHECKING:
+    from thermal_comp.diagnosis.noise_level import NoiseReference
+    from thermal_comp.effects.effect import Effect
+    from thermal_comp.model.values import ThermalModel
+
+    from imu_recording import ImuRecording
 
 
 def add_bag_arguments(parser: argparse.ArgumentParser, *, optional: bool = False) -> None:
@@ -57,6 +60,8 @@ def add_topic_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_accept_argument(parser: argparse.ArgumentParser) -> None:
     """Add --accept, which takes what the checks of plausibility refuse."""
+    from imu_recording.plausibility import ACCEPTABLE
+
     parser.add_argument(
         '--accept',
         choices=ACCEPTABLE,
@@ -80,6 +85,8 @@ def add_effects_argument(parser: argparse.ArgumentParser) -> None:
 
 def add_noise_reference_argument(parser: argparse.ArgumentParser) -> None:
     """Add --noise-reference, a chip or a model whose noise counts as normal."""
+    from thermal_comp.diagnosis.noise_level import chip_references
+
     parser.add_argument(
         '--noise-reference',
         metavar='CHIP|MODEL',
@@ -92,6 +99,10 @@ def noise_reference(
     options: argparse.Namespace, catalogue: Mapping[str, type[Effect]]
 ) -> NoiseReference | None:
     """Return the noise that counts as normal; None: that of the shipped chip."""
+    from thermal_comp.data.conditions import SENSORS
+    from thermal_comp.diagnosis.noise_level import NoiseReference, chip_references
+    from thermal_comp.model.file import load_model
+
     given = options.noise_reference
     if not given:
         return None
@@ -209,6 +220,10 @@ def stream_recordings(
 
     `then` is the progress line when the last one has been read.
     """
+    from imu_recording.plausibility import admitted
+    from thermal_comp.data.motion import refuse_moving
+    from thermal_comp.model.file import check_device
+
     remap = topic_remap(options)
     for path in options.bags:
         show_progress(f'reading {path} …')
@@ -229,6 +244,8 @@ def read_devices(
     every_device: bool = False,
 ) -> list[ImuRecording]:
     """Read one bag: the device in `namespace`, its only device, or every device."""
+    from imu_recording import bag_namespaces, read_bag
+
     chosen = namespace is not None or bool((remap or {}).get('imu/data_raw'))
     namespaces = [] if chosen else bag_namespaces(path)
     if len(namespaces) <= 1:
@@ -243,6 +260,8 @@ def save_unless_worse(
     model: ThermalModel, worse: Sequence[str], options: argparse.Namespace
 ) -> tuple[str, int]:
     """Save a model unless something simpler is better; return what to say, and the exit code."""
+    from thermal_comp.model.file import save_model
+
     if worse and not options.force:
         return f'not saved: {"; ".join(worse)}; --force saves it', CHECK_FAILED
     save_model(model, options.output)

@@ -14,7 +14,6 @@ from pathlib import Path
 from threading import Thread
 
 from imu_recording.user_error import UserError
-from thermal_comp.effects.user_effects import effect_catalogue
 
 from imu_workbench.answer import Answer
 from imu_workbench.case import cases_in, is_case, load_case
@@ -75,7 +74,9 @@ def run(options: argparse.Namespace) -> Answer:
             'the workbench needs nicegui and tsdownsample: '
             'python -m pip install -r requirements-web.txt'
         )
-    Thread(target=warm_up, daemon=True).start()  # workers get ready while the page is imported
+    Thread(target=warm_up, daemon=True).start()  # workers get ready while all below is imported
+    from thermal_comp.effects.user_effects import effect_catalogue
+
     from imu_workbench.web.access import is_local
     from imu_workbench.web.bag_root import BagRoot
     from imu_workbench.web.server import Start, bind, run_server

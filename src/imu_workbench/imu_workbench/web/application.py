@@ -19,6 +19,7 @@ from imu_workbench.web.access import AccessCheck
 from imu_workbench.web.page import Page
 from imu_workbench.web.work.workspace import Workspace
 
+STYLES = ('base.css', 'theme.css')
 SCRIPTS = ('resizing.js', 'watching.js', 'cells.js', 'cursor.js', 'saving.js')
 RECONNECT_S = 30.0
 """A tab that lost the server keeps its state so long."""
@@ -36,7 +37,7 @@ async def serve(
     outer = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
     outer.add_middleware(AccessCheck, token=token)
     here = files('imu_workbench') / 'web'
-    look = (here / 'theme.css').read_text('utf-8')
+    look = ''.join((here / name).read_text('utf-8') for name in STYLES)
     scripts = [(here / name).read_text('utf-8') for name in SCRIPTS]
 
     @ui.page('/', response_timeout=30.0)  # type: ignore[untyped-decorator]
@@ -55,6 +56,7 @@ async def serve(
         language='en-US',
         reconnect_timeout=RECONNECT_S,
         show_welcome_message=False,
+        tailwind=False,
     )
     settings = uvicorn.Config(outer, log_level='warning', lifespan='on')
     await uvicorn.Server(settings).serve(sockets=[listening])

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl
 
-from nicegui import background_tasks, events, ui
+from nicegui import background_tasks, ui
 from thermal_comp.data.conditions import SENSORS
 
 from imu_workbench.case_effects import kept_effects
@@ -65,7 +65,6 @@ class Page:
         self._recordings = RecordingsDialog(self._close_bag)
         self._explain_dialog = ExplainDialog()
         self._experiment = ExperimentDialog(look)
-        self._effect_upload = self._upload()
         with ui.element('header').classes('bar'):
             self._bar()
         self._messages = Messages(self._workspace)
@@ -81,7 +80,7 @@ class Page:
                     self._add,
                     self._take_out,
                     lambda effect: self._explain_dialog.show(self._workspace.effects[effect]),
-                    lambda: self._effect_upload.run_method('pickFiles'),
+                    self._load_effects,
                     self._load_kept,
                 )
                 self._rail = Rail(session, rail, may_load=self._local)
@@ -97,6 +96,9 @@ class Page:
         ui.on('dark', lambda event: self._on_system_theme(dark=bool(event.args)))
         ui.on('went', lambda event: self._went(str(event.args)))
         self._client.on_delete(lambda: self._workspace.leave(self._changed))
+        self._client.content.props('inert')  # a press that nobody hears yet would be lost
+        self._show_parts()  # before the browser has loaded what figures need
+        self._address(step=False)
         ui.timer(0.0, self._start_up, once=True)
 
     def _bar(self) -> None:
@@ -120,15 +122,9 @@ class Page:
         theme = ui.button('Light / dark', on_click=self._switch_theme)
         theme.props('no-caps flat aria-label="switch between light and dark"')
 
-    def _upload(self) -> ui.upload:
-        async def load(event: events.UploadEventArguments) -> None:
-            name, content = event.file.name, await event.file.read()
-            if not self._local:
-                return
+    async def _load_effects(self, name: str, content: bytes) -> None:
+        if self._local:
             self._tell_of_effects(name, await self._workspace.load_effects(name, content))
-
-        upload = ui.upload(on_upload=load, auto_upload=True, max_file_size=20_000_000)
-        return upload.props('accept=".py"').classes('hidden-upload')
 
     async def _load_kept(self, key: str) -> None:
         work = self._session.work
@@ -147,6 +143,7 @@ class Page:
         self._look.dark, self._look.narrow, self._look.touch = map(bool, look[:3])
         self._tab = str(look[3])
         self._colours()
+        self._client.content.props(remove='inert')
         self._workspace.listen(self._changed)
         self._changed()
         nothing = not self._workspace.opening and not self._workspace.devices
@@ -176,6 +173,24 @@ class Page:
         self._follow_fits()
         session.settle()
         self._address(step=False)
+        if self._live_page is not None:
+            self._live_page.active = session.shown == 'live'
+        if session.shown == 'live':
+            self._show_live()
+        elif session.shown == 'fleet':
+            self._fleet.refresh()
+        else:
+            self._load_what_is_missing()
+        preview = self._fresh_preview() if session.shown == 'case' else None
+        self._show_parts(preview)
+        if session.shown == 'case':
+            self._versions.draw()
+            await self._centre.refresh(preview)
+
+    def _show_parts(self, preview: EffectPreview | None = None) -> None:
+        """Show all but the figures of the case."""
+        session = self._session
+        session.settle()
         work = session.work
         devices = list(self._workspace.devices)
         if (devices, session.device) != (self._device.options, self._device.value or ''):
@@ -190,21 +205,12 @@ class Page:
             current = 'page' if shown == session.shown else 'false'
             button.props(f'aria-current={current}')
             places[shown].visible = shown == session.shown
-        if self._live_page is not None:
-            self._live_page.active = session.shown == 'live'
-        if session.shown == 'live':
-            self._show_live()
-        elif session.shown == 'fleet':
-            self._fleet.refresh()
-        if session.shown != 'case':
-            return
-        self._load_what_is_missing()
-        self._top.refresh()
-        self._tiles.refresh()
-        preview = self._fresh_preview()
-        self._rail.refresh(preview)
-        self._versions.refresh()
-        await self._centre.refresh(preview)
+        if session.shown == 'case':
+            self._top.refresh()
+            self._tiles.refresh()
+            self._rail.refresh(preview)
+            self._versions.refresh()
+            self._centre.show_place()
 
     def _follow_fits(self) -> None:
         """Go on to the version that a fit this tab asked for has made."""

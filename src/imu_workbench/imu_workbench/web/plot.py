@@ -68,6 +68,7 @@ class Plot:
     def __init__(self, look: Look, label: str, name: str = '') -> None:
         self._look, self._label, self._name = look, label, name
         self._figure: Figure | None = None
+        self._drawn: dict[str, Any] = {}
         self._place = ui.element('div')
         self._element: ui.plotly | None = None
         self._handlers: list[tuple[str, dict[str, Any]]] = []
@@ -81,8 +82,11 @@ class Plot:
             return
         options = options_of(figure, self._look)
         if self._element is not None:
-            self._element.update_figure(options)
+            if options != self._drawn:  # plotly.js takes as long for what is there already
+                self._element.update_figure(options)
+            self._drawn = options
             return
+        self._drawn = options
         with self._place:
             self._element = ui.plotly(options).classes('plot')
         self._element.props(f'role=group aria-label="{self._label}" data-plot="{self._name}"')

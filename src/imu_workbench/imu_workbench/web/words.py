@@ -27,7 +27,7 @@ KEYS = {
 OWN = {
     'prediction': 'The cause is undecided: the effect only lowers the error on parts of the runs '
     'the fit has not seen. It corrects runs like these and says nothing of the physics.',
-    'left': 'Measured minus modelled error: what the model leaves, as means over blocks of 20 s.',
+    'left': 'Measured minus modelled error: what the model leaves, as means over short blocks.',
     'allan': 'How much means over an averaging time differ from one to the next: it falls where '
     'noise averages out and rises where the output drifts.',
     'spectrum': 'How what is left is spread over frequencies: what stands above the noise model '

@@ -122,14 +122,6 @@ def _range_found(sensor: str, state: Mapping[str, Any]) -> str:
     return f'{ends} {unit.unit} rms'
 
 
-def smallest_found_text(sensor: str, state: Mapping[str, Any]) -> str:
-    """Return the smallest effects that would have been found, rms, most easily found first."""
-    unit = DISPLAY_UNITS[sensor]
-    by_size = sorted(state['smallest_found'].items(), key=lambda item: item[1])
-    named = (f'{name} {shown(rms * unit.factor, 2)}' for name, rms in by_size)
-    return f'{", ".join(named)} {unit.unit} rms'
-
-
 def explanation_lines(explanations: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return what may explain each sensor's residual, where that is in doubt."""
     by_sensor: dict[str, list[Mapping[str, Any]]] = {}

@@ -78,7 +78,7 @@ def with_uncertainty(value: float | None, uncertainty: float | None) -> str:
     if decimals > 6:
         return _with_power(value, rounded)
     if decimals < 0:
-        return f'{fixed(value, 0)} ± {fixed(uncertainty, 0)}'
+        return f'{fixed(round(value, decimals), 0)} ± {fixed(rounded, 0)}'
     return f'{fixed(value, decimals)} ± {fixed(uncertainty, decimals)}'
 
 

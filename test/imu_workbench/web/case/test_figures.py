@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -42,6 +43,15 @@ def test_the_line_fails_in_the_ramps_and_the_lag_does_not(fitted):
     assert {place.phase for place, _ in before.worst(6)} <= {'ramp_up', 'ramp_down'}
     assert before.worst(1)[0][1] > 10.0
     assert after.worst(1)[0][1] < 2.0
+
+
+def test_no_line_is_drawn_where_nothing_was_recorded(fitted):
+    whole, *others = fitted.line.blocks
+    hours = whole.time / 3600.0
+    cut = replace(fitted.line, blocks=(whole.at((hours < 5.0) | (hours > 6.0)), *others))
+    for line in ('modelled', 'residual'):
+        y, full = (time_lines(fitted.bags, v, VIEW)[line]['y'] for v in (cut, fitted.line))
+        assert y.count(None) == full.count(None) + 1
 
 
 def test_a_chosen_place_is_where_the_plots_go(fitted):

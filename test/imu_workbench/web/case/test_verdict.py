@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from imu_workbench.web.case.candidates import Candidate, odds_text, why_not
 from imu_workbench.web.case.rail import errors_html, little_text, probability_text
+from imu_workbench.web.case.top_strip import smallest_found_html
 from imu_workbench.web.case.verdict import (
     Action,
     data_alerts,
@@ -57,6 +58,13 @@ def test_the_sensor_furthest_above_its_noise_comes_first_as_the_plots_do(fitted,
     assert next_action(both, KNOWN, KNOWN).sensors == ('accelerometer',)
 
 
+def test_parameters_of_an_effect_with_several_are_told_apart(fitted, found):
+    fast, slow = ({'value': v, 'std': s, 'unit': 's'} for v, s in ((74.9, 7.5), (1470.0, 1048.0)))
+    stages = {'time_constant_fast': fast, 'time_constant_slow': slow}
+    sentence = verdict_sentence(changed(found, parameters=stages), fitted.line.errors())
+    assert 'lag (time constant fast 74.9 ± 7.5 s, time constant slow 1 500 ± 1 000 s)' in sentence
+
+
 def test_rivals_lead_to_the_experiment_that_decides(fitted, found):
     rivals = changed(found, ambiguous_with=['thermal_gradient'])
     assert 'cannot tell which' in verdict_sentence(rivals, fitted.line.errors())
@@ -87,10 +95,14 @@ def test_what_was_not_logged_is_what_to_log_next(fitted, found):
 def test_nothing_missing_names_what_would_have_been_found(fitted, found):
     complete = found['diagnosis'] | {'findings': []}
     assert verdict_sentence(complete, fitted.lag.errors()).startswith('Nothing is missing')
-    assert what_would_be_found(found['diagnosis']) == []
-    gyroscope, magnetometer = what_would_be_found(complete)  # the accelerometer lacked something
-    assert re.match(r'Gyroscope: .*thermal lag 0\.\d+, .* °/s rms$', gyroscope)
-    assert re.match(r'Magnetometer: .*thermal lag 0\.\d+, .* µT rms$', magnetometer)
+    assert what_would_be_found(found['diagnosis']) == {}
+    smallest = what_would_be_found(complete)
+    assert list(smallest) == sorted(smallest)
+    assert list(smallest[LAG]) == ['gyroscope', 'magnetometer']  # the accelerometer lacked it
+    rows = smallest_found_html(smallest).split('<tr>')
+    assert sum('Gyroscope [°/s]</th><th>Magnetometer [µT]' in row for row in rows) == 2
+    lag = next(row for row in rows if 'thermal lag<' in row)
+    assert re.search(r'<td>0\.000\d\d</td><td>0\.0\d+</td>', lag)
     assert next_action(complete, KNOWN, KNOWN) == Action('certificate')
 
 

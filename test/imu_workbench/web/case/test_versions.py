@@ -3,7 +3,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from imu_workbench.web.case.tasks import Change, change_task, version_task
+from imu_workbench.web.case.tasks import Change, change_task, load_runs, version_task
+from thermal_comp.data.preparation import prepare
 from thermal_comp.model.values import ModelError
 
 from imu_recording import read_bag
@@ -17,6 +18,15 @@ def test_a_stored_bag_gives_the_recording_back(fitted):
     )  # fmt: skip
     for name in ('stamp', 'linear_acceleration', 'magnetic_field', 'humidity', 'phase'):
         assert np.array_equal(getattr(stored, name), getattr(read, name), equal_nan=True), name
+
+
+def test_runs_are_prepared_as_one_campaign(fitted):
+    ours = load_runs(fitted.prepared)
+    recordings = [bag.recording() for bag in fitted.bags]
+    for own, run in zip(ours, prepare(recordings), strict=True):
+        assert own.conditions.time_before == run.conditions.time_before
+        assert np.array_equal(own.conditions.hard_iron, run.conditions.hard_iron, equal_nan=True)
+    assert ours[2].conditions.time_before > 3600.0
 
 
 def test_adding_reaches_the_floor_and_taking_out_brings_the_error_back(fitted):

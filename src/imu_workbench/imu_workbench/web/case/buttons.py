@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Buttons of a part of the page that is drawn anew while people press them."""
+"""Buttons of a part of the page that is drawn anew while people press them, and of files."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from html import escape
 from typing import Any
 
-from nicegui import ui
+from nicegui import events, ui
 
 PRESSED = """(event) => {
     const button = event.target.closest('[data-act]');
@@ -37,3 +37,21 @@ class Buttons:
 
     def _press(self, event: Any) -> Any:
         return self._acts[str(event.args)]()
+
+
+def file_button(
+    label: str, suffixes: str, take: Callable[[str, bytes], Awaitable[None]]
+) -> ui.button:
+    """Return a button that lets the user choose a file; `take` gets its name and content.
+
+    A browser opens its file chooser for a press only while the press is fresh: it is opened there,
+    without asking the server.
+    """
+
+    async def uploaded(event: events.UploadEventArguments) -> None:
+        await take(event.file.name, await event.file.read())
+
+    upload = ui.upload(on_upload=uploaded, auto_upload=True, max_file_size=20_000_000)
+    upload.props(f'accept="{suffixes}"').classes('hidden-upload')
+    button = ui.button(label).props('no-caps outline')
+    return button.on('click', js_handler=f'() => runMethod({upload.id}, "pickFiles", [])')

@@ -101,16 +101,21 @@ class Centre:
             self._allan,
         ]  # fmt: skip
 
+    def show_place(self) -> bool:
+        """Show the place of the figures, else why there are none; tell whether there are."""
+        work = self._session.work
+        there = work is not None and bool(work.bags)
+        self._grid.visible, self._empty.visible = there, not there
+        self._empty.set_text(self._session.nothing_yet)
+        return there
+
     async def refresh(self, preview: EffectPreview | None) -> None:
         """Draw what has changed."""
         session = self._session
         work, version = session.work, session.version
-        there = work is not None and bool(work.bags)
-        self._grid.visible, self._empty.visible = there, not there
-        self._empty.set_text(session.nothing_yet)
         names = f'{session.device}_{session.version_name}_{session.view.sensor}'
         self._grid.props(f'data-stem="{names}_{session.view.axis_name}"')
-        if work is None or not there:
+        if not self.show_place() or work is None:
             self._clear()
             return
         drawn = (

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from html import escape
@@ -15,7 +15,7 @@ from thermal_comp.effects.effect import COUNT
 from thermal_comp.presentation.diagnosis import percent
 from thermal_comp.presentation.display import DISPLAY_UNITS, shown
 
-from imu_workbench.web.case.buttons import Buttons
+from imu_workbench.web.case.buttons import Buttons, file_button
 from imu_workbench.web.case.candidates import Candidate, why_not
 from imu_workbench.web.case.preview import EffectPreview
 from imu_workbench.web.case.version import Version, parameter_text
@@ -34,7 +34,7 @@ class RailActions:
     add: Callable[[str, tuple[str, ...]], Any]
     take_out: Callable[[str, tuple[str, ...]], Any]
     explain: Callable[[str], Any]
-    load_effects: Callable[[], Any]
+    load_effects: Callable[[str, bytes], Awaitable[None]]
     load_kept: Callable[[str], Any]
 
 
@@ -51,8 +51,8 @@ class Rail:
         with self._section.props('aria-label="Candidates" aria-busy=true'):
             self._place = ui.element('div')
             self._kept = ui.element('div')
-            button = ui.button('Load an effect file (.py)', on_click=actions.load_effects)
-            button.props('no-caps outline').set_enabled(may_load)
+            button = file_button('Load an effect file (.py)', '.py', actions.load_effects)
+            button.set_enabled(may_load)
             if not may_load:
                 text = 'Effect files run code: loading them is off where --host opens the page.'
                 ui.label(text).classes('reason')

@@ -18,9 +18,10 @@ from imu_recording.plausibility import admitted
 from imu_recording.recording import RecordingError
 from thermal_comp.comparison.compare import compare_prepared
 from thermal_comp.data.conditions import SENSORS, Sensor
-from thermal_comp.data.preparation import PreparedRun, prepare
-from thermal_comp.diagnosis.diagnose import Settings, diagnose, greyed_out
+from thermal_comp.data.preparation import PreparedRun, as_campaign, in_common_blocks, prepare
+from thermal_comp.diagnosis.diagnose import Settings, diagnose_inputs, greyed_out
 from thermal_comp.diagnosis.growth import add_effect
+from thermal_comp.diagnosis.inputs import prepare_inputs
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.explanation import explanation
@@ -67,7 +68,7 @@ def prepare_task(progress: Progress, bags: Sequence[StoredBag], target: Path) ->
     if not runs:
         raise RecordingError('; '.join(left_out.values()))
     with target.open('wb') as file:
-        pickle.dump((runs, left_out), file, protocol=5)
+        pickle.dump((as_campaign(in_common_blocks(runs)), left_out), file, protocol=5)
 
 
 def usable(runs: list[PreparedRun]) -> list[PreparedRun]:
@@ -176,14 +177,22 @@ def _without(
 def diagnose_task(
     progress: Progress,
     bags: Sequence[StoredBag],
+    prepared: Path,
     model_text: str,
     effect_files: Sequence[Path],
 ) -> dict[str, Any]:
-    """Return what `diagnose --json` writes, and the candidates of every sensor."""
+    """Return what `diagnose --json` writes, and the candidates of every sensor.
+
+    `prepared` holds the runs of the bags, which are taken where nothing is defective.
+    """
     progress('asking every effect of the catalogue')
     catalogue = effect_catalogue(effect_files)
     model = model_from_text(model_text, catalogue)
-    found = diagnose((bag.recording() for bag in bags), model, catalogue=catalogue)
+    runs = load_runs(prepared)
+    same = [run.name for run in runs] == [bag.run for bag in bags]
+    recordings = (bag.recording() for bag in bags)
+    inputs = prepare_inputs(recordings, prepared=runs if same else ())
+    found = diagnose_inputs(inputs, model, catalogue)
     content: dict[str, Any] = plain(found.to_dict())
     rows = {s: [asdict(one) for one in own] for s, own in candidates_of(found).items()}
     return {'diagnosis': content, 'candidates': plain(rows)}

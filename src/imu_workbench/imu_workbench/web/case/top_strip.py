@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from html import escape
 from typing import Any
 
 from nicegui import ui
+from thermal_comp.presentation.display import DISPLAY_UNITS
 
 from imu_workbench.web.case.buttons import Buttons
 from imu_workbench.web.case.verdict import (
@@ -53,7 +55,7 @@ class TopStrip:
         action = self._action()
         drawn = (
             session.device, session.version_name, id(version), id(found), tuple(alerts), action,
-            session.candidate, self._waiting(), bool(work and work.bags),
+            session.candidate, self._waiting(), bool(work and work.bags), self._look.narrow,
         )  # fmt: skip
         if drawn == self._drawn:
             return
@@ -108,8 +110,7 @@ class TopStrip:
                         sizes.props('open')
                     with ui.element('summary'):
                         ui.label('How small an effect would have been found')
-                    for line in smallest:
-                        ui.label(line)
+                    ui.html(smallest_found_html(smallest), sanitize=False)
             words = f'{word("noise")} · {word("held out")} · {word("evidence")}'
             ui.html(f'<span class="soft">What is meant by {words}</span>', sanitize=False)
 
@@ -150,3 +151,25 @@ class TopStrip:
         session = self._session
         key = f'{label} {session.device} {session.version_name}'
         self._buttons.add(label, key, act).props(look)
+
+
+def smallest_found_html(smallest: Mapping[str, Mapping[str, str]]) -> str:
+    """Return tables beside each other: a row per effect, a column per sensor."""
+    sensors = [s for s in DISPLAY_UNITS if any(s in row for row in smallest.values())]
+    head = ''.join(f'<th>{s.capitalize()} [{DISPLAY_UNITS[s].unit}]</th>' for s in sensors)
+    rows = [
+        f'<tr><th scope="row">{escape(effect.replace("_", " "))}</th>'
+        + ''.join(f'<td>{row.get(sensor, "–")}</td>' for sensor in sensors)
+        + '</tr>'
+        for effect, row in smallest.items()
+    ]
+    return '<div class="smallest">' + ''.join(
+        f'<table><thead><tr><th>Effect, rms</th>{head}</tr></thead><tbody>{"".join(part)}</tbody>'
+        '</table>'
+        for part in _halves(rows)
+    ) + '</div>'  # fmt: skip
+
+
+def _halves(rows: Sequence[str]) -> list[Sequence[str]]:
+    middle = (len(rows) + 1) // 2
+    return [rows[:middle], rows[middle:]] if middle < len(rows) else [rows]

@@ -14,9 +14,8 @@ from thermal_comp.presentation.diagnosis import (
     TOPICS,
     doubtful_sensors,
     percent,
-    smallest_found_text,
 )
-from thermal_comp.presentation.display import SENSORS
+from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 
 from imu_workbench.web.case.version import parameter_text
 from imu_workbench.web.case.view import PHASE_LABELS
@@ -123,25 +122,30 @@ def _explanation(findings: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _effect(finding: Mapping[str, Any]) -> str:
-    """Return an effect with its parameters ±, 'thermal lag, 74.0 ± 1.0 s'."""
-    parts = [_spaced(finding['name'])]
-    parts += [
-        f'{parameter_text(p["value"], p.get("std"))} {p["unit"]}'.strip()
-        for p in finding['parameters'].values()
+    """Return an effect with its parameters ±, 'thermal lag, 74.0 ± 1.0 s'; several by name."""
+    name = _spaced(finding['name'])
+    texts = {
+        key: f'{parameter_text(p["value"], p.get("std"))} {p["unit"]}'.strip()
+        for key, p in finding['parameters'].items()
         if p['unit'] != COUNT
-    ]
-    return ', '.join(parts) + (',' if len(parts) > 1 else '')
+    }
+    if len(texts) == 1:
+        return f'{name}, {next(iter(texts.values()))},'
+    named = ', '.join(f'{_spaced(key)} {text}' for key, text in texts.items())
+    return f'{name} ({named})' if named else name
 
 
-def what_would_be_found(found: Mapping[str, Any]) -> list[str]:
-    """Return a line per sensor: how small an effect would be found; [] where one is missing."""
+def what_would_be_found(found: Mapping[str, Any]) -> dict[str, dict[str, str]]:
+    """Return per effect and sensor how small it would be found, rms; {} where one is missing."""
+    rows: dict[str, dict[str, str]] = {}
     if _physical(found):
-        return []
-    return [
-        f'{sensor.capitalize()}: {_spaced(smallest_found_text(sensor, found["sensors"][sensor]))}'
-        for sensor in SENSORS
-        if found['sensors'].get(sensor, {}).get('smallest_found')
-    ]
+        return rows
+    for sensor in SENSORS:
+        sizes = found['sensors'].get(sensor, {}).get('smallest_found') or {}
+        for effect, rms in sizes.items():
+            own = rows.setdefault(effect, {})
+            own[sensor] = shown(rms * DISPLAY_UNITS[sensor].factor, 2)
+    return dict(sorted(rows.items()))
 
 
 def _physical(found: Mapping[str, Any]) -> list[Mapping[str, Any]]:

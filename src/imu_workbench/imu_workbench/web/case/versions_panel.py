@@ -3,19 +3,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from html import escape
 from typing import Any
 
-from nicegui import events, ui
+from nicegui import ui
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown, with_uncertainty
 
 from imu_workbench.case import CaseVersion
 from imu_workbench.report.figures.error_steps import logarithmic_axis
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
-from imu_workbench.web.case.buttons import Buttons
+from imu_workbench.web.case.buttons import Buttons, file_button
 from imu_workbench.web.case.version import Version, parameter_text
 from imu_workbench.web.plot import Look, Plot, card_head
 from imu_workbench.web.session import Session
@@ -33,7 +33,7 @@ class VersionActions:
     save_model: Callable[[], Any]
     save_report: Callable[[], Any]
     save_case: Callable[[], Any]
-    open_model: Callable[[str, bytes], Any]
+    open_model: Callable[[str, bytes], Awaitable[None]]
     note: Callable[[str], Any]
 
 
@@ -43,6 +43,7 @@ class VersionsPanel:
     def __init__(self, session: Session, look: Look, actions: VersionActions) -> None:
         self._session, self._actions = session, actions
         self._drawn: tuple[Any, ...] | None = None
+        self._path: list[CaseVersion] = []
         with ui.element('div').classes('bottom'):
             with ui.element('section').classes('card versions').props('aria-label="Versions"'):
                 ui.html('<h2>Versions</h2>', sanitize=False)
@@ -63,12 +64,6 @@ class VersionsPanel:
 
     def _save_and_open(self) -> None:
         do = self._actions
-
-        async def opened(event: events.UploadEventArguments) -> None:
-            await do.open_model(event.file.name, await event.file.read())
-
-        upload = ui.upload(on_upload=opened, auto_upload=True, max_file_size=20_000_000)
-        upload.props('accept=".yaml,.yml"').classes('hidden-upload')
         with ui.row().classes('actions'):
             self._save = [
                 ui.button(label, on_click=act).props('no-caps outline')
@@ -79,9 +74,7 @@ class VersionsPanel:
             ]
             self._case = ui.button('Save the case', on_click=do.save_case).props('no-caps outline')
             self._case.tooltip('Everything of this device as a zip: versions, findings, notes')
-            self._open = ui.button(
-                'Open a model (.yaml)', on_click=lambda: upload.run_method('pickFiles')
-            ).props('no-caps outline')
+            self._open = file_button('Open a model (.yaml)', '.yaml,.yml', do.open_model)
 
     def _on_note(self, event: Any) -> None:
         if self._session.work is not None and event.value != self._session.work.case.notes:
@@ -106,14 +99,11 @@ class VersionsPanel:
         self._tree.clear()
         self._remarks.clear()
         if work is None:
-            self._staircase.show(None)
             self._coefficients.content = ''
             return
         self._notes.value = work.case.notes
         with self._tree:
             self._show_tree(work.case.tree())
-        path = work.case.path_to(session.version_name)
-        self._staircase.show(error_steps_figure(path) if path else None)
         self._coefficients.content = (
             coefficients_html(version, session.view.sensor) if version else ''
         )
@@ -123,6 +113,14 @@ class VersionsPanel:
                     ui.label(f'No longer needed: {text.replace("_", " ")}').classes('note')
                 for text in version.notes:
                     ui.label(text).classes('note')
+
+    def draw(self) -> None:
+        """Draw the staircase: once it is known how the browser shows figures."""
+        work = self._session.work
+        path = work.case.path_to(self._session.version_name) if work else []
+        if path != self._path:
+            self._path = path
+            self._staircase.show(error_steps_figure(path) if path else None)
 
     def repaint(self) -> None:
         """Draw the staircase in the present look."""

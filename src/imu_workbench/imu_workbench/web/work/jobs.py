@@ -205,7 +205,8 @@ def start_context() -> Any:
 
 def warm_up() -> None:
     """Start the server that processes are forked from."""
-    Job(_nothing).wait()
+    with contextlib.suppress(JobError, JobCancelled, EOFError, OSError):  # it is being ended
+        Job(_nothing).wait()
 
 
 def _nothing(_: Callable[[str], None]) -> None:

@@ -355,7 +355,8 @@ class Workspace(Notices):
             work.prepared,
         )
         key = (str(prepared), text, tuple(files))
-        kept = await self._do(key, tasks.diagnose_task, list(work.bags), text, files)
+        arguments = (list(work.bags), prepared, text, files)
+        kept = await self._do(key, tasks.diagnose_task, *arguments)
         if kept is None or name not in work.loaded:
             return
         if prepared != work.prepared or files != self.effect_files:  # opened in the meantime

@@ -25,6 +25,8 @@ Lines = dict[str, dict[str, list[float | None]]]
 """Name → {'x': hours on the timeline, 'y': display units}; in the order of LINES."""
 MAX_CURSOR_ROWS = 2400
 """Blocks that one cursor knows in all figures."""
+GAP_STEPS = 5.0
+"""Usual distances of block means from which a line is broken."""
 
 
 def time_lines(
@@ -61,17 +63,17 @@ def time_lines(
         parts['temperature'].append((start + time / 3600.0, values))
         if run:
             x = start + run.time / 3600.0
-            parts['modelled'].append((x, run.modelled[view.sensor][:, view.axis] * factor))
+            parts['modelled'] += unbroken(x, run.modelled[view.sensor][:, view.axis] * factor)
             left = run.residual(view.sensor)[:, view.axis] * factor
-            parts['residual'].append((x, left))
+            parts['residual'] += unbroken(x, left)
             if preview is not None and bag.run in preview.curves:
                 explained = preview.curves[bag.run][:, view.axis] * factor
-                parts['candidate'].append((x, explained))
-                parts['left'].append((x, left - explained))
+                parts['candidate'] += unbroken(x, explained)
+                parts['left'] += unbroken(x, left - explained)
         if bag.run in older:
             past = older[bag.run]
             x = start + past.time / 3600.0
-            parts['earlier'].append((x, past.residual(view.sensor)[:, view.axis] * factor))
+            parts['earlier'] += unbroken(x, past.residual(view.sensor)[:, view.axis] * factor)
     return {name: _joined(pieces) for name, pieces in parts.items()}
 
 
@@ -220,6 +222,19 @@ def noise_band(version: Version | None, view: View) -> float | None:
         return None
     floor = version.comparison['sensors'][view.sensor]['noise_floor'][view.axis]
     return None if floor is None else 2.0 * float(floor) * DISPLAY_UNITS[view.sensor].factor
+
+
+def unbroken(time: FloatArray, values: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the stretches of block means between which nothing was recorded.
+
+    >>> [list(part) for part, _ in unbroken(np.array([0.0, 1.0, 2.0, 9.0]), np.zeros(4))]
+    [[0.0, 1.0, 2.0], [9.0]]
+    """
+    if len(time) < 2:
+        return [(time, values)]
+    step = np.diff(time)
+    cuts = np.flatnonzero(step > GAP_STEPS * np.median(step)) + 1
+    return list(zip(np.split(time, cuts), np.split(values, cuts), strict=True))
 
 
 def _joined(pieces: Sequence[tuple[FloatArray, FloatArray]]) -> dict[str, list[float | None]]:
