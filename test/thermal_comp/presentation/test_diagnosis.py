@@ -67,11 +67,22 @@ def test_a_sensor_that_was_not_judged_is_not_said_to_lack_nothing() -> None:
 
 
 def test_what_would_not_lower_the_error_is_not_offered_as_if_it_did() -> None:
-    one = {'terms': ['bias_step'], 'empirical': True, 'noise_floor': 1e-4, 'error_before': 5e-4}
-    (worse,) = prediction_lines({'gyroscope': {**one, 'error_after': 6e-4}})
+    def lines(verdict: str, after: float, terms: tuple[str, ...] = ('bias_step',)) -> list[str]:
+        errors = {'noise_floor': 1e-4, 'error_before': 5e-4, 'error_after': after}
+        prediction = {'gyroscope': {'terms': [*terms], 'empirical': True, **errors}}
+        return prediction_lines(
+            {'prediction': prediction, 'sensors': {'gyroscope': {'verdict': verdict}}}
+        )
+
+    (worse,) = lines('unlogged', 6e-4)
     assert 'bias_step, what comes closest, would not lower' in worse
-    (better,) = prediction_lines({'gyroscope': {**one, 'error_after': 4e-4}})
+    (better,) = lines('unexplained', 4e-4)
     assert 'add bias_step would bring' in better
+    assert better.endswith('cause undecided')
+    (nothing,) = lines('unexplained', 5e-4, ())
+    assert 'no effect of the catalogue would lower' in nothing
+    (late,) = lines('complete', 1e-4, ('thermal_lag',))
+    assert late.endswith('the thermometer errs')
 
 
 def test_a_note_stands_once() -> None:

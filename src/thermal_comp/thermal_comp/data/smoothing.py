@@ -47,7 +47,7 @@ def smoothed_temperature(time: FloatArray, temperature: FloatArray) -> FloatArra
     gaps = np.flatnonzero(steps > GAP_STEPS * step) + 1
     pieces = np.split(np.arange(len(time)), gaps)
     longest = max(pieces, key=len)
-    if len(longest) < LEAST_ROWS:
+    if len(longest) < LEAST_ROWS or np.ptp(temperature) == 0.0:
         return temperature
     width = _width(temperature[longest], step)
     smoothed = temperature.copy()

@@ -40,7 +40,9 @@ from thermal_comp.diagnosis.sensor_search import (
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect, joined_effects
-from thermal_comp.fitting.fit import fit_prepared, usable_sensors
+from thermal_comp.fitting.fit import fit_prepared
+from thermal_comp.fitting.inputs import check_temperature, usable_sensors
+from thermal_comp.fitting.part_sums import falls
 from thermal_comp.model.values import NoiseModel, ThermalModel
 from thermal_comp.noise.of_runs import determined_noise, noise_beside
 
@@ -92,6 +94,7 @@ def diagnose_prepared(
     runs: Sequence[PreparedRun], model: ThermalModel | None, settings: Settings
 ) -> Diagnosis:
     """Return the diagnosis of prepared runs; the data are taken as sound."""
+    check_temperature(runs)
     sensors, notes = usable_sensors(runs)
     stored = model
     if model is not None and not set(model.provenance.sources.values()) >= {r.hash for r in runs}:
@@ -189,14 +192,19 @@ def _predictions(
     current: Comparison,
     explained: Explained,
 ) -> tuple[Prediction, ...]:
-    """Return what each sensor's correction would leave; none where that is more than before."""
+    """Return what each sensor's correction would leave; none where it does not lower the error.
+
+    Where nothing is missing but the thermometer errs, the error has to fall by more than chance.
+    """
     made = []
     for sensor, answer in answers.items():
         before, after = current.sensors[sensor], current.sensors[sensor]
         terms: tuple[str, ...] = ()
+        complete = answer.kind == 'complete'
         if explained.model is not None and explained.comparison is not None:
             grown = explained.comparison.sensors[sensor]
-            if not raised(before, grown):
+            squares = before.held_out_squares, grown.held_out_squares, grown.noise_floor**2
+            if falls(*squares) if complete else not raised(before, grown):
                 after = grown
                 known = len(base[sensor])
                 terms = tuple(e.name for e in explained.model.sensors[sensor].effects[known:])
@@ -207,7 +215,7 @@ def _predictions(
                 rms_of(before.held_out_rms),
                 rms_of(after.held_out_rms),
                 rms_of(after.noise_floor),
-                bool(answer.closest),
+                empirical=bool(answer.closest) and (bool(terms) or not complete),
             )
         )
     return tuple(made)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -14,7 +15,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun, in_blocks
 from thermal_comp.data.spectral_lines import SpectralLine, spectral_lines
 from thermal_comp.diagnosis.evidence.candidates import missing_channels
-from thermal_comp.diagnosis.evidence.common_thermometer import told_by_others
+from thermal_comp.diagnosis.evidence.common_thermometer import like_the_thermometer, told_by_others
 from thermal_comp.diagnosis.evidence.effect_sets import (
     NOT_IN_CATALOGUE,
     UNLOGGED,
@@ -153,11 +154,17 @@ class SensorAnswer:
             return ()
         return tuple(c.form.effect for c in self.likeliest.components)
 
-    @property
+    @cached_property
     def closest(self) -> tuple[Effect, ...]:
-        """The effects that come closest where something acts that has no name; () elsewhere."""
-        if self.kind not in {'unexplained', 'unlogged'}:
+        """The effects that come closest where something acts that has no name; () elsewhere.
+
+        That may be the thermometer itself: where nothing else is missing, what its errors look
+        like.
+        """
+        if self.kind == 'named':
             return ()
+        if self.kind == 'complete':
+            return like_the_thermometer(self.hypotheses, self.sets)
         best = max(self.sets, key=lambda s: s.log_posterior)
         effects = (c.form.effect for c in best.components)
         return tuple(effect for effect in effects if not effect.guessed_channel)

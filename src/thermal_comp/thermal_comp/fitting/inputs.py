@@ -11,6 +11,7 @@ from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import ModelError
+from thermal_comp.noise.of_runs import FINEST_RESOLUTION
 
 Effects = Sequence[Effect] | Mapping[Sensor, Sequence[Effect]]
 """One list for all sensors (each takes those that can act on it), or one per sensor."""
@@ -70,9 +71,9 @@ def _unusable(run: PreparedRun, sensor: Sensor) -> str:
     values = values[np.isfinite(values).all(axis=1)]
     if len(values) < 2 * len(values.T):
         return f'run {run.name} has {len(values)} blocks of it'
-    constant = [
-        axis for axis, spread in zip('xyz', np.ptp(values, axis=0), strict=True) if not spread
-    ]
+    finest = FINEST_RESOLUTION * np.abs(values).max(axis=0)  # means of equals may differ by less
+    moves = np.ptp(values, axis=0) > finest
+    constant = [axis for axis, moving in zip('xyz', moves, strict=True) if not moving]
     axes = f'{"axes" if len(constant) > 1 else "axis"} {", ".join(constant)}'
     return f'{axes} of run {run.name} never change{"s" * (len(constant) == 1)}' if constant else ''
 

@@ -34,7 +34,7 @@ def diagnosis_text(content: Mapping[str, Any]) -> str:
     for finding in content['findings']:
         lines += _finding_lines(finding)
     lines += explanation_lines(content['explanations'])
-    lines += prediction_lines(content['prediction'])
+    lines += prediction_lines(content)
     for sensor, state in content['sensors'].items():
         unit = DISPLAY_UNITS[sensor]
         error, floor = (
@@ -93,11 +93,12 @@ def _summary(content: Mapping[str, Any]) -> str:
     return f': {", ".join(parts)}' if parts else ''
 
 
-def prediction_lines(prediction: Mapping[str, Any]) -> list[str]:
+def prediction_lines(content: Mapping[str, Any]) -> list[str]:
     """Return what adding effects would bring where no cause is decided."""
     lines = []
-    for sensor, one in prediction.items():
-        if not (one['empirical'] and one['terms']):
+    unnamed = {'unexplained', 'unlogged'}
+    for sensor, one in content['prediction'].items():
+        if not one['empirical']:
             continue
         unit = DISPLAY_UNITS[sensor]
         before, after, floor = (
@@ -105,9 +106,13 @@ def prediction_lines(prediction: Mapping[str, Any]) -> list[str]:
         )
         terms = ', '.join(one['terms'])
         text = f'add {terms} would bring held-out error {before} → {after}'
-        if one['error_after'] >= one['error_before']:
+        if not one['terms']:
+            text = f'no effect of the catalogue would lower the held-out error {before}'
+        elif one['error_after'] >= one['error_before']:
             text = f'{terms}, what comes closest, would not lower the held-out error {before}'
-        lines.append(f'  {sensor}: {text} {unit.unit}, noise floor {floor}; cause undecided')
+        state = content['sensors'].get(sensor, {}).get('verdict', 'unexplained')
+        cause = 'cause undecided' if state in unnamed else 'the thermometer errs'
+        lines.append(f'  {sensor}: {text} {unit.unit}, noise floor {floor}; {cause}')
     return lines
 
 

@@ -122,7 +122,7 @@ def test_candidates_are_ranked_and_say_why_not(fitted, found):
     assert own[0].error_after == found['diagnosis']['findings'][0]['error_after']
     gradient = next(c for c in own if c.effect == 'thermal_gradient')
     assert why_not(own[0], own[0], before) == ''
-    assert 'thermal lag 0.000685' in why_not(gradient, own[0], before)
+    assert 'thermal lag 0.000686' in why_not(gradient, own[0], before)
     assert 'more than a million times less probable' in why_not(gradient, own[0], before)
     assert gradient.error_after > 1.5 * own[0].error_after
     nothing = [c for c in candidates(found, 'gyroscope') if c.error_after is not None]
@@ -132,7 +132,7 @@ def test_candidates_are_ranked_and_say_why_not(fitted, found):
 
 def test_a_candidate_shows_its_errors_with_their_unit(fitted, found):
     html = errors_html(candidates(found, 'accelerometer')[0], fitted.line)
-    assert '0.00574 → <b>0.000685</b> m/s² (1.00 ×)' in html
+    assert '0.00574 → <b>0.000686</b> m/s² (1.00 ×)' in html
     assert 'floor 0.000687' in html
     assert (probability_text(1e-6), probability_text(0.6), probability_text(None)) == (
         '< 1 %', '60 %', '',

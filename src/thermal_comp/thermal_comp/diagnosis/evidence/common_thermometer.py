@@ -22,7 +22,9 @@ from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.effect_sets import EffectSet
+from thermal_comp.diagnosis.evidence.flaws import thermometer_acts
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
+from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.gaussian_evidence import NOISE_ROWS, log_sum
 
 
@@ -130,3 +132,16 @@ def _as_far_as_it_holds(told: Information) -> Information:
     spread = np.diag(np.square(priors.THERMOMETER_FLAW * np.maximum(abs(mean), 0.1 * deviation)))
     softened = np.linalg.inv(np.eye(len(mean)) + told.normal @ spread)
     return Information(softened @ told.normal, softened @ told.right)
+
+
+def like_the_thermometer(
+    hypotheses: SensorHypotheses, sets: Sequence[EffectSet]
+) -> tuple[Effect, ...]:
+    """Return the effect of temperature that comes closest to what the thermometer's errors do."""
+    if not thermometer_acts(hypotheses):
+        return ()
+    nothing = next(some for some in sets if not some.components)
+    found = hypotheses.additions(nothing, thermometer=False).values()
+    forms = [(one.peak, one.component.form.effect) for one in found]
+    alike = [f for f in forms if f[1].kin == 'temperature' and not f[1].channels]
+    return tuple(effect for _, effect in sorted(alike, key=lambda one: -one[0])[:1])

@@ -48,7 +48,12 @@ def exact_weight(hypotheses: SensorHypotheses, some: EffectSet) -> float:
 
 def may_be_flawed(hypotheses: SensorHypotheses, some: EffectSet) -> bool:
     """Tell whether anything is explained by equations: effects' or the thermometer's."""
-    return bool(some.components) or hypotheses.explained_by_thermometer > THERMOMETER_SEEN
+    return bool(some.components) or thermometer_acts(hypotheses)
+
+
+def thermometer_acts(hypotheses: SensorHypotheses) -> bool:
+    """Tell whether errors of the thermometer are seen in the sensor's residual."""
+    return hypotheses.explained_by_thermometer > THERMOMETER_SEEN
 
 
 def free_flaw(hypotheses: SensorHypotheses, some: EffectSet, state: ConditionedDesign) -> float:

@@ -177,8 +177,11 @@ class SensorHypotheses:
             if one.peak < LEAST_GAIN and not one.component.form.effect.guessed_channel
         }
 
-    def additions(self, before: EffectSet) -> dict[str, Addition]:
-        """Return what each family not in the set would add to it, roughly."""
+    def additions(self, before: EffectSet, *, thermometer: bool = True) -> dict[str, Addition]:
+        """Return what each family not in the set would add to it, roughly.
+
+        `thermometer`: beside the thermometer's errors.
+        """
         strongest = float(np.sqrt(before.explained)) if before.components else None
         amplitude_prior = priors.amplitude_log_prior(strongest)
         taken = {c.name for c in before.components if not c.form.effect.repeatable}
@@ -188,7 +191,7 @@ class SensorHypotheses:
             offered = [
                 renewed(self.design, f, known) if f.effect.repeatable else f for f in offered
             ]
-        state = self.conditioned(before.components)
+        state = self.conditioned(before.components, thermometer=thermometer)
         return {f.name: self._addition(state, f, amplitude_prior) for f in offered}
 
     def _addition(

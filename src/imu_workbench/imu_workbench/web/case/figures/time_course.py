@@ -227,7 +227,7 @@ def noise_band(version: Version | None, view: View) -> float | None:
 def unbroken(time: FloatArray, values: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
     """Return the stretches of block means between which nothing was recorded.
 
-    >>> [list(part) for part, _ in unbroken(np.array([0.0, 1.0, 2.0, 9.0]), np.zeros(4))]
+    >>> [part.tolist() for part, _ in unbroken(np.array([0.0, 1.0, 2.0, 9.0]), np.zeros(4))]
     [[0.0, 1.0, 2.0], [9.0]]
     """
     if len(time) < 2:
