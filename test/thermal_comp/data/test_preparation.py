@@ -169,6 +169,16 @@ def test_cycles_are_held_out_and_without_them_twelve_blocks() -> None:
     assert any('12 contiguous blocks' in note for note in run.notes)
 
 
+def test_rows_where_cycles_meet_are_left_out_and_counted_and_odd_labels_cost_nothing() -> None:
+    recording = still(4.0, 0.05)
+    cycle = (recording.time // 3600).astype(np.int64)
+    (run,) = prepare([replace(recording, cycle=cycle)])
+    assert len(run.conditions.time) == len(recording) - 2 * 3
+    assert any('120 s in gaps, half-empty blocks or where cycles meet' in n for n in run.notes)
+    (run,) = prepare([replace(recording, cycle=np.arange(len(recording)))])
+    assert len(run.conditions.time) == len(recording)
+
+
 @pytest.mark.parametrize(('blocks', 'parts'), [(3, 3), (40, 5), (70, 7), (5000, 12)])
 def test_a_part_that_is_held_out_holds_enough_blocks(blocks: int, parts: int) -> None:
     assert np.unique(contiguous_parts(blocks)).tolist() == list(range(1, parts + 1))

@@ -12,7 +12,7 @@ from thermal_comp.comparison.held_out import hold_out
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
-from thermal_comp.fitting.part_sums import LEAST_FALL, falls
+from thermal_comp.fitting.part_sums import falls, rises
 from thermal_comp.model.values import ThermalModel
 
 SIMPLER: dict[str, tuple[Effect, ...]] = {
@@ -27,8 +27,8 @@ NO_CHANCE = 2.0
 
 
 def raised(before: SensorComparison, after: SensorComparison) -> bool:
-    """Tell whether the held-out error is larger than it was before, by enough to matter."""
-    return rms_of(after.held_out_rms) > (1.0 + LEAST_FALL) * rms_of(before.held_out_rms)
+    """Tell whether a sensor's held-out error, over all axes, is larger than it was before."""
+    return rises(rms_of(before.held_out_rms), rms_of(after.held_out_rms))
 
 
 def worse_than_simpler(

@@ -154,6 +154,8 @@ FEWEST_PARTS, MOST_PARTS = 5, 12
 gains on five of them is seldom more than chance, …"""
 PART_BLOCKS = 10
 """… and a part of fewer blocks tells little."""
+FEWEST_CYCLE_ROWS = 10
+"""Rows of a cycle on average, below which its two ends are not left out."""
 LEADING_GAP_S = 60.0
 """A track that starts at most this much after the IMU takes its first value until then [s]."""
 
@@ -271,7 +273,9 @@ def prepare_run(
         )
     holes = int(run.slot[-1] - run.slot[0] + 1 - len(run)) if len(run) else 0
     if holes:
-        notes.append(f'{holes * run.period:.0f} s in gaps or half-empty blocks left out')
+        notes.append(
+            f'{holes * run.period:.0f} s in gaps, half-empty blocks or where cycles meet left out'
+        )
     if not run.has_cycles:
         count = int(run.cv_group.max(initial=0))
         notes.append(f'no thermal cycles: held out are {count} contiguous blocks of the run')
@@ -398,11 +402,13 @@ def _without_cycle_ends(fine: ImuRecording) -> ImuRecording:
     """Return the recording without the rows on both sides of where a cycle ends.
 
     A row may hold a share of both cycles, whatever its label says: where each has a level of its
-    own, an error of many times the noise.
+    own, an error of many times the noise. Labels that change with nearly every row are no cycles.
     """
     if fine.cycle is None:
         return fine
     ends = np.flatnonzero(np.diff(fine.cycle))
+    if len(ends) * FEWEST_CYCLE_ROWS > len(fine):
+        return fine
     kept = np.ones(len(fine), dtype=bool)
     kept[ends] = kept[ends + 1] = False
     return fine.rows(kept)

@@ -43,6 +43,11 @@ def falls(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> b
     return bool(float(gain.mean()) > float(stdtrit(len(gain) - 1, 1.0 - CHANCE)) * spread)
 
 
+def rises(before: float, after: float) -> bool:
+    """Tell whether a held-out rms rises by enough to matter."""
+    return after > (1.0 + LEAST_FALL) * before
+
+
 def parts_that_fall(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> int:
     """Return in how many parts mean squares fall; arguments as of `falls`."""
     return int(np.sum(_in_floors(after, noise) < _in_floors(before, noise)))

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from thermal_comp.effects.effect import COUNT
-from thermal_comp.fitting.part_sums import LEAST_FALL
+from thermal_comp.fitting.part_sums import rises
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 from thermal_comp.presentation.notebook import html_table
 
@@ -96,7 +96,7 @@ def _summary(content: Mapping[str, Any]) -> str:
 def prediction_lines(content: Mapping[str, Any]) -> list[str]:
     """Return what adding effects would bring where no cause is decided."""
     lines = []
-    unnamed = {'unexplained', 'unlogged'}
+    nothing_missing = {'complete', 'noise_above_reference'}
     for sensor, one in content['prediction'].items():
         if not one['empirical']:
             continue
@@ -110,8 +110,8 @@ def prediction_lines(content: Mapping[str, Any]) -> list[str]:
             text = f'no effect of the catalogue would lower the held-out error {before}'
         elif one['error_after'] >= one['error_before']:
             text = f'{terms}, what comes closest, would not lower the held-out error {before}'
-        state = content['sensors'].get(sensor, {}).get('verdict', 'unexplained')
-        cause = 'cause undecided' if state in unnamed else 'the thermometer errs'
+        state = content['sensors'].get(sensor, {}).get('verdict')
+        cause = 'the thermometer errs' if state in nothing_missing else 'cause undecided'
         lines.append(f'  {sensor}: {text} {unit.unit}, noise floor {floor}; {cause}')
     return lines
 
@@ -256,10 +256,6 @@ DEFECTS = {
 }
 
 
-NOT_WORTH = 1.0 + LEAST_FALL
-"""Ratio of held-out errors from which a correction does harm."""
-
-
 def advice(content: Mapping[str, Any]) -> list[str]:
     """Return what to do next, once each, in the order of the findings."""
     findings = content['findings']
@@ -277,7 +273,7 @@ def _of_finding(finding: Mapping[str, Any]) -> Sequence[str]:
     if kind == 'effect' and name == 'clock_temperature':
         return ['stamp the samples by the host, or scale the interval by temperature']
     before, after = (finding[key] or 0.0 for key in ('error_before', 'error_after'))
-    if kind == 'effect' and after > NOT_WORTH * before:
+    if kind == 'effect' and rises(before, after):
         return [f'leave {name} out of the model: its correction raises the held-out error']
     if kind == 'effect':
         add = f'add {name}: python -m imu_workbench add {name} BAG… -o model.yaml'
