@@ -216,9 +216,9 @@ def method(
         'outputs and its own thermometer were recorded together.'
     )
     averaged = (
-        f'Outputs were averaged over {period} s, without the samples of the start-up; the error '
-        'of each axis is written as level + slope · (T − T₀) + named effects, T the device’s own '
-        f'temperature and T₀ = {reference} °C.'
+        f'Outputs were averaged over {period} s, without the samples of the start-up and those '
+        'where cycles meet; the error of each axis is written as level + slope · (T − T₀) + named '
+        f'effects, T the device’s own temperature, smoothed, and T₀ = {reference} °C.'
     )
     fitted = (
         'Coefficients were found by generalised least squares under the coloured noise that the '
