@@ -11,11 +11,7 @@ import pytest
 import yaml
 
 from .bad_input_in_browser import EFFECT
-
-
-def wait_for_verdict(page) -> None:
-    page.locator('.verdict:not(.waiting) .sentence').wait_for()
-    page.locator('.rail[aria-busy=false]').wait_for()
+from .conftest import wait_for_verdict
 
 
 def add(page, effect: str) -> None:

@@ -265,6 +265,12 @@ class Watched:
         assert self.complaints == []
 
 
+def wait_for_verdict(page) -> None:
+    """Nothing on the page moves by itself any more."""
+    page.locator('.verdict:not(.waiting) .sentence').wait_for()
+    page.locator('.rail[aria-busy=false]').wait_for()
+
+
 @pytest.fixture
 def watch(browser: Browser) -> Iterator[Callable[..., Watched]]:
     contexts = []

@@ -15,7 +15,7 @@ from axe_playwright_python.sync_playwright import Axe
 
 from imu_recording import read_bag, write_bag
 
-from .conftest import ROOT
+from .conftest import ROOT, wait_for_verdict
 
 TIME = 'document.querySelector(\'[data-plot="error_over_time"]\')'
 DRAWN = f'{TIME}?._fullLayout?.xaxis?.range[1] > 30'
@@ -26,9 +26,16 @@ SERIOUS = ('serious', 'critical')
 SIGNED_CARDS = ('SVG', 'PNG', 'CSV')
 
 
+def seen(page) -> dict[str, float]:
+    """Return the box of the errors over time, scrolled to where a pointer reaches it."""
+    area = page.locator('[data-plot="error_over_time"] .nsewdrag').first
+    area.scroll_into_view_if_needed()
+    return area.bounding_box()
+
+
 def drag(page, first: float, last: float) -> None:
     """Brush a part of the time, given as shares of the figure's width."""
-    box = page.locator('[data-plot="error_over_time"] .nsewdrag').first.bounding_box()
+    box = seen(page)
     middle = box['y'] + box['height'] / 2
     page.mouse.move(box['x'] + first * box['width'], middle)
     page.mouse.down()
@@ -57,6 +64,7 @@ def test_a_brushed_time_filters_all_figures_and_survives_the_theme(serve, watch,
     points = """document.querySelector('[data-plot="residual_by_rate"]')?.data?.[0]?.x.length"""
     page.wait_for_function(f'{points} > 0')
     all_points = page.evaluate(points)
+    wait_for_verdict(page)
     drag(page, 0.2, 0.25)
     page.wait_for_url('**window=**')
     span = f'(r => r[1] - r[0])({TIME}._fullLayout.xaxis.range)'
@@ -87,7 +95,8 @@ def test_one_cursor_goes_through_all_figures(hidden_effect_server, watch):
     page.locator('[data-plot="residual_by_temperature"] .scatterlayer').first.wait_for(
         state='attached'
     )
-    box = page.locator('[data-plot="error_over_time"] .nsewdrag').first.bounding_box()
+    wait_for_verdict(page)
+    box = seen(page)
     page.mouse.move(box['x'] + 0.3 * box['width'], box['y'] + 60)
     page.mouse.move(box['x'] + 0.31 * box['width'], box['y'] + 62)
     marked = """name => {

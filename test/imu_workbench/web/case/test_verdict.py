@@ -109,7 +109,7 @@ def test_nothing_missing_names_what_would_have_been_found(fitted, found):
 def test_defects_of_the_data_come_with_what_to_do(found):
     spikes = changed(found, kind='data_quality', name='spikes', text='gyroscope: 3 spikes')
     alerts = data_alerts(spikes, ['dut2_x: the file ends early', 'dut2_x: the file ends early'])
-    assert alerts == ['dut2_x: the file ends early', 'gyroscope: 3 spikes: check bus and cable']
+    assert alerts == ['gyroscope: 3 spikes: check bus and cable', 'dut2_x: the file ends early']
 
 
 def test_candidates_are_ranked_and_say_why_not(fitted, found):

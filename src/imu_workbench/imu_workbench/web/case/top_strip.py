@@ -24,6 +24,14 @@ from imu_workbench.web.plot import Look
 from imu_workbench.web.session import Session
 from imu_workbench.web.words import word
 
+SHOWN_ALERTS = 2
+"""Alerts above the verdict; more would push verdict and figures off the screen."""
+
+
+def _show_alerts(alerts: Sequence[str]) -> None:
+    for text in alerts:
+        ui.label(text).classes('alert')
+
 
 @dataclass(frozen=True)
 class TopActions:
@@ -62,8 +70,12 @@ class TopStrip:
         self._drawn = drawn
         self._alerts.clear()
         with self._alerts:
-            for text in alerts:
-                ui.label(text).classes('alert')
+            _show_alerts(alerts[:SHOWN_ALERTS])
+            if len(alerts) > SHOWN_ALERTS:
+                with ui.element('details'):
+                    with ui.element('summary'):
+                        ui.label(f'{len(alerts) - SHOWN_ALERTS} more about the recordings')
+                    _show_alerts(alerts[SHOWN_ALERTS:])
         self._show_sentence()
         self._show_action(action)
 

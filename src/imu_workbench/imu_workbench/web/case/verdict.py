@@ -167,14 +167,14 @@ def _size(values: Sequence[float | None] | None) -> float:
 
 
 def data_alerts(found: Mapping[str, Any] | None, notes: Sequence[str]) -> list[str]:
-    """Return what is wrong with the recordings themselves, each with what to do about it."""
-    alerts = list(dict.fromkeys(notes))
+    """Return what is wrong with the recordings themselves, with what to do about it first."""
+    alerts = []
     for finding in found['findings'] if found else ():
         if finding['kind'] == 'data_quality':
             advice = DEFECTS.get(finding['name'], '')
             text = _spaced(finding['text'])
             alerts.append(f'{text}: {advice}' if advice else text)
-    return alerts
+    return list(dict.fromkeys((*alerts, *notes)))
 
 
 def next_action(found: Mapping[str, Any], known: Sequence[str], addable: Sequence[str]) -> Action:

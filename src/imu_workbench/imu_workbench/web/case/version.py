@@ -87,7 +87,7 @@ def make_version(
             for row in sensor_terms(sensor, part)
         ),
         unneeded=tuple(unneeded),
-        notes=(*comparison.notes, *model.provenance.notes),
+        notes=tuple(dict.fromkeys((*comparison.notes, *model.provenance.notes))),
     )
 
 
