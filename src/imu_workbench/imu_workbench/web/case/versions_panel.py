@@ -69,7 +69,7 @@ class VersionsPanel:
                 ui.button(label, on_click=act).props('no-caps outline')
                 for label, act in (
                     ('Save the model', do.save_model),
-                    ('Save the report', do.save_report),
+                    ('Save the certificate', do.save_report),
                 )
             ]
             self._case = ui.button('Save the case', on_click=do.save_case).props('no-caps outline')

@@ -19,6 +19,11 @@ from imu_workbench.web.case.view import PHASE_LABELS, Place, View
 
 MIN_BLOCKS = 3
 """Blocks a cell needs at least."""
+LYING_BAR = {
+    'orientation': 'h', 'y': 0, 'yanchor': 'top', 'ypad': 26, 'len': 0.9,
+    'title': {'text': 'times the noise floor', 'side': 'top'},
+}  # fmt: skip
+"""The colour bar under the map, where there is no room beside it."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +128,9 @@ def failure_figure(found: FailureMap, view: View) -> Figure:
         part['annotations'] = marks
         part['margin'] = part['margin'] | {'t': 26, 'l': 10, 'r': 6}
     spec['layout']['height'] -= 26
-    spec['narrow']['coloraxis'] = {'showscale': False}
+    spec['narrow']['coloraxis'] = {'colorbar': FAILURE_SCALE['colorbar'] | LYING_BAR}
+    spec['narrow']['height'] += 34
+    spec['narrow']['margin']['b'] += 34
     spec['narrow']['xaxis'] |= {'ticktext': [''] * len(found.columns)}
     spec['layout']['dragmode'] = False
     return spec
