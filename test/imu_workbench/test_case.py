@@ -51,7 +51,7 @@ def test_versions_are_a_tree_of_which_nothing_is_deleted(tmp_path):
     assert [v.name for v in case.path_to('v3')] == ['v1', 'v3']
     case = with_version(case, 'v2', '+ icing', 'four', ERRORS)
     assert [(v.name, depth) for v, depth in case.tree()] == [
-        ('v1', 0), ('v2', 1), ('v4', 1), ('v3', 1),
+        ('v1', 0), ('v2', 1), ('v4', 2), ('v3', 1),
     ]  # fmt: skip
     assert case.current == 'v4'
 

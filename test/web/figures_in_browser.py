@@ -74,7 +74,7 @@ def test_a_brushed_time_filters_all_figures_and_survives_the_theme(serve, watch,
     page.wait_for_function(f'{inside} > 1000')  # the samples are back
     page.wait_for_function(f'{points} < {all_points}')
     zoomed = page.evaluate(span)
-    page.get_by_role('button', name='switch between light and dark').click()
+    page.get_by_role('button', name='Light / dark: switch').click()
     page.locator('body.body--dark').wait_for()
     other = page.locator('.axis:not(.on)').first
     axis = other.inner_text()[0]

@@ -105,14 +105,15 @@ class Case:
         return path[::-1]
 
     def tree(self) -> list[tuple[CaseVersion, int]]:
-        """Return every version after its parent, with its number of branchings."""
+        """Return every version after its parent, with its depth; a trunk has none."""
         return list(self._below(None, 0))
 
     def _below(self, parent: str | None, depth: int) -> Iterator[tuple[CaseVersion, int]]:
         children = [v for v in self.versions if v.parent == parent]
         for child in children:
             yield child, depth
-            yield from self._below(child.name, depth + (len(self.children(child.name)) > 1))
+            branches = depth > 0 or len(self.children(child.name)) > 1
+            yield from self._below(child.name, depth + branches)
 
     def children(self, name: str) -> list[CaseVersion]:
         """Return the versions made from one."""

@@ -90,6 +90,19 @@ def test_orientation_pairs_are_blind_on_three_runs_and_seen_with_one_turned() ->
     assert four.evidence(scale, misaligned) > 100.0
 
 
+def test_rivals_are_as_large_as_what_is_missing_in_the_sensor_that_lacks_most() -> None:
+    names = ('thermal_lag', 'temperature_rate')
+    small, large = (
+        design_experiment(
+            names, model(), Limits(), CATALOGUE, evaluations=0,
+            missing={'magnetometer': rms, 'gyroscope': 1e-5},
+        )
+        for rms in (2e-3, 6e-3)
+    )  # fmt: skip
+    assert small.sensor == large.sensor == 'magnetometer'
+    assert large.evidence_before == pytest.approx(9.0 * small.evidence_before, rel=1e-6)
+
+
 def test_evidence_grows_with_the_square_of_the_fitted_size() -> None:
     small, large = (
         design_experiment(

@@ -120,7 +120,7 @@ class Page:
             for button in self._views.values():
                 button.props('no-caps flat')
         theme = ui.button('Light / dark', on_click=self._switch_theme)
-        theme.props('no-caps flat aria-label="switch between light and dark"')
+        theme.props('no-caps flat aria-label="Light / dark: switch"')
 
     async def _load_effects(self, name: str, content: bytes) -> None:
         if self._local:

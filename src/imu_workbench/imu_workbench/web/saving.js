@@ -3,14 +3,25 @@
 const csvField = (value) => (/[",\n]/.test(value) ? `"${value.replaceAll('"', '""')}"` : value);
 
 const csvOf = (plot) => {
-  const title = (axis) => plot._fullLayout[axis]?.title?.text?.replaceAll('<br>', ' ') || axis;
+  const layout = plot._fullLayout;
+  const titled = (name) => layout[name]?.title?.text?.replaceAll('<br>', ' ') || '';
+  // Of stacked panels only the lowest says what its x is.
+  const title = (name) => titled(name)
+    || Object.keys(layout).filter((key) => key.startsWith(name.slice(0, 5))).map(titled).find(Boolean)
+    || name[0];
+  const named = (axis, value) => {
+    const at = axis?.ticktext && axis.tickvals?.indexOf(Math.round(value));
+    return at >= 0 ? axis.ticktext[at].replaceAll('<br>', ' ') : value;
+  };
   const lines = ['curve,x,y,x is,y is'];
   for (const trace of plot.data) {
     if (trace.hoverinfo === 'skip') continue; // the cursor, numbers of cells
-    const axes = [trace.xaxis || 'x', trace.yaxis || 'y'].map((a) => title(`${a[0]}axis${a.slice(1)}`));
-    const rows = trace.type === 'heatmap'
+    const names = [trace.xaxis || 'x', trace.yaxis || 'y'].map((a) => `${a[0]}axis${a.slice(1)}`);
+    const map = trace.type === 'heatmap';
+    const axes = map ? ['place', 'residual in noise floors'] : names.map(title);
+    const rows = map
       ? trace.text.flatMap((row, i) => row.map((v, j) => [trace.customdata[i][j], v]))
-      : Array.from(trace.x, (x, i) => [x, trace.y[i]]);
+      : Array.from(trace.x, (x, i) => [named(layout[names[0]], x), trace.y[i]]);
     for (const [x, y] of rows) {
       if (x === null || y === null || y === '') continue;
       lines.push([trace.name || plot.dataset.plot, x, y, ...axes].map((v) => csvField(String(v))).join(','));

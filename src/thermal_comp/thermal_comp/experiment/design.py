@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil
 
@@ -90,9 +90,14 @@ def design_experiment(
     *,
     seed: int = 0,
     evaluations: int = 160,
+    missing: Mapping[Sensor, float] | None = None,
 ) -> Proposal:
-    """Return the plan within the limits that best tells two effects apart."""
-    separation = separation_of(names, model, catalogue)
+    """Return the plan within the limits that best tells two effects apart.
+
+    `missing` is the rms that either has to explain [unit], of the sensor that lacks most first;
+    None: effects of a usual size.
+    """
+    separation = separation_of(names, model, catalogue, missing)
     before = separation.evidence(within(PAPER, limits))
     rng = np.random.default_rng(seed)
     plan, after = best_plan(separation.evidence, limits, rng, evaluations)
@@ -102,9 +107,15 @@ def design_experiment(
 
 
 def separation_of(
-    names: tuple[str, str], model: ThermalModel, catalogue: dict[str, type[Effect]]
+    names: tuple[str, str],
+    model: ThermalModel,
+    catalogue: dict[str, type[Effect]],
+    missing: Mapping[Sensor, float] | None = None,
 ) -> Separation:
-    """Return what plans are compared by: the effects as the model has them, and its noise."""
+    """Return what plans are compared by: the effects as the model has them, and its noise.
+
+    `missing`: as of `design_experiment`.
+    """
     unknown = [name for name in names if name not in catalogue]
     if unknown:
         near = did_you_mean(unknown[0], catalogue)
@@ -113,13 +124,15 @@ def separation_of(
         )
     if names[0] == names[1]:
         raise ModelError(f'{names[0]} and {names[1]} are the same effect')
-    sensor = _sensor(names, model, catalogue)
+    missing = missing or {}
+    sensor = _sensor(names, model, catalogue, missing)
     noise = model.sensors[sensor].noise
     if noise is None:
         raise ModelError(f'sensors.{sensor}.noise: the model has none; fit it again')
     base = tuple(e for e in model.sensors[sensor].effects if e.name not in names)
     usual = PredictedDesign(predict_runs(PAPER, UP_AXES), sensor, noise, base)
-    one, other = (Rival.of(name, model, sensor, catalogue).sized(usual) for name in names)
+    rms = missing.get(sensor)
+    one, other = (Rival.of(name, model, sensor, catalogue).sized(usual, rms) for name in names)
     return Separation((one, other), sensor, noise, base)
 
 
@@ -157,15 +170,19 @@ def _faster(plan: Plan, limits: Limits) -> Plan:
 
 
 def _sensor(
-    names: tuple[str, str], model: ThermalModel, catalogue: dict[str, type[Effect]]
+    names: tuple[str, str],
+    model: ThermalModel,
+    catalogue: dict[str, type[Effect]],
+    missing: Mapping[Sensor, float],
 ) -> Sensor:
-    """Return the sensor whose model holds one of the effects, else one both can act on."""
+    """Return the sensor whose model holds one of the effects, else one that lacks something."""
     both = [s for s in catalogue[names[0]].sensors if s in catalogue[names[1]].sensors]
     both = [s for s in both if s in model.sensors]
     if not both:
         raise ModelError(f'{names[0]} and {names[1]} act on no common sensor of the model')
     holding = [s for s in both if {e.name for e in model.sensors[s].effects} & set(names)]
-    return (holding or both)[0]
+    lacking = [s for s in missing if s in both]
+    return (holding or lacking or both)[0]
 
 
 def within(plan: Plan, limits: Limits) -> Plan:

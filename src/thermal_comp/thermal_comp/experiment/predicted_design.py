@@ -44,16 +44,16 @@ class Rival:
         effect = catalogue[name]()
         return cls(effect, None, (effect, *grid))
 
-    def sized(self, design: PredictedDesign) -> Rival:
-        """Return it with a size: without one M = 1 in the design's runs."""
+    def sized(self, design: PredictedDesign, missing: float | None = None) -> Rival:
+        """Return it with a size: without one rms `missing`, else M = 1 in the design's runs."""
         if self.coefficients is not None:
             return self
         columns = design.raw(self.effect)
         rms: FloatArray = np.sqrt((columns**2).mean(axis=(0, 1)))
         share = np.repeat((1.0 / np.maximum(rms, 1e-300))[:, None], 3, axis=1)
         size = design.size(np.einsum('nap,pa->na', columns, share))
-        one = float(np.sqrt(design.noise.variance_of_means(1.0).mean()))
-        return replace(self, coefficients=share * one / max(size, 1e-300))
+        wanted = missing or float(np.sqrt(design.noise.variance_of_means(1.0).mean()))
+        return replace(self, coefficients=share * wanted / max(size, 1e-300))
 
 
 def _per_axis(effect: Effect, fitted: FloatArray) -> FloatArray:

@@ -140,9 +140,19 @@ def test_a_candidate_shows_its_errors_with_their_unit(fitted, found):
 
 
 def test_odds_are_said_as_people_say_them():
-    one, other = (Candidate('a', 'gyroscope', 0.5, odds, None) for odds in (9.3, 0.0))
-    assert odds_text(one, other) == '10\N{NARROW NO-BREAK SPACE}000 times less probable'
-    assert odds_text(other, other) == ''
+    pairs = (0.9, 9.3), (0.001, 0.0), (0.15, -50.0)
+    one, unlikely, rival = (Candidate('a', 'gyroscope', p, odds, None) for p, odds in pairs)
+    assert odds_text(one, unlikely) == '10\N{NARROW NO-BREAK SPACE}000 times less probable'
+    assert odds_text(one, rival) == '6 times less probable'  # as its 15 % beside 90 % say
+    assert odds_text(rival, rival) == ''
+
+
+def test_an_effect_that_leaves_most_of_the_error_explains_a_part(fitted, found):
+    content = found['diagnosis']
+    left = {'accelerometer': {'error_after': 0.006, 'noise_floor': 0.001}}
+    assert 'explains it.' in verdict_sentence(content, fitted.line.errors())
+    changed = verdict_sentence(content | {'prediction': left}, fitted.line.errors())
+    assert 'explains part of it; 6.0 × noise would be left.' in changed
 
 
 def test_numbers_carry_their_uncertainty():

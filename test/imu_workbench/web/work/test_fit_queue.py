@@ -37,7 +37,7 @@ def test_a_second_wish_follows_the_first():
         queue.request('dut2', 'v1', Change('lag'), 'tab')
         second = queue.request('dut2', 'v1', Change('icing'), 'tab')
         assert [fit.state for fit in queue.fits] == ['waiting', 'waiting']
-        assert 'the result of “add lag on v1”' in second.told
+        assert 'after “add lag”' in second.told
         gate.set()
 
     assert run(script) == ['lag on v1', 'icing on v2']

@@ -18,7 +18,7 @@ from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axe
 
 LARGEST_SHOWN_RATIO = 10.0
 """Times the noise floor from which a heat map does not get darker."""
-FAILURE_SCALE = {
+FAILURE_SCALE: dict[str, Any] = {
     'cmin': 0.0,
     'cmax': math.log10(LARGEST_SHOWN_RATIO),
     'colorscale': [[0.0, '@calm'], [0.11, '@calm'], [0.5, '@raised'], [1.0, '@loud']],

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import exp
+from math import exp, log
 from typing import Any
 
 from thermal_comp.comparison.compare import rms_of
@@ -21,6 +21,8 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, shown
 
 from imu_workbench.answer import plain
 
+LEAST_SHOWN = 0.005
+"""Probability below which "< 1 %" is shown."""
 HELD_OUT_AT_FIRST = 5
 """Candidates of a sensor whose held-out error is computed without being asked for."""
 
@@ -147,7 +149,7 @@ def why_not(candidate: Candidate, winner: Candidate | None, before: float) -> st
     if after > (1.0 + LEAST_FALL) * best:
         return (
             f'Leaves {shown(after * unit.factor)} {unit.unit} held out, {name} '
-            f'{shown(best * unit.factor)}{f"; {odds}" if odds else ""}.'
+            f'{shown(best * unit.factor)} {unit.unit}{f"; {odds}" if odds else ""}.'
         )
     if candidate.lowers(before):
         return (
@@ -158,10 +160,17 @@ def why_not(candidate: Candidate, winner: Candidate | None, before: float) -> st
 
 
 def odds_text(winner: Candidate, loser: Candidate) -> str:
-    """Return how much less probable one effect alone is than another, in words."""
-    if winner.log_odds is None or loser.log_odds is None:
+    """Return how much less probable one effect is than another, in words.
+
+    By the probabilities that are shown; where the loser's is as good as zero, by the odds of each
+    alone.
+    """
+    if winner.probability and loser.probability and loser.probability >= LEAST_SHOWN:
+        apart = log(winner.probability / loser.probability)
+    elif winner.log_odds is None or loser.log_odds is None:
         return ''
-    apart = winner.log_odds - loser.log_odds
+    else:
+        apart = winner.log_odds - loser.log_odds
     if apart < 0.7:
         return ''
     if apart > 14.0:

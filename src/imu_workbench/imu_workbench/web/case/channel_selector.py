@@ -64,7 +64,7 @@ class ChannelSelector:
             button.classes('good' if ratio <= AT_FLOOR_RATIO else 'bad')
             state.set_text(
                 f'{"at" if ratio <= AT_FLOOR_RATIO else f"{ratio:.2f} ×"} the noise floor '
-                f'{shown(floor * unit.factor)}'
+                f'{shown(floor * unit.factor)} {unit.unit}'
             )
         for number, (button, label) in enumerate(self._axes):
             on = number == view.axis

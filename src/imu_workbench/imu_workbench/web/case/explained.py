@@ -9,7 +9,7 @@ from typing import Any
 
 from nicegui import ui
 from thermal_comp.experiment.design import SEPARATING_EVIDENCE
-from thermal_comp.presentation.display import fixed, shown
+from thermal_comp.presentation.display import DISPLAY_UNITS, fixed, shown
 
 from imu_workbench.web.case.next_experiment import profile_figure
 from imu_workbench.web.plot import Look, Plot
@@ -83,13 +83,20 @@ def proposal_html(proposal: Mapping[str, Any]) -> str:
     one, other = (name.replace('_', ' ') for name in proposal['effects'])
     before, after = proposal['evidence_before'], proposal['evidence_after']
     evidence = (
-        f'{shown(before)} with the plan of the paper, {shown(after)} with this one '
+        f'{shown(before)} with the plan of Betta et al. 2022, {shown(after)} with this one '
         f'(needed {fixed(SEPARATING_EVIDENCE, 0)})'
+    )
+    unit, missing = DISPLAY_UNITS[proposal['sensor']], proposal['missing']
+    size = (
+        f'what is missing now, {shown(missing * unit.factor)} {unit.unit} rms'
+        if missing
+        else ('M = 1, as large as the noise of a mean over a second')
     )
     verdict = 'separable' if proposal['separable'] else 'not separable by temperature alone'
     rows = [
         ('question', f'{one} or {other} in the {proposal["sensor"]}'),
         ('answer', verdict),
+        ('assumed size', size),
         ('evidence', evidence),
         ('length', f'{proposal["repeats"]} cycles, {proposal["hours"]:.1f} h a run'),
         *(('do', action) for action in proposal['actions']),

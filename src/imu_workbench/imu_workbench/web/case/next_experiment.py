@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from thermal_comp.data.conditions import Sensor
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.experiment.design import Limits, design_experiment
 from thermal_comp.experiment.plan import FINAL_S, PRECONDITION_S, REFERENCE_C, Plan
@@ -24,16 +25,21 @@ def next_profile_task(
     rivals: tuple[str, str],
     limits: Limits,
     effect_files: Sequence[Path],
+    missing: Mapping[Sensor, float],
 ) -> dict[str, Any]:
-    """Return the proposal: what `next-experiment --json` says, the profile file, its set-point."""
+    """Return the proposal: what `next-experiment --json` says, the profile file, its set-point.
+
+    `missing` is what either effect has to explain, rms [SI unit].
+    """
     progress('searching a profile that separates them')
     catalogue = dict(effect_catalogue(effect_files))
     model = model_from_text(model_text, catalogue)
-    proposal = design_experiment(rivals, model, limits, catalogue, seed=0)
+    proposal = design_experiment(rivals, model, limits, catalogue, seed=0, missing=missing)
     content = profile_content(proposal, rivals, limits)
     return {
         'effects': list(rivals),
         'sensor': proposal.sensor,
+        'missing': missing.get(proposal.sensor),
         'evidence_before': float(proposal.evidence_before),
         'evidence_after': float(proposal.evidence_after),
         'separable': bool(proposal.separable),

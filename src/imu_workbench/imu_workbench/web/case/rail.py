@@ -16,7 +16,7 @@ from thermal_comp.presentation.diagnosis import percent
 from thermal_comp.presentation.display import DISPLAY_UNITS, shown
 
 from imu_workbench.web.case.buttons import Buttons, file_button
-from imu_workbench.web.case.candidates import Candidate, why_not
+from imu_workbench.web.case.candidates import LEAST_SHOWN, Candidate, why_not
 from imu_workbench.web.case.preview import EffectPreview
 from imu_workbench.web.case.version import Version, parameter_text
 from imu_workbench.web.session import Session
@@ -249,7 +249,7 @@ def probability_text(probability: float | None) -> str:
     """Return a probability in percent; nothing is certain and nothing impossible."""
     if probability is None:
         return ''
-    return '< 1 %' if probability < 0.005 else percent(probability)
+    return '< 1 %' if probability < LEAST_SHOWN else percent(probability)
 
 
 def errors_html(candidate: Candidate, version: Version) -> str:
@@ -262,7 +262,7 @@ def errors_html(candidate: Candidate, version: Version) -> str:
     times = f' ({after / floor:.2f} ×)' if after is not None and floor else ''
     return (
         f'<p class="errors"><span class="soft">{word("held-out error")}</span> {texts[0]} → '
-        f'{known} {unit.unit}{times} <span class="soft">floor {texts[2]}</span></p>'
+        f'{known} {unit.unit}{times} <span class="soft">floor {texts[2]} {unit.unit}</span></p>'
     )
 
 

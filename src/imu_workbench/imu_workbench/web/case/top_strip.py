@@ -85,7 +85,11 @@ class TopStrip:
         if work is None:
             return []
         left = [f'{reason}; it is left out' for reason in work.left_out.values()]
-        return [*(f'{bag.run}: {note}' for bag in work.bags for note in bag.notes), *left]
+        runs: dict[str, list[str]] = {}
+        for bag in work.bags:
+            for note in bag.notes:
+                runs.setdefault(note, []).append(bag.run)
+        return [*(f'{", ".join(names)}: {note}' for note, names in runs.items()), *left]
 
     def _action(self) -> Action:
         session, found = self._session, self._session.diagnosis

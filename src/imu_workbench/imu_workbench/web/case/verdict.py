@@ -22,6 +22,8 @@ from imu_workbench.web.case.view import PHASE_LABELS
 
 AT_FLOOR_RATIO = 1.05
 """An error up to this ratio to the noise floor counts as explained."""
+MOST_LEFT_RATIO = 1.3
+"""What an effect leaves, over the noise floor, up to which it is said to explain an error."""
 NOT_MISSING = frozenset({'data_quality', 'noise', 'clock'})
 """Kinds of findings that say of no sensor that something is missing."""
 WORST_PLACES = 4
@@ -59,7 +61,7 @@ def verdict_sentence(found: Mapping[str, Any], errors: Errors) -> str:
         return ' '.join([f'Nothing is missing: what is left is noise{usual}.', *clock])
     sensor = findings[0]['sensor']
     own = [f for f in findings if f['sensor'] == sensor]
-    sentence = f'{failure_sentence(sensor, found, errors)} {_explanation(own)}'
+    sentence = f'{failure_sentence(sensor, found, errors)} {_explanation(own, found)}'
     others = list(dict.fromkeys(f['sensor'] for f in findings if f['sensor'] != sensor))
     if others:
         names = ' and '.join(_named(other) for other in others)
@@ -101,7 +103,7 @@ def _named(sensor: str) -> str:
     return sensor.replace('+', ' and ')
 
 
-def _explanation(findings: Sequence[Mapping[str, Any]]) -> str:
+def _explanation(findings: Sequence[Mapping[str, Any]], found: Mapping[str, Any]) -> str:
     first = findings[0]
     if first['kind'] == 'unlogged':
         return f'It follows something that was not logged: {first["depends_on"]}.'
@@ -116,9 +118,17 @@ def _explanation(findings: Sequence[Mapping[str, Any]]) -> str:
     if rivals:
         names = ' or '.join([_effect(first), *(_spaced(rival) for rival in rivals)])
         return f'{_capital(names)} would explain it; these recordings cannot tell which.'
-    effects = [_effect(f) for f in findings if f['kind'] == 'effect']
-    verb = 'explains' if len(effects) == 1 else 'together explain'
-    return f'{_capital(" and ".join(effects))} {verb} it.'
+    named = [f for f in findings if f['kind'] == 'effect']
+    verb = 'explains' if len(named) == 1 else 'together explain'
+    left = _floors_left(first['sensor'], found)
+    what = 'it' if left <= MOST_LEFT_RATIO else f'part of it; {left:.1f} × noise would be left'
+    return f'{_capital(" and ".join(map(_effect, named)))} {verb} {what}.'
+
+
+def _floors_left(sensor: str, found: Mapping[str, Any]) -> float:
+    """Return what the correction of a sensor, or several, would leave over the noise floor."""
+    parts = [found['prediction'].get(name) for name in sensor.split('+')]
+    return max((p['error_after'] / p['noise_floor'] for p in parts if p), default=0.0)
 
 
 def _effect(finding: Mapping[str, Any]) -> str:
@@ -129,7 +139,8 @@ def _effect(finding: Mapping[str, Any]) -> str:
         for key, p in finding['parameters'].items()
         if p['unit'] != COUNT
     }
-    if len(texts) == 1:
+    several = any(isinstance(p['value'], list) for p in finding['parameters'].values())
+    if len(texts) == 1 and not several:
         return f'{name}, {next(iter(texts.values()))},'
     named = ', '.join(f'{_spaced(key)} {text}' for key, text in texts.items())
     return f'{name} ({named})' if named else name

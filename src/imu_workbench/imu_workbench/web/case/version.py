@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -56,6 +57,12 @@ class Version:
     def measured(self, sensor: str) -> float:
         """Error without any model, rms over the axes [SI unit]."""
         return rms_of(self.comparison['sensors'][sensor]['measured_rms'])
+
+    def missing(self) -> dict[str, float]:
+        """Return the error beyond the noise, of sensors that are above it, rms [SI unit]."""
+        beyond = {s: self.error(s) ** 2 - self.floor(s) ** 2 for s in self.comparison['sensors']}
+        ordered = sorted(beyond, key=lambda s: -self.error(s) / self.floor(s))
+        return {s: math.sqrt(beyond[s]) for s in ordered if beyond[s] > 0.0}
 
     def errors(self) -> dict[str, dict[str, float]]:
         """Return measured, held-out error and floor of every sensor [SI unit]."""

@@ -44,6 +44,8 @@ class VersionsPanel:
         self._session, self._actions = session, actions
         self._drawn: tuple[Any, ...] | None = None
         self._path: list[CaseVersion] = []
+        self._noted: tuple[str, str] | None = None
+        """Device and notes as they were shown last."""
         with ui.element('div').classes('bottom'):
             with ui.element('section').classes('card versions').props('aria-label="Versions"'):
                 ui.html('<h2>Versions</h2>', sanitize=False)
@@ -89,6 +91,10 @@ class VersionsPanel:
         self._case.set_enabled(work is not None)
         self._open.set_enabled(bool(work and work.bags))
         self._notes.set_enabled(work is not None)
+        noted = (session.device, work.case.notes) if work else None
+        if noted != self._noted:  # another device, or written in another tab
+            self._noted = noted
+            self._notes.value = noted[1] if noted else ''
         drawn = (
             session.device, session.version_name, session.view.sensor, id(version),
             work.case.versions if work else (),
@@ -101,7 +107,6 @@ class VersionsPanel:
         if work is None:
             self._coefficients.content = ''
             return
-        self._notes.value = work.case.notes
         with self._tree:
             self._show_tree(work.case.tree())
         self._coefficients.content = (
@@ -180,7 +185,7 @@ def coefficients_html(version: Version, sensor: str) -> str:
             f'<tr><th scope="row">{name}</th><td colspan="3">{text}</td>'
             f'<td>{escape(term["unit"])}</td></tr>'
         )
-    caption = f'{sensor.capitalize()}, ± one standard deviation'
+    caption = f'{sensor.capitalize()}, ± one standard deviation if the model lacks nothing'
     return (
         f'<table tabindex="0"><caption>{caption}</caption><thead><tr><th>Term</th><th>x</th>'
         f'<th>y</th><th>z</th><th>Unit</th></tr></thead><tbody>{rows}</tbody></table>'
@@ -223,7 +228,7 @@ def error_steps_figure(path: Sequence[CaseVersion]) -> Figure:
         })  # fmt: skip
         panels.append(
             Panel('model', f'held-out rms [{unit}]' if i == 0 else f'[{unit}]',
-                  title=f'{sensor.capitalize()} (floor {shown(floor)})',
+                  title=f'{sensor.capitalize()} (floor {shown(floor)} {unit})',
                   x={'type': 'category', 'range': [-0.5, len(names) - 0.5], 'showgrid': False},
                   y=logarithmic_axis([*values, floor]))
         )  # fmt: skip

@@ -50,11 +50,15 @@ class QueuedFit:
     @property
     def told(self) -> str:
         """What is done, in words."""
-        verb = 'add' if self.change.added else 'take out'
-        name = self.change.effect.replace('_', ' ')
         places = f' ({", ".join(self.change.sensors)})' if self.change.sensors else ''
-        base = f'the result of “{self.after.told}”' if self.after and self.follows else self.start
-        return f'{verb} {name}{places} {"on" if self.change.added else "from"} {base}'
+        if self.after and self.follows:
+            return f'{self._action}{places}, after “{self.after._action}”'
+        return f'{self._action}{places} {"on" if self.change.added else "from"} {self.start}'
+
+    @property
+    def _action(self) -> str:
+        verb = 'add' if self.change.added else 'take out'
+        return f'{verb} {self.change.effect.replace("_", " ")}'
 
 
 class FitQueue:

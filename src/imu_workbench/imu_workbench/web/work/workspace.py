@@ -459,9 +459,10 @@ class Workspace(Notices):
         self, device: str, name: str, one: str, other: str
     ) -> dict[str, Any] | None:
         """Return the experiment that tells two effects apart."""
-        text, files = self.devices[device].loaded[name].model_text, list(self.effect_files)
-        key = (text, one, other, tuple(files))
-        arguments = (text, (one, other), Limits(), files)
+        version, files = self.devices[device].loaded[name], list(self.effect_files)
+        missing = version.missing()
+        key = (version.model_text, one, other, tuple(files))
+        arguments = (version.model_text, (one, other), Limits(), files, missing)
         found: dict[str, Any] | None = await self._do(key, next_profile_task, *arguments)
         return found
 

@@ -23,6 +23,8 @@ POINTS = 900
 """Points drawn at most of one set."""
 STEADY_RATE_C_PER_MIN = 0.2
 """A block whose die temperature changes more slowly is neither heating nor cooling."""
+LEAST_BIN_ROWS = 5
+"""Rows of a bin whose mean is drawn."""
 BRANCHES = {'heating': '@hot', 'cooling': '@cold', 'steady': '@raw'}
 SYMBOLS = ('circle', 'square', 'diamond', 'triangle-up', 'cross', 'star')
 PHASE_SHORT = {
@@ -153,18 +155,17 @@ def phase_figure(version: Version, view: View) -> Figure:
 
 
 def binned_mean(x: FloatArray, y: FloatArray, width: float) -> dict[str, list[float | None]]:
-    """Return the mean of y in bins of x; bins of fewer than five rows are left out."""
+    """Return the mean of y in bins of x; where a bin has fewer than five rows there is a gap."""
     if not len(x):
         return {'x': [], 'y': []}
     place = np.floor(x / width).astype(np.int64)
-    numbers, member = np.unique(place, return_inverse=True)
-    count = np.bincount(member)
-    mean: FloatArray = np.asarray(np.bincount(member, y) / count, dtype=np.float64)
-    kept = count >= 5
-    return {
-        'x': rounded(np.asarray((numbers[kept] + 0.5) * width, dtype=np.float64)),
-        'y': rounded(mean[kept], 4),
-    }
+    first = int(place.min())
+    count = np.bincount(place - first)
+    total = np.bincount(place - first, y)
+    mean: FloatArray = np.full(len(count), np.nan)
+    np.divide(total, count, out=mean, where=count >= LEAST_BIN_ROWS)
+    middles: FloatArray = width * (first + 0.5 + np.arange(len(count), dtype=np.float64))
+    return {'x': rounded(middles), 'y': rounded(mean, 4)}
 
 
 def _chosen(rows: _Rows, x: FloatArray, view: View) -> Sequence[dict[str, Any]]:
