@@ -19,7 +19,7 @@ FIX = np.full(60, 3)
 def test_gps_weeks_are_weeks_since_the_sixth_of_january_1980() -> None:
     monday = datetime(1980, 1, 6, tzinfo=UTC) + timedelta(weeks=2300, days=1)
     ahead = 18.0  # GPS time knows no leap seconds
-    assert unix_of_gps(2300, 86_400_000) == pytest.approx(monday.timestamp() - ahead)
+    assert unix_of_gps(2300, 86_400_000) == pytest.approx(monday.timestamp() - ahead, abs=1e-3)
     assert np.diff(unix_of_gps([2300, 2300], [0, 1500])) == pytest.approx([1.5])
 
 
