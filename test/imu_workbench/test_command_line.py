@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line itself: exit codes, mistyped words, closed and plain terminals, old outputs."""
+"""The command line itself: exit codes, mistyped words, closed and plain terminals."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import ast
 import contextlib
 import os
 import pty
-import shutil
 import signal
 import subprocess
 import sys
@@ -28,8 +27,6 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.presentation.comparison import COLUMNS
 from thermal_comp.presentation.diagnosis import VERDICTS
 from thermal_comp.presentation.words import WORDS
-
-from imu_recording import read_bag
 
 ROOT = Path(__file__).resolve().parents[2]
 WORKBENCH = [sys.executable, '-m', 'imu_workbench']
@@ -90,111 +87,6 @@ def test_every_word_of_an_answer_is_explained(capsys: pytest.CaptureFixture[str]
     assert unknown == [], capsys.readouterr().err
     assert main(['explain', 'Held out']) == 0
     assert capsys.readouterr().out.splitlines()[-1].startswith('held_out')
-
-
-def test_a_check_that_does_not_hold_is_no_bug(tmp_path: Path) -> None:
-    effect = tmp_path / 'loose.py'
-    effect.write_text(
-        'from thermal_comp.effects import Effect\n\n\nclass Loose(Effect):\n    name = "loose"\n'
-    )
-    assert main(['check-effect', str(effect)]) == 3
-
-
-def test_nothing_that_exists_is_replaced_unasked(
-    bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    model, bag = tmp_path / 'm.yaml', tmp_path / 'bag'
-    model.write_text('mine')
-    bag.mkdir()
-    (bag / 'thesis.tex').write_text('mine')
-    dut, simulate = str(bags / 'dut1_x'), ['simulate', 'short_20min', '--rate', '0.1']
-    for argv in (
-        ['fit', dut, '-o', str(model)],
-        ['auto', dut, '-o', str(model)],
-        ['add', 'thermal_lag', dut, '-o', str(model)],
-        ['report', dut, '-o', str(model)],
-        [*simulate, '-o', str(bag)],
-        [*simulate, '--orientation', 'x', '-o', str(bag)],
-        [*simulate, '--orientation', 'x', '-o', str(bag), '--force'],
-    ):
-        assert main(argv) == 2
-        assert str(tmp_path) in capsys.readouterr().err
-    assert model.read_text() == 'mine'
-    assert [path.name for path in bag.iterdir()] == ['thesis.tex']
-    assert main(['fit', dut, '-o', str(model), '--force']) == 0
-    assert model.read_text().startswith('schema: 1')
-    for force in ([], ['--force']):
-        argv = [*simulate, '--orientation', 'x', '-o', str(tmp_path / 'run'), *force]
-        assert main(argv) == 0
-
-
-def test_no_force_replaces_what_is_read_or_a_recording(
-    bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    bag, other = tmp_path / 'bag', tmp_path / 'other'
-    for copy in (bag, other):
-        shutil.copytree(bags / 'dut1_x', copy)
-    model, rules = tmp_path / 'm.yaml', tmp_path / 'topics.yaml'
-    rules.write_text('imu/mag: imu/mag\n')
-    assert main(['fit', str(bag), '-o', str(model)]) == 0
-    before = {path: path.read_bytes() for path in tmp_path.rglob('*') if path.is_file()}
-    storage = next(other.glob('*.mcap'))
-    fit = ['fit', str(bag), '--topics', str(rules), '--force']
-    for argv, said in (
-        ([*fit, '-o', str(other / 'metadata.yaml')], 'belongs to a recording'),
-        ([*fit, '-o', str(storage)], 'belongs to a recording'),
-        ([*fit, '-o', str(rules)], 'is what is read'),
-        (['compare', str(bag), '--json', str(other / 'metadata.yaml')], 'belongs to a recording'),
-        (['compare', str(bag), '--json', str(model)], 'no .json file'),
-        (['compare', str(bag), '--plot', str(storage)], 'belongs to a recording'),
-        (['apply', str(bag), '--model', str(model), '-o', str(bag), '--force'], 'is what is read'),
-    ):
-        capsys.readouterr()
-        assert main(argv) == 2
-        said_in_all = capsys.readouterr().err
-        assert said in said_in_all
-        assert said_in_all.count('\n') == 1
-    assert {path: path.read_bytes() for path in tmp_path.rglob('*') if path.is_file()} == before
-    assert main(['fit', str(bag), '-o', str(model), '--force']) == 0
-
-
-def test_what_is_replaced_stays_until_the_new_bag_is_written(
-    bags: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    model, out = tmp_path / 'm.yaml', tmp_path / 'out'
-    assert main(['fit', str(bags / 'dut1_x'), '-o', str(model)]) == 0
-    apply = ['apply', str(bags / 'dut1_x'), '--model', str(model), '-o', str(out)]
-    table, mapping = tmp_path / 'a.csv', tmp_path / 'm.csv.yaml'
-    table.write_text('t,a,b,c\n' + ''.join(f'{k},0,0,9.8\n' for k in range(200)))
-    mapping.write_text(
-        'schema: 1\ntime: {column: t}\ncolumns:\n  linear_acceleration: {columns: [a, b, c]}\n'
-    )
-    convert = ['import', str(table), '--mapping', str(mapping), '-o', str(out)]
-    assert main(apply) == 0
-    before = {path.name: path.read_bytes() for path in out.iterdir()}
-
-    def full_disk(*_: object, **__: object) -> None:
-        raise OSError(28, 'No space left on device', str(out))
-
-    with monkeypatch.context() as patched:
-        patched.setattr('imu_workbench.commands.apply.write_compensated_copy', full_disk)
-        patched.setattr('imu_workbench.commands.import_file.write_bag', full_disk)
-        assert main([*apply, '--force']) == main([*convert, '--force']) == 2
-    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
-    assert main([*convert, '--force']) == 0
-    assert len(read_bag(out)) == 200
-    assert {path.name for path in tmp_path.iterdir()} == {
-        'm.yaml', 'out', 'a.csv', 'm.csv.yaml'
-    }  # fmt: skip
-
-
-def test_a_table_that_contradicts_itself_is_a_check_that_does_not_hold(tmp_path: Path) -> None:
-    table = tmp_path / 'table.csv'
-    head = 'dut,quantity,axis,segment,min,max,mean,std\n'
-    table.write_text(head + 'd,acc [m/s²],x,R1,-0.1,0.1,0.0,0.01\n')
-    assert main(['check-tables', str(table)]) == 0
-    table.write_text(head + 'd,acc [m/s²],x,R1,-0.1,0.1,0.5,0.01\n')
-    assert main(['check-tables', str(table)]) == 3
 
 
 LONG_VERBS = (

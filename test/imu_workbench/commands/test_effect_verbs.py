@@ -1,18 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The verbs about effects, through the front end: answers, files, one line for every mistake."""
 
-import inspect
-import json
-import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from chamber_profile.profile.file import load_profile
-from imu_workbench.__main__ import main
 from imu_workbench.commands.auto import defect_lines
 from imu_workbench.commands.next_experiment import assumed_sizes
 from thermal_comp.data.quality import check_quality
@@ -21,91 +15,9 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.model.file import load_model
 from thermal_comp.model.values import SensorModel, ThermalModel
 
-from imu_recording import read_bag, write_bag
+from imu_recording import read_bag
 
-OWN = '''
-from dataclasses import dataclass
-import numpy as np
-from thermal_comp.effects.effect import Effect, shape_parameter
-
-@dataclass(frozen=True)
-class DailyRhythm(Effect):
-    """The room's rhythm."""
-    period: float = shape_parameter(3000.0, unit='s', bounds=(600.0, 9000.0))
-    name = 'daily_rhythm'
-    equation = 'error = a · sin(2πt/P)'
-    coefficient_units = ('{unit}',)
-    mechanism = 'Air conditioning.'
-    separation = 'Leave the profile out.'
-    typical_size = 'small'
-    reference = 'none'
-
-    def columns(self, conditions, state=None):
-        return np.sin(2 * np.pi * conditions.time / self.period)[:, None], None
-'''
-Answer = Callable[..., tuple[int, dict[str, Any], str]]
-
-
-@pytest.fixture(scope='module')
-def bag(run, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One run whose gyroscope lags behind the thermometer by 100 s."""
-    recording = run(cycles=4)
-    lagged = np.empty_like(recording.temperature)
-    level = lagged[0] = recording.temperature[0]
-    for i, value in enumerate(recording.temperature.tolist()):
-        level += (value - level) / 100.0
-        lagged[i] = level
-    error = np.outer(lagged - recording.temperature, [3e-4, -2e-4, 1e-4])
-    path = tmp_path_factory.mktemp('lag') / 'z'
-    write_bag(replace(recording, angular_velocity=recording.angular_velocity + error), path)
-    return path
-
-
-@pytest.fixture
-def answer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Answer:
-    def ask(*arguments: object) -> tuple[int, dict[str, Any], str]:
-        target = tmp_path / 'answer.json'
-        target.unlink(missing_ok=True)
-        code = main([*map(str, arguments), '--json', str(target)])
-        shown = capsys.readouterr()
-        content = json.loads(target.read_text()) if target.exists() else {}
-        return code, content, shown.err if code == 2 else shown.out
-
-    return ask
-
-
-@pytest.fixture(scope='module')
-def model(bag: Path) -> Path:
-    target = bag.parent / 'line.yaml'
-    assert main(['fit', str(bag), '-o', str(target)]) == 0
-    return target
-
-
-def refuses(answer: Answer, *arguments: object) -> str:
-    """Return the one line that says what is wrong."""
-    code, content, line = answer(*arguments)
-    assert code == 2
-    assert not content
-    assert line.count('\n') == 1
-    return line
-
-
-def test_add_places_the_effect_where_it_is_and_the_error_falls(
-    bag: Path, model: Path, tmp_path: Path, answer: Answer
-) -> None:
-    grown = tmp_path / 'grown.yaml'
-    code, content, text = answer('add', 'thermal_lag', bag, '--model', model, '-o', grown)
-    assert code == 0
-    (step,) = content['steps']
-    assert (step['added'], step['sensor']) == ('thermal_lag', 'gyroscope')
-    assert step['error_after'] < 1.2 * step['noise_floor'] < 0.5 * step['error_before']
-    assert 'thermal_lag' in text
-    after, before = load_model(grown), load_model(model)
-    fitted = after.sensors['gyroscope'].effects[-1]
-    assert abs(fitted.shape_parameters['time_constant'] - 100.0) < 10.0
-    assert 'thermal_lag' not in {e.name for e in after.sensors['accelerometer'].effects}
-    (kept,) = after.history
-    assert kept.sensors['gyroscope'].effects == before.sensors['gyroscope'].effects
+from .asking import OWN, Answer, refuses
 
 
 def test_auto_adds_until_nothing_is_missing(bag: Path, tmp_path: Path, answer: Answer) -> None:
@@ -165,48 +77,6 @@ def test_an_effect_of_ones_own_is_checked_explained_and_added(
     assert "'daily_rhythm' is not in the catalogue" in refuses(
         answer, 'compare', bag, '--model', grown
     )
-
-
-@pytest.mark.parametrize('name', sorted(EFFECTS))
-def test_every_file_of_the_catalogue_keeps_the_contract(
-    name: str, tmp_path: Path, answer: Answer
-) -> None:
-    own = Path(inspect.getfile(EFFECTS[name]))
-    for file in (own, Path(shutil.copy(own, tmp_path))):
-        code, content, _ = answer('check-effect', file)
-        assert (code, content) == (0, {'effects': {name: []}, 'ok': True})
-
-
-def test_an_effect_that_breaks_the_contract_is_told_where(tmp_path: Path, answer: Answer) -> None:
-    file = tmp_path / 'broken.py'
-    file.write_text(OWN.replace('conditions.time /', 'conditions.time[::-1] /'))
-    code, content, text = answer('check-effect', file)
-    assert code == 3
-    assert content['ok'] is False
-    assert content['effects']['daily_rhythm']
-    assert 'breaks the contract' in text
-    file.write_text(OWN.replace("'daily_rhythm'", "'thermal_lag'"))
-    code, content, _ = answer('check-effect', file)
-    assert code == 3
-    assert any('already' in p for p in content['effects']['thermal_lag'])
-
-
-@pytest.mark.parametrize(
-    ('text', 'reason'),
-    [
-        (None, 'no such file'),
-        ('x = 1\n', 'no'),
-        ('def columns(:\n', 'broken.py'),
-        ('import nothing_like_this\n', 'nothing_like_this'),
-    ],
-)
-def test_files_that_hold_no_effect_are_refused(
-    tmp_path: Path, answer: Answer, text: str | None, reason: str
-) -> None:
-    file = tmp_path / 'broken.py'
-    if text is not None:
-        file.write_text(text)
-    assert reason in refuses(answer, 'check-effect', file)
 
 
 @pytest.mark.parametrize('name', sorted(EFFECTS))
@@ -298,15 +168,6 @@ def test_experiments_that_cannot_be_are_refused(
     line = refuses(answer, 'next-experiment', *arguments, '--model', model, '-o', target)
     assert reason in line
     assert not target.exists()
-
-
-def test_reveal_needs_a_secret(tmp_path: Path, answer: Answer) -> None:
-    assert 'no truth here' in refuses(answer, 'reveal', tmp_path)
-    assert 'no' in refuses(answer, 'reveal', tmp_path / 'nowhere')
-    truth = tmp_path / '.truth.json'
-    for text in ('{"schema": 1', '[]', '{}'):
-        truth.write_text(text)
-        assert str(truth) in refuses(answer, 'reveal', tmp_path)
 
 
 def test_the_size_a_plan_assumes_is_the_models_own_where_it_has_one() -> None:

@@ -46,12 +46,3 @@ def test_bags_hold_the_devices_and_only_reveal_opens_the_truth(
     np.testing.assert_array_equal(truth['devices']['A00001']['slopes'], plan.device(0).slopes)
     assert main(['reveal', str(folder)]) == 0
     assert main([*verb, '-o', str(folder)]) == 2  # nothing is overwritten
-
-
-def test_a_fleet_needs_sensible_numbers(tmp_path: Path) -> None:
-    verb = ['simulate', 'short_20min', '-o', str(tmp_path / 'f')]
-    assert main([*verb, '--lots', '2']) == 2
-    assert main([*verb, '--fleet', '0']) == 2
-    assert main([*verb, '--fleet', '30', '--lots', '27']) == 2
-    assert main([*verb, '--fleet', '2', '--hide', 'icing']) == 2
-    assert not (tmp_path / 'f').exists()

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Campaigns with a hidden effect: made, revealed, and a diagnosis scored against the truth."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,6 @@ import pytest
 from imu_driver.simulation.devices import MEAN_STD
 from imu_driver.simulation.hidden import UNLOGGED
 from imu_recording.recording import SENSOR_FIELDS, columns_hash
-from imu_workbench.__main__ import main
 from imu_workbench.simulate.campaign import Logging
 from imu_workbench.simulate.hidden_effect import (
     Campaign,
@@ -20,8 +18,6 @@ from imu_workbench.simulate.hidden_effect import (
     score_diagnosis,
     score_each,
 )
-
-from imu_recording import read_bag
 
 SHORT = 'short_20min'
 MEANS = Logging(0.2, mean=True, chamber_period=5.0)
@@ -91,42 +87,6 @@ def test_what_needs_cycles_says_so() -> None:
         campaign('orientation_flip')
 
 
-def test_simulate_hides_and_keeps_the_truth_apart(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = tmp_path / 'secret'
-    command = [
-        'simulate',
-        SHORT,
-        '--device',
-        'dut3',
-        '--hide',
-        'temperature_rate',
-        '--magnitude',
-        '4',
-        '--sensor',
-        'gyroscope',
-        '--rate',
-        '0.2',
-        '--seed',
-        '5',
-        '-o',
-        str(folder),
-    ]
-    assert main(command) == 0
-    assert 'temperature_rate' not in capsys.readouterr().out
-    truth, found = find_truth(folder)
-    assert (truth['name'], truth['sensor'], truth['magnitude']) == (
-        'temperature_rate',
-        'gyroscope',
-        4.0,
-    )
-    assert [path.name for path in found] == ['x', 'y', 'z']
-    assert read_bag(found[2]).up_axis == '+z'
-    assert main(command) == 2  # a second one in the same folder
-    assert 'holds a hidden effect already' in capsys.readouterr().err
-
-
 def magnitude_of_difference(plain: Campaign, other: Campaign, sensor: str) -> float:
     """Size of what was added in one-second means: rms beyond level and a line in temperature."""
     left = []
@@ -186,84 +146,12 @@ def test_a_year_changes_slope_offset_and_lag_of_the_same_device(plain: Campaign)
         assert new.parameters[key] / old.parameters[key] == pytest.approx(changes[ratio])
 
 
-def test_simulate_tells_reveal_what_a_year_has_changed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = tmp_path / 'later'
-    options = ['--hide', 'thermal_lag,warm_up', '--magnitude', '5,3', '--sensor', 'gyroscope']
-    command = ['simulate', SHORT, *options, '--aged', '--rate', '0.1', '-o', str(folder)]
-    assert main(command) == 0
-    assert 'slope' not in capsys.readouterr().out
-    assert main(['reveal', str(folder), '--json', str(tmp_path / 'answer.json')]) == 0
-    said = capsys.readouterr().out
-    content = json.loads((tmp_path / 'answer.json').read_text())
-    assert [one['name'] for one in content['outcomes']] == ['thermal_lag', 'warm_up']
-    ratio = content['truth']['changes']['slope_ratio']['gyroscope']
-    assert f'gyroscope: slope × {ratio:.3g}' in said
-    assert said.count('hidden:') == 2
-
-
 def test_what_is_found_of_one_effect_does_not_count_against_another() -> None:
     lag = {'kind': 'effect', 'name': 'thermal_lag', 'sensor': 'gyroscope', 'depends_on': []}
     ice = lag | {'name': 'icing'}
     walk = lag | {'name': 'warm_up'}
     scores = score_each([lag, ice, walk], {'findings': [ice, lag]})
     assert [score.outcome for score in scores] == ['named', 'named', 'missed']
-
-
-@pytest.mark.parametrize('axis', ['x', '-x'])
-def test_simulate_makes_one_bag_of_one_orientation(tmp_path: Path, axis: str) -> None:
-    answer = tmp_path / 'answer.json'
-    assert (
-        main(
-            [
-                'simulate',
-                SHORT,
-                '--orientation',
-                axis,
-                '--rate',
-                '0.5',
-                '--seed',
-                '3',
-                '-o',
-                str(tmp_path / 'bag'),
-                '--json',
-                str(answer),
-            ]
-        )
-        == 0
-    )
-    recording = read_bag(tmp_path / 'bag')
-    assert recording.up_axis == f'{"" if axis[0] == "-" else "+"}{axis}'
-    content = json.loads(answer.read_text())
-    assert content['bags'][0]['samples'] == len(recording)
-
-
-@pytest.mark.parametrize(
-    ('more', 'said'),
-    [
-        (['--rate', '0'], '--rate 0'),
-        (['--sensor', 'gyroscope'], 'needs --hide'),
-        (['--hide', 'thermal_lag', '--orientation', 'x'], 'all three orientations'),
-        (['--hide', 'thermal_lag', '--magnitude', '-1'], '--magnitude'),
-        (['--hide', 'icing,warm_up', '--magnitude', '1,2,3'], 'has 3 values for 2 effects'),
-        (['--hide', 'icing,warm_up', '--magnitude', '1,big'], '--magnitude big'),
-        (['--hide', 'icing,tea'], "cannot hide 'tea'"),
-        (['--hide', 'icing', '--sensor', 'barometer'], '--sensor barometer'),
-        (['--aged', '--orientation', 'x'], '--aged makes all three orientations'),
-        (['--hide', 'thermal_lag', '--rate', '50'], 'at most 10 Hz'),
-        (['--hide', 'turn_on_bias'], 'at least two cycles'),
-        (['--hide', 'tea'], "cannot hide 'tea'"),
-    ],
-)
-def test_mistakes_are_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], more: list[str], said: str
-) -> None:
-    assert main(['simulate', SHORT, '-o', str(tmp_path / 'bag'), *more]) == 2
-    error = capsys.readouterr().err
-    assert said in error
-    assert len(error.splitlines()) == 1
-    assert not (tmp_path / 'bag').exists()
 
 
 def test_the_bundled_truth_is_found(bags: Path) -> None:
@@ -354,15 +242,3 @@ def test_a_diagnosis_is_judged_by_the_truth(
     score = score_diagnosis(truth, {'findings': findings})
     assert score.outcome == outcome
     assert score.right == (right and outcome != 'wrong')
-
-
-def test_reveal_diagnoses_first_and_then_opens_the_truth(
-    bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(['reveal', str(bags), '--json', str(tmp_path / 'answer.json')]) == 0
-    content = json.loads((tmp_path / 'answer.json').read_text())
-    assert content['right']
-    assert content['outcome'] == 'named'
-    assert content['truth']['name'] in capsys.readouterr().out
-    assert main(['reveal', str(tmp_path)]) == 2
-    assert 'no truth here' in capsys.readouterr().err

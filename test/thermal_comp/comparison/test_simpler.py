@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A model that loses to a line, or to none, on cycles it has not seen is said to."""
+
+from __future__ import annotations
+
+import numpy as np
+from thermal_comp.comparison.compare import compare_prepared
+from thermal_comp.comparison.simpler import worse_than_simpler
+from thermal_comp.data.preparation import prepare
+from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.effect import Effect
+from thermal_comp.fitting.fit import fit_prepared
+
+from ..campaign import chamber, measured_by, run
+
+LINE = (EFFECTS['bias_temperature'](),)
+BENT = (*LINE, EFFECTS['bias_temperature_curvature']())
+
+
+def worse(effects: tuple[Effect, ...], course: np.ndarray) -> tuple[str, ...]:
+    """Return what is said of a gyroscope whose x axis has a further error (n,)."""
+    error = course[:, None] * np.array([1.0, 0.0, 0.0])
+    runs = prepare(measured_by([run(error={'angular_velocity': error})], 'gyroscope'))
+    model = fit_prepared({'gyroscope': effects}, runs)
+    return worse_than_simpler(model, compare_prepared(model, runs), runs)
+
+
+def test_a_bend_that_every_cycle_repeats_beats_a_line() -> None:
+    _, die, *_ = chamber()
+    assert worse(BENT, 1e-3 * ((die - 20.0) / 30.0) ** 2) == ()
+
+
+def test_a_slope_that_changes_its_sign_from_cycle_to_cycle_is_worse_than_none() -> None:
+    _, die, _, cycle = chamber()
+    sign = np.where(cycle % 2 == 0, 1.0, -1.0)
+    said = worse(LINE, 1e-3 * sign * (die - 20.0))
+    assert len(said) == 1
+    assert said[0].startswith('gyroscope x: the error on held-out parts is ')
+    assert said[0].endswith(' times that of no model at all')
+
+
+def test_what_is_nothing_has_nothing_simpler() -> None:
+    _, die, *_ = chamber()
+    assert worse((), np.zeros(len(die))) == ()

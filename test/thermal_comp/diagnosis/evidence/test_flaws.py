@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What equations lack: nothing where they hold, much where a time constant is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from thermal_comp.diagnosis.evidence import priors
+from thermal_comp.diagnosis.evidence.flaws import (
+    FittedSet,
+    exact_weight,
+    flaws,
+    free_flaw,
+    gain_of,
+    log_prior_at,
+    may_be_flawed,
+)
+from thermal_comp.diagnosis.sensor_search import SensorAnswer
+
+from ..one_run import behind, lagging_gyroscope, searched
+
+
+def flaw_and_exact(answer: SensorAnswer, *names: str) -> tuple[float, float]:
+    """Return ln of the weight of a set with a flaw and without one."""
+    hypotheses = answer.hypotheses
+    some = next(s for s in answer.sets if s.names == names)
+    state = hypotheses.conditioned(some.components)
+    one = FittedSet(some, state, free_flaw(hypotheses, some, state), -np.inf, frozenset())
+    return flaws(hypotheses, [one])[0], exact_weight(hypotheses, some)
+
+
+def test_noise_makes_no_flaw_of_an_equation_that_holds() -> None:
+    flaw, exact = flaw_and_exact(lagging_gyroscope(), 'thermal_lag')
+    assert abs(flaw - exact) < 3.0
+
+
+def test_a_lag_that_is_shorter_in_the_cold_is_a_flaw_of_the_equation() -> None:
+    warm = (behind(300.0) - behind(600.0)) * np.linspace(0.0, 1.0, len(behind(300.0)))
+    flaw, exact = flaw_and_exact(searched(2e-3 * (behind(600.0) + warm)), 'thermal_lag')
+    assert flaw > exact + 20.0
+
+
+def test_where_nothing_is_explained_no_equation_can_be_wrong() -> None:
+    quiet = searched(np.zeros(len(behind(300.0))))
+    nothing = next(s for s in quiet.sets if not s.names)
+    assert not may_be_flawed(quiet.hypotheses, nothing)
+    assert exact_weight(quiet.hypotheses, nothing) == 0.0
+
+
+def test_what_stands_already_adds_nothing_and_what_lacks_has_its_size() -> None:
+    answer = lagging_gyroscope()
+    lag = next(s for s in answer.sets if s.names == ('thermal_lag',))
+    (term,), flat = lag.components[0].form.terms, priors.amplitude_log_prior(None)
+    nothing = answer.hypotheses.conditioned(())
+    gain, amplitude = gain_of(nothing, term, flat, beside=True)
+    assert gain == pytest.approx(0.5 * lag.explained, rel=0.5)
+    assert 0.5 < amplitude / np.sqrt(lag.explained / 3.0) < 2.0  # of one axis
+    assert gain_of(answer.hypotheses.conditioned(lag.components), term, flat)[0] < 1.0
+
+
+def test_a_prior_is_interpolated_and_held_at_its_ends() -> None:
+    known = -np.arange(len(priors.AMPLITUDES), dtype=float)
+    between = float(np.sqrt(priors.AMPLITUDES[3] * priors.AMPLITUDES[4]))
+    sizes = (0.0, 1.0, priors.AMPLITUDES[3], between, 1e9)
+    assert [log_prior_at(s, known) for s in sizes] == pytest.approx([0.0, 0.0, -3.0, -3.5, -12.0])

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every hypothesis allows for: a thermometer that lags, slow noise beyond the fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from thermal_comp.diagnosis.evidence.nuisances import nuisance_priors
+
+from ..one_run import behind, lagging_gyroscope, searched
+
+
+def test_the_alternatives_are_all_there_are_and_each_doubts_the_thermometer() -> None:
+    hypotheses = lagging_gyroscope().hypotheses
+    alternatives = nuisance_priors(hypotheses.design, hypotheses.thermometer)
+    assert np.exp([probability for probability, _ in alternatives]).sum() == pytest.approx(1.0)
+    for _, allowed in alternatives:
+        assert allowed[0].shared
+        assert allowed[0].columns == hypotheses.thermometer.columns
+        assert all((prior.deviation >= 0.0).all() for prior in allowed)
+
+
+def test_more_slow_noise_is_the_same_directions_wider() -> None:
+    hypotheses = lagging_gyroscope().hypotheses
+    alternatives = nuisance_priors(hypotheses.design, hypotheses.thermometer)
+    slow = [allowed[1] for _, allowed in alternatives if len(allowed) > 1]
+    assert len({prior.columns for prior in slow}) == 1
+    widths = sorted(float(prior.deviation.sum()) for prior in slow)
+    assert widths[0] < widths[-1]
+
+
+def explained_share(slope: float) -> float:
+    """Return the share of a lag's rows that the thermometer explains, where axes have a slope."""
+    answer = searched(slope * behind(1e9) + 2e-3 * behind(20.0))
+    return answer.hypotheses.explained_by_thermometer / answer.hypotheses.design.chi_square
+
+
+def test_a_lag_is_the_thermometers_where_it_goes_with_the_slope() -> None:
+    assert explained_share(2e-3) > 0.6
+    assert explained_share(0.0) < 0.1
