@@ -86,7 +86,8 @@ class Page:
                 self._rail = Rail(session, rail, may_load=self._local)
             actions = VersionActions(
                 self._show_version, self._save_model, self._save_report, self._save_case,
-                self._open_model, lambda text: self._workspace.note(session.device, text),
+                self._open_model, self._keep_statement,
+                lambda text: self._workspace.note(session.device, text),
             )  # fmt: skip
             self._versions = VersionsPanel(session, look, actions)
         with ui.element('main').classes('body') as self._fleet_place:
@@ -415,6 +416,10 @@ class Page:
             path = await asyncio.to_thread(zipped, work.case.folder, target)
             with self._client:
                 ui.download.file(path, f'{work.name}_case.zip')
+
+    async def _keep_statement(self, name: str, content: bytes) -> None:
+        if self._session.work is not None:
+            self._workspace.keep_statement(self._session.device, name, content)
 
     async def _open_model(self, name: str, content: bytes) -> None:
         try:

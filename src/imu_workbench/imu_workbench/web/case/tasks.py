@@ -230,10 +230,15 @@ def report_task(
     bags: Sequence[StoredBag],
     model_texts: Mapping[str, str],
     effect_files: Sequence[Path],
+    folder: Path,
     target: Path,
 ) -> Path:
-    """Write the report of these recordings under these models (by device); return its path."""
+    """Write the report of these recordings under these models (by device); return its path.
+
+    `folder` is that of the case: what a laboratory stated stands there.
+    """
     # A report's libraries take as long to import as a verdict's: nobody else waits for them.
+    from imu_workbench.case_statements import statement_files, statements_of
     from imu_workbench.report.analysis import analyse_recordings
     from imu_workbench.report.content import report_content, versions
     from imu_workbench.report.html.document import report_page
@@ -248,8 +253,12 @@ def report_task(
     names = ' '.join(bag.source for bag in bags)
     given = [f'--model {device}.yaml' for device in models]
     given += [f'--effects {file.name}' for file in effect_files]
+    given += [f'--{file.stem} {file.name}' for file in statement_files(folder)]
     command = f'python -m imu_workbench report {names} {" ".join(given)} -o report.html'
-    content = report_content(analysis, commands=[command], versions=versions())
+    laboratory, limits = statements_of(folder)
+    content = report_content(
+        analysis, commands=[command], versions=versions(), laboratory=laboratory, limits=limits
+    )
     target.write_text(report_page(content), 'utf-8')
     return target
 

@@ -34,6 +34,7 @@ class VersionActions:
     save_report: Callable[[], Any]
     save_case: Callable[[], Any]
     open_model: Callable[[str, bytes], Awaitable[None]]
+    keep_statement: Callable[[str, bytes], Awaitable[None]]
     note: Callable[[str], Any]
 
 
@@ -77,6 +78,13 @@ class VersionsPanel:
             self._case = ui.button('Save the case', on_click=do.save_case).props('no-caps outline')
             self._case.tooltip('Everything of this device as a zip: versions, findings, notes')
             self._open = file_button('Open a model (.yaml)', '.yaml,.yml', do.open_model)
+            self._state = file_button(
+                'Laboratory or limits (.yaml)', '.yaml,.yml', do.keep_statement
+            )
+            self._state.tooltip(
+                'What certificates state of laboratory, instruments and customer, or decide by: '
+                'asked for once, kept in the case (see examples/laboratory.yaml, limits.yaml)'
+            )
 
     def _on_note(self, event: Any) -> None:
         if self._session.work is not None and event.value != self._session.work.case.notes:
@@ -89,6 +97,7 @@ class VersionsPanel:
         for button in self._save:
             button.set_enabled(version is not None)
         self._case.set_enabled(work is not None)
+        self._state.set_enabled(work is not None)
         self._open.set_enabled(bool(work and work.bags))
         self._notes.set_enabled(work is not None)
         noted = (session.device, work.case.notes) if work else None

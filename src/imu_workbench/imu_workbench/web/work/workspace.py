@@ -39,6 +39,7 @@ from imu_workbench.case_effects import (
     kept_effects,
     with_effect_file,
 )
+from imu_workbench.case_statements import keep_statement, statement_files
 from imu_workbench.web.case import tasks
 from imu_workbench.web.case.candidates import asks_for_errors
 from imu_workbench.web.case.next_experiment import next_profile_task
@@ -270,6 +271,17 @@ class Workspace(Notices):
         opened = await self._opened(work, model_text, 'opened model')
         return self._append(work, None, opened.version) if opened is not None else ''
 
+    def keep_statement(self, device: str, name: str, content: bytes) -> None:
+        """Keep what a laboratory states, or limits, in the case: certificates state it then."""
+        try:
+            kept = keep_statement(self.devices[device].case.folder, name, content)
+        except UserError as error:
+            self.say(str(error))
+            return
+        self.say(
+            f'{name} is kept in the case as {kept}: certificates state it from now on', 'info'
+        )
+
     def _append(self, work: DeviceWork, parent: str | None, version: Version) -> str:
         runs = [bag.run for bag in work.bags]
         used = {name for names in version.effects.values() for name in names}
@@ -470,9 +482,11 @@ class Workspace(Notices):
         """Write the report of a version, the certificate first."""
         work = self.devices[device]
         text, files = work.loaded[name].model_text, list(self.effect_files)
-        key = (str(work.prepared), text, tuple(files))
+        folder = work.case.folder
+        stated = tuple(file.read_bytes() for file in statement_files(folder))
+        key = (str(work.prepared), text, tuple(files), stated)
         target = self.cache.fresh_path('.html')
-        arguments = (list(work.bags), {device: text}, files, target)
+        arguments = (list(work.bags), {device: text}, files, folder, target)
         found: Path | None = await self._do(key, tasks.report_task, *arguments)
         return found
 
