@@ -225,10 +225,14 @@ def _residuals(
                 if effect in listed[sensor]:
                     error += run.columns(effect, sensor) @ coefficients
             left[r, sensor] = (run.measured[sensor] - error)[:, :, None]
-    estimate = solve(design.equations(left)).estimate
+    estimate = solve(design.equations(left)).estimate[:, 0]
     return {
         sensor: [
-            _about_mean(left[r, sensor][:, :, 0] - design.predicted(estimate, r, sensor)[:, :, 0])
+            _about_mean(
+                left[r, sensor][:, :, 0]
+                - design.predicted(estimate, r, sensor)
+                - design.offsets(estimate, r, sensor)
+            )
             for r in range(len(runs))
         ]
         for sensor in listed

@@ -80,7 +80,10 @@ def hold_out(
         line = replace(training, effects={s: _levels_and_line(effects[s]) for s in effects})
         line_solution = solve(line.equations())
         unseen = [j for j in _unseen(training, power) if j not in held]
-        relearned |= {training.describe(j).partition(' ')[0].partition('[')[0] for j in unseen}
+        solution = _without(solution, unseen)
+        line_solution = _without(line_solution, [j for j in unseen if j < training.levels])
+        told = [training.describe(j) for j in unseen if j >= training.levels]
+        relearned |= {text.partition(' ')[0].partition('[')[0] for text in told}
         for run, sensor, rows in _held_out_rows(design, training, part):
             error = _errors(measured, solution, run, sensor)[rows]
             for axis in range(3):
@@ -114,6 +117,7 @@ def _held_out_rows(
 def _unseen(training: Design, power: FloatArray) -> list[int]:
     """Return the unknowns of which the training parts hold too small a share of the power."""
     least = np.full(training.size, LEAST_POWER_SHARE)
+    least[training.after_gaps[0] : training.levels] = LEAST_LEVEL_POWER_SHARE
     for term in training.terms:
         if term.effect.per_run:
             least[term.unknowns] = LEAST_LEVEL_POWER_SHARE
@@ -121,6 +125,15 @@ def _unseen(training: Design, power: FloatArray) -> list[int]:
             least[term.unknowns] = 0.0  # its prior tells them
     seen = _power(training) / np.maximum(power, 1e-300)
     return [int(j) for j in np.flatnonzero(seen < least)]
+
+
+def _without(solution: Solution, unknowns: list[int]) -> Solution:
+    """Return a solution in which some unknowns are zero: the held-out rows tell them alone."""
+    estimate, covariance = solution.estimate.copy(), solution.covariance.copy()
+    estimate[unknowns] = 0.0
+    covariance[unknowns] = 0.0
+    covariance[:, unknowns] = 0.0
+    return replace(solution, estimate=estimate, covariance=covariance)
 
 
 def _levels_and_line(effects: Sequence[Effect]) -> tuple[Effect, ...]:
@@ -156,9 +169,10 @@ def _mean(parts: list[FloatArray]) -> FloatArray:
 def _errors(design: Design, solution: Solution, run: int, sensor: Sensor) -> FloatArray:
     """Return measured minus predicted, (m, 3), over all blocks of a run."""
     estimate = solution.estimate[:, 0]
-    level = [estimate[design.level_index(run, sensor, axis)] for axis in range(3)]
     error: FloatArray = (
-        design.runs[run].measured[sensor] - design.predicted(estimate, run, sensor) - level
+        design.runs[run].measured[sensor]
+        - design.predicted(estimate, run, sensor)
+        - design.offsets(estimate, run, sensor)
     )
     return error
 

@@ -30,6 +30,7 @@ from thermal_comp.data.conditions import (
     mounting_rotation,
     static_conditions,
 )
+from thermal_comp.data.gaps import MEMORY_S, decays_after_gaps
 from thermal_comp.data.hard_iron import hard_iron_of
 from thermal_comp.data.quality import without_damage
 from thermal_comp.data.smoothing import smoothed_conditions
@@ -104,6 +105,11 @@ class PreparedRun:
     def temperature(self) -> FloatArray:
         """(m,) mean die temperature of each block [°C]."""
         return self.block_mean(self.conditions.temperature)
+
+    @cached_property
+    def after_gaps(self) -> FloatArray:
+        """(m, q) decays after gaps, of what temperatures that nobody measured left behind."""
+        return self.block_mean(decays_after_gaps(self.conditions.time))
 
     @cached_property
     def phase(self) -> IntArray:
@@ -275,6 +281,11 @@ def prepare_run(
     if holes:
         notes.append(
             f'{holes * run.period:.0f} s in gaps, half-empty blocks or where cycles meet left out'
+        )
+    if gaps := run.after_gaps.shape[1] // len(MEMORY_S):
+        notes.append(
+            f'{gaps} long {"gap" if gaps == 1 else "gaps"}: what the temperatures of '
+            f'{"it" if gaps == 1 else "them"} left behind is unknown, and fitted beside the level'
         )
     if not run.has_cycles:
         count = int(run.cv_group.max(initial=0))

@@ -85,7 +85,7 @@ class PartSums:
     run: IntArray
     """(k,)."""
     known: IntArray
-    """Columns of every fit: levels of the runs and the effects of the model."""
+    """Columns of every fit: levels of the runs, decays after gaps, the effects of the model."""
     places: Mapping[Effect, IntArray]
     """Columns of each further effect."""
     variance: FloatArray
@@ -138,9 +138,10 @@ def part_sums(
     effects = (*known, *further)
     measured = [_columns(runs, sensor, effect) for effect in effects]
     smoothed = [_columns([run.smoothed for run in runs], sensor, effect) for effect in effects]
-    starts = np.cumsum([len(runs), *(parts[0].shape[2] for parts in measured)])
+    decays = np.cumsum([len(runs), *(run.after_gaps.shape[1] for run in runs)])
+    starts = np.cumsum([decays[-1], *(parts[0].shape[2] for parts in measured)])
     width = int(starts[-1]) + 1
-    own = [
+    own = list(range(len(runs), int(decays[-1]))) + [
         j
         for k, effect in enumerate(known)
         if effect.per_run
@@ -155,6 +156,7 @@ def part_sums(
             here = valid & (groups[r] == p)
             fitted = np.zeros((3, int(here.sum()), width))
             fitted[:, :, r] = 1.0
+            fitted[:, :, decays[r] : decays[r + 1]] = run.after_gaps[here]
             fitted[:, :, -1] = (values[here] - level).T
             table = fitted.copy()
             for k in range(len(effects)):

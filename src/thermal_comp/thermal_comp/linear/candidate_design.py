@@ -122,8 +122,11 @@ class CandidateDesign:
         self._size = np.zeros(0)
         self.width = 0
         self._further_chi_square = 0.0
-        levels = stack_runs([np.ones((len(slot), 1)) for slot in slots], per_run=True)
-        known = [per_axis(levels)[0], self._thermometer_noise()]
+        levels = [
+            np.column_stack([np.ones(int(ok.sum())), run.after_gaps[ok]])
+            for run, ok in zip(runs, self.valid, strict=True)
+        ]
+        known = [per_axis(stack_runs(levels, per_run=True))[0], self._thermometer_noise()]
         known += [per_axis(self._evaluated(effect))[0] for effect in base]
         whitened = self.whitening.whitened(np.concatenate(known, axis=2))
         self.base = [orthonormal(columns) for columns in whitened]

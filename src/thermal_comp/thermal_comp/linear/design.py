@@ -54,8 +54,8 @@ class Term:
 class Design:
     """Columns of the effects of a group of sensors, over prepared runs, whitened on demand.
 
-    Unknowns are the levels of every run, sensor and axis, then the coefficients in order of
-    effects, so that of dependent columns the later effect is the one that is held.
+    Unknowns are the levels of every run, sensor and axis, what gaps leave behind there, then the
+    coefficients in order of effects, so that of dependent columns the later one is held.
     """
 
     runs: Sequence[PreparedRun]
@@ -70,7 +70,11 @@ class Design:
 
     def __post_init__(self) -> None:
         self.sensors = tuple(self.effects)
-        self.levels = 3 * len(self.runs) * len(self.sensors)
+        first = 3 * len(self.runs) * len(self.sensors)
+        widths = [3 * len(self.sensors) * run.after_gaps.shape[1] for run in self.runs]
+        self.after_gaps = first + np.cumsum([0, *widths])
+        """(runs + 1,) where the unknowns of decays after gaps start, run by run, and end."""
+        self.levels = int(self.after_gaps[-1])
         self.terms = self._terms()
         self.size = self.terms[-1].unknowns.stop if self.terms else self.levels
 
@@ -81,6 +85,17 @@ class Design:
     def level_index(self, run: int, sensor: Sensor, axis: int) -> int:
         """Return the unknown that is the level of a run, sensor and axis."""
         return (run * len(self.sensors) + self.sensors.index(sensor)) * 3 + axis
+
+    def standing(self, run: int, sensor: Sensor, axis: int) -> tuple[IntArray, FloatArray]:
+        """Return the unknowns of one axis whatever the effects, and their columns (m, 1 + q).
+
+        They are its level and the decays after gaps.
+        """
+        decays = self.runs[run].after_gaps
+        width = decays.shape[1]
+        first = self.after_gaps[run] + (3 * self.sensors.index(sensor) + axis) * width
+        index = np.append(self.level_index(run, sensor, axis), first + np.arange(width))
+        return index, np.column_stack([np.ones(len(decays)), decays])
 
     def valid(self, run: int, sensor: Sensor) -> NDArray[np.bool_]:
         """Return the (m,) blocks of a run that take part."""
@@ -104,7 +119,7 @@ class Design:
         ]
 
     def predicted(self, estimate: FloatArray, run: int, sensor: Sensor) -> FloatArray:
-        """Return the (m, 3, …) modelled part, without level, for estimates (unknowns, …)."""
+        """Return the (m, 3, …) part of the effects for estimates (unknowns, …)."""
         total = np.zeros((len(self.runs[run]), 3, *estimate.shape[1:]))
         for term in self.terms_of(sensor):
             columns = self.columns(term.effect, run, sensor)
@@ -114,8 +129,16 @@ class Design:
                 total[:, axis] += np.tensordot(part, estimate[place], 1)
         return total
 
+    def offsets(self, estimate: FloatArray, run: int, sensor: Sensor) -> FloatArray:
+        """Return the (m, 3) level and decays after gaps for an estimate (unknowns,)."""
+        parts = [self.standing(run, sensor, axis) for axis in range(3)]
+        return np.stack([columns @ estimate[place] for place, columns in parts], axis=1)
+
     def describe(self, unknown: int) -> str:
         """Return what an unknown is, in words."""
+        if unknown >= self.after_gaps[0] and unknown < self.levels:
+            run = int(np.searchsorted(self.after_gaps, unknown, side='right')) - 1
+            return f'decay after a gap of run {self.runs[run].name}'
         if unknown < self.levels:
             run, rest = divmod(unknown, 3 * len(self.sensors))
             return f'level of run {self.runs[run].name} {"xyz"[rest % 3]}'
@@ -161,15 +184,15 @@ class Design:
         """Return unknowns, whitened columns and whitened right-hand sides of one axis."""
         key = (None, run, sensor, axis)
         valid = self.valid(run, sensor)
+        place, standing = self.standing(run, sensor, axis)
         if key not in self.white:
-            base = [np.ones(int(valid.sum())), self.runs[run].measured[sensor][valid, axis]]
-            self.white[key] = self.whitened(np.column_stack(base), run, sensor, axis)
+            base = np.column_stack([standing, self.runs[run].measured[sensor][:, axis]])[valid]
+            self.white[key] = self.whitened(base, run, sensor, axis)
         base_white = self.white[key]
-        right = base_white[:, 1:]
+        right = base_white[:, -1:]
         if values is not None:
             right = self.whitened(values[run, sensor][valid, axis], run, sensor, axis)
-        index = [np.array([self.level_index(run, sensor, axis)])]
-        columns = [base_white[:, :1]]
+        index, columns = [place], [base_white[:, :-1]]
         for term in self.terms_of(sensor):
             columns.append(self._white_columns(term.effect, run, sensor, axis))
             index.append(term.indices(run, axis, columns[-1].shape[1]))
@@ -199,8 +222,8 @@ class Design:
 
     def raw_columns(self, run: int, sensor: Sensor, axis: int) -> tuple[IntArray, FloatArray]:
         """Return the unknowns of one axis and their columns over all blocks, level first."""
-        index = [np.array([self.level_index(run, sensor, axis)])]
-        columns = [np.ones((len(self.runs[run]), 1))]
+        place, standing = self.standing(run, sensor, axis)
+        index, columns = [place], [standing]
         for term in self.terms_of(sensor):
             part = self.columns(term.effect, run, sensor)
             columns.append(part[:, axis] if part.ndim == 3 else part)

@@ -134,15 +134,17 @@ class Pool:
             effects = form.effects(self._line, self._bends)
             # Of the empirical term the polynomials come first, the rest is zero.
             width = CURVE_SIZE if form.tied else 1 + len(GROUPS)
-            further = 3 * (1 + width)
-            own = np.r_[
-                : 3 * (1 + CURVE_SIZE),
-                further : further + 3 * (form.coefficients - CURVE_SIZE),
-            ]
             found = []
             for base in self._designs:
                 design = base.with_effects({self._sensor: effects})
                 design.raw, design.white = dict(base.raw), dict(base.white)
+                first = design.levels  # a stretch is too short to tell what a gap left behind
+                further = first + 3 * width
+                own = np.r_[
+                    :3,
+                    first : first + 3 * CURVE_SIZE,
+                    further : further + 3 * (form.coefficients - CURVE_SIZE),
+                ]
                 equations = design.equations()
                 found.append((equations.gram[np.ix_(own, own)], equations.moment[own, 0]))
             self._each[form] = found
