@@ -70,6 +70,8 @@ class Plot:
         self._figure: Figure | None = None
         self._drawn: dict[str, Any] = {}
         self._place = ui.element('div')
+        self.card: ui.element | None = None
+        """The card it stands in, where it has one of its own."""
         self._element: ui.plotly | None = None
         self._handlers: list[tuple[str, dict[str, Any]]] = []
 
@@ -109,9 +111,11 @@ class Plot:
 
 def figure_card(look: Look, title: str, label: str, name: str, classes: str = '') -> Plot:
     """Return a plot in a card with a heading; `name` is what a saved figure is called."""
-    with ui.element('section').classes(f'card {classes}'):
+    with ui.element('section').classes(f'card {classes}') as card:
         card_head(title)
-        return Plot(look, label, name)
+        plot = Plot(look, label, name)
+    plot.card = card
+    return plot
 
 
 def card_head(title: str) -> None:

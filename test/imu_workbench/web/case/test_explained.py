@@ -62,16 +62,23 @@ def test_an_effect_is_shown_as_it_is_written() -> None:
     assert 'to tell it apart' not in told  # nothing is known
 
 
+USUAL = 'M = 1, as large as the noise of a mean over a second'
+
+
 @pytest.mark.parametrize(
-    ('separable', 'verdict'), [(True, 'separable'), (False, 'not separable by temperature alone')]
+    ('separable', 'verdict', 'missing'),
+    [(True, 'separable', 1e-4), (False, 'not separable by temperature alone', None)],
 )
-def test_an_experiment_promises_what_it_tells(separable: bool, verdict: str) -> None:
-    pairs = Pairs(proposal_html(PROPOSAL | {'separable': separable})).pairs
+def test_an_experiment_promises_what_it_tells(
+    separable: bool, verdict: str, missing: float | None
+) -> None:
+    pairs = Pairs(proposal_html(PROPOSAL | {'separable': separable, 'missing': missing})).pairs
     told = dict(pairs)
     assert told['question'] == 'thermal lag or warm up in the gyroscope'
     assert told['answer'] == verdict
     assert told['length'] == '3 cycles, 7.2 h a run'
-    assert told['evidence'].startswith('0.500 with the plan of the paper, 40.0 with this one')
+    assert told['evidence'].startswith('0.500 with the plan of Betta et al. 2022, 40.0')
+    assert told['assumed size'] == ('what is missing now, 0.00573 °/s rms' if missing else USUAL)
     assert [text for name, text in pairs if name == 'do'] == ['wait an hour', 'go on']
 
 

@@ -135,6 +135,8 @@ class Centre:
         self._map = found
         for plot, figure in zip(self.plots, figures, strict=True):
             plot.show(figure)
+        if self._phase.card is not None and version is not None:
+            self._phase.card.visible = found is not None and found.by_phase
         self._cells.show(found, session.view.place)
         self._show_places()
 

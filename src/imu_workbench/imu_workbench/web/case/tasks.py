@@ -185,7 +185,7 @@ def diagnose_task(
 
     `prepared` holds the runs of the bags, which are taken where nothing is defective.
     """
-    progress('asking every effect of the catalogue')
+    progress(f'{bags[0].device}: asking every effect of the catalogue')
     catalogue = effect_catalogue(effect_files)
     model = model_from_text(model_text, catalogue)
     runs = load_runs(prepared)

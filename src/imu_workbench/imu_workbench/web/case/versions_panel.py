@@ -42,7 +42,7 @@ class VersionsPanel:
     """Versions of the device's model; none is ever deleted."""
 
     def __init__(self, session: Session, look: Look, actions: VersionActions) -> None:
-        self._session, self._actions = session, actions
+        self._session, self._look, self._actions = session, look, actions
         self._drawn: tuple[Any, ...] | None = None
         self._path: list[CaseVersion] = []
         self._noted: tuple[str, str] | None = None
@@ -106,7 +106,7 @@ class VersionsPanel:
             self._notes.value = noted[1] if noted else ''
         drawn = (
             session.device, session.version_name, session.view.sensor, id(version),
-            work.case.versions if work else (),
+            work.case.versions if work else (), self._look.narrow,
         )  # fmt: skip
         if drawn == self._drawn:
             return
@@ -142,6 +142,8 @@ class VersionsPanel:
 
     def _show_tree(self, tree: Sequence[tuple[CaseVersion, int]]) -> None:
         sensors = [s for s in SENSORS if any(s in v.errors for v, _ in tree)]
+        if self._look.narrow:  # more would be cut
+            sensors = [s for s in sensors if s == self._session.view.sensor] or sensors[:1]
         self._tree.style(
             f'grid-template-columns: minmax(150px, 1fr) repeat({len(sensors)}, max-content)'
         )
