@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> Answer:
 
     from imu_workbench.web.access import is_local
     from imu_workbench.web.bag_root import BagRoot
-    from imu_workbench.web.server import Start, bind, run_server
+    from imu_workbench.web.server import Start, bind, name_in_address, run_server
 
     effect_catalogue(options.effects)  # refused now rather than in every tab
     remap = topic_remap(options)
@@ -93,8 +93,9 @@ def run(options: argparse.Namespace) -> Answer:
     token = options.token or ('' if is_local(options.host) else secrets.token_urlsafe(16))
     listening = bind(options.host, options.port)
     port = listening.getsockname()[1]
-    name = f'[{options.host}]' if ':' in options.host else options.host
-    address = f'http://{name}:{port}/' + (f'?token={token}' if token else '')
+    address = f'http://{name_in_address(options.host)}:{port}/' + (
+        f'?token={token}' if token else ''
+    )
 
     def ready() -> None:
         sys.stdout.write(

@@ -67,6 +67,19 @@ def bind(host: str, port: int) -> socket.socket:
     return listening
 
 
+def name_in_address(host: str) -> str:
+    """Return what stands for a host in an address that others can open.
+
+    >>> name_in_address('127.0.0.1'), name_in_address('::1')
+    ('127.0.0.1', '[::1]')
+    >>> name_in_address('0.0.0.0') == socket.gethostname()
+    True
+    """
+    if host in {'0.0.0.0', '::', ''}:  # noqa: S104 (asked for by --host)
+        return socket.gethostname()
+    return f'[{host}]' if ':' in host else host
+
+
 def run_server(
     listening: socket.socket,
     root: BagRoot,
