@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import partial
 from html import escape
@@ -107,6 +107,7 @@ class VersionsPanel:
         drawn = (
             session.device, session.version_name, session.view.sensor, id(version),
             work.case.versions if work else (), self._look.narrow,
+            tuple(bag.run for bag in work.bags) if work else (),
         )  # fmt: skip
         if drawn == self._drawn:
             return
@@ -164,10 +165,25 @@ class VersionsPanel:
             button.style(f'margin-left: {16 * depth}px')
             self._rows.heard(button, version.name, partial(self._actions.show, version.name))
             with button:
-                branch = f'{version.name} {version.label.replace("_", " ")}'
+                work = self._session.work
+                runs = {bag.run for bag in work.bags} if work else set()
+                branch = (
+                    f'{version.name} {version.label.replace("_", " ")}{of_runs(version, runs)}'
+                )
                 ui.label(f'{"└ " if depth else ""}{branch}')
             for sensor in sensors:
                 ui.label(error_text(version, sensor)).classes('number')
+
+
+def of_runs(version: CaseVersion, runs: Set[str]) -> str:
+    """Return which runs the errors of a version are of, where they are not those that are open.
+
+    >>> of_runs(CaseVersion('v1', None, 'line', recordings=('a', 'b', 'c')), {'a', 'b'})
+    ', of 3 runs'
+    """
+    other = bool(version.recordings and runs) and set(version.recordings) != runs
+    count = len(version.recordings)
+    return f', of {count} {"run" if count == 1 else "runs"}' if other else ''
 
 
 def error_text(version: CaseVersion, sensor: str) -> str:
