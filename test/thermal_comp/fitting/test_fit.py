@@ -131,7 +131,7 @@ def test_a_shape_parameter_at_its_limit_is_said_to_be() -> None:
     model = fit(
         {'gyroscope': (*LINE, EFFECTS['warm_up']())}, [run(error={'angular_velocity': slow})]
     )
-    assert any('warm_up.time_constant ends at 7200' in note for note in model.provenance.notes)
+    assert any('warm up: time constant ends at 7200' in note for note in model.provenance.notes)
 
 
 def test_levels_belong_to_runs_and_do_not_disturb_the_slope() -> None:

@@ -62,4 +62,4 @@ def test_the_lag_is_found_from_afar_and_one_at_its_limit_is_said() -> None:
     assert found.effects['gyroscope'][0] == EFFECTS['bias_temperature']()
     assert bound_notes(found) == []
     (note,) = bound_notes(design(true=300.0, start=10.0))
-    assert note.startswith('gyroscope: thermal_lag.time_constant ends at 10, the limit of')
+    assert note.startswith('gyroscope: thermal lag: time constant ends at 10, the limit of')

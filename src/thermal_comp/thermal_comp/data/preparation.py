@@ -370,7 +370,9 @@ def _bad_rows(recording: ImuRecording) -> list[str]:
         # One value that is not finite makes the sum so.
         finite = np.isfinite(values.sum())
         bad = 0 if finite else int((~np.isfinite(values).all(axis=1)).sum())
-        if bad:
+        if bad == len(recording):
+            notes.append(f'no {sensor} value')
+        elif bad:
             notes.append(f'{bad} of {len(recording)} rows without a finite {sensor} value')
     bad = int((~np.isfinite(recording.temperature)).sum())
     if bad:

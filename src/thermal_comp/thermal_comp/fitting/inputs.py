@@ -70,7 +70,8 @@ def _unusable(run: PreparedRun, sensor: Sensor) -> str:
     values = run.measured[sensor]
     values = values[np.isfinite(values).all(axis=1)]
     if len(values) < 2 * len(values.T):
-        return f'run {run.name} has {len(values)} blocks of it'
+        found = f'only {len(values)} blocks' if len(values) else 'nothing'
+        return f'run {run.name} has {found} of it'
     finest = FINEST_RESOLUTION * np.abs(values).max(axis=0)  # means of equals may differ by less
     moves = np.ptp(values, axis=0) > finest
     constant = [axis for axis, moving in zip('xyz', moves, strict=True) if not moving]

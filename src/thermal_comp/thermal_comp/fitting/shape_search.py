@@ -98,10 +98,11 @@ def bound_notes(design: Design) -> list[str]:
             value = value if scale.place is None else value[scale.place]
             near = 1e-3 * (scale.grid()[-1] - scale.grid()[0])
             if min(abs(scale.forward(value) - end) for end in scale.grid()[[0, -1]]) <= near:
+                name = f'{term.effect.name}: {scale.name}'.replace('_', ' ')
+                limits = f'{scale.low:.4g} … {scale.high:.4g} {scale.unit}'.strip()
                 notes.append(
-                    f'{"+".join(term.sensors)}: {term.effect.name}.{scale.name} ends at '
-                    f'{value:.4g}, the limit of its range {scale.low:.4g} … {scale.high:.4g}: '
-                    'another effect may be meant'
+                    f'{"+".join(term.sensors)}: {name} ends at {value:.4g}, the limit of its '
+                    f'range {limits}: another effect may be meant'
                 )
     return notes
 

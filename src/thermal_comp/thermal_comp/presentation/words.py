@@ -48,7 +48,8 @@ WORDS: Mapping[str, str] = {
     'nearly right, its name is believed all the same.',
     'residual_rms': 'Root mean square of measured minus modelled error in the runs the model was '
     'fitted to, on means over a block, per axis.',
-    'held_out_rms': 'The same on cycles the fit has not seen: what a model is worth on new data.',
+    'held_out_rms': 'Root mean square of measured minus predicted error on cycles the fit has not '
+    'seen: what a model is worth on new data.',
     'noise_floor': 'What the residual would be if only the noise of the sensor were left.',
     'error_before': 'Held-out rms without the effect.',
     'error_after': 'Held-out rms with it.',

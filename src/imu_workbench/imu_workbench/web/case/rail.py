@@ -54,7 +54,7 @@ class Rail:
             button = file_button('Load an effect file (.py)', '.py', actions.load_effects)
             button.set_enabled(may_load)
             if not may_load:
-                text = 'Effect files run code: loading them is off where --host opens the page.'
+                text = 'Effect files run code: loading them is off where others can open the page.'
                 ui.label(text).classes('reason')
 
     def refresh(self, preview: EffectPreview | None) -> None:
