@@ -14,6 +14,8 @@ from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import rise
 
+LONGEST_S = 300.0
+"""How long a step may last [s]."""
 SPACING_S = 1200.0
 """Distance of the step times a search tries [s]."""
 
@@ -26,7 +28,7 @@ class BiasStep(Effect):
         (20_000.0,), unit='s', bounds=(0.0, 1e7), step=400.0
     )
     duration: tuple[float, ...] = shape_parameter(
-        (0.0,), unit='s', bounds=(0.0, 300.0), given=True
+        (0.0,), unit='s', bounds=(0.0, LONGEST_S), given=True
     )
 
     name: ClassVar[str] = 'bias_step'
@@ -62,6 +64,11 @@ class BiasStep(Effect):
                 'give one duration for all, or one each'
             )
 
+    @property
+    def occurrences(self) -> tuple[float, ...]:
+        """Times of the steps [s]."""
+        return self.step_time
+
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
@@ -77,4 +84,14 @@ class BiasStep(Effect):
             step = cls((float(time),))
             found.append(Candidate(step))
             found += [Candidate(step, run) for run in range(len(campaign.durations))]
-        return found + [Candidate(cls((t,), (d,)), run) for run, t, d in campaign.step_times()]
+        found += [Candidate(cls((t,), (d,)), run) for run, t, d in campaign.step_times()]
+        return [c for c in found if not _is_edge(c, campaign)]
+
+
+def _is_edge(candidate: Candidate, campaign: Campaign) -> bool:
+    """Tell whether a step is the course of one that is known: no two lie so close together."""
+    (time,) = candidate.effect.occurrences
+    return any(
+        abs(time - known) < LONGEST_S and (run == candidate.run or None in (run, candidate.run))
+        for run, known in campaign.occurred
+    )

@@ -76,6 +76,8 @@ class Campaign:
     spectral_lines: Callable[[], Sequence[tuple[float, float]]]
     """Frequency [Hz] and drift [Hz/K] of the most prominent lines, strongest first."""
     step_times: Callable[[], Sequence[tuple[int, float, float]]]
+    occurred: Sequence[tuple[int | None, float]] = ()
+    """Run, None for all, and time of what is known to have happened: its edge is no second one."""
     """Run, time and duration [s] of the likeliest steps of the level."""
 
 
@@ -165,6 +167,11 @@ class Effect:
         What a diagnosis compares: an effect that must smooth or delay to be causal overrides it.
         """
         return self.columns(conditions)[0]
+
+    @property
+    def occurrences(self) -> tuple[float, ...]:
+        """Times at which it happens [s]; () where it is no event."""
+        return ()
 
     def coefficient_deviations(self) -> FloatArray | None:
         """Return (p, 3) prior standard deviations of the coefficients [unit]; None: they are free.

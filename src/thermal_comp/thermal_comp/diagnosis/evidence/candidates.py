@@ -98,7 +98,10 @@ def renewed(design: CandidateDesign, family: Family, known: Sequence[Form]) -> F
 
     A step is not seen beneath larger ones until they are taken out.
     """
-    campaign = campaign_of(design, [term for form in known for term in form.terms])
+    campaign = replace(
+        campaign_of(design, [term for form in known for term in form.terms]),
+        occurred=[(form.run, time) for form in known for time in form.effect.occurrences],
+    )
     grid = family.effect.search_grid(campaign)
     return Family(family.effect, tuple(form_of(design, c.effect, c.run) for c in grid))
 
