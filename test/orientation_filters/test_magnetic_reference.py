@@ -15,14 +15,20 @@ from orientation_filters.parameters import FilterParameters
 
 PARAMS = FilterParameters().field_params()
 EARTH, MAGNET = (20e-6, 45e-6), (60e-6, 45e-6)
+DISTURBED = (11e-6, 44e-6)
 STILL, TURNING = 0.0, 1.0
 
 
 def after(
-    state: FieldState, field: tuple[float, float], seconds: float, rate: float
+    state: FieldState,
+    field: tuple[float, float],
+    seconds: float,
+    rate: float,
+    *,
+    contradicts: bool = False,
 ) -> FieldState:
     for _ in range(round(seconds / 0.05)):
-        state = update_reference(state, PARAMS, field, rate, 0.05, False)
+        state = update_reference(state, PARAMS, field, rate, 0.05, contradicts)
     return state
 
 
@@ -58,3 +64,9 @@ def test_a_reference_hardly_seen_is_given_up_sooner() -> None:
     found = after(young, EARTH, 10.0, TURNING)
     assert is_accepted(found, PARAMS)
     assert found.reference == pytest.approx(EARTH, rel=0.15)
+
+
+def test_the_field_on_the_way_to_an_adopted_one_is_no_part_of_it() -> None:
+    young = after(no_reference(), DISTURBED, 5.0, STILL)
+    found = after(young, EARTH, 8.0, TURNING, contradicts=True)
+    assert found.reference == pytest.approx(EARTH, rel=0.01)

@@ -18,6 +18,9 @@ SETTLING_TIME = 2.0
 """How long the first reference follows every sample: the attitude settles, too [s]."""
 SETTLING_MEAN = 0.5
 """Time constant of the mean that the reference is then [s]."""
+RECENCY = 3.0
+"""A mean counts what was seen last so many times as much: what was seen at first, while the field
+changed, is soon forgotten."""
 LEAST_ADOPTION = 5.0
 """Even a reference that was hardly seen is not given up sooner [s]."""
 ADOPTION_FACTOR = 1.5
@@ -156,7 +159,7 @@ def _follow_candidate(
     """Return the candidate and how long a rejected field has agreed with it while turning."""
     if not _distance(smoothed, state.candidate) < params.tolerance:
         return smoothed, 0.0
-    memory = min(params.tracking, SETTLING_MEAN + state.candidate_for)
+    memory = min(params.tracking, SETTLING_MEAN + state.candidate_for / RECENCY)
     candidate = _approach(state.candidate, smoothed, dt / (memory + dt))
     return candidate, state.candidate_for + (dt if rate > params.turning else 0.0)
 

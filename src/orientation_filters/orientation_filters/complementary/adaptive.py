@@ -4,7 +4,8 @@
 Each of the three rotations about the world's axes has a first-order filter of its own; its gain
 is the part of the variance that is the attitude's. That variance is noise plus what the bias left
 in it: a matrix `lag` follows how the attitude errs for a bias of one, and along it each
-correction teaches the bias, too. Undisturbed and settled the gains are those of the cut-offs.
+correction teaches the bias, too, and turns the attitude back by what that bias has turned it.
+Undisturbed and settled the gains are those of the cut-offs.
 """
 
 from __future__ import annotations
@@ -211,37 +212,29 @@ def _correct(
 
 @inline
 def _turn(found: Correction, axis: Vector, angle: float, variance: float) -> Correction:
-    """Return the correction after an error about one of the world's axes was seen."""
+    """Return the correction after an error about one of the world's axes was seen.
+
+    The filter of that axis corrects its noise, the bias turns all three by what it has turned
+    them, as in Friedland, IEEE Trans. Automatic Control 14, 1969.
+    """
     before = found.unknowns
-    lag = add(
-        add(scale(axis[0], before.lag[0]), scale(axis[1], before.lag[1])),
-        scale(axis[2], before.lag[2]),
-    )
-    along = apply_symmetric(before.bias, lag)
-    total = dot(before.noise, axis) + dot(lag, along)
-    weight = 1.0 / (total + variance)
-    gain = weight * total
-    innovation = angle - dot(found.orientation, axis)
+    n, lag = before.noise, before.lag
+    along_axis = add(add(scale(axis[0], lag[0]), scale(axis[1], lag[1])), scale(axis[2], lag[2]))
+    along = apply_symmetric(before.bias, along_axis)
+    noise = dot(n, axis)
+    weight = 1.0 / (noise + dot(along_axis, along) + variance)
+    innovation = weight * (angle - dot(found.orientation, axis))
+    change = scale(innovation, along)
+    turned = (dot(lag[0], change), dot(lag[1], change), dot(lag[2], change))
+    gain = noise / (noise + variance)
     keep = (1.0 - gain * axis[0], 1.0 - gain * axis[1], 1.0 - gain * axis[2])
-    bias = less(before.bias, along, weight)
-    left = scale(1.0 - gain, lag)
-    noise = max((1.0 - gain) * total - dot(left, apply_symmetric(bias, left)), 1e-12)
-    n = before.noise
     return Correction(
-        orientation=add(found.orientation, scale(gain * innovation, axis)),
-        bias=add(found.bias, scale(weight * innovation, along)),
+        orientation=add(found.orientation, add(scale(innovation * noise, axis), turned)),
+        bias=add(found.bias, change),
         unknowns=Unknowns(
-            noise=(
-                n[0] + axis[0] * (noise - n[0]),
-                n[1] + axis[1] * (noise - n[1]),
-                n[2] + axis[2] * (noise - n[2]),
-            ),
-            lag=(
-                scale(keep[0], before.lag[0]),
-                scale(keep[1], before.lag[1]),
-                scale(keep[2], before.lag[2]),
-            ),
-            bias=bias,
+            noise=(keep[0] * n[0], keep[1] * n[1], keep[2] * n[2]),
+            lag=(scale(keep[0], lag[0]), scale(keep[1], lag[1]), scale(keep[2], lag[2])),
+            bias=less(before.bias, along, weight),
         ),
     )
 
