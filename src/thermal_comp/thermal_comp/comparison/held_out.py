@@ -80,8 +80,6 @@ def hold_out(
         line = replace(training, effects={s: _levels_and_line(effects[s]) for s in effects})
         line_solution = solve(line.equations())
         unseen = [j for j in _unseen(training, power) if j not in held]
-        solution = _without(solution, unseen)
-        line_solution = _without(line_solution, [j for j in unseen if j < training.levels])
         told = [training.describe(j) for j in unseen if j >= training.levels]
         relearned |= {text.partition(' ')[0].partition('[')[0] for text in told}
         for run, sensor, rows in _held_out_rows(design, training, part):
@@ -117,7 +115,6 @@ def _held_out_rows(
 def _unseen(training: Design, power: FloatArray) -> list[int]:
     """Return the unknowns of which the training parts hold too small a share of the power."""
     least = np.full(training.size, LEAST_POWER_SHARE)
-    least[training.after_gaps[0] : training.levels] = LEAST_LEVEL_POWER_SHARE
     for term in training.terms:
         if term.effect.per_run:
             least[term.unknowns] = LEAST_LEVEL_POWER_SHARE
@@ -125,15 +122,6 @@ def _unseen(training: Design, power: FloatArray) -> list[int]:
             least[term.unknowns] = 0.0  # its prior tells them
     seen = _power(training) / np.maximum(power, 1e-300)
     return [int(j) for j in np.flatnonzero(seen < least)]
-
-
-def _without(solution: Solution, unknowns: list[int]) -> Solution:
-    """Return a solution in which some unknowns are zero: the held-out rows tell them alone."""
-    estimate, covariance = solution.estimate.copy(), solution.covariance.copy()
-    estimate[unknowns] = 0.0
-    covariance[unknowns] = 0.0
-    covariance[:, unknowns] = 0.0
-    return replace(solution, estimate=estimate, covariance=covariance)
 
 
 def _levels_and_line(effects: Sequence[Effect]) -> tuple[Effect, ...]:

@@ -108,8 +108,14 @@ class PreparedRun:
 
     @cached_property
     def after_gaps(self) -> FloatArray:
-        """(m, q) decays after gaps, of what temperatures that nobody measured left behind."""
-        return self.block_mean(decays_after_gaps(self.conditions.time))
+        """(m, q) decays after gaps, of what temperatures that nobody measured left behind.
+
+        Each lives in one part that is held out: its tail beyond says nothing of its size.
+        """
+        decays = self.block_mean(decays_after_gaps(self.conditions.time))
+        parts = [decays * (self.cv_group == k)[:, None] for k in np.unique(self.cv_group)]
+        columns = np.concatenate([np.zeros((len(self), 0)), *parts], axis=1)
+        return columns[:, columns.any(axis=0)]
 
     @cached_property
     def phase(self) -> IntArray:
@@ -282,7 +288,7 @@ def prepare_run(
         notes.append(
             f'{holes * run.period:.0f} s in gaps, half-empty blocks or where cycles meet left out'
         )
-    if gaps := run.after_gaps.shape[1] // len(MEMORY_S):
+    if gaps := decays_after_gaps(run.conditions.time).shape[1] // len(MEMORY_S):
         notes.append(
             f'{gaps} long {"gap" if gaps == 1 else "gaps"}: what the temperatures of '
             f'{"it" if gaps == 1 else "them"} left behind is unknown, and fitted beside the level'
