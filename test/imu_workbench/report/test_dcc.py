@@ -21,6 +21,7 @@ from imu_workbench.report.dcc import (
 )
 from imu_workbench.report.laboratory import Laboratory
 from lxml import etree
+from scipy.stats import t as student
 from signxml import SignatureConfiguration, XMLVerifier
 
 NAMES = {'dcc': 'https://ptb.de/dcc', 'si': 'https://ptb.de/si'}
@@ -49,9 +50,15 @@ def test_every_coefficient_is_there_with_its_uncertainty(content) -> None:
     assert [float(v) for v in found(root, '//si:real/si:value')] == pytest.approx(
         [q['value'] for q in quantities]
     )
-    assert [float(v) for v in found(root, '//si:expandedUnc/si:uncertainty')] == pytest.approx(
-        [q['expanded'] for q in quantities], rel=1e-5
-    )
+    uncertainties = [float(v) for v in found(root, '//si:expandedUnc/si:uncertainty')]
+    factors = [float(v) for v in found(root, '//si:expandedUnc/si:coverageFactor')]
+    for quantity, uncertainty, factor in zip(quantities, uncertainties, factors, strict=True):
+        degrees = quantity['degrees']
+        expected = float(student.ppf(0.975, 1e9 if degrees is None else degrees))
+        assert factor == pytest.approx(expected, rel=1e-3)
+        assert uncertainty == pytest.approx(expected * quantity['combined'], rel=1e-5)
+    assert max(factors) > 2.1  # two runs tell some of them with few degrees of freedom
+    assert set(found(root, '//si:expandedUnc/si:coverageProbability')) == {'0.95'}
     assert found(root, '//si:unit') == [dsi_unit(q['unit']) for q in quantities]
     assert found(root, '//dcc:coreData/dcc:beginPerformanceDate') == ['2023-11-14']
     assert root.get('schemaVersion') == '3.0.0'

@@ -30,6 +30,8 @@ PER_KELVIN = {
 }
 SHAPES = {'s': r'\second', 'K': r'\kelvin', '°C': r'\degreecelsius', 'Hz': r'\hertz', '1': r'\one'}
 COVERAGE = 0.95
+SHAPE_FACTOR = 2.0
+"""Coverage factor of shape parameters, whose degrees of freedom are not known."""
 
 
 def check_dcc(signed: bool) -> None:
@@ -252,29 +254,31 @@ def _each(shape: Mapping[str, Any]) -> list[tuple[float, float | None]]:
 def _quantity(quantity: Mapping[str, Any]) -> Node:
     name = f'{quantity["coefficient"].replace("_", " ")}, axis {quantity["axis"]}'
     unit = dsi_unit(quantity['unit'])
-    return _real(name, quantity['value'], quantity['expanded'], unit, quantity['unit'])
+    factor = quantity['coverage_factor']
+    return _real(name, quantity['value'], quantity['combined'], factor, unit, quantity['unit'])
 
 
 def _shape(shape: Mapping[str, Any], value: float, std: float | None) -> Node:
     name = f'{shape["effect"]}, {shape["parameter"]}'.replace('_', ' ')
-    expanded = None if std is None else 2.0 * std
-    return _real(name, value, expanded, dsi_unit(shape['unit']), shape['unit'])
+    return _real(name, value, std, SHAPE_FACTOR, dsi_unit(shape['unit']), shape['unit'])
 
 
-def _real(name: str, value: float, expanded: float | None, unit: str | None, written: str) -> Node:
-    """Return a quantity; as text where its unit has no form in D-SI."""
+def _real(
+    name: str, value: float, std: float | None, factor: float, unit: str | None, written: str
+) -> Node:
+    """Return a quantity ± factor · std; as text where its unit has no form in D-SI."""
     if unit is None:
-        spread = f' ± {expanded:.3g} (k = 2)' if expanded else ''
+        spread = f' ± {factor * std:.3g} (k = {factor:.4g})' if std else ''
         text = f'{value:.9g}{spread} {written}'
         return _node('quantity', [_text('name', name), _text('noQuantity', text)])
     uncertainty: Sequence[Node] = ()
-    if expanded:
+    if std:
         uncertainty = [
             _node(
                 'si:expandedUnc',
                 [
-                    ('si:uncertainty', f'{expanded:.6g}'),
-                    ('si:coverageFactor', '2'),
+                    ('si:uncertainty', f'{factor * std:.6g}'),
+                    ('si:coverageFactor', f'{factor:.4g}'),
                     ('si:coverageProbability', f'{COVERAGE:g}'),
                 ],
             )
