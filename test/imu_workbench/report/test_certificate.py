@@ -17,6 +17,7 @@ from imu_workbench.report.certificate.content import (
     still_missing,
 )
 from imu_workbench.report.content import report_content
+from imu_workbench.report.html.certificate import displayed
 from imu_workbench.report.html.document import report_page
 from imu_workbench.report.laboratory import Laboratory, read_laboratory
 from imu_workbench.report.limits import Limit, Limits
@@ -24,6 +25,7 @@ from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.scale_factor_temperature import ScaleFactorTemperature
 from thermal_comp.effects.thermal_lag import ThermalLag
 from thermal_comp.fitting.fit import fit
+from thermal_comp.presentation.display import shown
 
 EXAMPLE = Path(__file__).resolve().parents[3] / 'examples' / 'laboratory.yaml'
 SLOPES = {
@@ -90,6 +92,23 @@ def test_limits_are_decided_with_the_uncertainty(certificate, content) -> None:
     assert decisions == {'x': 'fail', 'y': 'pass', 'z': 'pass'}
     assert 'of 3 limits 2 kept, 1 not kept' in certificate['conclusion']
     assert 'NOT KEPT' in report_page(content)
+
+
+def test_the_width_that_decided_stands_beside_the_decision(analysis) -> None:
+    units = {'gyroscope': 'rad/s/K', 'accelerometer': 'm/s²/K', 'magnetometer': 'T/K'}
+    bounds = {sensor: {'slope': Limit(-1.0, 1.0, unit)} for sensor, unit in units.items()}
+    guarded = content_of(analysis, limits=Limits(bounds))
+    found, page = guarded['certificates']['dut1'], report_page(guarded)
+    decided = list(zip(found['decisions'], coefficients(found, 'slope'), strict=True))
+    for decision, slope in decided:
+        width = max(2.0, slope['coverage_factor']) * slope['combined']
+        assert decision['deciding'] == pytest.approx(width)
+        factor = displayed(slope['sensor'], slope['unit'])[1]
+        assert f'{decision["axis"]}: kept, w {shown(width * factor)}' in page
+    assert any(d['deciding'] > 1.01 * slope['expanded'] for d, slope in decided)
+    assert 'w is U, or k₉₅ · u where k₉₅ is above 2' in found['rule']
+    simple = content_of(analysis, limits=Limits(bounds, 'simple'))
+    assert simple['certificates']['dut1']['decisions'][0]['deciding'] is None
 
 
 @pytest.mark.parametrize('approximate', [False, True])

@@ -190,6 +190,7 @@ def _contact(lab: Mapping[str, Any], name: str, place: str) -> list[Node]:
 def _rule(found: Mapping[str, Any]) -> list[str]:
     decided = [
         f'{d["sensor"]} {d["axis"]} {d["coefficient"]}: {d["decision"]}'
+        + ('' if d['deciding'] is None else f', w {d["deciding"]:.3g} {d["unit"]}')
         for d in found['decisions']
     ]
     return [f'Decision rule: {found["rule"]}. {"; ".join(decided)}'] if decided else []

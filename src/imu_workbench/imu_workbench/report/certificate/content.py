@@ -47,8 +47,8 @@ EARLIEST_YEAR = 2000
 NAMED_STEPS = {'pass': 'kept', 'fail': 'not kept', 'undecided': 'not decided'}
 RULES = {
     'guarded': 'guarded acceptance (ILAC-G8:09/2019): kept where the value is inside the limits '
-    'by its expanded uncertainty, not kept where it is outside by it, else not decided; the '
-    'probability of a wrong statement is at most 2.5 %',
+    'by w, not kept where it is outside by w, else not decided; w is U, or k₉₅ · u where k₉₅ is '
+    'above 2; the probability of a wrong statement is at most 2.5 %',
     'simple': 'simple acceptance (ILAC-G8:09/2019): the value alone decides; near a limit the '
     'probability of a wrong statement is up to 50 %',
 }
@@ -354,7 +354,8 @@ def decided(found: Sequence[Quantity], limits: Limits | None) -> list[dict[str, 
                 f'limits: {quantity.sensor}.{name} is in {limit.unit}, its coefficient in '
                 f'{quantity.budget.unit}'
             )
-        decision = limit.decide(quantity.budget.value, quantity.budget.deciding, limits.rule)
+        width = quantity.budget.deciding
+        decision = limit.decide(quantity.budget.value, width, limits.rule)
         rows.append(
             {
                 'sensor': quantity.sensor,
@@ -364,6 +365,7 @@ def decided(found: Sequence[Quantity], limits: Limits | None) -> list[dict[str, 
                 'upper': limit.upper,
                 'unit': limit.unit,
                 'decision': decision,
+                'deciding': width if limits.rule == 'guarded' else None,
             }
         )
     return rows

@@ -213,7 +213,7 @@ def detection_limit(found: Mapping[str, Any], sensor: str, axis: str) -> str:
 
 
 def decision_rows(found: Mapping[str, Any]) -> list[Row]:
-    """Return a row per sensor and coefficient with limits: bounds, decision per axis."""
+    """Return a row per sensor and coefficient with limits: bounds, decision and w per axis."""
     rows: dict[tuple[str, str], Row] = {}
     for one in found['decisions']:
         unit, factor = displayed(one['sensor'], one['unit'])
@@ -228,7 +228,9 @@ def decision_rows(found: Mapping[str, Any]) -> list[Row]:
                 f'{bounds[0]} … {bounds[1]} {unit}',
             ],
         )
-        row.append(f'{one["axis"]}: {DECISIONS[one["decision"]]}')
+        width = one['deciding']
+        by = '' if width is None else f', w {shown(width * factor)}'
+        row.append(f'{one["axis"]}: {DECISIONS[one["decision"]]}{by}')
     return [[*row, *[''] * (5 - len(row))] for row in rows.values()]
 
 
