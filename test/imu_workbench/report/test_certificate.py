@@ -112,7 +112,7 @@ def test_the_width_that_decided_stands_beside_the_decision(analysis) -> None:
 
 
 @pytest.mark.parametrize('approximate', [False, True])
-def test_a_form_that_leaves_more_than_noise_is_called_approximate(analysis, approximate) -> None:
+def test_a_form_is_called_approximate_where_the_diagnosis_says_so(analysis, approximate) -> None:
     certified = replace(analysis.certified['dut1'], added=('bias_temperature (accelerometer)',))
     explained = {
         'sensor': 'accelerometer',
@@ -121,22 +121,31 @@ def test_a_form_that_leaves_more_than_noise_is_called_approximate(analysis, appr
     }
     rival = {'sensor': 'accelerometer', 'names': ['icing'], 'approximate': True}
     found = approximate_forms(certified, {'explanations': [explained, rival]})
-    assert found == ({'bias_temperature'} if approximate else set())
-    assert approximate_forms(certified, None) == set()
+    assert set(found) == ({'bias_temperature'} if approximate else set())
+    assert approximate_forms(certified, None) == {}
 
 
-def test_the_conclusion_says_that_a_form_is_approximate(analysis) -> None:
+@pytest.mark.parametrize(
+    ('ratio', 'reason'),
+    [(1.3, 'leaves more than noise'), (1.0, 'is probably off, by less than the noise')],
+)
+def test_the_conclusion_says_why_a_form_is_approximate(analysis, ratio, reason) -> None:
     dut1 = analysis.certified['dut1']
     part = dut1.model.sensors['accelerometer']
     lagging = replace(part, effects=(*part.effects, ThermalLag(70.0)))
     sensors = {**dut1.model.sensors, 'accelerometer': lagging}
+    compared = dut1.comparison.sensors['accelerometer']
+    left = replace(compared, held_out_rms=compared.noise_floor * (0.9, ratio, 0.9))
     certified = replace(
-        dut1, model=replace(dut1.model, sensors=sensors), added=('thermal_lag (accelerometer)',)
+        dut1,
+        model=replace(dut1.model, sensors=sensors),
+        comparison=replace(dut1.comparison, sensors={'accelerometer': left}),
+        added=('thermal_lag (accelerometer)',),
     )
     explained = {'sensor': 'accelerometer', 'names': ['thermal_lag'], 'approximate': True}
     diagnosis = {'explanations': [explained], 'steps': [], 'findings': []}
     said = conclusion(certified, [], [], diagnosis, (-10.0, 50.0))
-    assert 'form approximate: its equation leaves more than noise' in said
+    assert f'form approximate: its equation {reason}' in said
     exact = diagnosis | {'explanations': [explained | {'approximate': False}]}
     assert 'approximate' not in conclusion(certified, [], [], exact, (-10.0, 50.0))
 

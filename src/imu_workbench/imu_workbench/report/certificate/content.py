@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from imu_recording.recording import ImuRecording
 from imu_recording.user_error import UserError
-from thermal_comp.diagnosis.findings import FORM_APPROXIMATE
+from thermal_comp.comparison.compare import SensorComparison
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.diagnosis.findings import form_approximate
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import COUNT
 from thermal_comp.model.values import fitted_shapes
@@ -426,16 +428,20 @@ def conclusion(
     return f'{text}.'
 
 
-def approximate_forms(certified: Certified, diagnosis: Mapping[str, Any] | None) -> frozenset[str]:
-    """Return the added effects whose equation leaves more than noise, as the diagnosis says."""
-    likeliest: dict[str, Mapping[str, Any]] = {}
+def approximate_forms(certified: Certified, diagnosis: Mapping[str, Any] | None) -> dict[str, str]:
+    """Return the added effects whose form the diagnosis calls approximate: name → why."""
+    likeliest: dict[Sensor, Mapping[str, Any]] = {}
     for explanation in diagnosis['explanations'] if diagnosis else ():
         likeliest.setdefault(explanation['sensor'], explanation)
-    named = {name for e in likeliest.values() if e['approximate'] for name in e['names']}
-    return frozenset(named & {added.partition(' (')[0] for added in certified.added})
+    found: dict[str, list[SensorComparison]] = {}
+    for sensor, explanation in likeliest.items():
+        for name in explanation['names'] if explanation['approximate'] else ():
+            found.setdefault(name, []).append(certified.comparison.sensors[sensor])
+    added = {text.partition(' (')[0] for text in certified.added}
+    return {name: form_approximate(parts) for name, parts in found.items() if name in added}
 
 
-def shape_texts(certified: Certified, approximate: Collection[str] = ()) -> list[str]:
+def shape_texts(certified: Certified, approximate: Mapping[str, str]) -> list[str]:
     """Return every effect beyond the line with its sensors, shape parameters, approximate form."""
     shapes = fitted_shapes(certified.model)
     sensors: dict[str, list[str]] = {}
@@ -452,7 +458,7 @@ def shape_texts(certified: Certified, approximate: Collection[str] = ()) -> list
         ]
         details = [f'{"; ".join(dict.fromkeys(values))}, k = 2'] if values else []
         if name in approximate:
-            details.append(FORM_APPROXIMATE)
+            details.append(approximate[name])
         detail = f' ({"; ".join(details)})' if details else ''
         result.append(f'{name.replace("_", " ")} of the {" and ".join(where)}{detail}')
     return result
