@@ -25,7 +25,7 @@ from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.scale_factor_temperature import ScaleFactorTemperature
 from thermal_comp.effects.thermal_lag import ThermalLag
 from thermal_comp.fitting.fit import fit
-from thermal_comp.presentation.display import shown
+from thermal_comp.presentation.display import shown, with_uncertainty
 
 EXAMPLE = Path(__file__).resolve().parents[3] / 'examples' / 'laboratory.yaml'
 SLOPES = {
@@ -162,15 +162,26 @@ def test_a_limit_without_a_result_is_named_and_a_wrong_unit_refused(analysis) ->
         content_of(analysis, limits=wrong)
 
 
-def test_several_coefficients_of_an_effect_are_counted_and_limited_together(run) -> None:
+def test_several_coefficients_of_an_effect_go_by_their_symbols_and_are_limited_together(
+    run,
+) -> None:
     recordings = [run('dut1', up, seed=i, cycles=3) for i, up in enumerate('xyz')]
     model = fit([BiasTemperature(), ScaleFactorTemperature()], recordings)
     analysis = analyse_recordings(recordings, {'dut1': model}, attitudes=False, diagnosis=False)
     limits = Limits({'accelerometer': {'scale_factor_temperature': Limit(-1.0, 1.0, '1/K')}})
-    found = content_of(analysis, limits=limits)['certificates']['dut1']
-    counted = [f'scale_factor_temperature, {number} of 3' for number in (1, 2, 3)]
+    content = content_of(analysis, limits=limits)
+    found, page = content['certificates']['dut1'], report_page(content)
+    counted = [f'scale_factor_temperature, s_{axis}' for axis in 'xyz']
     assert [d['coefficient'] for d in found['decisions']] == counted
     assert all(coefficients(found, name) for name in counted)
+    terms = [t for t in content['models']['dut1']['terms'] if t['effect'] in counted]
+    assert all(
+        t['shared']
+        and f'<td colspan="3">{with_uncertainty(t["value"][0], t["uncertainty"][0])}</td>' in page
+        for t in terms
+    )
+    assert {t['effect'] for t in terms} == set(counted)
+    assert 'Accelerometer: scale factor temperature, s_z' in page
     assert found['equations']['scale_factor_temperature'].startswith('error_i = s_i · x · u_i')
 
 

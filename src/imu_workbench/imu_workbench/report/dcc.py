@@ -14,6 +14,7 @@ from typing import Any
 
 from imu_recording.user_error import UserError
 
+from imu_workbench.report.certificate.content import in_words
 from imu_workbench.report.laboratory import NOT_STATED
 
 NO_COUNTRY = 'ZZ'
@@ -253,7 +254,8 @@ def _each(shape: Mapping[str, Any]) -> list[tuple[float, float | None]]:
 
 
 def _quantity(quantity: Mapping[str, Any]) -> Node:
-    name = f'{quantity["coefficient"].replace("_", " ")}, axis {quantity["axis"]}'
+    axis = '' if quantity['axis'] == 'all' else f', axis {quantity["axis"]}'
+    name = f'{in_words(quantity["coefficient"])}{axis}'
     unit = dsi_unit(quantity['unit'])
     factor = quantity['coverage_factor']
     return _real(name, quantity['value'], quantity['combined'], factor, unit, quantity['unit'])
