@@ -13,6 +13,7 @@ from imu_workbench.report.certificate.budget import Input, Measurand, budget_of,
 from imu_workbench.report.certificate.content import (
     approximate_forms,
     conclusion,
+    losses,
     recording_row,
     still_missing,
 )
@@ -226,6 +227,28 @@ def test_the_conclusion_says_where_the_error_does_not_fall(analysis) -> None:
     said = conclusion(certified, rows, [], None, (0.0, 40.0))
     assert 'does not lower the error of gyroscope z;' in said
     assert 'does not lower' not in conclusion(certified, rows[:1], [], None, (0.0, 40.0))
+
+
+def test_loss_and_damage_stand_on_the_first_page(analysis) -> None:
+    def page_of(*notes: str) -> str:
+        first, *others = analysis.runs
+        runs = (replace(first, recording=first.recording.with_notes(*notes)), *others)
+        return report_page(content_of(replace(analysis, runs=runs))).partition('6 Result')[0]
+
+    closed = 'metadata.yaml is missing: the recording was not closed'
+    said = page_of(closed, 'up_axis +x is inferred from gravity')
+    assert f'{closed} (dut1_x).' in said
+    assert 'inferred' not in said
+    assert 'Loss and damage' not in page_of()
+    many = page_of(*(f'imu/{k}: {k} damaged messages left out' for k in range(1, 7)))
+    assert 'imu/4: 4 damaged messages left out (dut1_x); 2 more in the annex.' in many
+
+
+def test_gaps_of_a_recording_are_told(analysis) -> None:
+    whole = analysis.runs[0].recording
+    assert losses([whole]) == []
+    cut = whole.rows(np.r_[0:1000, 1100 : len(whole)])
+    assert losses([cut]) == ['1 gap, 100 s in all (dut1_x)']
 
 
 def test_a_clock_that_was_not_set_is_told(run) -> None:

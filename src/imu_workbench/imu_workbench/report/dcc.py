@@ -125,6 +125,8 @@ def _administrative(found: Mapping[str, Any], versions: Mapping[str, str]) -> No
     dates = [('receiptDate', received)] if re.match(r'\d{4}-', received) else []
     simulated = 'Simulated data: nothing here was measured.'
     stated = [simulated] if found['simulated'] else []
+    if found['losses']:
+        stated.append(f'Loss and damage of recordings: {"; ".join(found["losses"])}.')
     if lab['country'] == NOT_STATED:
         stated.append(f'Country of the laboratory: {NOT_STATED}; {NO_COUNTRY} stands for it.')
     return _node(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import datetime as dt
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from textwrap import shorten
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,17 @@ RESIDUAL_POINTS = 600
 """Points of a residual's line on paper."""
 EARLIEST_YEAR = 2000
 """No MEMS IMU of nine axes was recorded before: an earlier date is that of a clock not set."""
+LOSS_WORDS = (
+    'not closed', 'damaged', 'lost', 'left out', 'dropouts', 'missing', 'cannot be read',
+    'is empty', 'not finite', 'infinite',
+)  # fmt: skip
+"""What a note of reading that tells of loss or damage says."""
+MOST_LOSSES = 4
+"""Notes of loss on the first page; the annex has all."""
+NOTE_LENGTH = 140
+"""Characters of a note on the first page."""
+GAP_PERIODS = 3.0
+"""Distance of rows from which it is a gap, in periods."""
 NAMED_STEPS = {'pass': 'kept', 'fail': 'not kept', 'undecided': 'not decided'}
 RULES = {
     'guarded': 'guarded acceptance (ILAC-G8:09/2019): kept where the value is inside the limits '
@@ -115,6 +127,7 @@ def certificate(
             'thermometer': laboratory.instrument('thermometer'),
         },
         'recordings': [recording_row(r, hashes.get(r.run, '')) for r in recordings],
+        'losses': losses(recordings),
         'conditions': conditions(recordings, low, high),
         'equations': equations(certified),
         'method': method(
@@ -154,6 +167,31 @@ def recording_row(recording: ImuRecording, digest: str) -> dict[str, Any]:
         'up_axis': recording.up_axis,
         'sha256': digest,
     }
+
+
+def losses(recordings: Sequence[ImuRecording]) -> list[str]:
+    """Return what reading the recordings had to say of loss and damage, and their gaps."""
+    found: dict[str, list[str]] = {}
+    for recording in recordings:
+        told = [note for note in recording.notes if any(word in note for word in LOSS_WORDS)]
+        for note in [*told, *gaps(recording)]:
+            found.setdefault(shorten(note, NOTE_LENGTH, placeholder=' …'), []).append(
+                recording.run
+            )
+    texts = [f'{note} ({", ".join(runs)})' for note, runs in found.items()]
+    more = len(texts) - MOST_LOSSES
+    return [*texts[:MOST_LOSSES], *([f'{more} more in the annex'] if more > 0 else [])]
+
+
+def gaps(recording: ImuRecording) -> list[str]:
+    """Return how many gaps there are between the rows, and how long they are in all."""
+    step = np.diff(recording.stamp) * 1e-9
+    period = float(np.median(step))
+    long = step[step > GAP_PERIODS * period]
+    if not len(long):
+        return []
+    lasting = shown(float(long.sum()) - period * len(long))
+    return [f'{len(long)} gap{"s" * (len(long) > 1)}, {lasting} s in all']
 
 
 def conditions(recordings: Sequence[ImuRecording], low: float, high: float) -> dict[str, str]:
