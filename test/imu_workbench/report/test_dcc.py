@@ -3,6 +3,7 @@
 
 import datetime as dt
 from pathlib import Path
+from uuid import UUID
 
 import pytest
 from cryptography import x509
@@ -97,6 +98,22 @@ def test_a_country_that_is_not_stated_is_said_to_be_none(content) -> None:
     assert found(certificate_xml(content), '//dcc:countryCodeISO3166_1') == ['XX']
     with pytest.raises(UserError, match='of one device'):
         certificate_xml(content | {'certificates': {'a': certificate, 'b': certificate}})
+
+
+def test_without_a_number_the_recordings_identify_the_certificate(content) -> None:
+    def identifier(**changed) -> str:
+        certificate = content['certificates']['dut1'] | changed
+        root = certificate_xml(content | {'certificates': {'dut1': certificate}})
+        (text,) = found(root, '//dcc:uniqueIdentifier')
+        return text
+
+    certificate = content['certificates']['dut1']
+    own, rows = identifier(), certificate['recordings']
+    assert UUID(own).version == 5
+    assert own == identifier(recordings=rows[::-1])
+    assert own != identifier(recordings=rows[1:])
+    stated = certificate['laboratory'] | {'number': '2026-001'}
+    assert identifier(laboratory=stated) == '2026-001'
 
 
 def test_a_signature_holds_and_breaks(content, tmp_path: Path) -> None:

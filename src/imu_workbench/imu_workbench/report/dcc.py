@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+from uuid import NAMESPACE_URL, uuid5
 
 from imu_recording.user_error import UserError
 
@@ -112,6 +113,15 @@ def _country(laboratory: Mapping[str, Any]) -> str:
     return NO_COUNTRY if laboratory['country'] == NOT_STATED else str(laboratory['country'])
 
 
+def unique_identifier(found: Mapping[str, Any]) -> str:
+    """Return the certificate's number; where none is stated, a UUID of device and recordings."""
+    number: str = found['laboratory']['number']
+    if number != NOT_STATED:
+        return number
+    hashes = sorted(row['sha256'] for row in found['recordings'])
+    return str(uuid5(uuid5(NAMESPACE_URL, DCC), ' '.join([found['device']['name'], *hashes])))
+
+
 def _administrative(found: Mapping[str, Any], versions: Mapping[str, str]) -> Node:
     lab, device = found['laboratory'], found['device']
     days = sorted(row['start'][:10] for row in found['recordings'])
@@ -139,7 +149,7 @@ def _administrative(found: Mapping[str, Any], versions: Mapping[str, str]) -> No
                     ('countryCodeISO3166_1', _country(lab)),
                     ('usedLangCodeISO639_1', 'en'),
                     ('mandatoryLangCodeISO639_1', 'en'),
-                    ('uniqueIdentifier', lab['number']),
+                    ('uniqueIdentifier', unique_identifier(found)),
                     *dates,
                     ('beginPerformanceDate', days[0]),
                     ('endPerformanceDate', days[-1]),
