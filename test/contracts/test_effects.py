@@ -41,6 +41,15 @@ def test_effect_keeps_its_contract(name: str) -> None:
     assert check_effect(EFFECTS[name], explained=True) == []
 
 
+def test_several_coefficients_go_by_the_symbols_of_the_equation() -> None:
+    for effect in EFFECTS.values():
+        symbols, count = effect.coefficient_symbols, len(effect.coefficient_units)
+        if count == 1 or effect.per_run:  # cycles are numbered
+            count = len(symbols)
+        assert len(set(symbols)) == count, effect.name
+        assert all(symbol.partition('_')[0] in effect.equation for symbol in symbols), effect.name
+
+
 def test_the_page_of_the_effects_is_up_to_date() -> None:
     made = explain_all(EFFECTS)
     kept = (ROOT / 'doc' / 'physics.md').read_text('utf-8')
@@ -88,6 +97,7 @@ WRONG = {
     'kin': ('relatives', 'kin'),
     'look_alikes': (('magic',), "'magic' is no other effect"),
     'separated_by_cycles': ('thermal_lag_two_stage', 'no tuple'),
+    'coefficient_symbols': (('a', 'b'), '1 coefficient_units, but 2 coefficient_symbols'),
     'twin': ('thermal_lag', 'is no other effect'),
     'separated_by_poses': (('magnetometer',), 'does not act on'),
 }

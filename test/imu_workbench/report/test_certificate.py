@@ -13,10 +13,12 @@ from imu_workbench.report.certificate.budget import Input, Measurand, budget_of,
 from imu_workbench.report.certificate.content import (
     approximate_forms,
     conclusion,
+    losses,
     recording_row,
     still_missing,
 )
 from imu_workbench.report.content import report_content
+from imu_workbench.report.html.certificate import displayed
 from imu_workbench.report.html.document import report_page
 from imu_workbench.report.laboratory import Laboratory, read_laboratory
 from imu_workbench.report.limits import Limit, Limits
@@ -24,6 +26,7 @@ from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.scale_factor_temperature import ScaleFactorTemperature
 from thermal_comp.effects.thermal_lag import ThermalLag
 from thermal_comp.fitting.fit import fit
+from thermal_comp.presentation.display import shown, with_uncertainty
 
 EXAMPLE = Path(__file__).resolve().parents[3] / 'examples' / 'laboratory.yaml'
 SLOPES = {
@@ -92,8 +95,25 @@ def test_limits_are_decided_with_the_uncertainty(certificate, content) -> None:
     assert 'NOT KEPT' in report_page(content)
 
 
+def test_the_width_that_decided_stands_beside_the_decision(analysis) -> None:
+    units = {'gyroscope': 'rad/s/K', 'accelerometer': 'm/s²/K', 'magnetometer': 'T/K'}
+    bounds = {sensor: {'slope': Limit(-1.0, 1.0, unit)} for sensor, unit in units.items()}
+    guarded = content_of(analysis, limits=Limits(bounds))
+    found, page = guarded['certificates']['dut1'], report_page(guarded)
+    decided = list(zip(found['decisions'], coefficients(found, 'slope'), strict=True))
+    for decision, slope in decided:
+        width = max(2.0, slope['coverage_factor']) * slope['combined']
+        assert decision['deciding'] == pytest.approx(width)
+        factor = displayed(slope['sensor'], slope['unit'])[1]
+        assert f'{decision["axis"]}: kept, w {shown(width * factor)}' in page
+    assert any(d['deciding'] > 1.01 * slope['expanded'] for d, slope in decided)
+    assert 'w is U, or k₉₅ · u where k₉₅ is above 2' in found['rule']
+    simple = content_of(analysis, limits=Limits(bounds, 'simple'))
+    assert simple['certificates']['dut1']['decisions'][0]['deciding'] is None
+
+
 @pytest.mark.parametrize('approximate', [False, True])
-def test_a_form_that_leaves_more_than_noise_is_called_approximate(analysis, approximate) -> None:
+def test_a_form_is_called_approximate_where_the_diagnosis_says_so(analysis, approximate) -> None:
     certified = replace(analysis.certified['dut1'], added=('bias_temperature (accelerometer)',))
     explained = {
         'sensor': 'accelerometer',
@@ -102,22 +122,31 @@ def test_a_form_that_leaves_more_than_noise_is_called_approximate(analysis, appr
     }
     rival = {'sensor': 'accelerometer', 'names': ['icing'], 'approximate': True}
     found = approximate_forms(certified, {'explanations': [explained, rival]})
-    assert found == ({'bias_temperature'} if approximate else set())
-    assert approximate_forms(certified, None) == set()
+    assert set(found) == ({'bias_temperature'} if approximate else set())
+    assert approximate_forms(certified, None) == {}
 
 
-def test_the_conclusion_says_that_a_form_is_approximate(analysis) -> None:
+@pytest.mark.parametrize(
+    ('ratio', 'reason'),
+    [(1.3, 'leaves more than noise'), (1.0, 'is probably off, by less than the noise')],
+)
+def test_the_conclusion_says_why_a_form_is_approximate(analysis, ratio, reason) -> None:
     dut1 = analysis.certified['dut1']
     part = dut1.model.sensors['accelerometer']
     lagging = replace(part, effects=(*part.effects, ThermalLag(70.0)))
     sensors = {**dut1.model.sensors, 'accelerometer': lagging}
+    compared = dut1.comparison.sensors['accelerometer']
+    left = replace(compared, held_out_rms=compared.noise_floor * (0.9, ratio, 0.9))
     certified = replace(
-        dut1, model=replace(dut1.model, sensors=sensors), added=('thermal_lag (accelerometer)',)
+        dut1,
+        model=replace(dut1.model, sensors=sensors),
+        comparison=replace(dut1.comparison, sensors={'accelerometer': left}),
+        added=('thermal_lag (accelerometer)',),
     )
     explained = {'sensor': 'accelerometer', 'names': ['thermal_lag'], 'approximate': True}
     diagnosis = {'explanations': [explained], 'steps': [], 'findings': []}
     said = conclusion(certified, [], [], diagnosis, (-10.0, 50.0))
-    assert 'form approximate: its equation leaves more than noise' in said
+    assert f'form approximate: its equation {reason}' in said
     exact = diagnosis | {'explanations': [explained | {'approximate': False}]}
     assert 'approximate' not in conclusion(certified, [], [], exact, (-10.0, 50.0))
 
@@ -134,15 +163,26 @@ def test_a_limit_without_a_result_is_named_and_a_wrong_unit_refused(analysis) ->
         content_of(analysis, limits=wrong)
 
 
-def test_several_coefficients_of_an_effect_are_counted_and_limited_together(run) -> None:
+def test_several_coefficients_of_an_effect_go_by_their_symbols_and_are_limited_together(
+    run,
+) -> None:
     recordings = [run('dut1', up, seed=i, cycles=3) for i, up in enumerate('xyz')]
     model = fit([BiasTemperature(), ScaleFactorTemperature()], recordings)
     analysis = analyse_recordings(recordings, {'dut1': model}, attitudes=False, diagnosis=False)
     limits = Limits({'accelerometer': {'scale_factor_temperature': Limit(-1.0, 1.0, '1/K')}})
-    found = content_of(analysis, limits=limits)['certificates']['dut1']
-    counted = [f'scale_factor_temperature, {number} of 3' for number in (1, 2, 3)]
+    content = content_of(analysis, limits=limits)
+    found, page = content['certificates']['dut1'], report_page(content)
+    counted = [f'scale_factor_temperature, s_{axis}' for axis in 'xyz']
     assert [d['coefficient'] for d in found['decisions']] == counted
     assert all(coefficients(found, name) for name in counted)
+    terms = [t for t in content['models']['dut1']['terms'] if t['effect'] in counted]
+    assert all(
+        t['shared']
+        and f'<td colspan="3">{with_uncertainty(t["value"][0], t["uncertainty"][0])}</td>' in page
+        for t in terms
+    )
+    assert {t['effect'] for t in terms} == set(counted)
+    assert 'Accelerometer: scale factor temperature, s_z' in page
     assert found['equations']['scale_factor_temperature'].startswith('error_i = s_i · x · u_i')
 
 
@@ -187,6 +227,28 @@ def test_the_conclusion_says_where_the_error_does_not_fall(analysis) -> None:
     said = conclusion(certified, rows, [], None, (0.0, 40.0))
     assert 'does not lower the error of gyroscope z;' in said
     assert 'does not lower' not in conclusion(certified, rows[:1], [], None, (0.0, 40.0))
+
+
+def test_loss_and_damage_stand_on_the_first_page(analysis) -> None:
+    def page_of(*notes: str) -> str:
+        first, *others = analysis.runs
+        runs = (replace(first, recording=first.recording.with_notes(*notes)), *others)
+        return report_page(content_of(replace(analysis, runs=runs))).partition('6 Result')[0]
+
+    closed = 'metadata.yaml is missing: the recording was not closed'
+    said = page_of(closed, 'up_axis +x is inferred from gravity')
+    assert f'{closed} (dut1_x).' in said
+    assert 'inferred' not in said
+    assert 'Loss and damage' not in page_of()
+    many = page_of(*(f'imu/{k}: {k} damaged messages left out' for k in range(1, 7)))
+    assert 'imu/4: 4 damaged messages left out (dut1_x); 2 more in the annex.' in many
+
+
+def test_gaps_of_a_recording_are_told(analysis) -> None:
+    whole = analysis.runs[0].recording
+    assert losses([whole]) == []
+    cut = whole.rows(np.r_[0:1000, 1100 : len(whole)])
+    assert losses([cut]) == ['1 gap, 100 s in all (dut1_x)']
 
 
 def test_a_clock_that_was_not_set_is_told(run) -> None:

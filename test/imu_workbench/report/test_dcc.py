@@ -3,6 +3,7 @@
 
 import datetime as dt
 from pathlib import Path
+from uuid import UUID
 
 import pytest
 from cryptography import x509
@@ -21,6 +22,7 @@ from imu_workbench.report.dcc import (
 )
 from imu_workbench.report.laboratory import Laboratory
 from lxml import etree
+from scipy.stats import t as student
 from signxml import SignatureConfiguration, XMLVerifier
 
 NAMES = {'dcc': 'https://ptb.de/dcc', 'si': 'https://ptb.de/si'}
@@ -49,9 +51,15 @@ def test_every_coefficient_is_there_with_its_uncertainty(content) -> None:
     assert [float(v) for v in found(root, '//si:real/si:value')] == pytest.approx(
         [q['value'] for q in quantities]
     )
-    assert [float(v) for v in found(root, '//si:expandedUnc/si:uncertainty')] == pytest.approx(
-        [q['expanded'] for q in quantities], rel=1e-5
-    )
+    uncertainties = [float(v) for v in found(root, '//si:expandedUnc/si:uncertainty')]
+    factors = [float(v) for v in found(root, '//si:expandedUnc/si:coverageFactor')]
+    for quantity, uncertainty, factor in zip(quantities, uncertainties, factors, strict=True):
+        degrees = quantity['degrees']
+        expected = float(student.ppf(0.975, 1e9 if degrees is None else degrees))
+        assert factor == pytest.approx(expected, rel=1e-3)
+        assert uncertainty == pytest.approx(expected * quantity['combined'], rel=1e-5)
+    assert max(factors) > 2.1  # two runs tell some of them with few degrees of freedom
+    assert set(found(root, '//si:expandedUnc/si:coverageProbability')) == {'0.95'}
     assert found(root, '//si:unit') == [dsi_unit(q['unit']) for q in quantities]
     assert found(root, '//dcc:coreData/dcc:beginPerformanceDate') == ['2023-11-14']
     assert root.get('schemaVersion') == '3.0.0'
@@ -90,6 +98,22 @@ def test_a_country_that_is_not_stated_is_said_to_be_none(content) -> None:
     assert found(certificate_xml(content), '//dcc:countryCodeISO3166_1') == ['XX']
     with pytest.raises(UserError, match='of one device'):
         certificate_xml(content | {'certificates': {'a': certificate, 'b': certificate}})
+
+
+def test_without_a_number_the_recordings_identify_the_certificate(content) -> None:
+    def identifier(**changed) -> str:
+        certificate = content['certificates']['dut1'] | changed
+        root = certificate_xml(content | {'certificates': {'dut1': certificate}})
+        (text,) = found(root, '//dcc:uniqueIdentifier')
+        return text
+
+    certificate = content['certificates']['dut1']
+    own, rows = identifier(), certificate['recordings']
+    assert UUID(own).version == 5
+    assert own == identifier(recordings=rows[::-1])
+    assert own != identifier(recordings=rows[1:])
+    stated = certificate['laboratory'] | {'number': '2026-001'}
+    assert identifier(laboratory=stated) == '2026-001'
 
 
 def test_a_signature_holds_and_breaks(content, tmp_path: Path) -> None:

@@ -27,8 +27,29 @@ def page(content) -> str:
 
 def test_pages(page) -> None:
     assert len(HTML(string=page).render().pages) <= 10
-    alone = re.sub(r'<section class="(run|annex)">.*?</section>', '', page, flags=re.DOTALL)
+    alone = re.sub(r'<section class="(run|annex)".*?</section>', '', page, flags=re.DOTALL)
     assert len(HTML(string=alone).render().pages) == 2
+
+
+def test_a_page_names_its_own_device_and_no_number_that_is_not_stated(content) -> None:
+    plain = content['certificates']['dut1'] | {'residuals': {}, 'allan_deviation': {}}
+    other = plain | {
+        'device': plain['device'] | {'name': 'dut3'},
+        'laboratory': plain['laboratory'] | {'number': '2026-001'},
+    }
+    page = pdf.printed_page(content | {'certificates': {'dut1': plain, 'dut3': other}})
+    first, second = 'Calibration certificate dut1', 'Calibration certificate dut3, no. 2026-001'
+    feet = [foot_of(sheet) for sheet in HTML(string=page).render().pages]
+    assert feet[:4] == [first, first, second, second]
+    assert set(feet[4:]) == {'Calibration certificates dut1, dut3'}
+
+
+def foot_of(sheet) -> str:
+    """Return the text at the bottom left of a page."""
+    (box,) = (
+        b for b in sheet._page_box.children if getattr(b, 'at_keyword', '') == '@bottom-left'
+    )
+    return ''.join(getattr(inner, 'text', '') for inner in box.descendants())
 
 
 def test_every_run_has_its_page_and_nothing_is_dark(page) -> None:

@@ -11,9 +11,11 @@ from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+from uuid import NAMESPACE_URL, uuid5
 
 from imu_recording.user_error import UserError
 
+from imu_workbench.report.certificate.content import in_words
 from imu_workbench.report.laboratory import NOT_STATED
 
 NO_COUNTRY = 'ZZ'
@@ -30,6 +32,8 @@ PER_KELVIN = {
 }
 SHAPES = {'s': r'\second', 'K': r'\kelvin', '°C': r'\degreecelsius', 'Hz': r'\hertz', '1': r'\one'}
 COVERAGE = 0.95
+SHAPE_FACTOR = 2.0
+"""Coverage factor of shape parameters, whose degrees of freedom are not known."""
 
 
 def check_dcc(signed: bool) -> None:
@@ -109,6 +113,15 @@ def _country(laboratory: Mapping[str, Any]) -> str:
     return NO_COUNTRY if laboratory['country'] == NOT_STATED else str(laboratory['country'])
 
 
+def unique_identifier(found: Mapping[str, Any]) -> str:
+    """Return the certificate's number; where none is stated, a UUID of device and recordings."""
+    number: str = found['laboratory']['number']
+    if number != NOT_STATED:
+        return number
+    hashes = sorted(row['sha256'] for row in found['recordings'])
+    return str(uuid5(uuid5(NAMESPACE_URL, DCC), ' '.join([found['device']['name'], *hashes])))
+
+
 def _administrative(found: Mapping[str, Any], versions: Mapping[str, str]) -> Node:
     lab, device = found['laboratory'], found['device']
     days = sorted(row['start'][:10] for row in found['recordings'])
@@ -122,6 +135,8 @@ def _administrative(found: Mapping[str, Any], versions: Mapping[str, str]) -> No
     dates = [('receiptDate', received)] if re.match(r'\d{4}-', received) else []
     simulated = 'Simulated data: nothing here was measured.'
     stated = [simulated] if found['simulated'] else []
+    if found['losses']:
+        stated.append(f'Loss and damage of recordings: {"; ".join(found["losses"])}.')
     if lab['country'] == NOT_STATED:
         stated.append(f'Country of the laboratory: {NOT_STATED}; {NO_COUNTRY} stands for it.')
     return _node(
@@ -134,7 +149,7 @@ def _administrative(found: Mapping[str, Any], versions: Mapping[str, str]) -> No
                     ('countryCodeISO3166_1', _country(lab)),
                     ('usedLangCodeISO639_1', 'en'),
                     ('mandatoryLangCodeISO639_1', 'en'),
-                    ('uniqueIdentifier', lab['number']),
+                    ('uniqueIdentifier', unique_identifier(found)),
                     *dates,
                     ('beginPerformanceDate', days[0]),
                     ('endPerformanceDate', days[-1]),
@@ -188,6 +203,7 @@ def _contact(lab: Mapping[str, Any], name: str, place: str) -> list[Node]:
 def _rule(found: Mapping[str, Any]) -> list[str]:
     decided = [
         f'{d["sensor"]} {d["axis"]} {d["coefficient"]}: {d["decision"]}'
+        + ('' if d['deciding'] is None else f', w {d["deciding"]:.3g} {d["unit"]}')
         for d in found['decisions']
     ]
     return [f'Decision rule: {found["rule"]}. {"; ".join(decided)}'] if decided else []
@@ -250,31 +266,34 @@ def _each(shape: Mapping[str, Any]) -> list[tuple[float, float | None]]:
 
 
 def _quantity(quantity: Mapping[str, Any]) -> Node:
-    name = f'{quantity["coefficient"].replace("_", " ")}, axis {quantity["axis"]}'
+    axis = '' if quantity['axis'] == 'all' else f', axis {quantity["axis"]}'
+    name = f'{in_words(quantity["coefficient"])}{axis}'
     unit = dsi_unit(quantity['unit'])
-    return _real(name, quantity['value'], quantity['expanded'], unit, quantity['unit'])
+    factor = quantity['coverage_factor']
+    return _real(name, quantity['value'], quantity['combined'], factor, unit, quantity['unit'])
 
 
 def _shape(shape: Mapping[str, Any], value: float, std: float | None) -> Node:
     name = f'{shape["effect"]}, {shape["parameter"]}'.replace('_', ' ')
-    expanded = None if std is None else 2.0 * std
-    return _real(name, value, expanded, dsi_unit(shape['unit']), shape['unit'])
+    return _real(name, value, std, SHAPE_FACTOR, dsi_unit(shape['unit']), shape['unit'])
 
 
-def _real(name: str, value: float, expanded: float | None, unit: str | None, written: str) -> Node:
-    """Return a quantity; as text where its unit has no form in D-SI."""
+def _real(
+    name: str, value: float, std: float | None, factor: float, unit: str | None, written: str
+) -> Node:
+    """Return a quantity ± factor · std; as text where its unit has no form in D-SI."""
     if unit is None:
-        spread = f' ± {expanded:.3g} (k = 2)' if expanded else ''
+        spread = f' ± {factor * std:.3g} (k = {factor:.4g})' if std else ''
         text = f'{value:.9g}{spread} {written}'
         return _node('quantity', [_text('name', name), _text('noQuantity', text)])
     uncertainty: Sequence[Node] = ()
-    if expanded:
+    if std:
         uncertainty = [
             _node(
                 'si:expandedUnc',
                 [
-                    ('si:uncertainty', f'{expanded:.6g}'),
-                    ('si:coverageFactor', '2'),
+                    ('si:uncertainty', f'{factor * std:.6g}'),
+                    ('si:coverageFactor', f'{factor:.4g}'),
                     ('si:coverageProbability', f'{COVERAGE:g}'),
                 ],
             )

@@ -42,11 +42,11 @@ class Limit:
     unit: str
     """SI unit of the limits, that of the coefficient: `m/s²`, `rad/s/K` …"""
 
-    def decide(self, value: float, expanded: float, rule: Rule) -> Decision:
-        """Return whether a value [SI] with its expanded uncertainty [SI] keeps the limits.
+    def decide(self, value: float, width: float, rule: Rule) -> Decision:
+        """Return whether a value [SI] keeps the limits with a guard band of a width [SI].
 
-        `guarded`: pass only inside by the uncertainty, fail only outside by it, else undecided
-        (ILAC-G8:09/2019, guard band w = U). `simple`: the value alone decides.
+        `guarded`: pass only inside by the width, fail only outside by it, else undecided
+        (ILAC-G8:09/2019). `simple`: the value alone decides.
 
         >>> limit = Limit(-1.0, 1.0, 'm/s²')
         >>> [limit.decide(value, 0.2, 'guarded') for value in (0.7, 0.9, 1.3)]
@@ -54,9 +54,9 @@ class Limit:
         >>> limit.decide(0.9, 0.2, 'simple')
         'pass'
         """
-        if not math.isfinite(value) or (rule == 'guarded' and not math.isfinite(expanded)):
+        if not math.isfinite(value) or (rule == 'guarded' and not math.isfinite(width)):
             return 'undecided'
-        guard = expanded if rule == 'guarded' else 0.0
+        guard = width if rule == 'guarded' else 0.0
         if self.lower + guard <= value <= self.upper - guard:
             return 'pass'
         outside = value > self.upper + guard or value < self.lower - guard

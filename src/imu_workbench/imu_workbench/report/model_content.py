@@ -57,15 +57,17 @@ def sensor_terms(sensor: str, part: SensorModel) -> list[dict[str, Any]]:
         values, own = coefficients, uncertainty
         if effect.per_run:
             values, own = values.mean(axis=0), np.sqrt((own**2).mean(axis=0))
-        if values.ndim == 1:
+        shared = values.ndim == 1
+        if shared:
             values, own = (np.repeat(a[:, None], 3, axis=1) for a in (values, own))
+        labels = effect.coefficient_labels(len(values))
+        units = effect.coefficient_units
         for number, (value, sigma) in enumerate(zip(values, own, strict=True)):
-            place = '' if len(values) == 1 else f', {number + 1} of {len(values)}'
-            units = effect.coefficient_units
             rows.append(
                 {
                     'sensor': sensor,
-                    'effect': f'{effect.name}{place}',
+                    'effect': labels[number],
+                    'shared': shared,
                     'value': value,
                     'uncertainty': sigma,
                     'unit': (units[number] if number < len(units) else '').format(unit=unit),

@@ -184,4 +184,5 @@ def _mark(content: dict[str, Any]) -> str:
 
 
 def _value(found: dict[str, Any]) -> str:
-    return f'{with_uncertainty(found["value"], found["std"])} {found["unit"]}'
+    width = ' (± one standard deviation)' if found['std'] else ''
+    return f'{with_uncertainty(found["value"], found["std"])} {found["unit"]}{width}'

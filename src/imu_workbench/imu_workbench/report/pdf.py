@@ -19,6 +19,7 @@ from imu_workbench.report.html.claims import reproduce_section
 from imu_workbench.report.html.measured import recordings_section
 from imu_workbench.report.html.modelled import model_section
 from imu_workbench.report.html.render import Section, templates
+from imu_workbench.report.laboratory import NOT_STATED
 
 SYSTEM_LIBRARIES = 'apt install libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0'
 RUN_CAPTION = (
@@ -63,18 +64,28 @@ def printed_page(content: Mapping[str, Any]) -> str:
         recordings_section(content),
         reproduce_section(content),
     )
+    feet = [footer(found) for found in certificates.values()]
+    title = feet[0] if len(feet) == 1 else f'Calibration certificates {", ".join(certificates)}'
     return (
         templates()
         .get_template('print.html')
         .render(
-            title=f'Calibration certificate {", ".join(certificates)}',
-            number=', '.join(found['laboratory']['number'] for found in certificates.values()),
-            certificates=[certificate_section(found) for found in certificates.values()],
+            title=title,
+            certificates=list(
+                zip(map(certificate_section, certificates.values()), feet, strict=True)
+            ),
             pictures=list(pictures_of(content)),
             annexes=[section for section in annexes if isinstance(section, Section)],
             simulated=any(found['simulated'] for found in certificates.values()),
         )
     )
+
+
+def footer(certificate: Mapping[str, Any]) -> str:
+    """Return the foot of a certificate's pages: its device, and its number where stated."""
+    number = certificate['laboratory']['number']
+    told = '' if number == NOT_STATED else f', no. {number}'
+    return f'Calibration certificate {certificate["device"]["name"]}{told}'
 
 
 def pictures_of(content: Mapping[str, Any]) -> Iterator[dict[str, str]]:
@@ -86,6 +97,7 @@ def pictures_of(content: Mapping[str, Any]) -> Iterator[dict[str, str]]:
         for run, residuals in found['residuals'].items():
             yield {
                 'kind': 'run',
+                'footer': footer(found),
                 'title': f'run {run} of {device}',
                 'caption': RUN_CAPTION,
                 'source': as_source(run_picture(plans.get(run), residuals)),
@@ -93,6 +105,7 @@ def pictures_of(content: Mapping[str, Any]) -> Iterator[dict[str, str]]:
         if found['allan_deviation']:
             yield {
                 'kind': 'annex',
+                'footer': footer(found),
                 'title': f'Allan deviation of {device}',
                 'caption': ALLAN_CAPTION,
                 'source': as_source(allan_picture(found['allan_deviation'])),

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 from imu_recording.recording import SENSOR_UNITS
 
-from thermal_comp.comparison.compare import Comparison, rms_of
+from thermal_comp.comparison.compare import Comparison, SensorComparison, rms_of
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.quality import QualityFinding
 from thermal_comp.diagnosis.detection_limit import smallest_found
@@ -34,8 +34,8 @@ CLOCK_EVIDENCE = 15.0
 """Evidence from which a temperature coefficient of the clock is reported."""
 ORDINARY_CLOCK = 100e-6
 """Temperature coefficient up to which RC oscillators of MEMS sensors reach [1/K]."""
-FORM_APPROXIMATE = 'form approximate: its equation leaves more than noise'
-"""What a sentence adds where an effect is the cause and its equation is not the whole of it."""
+MORE_THAN_NOISE = 1.1
+"""Held-out error over the noise floor from which a model leaves more than noise."""
 LISTED_WHERE = 6
 """Places named per sensor."""
 
@@ -49,6 +49,17 @@ class Explained:
     undetermined: tuple[str, ...]
 
 
+def form_approximate(compared: Iterable[SensorComparison]) -> str:
+    """Return what a sentence adds where an effect is the cause, its equation not the whole of it.
+
+    `compared` are the sensors it acts on, under the model with it.
+    """
+    worst = max(float(np.nanmax(part.held_out_rms / part.noise_floor)) for part in compared)
+    if worst > MORE_THAN_NOISE:
+        return 'form approximate: its equation leaves more than noise'
+    return 'form approximate: its equation is probably off, by less than the noise'
+
+
 def effect_findings(
     sensor: Sensor, answer: SensorAnswer, current: Comparison, explained: Explained
 ) -> list[Finding]:
@@ -56,6 +67,9 @@ def effect_findings(
     if answer.kind != 'named':
         return []
     after = explained.comparison
+    form = ''
+    if answer.likeliest.approximate:
+        form = form_approximate([(after or current).sensors[sensor]])
     findings = []
     components = {c.name: c for c in answer.likeliest.components}
     for name, component in components.items():
@@ -77,7 +91,7 @@ def effect_findings(
                 unit=SENSOR_UNITS[sensor],
                 rivals=tuple({'name': n, 'probability': p} for n, p in rivals),
                 parameters=_parameters(effect, sensor, explained),
-                text=_sentence(name, answer, label, [rival for rival, _ in rivals[:2]]),
+                text=_sentence(name, label, [rival for rival, _ in rivals[:2]], form),
             )
         )
     return sorted(findings, key=lambda f: -f.evidence)
@@ -104,14 +118,12 @@ def _rivals(answer: SensorAnswer, name: str) -> list[tuple[str, float]]:
     return [(rival, p) for rival, p in ranked if p > 1.0 - CREDIBLE]
 
 
-def _sentence(name: str, answer: SensorAnswer, label: str, rivals: Sequence[str]) -> str:
+def _sentence(name: str, label: str, rivals: Sequence[str], form: str) -> str:
     text = f'{label}: {name} is missing'
     if rivals:
         verb = 'explain' if len(rivals) > 1 else 'explains'
         text += f'; {" and ".join(rivals)} {verb} it as well'
-    if answer.likeliest.approximate:
-        text += f'; {FORM_APPROXIMATE}'
-    return text
+    return f'{text}; {form}' if form else text
 
 
 def _parameters(

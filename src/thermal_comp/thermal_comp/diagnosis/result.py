@@ -86,7 +86,7 @@ class NamedExplanation:
     sensor: str
     probability: float
     approximate: bool
-    """Whether an equation leaves more than noise."""
+    """Whether an equation is probably not the whole of what its effect does."""
     depends_on: str | None = None
 
     def to_dict(self) -> dict[str, Any]:

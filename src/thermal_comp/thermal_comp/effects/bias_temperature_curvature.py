@@ -21,6 +21,7 @@ class BiasTemperatureCurvature(Effect):
     name: ClassVar[str] = 'bias_temperature_curvature'
     equation: ClassVar[str] = 'error = a₂ · x² + a₃ · x³,  x = T − T₀ [K]'
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}/K²', '{unit}/K³')
+    coefficient_symbols: ClassVar[tuple[str, ...]] = ('a₂', 'a₃')
     mechanism: ClassVar[str] = (
         'Stress that does not grow in proportion to temperature, curvature of the bandgap '
         'reference. Both powers are one effect: an offset of the temperature sensor turns part '

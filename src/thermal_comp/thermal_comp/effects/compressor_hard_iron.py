@@ -26,6 +26,7 @@ class CompressorHardIron(Effect):
         "b fixed in the chamber, d on the device's mount, R = chamber → sensor"
     )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',) * 6
+    coefficient_symbols: ClassVar[tuple[str, ...]] = ('b_x', 'b_y', 'b_z', 'd_x', 'd_y', 'd_z')
     mechanism: ClassVar[str] = (
         'Magnets and currents of compressor and fan motors make a magnetic field.'
     )

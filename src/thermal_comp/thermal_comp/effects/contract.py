@@ -130,6 +130,9 @@ def _problems_of_the_description(effect: type[Effect]) -> list[str]:
         problems.append('equation does not say what the error is')
     if not effect.coefficient_units:
         problems.append('coefficient_units is empty')
+    symbols, units = len(effect.coefficient_symbols), len(effect.coefficient_units)
+    if symbols not in (0, units):
+        problems.append(f'{units} coefficient_units, but {symbols} coefficient_symbols')
     known = {*CHANNELS, 'orientation'}
     problems += [
         f'channel {c!r} is none of {sorted(known)}' for c in effect.channels if c not in known

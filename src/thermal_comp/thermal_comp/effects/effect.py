@@ -109,6 +109,8 @@ class Effect:
     """error = …, with units."""
     coefficient_units: ClassVar[tuple[str, ...]] = ()
     """Unit of each column's coefficient; {unit} stands for the sensor's SI unit."""
+    coefficient_symbols: ClassVar[tuple[str, ...]] = ()
+    """What the equation calls each column's coefficient, where there are several."""
     mechanism: ClassVar[str] = ''
     look_alikes: ClassVar[tuple[str, ...]] = ()
     separation: ClassVar[str] = ''
@@ -179,6 +181,17 @@ class Effect:
         The prior is Gaussian about zero; every fit adds it to the normal equations.
         """
         return None
+
+    def coefficient_labels(self, count: int) -> list[str]:
+        """Return the labels of its coefficients: its name, with symbols where there are several.
+
+        Those without a symbol are numbered.
+        """
+        if count == 1:
+            return [self.name]
+        numbered = [f'{number + 1} of {count}' for number in range(count)]
+        symbols = self.coefficient_symbols
+        return [f'{self.name}, {s}' for s in (symbols if len(symbols) == count else numbered)]
 
     @property
     def shape_parameters(self) -> dict[str, Any]:

@@ -25,6 +25,7 @@ class FixtureHardIron(Effect):
         'error = R · b · x,  b fixed in the chamber, R = chamber → sensor, x = T − T₀ [K]'
     )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}/K',) * 3
+    coefficient_symbols: ClassVar[tuple[str, ...]] = ('b_x', 'b_y', 'b_z')
     mechanism: ClassVar[str] = 'The remanence of chamber and fixture parts depends on temperature.'
     look_alikes: ClassVar[tuple[str, ...]] = (
         'bias_temperature',

@@ -27,6 +27,7 @@ class FixtureTilt(Effect):
         'sensor, x = T − T₀ [K]'
     )
     coefficient_units: ClassVar[tuple[str, ...]] = ('rad/K',) * 3
+    coefficient_symbols: ClassVar[tuple[str, ...]] = ('ω_x', 'ω_y', 'ω_z')
     mechanism: ClassVar[str] = 'Brackets bend and foam softens.'
     look_alikes: ClassVar[tuple[str, ...]] = (
         'misalignment_temperature',

@@ -21,6 +21,7 @@ class GSensitivityTemperature(Effect):
     sensors: ClassVar[tuple[Sensor, ...]] = ('gyroscope',)
     equation: ClassVar[str] = 'error_i = x · Σ_j g_ij · f_j,  f = specific force, x = T − T₀ [K]'
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}/(K·m/s²)',) * 3
+    coefficient_symbols: ClassVar[tuple[str, ...]] = ('g_ix', 'g_iy', 'g_iz')
     mechanism: ClassVar[str] = (
         'Unequal masses of the tuning fork, whose balance shifts with temperature.'
     )

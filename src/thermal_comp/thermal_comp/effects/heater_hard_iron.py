@@ -26,6 +26,7 @@ class HeaterHardIron(Effect):
         "b fixed in the chamber, d on the device's mount, R = chamber → sensor"
     )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}',) * 6
+    coefficient_symbols: ClassVar[tuple[str, ...]] = ('b_x', 'b_y', 'b_z', 'd_x', 'd_y', 'd_z')
     mechanism: ClassVar[str] = "The heater's current loop makes a magnetic field."
     look_alikes: ClassVar[tuple[str, ...]] = ('temperature_rate', 'compressor_hard_iron')
     separation: ClassVar[str] = (

@@ -33,6 +33,7 @@ class MainsAlias(Effect):
         'f = |f_mains − n · output data rate| at T₀'
     )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}', '{unit}')
+    coefficient_symbols: ClassVar[tuple[str, ...]] = ('a', 'b')
     mechanism: ClassVar[str] = (
         '50 or 60 Hz currents are sampled slower than twice their frequency; the clock that paces '
         'the samples feels the temperature, and the alias moves with it.'

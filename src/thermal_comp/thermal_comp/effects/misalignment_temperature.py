@@ -24,6 +24,14 @@ class MisalignmentTemperature(Effect):
     name: ClassVar[str] = 'misalignment_temperature'
     equation: ClassVar[str] = 'error_i = x · Σ_{j ≠ i} k_ij · u_j,  u = true input, x = T − T₀ [K]'
     coefficient_units: ClassVar[tuple[str, ...]] = ('rad/K',) * 6
+    coefficient_symbols: ClassVar[tuple[str, ...]] = (
+        'k_xy',
+        'k_xz',
+        'k_yx',
+        'k_yz',
+        'k_zx',
+        'k_zy',
+    )
     mechanism: ClassVar[str] = (
         'The die turns and shears on its soft glue as package stress changes.'
     )

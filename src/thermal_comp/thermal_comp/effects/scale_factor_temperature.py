@@ -21,6 +21,7 @@ class ScaleFactorTemperature(Effect):
     name: ClassVar[str] = 'scale_factor_temperature'
     equation: ClassVar[str] = 'error_i = s_i · x · u_i,  u = true input, x = T − T₀ [K]'
     coefficient_units: ClassVar[tuple[str, ...]] = ('1/K', '1/K', '1/K')
+    coefficient_symbols: ClassVar[tuple[str, ...]] = ('s_x', 's_y', 's_z')
     mechanism: ClassVar[str] = (
         'Spring constant of silicon (−60 ppm/K), gaps, reference voltage; bridge gain of the '
         'magnetometer.'

@@ -31,6 +31,7 @@ class ThermalLagTwoStage(Effect):
         'error = a₁ · (T_fast − T) + a₂ · (T_slow − T), each a first-order lag of T'
     )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}/K', '{unit}/K')
+    coefficient_symbols: ClassVar[tuple[str, ...]] = ('a₁', 'a₂')
     mechanism: ClassVar[str] = (
         "Package and board reach the chamber's temperature at different speeds, and both stress "
         'the element.'

@@ -26,6 +26,7 @@ class VibrationRectification(Effect):
         "the sample's interval"
     )
     coefficient_units: ClassVar[tuple[str, ...]] = ('{unit}/(m/s²)²',) * 3
+    coefficient_symbols: ClassVar[tuple[str, ...]] = ('k_x', 'k_y', 'k_z')
     mechanism: ClassVar[str] = (
         'Even-order non-linearity and asymmetric clipping turn vibration into an offset.'
     )

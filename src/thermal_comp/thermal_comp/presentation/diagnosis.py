@@ -202,7 +202,8 @@ def _finding_lines(finding: Mapping[str, Any]) -> list[str]:
     for name, value in finding['parameters'].items():
         spread = '' if value['std'] is None else f' ± {_number(value["std"])}'
         unit = value['unit'].removeprefix(COUNT)
-        lines.append(f'    {name} = {_number(value["value"])}{spread} {unit}'.rstrip())
+        width = ' (± one standard deviation)' if spread else ''
+        lines.append(f'    {name} = {_number(value["value"])}{spread} {unit}'.rstrip() + width)
     if finding['rivals']:
         rivals = ', '.join(
             f'{r["name"]} {percent(r["probability"])}' for r in finding['rivals'][:3]

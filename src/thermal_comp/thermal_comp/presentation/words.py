@@ -44,8 +44,8 @@ WORDS: Mapping[str, str] = {
     'thermometer.',
     'not_in_catalogue': 'Explanation: the residual depends on something, in a form no effect of '
     'the catalogue has. An effect of your own can be tried with --effects.',
-    'approximate': 'The equation of a named effect leaves more than noise: its form is only '
-    'nearly right, its name is believed all the same.',
+    'approximate': 'The equation of a named effect is probably only nearly right, by more than '
+    'the noise or by less; its name is believed all the same.',
     'residual_rms': 'Root mean square of measured minus modelled error in the runs the model was '
     'fitted to, on means over a block, per axis.',
     'held_out_rms': 'Root mean square of measured minus predicted error on cycles the fit has not '

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from textwrap import shorten
 from typing import Any
 
 import numpy as np
 from imu_recording.recording import ImuRecording
 from imu_recording.user_error import UserError
-from thermal_comp.diagnosis.findings import FORM_APPROXIMATE
+from thermal_comp.comparison.compare import SensorComparison
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.diagnosis.findings import form_approximate
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import COUNT
 from thermal_comp.model.values import fitted_shapes
@@ -44,11 +47,22 @@ RESIDUAL_POINTS = 600
 """Points of a residual's line on paper."""
 EARLIEST_YEAR = 2000
 """No MEMS IMU of nine axes was recorded before: an earlier date is that of a clock not set."""
+LOSS_WORDS = (
+    'not closed', 'damaged', 'lost', 'left out', 'dropouts', 'missing', 'cannot be read',
+    'is empty', 'not finite', 'infinite',
+)  # fmt: skip
+"""What a note of reading that tells of loss or damage says."""
+MOST_LOSSES = 4
+"""Notes of loss on the first page; the annex has all."""
+NOTE_LENGTH = 140
+"""Characters of a note on the first page."""
+GAP_PERIODS = 3.0
+"""Distance of rows from which it is a gap, in periods."""
 NAMED_STEPS = {'pass': 'kept', 'fail': 'not kept', 'undecided': 'not decided'}
 RULES = {
     'guarded': 'guarded acceptance (ILAC-G8:09/2019): kept where the value is inside the limits '
-    'by its expanded uncertainty, not kept where it is outside by it, else not decided; the '
-    'probability of a wrong statement is at most 2.5 %',
+    'by w, not kept where it is outside by w, else not decided; w is U, or k₉₅ · u where k₉₅ is '
+    'above 2; the probability of a wrong statement is at most 2.5 %',
     'simple': 'simple acceptance (ILAC-G8:09/2019): the value alone decides; near a limit the '
     'probability of a wrong statement is up to 50 %',
 }
@@ -113,6 +127,7 @@ def certificate(
             'thermometer': laboratory.instrument('thermometer'),
         },
         'recordings': [recording_row(r, hashes.get(r.run, '')) for r in recordings],
+        'losses': losses(recordings),
         'conditions': conditions(recordings, low, high),
         'equations': equations(certified),
         'method': method(
@@ -152,6 +167,31 @@ def recording_row(recording: ImuRecording, digest: str) -> dict[str, Any]:
         'up_axis': recording.up_axis,
         'sha256': digest,
     }
+
+
+def losses(recordings: Sequence[ImuRecording]) -> list[str]:
+    """Return what reading the recordings had to say of loss and damage, and their gaps."""
+    found: dict[str, list[str]] = {}
+    for recording in recordings:
+        told = [note for note in recording.notes if any(word in note for word in LOSS_WORDS)]
+        for note in [*told, *gaps(recording)]:
+            found.setdefault(shorten(note, NOTE_LENGTH, placeholder=' …'), []).append(
+                recording.run
+            )
+    texts = [f'{note} ({", ".join(runs)})' for note, runs in found.items()]
+    more = len(texts) - MOST_LOSSES
+    return [*texts[:MOST_LOSSES], *([f'{more} more in the annex'] if more > 0 else [])]
+
+
+def gaps(recording: ImuRecording) -> list[str]:
+    """Return how many gaps there are between the rows, and how long they are in all."""
+    step = np.diff(recording.stamp) * 1e-9
+    period = float(np.median(step))
+    long = step[step > GAP_PERIODS * period]
+    if not len(long):
+        return []
+    lasting = shown(float(long.sum()) - period * len(long))
+    return [f'{len(long)} gap{"s" * (len(long) > 1)}, {lasting} s in all']
 
 
 def conditions(recordings: Sequence[ImuRecording], low: float, high: float) -> dict[str, str]:
@@ -261,6 +301,16 @@ def percent_at_most(share: float) -> str:
     return f'{math.ceil(1e3 * share - 1e-9) / 10.0:.1f}\u00a0%'
 
 
+def in_words(coefficient: str) -> str:
+    """Return a coefficient's label with its effect's name in words; its symbol stays.
+
+    >>> in_words('scale_factor_temperature, s_x')
+    'scale factor temperature, s_x'
+    """
+    effect, comma, symbol = coefficient.partition(', ')
+    return f'{effect.replace("_", " ")}{comma}{symbol}'
+
+
 def quantity_content(quantity: Quantity) -> dict[str, Any]:
     """Return one coefficient with its budget."""
     return {
@@ -354,7 +404,8 @@ def decided(found: Sequence[Quantity], limits: Limits | None) -> list[dict[str, 
                 f'limits: {quantity.sensor}.{name} is in {limit.unit}, its coefficient in '
                 f'{quantity.budget.unit}'
             )
-        decision = limit.decide(quantity.budget.value, quantity.budget.deciding, limits.rule)
+        width = quantity.budget.deciding
+        decision = limit.decide(quantity.budget.value, width, limits.rule)
         rows.append(
             {
                 'sensor': quantity.sensor,
@@ -364,6 +415,7 @@ def decided(found: Sequence[Quantity], limits: Limits | None) -> list[dict[str, 
                 'upper': limit.upper,
                 'unit': limit.unit,
                 'decision': decision,
+                'deciding': width if limits.rule == 'guarded' else None,
             }
         )
     return rows
@@ -424,16 +476,20 @@ def conclusion(
     return f'{text}.'
 
 
-def approximate_forms(certified: Certified, diagnosis: Mapping[str, Any] | None) -> frozenset[str]:
-    """Return the added effects whose equation leaves more than noise, as the diagnosis says."""
-    likeliest: dict[str, Mapping[str, Any]] = {}
+def approximate_forms(certified: Certified, diagnosis: Mapping[str, Any] | None) -> dict[str, str]:
+    """Return the added effects whose form the diagnosis calls approximate: name → why."""
+    likeliest: dict[Sensor, Mapping[str, Any]] = {}
     for explanation in diagnosis['explanations'] if diagnosis else ():
         likeliest.setdefault(explanation['sensor'], explanation)
-    named = {name for e in likeliest.values() if e['approximate'] for name in e['names']}
-    return frozenset(named & {added.partition(' (')[0] for added in certified.added})
+    found: dict[str, list[SensorComparison]] = {}
+    for sensor, explanation in likeliest.items():
+        for name in explanation['names'] if explanation['approximate'] else ():
+            found.setdefault(name, []).append(certified.comparison.sensors[sensor])
+    added = {text.partition(' (')[0] for text in certified.added}
+    return {name: form_approximate(parts) for name, parts in found.items() if name in added}
 
 
-def shape_texts(certified: Certified, approximate: Collection[str] = ()) -> list[str]:
+def shape_texts(certified: Certified, approximate: Mapping[str, str]) -> list[str]:
     """Return every effect beyond the line with its sensors, shape parameters, approximate form."""
     shapes = fitted_shapes(certified.model)
     sensors: dict[str, list[str]] = {}
@@ -450,7 +506,7 @@ def shape_texts(certified: Certified, approximate: Collection[str] = ()) -> list
         ]
         details = [f'{"; ".join(dict.fromkeys(values))}, k = 2'] if values else []
         if name in approximate:
-            details.append(FORM_APPROXIMATE)
+            details.append(approximate[name])
         detail = f' ({"; ".join(details)})' if details else ''
         result.append(f'{name.replace("_", " ")} of the {" and ".join(where)}{detail}')
     return result

@@ -41,7 +41,7 @@ class Quantity:
     sensor: Sensor
     axis: str
     coefficient: str
-    """`bias`, `slope`, or the name of an effect, with the number of its column where several."""
+    """`bias`, `slope`, or the name of an effect, with the symbol of its column where several."""
     budget: Budget
     detection_limit: float = math.nan
     """Smallest true value told from zero with 5 % of errors of both kinds (ISO 11843-1)."""
@@ -253,15 +253,13 @@ def coefficients_of(evidence: Evidence) -> Iterator[Quantity]:
         if effect.kind != 'device' or effect.per_run:
             continue
         shared = values.ndim == 1
-        for column in range(len(values)):
+        for column, label in enumerate(effect.coefficient_labels(len(values))):
             units = effect.coefficient_units
             unit = (units[column] if column < len(units) else '').format(
                 unit=SENSOR_UNITS[evidence.sensor]
             )
             linear = isinstance(effect, BiasTemperature)
-            name = 'slope' if linear else effect.name
-            if len(values) > 1:
-                name = f'{name}, {column + 1} of {len(values)}'
+            name = 'slope' if linear else label
             for axis in range(1 if shared else 3):
                 place = (column,) if shared else (column, axis)
                 fitted = Fitted(

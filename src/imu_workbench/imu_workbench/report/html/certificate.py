@@ -10,7 +10,7 @@ from typing import Any
 from imu_recording.recording import SENSOR_UNITS
 from thermal_comp.presentation.display import DISPLAY_UNITS, fixed, shown, with_uncertainty
 
-from imu_workbench.report.certificate.content import percent_at_most
+from imu_workbench.report.certificate.content import in_words, percent_at_most
 from imu_workbench.report.figures.allan import allan_deviation_figure
 from imu_workbench.report.html.render import Row, Section
 
@@ -148,7 +148,7 @@ def result_rows(found: Mapping[str, Any]) -> list[dict[str, Any]]:
         unit, factor = displayed(sensor, quantity['unit'])
         row = rows.setdefault(
             (sensor, name),
-            {'sensor': sensor.capitalize(), 'name': name.replace('_', ' '), 'unit': unit,
+            {'sensor': sensor.capitalize(), 'name': in_words(name), 'unit': unit,
              'cells': {}},
         )  # fmt: skip
         row['cells'][quantity['axis']] = {
@@ -213,7 +213,7 @@ def detection_limit(found: Mapping[str, Any], sensor: str, axis: str) -> str:
 
 
 def decision_rows(found: Mapping[str, Any]) -> list[Row]:
-    """Return a row per sensor and coefficient with limits: bounds, decision per axis."""
+    """Return a row per sensor and coefficient with limits: bounds, decision and w per axis."""
     rows: dict[tuple[str, str], Row] = {}
     for one in found['decisions']:
         unit, factor = displayed(one['sensor'], one['unit'])
@@ -224,11 +224,14 @@ def decision_rows(found: Mapping[str, Any]) -> list[Row]:
         row = rows.setdefault(
             (one['sensor'], one['coefficient']),
             [
-                f'{one["sensor"].capitalize()}: {one["coefficient"].replace("_", " ")}',
+                f'{one["sensor"].capitalize()}: {in_words(one["coefficient"])}',
                 f'{bounds[0]} … {bounds[1]} {unit}',
             ],
         )
-        row.append(f'{one["axis"]}: {DECISIONS[one["decision"]]}')
+        width = one['deciding']
+        by = '' if width is None else f', w {shown(width * factor)}'
+        axis = '' if one['axis'] == 'all' else f'{one["axis"]}: '
+        row.append(f'{axis}{DECISIONS[one["decision"]]}{by}')
     return [[*row, *[''] * (5 - len(row))] for row in rows.values()]
 
 
@@ -258,9 +261,9 @@ def budget_row(quantity: Mapping[str, Any], sources: Sequence[str]) -> Row:
         else '–'
         for s in sources
     ]
-    name = quantity['coefficient'].replace('_', ' ')
+    axis = '' if quantity['axis'] == 'all' else f' {quantity["axis"]}'
     return [
-        f'{name} {quantity["axis"]}',
+        f'{in_words(quantity["coefficient"])}{axis}',
         unit,
         *cells,
         shown(quantity['combined'] * factor),

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from thermal_comp.presentation.diagnosis import VERDICTS, percent
@@ -30,7 +30,10 @@ def diagnosis_section(content: Mapping[str, Any]) -> Section | None:
     if not stairs and not content['diagnosis']:
         return None
     values = {
-        'diagnoses': [diagnosis_values(found) for found in content['diagnosis'].values()],
+        'diagnoses': [
+            diagnosis_values(found, content['models'].get(device, {}).get('shapes', ()))
+            for device, found in content['diagnosis'].items()
+        ],
         'devices': list(stairs),
         'degrees': [{'device': n, **degree_table(found)} for n, found in stairs.items()],
         'filtered': any(found['degrees'] for found in stairs.values()),
@@ -43,8 +46,13 @@ def diagnosis_section(content: Mapping[str, Any]) -> Section | None:
     return Section('diagnosis', title, 'diagnosis.html', values, figures, short='Diagnosis')
 
 
-def diagnosis_values(found: Mapping[str, Any]) -> dict[str, Any]:
-    """Return verdict, findings and what could not be tried, of one device."""
+def diagnosis_values(
+    found: Mapping[str, Any], shapes: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Return verdict, findings and what could not be tried, of one device.
+
+    `shapes` are the shape parameters of its certified model.
+    """
     verdict = found['verdict']
     greyed = '; '.join(f'{name} {reason}' for name, reason in found['greyed_out'].items())
     notes = [*([f'not tried: {greyed}'] if greyed else []), *found['undetermined']]
@@ -53,7 +61,10 @@ def diagnosis_values(found: Mapping[str, Any]) -> dict[str, Any]:
         'verdict': VERDICTS.get(verdict, verdict),
         'look': VERDICT_CLASSES.get(verdict, 'open'),
         'findings': [
-            {'text': _finding_text(finding), 'detail': ' · '.join(_finding_details(finding))}
+            {
+                'text': _finding_text(finding),
+                'detail': ' · '.join(_finding_details(finding, shapes)),
+            }
             for finding in found['findings']
         ],
         'notes': [note.replace('_', ' ') for note in notes],
@@ -65,8 +76,11 @@ def _finding_text(finding: Mapping[str, Any]) -> str:
     return f'{name}{finding["text"]}'.replace('_', ' ')
 
 
-def _finding_details(finding: Mapping[str, Any]) -> list[str]:
-    """Return evidence, errors, shape parameters and rivals of a finding."""
+def _finding_details(finding: Mapping[str, Any], shapes: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return evidence, errors, shape parameters and rivals of a finding.
+
+    A parameter of the certified model has its value there.
+    """
     evidence = f'evidence {shown(finding["evidence"])}'
     if finding['threshold']:
         evidence += f', needed {shown(finding["threshold"])}'
@@ -79,9 +93,15 @@ def _finding_details(finding: Mapping[str, Any]) -> list[str]:
             for key in ('error_before', 'error_after', 'noise_floor')
         )
         details.append(f'held-out error {before} → {after} {unit.unit}, noise floor {floor}')
+    certified = {
+        shape['parameter']: shape
+        for shape in shapes
+        if shape['effect'] == finding['name'] and shape['sensor'] in finding['sensor'].split('+')
+    }
     details += [
         f'{name.replace("_", " ")} = {_value(value["value"], value["std"])} {value["unit"]}'
-        for name, value in finding['parameters'].items()
+        + (' (± one standard deviation)' if value['std'] else '')
+        for name, value in (finding['parameters'] | certified).items()
     ]
     if finding['rivals']:
         rivals = finding['rivals'][:MOST_RIVALS]
@@ -93,7 +113,7 @@ def _finding_details(finding: Mapping[str, Any]) -> list[str]:
 def _value(value: Any, uncertainty: Any) -> str:
     if not isinstance(value, list | tuple):
         return with_uncertainty(value, uncertainty)
-    each = uncertainty if isinstance(uncertainty, list | tuple) else [uncertainty] * len(value)
+    each = uncertainty or [None] * len(value)
     return f'({", ".join(map(with_uncertainty, value, each))})'
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown, with_uncertainty
 
+from imu_workbench.report.certificate.content import in_words
 from imu_workbench.report.figures.measured import PHASE_NAMES
 from imu_workbench.report.figures.modelled import (
     dependence_figure,
@@ -229,22 +230,19 @@ def model_section(content: Mapping[str, Any]) -> Section | None:
                 'low': shown(low),
                 'high': shown(high),
                 'reference': shown(model['reference_temperature']),
-                'rows': [
-                    [
-                        f'{term["sensor"].capitalize()}: {term["effect"].replace("_", " ")}',
-                        *(
-                            with_uncertainty(term['value'][i], term['uncertainty'][i])
-                            for i in range(3)
-                        ),
-                        term['unit'],
-                    ]
-                    for term in model['terms']
-                ],
+                'rows': [term_row(term) for term in model['terms']],
                 'shapes': shape_rows(model),
                 'history': history_rows(model['history']),
             }
         )
     return Section('model', 'The certified model', 'model.html', {'models': models})
+
+
+def term_row(term: Mapping[str, Any]) -> list[str | tuple[str, int]]:
+    """Return a coefficient with its standard uncertainty per axis; once where axes share it."""
+    cells = list(map(with_uncertainty, term['value'], term['uncertainty']))
+    label = f'{term["sensor"].capitalize()}: {in_words(term["effect"])}'
+    return [label, *([(cells[0], 3)] if term['shared'] else cells), term['unit']]
 
 
 def history_rows(versions: Sequence[Mapping[str, Any]]) -> list[Row]:

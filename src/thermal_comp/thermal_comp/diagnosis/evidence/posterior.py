@@ -57,7 +57,7 @@ class Explanation:
     something else acts: effects that would stand beside it are not believed."""
     probability: float
     approximate: bool
-    """Whether an equation leaves more than noise."""
+    """Whether an equation is probably not the whole of what its effect does."""
     components: tuple[Component, ...]
     depends_on: str | None = None
     """What the unknown part follows, or which channel is missing."""
