@@ -9,6 +9,7 @@ import pytest
 from imu_recording.user_error import UserError
 from imu_workbench.report import pdf
 from imu_workbench.report.analysis import analyse_recordings
+from imu_workbench.report.certificate.content import MOST_LOSSES, NOTE_LENGTH
 from imu_workbench.report.content import report_content
 from weasyprint import HTML
 
@@ -28,6 +29,16 @@ def page(content) -> str:
 def test_pages(page) -> None:
     assert len(HTML(string=page).render().pages) <= 10
     alone = re.sub(r'<section class="(run|annex)".*?</section>', '', page, flags=re.DOTALL)
+    assert len(HTML(string=alone).render().pages) == 2
+
+
+def test_the_certificate_stays_on_two_pages_when_much_was_lost(content) -> None:
+    note = 'imu/data_raw: 123 damaged messages left out '.ljust(NOTE_LENGTH, 'x')
+    certificate = content['certificates']['dut1'] | {'residuals': {}, 'allan_deviation': {}}
+    found = certificate | {'losses': [f'{note} (dut1_x, dut1_y, dut1_z)'] * (MOST_LOSSES + 1)}
+    page = pdf.printed_page(content | {'certificates': {'dut1': found}})
+    alone = re.sub(r'<section class="annex".*?</section>', '', page, flags=re.DOTALL)
+    assert alone.count(note) == MOST_LOSSES + 1
     assert len(HTML(string=alone).render().pages) == 2
 
 
