@@ -155,6 +155,8 @@ def test_a_disturbed_start_is_found_out_and_corrected(name: str) -> None:
     assert np.all(result.flags[600:1000] & DISTURBED)
     assert not np.any(result.flags[-15000:] & DISTURBED)
     assert error[-500:].max() < 2.0
+    sigma = np.degrees(np.sqrt(result.covariance[2000:4000, 2, 2]))
+    assert np.mean(sigma) < 0.4, 'half a minute later the heading is known again, and this is said'
 
 
 def test_learning_can_be_switched_off() -> None:

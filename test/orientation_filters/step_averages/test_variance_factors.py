@@ -12,6 +12,7 @@ from orientation_filters.step_averages.variance_factors import (
     observe_angle,
     observe_error,
     scaled,
+    started_anew,
 )
 
 STEP = 0.1
@@ -48,6 +49,20 @@ def test_rest_and_motion_have_factors_of_their_own() -> None:
         angle = size * (-1.0) ** (k // 40) * 1e-3
         known = observe_angle(known, (angle, 0.0), NONE, 1e-6, 1e-5, STEP, 0.0, rests)
     assert known.motion.factor > 20.0 * known.rest.factor
+
+
+def test_an_angle_that_is_found_wrong_tells_nothing_of_the_noise() -> None:
+    """Wrong by thirty times its error for two seconds, at the start and once more."""
+    rng = np.random.default_rng(5)
+    variance, noise = 1e-6, 9e-6
+    known = no_factors().heading
+    for k in range(800):
+        if k == 400:
+            known = started_anew(known)
+        wrong = 0.1 if k % 400 < 20 else 0.0
+        seen = wrong + np.sqrt(variance + noise) * rng.normal()
+        known = observe_angle(known, (seen, 0.0), NONE, variance, noise, STEP, 0.0, False)
+    assert 0.4 < known.motion.factor < 2.0
 
 
 def test_only_what_persists_widens_the_covariance() -> None:

@@ -51,6 +51,7 @@ from orientation_filters.step_averages.variance_factors import (
     observe_angle,
     observe_error,
     scaled,
+    started_anew,
 )
 
 POSSIBLE_ANGLE, POSSIBLE_SIGMAS = 0.35, 3.0
@@ -171,6 +172,8 @@ def _variance_factors(
     )
     inclination = add_bridged(before.inclination, bridged)
     heading = add_bridged(before.heading, bridged)
+    if field.reference.adopted:
+        heading = started_anew(heading)
     force_error, field_error = before.force, before.field
     if force.variance > 0.0:
         a, pull = force.acceleration, 1.0 / GRAVITY

@@ -22,7 +22,8 @@ from orientation_filters.kernel import inline
 from orientation_filters.rotation.scalars import Symmetric
 
 START_S = 3.0
-"""Innovations count later: what was assumed at the start is forgotten by then [s]."""
+"""Innovations count later, and are low-passed from then on: what was assumed at the start is
+forgotten by then [s]."""
 PRIOR_WEIGHT = 0.1
 """Independent values that the factor 1 counts for."""
 RECENCY = 3.0
@@ -56,7 +57,7 @@ class AngleFactor(NamedTuple):
     """Of one angle, or of two with the same variance."""
 
     age: float
-    """Since the first measurement [s]."""
+    """Since the first measurement, or since what it is measured against is another [s]."""
     innovation: Pair
     """After the filter's low-pass [rad]."""
     expected: float
@@ -134,6 +135,20 @@ def add_bridged(before: AngleFactor, bridged: float) -> AngleFactor:
 
 
 @inline
+def started_anew(before: AngleFactor) -> AngleFactor:
+    """Return the state where an angle is measured against something else from now on."""
+    return AngleFactor(
+        age=0.0,
+        innovation=(0.0, 0.0),
+        expected=0.0,
+        unused=(0.0, 0.0),
+        bridged=before.bridged,
+        rest=before.rest,
+        motion=before.motion,
+    )
+
+
+@inline
 def observe_angle(
     before: AngleFactor,
     innovation: Pair,
@@ -152,11 +167,12 @@ def observe_angle(
     """
     gain = variance / (variance + noise)
     keep = 1.0 - gain
-    innovation = _low_pass(before.innovation, innovation, gain)
-    unused = _low_pass(before.unused, unused, gain)
-    expected = keep * keep * before.expected + gain * variance
+    seen = gain if before.age > START_S else 0.0
+    innovation = _low_pass(before.innovation, innovation, seen)
+    unused = _low_pass(before.unused, unused, seen)
+    expected = keep * keep * before.expected + seen * variance
     rest, motion = before.rest, before.motion
-    if before.age > START_S:
+    if seen > 0.0:
         ratio = _delayed(gain * delay / dt, rests) * _square(innovation) / expected
         power = _square(unused)
         if rests:
