@@ -15,8 +15,8 @@ from uuid import NAMESPACE_URL, uuid5
 
 from imu_recording.user_error import UserError
 
-from imu_workbench.report.certificate.content import in_words
 from imu_workbench.report.laboratory import NOT_STATED
+from imu_workbench.report.model_content import in_words
 
 NO_COUNTRY = 'ZZ'
 """Where the country is not stated, which the schema wants (ISO 3166-1, user-assigned)."""

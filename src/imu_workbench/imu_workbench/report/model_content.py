@@ -77,6 +77,16 @@ def sensor_terms(sensor: str, part: SensorModel) -> list[dict[str, Any]]:
     return rows
 
 
+def in_words(coefficient: str) -> str:
+    """Return a coefficient's label with its effect's name in words; its symbol stays.
+
+    >>> in_words('scale_factor_temperature, s_x')
+    'scale factor temperature, s_x'
+    """
+    effect, comma, symbol = coefficient.partition(', ')
+    return f'{effect.replace("_", " ")}{comma}{symbol}'
+
+
 def effects_line(model: ThermalModel) -> str:
     """Return the effects of a version in one line."""
     parts = []

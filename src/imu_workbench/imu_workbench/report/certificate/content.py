@@ -301,16 +301,6 @@ def percent_at_most(share: float) -> str:
     return f'{math.ceil(1e3 * share - 1e-9) / 10.0:.1f}\u00a0%'
 
 
-def in_words(coefficient: str) -> str:
-    """Return a coefficient's label with its effect's name in words; its symbol stays.
-
-    >>> in_words('scale_factor_temperature, s_x')
-    'scale factor temperature, s_x'
-    """
-    effect, comma, symbol = coefficient.partition(', ')
-    return f'{effect.replace("_", " ")}{comma}{symbol}'
-
-
 def quantity_content(quantity: Quantity) -> dict[str, Any]:
     """Return one coefficient with its budget."""
     return {

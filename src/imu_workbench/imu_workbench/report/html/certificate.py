@@ -10,9 +10,10 @@ from typing import Any
 from imu_recording.recording import SENSOR_UNITS
 from thermal_comp.presentation.display import DISPLAY_UNITS, fixed, shown, with_uncertainty
 
-from imu_workbench.report.certificate.content import in_words, percent_at_most
+from imu_workbench.report.certificate.content import percent_at_most
 from imu_workbench.report.figures.allan import allan_deviation_figure
 from imu_workbench.report.html.render import Row, Section
+from imu_workbench.report.model_content import in_words
 
 SMALL_UNITS = {
     'gyroscope': ('m°/s', 1e3 * 180.0 / math.pi),

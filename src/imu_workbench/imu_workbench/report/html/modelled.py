@@ -8,7 +8,6 @@ from typing import Any
 
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown, with_uncertainty
 
-from imu_workbench.report.certificate.content import in_words
 from imu_workbench.report.figures.measured import PHASE_NAMES
 from imu_workbench.report.figures.modelled import (
     dependence_figure,
@@ -19,6 +18,7 @@ from imu_workbench.report.figures.modelled import (
 from imu_workbench.report.html.certificate import shape_rows
 from imu_workbench.report.html.measured import has_cycles
 from imu_workbench.report.html.render import Row, Section, figure_of_paper
+from imu_workbench.report.model_content import in_words
 
 ERRORS = {
     'measured_rms': 'measured',

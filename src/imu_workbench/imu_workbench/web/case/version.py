@@ -89,7 +89,7 @@ def make_version(
         noise={s: part.noise for s, part in model.sensors.items() if part.noise is not None},
         terms=tuple(_terms(model)),
         coefficients=tuple(
-            plain({k: row[k] for k in ('sensor', 'effect', 'value', 'uncertainty', 'unit')})
+            plain({k: value for k, value in row.items() if k != 'shape'})
             for sensor, part in model.sensors.items()
             for row in sensor_terms(sensor, part)
         ),

@@ -15,6 +15,7 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown, wit
 from imu_workbench.case import CaseVersion
 from imu_workbench.report.figures.error_steps import logarithmic_axis
 from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axes
+from imu_workbench.report.model_content import in_words
 from imu_workbench.web.case.buttons import Buttons, file_button
 from imu_workbench.web.case.version import Version, parameter_text
 from imu_workbench.web.plot import Look, Plot, card_head
@@ -199,11 +200,11 @@ def coefficients_html(version: Version, sensor: str) -> str:
     """Return the coefficients of one sensor, with shape parameters, ± and units, as a table."""
     rows = ''
     for row in (row for row in version.coefficients if row['sensor'] == sensor):
-        cells = ''.join(
-            f'<td>{escape(with_uncertainty(value, sigma))}</td>'
-            for value, sigma in zip(row['value'], row['uncertainty'], strict=True)
-        )
-        name = escape(row['effect'].replace('_', ' '))
+        texts = list(map(with_uncertainty, row['value'], row['uncertainty']))
+        cells = ''.join(f'<td>{escape(text)}</td>' for text in texts)
+        if row['shared']:
+            cells = f'<td colspan="3">{escape(texts[0])}</td>'
+        name = escape(in_words(row['effect']))
         rows += f'<tr><th scope="row">{name}</th>{cells}<td>{escape(row["unit"])}</td></tr>'
     for term in (term for term in version.terms if term['sensor'] == sensor):
         name = escape(f'{term["effect"]}: {term["parameter"]}'.replace('_', ' '))
