@@ -129,12 +129,12 @@ def test_fits_queue_branch_and_are_cancelled_and_bags_come_and_go(
     page.get_by_role('button', name='Open bags').click()
     page.get_by_role('checkbox', name='dut2_again').click()
     page.locator('.dialog').get_by_role('button', name='Open', exact=True).click()
-    page.get_by_role('button', name='2 runs').wait_for()
+    page.locator('.summary', has_text='2 runs').wait_for()
     page.locator('.tile.bad, .tile.good').first.wait_for()
     assert rows.count() == 4
-    page.get_by_role('button', name='2 runs').click()
+    page.locator('.summary', has_text='2 runs').click()
     page.get_by_role('button', name='close dut2_x').click()
-    page.get_by_role('button', name='1 run').wait_for()
+    page.locator('.summary', has_text='1 run').wait_for()
     assert rows.count() == 4
     content = yaml.safe_load((server.cases / 'dut2' / 'case.yaml').read_text('utf-8'))
     assert {r['run']: r['open'] for r in content['recordings']} == {

@@ -10,13 +10,12 @@ import pytest
 from imu_recording.user_error import UserError
 from imu_workbench.report.analysis import analyse_recordings
 from imu_workbench.report.certificate.budget import Input, Measurand, budget_of, scatter_inputs
-from imu_workbench.report.certificate.content import (
+from imu_workbench.report.certificate.conclusion import (
     approximate_forms,
     conclusion,
-    losses,
-    recording_row,
     still_missing,
 )
+from imu_workbench.report.certificate.recordings import losses, recording_row
 from imu_workbench.report.content import report_content
 from imu_workbench.report.html.certificate import displayed
 from imu_workbench.report.html.document import report_page

@@ -9,7 +9,7 @@ import pytest
 from imu_recording.user_error import UserError
 from imu_workbench.report import pdf
 from imu_workbench.report.analysis import analyse_recordings
-from imu_workbench.report.certificate.content import MOST_LOSSES, NOTE_LENGTH
+from imu_workbench.report.certificate.recordings import MOST_LOSSES, NOTE_LENGTH
 from imu_workbench.report.content import report_content
 from weasyprint import HTML
 

@@ -6,28 +6,19 @@
 
 from __future__ import annotations
 
-import datetime as dt
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from textwrap import shorten
 from typing import Any
 
-import numpy as np
 from imu_recording.recording import ImuRecording
 from imu_recording.user_error import UserError
-from thermal_comp.comparison.compare import SensorComparison
-from thermal_comp.data.conditions import Sensor
-from thermal_comp.diagnosis.findings import form_approximate
 from thermal_comp.effects.bias_temperature import BiasTemperature
-from thermal_comp.effects.effect import COUNT
 from thermal_comp.model.values import fitted_shapes
-from thermal_comp.presentation.diagnosis import verdict_line
 from thermal_comp.presentation.display import (
     DISPLAY_UNITS,
     SENSORS,
     fixed,
     shown,
-    with_uncertainty,
 )
 
 from imu_workbench.report.analysis import Analysis, Certified
@@ -37,7 +28,14 @@ from imu_workbench.report.certificate.allan import (
     allan_deviations,
     datasheet_noise,
 )
+from imu_workbench.report.certificate.conclusion import conclusion
 from imu_workbench.report.certificate.quantities import Quantity, quantities
+from imu_workbench.report.certificate.recordings import (
+    conditions,
+    losses,
+    ramp_rate,
+    recording_row,
+)
 from imu_workbench.report.laboratory import NOT_STATED, Laboratory
 from imu_workbench.report.limits import Limits
 from imu_workbench.report.modelled import errors_of_run
@@ -45,20 +43,6 @@ from imu_workbench.report.series import line
 
 RESIDUAL_POINTS = 600
 """Points of a residual's line on paper."""
-EARLIEST_YEAR = 2000
-"""No MEMS IMU of nine axes was recorded before: an earlier date is that of a clock not set."""
-LOSS_WORDS = (
-    'not closed', 'damaged', 'lost', 'left out', 'dropouts', 'missing', 'cannot be read',
-    'is empty', 'not finite', 'infinite',
-)  # fmt: skip
-"""What a note of reading that tells of loss or damage says."""
-MOST_LOSSES = 4
-"""Notes of loss on the first page; the annex has all."""
-NOTE_LENGTH = 140
-"""Characters of a note on the first page."""
-GAP_PERIODS = 3.0
-"""Distance of rows from which it is a gap, in periods."""
-NAMED_STEPS = {'pass': 'kept', 'fail': 'not kept', 'undecided': 'not decided'}
 RULES = {
     'guarded': 'guarded acceptance (ILAC-G8:09/2019): kept where the value is inside the limits '
     'by w, not kept where it is outside by w, else not decided; w is U, or k₉₅ · u where k₉₅ is '
@@ -152,87 +136,6 @@ def certificate(
         'added': list(certified.added),
         'conclusion': conclusion(certified, errors, decisions, diagnosis, (low, high)),
     }
-
-
-def recording_row(recording: ImuRecording, digest: str) -> dict[str, Any]:
-    """Return name, date (UTC), length, rate, orientation and hash of one recording."""
-    start = dt.datetime.fromtimestamp(int(recording.stamp[0]) // 10**9, dt.UTC)
-    period = float(np.median(np.diff(recording.stamp))) * 1e-9
-    return {
-        'name': recording.run,
-        'start': start.strftime('%Y-%m-%d %H:%M')
-        + ', clock not set' * (start.year < EARLIEST_YEAR),
-        'hours': float(recording.time[-1]) / 3600.0,
-        'rate_hz': 1.0 / period,
-        'up_axis': recording.up_axis,
-        'sha256': digest,
-    }
-
-
-def losses(recordings: Sequence[ImuRecording]) -> list[str]:
-    """Return what reading the recordings had to say of loss and damage, and their gaps."""
-    found: dict[str, list[str]] = {}
-    for recording in recordings:
-        told = [note for note in recording.notes if any(word in note for word in LOSS_WORDS)]
-        for note in [*told, *gaps(recording)]:
-            found.setdefault(shorten(note, NOTE_LENGTH, placeholder=' …'), []).append(
-                recording.run
-            )
-    texts = [f'{note} ({", ".join(runs)})' for note, runs in found.items()]
-    more = len(texts) - MOST_LOSSES
-    return [*texts[:MOST_LOSSES], *([f'{more} more in the annex'] if more > 0 else [])]
-
-
-def gaps(recording: ImuRecording) -> list[str]:
-    """Return how many gaps there are between the rows, and how long they are in all."""
-    step = np.diff(recording.stamp) * 1e-9
-    period = float(np.median(step))
-    long = step[step > GAP_PERIODS * period]
-    if not len(long):
-        return []
-    lasting = shown(float(long.sum()) - period * len(long))
-    return [f'{len(long)} gap{"s" * (len(long) > 1)}, {lasting} s in all']
-
-
-def conditions(recordings: Sequence[ImuRecording], low: float, high: float) -> dict[str, str]:
-    """Return plan and conditions as run, from the recordings alone."""
-    profiles = sorted({r.profile for r in recordings if r.profile})
-    cycles = sorted({int(r.cycle.max()) for r in recordings if r.cycle is not None})
-    rates = [rate for r in recordings if (rate := ramp_rate(r)) is not None]
-    result = {
-        'plan': ', '.join(profiles) or NOT_STATED,
-        'thermal cycles per run': ', '.join(map(str, cycles)) or 'none recorded',
-        'die temperature': f'{fixed(low, 1)} … {fixed(high, 1)} °C',
-        'fastest change of die temperature': f'{shown(max(rates), 2)} K/min' if rates else '–',
-        'orientations (axis up)': ', '.join(r.up_axis or '?' for r in recordings).replace(
-            '-', '−'
-        ),
-    }
-    for name, label, unit, factor in (
-        ('chamber_temperature', 'chamber air', '°C', 1.0),
-        ('humidity', 'relative humidity', '%', 100.0),
-        ('supply_voltage', 'supply', 'V', 1.0),
-    ):
-        tracks = [t for r in recordings if (t := getattr(r, name)) is not None]
-        values = np.concatenate(tracks) * factor if tracks else np.empty(0)
-        values = values[np.isfinite(values)]
-        if len(values):
-            span = f'{shown(float(values.min()))} … {shown(float(values.max()))}'
-            result[label] = f'{span} {unit}'
-        else:
-            result[label] = 'not recorded'
-    return result
-
-
-def ramp_rate(recording: ImuRecording) -> float | None:
-    """Return the fastest change of die temperature over five minutes [K/min]."""
-    known = np.isfinite(recording.temperature)
-    time, temperature = recording.time[known], recording.temperature[known]
-    if len(time) < 2 or time[-1] - time[0] < 600.0:
-        return None
-    at = np.arange(time[0], time[-1], 300.0)
-    change = np.diff(np.interp(at, time, temperature)) / 5.0
-    return float(np.abs(change).max())
 
 
 def method(
@@ -432,100 +335,6 @@ def validity(recordings: Sequence[ImuRecording], low: float, high: float) -> str
         f'{fixed(high, 1)} °C of its own thermometer{change}; drift after the recordings is not '
         'part of the uncertainty, and no interval of recalibration is recommended.'
     )
-
-
-def conclusion(
-    certified: Certified,
-    errors: Sequence[Mapping[str, Any]],
-    decisions: Sequence[Mapping[str, Any]],
-    diagnosis: Mapping[str, Any] | None,
-    span: tuple[float, float],
-) -> str:
-    """Return the outcome in one sentence."""
-    ratios = [row for row in errors if math.isfinite(row['ratio'])]
-    worst = max(ratios, key=lambda row: row['ratio'], default=None)
-    text = f'Between {fixed(span[0], 1)} and {fixed(span[1], 1)} °C a line per axis'
-    named = shape_texts(certified, approximate_forms(certified, diagnosis))
-    if named:
-        text = f'{text}, with {", ".join(named)},'
-    if worst:
-        text = (
-            f'{text} leaves at most {shown(worst["ratio"], 2)} × the noise '
-            f'({worst["sensor"]} {worst["axis"]})'
-        )
-    grown = [f'{r["sensor"]} {r["axis"]}' for r in ratios if r['after'] > r['before']]
-    if grown:
-        text = f'{text}; it does not lower the error of {", ".join(grown)}'
-    left = still_missing(certified, diagnosis)
-    if left:
-        text = f'{text}; {left}'
-    if decisions:
-        counts = {kind: sum(d['decision'] == kind for d in decisions) for kind in NAMED_STEPS}
-        told = [f'{n} {NAMED_STEPS[kind]}' for kind, n in counts.items() if n]
-        text = f'{text}; of {len(decisions)} limits {", ".join(told)}'
-    return f'{text}.'
-
-
-def approximate_forms(certified: Certified, diagnosis: Mapping[str, Any] | None) -> dict[str, str]:
-    """Return the added effects whose form the diagnosis calls approximate: name → why."""
-    likeliest: dict[Sensor, Mapping[str, Any]] = {}
-    for explanation in diagnosis['explanations'] if diagnosis else ():
-        likeliest.setdefault(explanation['sensor'], explanation)
-    found: dict[str, list[SensorComparison]] = {}
-    for sensor, explanation in likeliest.items():
-        for name in explanation['names'] if explanation['approximate'] else ():
-            found.setdefault(name, []).append(certified.comparison.sensors[sensor])
-    added = {text.partition(' (')[0] for text in certified.added}
-    return {name: form_approximate(parts) for name, parts in found.items() if name in added}
-
-
-def shape_texts(certified: Certified, approximate: Mapping[str, str]) -> list[str]:
-    """Return every effect beyond the line with its sensors, shape parameters, approximate form."""
-    shapes = fitted_shapes(certified.model)
-    sensors: dict[str, list[str]] = {}
-    for sensor, part in certified.model.sensors.items():
-        for effect in part.effects:
-            if effect.searched or effect.kind != 'device':
-                sensors.setdefault(effect.name, []).append(sensor)
-    result = []
-    for name, where in sensors.items():
-        values = [
-            f'{s["parameter"].replace("_", " ")} {_expanded(s)} {s["unit"]}'
-            for s in shapes
-            if s['effect'] == name and s['unit'] != COUNT and not isinstance(s['value'], list)
-        ]
-        details = [f'{"; ".join(dict.fromkeys(values))}, k = 2'] if values else []
-        if name in approximate:
-            details.append(approximate[name])
-        detail = f' ({"; ".join(details)})' if details else ''
-        result.append(f'{name.replace("_", " ")} of the {" and ".join(where)}{detail}')
-    return result
-
-
-def _expanded(shape: Mapping[str, Any]) -> str:
-    """Return value ± U at k = 2 of a shape parameter."""
-    return with_uncertainty(shape['value'], None if shape['std'] is None else 2.0 * shape['std'])
-
-
-def still_missing(certified: Certified, diagnosis: Mapping[str, Any] | None) -> str:
-    """Return what the diagnosis says is missing beyond what was added; '' where nothing is."""
-    if diagnosis is None:
-        return 'missing effects were not searched for'
-    shared = [s for s in diagnosis['steps'] if s['ambiguous_with'] and certified.added]
-    if shared:
-        names = '; '.join(
-            f'{s["added"]} ({s["sensor"]}) cannot be told from {", ".join(s["ambiguous_with"])}'
-            for s in shared
-        )
-        return names.replace('_', ' ')
-    others = [
-        f for f in diagnosis['findings'] if f['kind'] not in ('effect', 'data_quality', 'clock')
-    ]
-    if certified.added:
-        return '; '.join(f['text'].partition(' (')[0] for f in others).replace('_', ' ')
-    if diagnosis['verdict'] == 'complete':
-        return 'no further effect was found'
-    return verdict_line(diagnosis).replace('_', ' ')
 
 
 def _range(ranges: Iterable[tuple[float, float]]) -> tuple[float, float]:
