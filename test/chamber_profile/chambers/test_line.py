@@ -60,6 +60,16 @@ def test_no_answer_and_half_an_answer_are_named_with_what_came(connect) -> None:
         line.ask(b'TEMP?', until(b'\r\n'))
 
 
+def test_an_answer_that_came_in_time_is_read_by_a_busy_machine(connect, monkeypatch) -> None:
+    line = connect(lambda client, request: client.sendall(b'23.0\r\n'), timeout_s=0.2)
+    now = iter([0.0, 0.1, *(0.3 + 0.01 * k for k in range(20))])
+    line.open()
+    monkeypatch.setattr('chamber_profile.chambers.line.time.monotonic', lambda: next(now))
+    assert line.ask(b'TEMP?', until(b'\r\n')) == b'23.0\r\n'
+    monkeypatch.undo()
+    line.close()
+
+
 def test_bytes_that_are_no_text_are_shown_in_hexadecimal(connect) -> None:
     line = connect(lambda client, request: None, timeout_s=0.1)
     with pytest.raises(ChamberError, match='no answer to 01 03 00 64, got nothing'):

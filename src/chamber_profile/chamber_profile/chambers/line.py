@@ -65,13 +65,15 @@ class Line:
             port.write(request)
             deadline = time.monotonic() + self.timeout_s
             while not (size := length(received)) or len(received) < size:
-                wanted = size - len(received) if size else port.in_waiting
-                received += port.read(max(1, wanted))
-                if time.monotonic() > deadline:
+                late = time.monotonic() - deadline
+                # What has come in time is read, however busy this machine is.
+                if late > 0.0 and (not port.in_waiting or late > self.timeout_s):
                     got = shown_bytes(received)
                     raise ChamberError(
                         f'{self.port}: no answer to {shown_bytes(request)}, got {got}'
                     )
+                wanted = size - len(received) if size else port.in_waiting
+                received += port.read(max(1, wanted))
         except (
             OSError,
             termios.error,
