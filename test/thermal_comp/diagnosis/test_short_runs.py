@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs too short to tell noise, and runs that do not have the same cycles, are no accident."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
@@ -64,3 +66,12 @@ def test_an_aborted_run_has_fewer_cycles_than_the_others() -> None:
     recordings = [run('+x', cycles=2), run('+z', seed=1, cycles=3)]
     found = diagnose(recordings, catalogue=FEW)
     assert {state.verdict for state in found.sensors.values()} == {'complete'}
+
+
+def test_a_step_in_twenty_minutes_is_named_though_no_other_could_be_tried() -> None:
+    (recording, _) = ramp(1150.0)
+    late = np.arange(len(recording)) >= len(recording) // 2
+    shifted = recording.angular_velocity + 3e-3 * late[:, None]
+    stepped = replace(recording, angular_velocity=shifted)
+    found = diagnose([stepped], catalogue={'bias_step': EFFECTS['bias_step']})
+    assert [f.name for f in found.findings if f.sensor == 'gyroscope'][:1] == ['bias_step']

@@ -192,7 +192,8 @@ class SensorHypotheses:
                 renewed(self.design, f, known) if f.effect.repeatable else f for f in offered
             ]
         state = self.conditioned(before.components, thermometer=thermometer)
-        return {f.name: self._addition(state, f, amplitude_prior) for f in offered}
+        # In a short run the edge of a known step may be all that another could be.
+        return {f.name: self._addition(state, f, amplitude_prior) for f in offered if f.forms}
 
     def _addition(
         self,
