@@ -153,6 +153,8 @@ def test_an_effect_that_leaves_most_of_the_error_explains_a_part(fitted, found):
     assert 'explains it.' in verdict_sentence(content, fitted.line.errors())
     changed = verdict_sentence(content | {'prediction': left}, fitted.line.errors())
     assert 'explains part of it; 6.0 × noise would be left.' in changed
+    left['accelerometer']['error_after'] = None  # too short to hold a part out
+    assert 'explains it.' in verdict_sentence(content | {'prediction': left}, fitted.line.errors())
 
 
 def test_numbers_carry_their_uncertainty():

@@ -126,9 +126,10 @@ def _explanation(findings: Sequence[Mapping[str, Any]], found: Mapping[str, Any]
 
 
 def _floors_left(sensor: str, found: Mapping[str, Any]) -> float:
-    """Return what the correction of a sensor, or several, would leave over the noise floor."""
-    parts = [found['prediction'].get(name) for name in sensor.split('+')]
-    return max((p['error_after'] / p['noise_floor'] for p in parts if p), default=0.0)
+    """Return what a correction would leave over the noise floor, 0 where that is not known."""
+    parts = [found['prediction'].get(name) or {} for name in sensor.split('+')]
+    known = [(p.get('error_after'), p.get('noise_floor')) for p in parts]
+    return max((error / floor for error, floor in known if error and floor), default=0.0)
 
 
 def _effect(finding: Mapping[str, Any]) -> str:

@@ -473,7 +473,7 @@ class Workspace(Notices):
         """Return the experiment that tells two effects apart."""
         version, files = self.devices[device].loaded[name], list(self.effect_files)
         missing = version.missing()
-        key = (version.model_text, one, other, tuple(files))
+        key = (version.model_text, one, other, tuple(files), tuple(missing.items()))
         arguments = (version.model_text, (one, other), Limits(), files, missing)
         found: dict[str, Any] | None = await self._do(key, next_profile_task, *arguments)
         return found
