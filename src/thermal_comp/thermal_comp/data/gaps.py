@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a recording does not know after a gap: a package remembers temperatures nobody measured."""
+"""The unknown thermal state after a gap in a recording, as decays fitted beside the level."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ be left to learn from, as in bursts."""
 def decays_after_gaps(time: FloatArray) -> FloatArray:
     """Return (n, q) decays after each long gap between ascending `time` (n,) [s].
 
-    A first-order lag is off by (T_lag − T̂_lag) exp(−(t − t₀) / τ) from the end t₀ of a gap on,
-    whatever the temperature did in it. q is 0 where there is no long gap, or where there are too
-    many of them.
+    The state of a first-order lag is off by (T_lag − T̂_lag) exp(−(t − t₀) / τ) from the end t₀ of
+    a gap on, whatever the temperature did in it: the homogeneous solution of its equation. q is 0
+    where there is no long gap, or where there are too many of them.
     """
     steps = np.diff(time)
     usual = float(np.median(steps)) if len(steps) else 0.0

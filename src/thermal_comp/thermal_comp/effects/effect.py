@@ -76,9 +76,9 @@ class Campaign:
     spectral_lines: Callable[[], Sequence[tuple[float, float]]]
     """Frequency [Hz] and drift [Hz/K] of the most prominent lines, strongest first."""
     step_times: Callable[[], Sequence[tuple[int, float, float]]]
-    occurred: Sequence[tuple[int | None, float]] = ()
-    """Run, None for all, and time of what is known to have happened: its edge is no second one."""
     """Run, time and duration [s] of the likeliest steps of the level."""
+    occurred: Sequence[tuple[int | None, float]] = ()
+    """Run, None for all, and time [s] of what is known to have happened: its edge is none anew."""
 
 
 @dataclass(frozen=True)
