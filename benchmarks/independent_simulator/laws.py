@@ -201,15 +201,16 @@ def _tilt(run: Conditions, sensor: str, p: Parameters) -> Array:
 
 
 def _draw_alias(rng: np.random.Generator, runs: Sequence[Conditions]) -> Parameters:
+    """The beat of the mains with the device's samples: rows further apart show an alias of it."""
     frequency = rng.uniform(0.06, 0.42) / max(1.0, runs[0].dt)
     drift = float(rng.choice([0.0, rng.uniform(-2e-4, 2e-4) * frequency / 0.2]))
     gated = any(run.heater.max() > 0.0 for run in runs) and rng.random() < 0.4
-    return {'frequency': frequency, 'per_kelvin': drift, 'gated': bool(gated)}
+    return {'beat': frequency, 'per_kelvin': drift, 'gated': bool(gated)}
 
 
 def _alias(run: Conditions, _sensor: str, p: Parameters) -> Array:
-    frequency = np.abs(p['frequency'] + p['per_kelvin'] * _x(run))
-    line = np.cos(2.0 * np.pi * np.cumsum(frequency) * run.dt + p['frequency'] * run.time[0])
+    frequency = np.abs(p['beat'] + p['per_kelvin'] * _x(run))
+    line = np.cos(2.0 * np.pi * np.cumsum(frequency) * run.dt + p['beat'] * run.time[0])
     return line * (run.heater if p['gated'] else 1.0)
 
 

@@ -18,6 +18,7 @@ from thermal_comp.data.preparation import PreparedRun, prepare
 from thermal_comp.diagnosis.diagnose import Settings, diagnose_inputs
 from thermal_comp.diagnosis.growth import Growth, add_effect
 from thermal_comp.diagnosis.inputs import prepare_inputs
+from thermal_comp.diagnosis.model_form import with_model_form
 from thermal_comp.diagnosis.noise_level import NoiseReference
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
@@ -359,7 +360,8 @@ class DiagnosisTask:
             for finding, growth in zip(named, growths, strict=True)
             for step in growth.steps
         )
-        return replace(growths[-1], before=growths[0].before, steps=steps)
+        certified = with_model_form(growths[-1].model, runs)
+        return replace(growths[-1], model=certified, before=growths[0].before, steps=steps)
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,7 @@ from thermal_comp.diagnosis.findings import (
 )
 from thermal_comp.diagnosis.identifiability import undecidable
 from thermal_comp.diagnosis.inputs import DiagnosisInputs, prepare_inputs
+from thermal_comp.diagnosis.model_form import with_model_form
 from thermal_comp.diagnosis.noise_level import NoiseReference
 from thermal_comp.diagnosis.ranking import ranked_effects
 from thermal_comp.diagnosis.result import Diagnosis, Finding, NamedExplanation, Prediction
@@ -174,7 +175,7 @@ def _explained(
     listed |= closest
     if all(listed[s] == base[s] for s in listed):
         return Explained(None, None, ())
-    model = fit_prepared(listed, runs, noise=noise)
+    model = with_model_form(fit_prepared(listed, runs, noise=noise), runs)
     comparison = compare_prepared(model, runs)
     before = fitted.provenance.notes
     told = tuple(f'{sensor}:' for sensor in closest)

@@ -22,6 +22,7 @@ from thermal_comp.diagnosis.diagnose import Settings, base_effects, diagnose_pre
 from thermal_comp.diagnosis.evidence.candidates import missing_channels
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.priors import NOTHING
+from thermal_comp.diagnosis.model_form import with_model_form
 from thermal_comp.diagnosis.result import Diagnosis, Prediction
 from thermal_comp.diagnosis.sensor_search import Listed
 from thermal_comp.effects.effect import Effect, joined_effects
@@ -357,10 +358,14 @@ def _grown(
 def _judged(
     growth: Growth, runs: Sequence[PreparedRun], noise: Mapping[Sensor, NoiseModel]
 ) -> Growth:
-    """Return a growth with what its last step made unneeded and where it is worse."""
+    """Return a growth with what its last step made unneeded, and where it is worse.
+
+    Its model's shape parameters are as uncertain as the forms of their effects.
+    """
     last = growth.steps[-1]
     return replace(
         growth,
+        model=with_model_form(growth.model, runs),
         unneeded=() if last.empirical else _unneeded(runs, growth.model, noise, last.added),
         worse=worse_than_simpler(growth.model, growth.after, runs),
     )

@@ -22,6 +22,7 @@ from thermal_comp.data.preparation import PreparedRun, as_campaign, in_common_bl
 from thermal_comp.diagnosis.diagnose import Settings, diagnose_inputs, greyed_out
 from thermal_comp.diagnosis.growth import add_effect
 from thermal_comp.diagnosis.inputs import prepare_inputs
+from thermal_comp.diagnosis.model_form import with_model_form
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.explanation import explanation
@@ -169,7 +170,7 @@ def _without(
         if sensor in model.sensors
     }
     noise = {s: p.noise for s in SENSORS if (p := model.sensors.get(s)) and p.noise is not None}
-    fitted = fit_prepared(listed, runs, noise=noise)
+    fitted = with_model_form(fit_prepared(listed, runs, noise=noise), runs)
     label = f'− {change.effect} ({", ".join(places)})'
     return make_version(label, model.succeeded_by(fitted), compare_prepared(fitted, runs), runs)
 

@@ -81,7 +81,7 @@ class SensorHypotheses:
         self.design = design
         self.thermometer = thermometer_errors(design)
         """Columns of what an error of the thermometer does."""
-        self._nuisances = nuisance_priors(design, self.thermometer)
+        self.nuisances = nuisance_priors(design, self.thermometer)
         self._told = 0.0
         """χ² of what other sensors tell of the thermometer."""
         self.families = _with_a_trace(design, families(design, catalogue))
@@ -115,7 +115,7 @@ class SensorHypotheses:
 
     def _weigh_nuisances(self) -> None:
         self._likeliest = max(
-            self._nuisances, key=lambda pair: pair[0] + self._joint((), pair[1])[0]
+            self.nuisances, key=lambda pair: pair[0] + self._joint((), pair[1])[0]
         )
         self.nothing = self.log_evidence(())[0]
         alone = self._joint((), self._likeliest[1][:1])[1]
@@ -253,7 +253,7 @@ class SensorHypotheses:
     def _alternatives(
         self, components: Sequence[Component]
     ) -> list[tuple[float, tuple[float, float]]]:
-        return [(ln, self._joint(components, some)) for ln, some in self._nuisances]
+        return [(ln, self._joint(components, some)) for ln, some in self.nuisances]
 
     def _joint(
         self, components: Sequence[Component], nuisances: Sequence[CoefficientPrior]
@@ -300,7 +300,7 @@ class SensorHypotheses:
         """Return the components with their best shapes and amplitudes beside each other."""
         for place in range(len(components)):
             components = self._shaped(components, place, ratios)
-            components = self._scaled(components, place)[0]
+            components = self.scaled(components, place)[0]
         return components
 
     def _likely(self, components: Sequence[Component]) -> float:
@@ -345,7 +345,7 @@ class SensorHypotheses:
         changed = replace(components[place], form=form)
         return [*components[:place], changed, *components[place + 1 :]]
 
-    def _scaled(self, components: list[Component], place: int) -> tuple[list[Component], float]:
+    def scaled(self, components: list[Component], place: int) -> tuple[list[Component], float]:
         """Return the components with one's best amplitude, and ln of the sum over amplitudes.
 
         The sum is relative to the evidence at the best one.
@@ -374,7 +374,7 @@ class SensorHypotheses:
         """Return the set with its posterior: amplitudes and shapes integrated about their best."""
         occam = 0.0
         for place in range(len(components)):
-            components, total = self._scaled(components, place)
+            components, total = self.scaled(components, place)
             occam += total + self._shape_share(components, place)
         evidence, explained = self.log_evidence(components)
         explained -= self._explained_by_nuisances
