@@ -360,8 +360,24 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     assert covered(np.random.default_rng(3), any_device, 1000) == pytest.approx(0.95, abs=0.02)
 
 
-@pytest.mark.parametrize('sigma', [(1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.3, 1.0, 2.0)])
+@pytest.mark.parametrize(
+    'sigma', [(1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.3, 1.0, 2.0), (1.0, 0.0, 1.0)]
+)
 def test_no_kind_of_device_is_far_from_it(sigma) -> None:
     """Two degrees of freedom between runs cannot tell a small scatter from none."""
     share = covered(np.random.default_rng(3), lambda _: sigma, 1000)
     assert 0.91 < share < 0.985, sigma
+
+
+def test_scatter_has_the_freedom_of_the_mean_square_it_adds_up_to() -> None:
+    """A run-to-run scatter that barely exceeds the cycles' has that of the runs, never less."""
+    values = np.array([0.9, 1.1, 1.13, 1.33])
+    inputs, _ = scatter_inputs(0.01, 200.0, values, np.array([0, 0, 1, 1]), 'T/K')
+    budget = budget_of(Measurand(1.115), 'T/K', inputs, draws=2)
+    between = np.var([1.0, 1.23], ddof=1) / 2.0
+    assert budget.combined**2 == pytest.approx(between)
+    assert budget.degrees == pytest.approx(1.0)
+    tilted = [*inputs, Input('tilt', budget.combined, 'T/K', shape='rectangular')]
+    assert budget_of(Measurand(1.115), 'T/K', tilted, draws=2).degrees == pytest.approx(4.0)
+    with pytest.raises(ValueError, match='dof'):
+        budget_of(Measurand(1.0), 'T/K', [Input('noise', 1.0, 'T/K', 0.5)], draws=2)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from GTC import component, dof, uncertainty, ureal
+from GTC import component, dof, multiple_ureal, uncertainty, ureal
 from imu_recording.recording import FloatArray, IntArray
 from scipy.stats import t as student
 
@@ -38,6 +38,9 @@ class Input:
     """offset: adds to the value; temperature: an error of every temperature; span: an error of
     the difference between the ends of the temperature range [K]."""
     shape: Shape = 'normal'
+    scatter: bool = False
+    """Part of one mean square with the other inputs that say so, in which its share of the
+    freedom lies: their degrees are those of their sum."""
 
 
 @dataclass(frozen=True)
@@ -141,9 +144,12 @@ def budget_of(
     draws: int = MONTE_CARLO_DRAWS,
     seed: int = 0,
 ) -> Budget:
-    """Return the budget of a coefficient; inputs without uncertainty are no lines of it."""
+    """Return the budget of a coefficient; inputs without uncertainty are no lines of it.
+
+    Raises ValueError where an input has fewer degrees of freedom than one.
+    """
     used = [item for item in inputs if item.uncertainty > 0.0]
-    numbers = [ureal(0.0, item.uncertainty, max(1.0, item.degrees)) for item in used]
+    numbers = uncertain_numbers(used)
     result = measurand.of(used, numbers)
     return Budget(
         measurand.value,
@@ -154,6 +160,18 @@ def budget_of(
         tuple(not_included),
         monte_carlo(measurand, used, draws=draws, seed=seed) if used else 0.0,
     )
+
+
+def uncertain_numbers(inputs: Sequence[Input]) -> list[Any]:
+    """Return an uncertain number per input; those of one mean square share its freedom."""
+    numbers = [ureal(0.0, item.uncertainty, item.degrees) for item in inputs]
+    parts = [k for k, item in enumerate(inputs) if item.scatter]
+    if parts and math.isfinite(inputs[parts[0]].degrees):
+        widths = [inputs[k].uncertainty for k in parts]
+        together = multiple_ureal([0.0] * len(parts), widths, inputs[parts[0]].degrees)
+        for k, number in zip(parts, together, strict=True):
+            numbers[k] = number
+    return numbers
 
 
 def monte_carlo(measurand: Measurand, inputs: Sequence[Input], *, draws: int, seed: int) -> float:
@@ -181,39 +199,40 @@ def scatter_inputs(
     """Return noise, repeatability over parts of runs and run-to-run, and what could not be told.
 
     Nested analysis of variance of the (k,) values of single parts in their runs (k,): each level
-    counts for what it scatters beyond the one below it, so that nothing is counted twice. The
-    degrees of freedom of a difference of mean squares are Satterthwaite's.
+    counts for what it scatters beyond the one below it, so that nothing is counted twice. Their
+    sum is the largest mean square, and has its degrees of freedom.
     """
-    inputs = [Input('noise', noise, unit, noise_degrees)]
+    squares = [('noise', noise**2, noise_degrees)]
     missing: list[str] = []
     groups = [values[run == r] for r in np.unique(run)]
     counts = np.array([len(group) for group in groups])
     within = float(counts.sum() - len(groups))
-    known, known_degrees = noise**2, noise_degrees
+    repeatability = f'repeatability over {parts}'
     if within > 0:
         square = sum(float(((g - g.mean()) ** 2).sum()) for g in groups) / within
-        mean_square = square / counts.sum()
-        inputs += _beyond(
-            f'repeatability over {parts}', mean_square, within, known, known_degrees, unit
-        )
-        if mean_square > known:
-            known, known_degrees = mean_square, within
+        squares.append((repeatability, square / counts.sum(), within))
     else:
-        missing.append(f'repeatability over {parts}: one alone does not tell it')
+        missing.append(f'{repeatability}: one alone does not tell it')
     if len(groups) > 1:
         between = float(np.var([g.mean() for g in groups], ddof=1)) / len(groups)
-        inputs += _beyond('run to run', between, len(groups) - 1.0, known, known_degrees, unit)
+        squares.append(('run to run', between, len(groups) - 1.0))
     else:
         missing.append('run to run: not told by the runs of this coefficient')
-    return inputs, missing
+    return _nested(squares, unit), missing
 
 
-def _beyond(
-    source: str, square: float, degrees: float, known: float, known_degrees: float, unit: str
-) -> list[Input]:
-    """Return the input for what a variance of the mean exceeds the known one by."""
-    excess = square - known
-    if excess <= 0.0:
-        return [Input(source, 0.0, unit)]
-    spread = square**2 / degrees + known**2 / known_degrees
-    return [Input(source, math.sqrt(excess), unit, excess**2 / spread)]
+def _nested(squares: Sequence[tuple[str, float, float]], unit: str) -> list[Input]:
+    """Return an input per level: what its mean square exceeds the largest below it by.
+
+    As the levels add up to the largest mean square, what is not known of the lower ones cancels:
+    each has the degrees of freedom of that one.
+    """
+    widths, known, degrees = [], 0.0, math.inf
+    for _, square, own in squares:
+        widths.append(math.sqrt(max(0.0, square - known)))
+        if square > known:
+            known, degrees = square, own
+    return [
+        Input(source, width, unit, degrees, scatter=True)
+        for (source, _, _), width in zip(squares, widths, strict=True)
+    ]
