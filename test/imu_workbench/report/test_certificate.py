@@ -144,10 +144,10 @@ def test_the_conclusion_says_why_a_form_is_approximate(analysis, ratio, reason) 
     )
     explained = {'sensor': 'accelerometer', 'names': ['thermal_lag'], 'approximate': True}
     diagnosis = {'explanations': [explained], 'steps': [], 'findings': []}
-    said = conclusion(certified, [], [], diagnosis, (-10.0, 50.0))
+    said = conclusion(certified, [], [], [], diagnosis, (-10.0, 50.0))
     assert f'form approximate: its equation {reason}' in said
     exact = diagnosis | {'explanations': [explained | {'approximate': False}]}
-    assert 'approximate' not in conclusion(certified, [], [], exact, (-10.0, 50.0))
+    assert 'approximate' not in conclusion(certified, [], [], [], exact, (-10.0, 50.0))
 
 
 def test_a_limit_without_a_result_is_named_and_a_wrong_unit_refused(analysis) -> None:
@@ -191,7 +191,8 @@ def test_what_was_not_given_is_not_stated(analysis) -> None:
     assert found['laboratory']['operator'] == 'not stated'
     assert found['device']['serial'] == 'not stated'
     assert found['laboratory']['thermometer']['uncertainty'] == 'not stated'
-    assert 'thermometer calibration: not stated' in found['not_included']
+    slopes = 'accelerometer bias, slope; gyroscope bias, slope; magnetometer slope'
+    assert f'thermometer calibration: not stated ({slopes})' in found['not_included']
     assert not found['simulated']
     page = report_page(content)
     assert 'class="watermark"' not in page
@@ -223,9 +224,9 @@ def test_the_conclusion_says_where_the_error_does_not_fall(analysis) -> None:
     certified = analysis.certified['dut1']
     row = {'sensor': 'gyroscope', 'before': 2.0, 'after': 1.0, 'ratio': 1.0}
     rows = [row | {'axis': 'x'}, row | {'axis': 'z', 'before': 0.9}]
-    said = conclusion(certified, rows, [], None, (0.0, 40.0))
+    said = conclusion(certified, [], rows, [], None, (0.0, 40.0))
     assert 'does not lower the error of gyroscope z;' in said
-    assert 'does not lower' not in conclusion(certified, rows[:1], [], None, (0.0, 40.0))
+    assert 'does not lower' not in conclusion(certified, [], rows[:1], [], None, (0.0, 40.0))
 
 
 def test_loss_and_damage_stand_on_the_first_page(analysis) -> None:

@@ -96,10 +96,24 @@ class Laboratory:
     @property
     def field_variation(self) -> float | None:
         """Half-width of the variation of the magnetic field during a run [T], None: not stated."""
-        known = self.content.get('field')
-        if not known:
+        known = self.content.get('field', {})
+        if 'variation_half_width' not in known:
             return None
         return float(known['variation_half_width']) * FIELD_UNITS[known['unit']]
+
+    @property
+    def field(self) -> tuple[float | None, float] | None:
+        """Strength of the magnetic field and its standard uncertainty [T], None: not stated.
+
+        The strength alone is None where only its uncertainty is stated.
+        """
+        known = self.content.get('field', {})
+        if 'expanded_uncertainty' not in known:
+            return None
+        factor = FIELD_UNITS[known['unit']]
+        standard = float(known['expanded_uncertainty']) / float(known.get('coverage_factor', 2.0))
+        value = factor * float(known['value']) if 'value' in known else None
+        return value, factor * standard
 
 
 def read_laboratory(path: Path) -> Laboratory:

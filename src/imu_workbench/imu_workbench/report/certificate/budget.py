@@ -8,9 +8,9 @@ components, combined uncertainty and effective degrees of freedom follow from it
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from GTC import component, dof, multiple_ureal, uncertainty, ureal
@@ -21,7 +21,17 @@ MONTE_CARLO_DRAWS = 20_000
 LEVEL = 0.95
 """Coverage of the interval whose factor is k95."""
 Shape = Literal['normal', 'rectangular']
-Kind = Literal['offset', 'temperature', 'span']
+Kind = Literal['offset', 'temperature', 'span', 'input']
+SOURCES = (
+    'thermometer calibration',
+    'gradient thermometer to die',
+    'reference',
+    'noise',
+    'repeatability',
+    'run to run',
+    'model form',
+)
+"""What every budget accounts for; a source's name begins with one of them."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +46,8 @@ class Input:
     """Of freedom."""
     kind: Kind = 'offset'
     """offset: adds to the value; temperature: an error of every temperature; span: an error of
-    the difference between the ends of the temperature range [K]."""
+    the difference between the ends of the temperature range [K]; input: relative error of the
+    true input."""
     shape: Shape = 'normal'
     scatter: bool = False
     """Part of one mean square with the other inputs that say so, in which its share of the
@@ -44,10 +55,23 @@ class Input:
 
 
 @dataclass(frozen=True)
+class Uncounted:
+    """A source that acts on a coefficient and is not counted."""
+
+    source: str
+    word: Literal['not stated', 'not told']
+    """By the laboratory, or by the data."""
+    detail: str = ''
+
+    def __str__(self) -> str:
+        return f'{self.source}: {", ".join(filter(None, (self.word, self.detail)))}'
+
+
+@dataclass(frozen=True)
 class Measurand:
     """How a coefficient depends on its inputs.
 
-    y = (x + Σ offsets − slope · Σ temperatures) / (1 + Σ spans / range)^power
+    y = (x + Σ offsets − slope · Σ temperatures) / (1 + Σ spans / range)^power / (1 + Σ inputs)
     """
 
     value: float
@@ -56,15 +80,16 @@ class Measurand:
     span: float = math.inf
     """Range of temperature it was found over [K]."""
     power: int = 0
-    """Power of 1/K in its unit."""
+    """Power of 1/K in its unit; −1 where it is a difference of temperatures."""
 
     def of(self, inputs: Sequence[Input], values: Sequence[Any]) -> Any:
         """Return y for values of the inputs: numbers, arrays or uncertain numbers."""
-        by_kind: dict[str, Any] = {'offset': 0.0, 'temperature': 0.0, 'span': 0.0}
+        by_kind: dict[str, Any] = dict.fromkeys(get_args(Kind), 0.0)
         for item, value in zip(inputs, values, strict=True):
             by_kind[item.kind] = by_kind[item.kind] + value
         top = self.value + by_kind['offset'] - self.slope * by_kind['temperature']
-        return top / (1.0 + by_kind['span'] / self.span) ** self.power
+        felt = (1.0 + by_kind['span'] / self.span) ** self.power * (1.0 + by_kind['input'])
+        return top / felt
 
 
 @dataclass(frozen=True)
@@ -87,8 +112,10 @@ class Budget:
     """Combined standard uncertainty."""
     degrees: float
     """Effective degrees of freedom (Welch–Satterthwaite)."""
-    not_included: tuple[str, ...]
-    """Sources that could not be counted, and why."""
+    uncounted: tuple[Uncounted, ...]
+    others: Mapping[str, str]
+    """Sources without a row: `not stated`, `not told`, `none seen` (no scatter beyond that of the
+    sources before), `does not act`."""
     monte_carlo: float
     """Standard deviation of a Monte Carlo propagation of the same inputs."""
 
@@ -119,7 +146,8 @@ class Budget:
             'degrees': self.degrees,
             'coverage_factor': self.coverage_factor,
             'monte_carlo': self.monte_carlo,
-            'not_included': list(self.not_included),
+            'not_included': [str(one) for one in self.uncounted],
+            'others': dict(self.others),
             'rows': [
                 {
                     'source': row.input.source,
@@ -139,7 +167,7 @@ def budget_of(
     measurand: Measurand,
     unit: str,
     inputs: Sequence[Input],
-    not_included: Sequence[str] = (),
+    uncounted: Sequence[Uncounted] = (),
     *,
     draws: int = MONTE_CARLO_DRAWS,
     seed: int = 0,
@@ -157,9 +185,25 @@ def budget_of(
         tuple(Row(i, abs(component(result, x))) for i, x in zip(used, numbers, strict=True)),
         float(uncertainty(result)) if used else 0.0,
         float(dof(result)) if used else math.inf,
-        tuple(not_included),
+        tuple(uncounted),
+        without_row(inputs, uncounted),
         monte_carlo(measurand, used, draws=draws, seed=seed) if used else 0.0,
     )
+
+
+def without_row(inputs: Sequence[Input], uncounted: Sequence[Uncounted]) -> dict[str, str]:
+    """Return a word for every source of `SOURCES` that gives no contribution.
+
+    >>> without_row([Input('noise', 1.0, 'K')], [Uncounted('reference: tilt', 'not stated')])[
+    ...     'reference: tilt'
+    ... ]
+    'not stated'
+    """
+    found: dict[str, str] = {one.source: one.word for one in uncounted}
+    found |= {item.source: 'none seen' for item in inputs if not item.uncertainty > 0.0}
+    named = [*found, *(item.source for item in inputs)]
+    silent = [s for s in SOURCES if not any(name.startswith(s) for name in named)]
+    return found | dict.fromkeys(silent, 'does not act')
 
 
 def uncertain_numbers(inputs: Sequence[Input]) -> list[Any]:
@@ -195,7 +239,7 @@ def scatter_inputs(
     run: IntArray,
     unit: str,
     parts: str = 'cycles',
-) -> tuple[list[Input], list[str]]:
+) -> tuple[list[Input], list[Uncounted]]:
     """Return noise, repeatability over parts of runs and run-to-run, and what could not be told.
 
     Nested analysis of variance of the (k,) values of single parts in their runs (k,): each level
@@ -203,7 +247,7 @@ def scatter_inputs(
     sum is the largest mean square, and has its degrees of freedom.
     """
     squares = [('noise', noise**2, noise_degrees)]
-    missing: list[str] = []
+    missing: list[Uncounted] = []
     groups = [values[run == r] for r in np.unique(run)]
     counts = np.array([len(group) for group in groups])
     within = float(counts.sum() - len(groups))
@@ -212,12 +256,12 @@ def scatter_inputs(
         square = sum(float(((g - g.mean()) ** 2).sum()) for g in groups) / within
         squares.append((repeatability, square / counts.sum(), within))
     else:
-        missing.append(f'{repeatability}: one alone does not tell it')
+        missing.append(Uncounted(repeatability, 'not told', 'one alone does not tell it'))
     if len(groups) > 1:
         between = float(np.var([g.mean() for g in groups], ddof=1)) / len(groups)
         squares.append(('run to run', between, len(groups) - 1.0))
     else:
-        missing.append('run to run: not told by the runs of this coefficient')
+        missing.append(Uncounted('run to run', 'not told', 'no two runs tell it alone'))
     return _nested(squares, unit), missing
 
 

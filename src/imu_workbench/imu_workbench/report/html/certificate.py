@@ -10,6 +10,7 @@ from typing import Any
 from imu_recording.recording import SENSOR_UNITS
 from thermal_comp.presentation.display import DISPLAY_UNITS, fixed, shown, with_uncertainty
 
+from imu_workbench.report.certificate.budget import SOURCES
 from imu_workbench.report.certificate.content import percent_at_most
 from imu_workbench.report.figures.allan import allan_deviation_figure
 from imu_workbench.report.html.render import Row, Section
@@ -42,7 +43,6 @@ def certificate_section(found: Mapping[str, Any]) -> Section:
             for row in found['recordings']
         ],
         'results': result_rows(found),
-        'shapes': shape_rows(found),
         'errors': [
             [
                 f'{row["sensor"].capitalize()} {row["axis"]}',
@@ -144,7 +144,7 @@ def displayed(sensor: str, unit: str) -> tuple[str, float]:
 def result_rows(found: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return a row per sensor and coefficient, a cell per axis: value ± U, ν and k95."""
     rows: dict[tuple[str, str], dict[str, Any]] = {}
-    for quantity in found['quantities']:
+    for quantity in [*found['quantities'], *found['shapes']]:
         sensor, name = quantity['sensor'], quantity['coefficient']
         unit, factor = displayed(sensor, quantity['unit'])
         row = rows.setdefault(
@@ -152,16 +152,20 @@ def result_rows(found: Mapping[str, Any]) -> list[dict[str, Any]]:
             {'sensor': sensor.capitalize(), 'name': in_words(name), 'unit': unit,
              'cells': {}},
         )  # fmt: skip
-        row['cells'][quantity['axis']] = {
-            'value': with_uncertainty(quantity['value'] * factor, quantity['expanded'] * factor),
-            'detail': f'ν {degrees(quantity["degrees"])}'
-            + (
-                f', k₉₅ {shown(quantity["coverage_factor"])}'
-                if quantity['coverage_factor'] > 2.05
-                else ''
-            ),
-        }
-    return list(rows.values())
+        row['cells'][quantity['axis']] = result_cell(quantity, factor)
+    order = list(dict.fromkeys(q['sensor'].capitalize() for q in found['quantities']))
+    return sorted(rows.values(), key=lambda row: order.index(row['sensor']))
+
+
+def result_cell(quantity: Mapping[str, Any], factor: float) -> dict[str, str]:
+    """Return value ± U in another unit, with ν and k95; U is not told where a model has none."""
+    if 'expanded' not in quantity:
+        return {'value': shown(quantity['value'] * factor), 'detail': 'U not told'}
+    by = quantity['coverage_factor']
+    return {
+        'value': with_uncertainty(quantity['value'] * factor, quantity['expanded'] * factor),
+        'detail': f'ν {degrees(quantity["degrees"])}{f", k₉₅ {shown(by)}" if by > 2.05 else ""}',
+    }
 
 
 def degrees(value: float | None) -> str:
@@ -177,29 +181,6 @@ def degrees(value: float | None) -> str:
     if value < 10:
         return f'{math.floor(10.0 * value) / 10.0:.1f}'
     return '> 100' if value > 100 else str(int(value))
-
-
-def shape_rows(found: Mapping[str, Any]) -> list[Row]:
-    """Return every shape parameter with U at k = 2."""
-    rows = []
-    for shape in found['shapes']:
-        several = isinstance(shape['value'], list)
-        values = shape['value'] if several else [shape['value']]
-        spread = shape['std'] if several else [shape['std']]
-        spread = [*spread, *[None] * (len(values) - len(spread))]
-        text = ', '.join(
-            with_uncertainty(v, None if s is None else 2.0 * s)
-            for v, s in zip(values, spread, strict=True)
-        )
-        rows.append(
-            [
-                f'{shape["sensor"].capitalize()}: {shape["effect"].replace("_", " ")}',
-                shape['parameter'].replace('_', ' '),
-                text,
-                shape['unit'],
-            ]
-        )
-    return rows
 
 
 def detection_limit(found: Mapping[str, Any], sensor: str, axis: str) -> str:
@@ -236,12 +217,17 @@ def decision_rows(found: Mapping[str, Any]) -> list[Row]:
     return [[*row, *[''] * (5 - len(row))] for row in rows.values()]
 
 
+WORDS = {'does not act': '–', 'none seen': '0'}
+"""What stands in a budget where a source gives no contribution; else its word."""
+
+
 def budget_tables(found: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return a table per sensor: a row per coefficient and axis, a column per source."""
+    every = [*found['quantities'], *(s for s in found['shapes'] if 'rows' in s)]
     tables = []
-    for sensor in dict.fromkeys(q['sensor'] for q in found['quantities']):
-        own = [q for q in found['quantities'] if q['sensor'] == sensor]
-        sources = list(dict.fromkeys(row['source'] for q in own for row in q['rows']))
+    for sensor in dict.fromkeys(q['sensor'] for q in every):
+        own = [q for q in every if q['sensor'] == sensor]
+        sources = budget_sources(own)
         tables.append(
             {
                 'sensor': sensor.capitalize(),
@@ -252,14 +238,24 @@ def budget_tables(found: Mapping[str, Any]) -> list[dict[str, Any]]:
     return tables
 
 
+def budget_sources(quantities: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the sources of some budgets in the order of `SOURCES`, each reference by its name."""
+    named = [name for q in quantities for name in (*_by_source(q), *q['others'])]
+    return [
+        name
+        for source in SOURCES
+        for name in sorted({n for n in named if n.startswith(source)} - {'reference'}) or [source]
+    ]
+
+
 def budget_row(quantity: Mapping[str, Any], sources: Sequence[str]) -> Row:
-    """Return the contributions of one coefficient with their share of the variance."""
+    """Return what each source contributes to a coefficient, with its share of the variance."""
     unit, factor = displayed(quantity['sensor'], quantity['unit'])
-    by_source = {row['source']: row for row in quantity['rows']}
+    rows = _by_source(quantity)
     cells = [
-        f'{shown(by_source[s]["contribution"] * factor, 2)} ({fixed(by_source[s]["share"], 0)} %)'
-        if s in by_source
-        else '–'
+        f'{shown(rows[s]["contribution"] * factor, 2)} ({fixed(rows[s]["share"], 0)} %)'
+        if s in rows
+        else WORDS.get(word := quantity['others'].get(s, 'does not act'), word)
         for s in sources
     ]
     axis = '' if quantity['axis'] == 'all' else f' {quantity["axis"]}'
@@ -271,3 +267,7 @@ def budget_row(quantity: Mapping[str, Any], sources: Sequence[str]) -> Row:
         degrees(quantity['degrees']),
         shown(quantity['monte_carlo'] * factor),
     ]
+
+
+def _by_source(quantity: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    return {row['source']: row for row in quantity['rows']}

@@ -15,7 +15,6 @@ from imu_workbench.report.figures.modelled import (
     fit_figure,
     residual_figure,
 )
-from imu_workbench.report.html.certificate import shape_rows
 from imu_workbench.report.html.measured import has_cycles
 from imu_workbench.report.html.render import Row, Section, figure_of_paper
 from imu_workbench.report.model_content import in_words
@@ -243,6 +242,24 @@ def term_row(term: Mapping[str, Any]) -> list[str | tuple[str, int]]:
     cells = list(map(with_uncertainty, term['value'], term['uncertainty']))
     label = f'{term["sensor"].capitalize()}: {in_words(term["effect"])}'
     return [label, *([(cells[0], 3)] if term['shared'] else cells), term['unit']]
+
+
+def shape_rows(model: Mapping[str, Any]) -> list[Row]:
+    """Return every shape parameter with the standard uncertainty of the fit."""
+    rows = []
+    for shape in model['shapes']:
+        several = isinstance(shape['value'], list)
+        values, spread = (shape[key] if several else [shape[key]] for key in ('value', 'std'))
+        spread = [*spread, *[None] * (len(values) - len(spread))]
+        rows.append(
+            [
+                f'{shape["sensor"].capitalize()}: {shape["effect"].replace("_", " ")}',
+                shape['parameter'].replace('_', ' '),
+                ', '.join(map(with_uncertainty, values, spread)),
+                shape['unit'],
+            ]
+        )
+    return rows
 
 
 def history_rows(versions: Sequence[Mapping[str, Any]]) -> list[Row]:
