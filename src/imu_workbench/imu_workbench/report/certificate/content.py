@@ -28,6 +28,8 @@ from imu_workbench.report.certificate.allan import (
     allan_curves,
     allan_deviations,
     datasheet_noise,
+    rows_note,
+    without_density,
 )
 from imu_workbench.report.certificate.conclusion import conclusion
 from imu_workbench.report.certificate.joint_design import shape_labels
@@ -129,6 +131,8 @@ def certificate(
         'errors': errors,
         'residuals': residuals(certified),
         'allan': allan_content(deviations, datasheet_noise(laboratory)),
+        'allan_rows': rows_note(recordings),
+        'without_density': without_density(laboratory),
         'allan_deviation': allan_curves(deviations),
         'period': certified.comparison.period,
         'not_included': not_included(every),

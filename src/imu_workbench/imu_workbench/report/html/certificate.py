@@ -88,12 +88,13 @@ def allan_section(certificates: Mapping[str, Mapping[str, Any]]) -> Section | No
     devices = [
         {
             'name': name,
+            'note': found['allan_rows'],
             'rows': [
                 [
                     f'{row["sensor"].capitalize()}: {row["coefficient"]}',
                     *(interval(axis) for axis in row['axes']),
                     row['unit'],
-                    shown(row['datasheet']),
+                    datasheet(row['datasheet'], found['without_density']),
                 ]
                 for row in found['allan']
             ],
@@ -115,13 +116,24 @@ def allan_section(certificates: Mapping[str, Mapping[str, Any]]) -> Section | No
 def interval(axis: Sequence[float] | None) -> str:
     """Return a value with its interval.
 
-    >>> interval([0.344, 0.341, 0.347]), interval(None)
-    ('0.344 (0.341 … 0.347)', '–')
+    >>> interval([0.344, 0.341, 0.347]), interval([0.0, 0.0, 0.347]), interval(None)
+    ('0.344 (0.341 … 0.347)', '< 0.347', '–')
     """
     if axis is None:
         return '–'
     value, low, high = map(shown, axis)
-    return f'{value} ({low} … {high})'
+    return f'{value} ({low} … {high})' if axis[0] else f'< {high}'
+
+
+def datasheet(value: float | None, silent: str) -> str:
+    """Return a datasheet's value; `silent` names the chip whose datasheet has none.
+
+    >>> datasheet(300.0, ''), datasheet(None, 'LSM9DS1'), datasheet(None, '')
+    ('300', 'none in it', 'not stated')
+    """
+    if value is not None:
+        return shown(value)
+    return 'none in it' if silent else 'not stated'
 
 
 def displayed(sensor: str, unit: str) -> tuple[str, float]:
