@@ -105,7 +105,7 @@ def test_a_simulated_device_shows_its_noise(run) -> None:
     deviations = allan_deviations(certified.model, certified.runs)
     rows = allan_content(deviations, stated)
     row = next(r for r in rows if r['coefficient'] == 'angle random walk')
-    assert row['datasheet'] == 0.3
+    assert row['datasheet'] == pytest.approx(0.3)
     for axis in row['axes']:  # noise 1e-4 rad/s at 1 Hz
         assert axis[0] == pytest.approx(math.degrees(1e-4) * 60.0, rel=0.1)
 

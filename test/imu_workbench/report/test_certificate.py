@@ -17,7 +17,6 @@ from imu_workbench.report.certificate.conclusion import (
 )
 from imu_workbench.report.certificate.recordings import losses, recording_row
 from imu_workbench.report.content import report_content
-from imu_workbench.report.html.certificate import displayed
 from imu_workbench.report.html.document import report_page
 from imu_workbench.report.laboratory import Laboratory, read_laboratory
 from imu_workbench.report.limits import Limit, Limits
@@ -25,7 +24,7 @@ from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.scale_factor_temperature import ScaleFactorTemperature
 from thermal_comp.effects.thermal_lag import ThermalLag
 from thermal_comp.fitting.fit import fit
-from thermal_comp.presentation.display import shown, with_uncertainty
+from thermal_comp.presentation.display import coefficient_unit, shown, with_uncertainty
 
 EXAMPLE = Path(__file__).resolve().parents[3] / 'examples' / 'laboratory.yaml'
 SLOPES = {
@@ -103,7 +102,7 @@ def test_the_width_that_decided_stands_beside_the_decision(analysis) -> None:
     for decision, slope in decided:
         width = max(2.0, slope['coverage_factor']) * slope['combined']
         assert decision['deciding'] == pytest.approx(width)
-        factor = displayed(slope['sensor'], slope['unit'])[1]
+        factor = coefficient_unit(slope['sensor'], slope['unit']).factor
         assert f'{decision["axis"]}: kept, w {shown(width * factor)}' in page
     assert any(d['deciding'] > 1.01 * slope['expanded'] for d, slope in decided)
     assert 'w is U, or k₉₅ · u where k₉₅ is above 2' in found['rule']
@@ -175,13 +174,15 @@ def test_several_coefficients_of_an_effect_go_by_their_symbols_and_are_limited_t
     assert [d['coefficient'] for d in found['decisions']] == counted
     assert all(coefficients(found, name) for name in counted)
     terms = [t for t in content['models']['dut1']['terms'] if t['effect'] in counted]
-    assert all(
-        t['shared']
-        and f'<td colspan="3">{with_uncertainty(t["value"][0], t["uncertainty"][0])}</td>' in page
-        for t in terms
-    )
+    for term in terms:
+        text = with_uncertainty(1e6 * term['value'][0], 1e6 * term['uncertainty'][0])
+        assert term['shared']
+        assert f'<td colspan="3">{text}</td>' in page
     assert {t['effect'] for t in terms} == set(counted)
     assert 'Accelerometer: scale factor temperature, s_z' in page
+    assert page.count('ppm/K') >= 9  # result, budget and model, an axis each
+    assert '<td>1/K</td>' not in page
+    assert 'rad/s/K' not in page
     assert found['equations']['scale_factor_temperature'].startswith('error_i = s_i · x · u_i')
 
 

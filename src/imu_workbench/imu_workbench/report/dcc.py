@@ -23,7 +23,13 @@ NO_COUNTRY = 'ZZ'
 VERSION = '3.0.0'
 """Of the schema where none is given."""
 DCC, SI = 'https://ptb.de/dcc', 'https://ptb.de/si'
-UNITS = {'m/s²': r'\metre\second\tothe{-2}', 'rad/s': r'\radian\second\tothe{-1}', 'T': r'\tesla'}
+UNITS = {
+    'm/s²': r'\metre\second\tothe{-2}',
+    'rad/s': r'\radian\second\tothe{-1}',
+    'T': r'\tesla',
+    'rad': r'\radian',
+    '1': '',
+}
 PER_KELVIN = {
     '': '',
     '/K': r'\kelvin\tothe{-1}',
@@ -46,12 +52,16 @@ def dsi_unit(unit: str) -> str | None:
 
     >>> print(dsi_unit('rad/s/K'))
     \radian\second\tothe{-1}\kelvin\tothe{-1}
+    >>> print(dsi_unit('1/K'), dsi_unit('1'))
+    \kelvin\tothe{-1} \one
     """
+    if unit in SHAPES:
+        return SHAPES[unit]
     for name, written in UNITS.items():
         rest = unit.removeprefix(name)
         if unit.startswith(name) and rest in PER_KELVIN:
             return written + PER_KELVIN[rest]
-    return SHAPES.get(unit)
+    return None
 
 
 def certificate_xml(content: Mapping[str, Any], version: str = VERSION) -> Any:

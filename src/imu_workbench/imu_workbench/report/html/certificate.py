@@ -7,8 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from imu_recording.recording import SENSOR_UNITS
-from thermal_comp.presentation.display import DISPLAY_UNITS, fixed, shown, with_uncertainty
+from thermal_comp.presentation.display import coefficient_unit, fixed, shown, with_uncertainty
 
 from imu_workbench.report.certificate.budget import SOURCES
 from imu_workbench.report.certificate.content import percent_at_most
@@ -16,12 +15,6 @@ from imu_workbench.report.figures.allan import allan_deviation_figure
 from imu_workbench.report.html.render import Row, Section
 from imu_workbench.report.model_content import in_words
 
-SMALL_UNITS = {
-    'gyroscope': ('m°/s', 1e3 * 180.0 / math.pi),
-    'accelerometer': ('mm/s²', 1e3),
-    'magnetometer': ('nT', 1e9),
-}
-"""Units of what changes per kelvin, and their factor from SI."""
 DECISIONS = {'pass': 'kept', 'fail': 'NOT KEPT', 'undecided': 'not decided'}
 
 
@@ -136,29 +129,12 @@ def datasheet(value: float | None, silent: str) -> str:
     return 'none in it' if silent else 'not stated'
 
 
-def displayed(sensor: str, unit: str) -> tuple[str, float]:
-    """Return the unit a coefficient is shown in and its factor from SI.
-
-    >>> displayed('gyroscope', 'rad/s/K')[0], displayed('magnetometer', 'T')[0]
-    ('m°/s/K', 'µT')
-    """
-    own = SENSOR_UNITS[sensor]
-    if not unit.startswith(own):
-        return unit, 1.0
-    rest = unit.removeprefix(own)
-    if rest:
-        name, factor = SMALL_UNITS[sensor]
-        return f'{name}{rest}', factor
-    shown_in = DISPLAY_UNITS[sensor]
-    return shown_in.unit, shown_in.factor
-
-
 def result_rows(found: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return a row per sensor and coefficient, a cell per axis: value ± U, ν and k95."""
     rows: dict[tuple[str, str], dict[str, Any]] = {}
     for quantity in [*found['quantities'], *found['shapes']]:
         sensor, name = quantity['sensor'], quantity['coefficient']
-        unit, factor = displayed(sensor, quantity['unit'])
+        unit, factor = _unit(sensor, quantity['unit'])
         row = rows.setdefault(
             (sensor, name),
             {'sensor': sensor.capitalize(), 'name': in_words(name), 'unit': unit,
@@ -201,7 +177,7 @@ def detection_limit(found: Mapping[str, Any], sensor: str, axis: str) -> str:
         if (quantity['sensor'], quantity['axis'], quantity['coefficient']) == (
             sensor, axis, 'slope',
         ):  # fmt: skip
-            unit, factor = displayed(sensor, quantity['unit'])
+            unit, factor = _unit(sensor, quantity['unit'])
             return f'{shown(quantity["detection_limit"] * factor, 2)} {unit}'
     return '–'
 
@@ -210,7 +186,7 @@ def decision_rows(found: Mapping[str, Any]) -> list[Row]:
     """Return a row per sensor and coefficient with limits: bounds, decision and w per axis."""
     rows: dict[tuple[str, str], Row] = {}
     for one in found['decisions']:
-        unit, factor = displayed(one['sensor'], one['unit'])
+        unit, factor = _unit(one['sensor'], one['unit'])
         bounds = [
             shown(value * factor) if value is not None and math.isfinite(value) else 'none'
             for value in (one['lower'], one['upper'])
@@ -262,7 +238,7 @@ def budget_sources(quantities: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def budget_row(quantity: Mapping[str, Any], sources: Sequence[str]) -> Row:
     """Return what each source contributes to a coefficient, with its share of the variance."""
-    unit, factor = displayed(quantity['sensor'], quantity['unit'])
+    unit, factor = _unit(quantity['sensor'], quantity['unit'])
     rows = _by_source(quantity)
     cells = [
         f'{shown(rows[s]["contribution"] * factor, 2)} ({fixed(rows[s]["share"], 0)} %)'
@@ -279,6 +255,11 @@ def budget_row(quantity: Mapping[str, Any], sources: Sequence[str]) -> Row:
         degrees(quantity['degrees']),
         shown(quantity['monte_carlo'] * factor),
     ]
+
+
+def _unit(sensor: str, unit: str) -> tuple[str, float]:
+    found = coefficient_unit(sensor, unit)
+    return found.unit, found.factor
 
 
 def _by_source(quantity: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:

@@ -6,7 +6,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown, with_uncertainty
+from thermal_comp.presentation.display import (
+    DISPLAY_UNITS,
+    SENSORS,
+    SMALL_UNITS,
+    coefficient_unit,
+    shown,
+    with_uncertainty,
+)
 
 from imu_workbench.report.figures.measured import PHASE_NAMES
 from imu_workbench.report.figures.modelled import (
@@ -44,7 +51,7 @@ def dependence_section(content: Mapping[str, Any]) -> Section | None:
     slopes = [
         {
             'sensor': sensor,
-            'unit': f'10⁻³ {DISPLAY_UNITS[sensor].unit}/K',
+            'unit': f'{SMALL_UNITS[sensor].unit}/K',
             'rows': slope_rows(content['slopes'], sensor),
         }
         for sensor in sensors
@@ -62,7 +69,7 @@ def dependence_section(content: Mapping[str, Any]) -> Section | None:
 
 
 def slope_rows(slopes: Sequence[Mapping[str, Any]], sensor: str) -> list[Row]:
-    """Return one sensor's slopes per device, in thousandths of its unit per kelvin."""
+    """Return one sensor's slopes per device, in its small unit per kelvin."""
     return [
         [
             row['device'],
@@ -239,9 +246,13 @@ def model_section(content: Mapping[str, Any]) -> Section | None:
 
 def term_row(term: Mapping[str, Any]) -> list[str | tuple[str, int]]:
     """Return a coefficient with its standard uncertainty per axis; once where axes share it."""
-    cells = list(map(with_uncertainty, term['value'], term['uncertainty']))
+    unit = coefficient_unit(term['sensor'], term['unit'])
+    cells = [
+        with_uncertainty(value * unit.factor, sigma * unit.factor)
+        for value, sigma in zip(term['value'], term['uncertainty'], strict=True)
+    ]
     label = f'{term["sensor"].capitalize()}: {in_words(term["effect"])}'
-    return [label, *([(cells[0], 3)] if term['shared'] else cells), term['unit']]
+    return [label, *([(cells[0], 3)] if term['shared'] else cells), unit.unit]
 
 
 def shape_rows(model: Mapping[str, Any]) -> list[Row]:
