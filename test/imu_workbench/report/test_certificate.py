@@ -15,7 +15,7 @@ from imu_workbench.report.certificate.conclusion import (
     conclusion,
     still_missing,
 )
-from imu_workbench.report.certificate.recordings import losses, recording_row
+from imu_workbench.report.certificate.recordings import conditions, losses, recording_row
 from imu_workbench.report.content import report_content
 from imu_workbench.report.html.document import report_page
 from imu_workbench.report.laboratory import Laboratory, read_laboratory
@@ -193,11 +193,34 @@ def test_what_was_not_given_is_not_stated(analysis) -> None:
     assert found['device']['serial'] == 'not stated'
     assert found['laboratory']['thermometer']['uncertainty'] == 'not stated'
     slopes = 'accelerometer bias, slope; gyroscope bias, slope; magnetometer slope'
-    assert f'thermometer calibration: not stated ({slopes})' in found['not_included']
+    assert f'thermometer calibration not stated ({slopes})' in found['not_included']
     assert not found['simulated']
     page = report_page(content)
     assert 'class="watermark"' not in page
     assert 'No limits of these coefficients were given' in page
+
+
+def test_the_reference_stands_on_the_first_page(analysis, content) -> None:
+    """What budgets count of gravity, mounting and field is what the laboratory stated."""
+    first = report_page(content).partition('3 Recordings')[0]
+    assert '9.8067 m/s²; uncertainty 0.0005 m/s² (k\u00a0=\u00a02); gravity map' in first
+    assert 'tilt at most 0.3°' in first
+    assert 'strength not stated; varies by at most 60 nT' in first
+    assert 'by the thermocouple in the recordings' in first
+    nobody = content_of(analysis)['certificates']['dut1']['laboratory']['references']
+    assert [nobody[k] for k in ('gravity', 'mounting', 'magnetic field')] == ['not stated'] * 3
+    field = {'value': 48.0, 'expanded_uncertainty': 0.4, 'unit': 'µT'}
+    told = Laboratory({'field': field, 'gradient': {'half_width': 0.3, 'unit': 'K'}}).references()
+    assert told['magnetic field'] == '48 µT; uncertainty 0.4 µT (k = 2)'
+    assert told['gradient thermometer to die'] == 'at most 0.3 K'
+
+
+def test_a_plan_without_a_name_is_that_of_the_set_points(run) -> None:
+    named = run('dut1', 'z', cycles=3)
+    bare = replace(named, profile='')
+    assert conditions([named], 0.0, 1.0)['plan'] == 'short_plan'
+    assert conditions([bare], 0.0, 1.0)['plan'] == 'set-points as recorded'
+    assert conditions([replace(bare, setpoint=None)], 0.0, 1.0)['plan'] == 'not stated'
 
 
 def test_a_chamber_that_nobody_recorded_or_stated_is_not_told_of(run) -> None:

@@ -64,7 +64,7 @@ class Uncounted:
     detail: str = ''
 
     def __str__(self) -> str:
-        return f'{self.source}: {", ".join(filter(None, (self.word, self.detail)))}'
+        return f'{self.source} {self.word}' + (f', {self.detail}' if self.detail else '')
 
 
 @dataclass(frozen=True)

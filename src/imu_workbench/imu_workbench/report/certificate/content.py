@@ -116,6 +116,7 @@ def certificate(
             'deviations': laboratory.text('deviations'),
             'chamber': laboratory.instrument('chamber'),
             'thermometer': laboratory.instrument('thermometer'),
+            'references': references(laboratory, recordings),
         },
         'recordings': [recording_row(r, hashes.get(r.run, '')) for r in recordings],
         'losses': losses(recordings),
@@ -145,6 +146,18 @@ def certificate(
         'added': list(certified.added),
         'conclusion': conclusion(certified, shapes, errors, decisions, diagnosis, (low, high)),
     }
+
+
+def references(laboratory: Laboratory, recordings: Sequence[ImuRecording]) -> dict[str, str]:
+    """Return what is said about the reference of each sensor; the gradient as the budgets have it.
+
+    Where a thermocouple was logged it tells the gradient that nobody stated.
+    """
+    stated = laboratory.references()
+    logged = all(r.device_temperature is not None for r in recordings)
+    if laboratory.gradient is None and logged:
+        stated['gradient thermometer to die'] = 'by the thermocouple in the recordings'
+    return stated
 
 
 def method(

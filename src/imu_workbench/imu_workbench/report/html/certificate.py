@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,12 +16,16 @@ from imu_workbench.report.figures.allan import allan_deviation_figure
 from imu_workbench.report.html.render import Row, Section
 from imu_workbench.report.model_content import in_words
 
+PER_ROW = 3
+"""Results that axes share, in a row."""
+ROWS_OF_A_PAGE = 12
+"""Rows of results from which on they begin on the first page."""
 DECISIONS = {'pass': 'kept', 'fail': 'NOT KEPT', 'undecided': 'not decided'}
 
 
 def certificate_section(found: Mapping[str, Any]) -> Section:
     """Return the certificate of one device: two pages."""
-    device = found['device']
+    device, results = found['device'], result_rows(found)
     values = {
         'found': found,
         'instruments': found['laboratory'],
@@ -35,7 +40,8 @@ def certificate_section(found: Mapping[str, Any]) -> Section:
             ]
             for row in found['recordings']
         ],
-        'results': result_rows(found),
+        'results': results,
+        'flowing': len(results) > ROWS_OF_A_PAGE,
         'errors': [
             [
                 f'{row["sensor"].capitalize()} {row["axis"]}',
@@ -122,27 +128,53 @@ def datasheet(value: float | None, silent: str) -> str:
     """Return a datasheet's value; `silent` names the chip whose datasheet has none.
 
     >>> datasheet(300.0, ''), datasheet(None, 'LSM9DS1'), datasheet(None, '')
-    ('300', 'none in it', 'not stated')
+    ('300', 'states none', 'not stated')
     """
     if value is not None:
         return shown(value)
-    return 'none in it' if silent else 'not stated'
+    return 'states none' if silent else 'not stated'
 
 
 def result_rows(found: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return a row per sensor and coefficient, a cell per axis: value ± U, ν and k95."""
-    rows: dict[tuple[str, str], dict[str, Any]] = {}
+    """Return rows of results with a cell per axis; of what axes share, three results a row."""
+    rows: dict[tuple[Any, ...], dict[str, Any]] = {}
+    shared: dict[tuple[str, ...], int] = {}
     for quantity in [*found['quantities'], *found['shapes']]:
-        sensor, name = quantity['sensor'], quantity['coefficient']
+        sensor, axis = quantity['sensor'], quantity['axis']
         unit, factor = _unit(sensor, quantity['unit'])
+        name, label = result_name(quantity['coefficient'], shared=axis == 'all')
+        key: tuple[Any, ...] = (sensor, name, unit)
+        if axis == 'all':
+            number = shared[key] = shared.get(key, -1) + 1
+            key, axis = (*key, number // PER_ROW), 'xyz'[number % PER_ROW]
         row = rows.setdefault(
-            (sensor, name),
-            {'sensor': sensor.capitalize(), 'name': in_words(name), 'unit': unit,
-             'cells': {}},
-        )  # fmt: skip
-        row['cells'][quantity['axis']] = result_cell(quantity, factor)
+            key,
+            {
+                'sensor': sensor.capitalize(),
+                'name': name,
+                'unit': unit,
+                'cells': {},
+                'shared': quantity['axis'] == 'all',
+            },
+        )
+        row['cells'][axis] = {'label': label, **result_cell(quantity, factor)}
     order = list(dict.fromkeys(q['sensor'].capitalize() for q in found['quantities']))
     return sorted(rows.values(), key=lambda row: order.index(row['sensor']))
+
+
+def result_name(coefficient: str, *, shared: bool) -> tuple[str, str]:
+    """Return the name of a row of results, and what tells a result that axes share from others.
+
+    >>> result_name('scale_factor_temperature, s_x', shared=True)
+    ('scale factor temperature', 's_x')
+    >>> result_name('thermal_hysteresis: half_widths 2 of 3', shared=True)
+    ('thermal hysteresis: half widths', '2 of 3')
+    >>> result_name('thermal_hysteresis, 2 of 3', shared=False)
+    ('thermal hysteresis, 2 of 3', '')
+    """
+    name = in_words(coefficient)
+    told = re.fullmatch(r'(.*?)(?:, (.+)| (\d+ of \d+))', name) if shared else None
+    return (told[1], told[2] or told[3]) if told else (name, '')
 
 
 def result_cell(quantity: Mapping[str, Any], factor: float) -> dict[str, str]:
