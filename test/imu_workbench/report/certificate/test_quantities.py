@@ -33,9 +33,9 @@ def evidence(
     """Return evidence from −10 to 50 °C of runs with these axes up, and what a laboratory says."""
     temperature = np.linspace(-10.0, 50.0, 601)
     left = np.zeros((601, 3)) if residual is None else residual(temperature)[:, None] * np.ones(3)
-    errors = SimpleNamespace(temperature=temperature, residual=lambda _: left)
+    joint = SimpleNamespace(temperature=temperature, residual=left)
     return Evidence(
-        sensor, None, (None,) * len(up), up, None, (errors,), Laboratory(stated), 60.0, None, 20.0
+        sensor, None, (None,) * len(up), up, None, joint, Laboratory(stated), 60.0, None, 20.0
     )
 
 

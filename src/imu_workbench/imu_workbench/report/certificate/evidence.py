@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -17,7 +16,6 @@ from thermal_comp.noise.process import mean_autocovariance
 from imu_workbench.report.certificate.joint_design import JointDesign
 from imu_workbench.report.certificate.replicates import Replicates
 from imu_workbench.report.laboratory import Laboratory
-from imu_workbench.report.modelled import RunErrors
 
 AXES = 'xyz'
 
@@ -32,7 +30,8 @@ class Evidence:
     up_axes: tuple[str, ...]
     """Of each run; '' unknown."""
     repeated: Replicates
-    errors: tuple[RunErrors, ...]
+    joint: JointDesign
+    """All coefficients and shape parameters over all runs together."""
     laboratory: Laboratory
     span: float
     """Range of die temperature [K]."""
@@ -47,11 +46,6 @@ class Evidence:
             if isinstance(effect, BiasTemperature):
                 return np.asarray(coefficients[0])
         return np.zeros(3)
-
-    @cached_property
-    def joint(self) -> JointDesign:
-        """All coefficients and shape parameters over all runs together."""
-        return JointDesign.of(self.model, self.runs, self.sensor)
 
     def noise_degrees(self, axis: int) -> float:
         """Return the degrees of freedom of the noise's variance: n / Σ ρ² less one (Bartlett)."""

@@ -19,8 +19,8 @@ from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import SensorModel
 
-from imu_workbench.report.certificate.replicates import WORST_CONDITION
-
+WORST_CONDITION = 300.0
+"""Condition of scaled columns above which a part of the data tells nothing by itself."""
 LEAST_RESOLVED = 0.99
 """Diagonal of the resolution matrix from which on rows determine an unknown by themselves."""
 
@@ -87,7 +87,7 @@ class JointDesign:
     """(n, 3, q) change of the modelled error with each unknown: coefficients in the order of the
     model's covariance, then shape parameters."""
     residual: FloatArray
-    """(n, 3) measured minus modelled, levels of the runs left in [unit]."""
+    """(n, 3) measured minus the run's level and all modelled effects, campaign's too [unit]."""
     deviation: FloatArray
     """(3,) of the noise of a block; weights the axes [unit]."""
     run: IntArray
@@ -108,16 +108,17 @@ class JointDesign:
         variance = model.noise.variance_of_means(runs[0].period)
         size = sum(c.size for c in model.coefficients)
         pieces, residual = [], []
-        for r, run in enumerate(runs):
+        every = np.concatenate([np.zeros(0), *(c.ravel() for c in model.coefficients)])
+        for run in runs:
             own = [
-                coefficient_columns(run.smoothed, sensor, effect, values, r)
+                coefficient_columns(run.smoothed, sensor, effect, values, place_of(run, model))
                 for effect, values in zip(model.effects, model.coefficients, strict=True)
             ]
             linear = np.concatenate([np.zeros((len(run), 3, 0)), *own], axis=2)
-            bent = [_shape_column(run.smoothed, sensor, model, shape, r) for shape in shapes]
-            values = np.concatenate([np.zeros(0), *(c.ravel() for c in model.coefficients)])
+            bent = [_shape_column(run.smoothed, sensor, model, shape) for shape in shapes]
             pieces.append(np.concatenate([linear, *(c[:, :, None] for c in bent)], axis=2))
-            residual.append(run.measured[sensor] - linear @ values)
+            left = run.measured[sensor] - linear @ every
+            residual.append(left - model.levels.get(run.name, np.nanmean(left, axis=0)))
         return cls(
             np.concatenate(pieces),
             np.concatenate(residual),
@@ -204,31 +205,57 @@ class JointDesign:
         return taken.reshape(-1, *taken.shape[2:])
 
 
+def place_of(run: PreparedRun, model: SensorModel) -> int | None:
+    """Return the place of a run among those the model was fitted to, None where it is another."""
+    names = list(model.levels)
+    return names.index(run.name) if run.name in names else None
+
+
 def coefficient_columns(
-    run: PreparedRun, sensor: Sensor, effect: Effect, values: FloatArray, number: int
+    run: PreparedRun, sensor: Sensor, effect: Effect, values: FloatArray, place: int | None
 ) -> FloatArray:
-    """(m, 3, size) columns of an effect's coefficients in run `number`, raveled in C order."""
-    shape = values.shape[1:] if effect.per_run else values.shape
+    """(m, 3, size) columns of an effect's coefficients in a run, raveled in C order.
+
+    `place`: as `place_of`; coefficients that runs have of their own do nothing in another run.
+    """
     block = np.zeros((len(run), 3, *values.shape))
-    own = block[:, :, number] if effect.per_run else block
-    if all(run.conditions.has(channel) for channel in effect.channels):
-        columns = run.columns(effect, sensor)
-        if len(shape) == 1:
-            own[...] = columns if columns.ndim == 3 else columns[:, None]
-        for axis in range(3 if len(shape) == 2 else 0):
-            own[:, axis, :, axis] = columns[:, axis] if columns.ndim == 3 else columns
-    return block.reshape(len(run), 3, -1)
+    flat = block.reshape(len(run), 3, -1)
+    if not all(run.conditions.has(channel) for channel in effect.channels):
+        return flat
+    if effect.per_run and (place is None or place >= len(values)):
+        return flat
+    own = block[:, :, place] if effect.per_run else block
+    columns = run.columns(effect, sensor)
+    if own.ndim == 3:  # shared by the axes
+        own[...] = columns if columns.ndim == 3 else columns[:, None]
+        return flat
+    for axis in range(3):
+        own[:, axis, :, axis] = columns[:, axis] if columns.ndim == 3 else columns
+    return flat
+
+
+def modelled(
+    run: PreparedRun, sensor: Sensor, model: SensorModel, without: Sequence[int]
+) -> FloatArray:
+    """(m, 3) error of all effects of a model but some, those of the campaign with it."""
+    error = np.zeros((len(run), 3))
+    place = place_of(run, model)
+    for i, (effect, values) in enumerate(zip(model.effects, model.coefficients, strict=True)):
+        if i not in without:
+            error += coefficient_columns(run, sensor, effect, values, place) @ values.ravel()
+    return error
 
 
 def _shape_column(
-    run: PreparedRun, sensor: Sensor, model: SensorModel, shape: Shape, number: int
+    run: PreparedRun, sensor: Sensor, model: SensorModel, shape: Shape
 ) -> FloatArray:
     """(m, 3) change of the modelled error with a shape parameter, over one deviation each way."""
     effect, values = model.effects[shape.effect], model.coefficients[shape.effect]
     low, high = next(f.metadata['bounds'] for f in fields(effect) if f.name == shape.name)
     ends = [min(max(shape.value + by, low), high) for by in (-shape.std, shape.std)]
+    place = place_of(run, model)
     below, above = (
-        coefficient_columns(run, sensor, shape.moved(effect, end), values, number) @ values.ravel()
+        coefficient_columns(run, sensor, shape.moved(effect, end), values, place) @ values.ravel()
         for end in ends
     )
     change: FloatArray = (above - below) / (ends[1] - ends[0])

@@ -26,10 +26,10 @@ from imu_workbench.report.certificate.budget import (
     scatter_inputs,
 )
 from imu_workbench.report.certificate.evidence import AXES, Evidence
+from imu_workbench.report.certificate.joint_design import JointDesign
 from imu_workbench.report.certificate.references import reference_of_bias, reference_of_unknown
 from imu_workbench.report.certificate.replicates import replicates
 from imu_workbench.report.laboratory import Laboratory
-from imu_workbench.report.modelled import errors_of_run
 
 END_SHARE = 0.1
 """Share of the temperature range at each end that counts as its end."""
@@ -67,7 +67,6 @@ def quantities(
     `up_axes` are those of the runs, '' where not known.
     """
     found: list[Quantity] = []
-    errors = tuple(errors_of_run(run, model) for run in runs)
     for sensor, part in model.sensors.items():
         name: Sensor = sensor  # type: ignore[assignment]
         seen = [run for run in runs if np.isfinite(run.measured[name]).any()]
@@ -80,7 +79,7 @@ def quantities(
             tuple(runs),
             tuple(up_axes),
             replicates(part, runs, name),
-            errors,
+            JointDesign.of(part, runs, name),
             laboratory,
             high - low,
             dwell_gradient(runs),
@@ -342,8 +341,7 @@ def at_reference(evidence: Evidence, axis: int) -> float:
 
 
 def pooled_residual(evidence: Evidence, axis: int) -> tuple[FloatArray, FloatArray]:
-    """Return die temperature and residual (n,) of all runs together."""
-    temperature = np.concatenate([run.temperature for run in evidence.errors])
-    residual = np.concatenate([run.residual(evidence.sensor)[:, axis] for run in evidence.errors])
+    """Return die temperature and what all effects leave (n,), of all runs together."""
+    residual = evidence.joint.residual[:, axis]
     good = np.isfinite(residual)
-    return temperature[good], residual[good]
+    return evidence.joint.temperature[good], residual[good]

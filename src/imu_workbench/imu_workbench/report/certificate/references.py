@@ -15,7 +15,7 @@ from thermal_comp.effects.effect import Effect
 
 from imu_workbench.report.certificate.budget import Input, Uncounted
 from imu_workbench.report.certificate.evidence import AXES, Evidence
-from imu_workbench.report.certificate.joint_design import coefficient_columns
+from imu_workbench.report.certificate.joint_design import coefficient_columns, place_of
 
 NEGLIGIBLE = 1e-6
 """Share of the value below which an error of the reference does not act, but is rounding."""
@@ -168,9 +168,10 @@ def by_tilt(evidence: Evidence) -> FloatArray:
         for axis in np.eye(3):
             force = np.cross(axis, run.conditions.specific_force)
             turned = replace(run, conditions=replace(run.conditions, specific_force=force))
+            place = place_of(run, model)
             error = np.zeros_like(joint.residual)
             error[joint.run == r] = sum(
-                coefficient_columns(turned, sensor, effect, values, r) @ values.ravel()
+                coefficient_columns(turned, sensor, effect, values, place) @ values.ravel()
                 for effect, values in felt
             )
             found.append(joint.response(error))
