@@ -17,6 +17,7 @@ from imu_workbench.report.certificate.conclusion import (
 )
 from imu_workbench.report.certificate.recordings import conditions, losses, recording_row
 from imu_workbench.report.content import report_content
+from imu_workbench.report.html.certificate import budget_tables
 from imu_workbench.report.html.document import report_page
 from imu_workbench.report.laboratory import Laboratory, read_laboratory
 from imu_workbench.report.limits import Limit, Limits
@@ -200,6 +201,25 @@ def test_what_was_not_given_is_not_stated(analysis) -> None:
     assert 'No limits of these coefficients were given' in page
 
 
+def test_a_budget_has_a_word_for_what_does_not_count(analysis, certificate) -> None:
+    def cells(found, sensor, name):
+        table = next(t for t in budget_tables(found) if t['sensor'] == sensor)
+        row = next(r for r in table['rows'] if r[0] == name)
+        return dict(zip(table['head'][0], row, strict=True))
+
+    nobody = content_of(analysis)['certificates']['dut1']
+    slope = cells(nobody, 'Gyroscope', 'slope x')
+    assert slope['thermometer calibration'] == 'not stated'
+    assert slope['reference: Earth rate'] == '–'
+    assert slope['noise'].endswith('%)')
+    runs = [cells(nobody, s, 'slope x')['run to run'] for s in ('Gyroscope', 'Magnetometer')]
+    assert all(text == '0' or text.endswith('%)') for text in runs)
+    level = cells(nobody, 'Accelerometer', 'bias x')
+    assert level['reference: tilt'] == 'not stated'
+    assert cells(certificate, 'Accelerometer', 'bias x')['reference: tilt'].endswith('%)')
+    assert cells(certificate, 'Accelerometer', 'slope x')['reference: tilt'] == '–'
+
+
 def test_the_reference_stands_on_the_first_page(analysis, content) -> None:
     """What budgets count of gravity, mounting and field is what the laboratory stated."""
     first = report_page(content).partition('3 Recordings')[0]
@@ -340,6 +360,11 @@ def test_a_mistake_in_the_laboratory_file_names_its_place(tmp_path: Path) -> Non
     path.write_text('thermometer: {expanded_uncertainty: -1}\n')
     with pytest.raises(UserError, match=r'thermometer.expanded_uncertainty: -1'):
         read_laboratory(path)
+    path.write_text('field: {value: 48, unit: µT}\n')
+    with pytest.raises(UserError, match='expanded_uncertainty'):
+        read_laboratory(path)
+    path.write_text('field: {value: 48, expanded_uncertainty: 0.4, unit: µT}\n')
+    assert read_laboratory(path).field == pytest.approx((48e-6, 0.2e-6))
     path.write_text('operater: nobody\n')
     with pytest.raises(UserError, match='did you mean operator'):
         read_laboratory(path)
