@@ -7,8 +7,9 @@ Each device is three runs of four thermal cycles. Its physics shares no formula 
 the budget: a body with two thermal nodes is led through a trapezoid by Euler's method; the die's
 thermometer reads with an error of its own at either end, drawn within the stated calibration; the
 slope of every run and every cycle differs; noise is white plus an autoregressive process. Stated
-is what a laboratory knows: the calibration of the thermometer. Counted is how often value ± k95·u
-holds the slope that was put in.
+is what a laboratory knows: the calibration of the thermometer. The accelerometer's element lags
+behind the die, with a time constant that differs by run and cycle, too. Counted is how often
+value ± k95·u holds the gyroscope's slopes and the time constant that were put in.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from imu_workbench.report.laboratory import Laboratory
 from scipy.signal import lfilter
 from thermal_comp.data.preparation import prepare
 from thermal_comp.effects.bias_temperature import BiasTemperature
+from thermal_comp.effects.thermal_lag import ThermalLag
 from thermal_comp.fitting.fit import fit_prepared
 
 from imu_recording import ImuRecording
@@ -36,6 +38,8 @@ CALIBRATION_K = 0.15
 """Standard uncertainty of the thermometer's calibration."""
 GRADIENT_K = 0.2
 """Half-width of what the sensing element differs from the thermometer by, at either end."""
+STEP_S = 1.0
+"""Of the integration of the lag."""
 
 
 def plan() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -64,13 +68,28 @@ def two_nodes(air: np.ndarray) -> np.ndarray:
     return found
 
 
+def behind(die: np.ndarray, time_constant: np.ndarray) -> np.ndarray:
+    """Return the temperature of an element that lags behind the die, by Euler's method."""
+    steps = round(PERIOD_S / STEP_S)
+    level = die[0]
+    found = np.empty_like(die)
+    for i, (before, after) in enumerate(zip(np.r_[die[0], die[:-1]], die, strict=True)):
+        for outside in np.linspace(before, after, steps, endpoint=False):
+            level += STEP_S * (outside - level) / time_constant[i]
+        found[i] = level
+    return found
+
+
 def device(generator: np.random.Generator) -> tuple[list[ImuRecording], np.ndarray]:
-    """Return the recordings of one device and its slopes (3,) [rad/s/K]."""
+    """Return the recordings of one device, its slopes (3,) [rad/s/K] and time constant [s]."""
     setpoint, phase, cycle = plan()
     truth = generator.uniform(-1e-4, 1e-4, 3)
     run_scatter, cycle_scatter = 10.0 ** generator.uniform(-7.5, -6.0, 2)
     calibrated = generator.normal(0.0, CALIBRATION_K, 2)
     gradient = generator.uniform(-GRADIENT_K, GRADIENT_K, 1) * [-0.5, 0.5]
+    time_constant = generator.uniform(60.0, 200.0)
+    run_lag, cycle_lag = 10.0 ** generator.uniform(-3.0, -1.3, 2)
+    lag_size = generator.uniform(2e-4, 2e-3, 3) * generator.choice([-1.0, 1.0], 3)
     recordings = []
     for r in range(RUNS):
         die = two_nodes(setpoint) + 1.0
@@ -83,11 +102,16 @@ def device(generator: np.random.Generator) -> tuple[list[ImuRecording], np.ndarr
         slow = lfilter([1.0], [1.0, -0.99], generator.normal(0.0, 1e-6, (n, 3)), axis=0)
         measured = by_cycle[cycle] * (own - 20.0)[:, None] + slow
         measured += generator.normal(0.0, 5e-5, (n, 3)) + generator.normal(0.0, 1e-3, 3)
+        scatter = generator.normal(0.0, run_lag) + generator.normal(0.0, cycle_lag, CYCLES + 1)
+        element = behind(die, (time_constant * (1.0 + scatter))[cycle])
+        force = 9.80665 * np.eye(3)[r] + np.outer(element - die, lag_size)
+        force += lfilter([1.0], [1.0, -0.99], generator.normal(0.0, 2e-5, (n, 3)), axis=0)
+        force += generator.normal(0.0, 1e-3, (n, 3))
         recordings.append(
             ImuRecording(
                 stamp=(1_700_000_000 + 86_400 * r + np.arange(n) * int(PERIOD_S)) * 10**9,
                 angular_velocity=measured,
-                linear_acceleration=np.tile(9.80665 * np.eye(3)[r], (n, 1)),
+                linear_acceleration=force,
                 magnetic_field=np.full((n, 3), np.nan),
                 temperature=shown,
                 setpoint=setpoint,
@@ -98,11 +122,11 @@ def device(generator: np.random.Generator) -> tuple[list[ImuRecording], np.ndarr
                 up_axis=f'+{"xyz"[r]}',
             )
         )
-    return recordings, truth
+    return recordings, np.r_[truth, time_constant]
 
 
 def intervals(recordings: list[ImuRecording], truth: np.ndarray) -> list[tuple[float, float]]:
-    """Return deviation from the truth and half-width of the 95 % interval of each axis."""
+    """Return deviation from the truth and half-width of the 95 % interval of slopes and lag."""
     stated = Laboratory(
         {
             'thermometer': {'expanded_uncertainty': 2.0 * CALIBRATION_K},
@@ -110,12 +134,16 @@ def intervals(recordings: list[ImuRecording], truth: np.ndarray) -> list[tuple[f
         }
     )
     runs = prepare(recordings, period=20.0)
-    model = fit_prepared({'gyroscope': [BiasTemperature()]}, runs)
+    line = BiasTemperature()
+    model = fit_prepared({'gyroscope': [line], 'accelerometer': [line, ThermalLag()]}, runs)
     found = quantities(model, runs, [r.up_axis for r in recordings], stated)
+    wanted = [
+        *(q for q in found if q.coefficient == 'slope' and q.sensor == 'gyroscope'),
+        *(q for q in found if q.shape),
+    ]
     return [
-        (q.budget.value - truth['xyz'.index(q.axis)], q.budget.coverage_factor * q.budget.combined)
-        for q in found
-        if q.coefficient == 'slope' and q.sensor == 'gyroscope'
+        (q.budget.value - true, q.budget.coverage_factor * q.budget.combined)
+        for q, true in zip(wanted, truth, strict=True)
     ]
 
 
@@ -133,14 +161,20 @@ def main() -> None:
         ]
     )
     held = np.abs(found[..., 0]) <= found[..., 1]
+    counted = {'slope': slice(0, 3), 'time_constant': slice(3, 4)}
     print(
         json.dumps(
             {
                 'devices': options.devices,
-                'coverage': round(float(held.mean()), 4),
-                'coverage_by_axis': held.mean(axis=0).round(4).tolist(),
-                'median_half_width': float(np.median(found[..., 1])),
-                'rms_deviation': float(np.sqrt((found[..., 0] ** 2).mean())),
+                **{
+                    name: {
+                        'coverage': round(float(held[:, part].mean()), 4),
+                        'coverage_by_axis': held[:, part].mean(axis=0).round(4).tolist(),
+                        'median_half_width': float(np.median(found[:, part, 1])),
+                        'rms_deviation': float(np.sqrt((found[:, part, 0] ** 2).mean())),
+                    }
+                    for name, part in counted.items()
+                },
             }
         )
     )

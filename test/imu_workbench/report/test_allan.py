@@ -2,6 +2,7 @@
 """Noise that was put in comes out of the Allan deviation, in the units of IEEE 952."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from imu_workbench.report.certificate.allan import (
     allan_deviations,
     coefficients,
     datasheet_noise,
+    rows_note,
+    without_density,
 )
 from imu_workbench.report.figures.allan import allan_deviation_figure
 from imu_workbench.report.laboratory import Laboratory
@@ -35,7 +38,10 @@ def test_white_noise_is_angle_random_walk() -> None:
     value, low, high = told['random_walk']
     assert low < density < high
     assert value == pytest.approx(density, rel=0.02)
-    assert 'rate_random_walk' not in told
+    value, low, most = told['rate_random_walk']
+    longest = float(found.taus[-1])
+    assert value <= most < 2.0 * density * math.sqrt(3.0) / longest
+    assert low == 0.0
     factor = COEFFICIENTS['random_walk']['gyroscope'][2]
     assert factor * density == pytest.approx(math.degrees(density) * 60.0)
 
@@ -65,6 +71,29 @@ def test_intervals_hold_the_density_as_often_as_they_say() -> None:
     assert 0.90 < hits / 200 <= 1.0
 
 
+def test_white_noise_below_slow_noise_is_bounded_by_the_whole_deviation() -> None:
+    """At 5 s a flicker noise hides it: it is no more than the deviation there allows."""
+    density, period = 1.0, 5.0
+
+    def make(rng, n):
+        spectrum = np.fft.rfft(rng.normal(0.0, 1.0, n))
+        spectrum[1:] /= np.sqrt(np.arange(1, len(spectrum)) / n)
+        return rng.normal(0.0, density / math.sqrt(period), n) + np.fft.irfft(spectrum, n)
+
+    found = allan_deviation([(make(np.random.default_rng(k), 4096), period) for k in range(3)])
+    assert found is not None
+    value, low, high = coefficients(found)['random_walk']
+    assert low == 0.0 < density < high
+    assert value <= high
+    assert high == pytest.approx(found.interval()[1][0] * math.sqrt(period), rel=1e-6)
+
+
+def test_rows_that_may_be_single_samples_say_what_is_open(run) -> None:
+    slow = run('dut1', 'z', cycles=3)
+    assert 'up to 1 s apart' in rows_note([slow])
+    assert rows_note([replace(slow, vibration=np.zeros((len(slow), 3)))]) == ''
+
+
 def test_too_little_has_none() -> None:
     assert allan_deviation([]) is None
 
@@ -76,9 +105,15 @@ def test_a_simulated_device_shows_its_noise(run) -> None:
     deviations = allan_deviations(certified.model, certified.runs)
     rows = allan_content(deviations, stated)
     row = next(r for r in rows if r['coefficient'] == 'angle random walk')
-    assert row['datasheet'] == 0.3
+    assert row['datasheet'] == pytest.approx(0.3)
     for axis in row['axes']:  # noise 1e-4 rad/s at 1 Hz
         assert axis[0] == pytest.approx(math.degrees(1e-4) * 60.0, rel=0.1)
+
+    density = next(r for r in rows if r['coefficient'] == 'noise density')
+    assert density['unit'] == '°/s/√Hz'
+    assert density['datasheet'] == pytest.approx(0.3 / 60.0 * math.sqrt(2.0))
+    for axis in density['axes']:
+        assert axis[0] == pytest.approx(math.degrees(1e-4) * math.sqrt(2.0), rel=0.1)
 
     curves = allan_curves(deviations)
     for line in curves['gyroscope'].values():
@@ -106,3 +141,5 @@ def test_the_datasheet_is_the_laboratorys_else_that_of_the_chip_it_names() -> No
     measured = datasheet_noise(Laboratory({'device': {'type': 'LSM9DS1'}}))  # of no datasheet
     assert not any(measured.values())
     assert not any(datasheet_noise(Laboratory()).values())
+    assert without_density(Laboratory({'device': {'type': 'LSM9DS1'}})) == 'LSM9DS1'
+    assert without_density(Laboratory(given)) == without_density(Laboratory()) == ''

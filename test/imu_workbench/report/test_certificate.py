@@ -15,9 +15,9 @@ from imu_workbench.report.certificate.conclusion import (
     conclusion,
     still_missing,
 )
-from imu_workbench.report.certificate.recordings import losses, recording_row
+from imu_workbench.report.certificate.recordings import conditions, losses, recording_row
 from imu_workbench.report.content import report_content
-from imu_workbench.report.html.certificate import displayed
+from imu_workbench.report.html.certificate import budget_tables
 from imu_workbench.report.html.document import report_page
 from imu_workbench.report.laboratory import Laboratory, read_laboratory
 from imu_workbench.report.limits import Limit, Limits
@@ -25,7 +25,7 @@ from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.scale_factor_temperature import ScaleFactorTemperature
 from thermal_comp.effects.thermal_lag import ThermalLag
 from thermal_comp.fitting.fit import fit
-from thermal_comp.presentation.display import shown, with_uncertainty
+from thermal_comp.presentation.display import coefficient_unit, shown, with_uncertainty
 
 EXAMPLE = Path(__file__).resolve().parents[3] / 'examples' / 'laboratory.yaml'
 SLOPES = {
@@ -103,7 +103,7 @@ def test_the_width_that_decided_stands_beside_the_decision(analysis) -> None:
     for decision, slope in decided:
         width = max(2.0, slope['coverage_factor']) * slope['combined']
         assert decision['deciding'] == pytest.approx(width)
-        factor = displayed(slope['sensor'], slope['unit'])[1]
+        factor = coefficient_unit(slope['sensor'], slope['unit']).factor
         assert f'{decision["axis"]}: kept, w {shown(width * factor)}' in page
     assert any(d['deciding'] > 1.01 * slope['expanded'] for d, slope in decided)
     assert 'w is U, or k₉₅ · u where k₉₅ is above 2' in found['rule']
@@ -144,10 +144,10 @@ def test_the_conclusion_says_why_a_form_is_approximate(analysis, ratio, reason) 
     )
     explained = {'sensor': 'accelerometer', 'names': ['thermal_lag'], 'approximate': True}
     diagnosis = {'explanations': [explained], 'steps': [], 'findings': []}
-    said = conclusion(certified, [], [], diagnosis, (-10.0, 50.0))
+    said = conclusion(certified, [], [], [], diagnosis, (-10.0, 50.0))
     assert f'form approximate: its equation {reason}' in said
     exact = diagnosis | {'explanations': [explained | {'approximate': False}]}
-    assert 'approximate' not in conclusion(certified, [], [], exact, (-10.0, 50.0))
+    assert 'approximate' not in conclusion(certified, [], [], [], exact, (-10.0, 50.0))
 
 
 def test_a_limit_without_a_result_is_named_and_a_wrong_unit_refused(analysis) -> None:
@@ -175,13 +175,15 @@ def test_several_coefficients_of_an_effect_go_by_their_symbols_and_are_limited_t
     assert [d['coefficient'] for d in found['decisions']] == counted
     assert all(coefficients(found, name) for name in counted)
     terms = [t for t in content['models']['dut1']['terms'] if t['effect'] in counted]
-    assert all(
-        t['shared']
-        and f'<td colspan="3">{with_uncertainty(t["value"][0], t["uncertainty"][0])}</td>' in page
-        for t in terms
-    )
+    for term in terms:
+        text = with_uncertainty(1e6 * term['value'][0], 1e6 * term['uncertainty'][0])
+        assert term['shared']
+        assert f'<td colspan="3">{text}</td>' in page
     assert {t['effect'] for t in terms} == set(counted)
     assert 'Accelerometer: scale factor temperature, s_z' in page
+    assert page.count('ppm/K') >= 9  # result, budget and model, an axis each
+    assert '<td>1/K</td>' not in page
+    assert 'rad/s/K' not in page
     assert found['equations']['scale_factor_temperature'].startswith('error_i = s_i · x · u_i')
 
 
@@ -191,11 +193,54 @@ def test_what_was_not_given_is_not_stated(analysis) -> None:
     assert found['laboratory']['operator'] == 'not stated'
     assert found['device']['serial'] == 'not stated'
     assert found['laboratory']['thermometer']['uncertainty'] == 'not stated'
-    assert 'thermometer calibration: not stated' in found['not_included']
+    slopes = 'accelerometer bias, slope; gyroscope bias, slope; magnetometer slope'
+    assert f'thermometer calibration not stated ({slopes})' in found['not_included']
     assert not found['simulated']
     page = report_page(content)
     assert 'class="watermark"' not in page
     assert 'No limits of these coefficients were given' in page
+
+
+def test_a_budget_has_a_word_for_what_does_not_count(analysis, certificate) -> None:
+    def cells(found, sensor, name):
+        table = next(t for t in budget_tables(found) if t['sensor'] == sensor)
+        row = next(r for r in table['rows'] if r[0] == name)
+        return dict(zip(table['head'][0], row, strict=True))
+
+    nobody = content_of(analysis)['certificates']['dut1']
+    slope = cells(nobody, 'Gyroscope', 'slope x')
+    assert slope['thermometer calibration'] == 'not stated'
+    assert slope['reference: Earth rate'] == '–'
+    assert slope['noise'].endswith('%)')
+    runs = [cells(nobody, s, 'slope x')['run to run'] for s in ('Gyroscope', 'Magnetometer')]
+    assert all(text == '0' or text.endswith('%)') for text in runs)
+    level = cells(nobody, 'Accelerometer', 'bias x')
+    assert level['reference: tilt'] == 'not stated'
+    assert cells(certificate, 'Accelerometer', 'bias x')['reference: tilt'].endswith('%)')
+    assert cells(certificate, 'Accelerometer', 'slope x')['reference: tilt'] == '–'
+
+
+def test_the_reference_stands_on_the_first_page(analysis, content) -> None:
+    """What budgets count of gravity, mounting and field is what the laboratory stated."""
+    first = report_page(content).partition('3 Recordings')[0]
+    assert '9.8067 m/s²; uncertainty 0.0005 m/s² (k\u00a0=\u00a02); gravity map' in first
+    assert 'tilt at most 0.3°' in first
+    assert 'strength not stated; varies by at most 60 nT' in first
+    assert 'by the thermocouple in the recordings' in first
+    nobody = content_of(analysis)['certificates']['dut1']['laboratory']['references']
+    assert [nobody[k] for k in ('gravity', 'mounting', 'magnetic field')] == ['not stated'] * 3
+    field = {'value': 48.0, 'expanded_uncertainty': 0.4, 'unit': 'µT'}
+    told = Laboratory({'field': field, 'gradient': {'half_width': 0.3, 'unit': 'K'}}).references()
+    assert told['magnetic field'] == '48 µT; uncertainty 0.4 µT (k = 2)'
+    assert told['gradient thermometer to die'] == 'at most 0.3 K'
+
+
+def test_a_plan_without_a_name_is_that_of_the_set_points(run) -> None:
+    named = run('dut1', 'z', cycles=3)
+    bare = replace(named, profile='')
+    assert conditions([named], 0.0, 1.0)['plan'] == 'short_plan'
+    assert conditions([bare], 0.0, 1.0)['plan'] == 'set-points as recorded'
+    assert conditions([replace(bare, setpoint=None)], 0.0, 1.0)['plan'] == 'not stated'
 
 
 def test_a_chamber_that_nobody_recorded_or_stated_is_not_told_of(run) -> None:
@@ -223,9 +268,9 @@ def test_the_conclusion_says_where_the_error_does_not_fall(analysis) -> None:
     certified = analysis.certified['dut1']
     row = {'sensor': 'gyroscope', 'before': 2.0, 'after': 1.0, 'ratio': 1.0}
     rows = [row | {'axis': 'x'}, row | {'axis': 'z', 'before': 0.9}]
-    said = conclusion(certified, rows, [], None, (0.0, 40.0))
+    said = conclusion(certified, [], rows, [], None, (0.0, 40.0))
     assert 'does not lower the error of gyroscope z;' in said
-    assert 'does not lower' not in conclusion(certified, rows[:1], [], None, (0.0, 40.0))
+    assert 'does not lower' not in conclusion(certified, [], rows[:1], [], None, (0.0, 40.0))
 
 
 def test_loss_and_damage_stand_on_the_first_page(analysis) -> None:
@@ -315,6 +360,11 @@ def test_a_mistake_in_the_laboratory_file_names_its_place(tmp_path: Path) -> Non
     path.write_text('thermometer: {expanded_uncertainty: -1}\n')
     with pytest.raises(UserError, match=r'thermometer.expanded_uncertainty: -1'):
         read_laboratory(path)
+    path.write_text('field: {value: 48, unit: µT}\n')
+    with pytest.raises(UserError, match='expanded_uncertainty'):
+        read_laboratory(path)
+    path.write_text('field: {value: 48, expanded_uncertainty: 0.4, unit: µT}\n')
+    assert read_laboratory(path).field == pytest.approx((48e-6, 0.2e-6))
     path.write_text('operater: nobody\n')
     with pytest.raises(UserError, match='did you mean operator'):
         read_laboratory(path)
@@ -360,8 +410,24 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     assert covered(np.random.default_rng(3), any_device, 1000) == pytest.approx(0.95, abs=0.02)
 
 
-@pytest.mark.parametrize('sigma', [(1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.3, 1.0, 2.0)])
+@pytest.mark.parametrize(
+    'sigma', [(1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.3, 1.0, 2.0), (1.0, 0.0, 1.0)]
+)
 def test_no_kind_of_device_is_far_from_it(sigma) -> None:
     """Two degrees of freedom between runs cannot tell a small scatter from none."""
     share = covered(np.random.default_rng(3), lambda _: sigma, 1000)
     assert 0.91 < share < 0.985, sigma
+
+
+def test_scatter_has_the_freedom_of_the_mean_square_it_adds_up_to() -> None:
+    """A run-to-run scatter that barely exceeds the cycles' has that of the runs, never less."""
+    values = np.array([0.9, 1.1, 1.13, 1.33])
+    inputs, _ = scatter_inputs(0.01, 200.0, values, np.array([0, 0, 1, 1]), 'T/K')
+    budget = budget_of(Measurand(1.115), 'T/K', inputs, draws=2)
+    between = np.var([1.0, 1.23], ddof=1) / 2.0
+    assert budget.combined**2 == pytest.approx(between)
+    assert budget.degrees == pytest.approx(1.0)
+    tilted = [*inputs, Input('tilt', budget.combined, 'T/K', shape='rectangular')]
+    assert budget_of(Measurand(1.115), 'T/K', tilted, draws=2).degrees == pytest.approx(4.0)
+    with pytest.raises(ValueError, match='dof'):
+        budget_of(Measurand(1.0), 'T/K', [Input('noise', 1.0, 'T/K', 0.5)], draws=2)

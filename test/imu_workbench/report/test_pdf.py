@@ -11,6 +11,10 @@ from imu_workbench.report import pdf
 from imu_workbench.report.analysis import analyse_recordings
 from imu_workbench.report.certificate.recordings import MOST_LOSSES, NOTE_LENGTH
 from imu_workbench.report.content import report_content
+from imu_workbench.report.html.certificate import ROWS_OF_A_PAGE, result_rows
+from imu_workbench.report.limits import Limit, Limits
+from thermal_comp.effects import EFFECTS
+from thermal_comp.fitting.fit import fit
 from weasyprint import HTML
 
 
@@ -39,6 +43,31 @@ def test_the_certificate_stays_on_two_pages_when_much_was_lost(content) -> None:
     page = pdf.printed_page(content | {'certificates': {'dut1': found}})
     alone = re.sub(r'<section class="annex".*?</section>', '', page, flags=re.DOTALL)
     assert alone.count(note) == MOST_LOSSES + 1
+    assert len(HTML(string=alone).render().pages) == 2
+
+
+def test_the_certificate_stays_on_two_pages_with_many_effects(run) -> None:
+    """Scale factors, misalignments and lags: the results begin on the first page."""
+    every = [
+        EFFECTS[name]() for name in ('bias_temperature', 'scale_factor_temperature', 'thermal_lag')
+    ]
+    turned = [*every, EFFECTS['misalignment_temperature']()]
+    recordings = [run('dut1', up, seed=i, cycles=3) for i, up in enumerate('xyz')]
+    effects = {'accelerometer': turned, 'gyroscope': [every[0], every[2]], 'magnetometer': every}
+    model = fit(effects, recordings)
+    analysis = analyse_recordings(recordings, {'dut1': model}, attitudes=False, diagnosis=False)
+    limits = Limits(
+        {
+            s: {'slope': Limit(-1.0, 1.0, u)}
+            for s, u in (('gyroscope', 'rad/s/K'), ('accelerometer', 'm/s²/K'))
+        }
+    )
+    content = report_content(analysis, commands=['report'], versions={}, limits=limits)
+    rows = result_rows(content['certificates']['dut1'])
+    assert len(rows) > ROWS_OF_A_PAGE
+    assert len(rows) == len({(row['sensor'], row['name']) for row in rows}) + 1  # six k_ij in two
+    page = pdf.printed_page(content)
+    alone = re.sub(r'<section class="(run|annex)".*?</section>', '', page, flags=re.DOTALL)
     assert len(HTML(string=alone).render().pages) == 2
 
 

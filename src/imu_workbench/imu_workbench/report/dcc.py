@@ -23,7 +23,13 @@ NO_COUNTRY = 'ZZ'
 VERSION = '3.0.0'
 """Of the schema where none is given."""
 DCC, SI = 'https://ptb.de/dcc', 'https://ptb.de/si'
-UNITS = {'m/s²': r'\metre\second\tothe{-2}', 'rad/s': r'\radian\second\tothe{-1}', 'T': r'\tesla'}
+UNITS = {
+    'm/s²': r'\metre\second\tothe{-2}',
+    'rad/s': r'\radian\second\tothe{-1}',
+    'T': r'\tesla',
+    'rad': r'\radian',
+    '1': '',
+}
 PER_KELVIN = {
     '': '',
     '/K': r'\kelvin\tothe{-1}',
@@ -32,8 +38,6 @@ PER_KELVIN = {
 }
 SHAPES = {'s': r'\second', 'K': r'\kelvin', '°C': r'\degreecelsius', 'Hz': r'\hertz', '1': r'\one'}
 COVERAGE = 0.95
-SHAPE_FACTOR = 2.0
-"""Coverage factor of shape parameters, whose degrees of freedom are not known."""
 
 
 def check_dcc(signed: bool) -> None:
@@ -48,12 +52,16 @@ def dsi_unit(unit: str) -> str | None:
 
     >>> print(dsi_unit('rad/s/K'))
     \radian\second\tothe{-1}\kelvin\tothe{-1}
+    >>> print(dsi_unit('1/K'), dsi_unit('1'))
+    \kelvin\tothe{-1} \one
     """
+    if unit in SHAPES:
+        return SHAPES[unit]
     for name, written in UNITS.items():
         rest = unit.removeprefix(name)
         if unit.startswith(name) and rest in PER_KELVIN:
             return written + PER_KELVIN[rest]
-    return SHAPES.get(unit)
+    return None
 
 
 def certificate_xml(content: Mapping[str, Any], version: str = VERSION) -> Any:
@@ -251,31 +259,17 @@ def _sensors(found: Mapping[str, Any]) -> list[str]:
 
 
 def _result(sensor: str, found: Mapping[str, Any]) -> Node:
-    rows = [_quantity(q) for q in found['quantities'] if q['sensor'] == sensor]
-    rows += [
-        _shape(s, v, d) for s in found['shapes'] if s['sensor'] == sensor for v, d in _each(s)
-    ]
+    every = [*found['quantities'], *found['shapes']]
+    rows = [_quantity(q) for q in every if q['sensor'] == sensor]
     return _node('result', [_text('name', sensor), _node('data', [_node('list', rows)])])
-
-
-def _each(shape: Mapping[str, Any]) -> list[tuple[float, float | None]]:
-    value, std = shape['value'], shape['std']
-    if not isinstance(value, list):
-        return [(value, std)]
-    return [(v, std[i] if i < len(std) else None) for i, v in enumerate(value)]
 
 
 def _quantity(quantity: Mapping[str, Any]) -> Node:
     axis = '' if quantity['axis'] == 'all' else f', axis {quantity["axis"]}'
     name = f'{in_words(quantity["coefficient"])}{axis}'
     unit = dsi_unit(quantity['unit'])
-    factor = quantity['coverage_factor']
-    return _real(name, quantity['value'], quantity['combined'], factor, unit, quantity['unit'])
-
-
-def _shape(shape: Mapping[str, Any], value: float, std: float | None) -> Node:
-    name = f'{shape["effect"]}, {shape["parameter"]}'.replace('_', ' ')
-    return _real(name, value, std, SHAPE_FACTOR, dsi_unit(shape['unit']), shape['unit'])
+    factor, std = quantity.get('coverage_factor', 2.0), quantity.get('combined')
+    return _real(name, quantity['value'], std, factor, unit, quantity['unit'])
 
 
 def _real(

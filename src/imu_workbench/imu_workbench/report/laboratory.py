@@ -58,6 +58,30 @@ class Laboratory:
             'uncertainty': uncertainty,
         }
 
+    def references(self) -> dict[str, str]:
+        """Return what is said about gravity, mounting, field and gradient.
+
+        >>> Laboratory({'mounting': {'tilt_half_width': 0.3}}).references()['mounting']
+        'tilt at most 0.3°'
+        """
+        known = {key: self.content.get(key, {}) for key in ('gravity', 'field')}
+        field = known['field']
+        half, gradient = 'variation_half_width', self.gradient
+        told = [
+            _quantity(field) if 'expanded_uncertainty' in field else f'strength {NOT_STATED}',
+            f'varies by at most {field[half]:g} {field["unit"]}' if half in field else '',
+        ]
+        return {
+            'gravity': _quantity(known['gravity']) if known['gravity'] else NOT_STATED,
+            'mounting': NOT_STATED
+            if self.tilt is None
+            else f'tilt at most {self.content["mounting"]["tilt_half_width"]:g}°',
+            'magnetic field': '; '.join(filter(None, told)) if field else NOT_STATED,
+            'gradient thermometer to die': NOT_STATED
+            if gradient is None
+            else f'at most {gradient:g} K',
+        }
+
     def standard_uncertainty(self, instrument: str) -> float | None:
         """Return the standard uncertainty of an instrument's calibration [K], None: not stated."""
         known = self.content.get(instrument, {})
@@ -96,10 +120,34 @@ class Laboratory:
     @property
     def field_variation(self) -> float | None:
         """Half-width of the variation of the magnetic field during a run [T], None: not stated."""
-        known = self.content.get('field')
-        if not known:
+        known = self.content.get('field', {})
+        if 'variation_half_width' not in known:
             return None
         return float(known['variation_half_width']) * FIELD_UNITS[known['unit']]
+
+    @property
+    def field(self) -> tuple[float | None, float] | None:
+        """Strength of the magnetic field and its standard uncertainty [T], None: not stated.
+
+        The strength alone is None where only its uncertainty is stated.
+        """
+        known = self.content.get('field', {})
+        if 'expanded_uncertainty' not in known:
+            return None
+        factor = FIELD_UNITS[known['unit']]
+        standard = float(known['expanded_uncertainty']) / float(known.get('coverage_factor', 2.0))
+        value = factor * float(known['value']) if 'value' in known else None
+        return value, factor * standard
+
+
+def _quantity(known: Mapping[str, Any]) -> str:
+    """Return value, expanded uncertainty with its factor and source, as far as stated."""
+    value = f'{known["value"]:.10g} {known["unit"]}' if 'value' in known else ''
+    spread = f'uncertainty {NOT_STATED}'
+    if 'expanded_uncertainty' in known:
+        k = known.get('coverage_factor', 2.0)
+        spread = f'uncertainty {known["expanded_uncertainty"]:g} {known["unit"]} (k = {k:g})'
+    return '; '.join(filter(None, (value, spread, known.get('source', ''))))
 
 
 def read_laboratory(path: Path) -> Laboratory:

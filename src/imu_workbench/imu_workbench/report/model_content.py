@@ -61,7 +61,7 @@ def sensor_terms(sensor: str, part: SensorModel) -> list[dict[str, Any]]:
         if shared:
             values, own = (np.repeat(a[:, None], 3, axis=1) for a in (values, own))
         labels = effect.coefficient_labels(len(values))
-        units = effect.coefficient_units
+        units = effect.units_of_coefficients(len(values), unit)
         for number, (value, sigma) in enumerate(zip(values, own, strict=True)):
             rows.append(
                 {
@@ -70,7 +70,7 @@ def sensor_terms(sensor: str, part: SensorModel) -> list[dict[str, Any]]:
                     'shared': shared,
                     'value': value,
                     'uncertainty': sigma,
-                    'unit': (units[number] if number < len(units) else '').format(unit=unit),
+                    'unit': units[number],
                     'shape': effect.shape_parameters,
                 }
             )

@@ -108,7 +108,7 @@ class Effect:
     equation: ClassVar[str] = ''
     """error = …, with units."""
     coefficient_units: ClassVar[tuple[str, ...]] = ()
-    """Unit of each column's coefficient; {unit} stands for the sensor's SI unit."""
+    """Unit of each column's coefficient, or one of all; {unit} stands for the sensor's SI unit."""
     coefficient_symbols: ClassVar[tuple[str, ...]] = ()
     """What the equation calls each column's coefficient, where there are several."""
     mechanism: ClassVar[str] = ''
@@ -192,6 +192,12 @@ class Effect:
         numbered = [f'{number + 1} of {count}' for number in range(count)]
         symbols = self.coefficient_symbols
         return [f'{self.name}, {s}' for s in (symbols if len(symbols) == count else numbered)]
+
+    def units_of_coefficients(self, count: int, unit: str) -> list[str]:
+        """Return the units of so many coefficients on a sensor with that SI unit."""
+        units = self.coefficient_units
+        every = units if len(units) == count else (*units[:1],) * count or ('',) * count
+        return [text.format(unit=unit) for text in every]
 
     @property
     def shape_parameters(self) -> dict[str, Any]:

@@ -10,9 +10,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-from imu_recording.recording import FloatArray
+from imu_recording.recording import SENSOR_UNITS, FloatArray
 
 from thermal_comp.data.conditions import Sensor
 
@@ -39,8 +40,32 @@ DISPLAY_UNITS = {
     'magnetometer': DisplayUnit('µT', 1e6),
 }
 """Units of Tables III–V."""
+SMALL_UNITS = {
+    'gyroscope': DisplayUnit('m°/s', 1e3 * 180.0 / math.pi),
+    'accelerometer': DisplayUnit('mm/s²', 1e3),
+    'magnetometer': DisplayUnit('nT', 1e9),
+}
+"""Units of what changes per kelvin, volt, second …"""
+RELATIVE_UNITS = {'1/K': DisplayUnit('ppm/K', 1e6), 'rad/K': DisplayUnit('µrad/K', 1e6)}
+"""Units of scale factors and misalignments over temperature, by those of SI."""
 FILTER_LABELS = {'complementary': 'complementary', 'ahrs': 'AHRS'}
 """What a filter is called in text; a filter that is not here goes by its own name."""
+
+
+def coefficient_unit(sensor: str, unit: str) -> DisplayUnit:
+    """Return the unit in which people read a coefficient that has an SI unit.
+
+    >>> coefficient_unit('gyroscope', 'rad/s/K').unit, coefficient_unit('magnetometer', 'T').unit
+    ('m°/s/K', 'µT')
+    >>> coefficient_unit('accelerometer', '1/K').unit, coefficient_unit('accelerometer', 's').unit
+    ('ppm/K', 's')
+    """
+    own = SENSOR_UNITS[sensor]
+    if not unit.startswith(own):
+        return RELATIVE_UNITS.get(unit, DisplayUnit(unit, 1.0))
+    rest = unit.removeprefix(own)
+    table: Mapping[str, DisplayUnit] = SMALL_UNITS if rest else DISPLAY_UNITS
+    return DisplayUnit(f'{table[sensor].unit}{rest}', table[sensor].factor)
 
 
 def shown(value: float | None, digits: int = 3) -> str:

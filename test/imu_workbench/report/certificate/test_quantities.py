@@ -11,18 +11,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from imu_workbench.report.certificate.evidence import Evidence
 from imu_workbench.report.certificate.quantities import (
-    Evidence,
     at_reference,
     chord,
     dwell_gradient,
-    line_inputs,
     power_of_kelvin,
-    reference_input,
     temperature_inputs,
 )
+from imu_workbench.report.certificate.references import reference_of_bias
 from imu_workbench.report.laboratory import Laboratory
 from thermal_comp.data.preparation import prepare
+from thermal_comp.effects import EFFECTS
 
 from imu_recording import ImuRecording
 
@@ -33,9 +33,9 @@ def evidence(
     """Return evidence from −10 to 50 °C of runs with these axes up, and what a laboratory says."""
     temperature = np.linspace(-10.0, 50.0, 601)
     left = np.zeros((601, 3)) if residual is None else residual(temperature)[:, None] * np.ones(3)
-    errors = SimpleNamespace(temperature=temperature, residual=lambda _: left)
+    joint = SimpleNamespace(temperature=temperature, residual=left)
     return Evidence(
-        sensor, None, (None,) * len(up), up, None, (errors,), Laboratory(stated), 60.0, None, 20.0
+        sensor, None, (None,) * len(up), up, None, joint, Laboratory(stated), 60.0, None, 20.0
     )
 
 
@@ -51,7 +51,7 @@ def test_a_certificate_of_a_thermometer_counts_twice_between_two_ends() -> None:
 def test_what_nobody_stated_is_said_to_be_missing() -> None:
     inputs, missing = temperature_inputs(evidence(), span=False)
     assert inputs == []
-    assert [text.partition(':')[0] for text in missing] == [
+    assert [one.source for one in missing] == [
         'thermometer calibration',
         'gradient thermometer to die',
     ]
@@ -61,18 +61,18 @@ def test_what_nobody_stated_is_said_to_be_missing() -> None:
 
 
 def test_the_true_input_of_a_bias_is_known_where_gravity_or_rest_tells_it() -> None:
-    runs, reference, (earth,), _ = reference_input(evidence(up=('+x', '+z')), 0)
+    runs, reference, (earth,), _ = reference_of_bias(evidence(up=('+x', '+z')), 0)
     assert (runs, reference) == ([0, 1], {0: 0.0, 1: 0.0})
     assert earth.uncertainty == pytest.approx(7.292e-5 / math.sqrt(3.0), rel=1e-3)
     level = evidence('accelerometer', ('+x', '-z'), mounting={'tilt_half_width': 1.0})
-    runs, _, (tilt,), _ = reference_input(level, 0)
+    runs, _, (tilt,), _ = reference_of_bias(level, 0)
     assert runs == [1]
     assert tilt.uncertainty == pytest.approx(9.80665 * math.sin(math.radians(1.0)) / 3**0.5)
     upright = evidence('accelerometer', ('+x', '-x'))
-    _, reference, _, (warning,) = reference_input(upright, 0)
+    _, reference, _, (warning,) = reference_of_bias(upright, 0)
     assert reference == {0: pytest.approx(9.80665), 1: pytest.approx(-9.80665)}
-    assert 'the axis stood upright' in warning
-    assert reference_input(evidence('magnetometer', ('+x',)), 0)[0] == []
+    assert 'the axis stood upright' in str(warning)
+    assert reference_of_bias(evidence('magnetometer', ('+x',)), 0)[0] == []
 
 
 def test_a_slope_may_be_off_by_what_the_residual_rises_from_end_to_end() -> None:
@@ -84,14 +84,9 @@ def test_a_slope_may_be_off_by_what_the_residual_rises_from_end_to_end() -> None
     assert at_reference(level, 0) == pytest.approx(2e-4 / math.sqrt(3.0))
 
 
-def test_a_field_that_varies_is_part_of_the_slope_of_a_magnetometer_alone() -> None:
-    stated = {'field': {'variation_half_width': 60.0, 'unit': 'nT'}}
-    (_, field), missing = line_inputs(evidence('magnetometer', **stated), 0, 'T/K')
-    assert field.uncertainty == pytest.approx(60e-9 * math.sqrt(2.0 / 3.0) / 60.0)
-    assert missing == []
-    assert line_inputs(evidence('magnetometer'), 0, 'T/K')[1]
-    assert len(line_inputs(evidence('gyroscope', **stated), 0, 'rad/s/K')[0]) == 1
-    assert [power_of_kelvin(u) for u in ('T/K', 'T/K²', 'T/K³', 'T')] == [1, 2, 3, 0]
+def test_the_power_of_kelvin_is_read_from_the_unit() -> None:
+    units = ('T/K', 'T/K²', 'T/K³', 'T', 'rad/s/(K·m/s²)', 'K', 's')
+    assert [power_of_kelvin(u) for u in units] == [1, 2, 3, 0, 1, -1, 0]
 
 
 def test_the_gradient_is_that_of_thermocouple_and_die(run: Callable[..., ImuRecording]) -> None:
@@ -100,3 +95,10 @@ def test_the_gradient_is_that_of_thermocouple_and_die(run: Callable[..., ImuReco
     assert gradient is not None
     assert gradient == pytest.approx(np.full(6, -0.5))  # three dwells of two cycles
     assert dwell_gradient(prepare([replace(recording, device_temperature=None)])) is None
+
+
+def test_one_unit_of_an_effect_is_that_of_all_its_coefficients() -> None:
+    widths = EFFECTS['thermal_hysteresis']((3.0, 8.0))
+    assert widths.units_of_coefficients(2, 'm/s²') == ['m/s²/K', 'm/s²/K']
+    bent = EFFECTS['bias_temperature_curvature']()
+    assert bent.units_of_coefficients(2, 'T') == ['T/K²', 'T/K³']

@@ -9,7 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from imu_recording.recording import PHASES
+from imu_workbench.report.certificate.joint_design import coefficient_columns, place_of
+from imu_workbench.report.certificate.quantities import quantities
 from imu_workbench.report.certificate.replicates import own_terms, replicates
+from imu_workbench.report.laboratory import Laboratory
 from thermal_comp.data.preparation import prepare
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.fit import fit_prepared
@@ -66,3 +69,47 @@ def test_what_a_cycle_cannot_tell_is_not_asked_of_it(
     found = replicates(sensor, runs, 'gyroscope')
     assert found.of(2, 0) is None
     assert found.of(1, 0) is not None
+
+
+def test_the_heater_s_field_is_neither_scatter_nor_form(run: Callable[..., ImuRecording]) -> None:
+    """What the model has of the chamber is taken out before cycles and ends are compared."""
+    recordings = []
+    for seed, up in enumerate('xyz'):
+        recording = run(up=up, seed=seed, cycles=3)
+        heater = ((recording.temperature > 30.0) & (recording.cycle != 2)).astype(float)
+        field = recording.magnetic_field + heater[:, None] * 1e-6
+        recordings.append(replace(recording, heater=heater, magnetic_field=field))
+    runs = prepare(recordings)
+    heated = (LINE, EFFECTS['heater_hard_iron']())
+    model = fit_prepared({'magnetometer': heated}, runs)
+    slopes = replicates(model.sensors['magnetometer'], runs, 'magnetometer').of(0, 0)
+    assert slopes is not None
+    np.testing.assert_allclose(slopes, np.tile([2e-7, -1e-7, 3e-7], (9, 1)), atol=2e-9)
+    up_axes = [r.up_axis for r in recordings]
+    found = quantities(model, runs, up_axes, Laboratory())
+    forms = [
+        row.contribution
+        for slope in found
+        if (slope.sensor, slope.coefficient) == ('magnetometer', 'slope')
+        for row in slope.budget.rows
+        if row.input.source == 'model form'
+    ]
+    assert len(forms) == 3
+    assert max(forms) < 5e-10  # a microtesla in the hot third of 60 K
+
+
+def test_what_runs_have_of_their_own_says_nothing_of_another(
+    run: Callable[..., ImuRecording],
+) -> None:
+    runs = prepare([run(up='x', seed=1, cycles=3), run(up='z', seed=2, cycles=3)])
+    effect = EFFECTS['turn_on_bias']()
+    model = fit_prepared({'gyroscope': (LINE, effect)}, runs)
+    part = model.sensors['gyroscope']
+    values = part.coefficients[1]
+    first, other = (
+        coefficient_columns(runs[0], 'gyroscope', effect, values, place) for place in (0, None)
+    )
+    assert first.any()
+    assert not other.any()
+    renamed = replace(runs[0], name='another')
+    assert [place_of(r, part) for r in (*runs, renamed)] == [0, 1, None]

@@ -16,13 +16,13 @@ from typing import Any
 
 import allantools
 import numpy as np
-from imu_recording.recording import GRAVITY, FloatArray
+from imu_recording.recording import GRAVITY, FloatArray, ImuRecording
 from imu_recording.synchronise import longest_stretch
 from scipy.optimize import nnls
 from scipy.stats import chi2
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
-from thermal_comp.diagnosis.noise_level import chip_references
+from thermal_comp.diagnosis.noise_level import NoiseReference, bandwidth_known, chip_references
 from thermal_comp.model.values import ThermalModel
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS
 
@@ -32,9 +32,11 @@ LEVEL = 0.95
 LEAST_STRETCH_SAMPLES = 64
 """Samples from which a stretch has an Allan deviation worth the name."""
 LEAST_SHARE = 0.5
-"""Share of the variance at its best averaging time that a coefficient must have to be told."""
+"""Share of the variance at its best averaging time from which a coefficient has a lower end."""
 FLICKER = 2.0 * math.log(2.0) / math.pi
 DEGREE, HOUR, MICRO_G = math.degrees(1.0), 3600.0, 1e-6 * GRAVITY
+ONE_SIDED = math.sqrt(2.0)
+"""Density of one-sided white noise over the deviation of its means over a second."""
 COEFFICIENTS: Mapping[str, Mapping[Sensor, tuple[str, str, float]]] = {
     'random_walk': {
         'gyroscope': ('angle random walk', '°/√h', DEGREE * 60.0),
@@ -53,6 +55,12 @@ COEFFICIENTS: Mapping[str, Mapping[Sensor, tuple[str, str, float]]] = {
     },
 }
 """Name, unit and factor from SI of each coefficient of each sensor."""
+DENSITIES: Mapping[Sensor, tuple[str, str, float]] = {
+    'gyroscope': ('noise density', '°/s/√Hz', DEGREE * ONE_SIDED),
+    'accelerometer': ('noise density', 'µg/√Hz', ONE_SIDED / MICRO_G),
+    'magnetometer': ('noise density', 'nT/√Hz', ONE_SIDED * 1e9),
+}
+"""The random walk once more, as a datasheet has it: one-sided."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,14 +119,26 @@ def datasheet_noise(laboratory: Laboratory) -> dict[str, dict[str, float]]:
     As the laboratory states them, else those that are known of a chip in the device's type.
     """
     stated = laboratory.content.get('datasheet', {})
-    kind = re.sub('[^a-z0-9]', '', laboratory.text('device', 'type').lower())
-    chip = next((c for name, c in chip_references().items() if name in kind), None)
+    chip = _chip(laboratory)
     of_chip = {
         sensor: {'random_walk': COEFFICIENTS['random_walk'][sensor][2] * float(noise.white[0])}
         for sensor, noise in (chip.sensors.items() if chip else ())
         if not len(noise.time_constants)  # a density of a datasheet, not a measured device
     }
     return {s: of_chip.get(s, {}) | stated.get(s, {}) for s in SENSORS}
+
+
+def _chip(laboratory: Laboratory) -> NoiseReference | None:
+    """Return the noise of the chip that the device's type names, None where none is held."""
+    kind = re.sub('[^a-z0-9]', '', laboratory.text('device', 'type').lower())
+    return next((c for name, c in chip_references().items() if name in kind), None)
+
+
+def without_density(laboratory: Laboratory) -> str:
+    """Return the device's chip where its datasheet is known to state no density; else ''."""
+    chip = _chip(laboratory)
+    silent = chip and all(len(noise.time_constants) for noise in chip.sensors.values())
+    return chip.name if chip and silent else ''
 
 
 def allan_content(found: Deviations, datasheet: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -129,8 +149,11 @@ def allan_content(found: Deviations, datasheet: Mapping[str, Any]) -> list[dict[
     rows = []
     for sensor, axes in found.items():
         fitted = [coefficients(one) if one else {} for one in axes]
-        for key, units in COEFFICIENTS.items():
-            name, unit, factor = units[sensor]
+        stated = datasheet.get(sensor, {})
+        keyed = [(key, units[sensor]) for key, units in COEFFICIENTS.items()]
+        keyed.insert(1, ('random_walk', DENSITIES[sensor]))
+        for key, (name, unit, factor) in keyed:
+            to_si = 1.0 / COEFFICIENTS[key][sensor][2]
             rows.append(
                 {
                     'sensor': sensor,
@@ -140,10 +163,22 @@ def allan_content(found: Deviations, datasheet: Mapping[str, Any]) -> list[dict[
                         [factor * value for value in found[key]] if key in found else None
                         for found in fitted
                     ],
-                    'datasheet': datasheet.get(sensor, {}).get(key),
+                    'datasheet': stated[key] * to_si * factor if key in stated else None,
                 }
             )
     return rows
+
+
+def rows_note(recordings: Sequence[ImuRecording]) -> str:
+    """Return what the rows' averaging leaves open about white noise; '' where it is known."""
+    if bandwidth_known(recordings):
+        return ''
+    period = max(float(np.median(np.diff(r.stamp))) * 1e-9 for r in recordings if len(r) > 1)
+    return (
+        f'Rows are up to {period:.3g} s apart and do not say whether they are means or single '
+        'samples. White noise is that of the rows: of means the sensor’s own, of single samples '
+        'it also holds what folds from higher frequencies, so that the sensor’s is less.'
+    )
 
 
 def left_over(
@@ -209,10 +244,12 @@ def noise_type(tau: float, taus: FloatArray, deviation: FloatArray) -> int:
 
 
 def coefficients(found: AllanDeviation) -> dict[str, tuple[float, float, float]]:
-    """Return value and 95 % interval of the coefficients that the data tell, SI units.
+    """Return value and 95 % interval of every coefficient, SI units.
 
     Nonnegative least squares of the variance, each averaging time weighted by its degrees of
-    freedom; the interval is that of the deviation where the coefficient's share is largest.
+    freedom; the interval is that of the deviation where the coefficient's share is largest. One
+    that makes less than half of the variance everywhere is known from above only: none can make
+    more of it than there is at any averaging time.
     """
     taus = found.taus
     columns = np.column_stack([1.0 / taus, np.full(len(taus), FLICKER), taus / 3.0])
@@ -223,11 +260,14 @@ def coefficients(found: AllanDeviation) -> dict[str, tuple[float, float, float]]
     share = columns * squares
     share /= share.sum(axis=1, keepdims=True)
     result = {}
+    most = found.interval()[1][:, None] / np.sqrt(columns)
     for k, key in enumerate(COEFFICIENTS):
         best = int(np.argmax(share[:, k]))
-        if share[best, k] < LEAST_SHARE:
-            continue
         value, degrees = math.sqrt(squares[k]), found.degrees[best]
+        if share[best, k] < LEAST_SHARE:
+            bound = float(most[:, k].min())
+            result[key] = (min(value, bound), 0.0, bound)
+            continue
         low, high = (
             value * math.sqrt(degrees / chi2.ppf(p, degrees))
             for p in (0.5 + LEVEL / 2.0, 0.5 - LEVEL / 2.0)

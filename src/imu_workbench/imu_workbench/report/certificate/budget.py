@@ -8,12 +8,12 @@ components, combined uncertainty and effective degrees of freedom follow from it
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
-from GTC import component, dof, uncertainty, ureal
+from GTC import component, dof, multiple_ureal, uncertainty, ureal
 from imu_recording.recording import FloatArray, IntArray
 from scipy.stats import t as student
 
@@ -21,7 +21,17 @@ MONTE_CARLO_DRAWS = 20_000
 LEVEL = 0.95
 """Coverage of the interval whose factor is k95."""
 Shape = Literal['normal', 'rectangular']
-Kind = Literal['offset', 'temperature', 'span']
+Kind = Literal['offset', 'temperature', 'span', 'input']
+SOURCES = (
+    'thermometer calibration',
+    'gradient thermometer to die',
+    'reference',
+    'noise',
+    'repeatability',
+    'run to run',
+    'model form',
+)
+"""What every budget accounts for; a source's name begins with one of them."""
 
 
 @dataclass(frozen=True)
@@ -36,15 +46,32 @@ class Input:
     """Of freedom."""
     kind: Kind = 'offset'
     """offset: adds to the value; temperature: an error of every temperature; span: an error of
-    the difference between the ends of the temperature range [K]."""
+    the difference between the ends of the temperature range [K]; input: relative error of the
+    true input."""
     shape: Shape = 'normal'
+    scatter: bool = False
+    """Part of one mean square with the other inputs that say so, in which its share of the
+    freedom lies: their degrees are those of their sum."""
+
+
+@dataclass(frozen=True)
+class Uncounted:
+    """A source that acts on a coefficient and is not counted."""
+
+    source: str
+    word: Literal['not stated', 'not told']
+    """By the laboratory, or by the data."""
+    detail: str = ''
+
+    def __str__(self) -> str:
+        return f'{self.source} {self.word}' + (f', {self.detail}' if self.detail else '')
 
 
 @dataclass(frozen=True)
 class Measurand:
     """How a coefficient depends on its inputs.
 
-    y = (x + Σ offsets − slope · Σ temperatures) / (1 + Σ spans / range)^power
+    y = (x + Σ offsets − slope · Σ temperatures) / (1 + Σ spans / range)^power / (1 + Σ inputs)
     """
 
     value: float
@@ -53,15 +80,16 @@ class Measurand:
     span: float = math.inf
     """Range of temperature it was found over [K]."""
     power: int = 0
-    """Power of 1/K in its unit."""
+    """Power of 1/K in its unit; −1 where it is a difference of temperatures."""
 
     def of(self, inputs: Sequence[Input], values: Sequence[Any]) -> Any:
         """Return y for values of the inputs: numbers, arrays or uncertain numbers."""
-        by_kind: dict[str, Any] = {'offset': 0.0, 'temperature': 0.0, 'span': 0.0}
+        by_kind: dict[str, Any] = dict.fromkeys(get_args(Kind), 0.0)
         for item, value in zip(inputs, values, strict=True):
             by_kind[item.kind] = by_kind[item.kind] + value
         top = self.value + by_kind['offset'] - self.slope * by_kind['temperature']
-        return top / (1.0 + by_kind['span'] / self.span) ** self.power
+        felt = (1.0 + by_kind['span'] / self.span) ** self.power * (1.0 + by_kind['input'])
+        return top / felt
 
 
 @dataclass(frozen=True)
@@ -84,8 +112,10 @@ class Budget:
     """Combined standard uncertainty."""
     degrees: float
     """Effective degrees of freedom (Welch–Satterthwaite)."""
-    not_included: tuple[str, ...]
-    """Sources that could not be counted, and why."""
+    uncounted: tuple[Uncounted, ...]
+    others: Mapping[str, str]
+    """Sources without a row: `not stated`, `not told`, `none seen` (no scatter beyond that of the
+    sources before), `does not act`."""
     monte_carlo: float
     """Standard deviation of a Monte Carlo propagation of the same inputs."""
 
@@ -116,7 +146,8 @@ class Budget:
             'degrees': self.degrees,
             'coverage_factor': self.coverage_factor,
             'monte_carlo': self.monte_carlo,
-            'not_included': list(self.not_included),
+            'not_included': [str(one) for one in self.uncounted],
+            'others': dict(self.others),
             'rows': [
                 {
                     'source': row.input.source,
@@ -136,14 +167,17 @@ def budget_of(
     measurand: Measurand,
     unit: str,
     inputs: Sequence[Input],
-    not_included: Sequence[str] = (),
+    uncounted: Sequence[Uncounted] = (),
     *,
     draws: int = MONTE_CARLO_DRAWS,
     seed: int = 0,
 ) -> Budget:
-    """Return the budget of a coefficient; inputs without uncertainty are no lines of it."""
+    """Return the budget of a coefficient; inputs without uncertainty are no lines of it.
+
+    Raises ValueError where an input has fewer degrees of freedom than one.
+    """
     used = [item for item in inputs if item.uncertainty > 0.0]
-    numbers = [ureal(0.0, item.uncertainty, max(1.0, item.degrees)) for item in used]
+    numbers = uncertain_numbers(used)
     result = measurand.of(used, numbers)
     return Budget(
         measurand.value,
@@ -151,9 +185,37 @@ def budget_of(
         tuple(Row(i, abs(component(result, x))) for i, x in zip(used, numbers, strict=True)),
         float(uncertainty(result)) if used else 0.0,
         float(dof(result)) if used else math.inf,
-        tuple(not_included),
+        tuple(uncounted),
+        without_row(inputs, uncounted),
         monte_carlo(measurand, used, draws=draws, seed=seed) if used else 0.0,
     )
+
+
+def without_row(inputs: Sequence[Input], uncounted: Sequence[Uncounted]) -> dict[str, str]:
+    """Return a word for every source of `SOURCES` that gives no contribution.
+
+    >>> without_row([Input('noise', 1.0, 'K')], [Uncounted('reference: tilt', 'not stated')])[
+    ...     'reference: tilt'
+    ... ]
+    'not stated'
+    """
+    found: dict[str, str] = {one.source: one.word for one in uncounted}
+    found |= {item.source: 'none seen' for item in inputs if not item.uncertainty > 0.0}
+    named = [*found, *(item.source for item in inputs)]
+    silent = [s for s in SOURCES if not any(name.startswith(s) for name in named)]
+    return found | dict.fromkeys(silent, 'does not act')
+
+
+def uncertain_numbers(inputs: Sequence[Input]) -> list[Any]:
+    """Return an uncertain number per input; those of one mean square share its freedom."""
+    numbers = [ureal(0.0, item.uncertainty, item.degrees) for item in inputs]
+    parts = [k for k, item in enumerate(inputs) if item.scatter]
+    if parts and math.isfinite(inputs[parts[0]].degrees):
+        widths = [inputs[k].uncertainty for k in parts]
+        together = multiple_ureal([0.0] * len(parts), widths, inputs[parts[0]].degrees)
+        for k, number in zip(parts, together, strict=True):
+            numbers[k] = number
+    return numbers
 
 
 def monte_carlo(measurand: Measurand, inputs: Sequence[Input], *, draws: int, seed: int) -> float:
@@ -177,43 +239,44 @@ def scatter_inputs(
     run: IntArray,
     unit: str,
     parts: str = 'cycles',
-) -> tuple[list[Input], list[str]]:
+) -> tuple[list[Input], list[Uncounted]]:
     """Return noise, repeatability over parts of runs and run-to-run, and what could not be told.
 
     Nested analysis of variance of the (k,) values of single parts in their runs (k,): each level
-    counts for what it scatters beyond the one below it, so that nothing is counted twice. The
-    degrees of freedom of a difference of mean squares are Satterthwaite's.
+    counts for what it scatters beyond the one below it, so that nothing is counted twice. Their
+    sum is the largest mean square, and has its degrees of freedom.
     """
-    inputs = [Input('noise', noise, unit, noise_degrees)]
-    missing: list[str] = []
+    squares = [('noise', noise**2, noise_degrees)]
+    missing: list[Uncounted] = []
     groups = [values[run == r] for r in np.unique(run)]
     counts = np.array([len(group) for group in groups])
     within = float(counts.sum() - len(groups))
-    known, known_degrees = noise**2, noise_degrees
+    repeatability = f'repeatability over {parts}'
     if within > 0:
         square = sum(float(((g - g.mean()) ** 2).sum()) for g in groups) / within
-        mean_square = square / counts.sum()
-        inputs += _beyond(
-            f'repeatability over {parts}', mean_square, within, known, known_degrees, unit
-        )
-        if mean_square > known:
-            known, known_degrees = mean_square, within
+        squares.append((repeatability, square / counts.sum(), within))
     else:
-        missing.append(f'repeatability over {parts}: one alone does not tell it')
+        missing.append(Uncounted(repeatability, 'not told', 'one alone does not tell it'))
     if len(groups) > 1:
         between = float(np.var([g.mean() for g in groups], ddof=1)) / len(groups)
-        inputs += _beyond('run to run', between, len(groups) - 1.0, known, known_degrees, unit)
+        squares.append(('run to run', between, len(groups) - 1.0))
     else:
-        missing.append('run to run: not told by the runs of this coefficient')
-    return inputs, missing
+        missing.append(Uncounted('run to run', 'not told', 'no two runs tell it alone'))
+    return _nested(squares, unit), missing
 
 
-def _beyond(
-    source: str, square: float, degrees: float, known: float, known_degrees: float, unit: str
-) -> list[Input]:
-    """Return the input for what a variance of the mean exceeds the known one by."""
-    excess = square - known
-    if excess <= 0.0:
-        return [Input(source, 0.0, unit)]
-    spread = square**2 / degrees + known**2 / known_degrees
-    return [Input(source, math.sqrt(excess), unit, excess**2 / spread)]
+def _nested(squares: Sequence[tuple[str, float, float]], unit: str) -> list[Input]:
+    """Return an input per level: what its mean square exceeds the largest below it by.
+
+    As the levels add up to the largest mean square, what is not known of the lower ones cancels:
+    each has the degrees of freedom of that one.
+    """
+    widths, known, degrees = [], 0.0, math.inf
+    for _, square, own in squares:
+        widths.append(math.sqrt(max(0.0, square - known)))
+        if square > known:
+            known, degrees = square, own
+    return [
+        Input(source, width, unit, degrees, scatter=True)
+        for (source, _, _), width in zip(squares, widths, strict=True)
+    ]

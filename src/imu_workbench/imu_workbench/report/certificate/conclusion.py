@@ -10,8 +10,6 @@ from typing import Any
 from thermal_comp.comparison.compare import SensorComparison
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.diagnosis.findings import form_approximate
-from thermal_comp.effects.effect import COUNT
-from thermal_comp.model.values import fitted_shapes
 from thermal_comp.presentation.diagnosis import verdict_line
 from thermal_comp.presentation.display import fixed, shown, with_uncertainty
 
@@ -22,6 +20,7 @@ NAMED_STEPS = {'pass': 'kept', 'fail': 'not kept', 'undecided': 'not decided'}
 
 def conclusion(
     certified: Certified,
+    shapes: Sequence[Mapping[str, Any]],
     errors: Sequence[Mapping[str, Any]],
     decisions: Sequence[Mapping[str, Any]],
     diagnosis: Mapping[str, Any] | None,
@@ -31,7 +30,7 @@ def conclusion(
     ratios = [row for row in errors if math.isfinite(row['ratio'])]
     worst = max(ratios, key=lambda row: row['ratio'], default=None)
     text = f'Between {fixed(span[0], 1)} and {fixed(span[1], 1)} °C a line per axis'
-    named = shape_texts(certified, approximate_forms(certified, diagnosis))
+    named = shape_texts(certified, shapes, approximate_forms(certified, diagnosis))
     if named:
         text = f'{text}, with {", ".join(named)},'
     if worst:
@@ -65,9 +64,10 @@ def approximate_forms(certified: Certified, diagnosis: Mapping[str, Any] | None)
     return {name: form_approximate(parts) for name, parts in found.items() if name in added}
 
 
-def shape_texts(certified: Certified, approximate: Mapping[str, str]) -> list[str]:
+def shape_texts(
+    certified: Certified, shapes: Sequence[Mapping[str, Any]], approximate: Mapping[str, str]
+) -> list[str]:
     """Return every effect beyond the line with its sensors, shape parameters, approximate form."""
-    shapes = fitted_shapes(certified.model)
     sensors: dict[str, list[str]] = {}
     for sensor, part in certified.model.sensors.items():
         for effect in part.effects:
@@ -76,9 +76,11 @@ def shape_texts(certified: Certified, approximate: Mapping[str, str]) -> list[st
     result = []
     for name, where in sensors.items():
         values = [
-            f'{s["parameter"].replace("_", " ")} {_expanded(s)} {s["unit"]}'
+            f'{parameter.replace("_", " ")} {with_uncertainty(s["value"], s.get("expanded"))} '
+            f'{s["unit"]}'
             for s in shapes
-            if s['effect'] == name and s['unit'] != COUNT and not isinstance(s['value'], list)
+            for effect, _, parameter in [s['coefficient'].partition(': ')]
+            if effect == name and not parameter[-1].isdigit()
         ]
         details = [f'{"; ".join(dict.fromkeys(values))}, k = 2'] if values else []
         if name in approximate:
@@ -86,11 +88,6 @@ def shape_texts(certified: Certified, approximate: Mapping[str, str]) -> list[st
         detail = f' ({"; ".join(details)})' if details else ''
         result.append(f'{name.replace("_", " ")} of the {" and ".join(where)}{detail}')
     return result
-
-
-def _expanded(shape: Mapping[str, Any]) -> str:
-    """Return value ± U at k = 2 of a shape parameter."""
-    return with_uncertainty(shape['value'], None if shape['std'] is None else 2.0 * shape['std'])
 
 
 def still_missing(certified: Certified, diagnosis: Mapping[str, Any] | None) -> str:

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -27,8 +28,11 @@ from imu_workbench.report.certificate.allan import (
     allan_curves,
     allan_deviations,
     datasheet_noise,
+    rows_note,
+    without_density,
 )
 from imu_workbench.report.certificate.conclusion import conclusion
+from imu_workbench.report.certificate.joint_design import shape_labels
 from imu_workbench.report.certificate.quantities import Quantity, quantities
 from imu_workbench.report.certificate.recordings import (
     conditions,
@@ -73,10 +77,13 @@ def certificate(
     recordings = [run.recording for run in analysis.runs if run.device == device]
     hashes = {run.name: run.hash for run in analysis.runs}
     up_axes = {recording.run: recording.up_axis for recording in recordings}
-    found = quantities(
+    every = quantities(
         certified.model, certified.runs, [up_axes.get(r.name, '') for r in certified.runs],
         laboratory,
     )  # fmt: skip
+    found = [q for q in every if not q.shape]
+    shapes = [quantity_content(q) for q in every if q.shape]
+    shapes += shapes_without_uncertainty(certified, every)
     decisions = decided(found, limits)
     simulated = laboratory.simulated or any(recording.simulated for recording in recordings)
     errors = error_content(certified)
@@ -109,33 +116,48 @@ def certificate(
             'deviations': laboratory.text('deviations'),
             'chamber': laboratory.instrument('chamber'),
             'thermometer': laboratory.instrument('thermometer'),
+            'references': references(laboratory, recordings),
         },
         'recordings': [recording_row(r, hashes.get(r.run, '')) for r in recordings],
         'losses': losses(recordings),
         'conditions': conditions(recordings, low, high),
         'equations': equations(certified),
         'method': method(
-            certified, recordings, found, in_chamber=bool(laboratory.content.get('chamber'))
+            certified, recordings, every, in_chamber=bool(laboratory.content.get('chamber'))
         ),
         'reference_temperature': certified.model.reference_temperature,
         'quantities': [quantity_content(q) for q in found],
         'not_determined': not_determined(found, certified),
-        'shapes': fitted_shapes(certified.model),
+        'shapes': shapes,
         'errors': errors,
         'residuals': residuals(certified),
         'allan': allan_content(deviations, datasheet_noise(laboratory)),
+        'allan_rows': rows_note(recordings),
+        'without_density': without_density(laboratory),
         'allan_deviation': allan_curves(deviations),
         'period': certified.comparison.period,
-        'not_included': sorted({text for q in found for text in q.budget.not_included}),
+        'not_included': not_included(every),
         'decisions': decisions,
         'without_result': without_result(decisions, limits),
         'rule': RULES[limits.rule] if limits else '',
         'limits_source': limits.source if limits else '',
         'validity': validity(recordings, low, high),
-        'monte_carlo_deviation': monte_carlo_deviation(found),
+        'monte_carlo_deviation': monte_carlo_deviation(every),
         'added': list(certified.added),
-        'conclusion': conclusion(certified, errors, decisions, diagnosis, (low, high)),
+        'conclusion': conclusion(certified, shapes, errors, decisions, diagnosis, (low, high)),
     }
+
+
+def references(laboratory: Laboratory, recordings: Sequence[ImuRecording]) -> dict[str, str]:
+    """Return what is said about the reference of each sensor; the gradient as the budgets have it.
+
+    Where a thermocouple was logged it tells the gradient that nobody stated.
+    """
+    stated = laboratory.references()
+    logged = all(r.device_temperature is not None for r in recordings)
+    if laboratory.gradient is None and logged:
+        stated['gradient thermometer to die'] = 'by the thermocouple in the recordings'
+    return stated
 
 
 def method(
@@ -213,6 +235,43 @@ def quantity_content(quantity: Quantity) -> dict[str, Any]:
         'detection_limit': quantity.detection_limit,
         **quantity.budget.to_dict(),
     }
+
+
+def shapes_without_uncertainty(
+    certified: Certified, found: Sequence[Quantity]
+) -> list[dict[str, Any]]:
+    """Return the shape parameters whose uncertainty the model does not have."""
+    told = {(q.sensor, q.coefficient) for q in found}
+    rows = []
+    for shape in fitted_shapes(certified.model):
+        values = shape['value'] if isinstance(shape['value'], list) else [shape['value']]
+        labels = shape_labels(shape['effect'], shape['parameter'], len(values))
+        for label, value in zip(labels, values, strict=True):
+            if (shape['sensor'], label) not in told:
+                rows.append(
+                    {
+                        'sensor': shape['sensor'],
+                        'axis': 'all',
+                        'coefficient': label,
+                        'value': value,
+                        'unit': shape['unit'],
+                    }
+                )
+    return rows
+
+
+def not_included(found: Sequence[Quantity]) -> list[str]:
+    """Return what acts on some results and is not counted, with the results it acts on."""
+    named: dict[str, dict[str, dict[str, None]]] = {}
+    for quantity in found:
+        name = re.split(', |: ', quantity.coefficient)[0].replace('_', ' ')
+        for one in quantity.budget.uncounted:
+            of_sensor = named.setdefault(str(one), {}).setdefault(quantity.sensor, {})
+            of_sensor[name] = None
+    return [
+        f'{text} ({"; ".join(f"{s} {', '.join(names)}" for s, names in sensors.items())})'
+        for text, sensors in sorted(named.items())
+    ]
 
 
 def not_determined(found: Sequence[Quantity], certified: Certified) -> list[str]:

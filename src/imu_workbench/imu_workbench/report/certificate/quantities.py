@@ -4,34 +4,37 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from imu_recording.recording import PHASES, SENSOR_UNITS, FloatArray
-from thermal_comp.data.conditions import EARTH_RATE, Sensor
+from imu_recording.recording import PHASES, SENSOR_UNITS, FloatArray, IntArray
+from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
-from thermal_comp.model.values import SensorModel, ThermalModel
-from thermal_comp.noise.process import mean_autocovariance
+from thermal_comp.effects.effect import Effect
+from thermal_comp.model.values import ThermalModel
 
 from imu_workbench.report.certificate.budget import (
     Budget,
     Input,
     Kind,
     Measurand,
+    Uncounted,
     budget_of,
     scatter_inputs,
 )
-from imu_workbench.report.certificate.replicates import Replicates, replicates
+from imu_workbench.report.certificate.evidence import AXES, Evidence
+from imu_workbench.report.certificate.joint_design import JointDesign
+from imu_workbench.report.certificate.references import reference_of_bias, reference_of_unknown
+from imu_workbench.report.certificate.replicates import replicates
 from imu_workbench.report.laboratory import Laboratory
-from imu_workbench.report.modelled import RunErrors, errors_of_run
 
 END_SHARE = 0.1
 """Share of the temperature range at each end that counts as its end."""
 NEAR_REFERENCE_K = 2.5
 """Blocks so near the reference temperature tell how well the model's level stands there [K]."""
-AXES = 'xyz'
 
 
 @dataclass(frozen=True)
@@ -41,47 +44,16 @@ class Quantity:
     sensor: Sensor
     axis: str
     coefficient: str
-    """`bias`, `slope`, or the name of an effect, with the symbol of its column where several."""
+    """`bias`, `slope`, or the name of an effect, with the symbol of its column where several; of a
+    shape parameter the effect's and its own name, `thermal_lag: time_constant`."""
     budget: Budget
     detection_limit: float = math.nan
     """Smallest true value told from zero with 5 % of errors of both kinds (ISO 11843-1)."""
 
-
-@dataclass(frozen=True, eq=False)
-class Evidence:
-    """What the budgets of one sensor are computed from."""
-
-    sensor: Sensor
-    model: SensorModel
-    runs: tuple[PreparedRun, ...]
-    up_axes: tuple[str, ...]
-    """Of each run; '' unknown."""
-    repeated: Replicates
-    errors: tuple[RunErrors, ...]
-    laboratory: Laboratory
-    span: float
-    """Range of die temperature [K]."""
-    gradient: FloatArray | None
-    """Thermocouple minus die temperature of each dwell [K]; None: no thermocouple was logged."""
-    reference_temperature: float
-
     @property
-    def slope(self) -> FloatArray:
-        """(3,) slope of the bias over temperature, zero where the model has none."""
-        for effect, coefficients in zip(self.model.effects, self.model.coefficients, strict=True):
-            if isinstance(effect, BiasTemperature):
-                return np.asarray(coefficients[0])
-        return np.zeros(3)
-
-    def noise_degrees(self, axis: int) -> float:
-        """Return the degrees of freedom of the noise's variance: n / Σ ρ² less one (Bartlett)."""
-        assert self.model.noise is not None  # noqa: S101 (every fit has one)
-        degrees = 0.0
-        for run in self.runs:
-            covariance = mean_autocovariance(self.model.noise, axis, run.period, len(run))
-            rho = covariance / covariance[0] if covariance[0] > 0.0 else np.eye(1, len(run))[0]
-            degrees += len(run) / (2.0 * float((rho**2).sum()) - 1.0)
-        return max(1.0, degrees - 1.0)
+    def shape(self) -> bool:
+        """Whether it is a shape parameter: a time constant, a width."""
+        return ': ' in self.coefficient
 
 
 def quantities(
@@ -90,12 +62,11 @@ def quantities(
     up_axes: Sequence[str],
     laboratory: Laboratory,
 ) -> list[Quantity]:
-    """Return every coefficient of the device effects of a model, with its budget.
+    """Return every coefficient of the device effects of a model and every shape parameter.
 
     `up_axes` are those of the runs, '' where not known.
     """
     found: list[Quantity] = []
-    errors = tuple(errors_of_run(run, model) for run in runs)
     for sensor, part in model.sensors.items():
         name: Sensor = sensor  # type: ignore[assignment]
         seen = [run for run in runs if np.isfinite(run.measured[name]).any()]
@@ -108,13 +79,14 @@ def quantities(
             tuple(runs),
             tuple(up_axes),
             replicates(part, runs, name),
-            errors,
+            JointDesign.of(part, runs, name),
             laboratory,
             high - low,
             dwell_gradient(runs),
             model.reference_temperature,
         )
-        found += [*biases(evidence), *coefficients_of(evidence)]
+        fitted = [*coefficients_of(evidence), *shapes_of(evidence)]
+        found += [*biases(evidence), *(budgeted(evidence, one) for one in fitted)]
     return found
 
 
@@ -140,7 +112,7 @@ def biases(evidence: Evidence) -> Iterator[Quantity]:
     """Give the bias at the reference temperature of each axis whose true input is known."""
     unit = SENSOR_UNITS[evidence.sensor]
     for axis in range(3):
-        used, reference, inputs, missing = reference_input(evidence, axis)
+        used, reference, inputs, missing = reference_of_bias(evidence, axis)
         if not used:
             continue
         repeated = evidence.repeated
@@ -180,46 +152,18 @@ def biases(evidence: Evidence) -> Iterator[Quantity]:
         yield Quantity(evidence.sensor, AXES[axis], 'bias', budget)
 
 
-def reference_input(
-    evidence: Evidence, axis: int
-) -> tuple[list[int], dict[int, float], list[Input], list[str]]:
-    """Return the runs that tell a bias, the true input in each, its inputs, what is missing.
-
-    Gyroscope: at rest, the Earth's rotation within its bounds. Accelerometer: horizontal, where a
-    run has the axis so, else gravity. Magnetometer: none, the field is not known to nanotesla.
-    """
-    everything = list(range(len(evidence.runs)))
-    if evidence.sensor == 'gyroscope':
-        earth = Input('Earth rate', EARTH_RATE / math.sqrt(3.0), 'rad/s', shape='rectangular')
-        return everything, dict.fromkeys(everything, 0.0), [earth], []
-    if evidence.sensor != 'accelerometer' or not all(evidence.up_axes):
-        return [], {}, [], []
-    gravity, spread, _ = evidence.laboratory.gravity
-    level = [r for r, up in enumerate(evidence.up_axes) if up[1] != AXES[axis]]
-    if level:
-        tilt = evidence.laboratory.tilt
-        if tilt is None:
-            return level, dict.fromkeys(level, 0.0), [], ['tilt of the mounting: not stated']
-        own = Input('reference: tilt', gravity * math.sin(tilt) / math.sqrt(3.0), 'm/s²',
-                    shape='rectangular')  # fmt: skip
-        return level, dict.fromkeys(level, 0.0), [own], []
-    signs = {r: 1.0 if up[0] == '+' else -1.0 for r, up in enumerate(evidence.up_axes)}
-    own = Input('reference: gravity', spread, 'm/s²')
-    scale = 'scale factor at the reference temperature: part of this bias, the axis stood upright'
-    return everything, {r: sign * gravity for r, sign in signs.items()}, [own], [scale]
-
-
-def temperature_inputs(evidence: Evidence, *, span: bool) -> tuple[list[Input], list[str]]:
+def temperature_inputs(evidence: Evidence, *, span: bool) -> tuple[list[Input], list[Uncounted]]:
     """Return what thermometer and gradient contribute, and what is not known of them.
 
     `span`: to the difference between the ends of the range, else to every temperature.
     """
     kind: Kind = 'span' if span else 'temperature'
     factor = math.sqrt(2.0) if span else 1.0
-    inputs, missing = [], []
+    inputs: list[Input] = []
+    missing: list[Uncounted] = []
     calibration = evidence.laboratory.standard_uncertainty('thermometer')
     if calibration is None:
-        missing.append('thermometer calibration: not stated')
+        missing.append(Uncounted('thermometer calibration', 'not stated'))
     else:
         inputs.append(Input('thermometer calibration', factor * calibration, 'K', kind=kind))
     gradient, half = evidence.gradient, evidence.laboratory.gradient
@@ -232,7 +176,9 @@ def temperature_inputs(evidence: Evidence, *, span: bool) -> tuple[list[Input], 
         spread, degrees = float(size), math.inf if not span else float(len(gradient) - 1)
         spread = spread if span else spread / math.sqrt(3.0)
     else:
-        missing.append('gradient thermometer to die: no thermocouple logged, nothing stated')
+        missing.append(
+            Uncounted('gradient thermometer to die', 'not stated', 'no thermocouple was logged')
+        )
         return inputs, missing
     inputs.append(
         Input('gradient thermometer to die', spread, 'K', degrees, kind=kind,
@@ -241,86 +187,120 @@ def temperature_inputs(evidence: Evidence, *, span: bool) -> tuple[list[Input], 
     return inputs, missing
 
 
-def coefficients_of(evidence: Evidence) -> Iterator[Quantity]:
-    """Give every coefficient of the device effects, axis by axis; shared ones once."""
-    start = 0
-    for i, (effect, values) in enumerate(
-        zip(evidence.model.effects, evidence.model.coefficients, strict=True)
-    ):
-        size = values.size
-        variance = np.diag(evidence.model.covariance)[start : start + size].reshape(values.shape)
-        start += size
-        if effect.kind != 'device' or effect.per_run:
-            continue
-        shared = values.ndim == 1
-        for column, label in enumerate(effect.coefficient_labels(len(values))):
-            units = effect.coefficient_units
-            unit = (units[column] if column < len(units) else '').format(
-                unit=SENSOR_UNITS[evidence.sensor]
-            )
-            linear = isinstance(effect, BiasTemperature)
-            name = 'slope' if linear else label
-            for axis in range(1 if shared else 3):
-                place = (column,) if shared else (column, axis)
-                fitted = Fitted(
-                    name,
-                    unit,
-                    float(values[place]),
-                    math.sqrt(max(0.0, float(variance[place]))),
-                    None if shared else evidence.repeated.of(i, column),
-                )
-                yield _coefficient(evidence, fitted, axis, shared=shared, linear=linear)
-
-
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """One coefficient of one axis as it was fitted."""
+    """A coefficient of an axis, or a shape parameter, as it was fitted."""
 
     name: str
+    axis: str
+    """`all` where the axes share it."""
     unit: str
     value: float
     noise: float
     """Standard uncertainty of the fit [unit]."""
-    repeated: FloatArray | None
-    """(k, 3) from single parts, of all axes."""
+    noise_degrees: float
+    unknown: int
+    """Its place in the joint design."""
+    effect: Effect | None
+    """Whose coefficient it is; None for a shape parameter."""
+    changes: FloatArray
+    """(k,) of its value to those of single parts [unit]."""
+    run: IntArray
+    """(k,) number of the run of each part."""
+    form: float | None
+    """Standard uncertainty of the model's form, None where not told [unit]."""
 
 
-def _coefficient(
-    evidence: Evidence, fitted: Fitted, axis: int, *, shared: bool, linear: bool
-) -> Quantity:
-    degrees, unit = evidence.noise_degrees(axis), fitted.unit
-    if fitted.repeated is None:
-        scatter = [Input('noise', fitted.noise, unit, degrees)]
-        untold = ['repeatability and run to run of coefficients that no part of a run tells alone']
-    else:
-        values = fitted.repeated[:, axis]
-        scatter, untold = scatter_inputs(
-            fitted.noise, degrees, values, evidence.repeated.run, unit, evidence.repeated.parts
-        )
-    power = power_of_kelvin(unit)
-    warmth, unknown = temperature_inputs(evidence, span=True) if power else ([], [])
-    others, unstated = line_inputs(evidence, axis, unit) if linear else ([], [])
+def coefficients_of(evidence: Evidence) -> Iterator[Fitted]:
+    """Give every coefficient of the device effects, axis by axis; shared ones once."""
+    deviation = np.sqrt(np.maximum(np.diag(evidence.model.covariance), 0.0))
+    stop = 0
+    for i, (effect, values) in enumerate(
+        zip(evidence.model.effects, evidence.model.coefficients, strict=True)
+    ):
+        start, stop = stop, stop + values.size
+        unknowns = np.arange(start, stop).reshape(values.shape)
+        if effect.kind != 'device' or effect.per_run:
+            continue
+        shared = values.ndim == 1
+        linear = isinstance(effect, BiasTemperature)
+        units = effect.units_of_coefficients(len(values), SENSOR_UNITS[evidence.sensor])
+        for column, label in enumerate(effect.coefficient_labels(len(values))):
+            repeated = None if shared else evidence.repeated.of(i, column)
+            for axis in range(1 if shared else 3):
+                place = (column,) if shared else (column, axis)
+                unknown, value = int(unknowns[place]), float(values[place])
+                if repeated is None:
+                    changes, run = evidence.joint.scatter_of(unknown)
+                else:
+                    changes, run = repeated[:, axis] - value, evidence.repeated.run
+                yield Fitted(
+                    'slope' if linear else label,
+                    'all' if shared else AXES[axis],
+                    units[column],
+                    value,
+                    float(deviation[unknown]),
+                    evidence.noise_degrees(axis),
+                    unknown,
+                    effect,
+                    changes,
+                    run,
+                    chord(evidence, axis) if linear else parts_differ(changes),
+                )
+
+
+def shapes_of(evidence: Evidence) -> Iterator[Fitted]:
+    """Give every shape parameter of the model."""
+    degrees = min(evidence.noise_degrees(axis) for axis in range(3))
+    for k, shape in enumerate(evidence.joint.shapes):
+        unknown = evidence.joint.coefficients + k
+        changes, run = evidence.joint.scatter_of(unknown)
+        yield Fitted(
+            shape.label, 'all', shape.unit, shape.value, shape.std, degrees, unknown, None,
+            changes, run, parts_differ(changes),
+        )  # fmt: skip
+
+
+def budgeted(evidence: Evidence, fitted: Fitted) -> Quantity:
+    """Return a coefficient or shape parameter with its budget.
+
+    What has a power of kelvin in its unit feels the scale of the thermometer, a temperature its
+    offset. Times and rates feel neither: the coefficients take them up.
+    """
+    unit = fitted.unit
+    scatter, untold = scatter_inputs(
+        fitted.noise, fitted.noise_degrees, fitted.changes, fitted.run, unit,
+        evidence.repeated.parts,
+    )  # fmt: skip
+    power, level = power_of_kelvin(unit), unit == '°C'
+    warmth, unknown = temperature_inputs(evidence, span=not level) if power or level else ([], [])
+    reference, unstated = reference_of_unknown(
+        evidence, fitted.effect, fitted.unknown, fitted.value, unit
+    )
+    form = Input('model form', fitted.form or 0.0, unit, shape='rectangular')
+    unseen = Uncounted('model form', 'not told', 'fewer than two parts of the runs tell it')
+    told = fitted.form is not None
     budget = budget_of(
-        Measurand(fitted.value, span=evidence.span, power=power),
+        Measurand(fitted.value, float(level), evidence.span, power),
         unit,
-        [*warmth, *others, *scatter],
-        [*unknown, *unstated, *untold],
+        [*warmth, *reference, *scatter, *([form] if told else [])],
+        [*unknown, *unstated, *untold, *([] if told else [unseen])],
     )
     random = math.sqrt(sum(item.uncertainty**2 for item in scatter))
-    label = 'all' if shared else AXES[axis]
-    return Quantity(evidence.sensor, label, fitted.name, budget, 3.29 * random)
+    return Quantity(evidence.sensor, fitted.axis, fitted.name, budget, 3.29 * random)
 
 
-def line_inputs(evidence: Evidence, axis: int, unit: str) -> tuple[list[Input], list[str]]:
-    """Return what form and reference contribute to a slope, and what is not known of them."""
-    inputs = [Input('model form', chord(evidence, axis), unit, shape='rectangular')]
-    if evidence.sensor != 'magnetometer':
-        return inputs, []
-    variation = evidence.laboratory.field_variation
-    if variation is None:
-        return inputs, ['variation of the field: not stated']
-    size = variation / math.sqrt(3.0) * math.sqrt(2.0) / evidence.span
-    return [*inputs, Input('reference: field', size, unit, shape='rectangular')], []
+def parts_differ(changes: FloatArray) -> float | None:
+    """Return the standard uncertainty of the form from values of single parts minus the fitted.
+
+    What parts of the data, all weighted alike, differ by on average from the whole weighted by
+    its noise: nothing but noise where the form is right (Hausman, 1978). It counts beyond the
+    scatter of that mean, as a rectangular half-width; None where fewer than two parts tell it.
+    """
+    if len(changes) < 2:
+        return None
+    scatter = float(np.var(changes, ddof=1)) / len(changes)
+    return math.sqrt(max(0.0, float(changes.mean()) ** 2 - scatter) / 3.0)
 
 
 def power_of_kelvin(unit: str) -> int:
@@ -328,9 +308,13 @@ def power_of_kelvin(unit: str) -> int:
 
     >>> power_of_kelvin('m/s²/K'), power_of_kelvin('rad/s/K²'), power_of_kelvin('T')
     (1, 2, 0)
+    >>> power_of_kelvin('rad/s/(K·m/s²)'), power_of_kelvin('K')
+    (1, -1)
     """
-    rest = unit.rpartition('/')[2]
-    return {'K': 1, 'K²': 2, 'K³': 3}.get(rest, 0)
+    found = re.search(r'/\(?K([²³]?)', unit)
+    if found is None:
+        return -1 if unit == 'K' else 0
+    return {'': 1, '²': 2, '³': 3}[found[1]]
 
 
 def chord(evidence: Evidence, axis: int) -> float:
@@ -357,8 +341,7 @@ def at_reference(evidence: Evidence, axis: int) -> float:
 
 
 def pooled_residual(evidence: Evidence, axis: int) -> tuple[FloatArray, FloatArray]:
-    """Return die temperature and residual (n,) of all runs together."""
-    temperature = np.concatenate([run.temperature for run in evidence.errors])
-    residual = np.concatenate([run.residual(evidence.sensor)[:, axis] for run in evidence.errors])
+    """Return die temperature and what all effects leave (n,), of all runs together."""
+    residual = evidence.joint.residual[:, axis]
     good = np.isfinite(residual)
-    return temperature[good], residual[good]
+    return evidence.joint.temperature[good], residual[good]

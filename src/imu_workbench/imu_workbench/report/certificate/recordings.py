@@ -74,8 +74,9 @@ def conditions(recordings: Sequence[ImuRecording], low: float, high: float) -> d
     profiles = sorted({r.profile for r in recordings if r.profile})
     cycles = sorted({int(r.cycle.max()) for r in recordings if r.cycle is not None})
     rates = [rate for r in recordings if (rate := ramp_rate(r)) is not None]
+    led = any(r.setpoint is not None for r in recordings)
     result = {
-        'plan': ', '.join(profiles) or NOT_STATED,
+        'plan': ', '.join(profiles) or ('set-points as recorded' if led else NOT_STATED),
         'thermal cycles per run': ', '.join(map(str, cycles)) or 'none recorded',
         'die temperature': f'{fixed(low, 1)} … {fixed(high, 1)} °C',
         'fastest change of die temperature': f'{shown(max(rates), 2)} K/min' if rates else '–',

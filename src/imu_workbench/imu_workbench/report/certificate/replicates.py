@@ -10,11 +10,9 @@ import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
-from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import SensorModel
 
-WORST_CONDITION = 300.0
-"""Condition of the scaled columns of one cycle above which it tells nothing by itself."""
+from imu_workbench.report.certificate.joint_design import WORST_CONDITION, modelled
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,18 +79,9 @@ def _columns(
     model: SensorModel, run: PreparedRun, sensor: Sensor, own: Sequence[int]
 ) -> tuple[FloatArray, FloatArray]:
     """Return the (m, q) columns of the terms and the (m, 3) measurement without all others."""
-    error = np.zeros((len(run), 3))
-    columns: list[FloatArray] = [np.empty((len(run), 0))]
-    for i, effect, coefficients in model.device_terms():
-        if i in own:
-            columns.append(run.columns(effect, sensor))
-        elif _applies(effect, run):
-            error += run.columns(effect, sensor) @ coefficients
-    return np.column_stack(columns), run.measured[sensor] - error
-
-
-def _applies(effect: Effect, run: PreparedRun) -> bool:
-    return not effect.per_run and all(run.conditions.has(c) for c in effect.channels)
+    columns = [run.columns(model.effects[i], sensor) for i in own]
+    rest = run.measured[sensor] - modelled(run, sensor, model, without=own)
+    return np.column_stack([np.empty((len(run), 0)), *columns]), rest
 
 
 def _solved(columns: FloatArray, values: FloatArray) -> FloatArray | None:

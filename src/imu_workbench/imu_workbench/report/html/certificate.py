@@ -4,29 +4,28 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from imu_recording.recording import SENSOR_UNITS
-from thermal_comp.presentation.display import DISPLAY_UNITS, fixed, shown, with_uncertainty
+from thermal_comp.presentation.display import coefficient_unit, fixed, shown, with_uncertainty
 
+from imu_workbench.report.certificate.budget import SOURCES
 from imu_workbench.report.certificate.content import percent_at_most
 from imu_workbench.report.figures.allan import allan_deviation_figure
 from imu_workbench.report.html.render import Row, Section
 from imu_workbench.report.model_content import in_words
 
-SMALL_UNITS = {
-    'gyroscope': ('m°/s', 1e3 * 180.0 / math.pi),
-    'accelerometer': ('mm/s²', 1e3),
-    'magnetometer': ('nT', 1e9),
-}
-"""Units of what changes per kelvin, and their factor from SI."""
+PER_ROW = 3
+"""Results that axes share, in a row."""
+ROWS_OF_A_PAGE = 12
+"""Rows of results from which on they begin on the first page."""
 DECISIONS = {'pass': 'kept', 'fail': 'NOT KEPT', 'undecided': 'not decided'}
 
 
 def certificate_section(found: Mapping[str, Any]) -> Section:
     """Return the certificate of one device: two pages."""
-    device = found['device']
+    device, results = found['device'], result_rows(found)
     values = {
         'found': found,
         'instruments': found['laboratory'],
@@ -41,8 +40,8 @@ def certificate_section(found: Mapping[str, Any]) -> Section:
             ]
             for row in found['recordings']
         ],
-        'results': result_rows(found),
-        'shapes': shape_rows(found),
+        'results': results,
+        'flowing': len(results) > ROWS_OF_A_PAGE,
         'errors': [
             [
                 f'{row["sensor"].capitalize()} {row["axis"]}',
@@ -88,12 +87,13 @@ def allan_section(certificates: Mapping[str, Mapping[str, Any]]) -> Section | No
     devices = [
         {
             'name': name,
+            'note': found['allan_rows'],
             'rows': [
                 [
                     f'{row["sensor"].capitalize()}: {row["coefficient"]}',
                     *(interval(axis) for axis in row['axes']),
                     row['unit'],
-                    shown(row['datasheet']),
+                    datasheet(row['datasheet'], found['without_density']),
                 ]
                 for row in found['allan']
             ],
@@ -115,53 +115,77 @@ def allan_section(certificates: Mapping[str, Mapping[str, Any]]) -> Section | No
 def interval(axis: Sequence[float] | None) -> str:
     """Return a value with its interval.
 
-    >>> interval([0.344, 0.341, 0.347]), interval(None)
-    ('0.344 (0.341 … 0.347)', '–')
+    >>> interval([0.344, 0.341, 0.347]), interval([0.0, 0.0, 0.347]), interval(None)
+    ('0.344 (0.341 … 0.347)', '< 0.347', '–')
     """
     if axis is None:
         return '–'
     value, low, high = map(shown, axis)
-    return f'{value} ({low} … {high})'
+    return f'{value} ({low} … {high})' if axis[0] else f'< {high}'
 
 
-def displayed(sensor: str, unit: str) -> tuple[str, float]:
-    """Return the unit a coefficient is shown in and its factor from SI.
+def datasheet(value: float | None, silent: str) -> str:
+    """Return a datasheet's value; `silent` names the chip whose datasheet has none.
 
-    >>> displayed('gyroscope', 'rad/s/K')[0], displayed('magnetometer', 'T')[0]
-    ('m°/s/K', 'µT')
+    >>> datasheet(300.0, ''), datasheet(None, 'LSM9DS1'), datasheet(None, '')
+    ('300', 'states none', 'not stated')
     """
-    own = SENSOR_UNITS[sensor]
-    if not unit.startswith(own):
-        return unit, 1.0
-    rest = unit.removeprefix(own)
-    if rest:
-        name, factor = SMALL_UNITS[sensor]
-        return f'{name}{rest}', factor
-    shown_in = DISPLAY_UNITS[sensor]
-    return shown_in.unit, shown_in.factor
+    if value is not None:
+        return shown(value)
+    return 'states none' if silent else 'not stated'
 
 
 def result_rows(found: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return a row per sensor and coefficient, a cell per axis: value ± U, ν and k95."""
-    rows: dict[tuple[str, str], dict[str, Any]] = {}
-    for quantity in found['quantities']:
-        sensor, name = quantity['sensor'], quantity['coefficient']
-        unit, factor = displayed(sensor, quantity['unit'])
+    """Return rows of results with a cell per axis; of what axes share, three results a row."""
+    rows: dict[tuple[Any, ...], dict[str, Any]] = {}
+    shared: dict[tuple[str, ...], int] = {}
+    for quantity in [*found['quantities'], *found['shapes']]:
+        sensor, axis = quantity['sensor'], quantity['axis']
+        unit, factor = _unit(sensor, quantity['unit'])
+        name, label = result_name(quantity['coefficient'], shared=axis == 'all')
+        key: tuple[Any, ...] = (sensor, name, unit)
+        if axis == 'all':
+            number = shared[key] = shared.get(key, -1) + 1
+            key, axis = (*key, number // PER_ROW), 'xyz'[number % PER_ROW]
         row = rows.setdefault(
-            (sensor, name),
-            {'sensor': sensor.capitalize(), 'name': in_words(name), 'unit': unit,
-             'cells': {}},
-        )  # fmt: skip
-        row['cells'][quantity['axis']] = {
-            'value': with_uncertainty(quantity['value'] * factor, quantity['expanded'] * factor),
-            'detail': f'ν {degrees(quantity["degrees"])}'
-            + (
-                f', k₉₅ {shown(quantity["coverage_factor"])}'
-                if quantity['coverage_factor'] > 2.05
-                else ''
-            ),
-        }
-    return list(rows.values())
+            key,
+            {
+                'sensor': sensor.capitalize(),
+                'name': name,
+                'unit': unit,
+                'cells': {},
+                'shared': quantity['axis'] == 'all',
+            },
+        )
+        row['cells'][axis] = {'label': label, **result_cell(quantity, factor)}
+    order = list(dict.fromkeys(q['sensor'].capitalize() for q in found['quantities']))
+    return sorted(rows.values(), key=lambda row: order.index(row['sensor']))
+
+
+def result_name(coefficient: str, *, shared: bool) -> tuple[str, str]:
+    """Return the name of a row of results, and what tells a result that axes share from others.
+
+    >>> result_name('scale_factor_temperature, s_x', shared=True)
+    ('scale factor temperature', 's_x')
+    >>> result_name('thermal_hysteresis: half_widths 2 of 3', shared=True)
+    ('thermal hysteresis: half widths', '2 of 3')
+    >>> result_name('thermal_hysteresis, 2 of 3', shared=False)
+    ('thermal hysteresis, 2 of 3', '')
+    """
+    name = in_words(coefficient)
+    told = re.fullmatch(r'(.*?)(?:, (.+)| (\d+ of \d+))', name) if shared else None
+    return (told[1], told[2] or told[3]) if told else (name, '')
+
+
+def result_cell(quantity: Mapping[str, Any], factor: float) -> dict[str, str]:
+    """Return value ± U in another unit, with ν and k95; U is not told where a model has none."""
+    if 'expanded' not in quantity:
+        return {'value': shown(quantity['value'] * factor), 'detail': 'U not told'}
+    by = quantity['coverage_factor']
+    return {
+        'value': with_uncertainty(quantity['value'] * factor, quantity['expanded'] * factor),
+        'detail': f'ν {degrees(quantity["degrees"])}{f", k₉₅ {shown(by)}" if by > 2.05 else ""}',
+    }
 
 
 def degrees(value: float | None) -> str:
@@ -179,36 +203,13 @@ def degrees(value: float | None) -> str:
     return '> 100' if value > 100 else str(int(value))
 
 
-def shape_rows(found: Mapping[str, Any]) -> list[Row]:
-    """Return every shape parameter with U at k = 2."""
-    rows = []
-    for shape in found['shapes']:
-        several = isinstance(shape['value'], list)
-        values = shape['value'] if several else [shape['value']]
-        spread = shape['std'] if several else [shape['std']]
-        spread = [*spread, *[None] * (len(values) - len(spread))]
-        text = ', '.join(
-            with_uncertainty(v, None if s is None else 2.0 * s)
-            for v, s in zip(values, spread, strict=True)
-        )
-        rows.append(
-            [
-                f'{shape["sensor"].capitalize()}: {shape["effect"].replace("_", " ")}',
-                shape['parameter'].replace('_', ' '),
-                text,
-                shape['unit'],
-            ]
-        )
-    return rows
-
-
 def detection_limit(found: Mapping[str, Any], sensor: str, axis: str) -> str:
     """Return the detection limit of an axis' slope with its unit."""
     for quantity in found['quantities']:
         if (quantity['sensor'], quantity['axis'], quantity['coefficient']) == (
             sensor, axis, 'slope',
         ):  # fmt: skip
-            unit, factor = displayed(sensor, quantity['unit'])
+            unit, factor = _unit(sensor, quantity['unit'])
             return f'{shown(quantity["detection_limit"] * factor, 2)} {unit}'
     return '–'
 
@@ -217,7 +218,7 @@ def decision_rows(found: Mapping[str, Any]) -> list[Row]:
     """Return a row per sensor and coefficient with limits: bounds, decision and w per axis."""
     rows: dict[tuple[str, str], Row] = {}
     for one in found['decisions']:
-        unit, factor = displayed(one['sensor'], one['unit'])
+        unit, factor = _unit(one['sensor'], one['unit'])
         bounds = [
             shown(value * factor) if value is not None and math.isfinite(value) else 'none'
             for value in (one['lower'], one['upper'])
@@ -236,12 +237,17 @@ def decision_rows(found: Mapping[str, Any]) -> list[Row]:
     return [[*row, *[''] * (5 - len(row))] for row in rows.values()]
 
 
+WORDS = {'does not act': '–', 'none seen': '0'}
+"""What stands in a budget where a source gives no contribution; else its word."""
+
+
 def budget_tables(found: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return a table per sensor: a row per coefficient and axis, a column per source."""
+    every = [*found['quantities'], *(s for s in found['shapes'] if 'rows' in s)]
     tables = []
-    for sensor in dict.fromkeys(q['sensor'] for q in found['quantities']):
-        own = [q for q in found['quantities'] if q['sensor'] == sensor]
-        sources = list(dict.fromkeys(row['source'] for q in own for row in q['rows']))
+    for sensor in dict.fromkeys(q['sensor'] for q in every):
+        own = [q for q in every if q['sensor'] == sensor]
+        sources = budget_sources(own)
         tables.append(
             {
                 'sensor': sensor.capitalize(),
@@ -252,14 +258,24 @@ def budget_tables(found: Mapping[str, Any]) -> list[dict[str, Any]]:
     return tables
 
 
+def budget_sources(quantities: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the sources of some budgets in the order of `SOURCES`, each reference by its name."""
+    named = [name for q in quantities for name in (*_by_source(q), *q['others'])]
+    return [
+        name
+        for source in SOURCES
+        for name in sorted({n for n in named if n.startswith(source)} - {'reference'}) or [source]
+    ]
+
+
 def budget_row(quantity: Mapping[str, Any], sources: Sequence[str]) -> Row:
-    """Return the contributions of one coefficient with their share of the variance."""
-    unit, factor = displayed(quantity['sensor'], quantity['unit'])
-    by_source = {row['source']: row for row in quantity['rows']}
+    """Return what each source contributes to a coefficient, with its share of the variance."""
+    unit, factor = _unit(quantity['sensor'], quantity['unit'])
+    rows = _by_source(quantity)
     cells = [
-        f'{shown(by_source[s]["contribution"] * factor, 2)} ({fixed(by_source[s]["share"], 0)} %)'
-        if s in by_source
-        else '–'
+        f'{shown(rows[s]["contribution"] * factor, 2)} ({fixed(rows[s]["share"], 0)} %)'
+        if s in rows
+        else WORDS.get(word := quantity['others'].get(s, 'does not act'), word)
         for s in sources
     ]
     axis = '' if quantity['axis'] == 'all' else f' {quantity["axis"]}'
@@ -271,3 +287,12 @@ def budget_row(quantity: Mapping[str, Any], sources: Sequence[str]) -> Row:
         degrees(quantity['degrees']),
         shown(quantity['monte_carlo'] * factor),
     ]
+
+
+def _unit(sensor: str, unit: str) -> tuple[str, float]:
+    found = coefficient_unit(sensor, unit)
+    return found.unit, found.factor
+
+
+def _by_source(quantity: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    return {row['source']: row for row in quantity['rows']}

@@ -6,7 +6,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown, with_uncertainty
+from thermal_comp.presentation.display import (
+    DISPLAY_UNITS,
+    SENSORS,
+    SMALL_UNITS,
+    coefficient_unit,
+    shown,
+    with_uncertainty,
+)
 
 from imu_workbench.report.figures.measured import PHASE_NAMES
 from imu_workbench.report.figures.modelled import (
@@ -15,7 +22,6 @@ from imu_workbench.report.figures.modelled import (
     fit_figure,
     residual_figure,
 )
-from imu_workbench.report.html.certificate import shape_rows
 from imu_workbench.report.html.measured import has_cycles
 from imu_workbench.report.html.render import Row, Section, figure_of_paper
 from imu_workbench.report.model_content import in_words
@@ -45,7 +51,7 @@ def dependence_section(content: Mapping[str, Any]) -> Section | None:
     slopes = [
         {
             'sensor': sensor,
-            'unit': f'10⁻³ {DISPLAY_UNITS[sensor].unit}/K',
+            'unit': f'{SMALL_UNITS[sensor].unit}/K',
             'rows': slope_rows(content['slopes'], sensor),
         }
         for sensor in sensors
@@ -63,7 +69,7 @@ def dependence_section(content: Mapping[str, Any]) -> Section | None:
 
 
 def slope_rows(slopes: Sequence[Mapping[str, Any]], sensor: str) -> list[Row]:
-    """Return one sensor's slopes per device, in thousandths of its unit per kelvin."""
+    """Return one sensor's slopes per device, in its small unit per kelvin."""
     return [
         [
             row['device'],
@@ -240,9 +246,31 @@ def model_section(content: Mapping[str, Any]) -> Section | None:
 
 def term_row(term: Mapping[str, Any]) -> list[str | tuple[str, int]]:
     """Return a coefficient with its standard uncertainty per axis; once where axes share it."""
-    cells = list(map(with_uncertainty, term['value'], term['uncertainty']))
+    unit = coefficient_unit(term['sensor'], term['unit'])
+    cells = [
+        with_uncertainty(value * unit.factor, sigma * unit.factor)
+        for value, sigma in zip(term['value'], term['uncertainty'], strict=True)
+    ]
     label = f'{term["sensor"].capitalize()}: {in_words(term["effect"])}'
-    return [label, *([(cells[0], 3)] if term['shared'] else cells), term['unit']]
+    return [label, *([(cells[0], 3)] if term['shared'] else cells), unit.unit]
+
+
+def shape_rows(model: Mapping[str, Any]) -> list[Row]:
+    """Return every shape parameter with the standard uncertainty of the fit."""
+    rows = []
+    for shape in model['shapes']:
+        several = isinstance(shape['value'], list)
+        values, spread = (shape[key] if several else [shape[key]] for key in ('value', 'std'))
+        spread = [*spread, *[None] * (len(values) - len(spread))]
+        rows.append(
+            [
+                f'{shape["sensor"].capitalize()}: {shape["effect"].replace("_", " ")}',
+                shape['parameter'].replace('_', ' '),
+                ', '.join(map(with_uncertainty, values, spread)),
+                shape['unit'],
+            ]
+        )
+    return rows
 
 
 def history_rows(versions: Sequence[Mapping[str, Any]]) -> list[Row]:

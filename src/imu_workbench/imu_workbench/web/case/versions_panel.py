@@ -10,7 +10,13 @@ from html import escape
 from typing import Any
 
 from nicegui import ui
-from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown, with_uncertainty
+from thermal_comp.presentation.display import (
+    DISPLAY_UNITS,
+    SENSORS,
+    coefficient_unit,
+    shown,
+    with_uncertainty,
+)
 
 from imu_workbench.case import CaseVersion
 from imu_workbench.report.figures.error_steps import logarithmic_axis
@@ -200,12 +206,16 @@ def coefficients_html(version: Version, sensor: str) -> str:
     """Return the coefficients of one sensor, with shape parameters, ± and units, as a table."""
     rows = ''
     for row in (row for row in version.coefficients if row['sensor'] == sensor):
-        texts = list(map(with_uncertainty, row['value'], row['uncertainty']))
+        unit = coefficient_unit(sensor, row['unit'])
+        texts = [
+            with_uncertainty(value * unit.factor, sigma * unit.factor)
+            for value, sigma in zip(row['value'], row['uncertainty'], strict=True)
+        ]
         cells = ''.join(f'<td>{escape(text)}</td>' for text in texts)
         if row['shared']:
             cells = f'<td colspan="3">{escape(texts[0])}</td>'
         name = escape(in_words(row['effect']))
-        rows += f'<tr><th scope="row">{name}</th>{cells}<td>{escape(row["unit"])}</td></tr>'
+        rows += f'<tr><th scope="row">{name}</th>{cells}<td>{escape(unit.unit)}</td></tr>'
     for term in (term for term in version.terms if term['sensor'] == sensor):
         name = escape(f'{term["effect"]}: {term["parameter"]}'.replace('_', ' '))
         text = escape(parameter_text(term['value'], term['std']))
