@@ -9,6 +9,7 @@ from thermal_comp.diagnosis.model_form import with_model_form
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.fitting.fit import fit_prepared
+from thermal_comp.model.document import model_from_document
 from thermal_comp.model.values import NoiseModel, ThermalModel
 
 from ..campaign import PERIOD, WHITE, chamber, lagging, run
@@ -35,7 +36,11 @@ def stds(model: ThermalModel, runs: list[PreparedRun]) -> tuple[float, float, fl
     """Time constant, its standard deviation by the fit and with its form's."""
     value = model.sensors['gyroscope'].effects[1].shape_parameters['time_constant']
     (alone,) = model.sensors['gyroscope'].shape_std[NAME]
-    (with_form,) = with_model_form(model, runs).sensors['gyroscope'].shape_std[NAME]
+    told = model_from_document(with_model_form(model, runs).to_dict(), EFFECTS).sensors[
+        'gyroscope'
+    ]
+    (with_form,), (form,) = told.shape_std[NAME], told.shape_form_std[NAME]
+    assert form**2 == pytest.approx(with_form**2 - alone**2)
     return value, alone, with_form
 
 

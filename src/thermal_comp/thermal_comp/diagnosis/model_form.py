@@ -112,13 +112,16 @@ def _of_sensor(source: ColumnSource, sensor: Sensor, part: SensorModel) -> Senso
     for place in range(len(components)):
         components, _ = hypotheses.scaled(components, place)
     coordinates = _coordinates(source.runs, components, part)
-    std = {name: list(values) for name, values in part.shape_std.items()}
     deviations = shape_deviations(hypotheses, components, coordinates)
+    total, form = dict(part.shape_std), {}
     for one, deviation in zip(coordinates, deviations, strict=True):
-        values = std[f'{components[one.component].name}.{one.scale.name}']
-        place = one.scale.place or 0
-        values[place] = max(values[place], one.std(float(deviation)))
-    return replace(part, shape_std={name: tuple(values) for name, values in std.items()})
+        name = f'{components[one.component].name}.{one.scale.name}'
+        fitted = part.shape_std[name][one.scale.place or 0]
+        further = np.sqrt(max(one.std(float(deviation)) ** 2 - fitted**2, 0.0))
+        form[name] = (*form.get(name, ()), float(further))
+    for name, further in form.items():
+        total[name] = tuple(np.hypot(part.shape_std[name], further).tolist())
+    return replace(part, shape_std=total, shape_form_std=form)
 
 
 def _coordinates(

@@ -142,6 +142,8 @@ ROOT_FIELDS = (
     'provenance',
     'history',
 )
+Stds = dict[str, dict[str, tuple[float, ...]]]
+"""By field of a shape parameter: its standard deviations by `effect.parameter`."""
 SENSOR_FIELDS = ('unit', 'temperature_range', 'effects', 'covariance', 'levels', 'noise')
 EFFECT_FIELDS = ('name', 'source', 'shape', 'units', 'coefficients', 'rms')
 
@@ -199,7 +201,7 @@ def _sensor(
     _check_unit(entry, unit)
     found: list[Effect] = []
     coefficients: list[FloatArray] = []
-    std: dict[str, tuple[float, ...]] = {}
+    std: Stds = {'std': {}, 'form_std': {}}
     rms: dict[str, FloatArray] = {}
     for item in entry['effects'].items():
         effect = _effect(item, catalogue, std)
@@ -222,7 +224,8 @@ def _sensor(
         covariance=covariance,
         noise=_noise(entry['noise'], sensor),
         levels={run: level.array(3) for run, level in entry.get('levels', {}).entries().items()},
-        shape_std=std,
+        shape_std=std['std'],
+        shape_form_std=std['form_std'],
         contributions=rms,
         temperature_range=(low, high),
     )
@@ -243,9 +246,7 @@ def _std_of(covariance: FloatArray, coefficients: Sequence[FloatArray]) -> Itera
         start += each.size
 
 
-def _effect(
-    item: Field, catalogue: Mapping[str, type[Effect]], std: dict[str, tuple[float, ...]]
-) -> Effect:
+def _effect(item: Field, catalogue: Mapping[str, type[Effect]], std: Stds) -> Effect:
     item.only(*EFFECT_FIELDS)
     name = item['name'].text()
     if name not in catalogue:
@@ -260,7 +261,7 @@ def _effect(
     for key, entry in item.get('shape', {}).entries().items():
         if key not in known:
             raise entry.refuse(f'{name} has no such parameter; it has {", ".join(known)}')
-        entry.only('value', 'unit', 'std')
+        entry.only('value', 'unit', *std)
         _check_unit(entry, known[key].metadata.get('unit', ''))
         values = entry['value'].array()
         low, high = known[key].metadata.get('bounds', (-np.inf, np.inf))
@@ -269,8 +270,9 @@ def _effect(
         if not ((low - slack <= values) & (values <= high + slack)).all():
             raise entry['value'].refuse(f'is {entry["value"].value}, expected {low:g} … {high:g}')
         shape[key] = tuple(values.tolist()) if values.ndim else float(values)
-        if 'std' in entry.mapping():
-            std[f'{name}.{key}'] = tuple(entry['std'].array(None).tolist())
+        for kind in std:
+            if kind in entry.mapping():
+                std[kind][f'{name}.{key}'] = tuple(entry[kind].array(None).tolist())
     for key, parameter in known.items():
         # A default of zero says that what the parameter describes is absent.
         if key not in shape and np.any(np.array(parameter.default)):

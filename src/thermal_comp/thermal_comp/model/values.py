@@ -66,7 +66,9 @@ class SensorModel:
     levels: Mapping[str, FloatArray] = field(default_factory=dict)
     """(3,) mean output at the reference temperature of each run, by run name [unit]."""
     shape_std: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    """Standard deviations of the fitted shape parameters, by `effect.parameter`."""
+    """Standard deviations of the fitted shape parameters, by `effect.parameter` …"""
+    shape_form_std: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """… and the part of them that comes of what the effect's equation lacks, where it is known."""
     contributions: Mapping[str, FloatArray] = field(default_factory=dict)
     """(3,) rms of each effect's error about the mean of each fitted run, by effect [unit]: how
     much is left in the data where an effect cannot be applied."""
@@ -105,7 +107,7 @@ class SensorModel:
                 {
                     'name': effect.name,
                     **({'source': source} if (source := source_of(effect)) else {}),
-                    'shape': _shape_to_dict(effect, self.shape_std),
+                    'shape': _shape_to_dict(effect, self.shape_std, self.shape_form_std),
                     'units': [text.replace('{unit}', unit) for text in effect.coefficient_units],
                     'coefficients': coefficients.tolist(),
                     'rms': np.asarray(self.contributions.get(effect.name, np.zeros(3))).tolist(),
@@ -122,7 +124,9 @@ class SensorModel:
         }
 
 
-def _shape_to_dict(effect: Effect, std: Mapping[str, tuple[float, ...]]) -> dict[str, Any]:
+def _shape_to_dict(
+    effect: Effect, std: Mapping[str, tuple[float, ...]], form: Mapping[str, tuple[float, ...]]
+) -> dict[str, Any]:
     shape: dict[str, Any] = {}
     for item in fields(effect):
         value = getattr(effect, item.name)
@@ -130,8 +134,9 @@ def _shape_to_dict(effect: Effect, std: Mapping[str, tuple[float, ...]]) -> dict
             'value': [*map(float, value)] if isinstance(value, tuple) else float(value),
             'unit': item.metadata.get('unit', ''),
         }
-        if (found := std.get(f'{effect.name}.{item.name}')) is not None:
-            shape[item.name]['std'] = [*map(float, found)]
+        for key, table in (('std', std), ('form_std', form)):
+            if (found := table.get(f'{effect.name}.{item.name}')) is not None:
+                shape[item.name][key] = [*map(float, found)]
     return shape
 
 

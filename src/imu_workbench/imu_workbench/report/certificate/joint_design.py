@@ -35,7 +35,9 @@ class Shape:
     """Index into a tuple of values; None for a single value."""
     value: float
     std: float
-    """Standard uncertainty of the fit [its unit]."""
+    """Standard uncertainty of the fit [its unit] …"""
+    form: float
+    """… and of the effect's equation [its unit]; 0 where it is not known."""
     unit: str
     label: str
     """Name of the effect and of the parameter, numbered where it has several values."""
@@ -65,17 +67,22 @@ def fitted_values(model: SensorModel) -> list[Shape]:
     found = []
     for i, effect in enumerate(model.effects):
         for item in fields(effect):
-            spread = model.shape_std.get(f'{effect.name}.{item.name}', ())
+            key = f'{effect.name}.{item.name}'
+            spread = np.array(model.shape_std.get(key, ()))
+            forms = np.array(model.shape_form_std.get(key, np.zeros(len(spread))))
+            spread = np.sqrt(np.maximum(spread**2 - forms**2, 0.0))
             if item.metadata.get('given', True):
                 continue
             value, unit = getattr(effect, item.name), item.metadata['unit']
             several = isinstance(value, tuple)
             values = value if several else [value]
             labels = shape_labels(effect.name, item.name, len(values))
-            for place, (one, std) in enumerate(zip(values, spread, strict=False)):
+            stds = zip(values, spread.tolist(), forms.tolist(), strict=False)
+            for place, (one, std, form) in enumerate(stds):
                 if std > 0.0 and np.isfinite(std):
                     at = place if several else None
-                    found.append(Shape(i, item.name, at, float(one), std, unit, labels[place]))
+                    label = labels[place]
+                    found.append(Shape(i, item.name, at, float(one), std, form, unit, label))
     return found
 
 

@@ -255,9 +255,11 @@ def shapes_of(evidence: Evidence) -> Iterator[Fitted]:
     for k, shape in enumerate(evidence.joint.shapes):
         unknown = evidence.joint.coefficients + k
         changes, run = evidence.joint.scatter_of(unknown)
+        told = parts_differ(changes)
+        form = max(told or 0.0, shape.form) if told is not None or shape.form else None
         yield Fitted(
             shape.label, 'all', shape.unit, shape.value, shape.std, degrees, unknown, None,
-            changes, run, parts_differ(changes),
+            changes, run, form,
         )  # fmt: skip
 
 

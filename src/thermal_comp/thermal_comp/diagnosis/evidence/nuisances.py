@@ -15,8 +15,11 @@ from thermal_comp.effects.operators import follow, play
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior
 
-DIRECTIONS = 6
-"""Slow functions of time per run: the strongest directions of slow noise."""
+DIRECTIONS = 12
+"""Slow functions of time per run, the strongest directions of slow noise: as many as it has.
+
+With time constants from a share s of a run of length T on it has a band of 1/(2π s T), in which
+2 T / (2π s T) = 1/(π s) directions are independent; s is priors.SLOW_NOISE_SHARE."""
 SUPPORT = 160
 """Instants at which their covariance is computed; they are smooth between."""
 
