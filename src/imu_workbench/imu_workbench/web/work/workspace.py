@@ -46,6 +46,7 @@ from imu_workbench.web.case.next_experiment import next_profile_task
 from imu_workbench.web.case.preview import EffectPreview, preview_task
 from imu_workbench.web.case.stored_bag import StoredBag, with_unique_runs
 from imu_workbench.web.case.version import Version
+from imu_workbench.web.work.answer_order import AnswerOrder
 from imu_workbench.web.work.device_work import DeviceWork
 from imu_workbench.web.work.fit_queue import FitQueue, QueuedFit
 from imu_workbench.web.work.jobs import JobCancelled, JobError, Stoppable
@@ -76,7 +77,17 @@ class Workspace(Notices):
         self._closed_cases: dict[Path, tuple[int, Case]] = {}
         """Cases nobody has opened, by folder, as they were at a time of modification [ns]."""
         self._diagnosing: set[tuple[str, str]] = set()
+        self.order = AnswerOrder(lambda: self.devices, self._asked)
         self._background: set[asyncio.Task[Any]] = set()
+
+    def tell(self) -> None:
+        """Tell everybody that something has changed."""
+        super().tell()
+        self.order.changed()
+
+    def _asked(self) -> set[str]:
+        """Return the devices whose answer is under way."""
+        return {d for d, name in self._diagnosing if name not in self.devices[d].found}
 
     # Recordings --------------------------------------------------------------------------------
 
@@ -118,9 +129,12 @@ class Workspace(Notices):
             for device in self._take(path, await bags):
                 changed += [device] if device not in changed else []
             self.tell()
-        for device in changed:
-            self._close_unread(self.devices[device])
-            await self._prepare(device, model_text)
+        left = list(changed)
+        while left:
+            async with self.order.turn(*left) as device:
+                left.remove(device)
+                self._close_unread(self.devices[device])
+                await self._prepare(device, model_text)
         return changed
 
     def fleet(self) -> list[Case]:
@@ -368,7 +382,8 @@ class Workspace(Notices):
         )
         key = (str(prepared), text, tuple(files))
         arguments = (list(work.bags), prepared, text, files)
-        kept = await self._do(key, tasks.diagnose_task, *arguments)
+        async with self.order.turn(work.name):
+            kept = await self._do(key, tasks.diagnose_task, *arguments)
         if kept is None or name not in work.loaded:
             return
         if prepared != work.prepared or files != self.effect_files:  # opened in the meantime
@@ -390,7 +405,8 @@ class Workspace(Notices):
         prepared, text = work.prepared, version.model_text
         arguments = (prepared, text, found['candidates'], files)
         key = (str(prepared), text, tuple(files))
-        weighed = await self._do(key, tasks.held_out_task, *arguments)
+        async with self.order.turn(work.name):
+            weighed = await self._do(key, tasks.held_out_task, *arguments)
         if weighed is not None and work.found.get(name) is found:
             self._keep_found(work, name, found | {'candidates': weighed})
 
