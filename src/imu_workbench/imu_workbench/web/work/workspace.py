@@ -7,6 +7,7 @@ import asyncio
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -236,7 +237,7 @@ class Workspace(Notices):
         try:
             async with self.cache.reading(located, self.work):
                 found: list[StoredBag] | None = await self._do(
-                    file_key(located), tasks.read_task, located, folder, self._remap
+                    '', file_key(located), tasks.read_task, located, folder, self._remap
                 )
         except JobCancelled:
             return []
@@ -258,12 +259,13 @@ class Workspace(Notices):
             self.queue.request(device, fit.base, change)
 
     async def _opened(
-        self, work: DeviceWork, model_text: str | None, label: str
+        self, work: DeviceWork, model_text: str | None, label: str, name: str = ''
     ) -> tasks.Opened | None:
         bags, files = list(work.bags), list(self.effect_files)
         key = (str(work.prepared), model_text, tuple(files))
         arguments = (bags, work.prepared, model_text, label, files)
-        opened: tasks.Opened | None = await self._do(key, tasks.version_task, *arguments)
+        about = f'{work.name} {name}'.strip()
+        opened: tasks.Opened | None = await self._do(about, key, tasks.version_task, *arguments)
         if opened is None:
             work.problem = 'There is no model of these recordings: see the message above.'
             self.tell()
@@ -323,7 +325,7 @@ class Workspace(Notices):
                 self.say(str(error))
                 work.failed.add(name)
                 return None
-            opened = await self._opened(work, text, known.label)
+            opened = await self._opened(work, text, known.label, name)
             if opened is None:
                 work.failed.add(name)
                 self.tell()
@@ -383,7 +385,7 @@ class Workspace(Notices):
         key = (str(prepared), text, tuple(files))
         arguments = (list(work.bags), prepared, text, files)
         async with self.order.turn(work.name):
-            kept = await self._do(key, tasks.diagnose_task, *arguments)
+            kept = await self._do(f'{work.name} {name}', key, tasks.diagnose_task, *arguments)
         if kept is None or name not in work.loaded:
             return
         if prepared != work.prepared or files != self.effect_files:  # opened in the meantime
@@ -406,7 +408,7 @@ class Workspace(Notices):
         arguments = (prepared, text, found['candidates'], files)
         key = (str(prepared), text, tuple(files))
         async with self.order.turn(work.name):
-            weighed = await self._do(key, tasks.held_out_task, *arguments)
+            weighed = await self._do(f'{work.name} {name}', key, tasks.held_out_task, *arguments)
         if weighed is not None and work.found.get(name) is found:
             self._keep_found(work, name, found | {'candidates': weighed})
 
@@ -480,7 +482,9 @@ class Workspace(Notices):
         shape = dict(weighed[0].shape) if weighed else None
         key = (str(work.prepared), text, effect, sensor, repr(shape), tuple(files))
         arguments = (work.prepared, text, effect, sensor, shape, files)
-        found: EffectPreview | None = await self._do(key, preview_task, *arguments)
+        found: EffectPreview | None = await self._do(
+            f'{device} {name}', key, preview_task, *arguments
+        )
         return found
 
     async def next_profile(
@@ -491,7 +495,9 @@ class Workspace(Notices):
         missing = version.missing()
         key = (version.model_text, one, other, tuple(files), tuple(missing.items()))
         arguments = (version.model_text, (one, other), Limits(), files, missing)
-        found: dict[str, Any] | None = await self._do(key, next_profile_task, *arguments)
+        found: dict[str, Any] | None = await self._do(
+            f'{device} {name}', key, next_profile_task, *arguments
+        )
         return found
 
     async def report(self, device: str, name: str) -> Path | None:
@@ -503,7 +509,7 @@ class Workspace(Notices):
         key = (str(work.prepared), text, tuple(files), stated)
         target = self.cache.fresh_path('.html')
         arguments = (list(work.bags), {device: text}, files, folder, target)
-        found: Path | None = await self._do(key, tasks.report_task, *arguments)
+        found: Path | None = await self._do(f'{device} {name}', key, tasks.report_task, *arguments)
         return found
 
     def effects_to_load(self, case: Case) -> dict[str, str]:
@@ -536,7 +542,7 @@ class Workspace(Notices):
         file = folder / (Path(name).name or 'my_effect.py')
         file.write_bytes(content)
         files = [*self.effect_files, file]
-        found = await self._do(tuple(files), tasks.effects_task, files)
+        found = await self._do('', tuple(files), tasks.effects_task, files)
         if found is None:
             return []
         new = [effect for effect in found if effect not in self.effects]
@@ -550,10 +556,16 @@ class Workspace(Notices):
         self.tell()
         return new
 
-    async def _do(self, key: Any, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Return the value of a task; None where it was cancelled or failed, which is said."""
+    async def _do(
+        self, about: str, key: Any, function: Callable[..., Any], *arguments: Any
+    ) -> Any:
+        """Return the value of a task; None where it was cancelled or failed, which is said.
+
+        `about`: device and version it is for.
+        """
         try:
-            return await self.cache.compute(self.work, key, function, *arguments)
+            show = partial(self.work, about=about)
+            return await self.cache.compute(show, key, function, *arguments)
         except JobError as error:
             self.say(self._plain(str(error)))
         except JobCancelled:
