@@ -71,7 +71,7 @@ class Page:
         self._work = WorkPanel(self._workspace)
         with ui.element('main').classes('body case') as self._case:
             top = TopActions(self._preview_in, self._add, self._plan, self._save_report)
-            self._top = TopStrip(session, look, top)
+            self._top = TopStrip(session, top)
             self._tiles = ChannelSelector(session, self._choose_channel)
             with ui.element('div').classes('middle'):
                 self._centre = Centre(session, look, self._go_to, self._brush)

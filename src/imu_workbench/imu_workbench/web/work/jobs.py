@@ -180,7 +180,7 @@ class Job:
             RUNNING.discard(self)
 
     def hear(self, text: str, share: float, now: float) -> None:
-        """Take over what is being done; the larger the share that is done, the more it foretells."""
+        """Take over what is being done; the more of it is done, the more that foretells."""
         self.progress = text
         if share > 0.0:
             measured = (now - self.began) / share
