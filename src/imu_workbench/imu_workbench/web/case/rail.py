@@ -51,9 +51,11 @@ class Rail:
         with self._section.props('aria-label="Candidates" aria-busy=true'):
             self._place = ui.element('div')
             self._kept = ui.element('div')
-            button = file_button('Load an effect file (.py)', '.py', actions.load_effects)
-            button.set_enabled(may_load)
-            if not may_load:
+            label = 'Load an effect file (.py)'
+            if may_load:
+                file_button(label, '.py', actions.load_effects)
+            else:
+                ui.button(label).props('no-caps outline').set_enabled(False)
                 text = 'Effect files run code: loading them is off where others can open the page.'
                 ui.label(text).classes('reason')
 

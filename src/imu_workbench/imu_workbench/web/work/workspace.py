@@ -46,6 +46,7 @@ from imu_workbench.web.case.candidates import asks_for_errors
 from imu_workbench.web.case.next_experiment import next_profile_task
 from imu_workbench.web.case.preview import EffectPreview, preview_task
 from imu_workbench.web.case.stored_bag import StoredBag, with_unique_runs
+from imu_workbench.web.case.verdict import verdict_of
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.work.answer_order import AnswerOrder
 from imu_workbench.web.work.device_work import DeviceWork
@@ -75,7 +76,7 @@ class Workspace(Notices):
         self.opening = True
         """Until everything the server was started with has been looked at."""
         self._remap = dict(remap or {})
-        self._closed_cases: dict[Path, tuple[int, Case]] = {}
+        self._closed_cases: dict[Path, tuple[int, tuple[Case, str]]] = {}
         """Cases nobody has opened, by folder, as they were at a time of modification [ns]."""
         self._diagnosing: set[tuple[str, str]] = set()
         self.order = AnswerOrder(lambda: self.devices, self._asked)
@@ -138,26 +139,35 @@ class Workspace(Notices):
                 await self._prepare(device, model_text)
         return changed
 
-    def fleet(self) -> list[Case]:
-        """Return every case of this server, open or not; those that cannot be read are said."""
-        open_now = {work.case.folder: work.case for work in self.devices.values()}
-        found = []
+    def fleet(self) -> list[tuple[Case, str]]:
+        """Return every case of this server, open or not, with the verdict on its version.
+
+        '' stands for a verdict that is not known; cases that cannot be read are said.
+        """
+        open_now = {work.case.folder: work for work in self.devices.values()}
+        known = []
         for path in cases_in(self.cases):
+            work = open_now.get(path)
             try:
-                found.append(open_now.get(path) or self._case_on_disk(path))
+                if work is None:
+                    known.append(self._case_on_disk(path))
+                else:
+                    known.append((work.case, verdict_of(work.found.get(work.case.current))))
             except UserError as error:
                 self.say(str(error))
-        return found
+        return known
 
-    def _case_on_disk(self, path: Path) -> Case:
+    def _case_on_disk(self, path: Path) -> tuple[Case, str]:
         changed = (path / CASE_FILE).stat().st_mtime_ns
-        if self._closed_cases.get(path, (0, None))[0] != changed:
-            self._closed_cases[path] = (changed, load_case(path))
+        if path not in self._closed_cases or self._closed_cases[path][0] != changed:
+            case = load_case(path)
+            found = verdict_of(found_in(case, case.current))
+            self._closed_cases[path] = (changed, (case, found))
         return self._closed_cases[path][1]
 
     def open_case(self, device: str) -> Awaitable[Any]:
         """Show what the case of a device keeps; wait for its recordings to be read."""
-        case = next((one for one in self.fleet() if one.device == device), None)
+        case = next((one for one, _ in self.fleet() if one.device == device), None)
         if case is None or device in self.devices:
             return asyncio.sleep(0.0)
         self._show_kept(case)
