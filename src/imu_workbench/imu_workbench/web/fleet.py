@@ -100,7 +100,7 @@ class FleetView:
     def _head(self) -> None:
         with ui.element('thead'), ui.element('tr'):
             sensors = (sensor.capitalize() for sensor in SENSORS)
-            for title in ('Device', *sensors, 'Version', 'Verdict'):
+            for title in ('Device', 'Verdict', *sensors, 'Version'):
                 with ui.element('th').props('scope=col'):
                     ui.label(title)
 
@@ -111,6 +111,8 @@ class FleetView:
                 button.on('click', lambda: self._show(row.device))
                 with button:
                     ui.label(row.device)
+            with ui.element('td').classes('fleet-verdict'):
+                ui.label(row.verdict or 'not asked yet')
             for sensor in SENSORS:
                 ratio = row.ratio(sensor)
                 state = '' if ratio is None else 'good' if ratio <= AT_FLOOR_RATIO else 'bad'
@@ -118,5 +120,3 @@ class FleetView:
                     ui.label(error_text(row, sensor))
             with ui.element('td'):
                 ui.label(row.version or 'not fitted yet').classes('soft')
-            with ui.element('td').classes('fleet-verdict'):
-                ui.label(row.verdict or 'not asked yet')
