@@ -37,3 +37,5 @@ def test_single_effects_compete_and_need_no_word() -> None:
     told = [explanation(0.8, 'thermal_lag'), explanation(0.2, 'nothing')]
     assert together_html(told, 'gyroscope') == ''
     assert together_html(told, 'magnetometer') == ''
+    hardly = [explanation(0.97, 'thermal_lag'), explanation(0.02, 'thermal_lag', 'warm_up')]
+    assert together_html(hardly, 'gyroscope') == ''

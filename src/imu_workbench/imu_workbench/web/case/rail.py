@@ -22,6 +22,8 @@ from imu_workbench.web.case.version import Version, parameter_text
 from imu_workbench.web.session import Session
 from imu_workbench.web.words import word
 
+LEAST_JOINT = 0.05
+"""Probability of explanations with several effects from which all explanations are listed."""
 SHOWN = 4
 """Candidates that stand there at once; the others below."""
 
@@ -194,12 +196,12 @@ class Rail:
         do, effect, sensor = self._actions, candidate.effect, candidate.sensor
         name = _spaced(effect)
         with ui.row().classes('actions small'):
-            for label, act in (
-                ('Hide' if on else 'Preview', partial(do.preview, effect)),
-                ('Explain', partial(do.explain, effect)),
-                (add, partial(do.add, effect, (sensor,))),
+            for key, label, act in (
+                ('preview', 'Hide' if on else 'Preview', partial(do.preview, effect)),
+                ('explain', 'Explain', partial(do.explain, effect)),
+                ('add', add, partial(do.add, effect, (sensor,))),
             ):
-                button = self._buttons.add(label, f'{label} {sensor} {effect}', act)
+                button = self._buttons.add(label, f'{key} {sensor} {effect}', act)
                 button.props(f'outline dense aria-label="{label} {name}"')
 
     def _group(self, title: str, rest: Sequence[Candidate], version: Version) -> None:
@@ -254,13 +256,13 @@ class Rail:
 
 
 def together_html(explanations: Sequence[Mapping[str, Any]], sensor: str) -> str:
-    """Return the explanations of a sensor, which add up to one, where one has several effects.
+    """Return the explanations of a sensor, which add up to one, where some have several effects.
 
     An effect's own probability is that of all explanations it is part of: of two effects that act
     together each has nearly one.
     """
     own = [one for one in explanations if one['sensor'] == sensor]
-    if all(len(one['names']) == 1 for one in own):
+    if sum(one['probability'] for one in own if len(one['names']) > 1) < LEAST_JOINT:
         return ''
     rows = [(_spaced(explanation_name(one)), one['probability']) for one in own]
     rest = 1.0 - sum(probability for _, probability in rows)

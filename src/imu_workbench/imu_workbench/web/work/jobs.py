@@ -110,7 +110,7 @@ def time_left(job: Stoppable, now: float) -> str:
 class LockWait:
     """Waiting for a lock that other work holds."""
 
-    def __init__(self, progress: str = 'waiting for the same work in another tab') -> None:
+    def __init__(self, progress: str = 'waiting for the same work, which is under way') -> None:
         self.about, self.progress = '', progress
         self.began, self.expected_end = time.monotonic(), None
         self._stopped = asyncio.Event()
