@@ -96,11 +96,11 @@ def with_errors(
     progress: Callable[[str, float], None],
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the candidates (fields of `Candidate`), those in front with their held-out error."""
-    result = {s: [dict(row) for row in candidates[s]] for s in SENSORS if candidates.get(s)}
+    rows = {s: [dict(row) for row in candidates[s]] for s in SENSORS if candidates.get(s)}
     missing = [
         (sensor, row)
-        for sensor in result
-        for row in result[sensor][:HELD_OUT_AT_FIRST]
+        for sensor in rows
+        for row in rows[sensor][:HELD_OUT_AT_FIRST]
         if row['error_after'] is None and sensor in model.sensors
     ]
     for number, (sensor, row) in enumerate(missing):
@@ -108,7 +108,7 @@ def with_errors(
         progress(f'what {name} would leave in the {sensor}', number / len(missing))
         effect = effect_of(row['effect'], row['shape'], catalogue)
         row['error_after'] = error_with(model, runs, sensor, effect)
-    return result
+    return {str(sensor): own for sensor, own in rows.items()}
 
 
 def _finding(content: Mapping[str, Any], one: RankedEffect) -> Mapping[str, Any] | None:

@@ -112,7 +112,8 @@ class LockWait:
 
     def __init__(self, progress: str = 'waiting for the same work, which is under way') -> None:
         self.about, self.progress = '', progress
-        self.began, self.expected_end = time.monotonic(), None
+        self.began = time.monotonic()
+        self.expected_end: float | None = None
         self._stopped = asyncio.Event()
 
     def cancel(self) -> None:
@@ -161,7 +162,8 @@ class Job:
             while True:
                 kind, value = self._connection.recv()
                 if kind == 'progress':
-                    self.hear(*value, time.monotonic())
+                    text, share = value
+                    self.hear(text, share, time.monotonic())
                     continue
                 if kind == 'error':
                     raise JobError(value)
