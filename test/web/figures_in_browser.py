@@ -268,6 +268,14 @@ def test_nothing_serious_stands_in_anybodys_way(hidden_effect_server, watch, sch
     page.get_by_role('button', name='Open bags').click()
     page.get_by_role('checkbox').first.wait_for()
     found += serious(page, '.q-dialog')
+    page.keyboard.press('Escape')
+    page.locator('.q-dialog').wait_for(state='detached')
+    page.get_by_role('button', name='Fleet', exact=True).click()
+    page.locator('.fleet-verdict').first.wait_for()
+    found += serious(page)
+    page.get_by_role('button', name='Live', exact=True).click()
+    page.locator('.live').wait_for()
+    found += serious(page)
     assert found == []
     watched.check()
 
