@@ -2,6 +2,7 @@
 """The node in-process: what it publishes, refuses and answers."""
 
 import json
+import math
 import os
 import threading
 import time
@@ -110,6 +111,27 @@ def test_a_simulated_device(ros: Any, captured: Captured) -> None:
     assert values['device'] == 'DUT1'
     assert values['nominal_rate_hz'] == 476.0
     assert 'CTRL_REG1_G=a0' in values['registers']
+
+
+def test_a_simulated_device_follows_the_chamber(ros: Any, captured: Captured) -> None:
+    transport = 'simulated://dut1?temperature=chamber&time_scale=600'
+    node = ImuDriverNode(capture=captured, parameters={'transport': transport})
+    assert node.autostart()
+    captured.wait(lambda: captured.count('imu/temperature') > 10)
+    assert captured.on('imu/temperature')[-1].temperature == pytest.approx(20.0, abs=3.0)
+    for air in (60.0, math.nan):  # a sensor that has failed
+        node.inputs['chamber/temperature'](Temperature(temperature=air))
+    captured.wait(lambda: captured.on('imu/temperature')[-1].temperature > 50.0)
+    node.destroy_node()
+
+
+def test_a_board_in_a_room_listens_to_no_chamber(ros: Any) -> None:
+    node = ImuDriverNode(
+        capture=lambda *_: None, parameters={'transport': 'simulated://dut1?temperature=21'}
+    )
+    assert node.autostart()
+    assert 'chamber/temperature' not in node.inputs
+    node.destroy_node()
 
 
 @pytest.mark.parametrize(

@@ -175,4 +175,9 @@ def test_other_machines_need_the_token(serve, watch):
     allowed.page.get_by_role('button', name='Open bags').wait_for()
     loading = allowed.page.get_by_role('button', name='Load an effect file', include_hidden=True)
     assert loading.is_disabled()  # an effect file is a program
+    accepted = allowed.page.locator('input[type=file]').evaluate_all(
+        'all => all.map(i => i.accept)'
+    )
+    assert accepted  # models and statements can be opened
+    assert '.py' not in accepted
     allowed.check()

@@ -172,6 +172,32 @@ def test_a_press_that_arrives_after_the_page_was_drawn_anew_is_heard(serve, watc
     watched.check()
 
 
+def test_a_part_that_is_drawn_anew_by_a_key_keeps_the_focus(serve, watch, small_bags):
+    bag = small_bags / 'dut2_x'
+    watched = watch(serve(bag, answered=[bag]).address)
+    page = watched.page
+    wait_for_verdict(page)
+    page.wait_for_function("!document.querySelector('[inert]')")
+    page.set_default_timeout(60_000)
+    focused = page.locator(':focus')
+    preview = page.locator('.rail').get_by_role('button', name='Preview temperature rate')
+    preview.focus()
+    page.keyboard.press('Enter')
+    page.get_by_role('button', name='Hide temperature rate').and_(focused).wait_for()
+    page.keyboard.press('Enter')
+    preview.and_(focused).wait_for()
+    place = page.locator('.place').nth(1)
+    place.focus()
+    page.keyboard.press('Enter')
+    page.locator('.place.on').and_(focused).wait_for()
+    place.click()  # a pointer: the focus is where it was pressed, nowhere else
+    page.get_by_role('heading', name='IMU workbench').click()
+    preview.click()
+    page.get_by_role('button', name='Hide temperature rate').wait_for()
+    assert not page.get_by_role('button', name='Hide temperature rate').and_(focused).count()
+    watched.check()
+
+
 def test_a_fit_that_waits_when_the_server_is_killed_is_done_by_the_next(
     serve, watch, small_bags, tmp_path, held_by
 ):
@@ -249,6 +275,7 @@ def test_two_tabs_and_two_devices_keep_out_of_each_others_way(serve, watch, smal
     rows = one.page.locator('.fleet-table tbody tr')
     rows.nth(1).wait_for()
     assert 'dut2' in rows.nth(0).inner_text()  # dut7 has its effect by now
+    assert 'temperature rate would explain it' in rows.nth(0).inner_text()
     rows.nth(1).get_by_role('button', name='dut7').click()
     one.page.locator('.tree-row.on', has_text='v2').wait_for()
     one.page.wait_for_url(lambda url: 'fleet' not in url)

@@ -114,6 +114,24 @@ def test_one_cursor_goes_through_all_figures(hidden_effect_server, watch):
     watched.check()
 
 
+def test_the_buttons_of_a_figure_cover_nothing(hidden_effect_server, watch):
+    watched = watch(hidden_effect_server.address + '?version=v1&sensor=accelerometer&axis=z')
+    page = watched.page
+    page.locator('.place').first.wait_for()
+    page.wait_for_function(DRAWN)
+    for name in ('error_over_time', 'residual_by_temperature', 'residual_by_phase'):
+        plot = page.locator(f'[data-plot="{name}"]')
+        plot.hover(position={'x': 200, 'y': 160})
+        bar = plot.locator('.modebar').bounding_box()
+        card = page.locator('.card', has=plot).last
+        for other in (plot.locator('.main-svg').first, card.locator('.saves'), card.locator('h2')):
+            box = other.bounding_box()
+            beside = bar['x'] + bar['width'] <= box['x'] or box['x'] + box['width'] <= bar['x']
+            apart = bar['y'] + bar['height'] <= box['y'] or box['y'] + box['height'] <= bar['y']
+            assert beside or apart, (name, bar, box)
+    watched.check()
+
+
 def test_figures_are_saved_under_names_that_say_what_they_show(hidden_effect_server, watch):
     watched = watch(hidden_effect_server.address + '?sensor=accelerometer&axis=z')
     page = watched.page
@@ -133,6 +151,16 @@ def test_figures_are_saved_under_names_that_say_what_they_show(hidden_effect_ser
         rows = list(csv.DictReader(file))
     assert len(rows) > 100
     assert rows[0]['y is'] == 'residual [m/s²]'
+    card = page.locator('.card', has=page.locator('[data-plot="error_over_time"]')).last
+    with page.expect_download() as saving:
+        card.get_by_role('button', name=re.compile('as CSV$')).click()
+    with Path(saving.value.path()).open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    starts = page.evaluate(f'{TIME}.layout.meta.starts')
+    for number, axis in enumerate('xyz'):
+        hours = [float(row['x']) for row in rows if row['run'] == f'dut2_{axis}']
+        assert min(hours) == pytest.approx(starts[number], abs=0.05)
+        assert max(hours) < [*starts, 99.0][number + 1]
     watched.check()
 
 
@@ -240,6 +268,14 @@ def test_nothing_serious_stands_in_anybodys_way(hidden_effect_server, watch, sch
     page.get_by_role('button', name='Open bags').click()
     page.get_by_role('checkbox').first.wait_for()
     found += serious(page, '.q-dialog')
+    page.keyboard.press('Escape')
+    page.locator('.q-dialog').wait_for(state='detached')
+    page.get_by_role('button', name='Fleet', exact=True).click()
+    page.locator('.fleet-verdict').first.wait_for()
+    found += serious(page)
+    page.get_by_role('button', name='Live', exact=True).click()
+    page.locator('.live').wait_for()
+    found += serious(page)
     assert found == []
     watched.check()
 

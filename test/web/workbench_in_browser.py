@@ -71,6 +71,7 @@ def test_the_verdict_comes_by_itself_and_adding_reaches_the_floor(serve, watch, 
     assert after < 0.2 * before
     assert '(1.00 ×)' in page.locator('.tree-row.on').inner_text()
     page.locator('.verdict.complete').wait_for()
+    check_folded_sizes(page)
     with page.expect_download() as saving:
         click('Save the certificate')
     assert saving.value.suggested_filename == 'dut2_v2_certificate.html'
@@ -81,6 +82,13 @@ def test_the_verdict_comes_by_itself_and_adding_reaches_the_floor(serve, watch, 
     check_saved_model(page, after, tmp_path)
     assert server.alive
     watched.check()
+
+
+def check_folded_sizes(page) -> None:
+    """How small an effect would have been found does not push the figures off the screen."""
+    assert page.locator('[data-plot="error_over_time"]').bounding_box()['y'] < 400
+    page.locator('.sizes summary', has_text='µT rms').click()
+    page.locator('.smallest', has_text='thermal hysteresis').wait_for()
 
 
 def check_saved_model(page, error_on_page: float, folder: Path) -> None:

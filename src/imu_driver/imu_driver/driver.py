@@ -100,7 +100,9 @@ class ImuDriver:
         now: Callable[[], int],
         publish: Callable[[list[Sample]], None],
         report: Callable[[str], None],
+        air: Callable[[float], float] | None = None,
     ) -> None:
+        """`air`: around a simulated board that follows a chamber [°C], by time [s]."""
         self.parameters = parameters
         self.statistics = StreamStatistics()
         self.session: DeviceSession | None = None
@@ -114,7 +116,7 @@ class ImuDriver:
         else:
             self.session = DeviceSession(session_config(parameters))
             self._reader = self.device_reader = DeviceReader(
-                transport_opener(transport, parameters.baudrate, parameters.output_data_rate),
+                transport_opener(transport, parameters.baudrate, parameters.output_data_rate, air),
                 self.session,
                 now=now,
                 deliver=self._deliver,
@@ -190,10 +192,13 @@ def session_config(parameters: DriverParameters) -> SessionConfig:
     )
 
 
-def transport_opener(url: str, baudrate: int, rate: float = 0.0) -> Callable[[], Transport]:
+def transport_opener(
+    url: str, baudrate: int, rate: float = 0.0, air: Callable[[float], float] | None = None
+) -> Callable[[], Transport]:
     """Return a function that opens the transport; raise TransportError where none can be.
 
-    `rate` [Hz]: output data rate of a simulated device after power-on.
+    `rate` [Hz]: output data rate of a simulated device after power-on; `air` [°C]: around one that
+    follows a chamber, as a function of time [s].
     """
     parts = urlsplit(url)
     path = parts.netloc + parts.path
@@ -209,7 +214,7 @@ def transport_opener(url: str, baudrate: int, rate: float = 0.0) -> Callable[[],
     if parts.scheme == 'simulated' and parts.netloc:
         from imu_driver.emulator.transport import SimulatedTransport  # only now: slow to import
 
-        transport = SimulatedTransport.from_url(url, rate)
+        transport = SimulatedTransport.from_url(url, rate, air)
         return lambda: transport
     raise TransportError(
         f'transport {url!r}: expected serial:///dev/serial/by-id/NAME, tcp://HOST:PORT, '

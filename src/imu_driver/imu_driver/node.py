@@ -23,6 +23,7 @@ from imu_driver.board.session import WarningEvent
 from imu_driver.board.stream_statistics import SixPositionCheck, rest_report
 from imu_driver.driver import DriverParameters, ImuDriver
 from imu_driver.driver_status import DriverStatus
+from imu_driver.emulator.surroundings import HeardAir, follows_chamber
 
 NO_ORIENTATION = (0.0, 0.0, 0.0, 0.0)
 """Stands in the message of a device that reports none (its covariance says so, REP-145)."""
@@ -55,6 +56,9 @@ class ImuDriverNode(ConfiguredNode):
 
     def setup(self, config: DriverConfig) -> None:
         """Check that the driver can be built, and create the publishers."""
+        self._air = HeardAir()
+        if follows_chamber(config.transport):
+            self.input(Temperature, 'chamber/temperature', self.on_air)
         self._prepared: ImuDriver | None = self._new_driver(config)
         self.reconfigured(config)
         self._temperature = self.sample_output(Temperature, 'imu/temperature')
@@ -135,6 +139,10 @@ class ImuDriverNode(ConfiguredNode):
             )
         )
 
+    def on_air(self, message: Temperature) -> None:
+        """Take over the air of the chamber in which the simulated board stands."""
+        self._air.hear(message.temperature)
+
     def on_restart_stream(self, _: Any, response: Any) -> Any:
         """Stop and start the device's stream."""
         return self._respond(response, ImuDriver.restart_stream)
@@ -158,7 +166,9 @@ class ImuDriverNode(ConfiguredNode):
         return response
 
     def _new_driver(self, config: DriverConfig) -> ImuDriver:
-        return ImuDriver(config, now=self.now, publish=self.publish, report=self._report)
+        return ImuDriver(
+            config, now=self.now, publish=self.publish, report=self._report, air=self._air
+        )
 
     def _tell_device(self) -> None:
         """Say on /diagnostics which device is read before its first sample comes."""

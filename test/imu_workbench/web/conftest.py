@@ -11,6 +11,7 @@ import pytest
 from imu_workbench.web.case.stored_bag import StoredBag
 from imu_workbench.web.case.tasks import (
     Change,
+    Progress,
     change_task,
     diagnose_task,
     held_out_task,
@@ -31,7 +32,8 @@ class Fitted:
     prepared: Path
     line: Version
     lag: Version
-    progress: list[str]
+    progress: Progress
+    told: list[str]
     hashes: dict[str, str]
 
 
@@ -39,24 +41,28 @@ class Fitted:
 def fitted(tmp_path_factory) -> Fitted:
     folder = tmp_path_factory.mktemp('stored')
     told: list[str] = []
+
+    def hear(text: str, _share: float = 0.0) -> None:
+        told.append(text)
+
     bags = [
         bag
         for axis in 'xyz'
-        for bag in read_task(told.append, BAGS / f'hidden_effect_{axis}', folder / axis, {})
+        for bag in read_task(hear, BAGS / f'hidden_effect_{axis}', folder / axis, {})
     ]
     prepared = folder / 'prepared.runs'
-    opened = version_task(told.append, bags, prepared, None, 'line per axis', [])
+    opened = version_task(hear, bags, prepared, None, 'line per axis', [])
     line = replace(opened.version, timeline=timeline_of(bags))
     change = Change('thermal_lag', ('accelerometer',))
-    lag = change_task(told.append, prepared, line.model_text, change, [])
+    lag = change_task(hear, prepared, line.model_text, change, [])
     lag = replace(lag, timeline=timeline_of(bags))
-    return Fitted(bags, prepared, line, lag, told, opened.hashes)
+    return Fitted(bags, prepared, line, lag, hear, told, opened.hashes)
 
 
 @pytest.fixture(scope='session')
 def found(fitted) -> dict[str, Any]:
     """What is missing in the line: the diagnosis, and the candidates of every sensor."""
     text = fitted.line.model_text
-    answer = diagnose_task(fitted.progress.append, fitted.bags, fitted.prepared, text, [])
+    answer = diagnose_task(fitted.progress, fitted.bags, fitted.prepared, text, [])
     weighed = (fitted.prepared, text, answer['candidates'], [])
-    return answer | {'candidates': held_out_task(fitted.progress.append, *weighed)}
+    return answer | {'candidates': held_out_task(fitted.progress, *weighed)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from imu_workbench.case import CASE_FILE, case_of_device, with_version
+from imu_workbench.case import CASE_FILE, case_of_device, with_found, with_version
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.fleet import error_text, fleet_rows
 from imu_workbench.web.work.result_cache import ResultCache
@@ -37,11 +37,21 @@ def test_the_device_that_fails_most_stands_first(workspace):
     assert (error_text(rows[0], 'accelerometer'), error_text(rows[0], 'magnetometer')) == (
         '0.00830 m/s² (8.30 ×)', '–',
     )  # fmt: skip
-    assert rows[2].version == ''
+    assert [row.version for row in rows[2:]] == ['']
+    assert [row.verdict for row in rows] == ['', '', '']
+
+
+def test_each_device_has_its_verdict(workspace):
+    (bad,) = [case for case, _ in workspace.fleet() if case.device == 'bad']
+    found = {'diagnosis': {'findings': [], 'sensors': {}, 'explanations': []}, 'errors': {}}
+    case = with_version(bad, 'v1', '+ thermal lag', 'a model', errors(accelerometer=1.0))
+    with_found(case, 'v2', found)
+    told = {row.device: row.verdict for row in fleet_rows(workspace.fleet())}
+    assert told['bad'] == 'Nothing is missing: what is left is noise.'
 
 
 def test_a_case_that_has_changed_on_disk_is_read_again_and_a_damaged_one_is_said(workspace):
-    (case,) = [case for case in workspace.fleet() if case.device == 'calm']
+    (case,) = [case for case, _ in workspace.fleet() if case.device == 'calm']
     with_version(case, 'v1', '+ thermal lag', 'a model', errors(gyroscope=30.0))
     assert fleet_rows(workspace.fleet())[0].device == 'calm'
     (case.folder / CASE_FILE).write_text('nonsense: [', 'utf-8')

@@ -26,7 +26,7 @@ from imu_driver.emulator.faults import (
     parse_fault,
 )
 from imu_driver.emulator.port import Port, PtyPort, TcpPort
-from imu_driver.emulator.transport import DEFAULT_RATE, emulated_board
+from imu_driver.emulator.transport import DEFAULT_RATE, ambient_law, emulated_board
 
 LOG_INTERVAL: Final = 1.0
 """[s] between writes of the log."""
@@ -231,7 +231,7 @@ def build(options: argparse.Namespace) -> Emulator:
             minimal=options.minimal,
             version=options.version_byte,
         ),
-        temperature=options.temperature,
+        ambient=ambient_law(options.temperature),
         orientation=options.orientation,
         seed=options.seed,
         time_scale=options.time_scale,

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """An emulated board inside the driver's process: simulated://dut1?temperature=20&seed=1.
 
-Options: `temperature` [°C] of the surroundings, or the path of a CSV `time_s,temperature_c`;
+Options: `temperature` [°C] of the surroundings, the path of a CSV `time_s,temperature_c`, or
+`chamber`: the air that a chamber's node tells of;
 `orientation` (+x … -z, which axis points up); `seed`; `protocol` (binary, ascii); `time_scale`.
 Its bytes go through the same session as those of a real board.
 """
@@ -23,6 +24,7 @@ from imu_recording.user_error import UserError
 from imu_driver.board.lsm9ds1 import DEFAULT_FULL_SCALE
 from imu_driver.board.transport import url_options
 from imu_driver.emulator.board import BoardOptions, EmulatedBoard
+from imu_driver.emulator.surroundings import follows_chamber
 
 TIMEOUT: Final = 0.05
 """[s] A read returns at the latest after this."""
@@ -52,8 +54,13 @@ class SimulatedTransport:
         self._start = now()
 
     @classmethod
-    def from_url(cls, url: str, rate: float = 0.0) -> SimulatedTransport:
-        """Return the transport of an URL; raise UserError naming a wrong option or value."""
+    def from_url(
+        cls, url: str, rate: float = 0.0, air: Callable[[float], float] | None = None
+    ) -> SimulatedTransport:
+        """Return the transport of an URL; raise UserError naming a wrong option or value.
+
+        `air`: around a board that follows a chamber [°C] as a function of time [s].
+        """
         parts = urlsplit(url)
         options = OPTIONS | url_options(url, OPTIONS)
         orientation = options['orientation']
@@ -74,7 +81,7 @@ class SimulatedTransport:
                 serial_number=parts.netloc.upper(),
                 output_data_rate=rate or DEFAULT_RATE,
             ),
-            temperature=options['temperature'],
+            ambient=(air if follows_chamber(url) else None) or ambient_law(options['temperature']),
             orientation=orientation,
             seed=seed,
             time_scale=scale,
@@ -100,18 +107,18 @@ def emulated_board(
     device: str,
     options: BoardOptions,
     *,
-    temperature: str = '20',
+    ambient: Callable[[float], float] = lambda _: 20.0,
     orientation: str = '+z',
     seed: int = 1,
     time_scale: float = 1.0,
 ) -> EmulatedBoard:
     """Return a board that carries the simulated device `device` (dut1 …).
 
-    `time_scale`: how much faster than the samples its surroundings and its temperatures run.
+    `ambient`: temperature of its surroundings [°C] as a function of time [s]; `time_scale`: how
+    much faster than the samples its surroundings and its temperatures run.
     """
     from imu_driver.simulation.stream import SimulatedDevice
 
-    ambient = ambient_law(temperature)
     full_scale = dict(DEFAULT_FULL_SCALE)
     # The first sample compiles the kernels: a device of its own, before the clock starts.
     SimulatedDevice(device, seed=seed, full_scale=full_scale).sample(0.0, ambient(0.0))

@@ -177,7 +177,7 @@ class WorkPanel:
             if isinstance(row, QueuedFit):
                 left = time_left(row.job, now) if row.job is not None else ''
                 state = f'{left or "starting"}' if row.state == 'running' else 'waits'
-                label.set_text(f'{row.told}: {state}')
+                label.set_text(f'{row.device}: {row.told}: {state}')
             else:
-                left = time_left(row, now)
-                label.set_text(f'{row.progress or "starting"} …{f" {left}" if left else ""}')
+                told = f'{row.about and f"{row.about}: "}{row.progress or "starting"} …'
+                label.set_text(f'{told} {time_left(row, now)}'.strip())

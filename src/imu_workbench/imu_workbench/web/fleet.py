@@ -27,6 +27,8 @@ class FleetRow:
     """Its name and what was done to get there; '' where there is none."""
     errors: Mapping[str, Mapping[str, float]]
     """Per sensor: `error`, held out, and `floor`, rms over the axes [SI unit]."""
+    verdict: str = ''
+    """The answer in a sentence; '' where there is none yet."""
 
     def ratio(self, sensor: str) -> float | None:
         """Return the held-out error over the noise floor; None of a sensor without either."""
@@ -39,13 +41,14 @@ class FleetRow:
         return max((ratio for s in self.errors if (ratio := self.ratio(s))), default=0.0)
 
 
-def fleet_rows(cases: Sequence[Case]) -> list[FleetRow]:
+def fleet_rows(cases: Sequence[tuple[Case, str]]) -> list[FleetRow]:
     """Return a row for each device, the largest error over its noise floor first."""
     rows = []
-    for case in cases:
+    for case, verdict in cases:
         version = case.version(case.current)
         label = f'{version.name} {version.label.replace("_", " ")}' if version else ''
-        rows.append(FleetRow(case.device, label, version.errors if version else {}))
+        errors = version.errors if version else {}
+        rows.append(FleetRow(case.device, label, errors, verdict))
     return sorted(rows, key=lambda row: (-row.worst, row.device))
 
 
@@ -61,7 +64,9 @@ def error_text(row: FleetRow, sensor: str) -> str:
 class FleetView:
     """The table of devices; a row opens the case of its device."""
 
-    def __init__(self, cases: Callable[[], Sequence[Case]], show: Callable[[str], Any]) -> None:
+    def __init__(
+        self, cases: Callable[[], Sequence[tuple[Case, str]]], show: Callable[[str], Any]
+    ) -> None:
         self._cases, self._show = cases, show
         self._drawn: list[FleetRow] | None = None
         with ui.element('section').classes('card fleet').props('aria-label="Fleet"'):
@@ -94,7 +99,8 @@ class FleetView:
 
     def _head(self) -> None:
         with ui.element('thead'), ui.element('tr'):
-            for title in ('Device', *(sensor.capitalize() for sensor in SENSORS), 'Version'):
+            sensors = (sensor.capitalize() for sensor in SENSORS)
+            for title in ('Device', 'Verdict', *sensors, 'Version'):
                 with ui.element('th').props('scope=col'):
                     ui.label(title)
 
@@ -105,6 +111,8 @@ class FleetView:
                 button.on('click', lambda: self._show(row.device))
                 with button:
                     ui.label(row.device)
+            with ui.element('td').classes('fleet-verdict'):
+                ui.label(row.verdict or 'not asked yet')
             for sensor in SENSORS:
                 ratio = row.ratio(sensor)
                 state = '' if ratio is None else 'good' if ratio <= AT_FLOOR_RATIO else 'bad'

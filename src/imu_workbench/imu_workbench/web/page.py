@@ -71,7 +71,7 @@ class Page:
         self._work = WorkPanel(self._workspace)
         with ui.element('main').classes('body case') as self._case:
             top = TopActions(self._preview_in, self._add, self._plan, self._save_report)
-            self._top = TopStrip(session, look, top)
+            self._top = TopStrip(session, top)
             self._tiles = ChannelSelector(session, self._choose_channel)
             with ui.element('div').classes('middle'):
                 self._centre = Centre(session, look, self._go_to, self._brush)
@@ -96,7 +96,7 @@ class Page:
         ui.on('narrow', lambda event: self._on_narrow(narrow=bool(event.args)))
         ui.on('dark', lambda event: self._on_system_theme(dark=bool(event.args)))
         ui.on('went', lambda event: self._went(str(event.args)))
-        self._client.on_delete(lambda: self._workspace.leave(self._changed))
+        self._client.on_delete(self._leave)
         self._client.content.props('inert')  # a press that nobody hears yet would be lost
         self._show_parts()  # before the browser has loaded what figures need
         self._address(step=False)
@@ -151,6 +151,10 @@ class Page:
         if nothing and self._session.shown == 'case':
             await self._open_dialog.show()
 
+    def _leave(self) -> None:
+        self._workspace.leave(self._changed)
+        self._workspace.order.leave(self)
+
     # Drawing -----------------------------------------------------------------------------------
 
     def _changed(self) -> None:
@@ -173,6 +177,7 @@ class Page:
         session = self._session
         self._follow_fits()
         session.settle()
+        self._workspace.order.look(self, session.device)
         self._address(step=False)
         if self._live_page is not None:
             self._live_page.active = session.shown == 'live'

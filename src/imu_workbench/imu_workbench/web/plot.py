@@ -14,11 +14,13 @@ from imu_workbench.report.figures.palette import painted
 from imu_workbench.report.figures.panels import Figure
 from imu_workbench.web.words import with_help
 
+UNUSED = ['select2d', 'lasso2d', 'autoScale2d', 'toImage']
 CONFIG = {
     'displaylogo': False,
     'responsive': True,
-    'modeBarButtonsToRemove': ['select2d', 'lasso2d', 'autoScale2d', 'toImage'],
+    'modeBarButtonsToRemove': [*UNUSED, 'zoom2d', 'pan2d', 'zoomIn2d', 'zoomOut2d'],
 }
+"""A pointer drags to zoom and, with Shift, to move: that needs no button."""
 
 
 @dataclass
@@ -56,7 +58,7 @@ def options_of(figure: Figure, look: Look) -> dict[str, Any]:
     layout['legend'] = {**layout.get('legend', {}), 'font': {'size': 11.5}, 'itemwidth': 30}
     config = CONFIG
     if look.narrow or look.touch:
-        config = CONFIG | {'displayModeBar': not look.narrow}
+        config = CONFIG | {'displayModeBar': not look.narrow, 'modeBarButtonsToRemove': UNUSED}
     options = {'data': data, 'layout': layout, 'config': config}
     result: dict[str, Any] = painted(options, look.theme)
     return result

@@ -13,7 +13,10 @@ const csvOf = (plot) => {
     const at = axis?.ticktext && axis.tickvals?.indexOf(Math.round(value));
     return at >= 0 ? axis.ticktext[at].replaceAll('<br>', ' ') : value;
   };
-  const lines = ['curve,x,y,x is,y is'];
+  // Where runs stand one after the other, a row says which one it is of.
+  const { runs, starts } = plot.layout.meta ?? {};
+  const runAt = (x) => runs[Math.max(starts.findLastIndex((start) => start <= x), 0)];
+  const lines = [`curve,x,y,x is,y is${runs ? ',run' : ''}`];
   for (const trace of plot.data) {
     if (trace.hoverinfo === 'skip') continue; // the cursor, numbers of cells
     const names = [trace.xaxis || 'x', trace.yaxis || 'y'].map((a) => `${a[0]}axis${a.slice(1)}`);
@@ -24,7 +27,8 @@ const csvOf = (plot) => {
       : Array.from(trace.x, (x, i) => [named(layout[names[0]], x), trace.y[i]]);
     for (const [x, y] of rows) {
       if (x === null || y === null || y === '') continue;
-      lines.push([trace.name || plot.dataset.plot, x, y, ...axes].map((v) => csvField(String(v))).join(','));
+      const row = [trace.name || plot.dataset.plot, x, y, ...axes, ...(runs ? [runAt(x)] : [])];
+      lines.push(row.map((v) => csvField(String(v))).join(','));
     }
   }
   return `${lines.join('\n')}\n`;

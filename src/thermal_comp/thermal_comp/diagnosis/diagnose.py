@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from imu_recording.recording import ImuRecording
@@ -37,6 +37,7 @@ from thermal_comp.diagnosis.sensor_search import (
     greyed_out,
     named_beside,
     search_sensors,
+    unheard,
 )
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
@@ -79,9 +80,13 @@ def diagnose_inputs(
     model: ThermalModel | None,
     catalogue: Mapping[str, type[Effect]],
     reference: NoiseReference | None = None,
+    progress: Callable[[str, float], None] = unheard,
 ) -> Diagnosis:
-    """Return the diagnosis of recordings that are checked and prepared, their defects included."""
-    settings = Settings(catalogue, reference, inputs.bandwidth_known)
+    """Return the diagnosis of recordings that are checked and prepared, their defects included.
+
+    `progress` hears what is being done, and which share of all is done.
+    """
+    settings = Settings(catalogue, reference, inputs.bandwidth_known, progress)
     diagnosis = diagnose_prepared(inputs.runs, model, settings)
     findings = [
         *(quality_finding(defect) for defect in inputs.defects),

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -54,8 +54,14 @@ LONGEST_SEARCH_BLOCK_S = 60.0
 """… the longest of them [s]: lags of half a minute still leave a trace in ramps …"""
 BLOCKS_PER_PERIOD = 8
 """… and how many of them a period of a spectral line holds: a mean keeps 97 % of its amplitude."""
+SHARE_BEFORE, SHARE_OF_SEARCH = 0.1, 0.75
+"""Share of a diagnosis that is done before its sensors are searched, and after them."""
 Listed = dict[Sensor, tuple[Effect, ...]]
 Kind = Literal['complete', 'named', 'unexplained', 'unlogged']
+
+
+def unheard(_text: str, _share: float) -> None:
+    """Hear what is being done, and tell nobody."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +73,8 @@ class Settings:
     """Noise that counts as normal; None: that of the shipped chip."""
     bandwidth_known: bool = False
     """Whether the density of white noise is that of the sensor."""
+    progress: Callable[[str, float], None] = unheard
+    """Hears what is being done, and which share of all is done."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +199,14 @@ def search_sensors(
     lines = {sensor: spectral_lines(runs, sensor) for sensor in base}
     searched = in_search_blocks(runs, [line for some in lines.values() for line in some])
     searches = SensorSearches(ColumnSource(searched, lines), base, noise, settings)
-    found = {sensor: searches.of_sensor(sensor) for sensor in base}
+    found = {}
+    for number, sensor in enumerate(base):
+        settings.progress(
+            f'asking every effect about the {sensor}',
+            SHARE_BEFORE + (SHARE_OF_SEARCH - SHARE_BEFORE) * number / len(base),
+        )
+        found[sensor] = searches.of_sensor(sensor)
+    settings.progress('comparing what is left of the sensors', SHARE_OF_SEARCH)
     found |= searches.with_one_thermometer(found)
     for effect in settings.catalogue.values():
         if effect.coupled:

@@ -13,6 +13,7 @@ from imu_workbench.web.case.verdict import (
     Action,
     data_alerts,
     next_action,
+    smallest_sizes,
     verdict_sentence,
     what_would_be_found,
 )
@@ -99,6 +100,11 @@ def test_nothing_missing_names_what_would_have_been_found(fitted, found):
     smallest = what_would_be_found(complete)
     assert list(smallest) == sorted(smallest)
     assert list(smallest[LAG]) == ['gyroscope', 'magnetometer']  # the accelerometer lacked it
+    gyroscope, magnetometer = smallest_sizes(complete).split(', ')
+    assert gyroscope.split() == [
+        min((r['gyroscope'] for r in smallest.values() if 'gyroscope' in r), key=float), '°/s',
+    ]  # fmt: skip
+    assert magnetometer.endswith(' µT')
     rows = smallest_found_html(smallest).split('<tr>')
     assert sum('Gyroscope [°/s]</th><th>Magnetometer [µT]' in row for row in rows) == 2
     lag = next(row for row in rows if 'thermal lag<' in row)

@@ -152,6 +152,9 @@ def test_the_verdict_is_on_the_noise_and_names_the_axis_that_drifts(clock: Clock
 
 def test_there_is_no_verdict_before_a_minute(state: LiveState) -> None:
     assert verdict(state, 0) == 'A verdict needs 60 s at rest since the zero.'
+    why = '/imu/data_raw has 2 publishers (/one, /other)'
+    assert verdict(state, 0, {'raw': why}) == f'No verdict: {why}.'
+    assert verdict(state, 0, {'ahrs': why}).startswith('A verdict needs')
 
 
 def test_raw_and_compensated_are_shown_of_the_same_second(clock: Clock) -> None:

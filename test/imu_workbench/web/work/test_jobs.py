@@ -9,7 +9,14 @@ from pathlib import Path
 import pytest
 from imu_workbench.web.case.tasks import effects_task
 from imu_workbench.web.work import jobs
-from imu_workbench.web.work.jobs import Job, JobCancelled, JobError, LockWait, expected_seconds
+from imu_workbench.web.work.jobs import (
+    Job,
+    JobCancelled,
+    JobError,
+    LockWait,
+    expected_seconds,
+    time_left,
+)
 from thermal_comp.effects import EFFECTS
 
 ENDLESS = partial(operator.contains, range(10**18))
@@ -20,6 +27,20 @@ def test_a_job_tells_its_progress_and_its_result():
     job = Job(effects_task, [])
     assert set(job.wait()) == set(EFFECTS)
     assert job.progress == 'checking the effect file'
+
+
+def test_the_time_left_follows_from_the_share_that_is_done():
+    job = Job(effects_task, [])
+    job.began, job._foretold, job.expected_end = 100.0, 40.0, 140.0
+    assert time_left(job, 139.8) == 'about 1 s left'
+    assert time_left(job, 142.0) == '42 s so far'
+    job.hear('a quarter is done: 80 s in all by this measure', 0.25, 120.0)
+    assert time_left(job, 120.0) == 'about 30 s left'
+    job.hear('which share, nobody knows', 0.0, 130.0)
+    assert time_left(job, 130.0) == 'about 20 s left'
+    job.hear('most is done: 80 s again', 0.75, 160.0)
+    assert time_left(job, 160.0) == 'about 10 s left'
+    job.wait()
 
 
 def test_mistakes_are_one_line_and_bugs_say_that_they_are():

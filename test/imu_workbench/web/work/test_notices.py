@@ -35,13 +35,14 @@ def test_listeners_are_told_until_they_leave() -> None:
 
 def test_a_job_is_shown_while_it_is_under_way() -> None:
     class Reading:
-        progress = ''
-        expected_end = None
+        about = progress = ''
+        began, expected_end = 0.0, None
 
         def cancel(self) -> None:
             """There is nothing to stop."""
 
     notices, job = Notices(), Reading()
-    with notices.work(job):
+    with notices.work(job, 'dut2 v1'):
         assert notices.jobs == [job]
+        assert job.about == 'dut2 v1'
     assert notices.jobs == []

@@ -103,7 +103,7 @@ def test_a_version_is_asked_again_where_effects_came_while_it_was_asked(case, tm
     work.loaded['v1'] = SimpleNamespace(model_text='model', effects={}, errors=lambda: ERRORS)
     asked: list[int] = []
 
-    async def answer(_key: object, _task: object, *arguments: object) -> dict:
+    async def answer(_about: str, _key: object, _task: object, *arguments: object) -> dict:
         files = arguments[-1]
         asked.append(len(files))
         if len(asked) == 1:

@@ -25,6 +25,7 @@ class Buttons:
     def __init__(self, part: ui.element) -> None:
         self._acts: dict[str, Callable[[], Any]] = {}
         part.on('click', self._press, js_handler=PRESSED)
+        part.props('data-acts')
 
     def add(self, label: str, key: str, act: Callable[[], Any]) -> ui.button:
         """Return a new button; `key`: the same wherever the same thing is done, no other's."""

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import exp, log
 from typing import Any
@@ -93,16 +93,22 @@ def with_errors(
     model: ThermalModel,
     runs: Sequence[PreparedRun],
     catalogue: Mapping[str, type[Effect]],
+    progress: Callable[[str, float], None],
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the candidates (fields of `Candidate`), those in front with their held-out error."""
-    result: dict[str, list[dict[str, Any]]] = {}
-    for sensor in SENSORS:
-        result[sensor] = [dict(row) for row in candidates.get(sensor, ())]
-        for row in result[sensor][:HELD_OUT_AT_FIRST]:
-            if row['error_after'] is None and sensor in model.sensors:
-                effect = effect_of(row['effect'], row['shape'], catalogue)
-                row['error_after'] = error_with(model, runs, sensor, effect)
-    return {sensor: rows for sensor, rows in result.items() if rows}
+    rows = {s: [dict(row) for row in candidates[s]] for s in SENSORS if candidates.get(s)}
+    missing = [
+        (sensor, row)
+        for sensor in rows
+        for row in rows[sensor][:HELD_OUT_AT_FIRST]
+        if row['error_after'] is None and sensor in model.sensors
+    ]
+    for number, (sensor, row) in enumerate(missing):
+        name = row['effect'].replace('_', ' ')
+        progress(f'what {name} would leave in the {sensor}', number / len(missing))
+        effect = effect_of(row['effect'], row['shape'], catalogue)
+        row['error_after'] = error_with(model, runs, sensor, effect)
+    return {str(sensor): own for sensor, own in rows.items()}
 
 
 def _finding(content: Mapping[str, Any], one: RankedEffect) -> Mapping[str, Any] | None:

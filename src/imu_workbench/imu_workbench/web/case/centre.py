@@ -5,11 +5,13 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from nicegui import ui
 
 from imu_workbench.report.figures.panels import Figure
+from imu_workbench.web.case.buttons import Buttons
 from imu_workbench.web.case.figures.cell_grid import CellGrid
 from imu_workbench.web.case.figures.failure_map import FailureMap, failure_figure, failure_map
 from imu_workbench.web.case.figures.noise import allan_figure, spectrum_figure
@@ -57,6 +59,7 @@ class Centre:
                 with ui.element('div').classes('map-side'):
                     self._places = ui.element('div').classes('places')
                     self._places.props('role=group aria-label="worst places"')
+                    self._buttons = Buttons(self._places)
                     self._all = ui.element('button').classes('place all').props('type=button')
                     self._all.on('click', lambda _: brush(None))
                     self._all.visible = False
@@ -158,7 +161,7 @@ class Centre:
         worst = self._map.worst(LISTED_PLACES) if self._map else []
         self._all.visible = view.place is not None or view.window is not None
         if (worst, view.place) == self._listed:
-            return  # a new list would take the keyboard's focus away
+            return
         self._listed = (worst, view.place)
         self._places.clear()
         with self._places:
@@ -166,7 +169,7 @@ class Centre:
                 on = place == view.place
                 button = ui.element('button').classes('place on' if on else 'place')
                 button.props(f'type=button aria-pressed={"true" if on else "false"}')
-                button.on('click', lambda _, place=place: self._go_to(place))
+                self._buttons.heard(button, f'go to {place}', partial(self._go_to, place))
                 with button:
                     ui.label(str(place))
                     ui.label(f'{ratio:.1f} ×').classes('number')

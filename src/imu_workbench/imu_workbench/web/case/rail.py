@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from html import escape
@@ -12,7 +12,7 @@ from typing import Any
 from nicegui import ui
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import COUNT
-from thermal_comp.presentation.diagnosis import percent
+from thermal_comp.presentation.diagnosis import explanation_name, percent
 from thermal_comp.presentation.display import DISPLAY_UNITS, shown
 
 from imu_workbench.web.case.buttons import Buttons, file_button
@@ -22,6 +22,8 @@ from imu_workbench.web.case.version import Version, parameter_text
 from imu_workbench.web.session import Session
 from imu_workbench.web.words import word
 
+LEAST_JOINT = 0.05
+"""Probability of explanations with several effects from which all explanations are listed."""
 SHOWN = 4
 """Candidates that stand there at once; the others below."""
 
@@ -51,9 +53,11 @@ class Rail:
         with self._section.props('aria-label="Candidates" aria-busy=true'):
             self._place = ui.element('div')
             self._kept = ui.element('div')
-            button = file_button('Load an effect file (.py)', '.py', actions.load_effects)
-            button.set_enabled(may_load)
-            if not may_load:
+            label = 'Load an effect file (.py)'
+            if may_load:
+                file_button(label, '.py', actions.load_effects)
+            else:
+                ui.button(label).props('no-caps outline').set_enabled(False)
                 text = 'Effect files run code: loading them is off where others can open the page.'
                 ui.label(text).classes('reason')
 
@@ -89,6 +93,7 @@ class Rail:
             if found is None:
                 ui.label('Candidates stand here once the catalogue was asked.').classes('soft')
                 return
+            ui.html(together_html(found['diagnosis']['explanations'], sensor), sanitize=False)
             self._show(self._candidates(preview), version, preview)
             if waits:
                 ui.label('What they would leave held out is being computed …').classes('soft')
@@ -136,8 +141,10 @@ class Rail:
         useful = [c for c in candidates if c.named or c.empirical or c.lowers(before)]
         useful = sorted(useful, key=lambda c: (not c.named, not c.empirical))[:SHOWN]
         winner = next((c for c in useful if c.named), None)
+        named = [c.effect for c in useful if c.named]
         for candidate in useful:
-            self._card(candidate, winner, version, preview)
+            beside = [_spaced(name) for name in named if name != candidate.effect]
+            self._card(candidate, winner, beside, version, preview)
         rest = [c for c in candidates if c not in useful]
         if not useful:
             ui.label('No candidate would lower the held-out error.').classes('note')
@@ -148,10 +155,11 @@ class Rail:
         self,
         candidate: Candidate,
         winner: Candidate | None,
+        beside: Sequence[str],
         version: Version,
         preview: EffectPreview | None,
     ) -> None:
-        name = candidate.effect.replace('_', ' ')
+        name = _spaced(candidate.effect)
         on = self._session.candidate == candidate.effect
         with (
             ui.element('article')
@@ -167,6 +175,8 @@ class Rail:
                 sanitize=False,
             )
             ui.html(errors_html(candidate, version), sanitize=False)
+            if candidate.named and beside:
+                ui.label(f'Together with {" and ".join(beside)}.').classes('note')
             for key, value in candidate.parameters.items():
                 unit = value['unit'].removeprefix(COUNT)
                 text = f'{parameter_text(value["value"], value.get("std"))} {unit}'
@@ -184,14 +194,14 @@ class Rail:
 
     def _offer(self, candidate: Candidate, *, on: bool, add: str) -> None:
         do, effect, sensor = self._actions, candidate.effect, candidate.sensor
-        name = effect.replace('_', ' ')
+        name = _spaced(effect)
         with ui.row().classes('actions small'):
-            for label, act in (
-                ('Hide' if on else 'Preview', partial(do.preview, effect)),
-                ('Explain', partial(do.explain, effect)),
-                (add, partial(do.add, effect, (sensor,))),
+            for key, label, act in (
+                ('preview', 'Hide' if on else 'Preview', partial(do.preview, effect)),
+                ('explain', 'Explain', partial(do.explain, effect)),
+                ('add', add, partial(do.add, effect, (sensor,))),
             ):
-                button = self._buttons.add(label, f'{label} {sensor} {effect}', act)
+                button = self._buttons.add(label, f'{key} {sensor} {effect}', act)
                 button.props(f'outline dense aria-label="{label} {name}"')
 
     def _group(self, title: str, rest: Sequence[Candidate], version: Version) -> None:
@@ -209,7 +219,7 @@ class Rail:
             for candidate in rest:
                 on = self._session.candidate == candidate.effect
                 with ui.element('div').classes('other on' if on else 'other'):
-                    ui.label(candidate.effect.replace('_', ' ')).classes('other-name')
+                    ui.label(_spaced(candidate.effect)).classes('other-name')
                     ui.label(little_text(candidate, before)).classes('reason')
                     self._offer(candidate, on=on, add='Add anyway')
 
@@ -224,7 +234,7 @@ class Rail:
             ui.label('In the model:').classes('soft')
             for name in inside:
                 with ui.element('span').classes('term'):
-                    ui.label(name.replace('_', ' '))
+                    ui.label(_spaced(name))
                     removable = name in effects and effects[name]['searched']
                     if removable:
                         button = ui.element('button').classes('close').props('type=button')
@@ -240,9 +250,36 @@ class Rail:
         reasons: dict[str, list[str]] = {}
         for name, reason in (work.unusable if work else {}).items():
             if name in effects and sensor in effects[name]['sensors']:
-                reasons.setdefault(reason, []).append(name.replace('_', ' '))
+                reasons.setdefault(reason, []).append(_spaced(name))
         for reason, names in reasons.items():
             ui.label(f'Cannot be tried: {", ".join(names)}: {reason}.').classes('reason')
+
+
+def together_html(explanations: Sequence[Mapping[str, Any]], sensor: str) -> str:
+    """Return the explanations of a sensor, which add up to one, where some have several effects.
+
+    An effect's own probability is that of all explanations it is part of: of two effects that act
+    together each has nearly one.
+    """
+    own = [one for one in explanations if one['sensor'] == sensor]
+    if sum(one['probability'] for one in own if len(one['names']) > 1) < LEAST_JOINT:
+        return ''
+    rows = [(_spaced(explanation_name(one)), one['probability']) for one in own]
+    rest = 1.0 - sum(probability for _, probability in rows)
+    rows += [('anything else', rest)] if rest >= LEAST_SHOWN else []
+    items = ''.join(
+        f'<li>{escape(name)}<span class="number">{probability_text(probability)}</span></li>'
+        for name, probability in rows
+    )
+    return (
+        f'<div class="together"><p class="soft">Explanations, 100 % in all:</p><ul>{items}</ul>'
+        '<p class="reason">Beside an effect below stands what all explanations it is part of have '
+        'together: effects that act together do not share 100 %.</p></div>'
+    )
+
+
+def _spaced(text: str) -> str:
+    return text.replace('_', ' ')
 
 
 def probability_text(probability: float | None) -> str:

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import os
 import pickle
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from imu_recording.plausibility import admitted
 from imu_recording.recording import RecordingError
@@ -39,7 +39,12 @@ from imu_workbench.web.case.candidates import candidates_of, with_errors
 from imu_workbench.web.case.stored_bag import StoredBag, store_recording
 from imu_workbench.web.case.version import Version, make_version, model_from_text
 
-Progress = Callable[[str], None]
+
+class Progress(Protocol):
+    """Hears what is being done, and which share of all is done; 0 where that is not known."""
+
+    def __call__(self, text: str, share: float = 0.0) -> None:
+        """Hear it."""
 
 
 def read_task(
@@ -60,8 +65,8 @@ def prepare_task(progress: Progress, bags: Sequence[StoredBag], target: Path) ->
     """Prepare the runs of one device and keep them in a file; runs that cannot be are left out."""
     runs: list[PreparedRun] = []
     left_out: dict[str, str] = {}
-    for bag in bags:
-        progress(f'taking block means of {bag.run}')
+    for number, bag in enumerate(bags):
+        progress(f'taking block means of {bag.run}', number / (len(bags) + 1))
         try:
             runs += usable(prepare([bag.recording()]))
         except RecordingError as error:
@@ -186,14 +191,14 @@ def diagnose_task(
 
     `prepared` holds the runs of the bags, which are taken where nothing is defective.
     """
-    progress(f'{bags[0].device}: asking every effect of the catalogue')
+    progress('looking for defects of the data')
     catalogue = effect_catalogue(effect_files)
     model = model_from_text(model_text, catalogue)
     runs = load_runs(prepared)
     same = [run.name for run in runs] == [bag.run for bag in bags]
     recordings = (bag.recording() for bag in bags)
     inputs = prepare_inputs(recordings, prepared=runs if same else ())
-    found = diagnose_inputs(inputs, model, catalogue)
+    found = diagnose_inputs(inputs, model, catalogue, progress=progress)
     content: dict[str, Any] = plain(found.to_dict())
     rows = {s: [asdict(one) for one in own] for s, own in candidates_of(found).items()}
     return {'diagnosis': content, 'candidates': plain(rows)}
@@ -207,10 +212,11 @@ def held_out_task(
     effect_files: Sequence[Path],
 ) -> dict[str, Any]:
     """Return the candidates of every sensor, those in front with what they leave held out."""
-    progress('holding out what each candidate would leave')
     catalogue = effect_catalogue(effect_files)
     model = model_from_text(model_text, catalogue)
-    found: dict[str, Any] = plain(with_errors(candidates, model, load_runs(prepared), catalogue))
+    found: dict[str, Any] = plain(
+        with_errors(candidates, model, load_runs(prepared), catalogue, progress)
+    )
     return found
 
 

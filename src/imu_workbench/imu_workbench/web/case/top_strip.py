@@ -17,10 +17,10 @@ from imu_workbench.web.case.verdict import (
     Action,
     data_alerts,
     next_action,
+    smallest_sizes,
     verdict_sentence,
     what_would_be_found,
 )
-from imu_workbench.web.plot import Look
 from imu_workbench.web.session import Session
 from imu_workbench.web.words import word
 
@@ -46,8 +46,8 @@ class TopActions:
 class TopStrip:
     """Alerts, verdict and next action of the version looked at."""
 
-    def __init__(self, session: Session, look: Look, actions: TopActions) -> None:
-        self._session, self._look, self._actions = session, look, actions
+    def __init__(self, session: Session, actions: TopActions) -> None:
+        self._session, self._actions = session, actions
         self._drawn: tuple[Any, ...] | None = None
         with ui.element('section').classes('card top').props('aria-label="Verdict"'):
             self._alerts = ui.element('div').classes('alerts').props('role=alert')
@@ -63,7 +63,7 @@ class TopStrip:
         action = self._action()
         drawn = (
             session.device, session.version_name, id(version), id(found), tuple(alerts), action,
-            session.candidate, self._waiting(), bool(work and work.bags), self._look.narrow,
+            session.candidate, self._waiting(), bool(work and work.bags),
         )  # fmt: skip
         if drawn == self._drawn:
             return
@@ -121,11 +121,10 @@ class TopStrip:
                 ui.label(f'As it was found before. {session.nothing_yet}').classes('soft')
             smallest = what_would_be_found(found)
             if smallest:
-                with ui.element('details').classes('soft sizes') as sizes:
-                    if not self._look.narrow:
-                        sizes.props('open')
+                with ui.element('details').classes('soft sizes'):  # open, it hides the figures
                     with ui.element('summary'):
-                        ui.label('How small an effect would have been found')
+                        sizes = smallest_sizes(found)
+                        ui.label(f'Smallest effects that would have been found: {sizes} rms')
                     ui.html(smallest_found_html(smallest), sanitize=False)
             words = f'{word("noise")} · {word("held out")} · {word("evidence")}'
             ui.html(f'<span class="soft">What is meant by {words}</span>', sanitize=False)

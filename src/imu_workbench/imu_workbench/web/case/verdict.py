@@ -69,6 +69,11 @@ def verdict_sentence(found: Mapping[str, Any], errors: Errors) -> str:
     return sentence
 
 
+def verdict_of(kept: Mapping[str, Any] | None) -> str:
+    """Return the verdict of what a case keeps of a version; '' where it keeps nothing."""
+    return verdict_sentence(kept['diagnosis'], kept['errors']) if kept else ''
+
+
 def failure_sentence(sensor: str, found: Mapping[str, Any], errors: Errors) -> str:
     """Return where a sensor, or several, fail, and how far above the noise."""
     first = next((s for s in sensor.split('+') if s in errors), '')
@@ -158,6 +163,17 @@ def what_would_be_found(found: Mapping[str, Any]) -> dict[str, dict[str, str]]:
             own = rows.setdefault(effect, {})
             own[sensor] = shown(rms * DISPLAY_UNITS[sensor].factor, 2)
     return dict(sorted(rows.items()))
+
+
+def smallest_sizes(found: Mapping[str, Any]) -> str:
+    """Return the smallest of these sizes of every sensor, with its unit."""
+    texts = []
+    for sensor in SENSORS:
+        sizes = found['sensors'].get(sensor, {}).get('smallest_found')
+        if sizes:
+            unit = DISPLAY_UNITS[sensor]
+            texts.append(f'{shown(min(sizes.values()) * unit.factor, 2)} {unit.unit}')
+    return ', '.join(texts)
 
 
 def _physical(found: Mapping[str, Any]) -> list[Mapping[str, Any]]:

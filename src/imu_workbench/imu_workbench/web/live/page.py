@@ -274,7 +274,7 @@ class LivePage:
                 ]
             if self._is_new('seconds', SECOND):
                 figures.append((self._temperature, temperature_figure(state, window)))
-                self._verdict.text = verdict(state, self._zero)
+                self._verdict.text = verdict(state, self._zero, self._shared)
             boards = [(name, attitude(state, name)) for name in FILTERS]
         theme = 'dark' if self._dark() else 'light'
         self._boards.content = ''.join(

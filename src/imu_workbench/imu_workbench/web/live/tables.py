@@ -32,6 +32,8 @@ DECIMALS = {'gyroscope': 4, 'accelerometer': 4, 'magnetometer': 2}
 """Decimals in display units: a tenth of the noise of a second's mean."""
 DRIFT_NOISE_RATIO = 1.5
 """Ratio to the noise from which a static residual is more: flicker alone reaches 1.3."""
+MEASURED_ROLES = ('raw', 'compensated', 'raw_field', 'compensated_field')
+"""Roles whose samples the verdict is about."""
 SILENT_S = 3.0
 """A topic counts as silent after this time without a message."""
 LEVELS = ('ok', 'warning', 'error', 'stale')
@@ -71,8 +73,14 @@ def values_table(state: LiveState, zero: int) -> str:
     return table(head, rows, '') + _advice(state, zero)
 
 
-def verdict(state: LiveState, zero: int) -> str:
-    """Return in a sentence what compensation leaves over the noise, by the worst axis."""
+def verdict(state: LiveState, zero: int, shared: Mapping[str, str] | None = None) -> str:
+    """Return in a sentence what compensation leaves over the noise, by the worst axis.
+
+    `shared`: roles whose topic has several publishers; of a mixture nothing is said.
+    """
+    mixed = [why for role, why in (shared or {}).items() if role in MEASURED_ROLES]
+    if mixed:
+        return f'No verdict: {mixed[0]}.'
     if tilt_since_zero_deg(state, zero) > MAX_TILT_DEG:
         return 'No verdict: the device was turned since the zero was taken.'
     ratios = {s: over_noise(state, s, zero) for s in SENSORS}

@@ -16,6 +16,7 @@ import signal
 import time
 import traceback
 from collections.abc import Callable, Sequence
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Protocol
@@ -41,8 +42,12 @@ class Stoppable(Protocol):
     """Work under way that the user may cancel."""
 
     progress: str
+    about: str
+    """Device and version that it is done for; '' where it is for none."""
+    began: float
+    """[s, monotonic clock]."""
     expected_end: float | None
-    """When it should be done [s, monotonic clock]; None: nobody knows."""
+    """When it should be done; None: nobody knows."""
 
     def cancel(self) -> None:
         """Stop it."""
@@ -90,19 +95,25 @@ def seconds_of(name: str, size: int) -> float:
 
 
 def time_left(job: Stoppable, now: float) -> str:
-    """Return in words how long a job will still take; `now` by the monotonic clock [s]."""
+    """Return in words how long a job will still take; `now` by the monotonic clock [s].
+
+    One that takes longer than was expected says how long it has taken.
+    """
     if job.expected_end is None:
         return ''
     left = job.expected_end - now
-    return f'about {left:.0f} s left' if left >= 1.0 else 'nearly done'
+    if left > 0.0:
+        return f'about {max(left, 1.0):.0f} s left'
+    return f'{now - job.began:.0f} s so far'
 
 
 class LockWait:
     """Waiting for a lock that other work holds."""
 
-    def __init__(self, progress: str = 'waiting for the same work in another tab') -> None:
+    def __init__(self, progress: str = 'waiting for the same work, which is under way') -> None:
+        self.about, self.progress = '', progress
+        self.began = time.monotonic()
         self.expected_end: float | None = None
-        self.progress = progress
         self._stopped = asyncio.Event()
 
     def cancel(self) -> None:
@@ -126,12 +137,12 @@ class Job:
     """One call of a function in a process of its own; the function takes `progress` first."""
 
     def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
-        self.progress = ''
+        self.about = self.progress = ''
         self.cancelled = False
         self._name, self._size = getattr(function, '__name__', ''), workload(arguments)
-        self._began = time.monotonic()
-        expected = expected_seconds(self._name, self._size)
-        self.expected_end = None if expected is None else self._began + expected
+        self.began = time.monotonic()
+        self._foretold = expected_seconds(self._name, self._size)
+        self.expected_end = None if self._foretold is None else self.began + self._foretold
         context = start_context()
         self._connection, theirs = context.Pipe(duplex=False)
         self._process = context.Process(
@@ -151,7 +162,8 @@ class Job:
             while True:
                 kind, value = self._connection.recv()
                 if kind == 'progress':
-                    self.progress = value
+                    text, share = value
+                    self.hear(text, share, time.monotonic())
                     continue
                 if kind == 'error':
                     raise JobError(value)
@@ -169,10 +181,18 @@ class Job:
             self._process.join()
             RUNNING.discard(self)
 
+    def hear(self, text: str, share: float, now: float) -> None:
+        """Take over what is being done; the more of it is done, the more that foretells."""
+        self.progress = text
+        if share > 0.0:
+            measured = (now - self.began) / share
+            known = measured if self._foretold is None else self._foretold
+            self.expected_end = self.began + share * measured + (1.0 - share) * known
+
     def _learn(self) -> None:
         """Remember how much longer it took: a slow machine, a quick one."""
         if self._name in SECONDS:
-            took = time.monotonic() - self._began
+            took = time.monotonic() - self.began
             for name in (self._name, ''):  # a short task says little of how long others take
                 foretold, before = SPENT.get(name, (0.0, 0.0))
                 SPENT[name] = (foretold + seconds_of(self._name, self._size), before + took)
@@ -213,10 +233,14 @@ def _nothing(_: Callable[[str], None]) -> None:
     return None
 
 
+def _tell(connection: Connection, text: str, share: float = 0.0) -> None:
+    connection.send(('progress', (text, share)))
+
+
 def _run(connection: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
     os.setpgid(0, 0)
     try:
-        value = function(lambda text: connection.send(('progress', text)), *arguments)
+        value = function(partial(_tell, connection), *arguments)
         connection.send(('result', value))
     except BrokenPipeError:
         return  # the server has ended: nobody waits for an answer

@@ -55,8 +55,9 @@ class Notices:
         self.tell()
 
     @contextmanager
-    def work(self, job: Stoppable) -> Iterator[None]:
-        """Show a job while it is under way."""
+    def work(self, job: Stoppable, about: str = '') -> Iterator[None]:
+        """Show a job while it is under way; `about`: device and version it is done for."""
+        job.about = about
         self.jobs.append(job)
         self.tell()
         try:

@@ -7,6 +7,7 @@ import asyncio
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,9 @@ from imu_workbench.web.case.candidates import asks_for_errors
 from imu_workbench.web.case.next_experiment import next_profile_task
 from imu_workbench.web.case.preview import EffectPreview, preview_task
 from imu_workbench.web.case.stored_bag import StoredBag, with_unique_runs
+from imu_workbench.web.case.verdict import verdict_of
 from imu_workbench.web.case.version import Version
+from imu_workbench.web.work.answer_order import AnswerOrder
 from imu_workbench.web.work.device_work import DeviceWork
 from imu_workbench.web.work.fit_queue import FitQueue, QueuedFit
 from imu_workbench.web.work.jobs import JobCancelled, JobError, Stoppable
@@ -73,10 +76,20 @@ class Workspace(Notices):
         self.opening = True
         """Until everything the server was started with has been looked at."""
         self._remap = dict(remap or {})
-        self._closed_cases: dict[Path, tuple[int, Case]] = {}
+        self._closed_cases: dict[Path, tuple[int, tuple[Case, str]]] = {}
         """Cases nobody has opened, by folder, as they were at a time of modification [ns]."""
         self._diagnosing: set[tuple[str, str]] = set()
+        self.order = AnswerOrder(lambda: self.devices, self._asked)
         self._background: set[asyncio.Task[Any]] = set()
+
+    def tell(self) -> None:
+        """Tell everybody that something has changed."""
+        super().tell()
+        self.order.changed()
+
+    def _asked(self) -> set[str]:
+        """Return the devices whose answer is under way."""
+        return {d for d, name in self._diagnosing if name not in self.devices[d].found}
 
     # Recordings --------------------------------------------------------------------------------
 
@@ -118,31 +131,43 @@ class Workspace(Notices):
             for device in self._take(path, await bags):
                 changed += [device] if device not in changed else []
             self.tell()
-        for device in changed:
-            self._close_unread(self.devices[device])
-            await self._prepare(device, model_text)
+        left = list(changed)
+        while left:
+            async with self.order.turn(*left) as device:
+                left.remove(device)
+                self._close_unread(self.devices[device])
+                await self._prepare(device, model_text)
         return changed
 
-    def fleet(self) -> list[Case]:
-        """Return every case of this server, open or not; those that cannot be read are said."""
-        open_now = {work.case.folder: work.case for work in self.devices.values()}
-        found = []
+    def fleet(self) -> list[tuple[Case, str]]:
+        """Return every case of this server, open or not, with the verdict on its version.
+
+        '' stands for a verdict that is not known; cases that cannot be read are said.
+        """
+        open_now = {work.case.folder: work for work in self.devices.values()}
+        known = []
         for path in cases_in(self.cases):
+            work = open_now.get(path)
             try:
-                found.append(open_now.get(path) or self._case_on_disk(path))
+                if work is None:
+                    known.append(self._case_on_disk(path))
+                else:
+                    known.append((work.case, verdict_of(work.found.get(work.case.current))))
             except UserError as error:
                 self.say(str(error))
-        return found
+        return known
 
-    def _case_on_disk(self, path: Path) -> Case:
+    def _case_on_disk(self, path: Path) -> tuple[Case, str]:
         changed = (path / CASE_FILE).stat().st_mtime_ns
-        if self._closed_cases.get(path, (0, None))[0] != changed:
-            self._closed_cases[path] = (changed, load_case(path))
+        if path not in self._closed_cases or self._closed_cases[path][0] != changed:
+            case = load_case(path)
+            found = verdict_of(found_in(case, case.current))
+            self._closed_cases[path] = (changed, (case, found))
         return self._closed_cases[path][1]
 
     def open_case(self, device: str) -> Awaitable[Any]:
         """Show what the case of a device keeps; wait for its recordings to be read."""
-        case = next((one for one in self.fleet() if one.device == device), None)
+        case = next((one for one, _ in self.fleet() if one.device == device), None)
         if case is None or device in self.devices:
             return asyncio.sleep(0.0)
         self._show_kept(case)
@@ -222,7 +247,7 @@ class Workspace(Notices):
         try:
             async with self.cache.reading(located, self.work):
                 found: list[StoredBag] | None = await self._do(
-                    file_key(located), tasks.read_task, located, folder, self._remap
+                    '', file_key(located), tasks.read_task, located, folder, self._remap
                 )
         except JobCancelled:
             return []
@@ -244,12 +269,13 @@ class Workspace(Notices):
             self.queue.request(device, fit.base, change)
 
     async def _opened(
-        self, work: DeviceWork, model_text: str | None, label: str
+        self, work: DeviceWork, model_text: str | None, label: str, name: str = ''
     ) -> tasks.Opened | None:
         bags, files = list(work.bags), list(self.effect_files)
         key = (str(work.prepared), model_text, tuple(files))
         arguments = (bags, work.prepared, model_text, label, files)
-        opened: tasks.Opened | None = await self._do(key, tasks.version_task, *arguments)
+        about = f'{work.name} {name}'.strip()
+        opened: tasks.Opened | None = await self._do(about, key, tasks.version_task, *arguments)
         if opened is None:
             work.problem = 'There is no model of these recordings: see the message above.'
             self.tell()
@@ -309,7 +335,7 @@ class Workspace(Notices):
                 self.say(str(error))
                 work.failed.add(name)
                 return None
-            opened = await self._opened(work, text, known.label)
+            opened = await self._opened(work, text, known.label, name)
             if opened is None:
                 work.failed.add(name)
                 self.tell()
@@ -368,7 +394,8 @@ class Workspace(Notices):
         )
         key = (str(prepared), text, tuple(files))
         arguments = (list(work.bags), prepared, text, files)
-        kept = await self._do(key, tasks.diagnose_task, *arguments)
+        async with self.order.turn(work.name):
+            kept = await self._do(f'{work.name} {name}', key, tasks.diagnose_task, *arguments)
         if kept is None or name not in work.loaded:
             return
         if prepared != work.prepared or files != self.effect_files:  # opened in the meantime
@@ -390,7 +417,8 @@ class Workspace(Notices):
         prepared, text = work.prepared, version.model_text
         arguments = (prepared, text, found['candidates'], files)
         key = (str(prepared), text, tuple(files))
-        weighed = await self._do(key, tasks.held_out_task, *arguments)
+        async with self.order.turn(work.name):
+            weighed = await self._do(f'{work.name} {name}', key, tasks.held_out_task, *arguments)
         if weighed is not None and work.found.get(name) is found:
             self._keep_found(work, name, found | {'candidates': weighed})
 
@@ -464,7 +492,9 @@ class Workspace(Notices):
         shape = dict(weighed[0].shape) if weighed else None
         key = (str(work.prepared), text, effect, sensor, repr(shape), tuple(files))
         arguments = (work.prepared, text, effect, sensor, shape, files)
-        found: EffectPreview | None = await self._do(key, preview_task, *arguments)
+        found: EffectPreview | None = await self._do(
+            f'{device} {name}', key, preview_task, *arguments
+        )
         return found
 
     async def next_profile(
@@ -475,7 +505,9 @@ class Workspace(Notices):
         missing = version.missing()
         key = (version.model_text, one, other, tuple(files), tuple(missing.items()))
         arguments = (version.model_text, (one, other), Limits(), files, missing)
-        found: dict[str, Any] | None = await self._do(key, next_profile_task, *arguments)
+        found: dict[str, Any] | None = await self._do(
+            f'{device} {name}', key, next_profile_task, *arguments
+        )
         return found
 
     async def report(self, device: str, name: str) -> Path | None:
@@ -487,7 +519,7 @@ class Workspace(Notices):
         key = (str(work.prepared), text, tuple(files), stated)
         target = self.cache.fresh_path('.html')
         arguments = (list(work.bags), {device: text}, files, folder, target)
-        found: Path | None = await self._do(key, tasks.report_task, *arguments)
+        found: Path | None = await self._do(f'{device} {name}', key, tasks.report_task, *arguments)
         return found
 
     def effects_to_load(self, case: Case) -> dict[str, str]:
@@ -520,7 +552,7 @@ class Workspace(Notices):
         file = folder / (Path(name).name or 'my_effect.py')
         file.write_bytes(content)
         files = [*self.effect_files, file]
-        found = await self._do(tuple(files), tasks.effects_task, files)
+        found = await self._do('', tuple(files), tasks.effects_task, files)
         if found is None:
             return []
         new = [effect for effect in found if effect not in self.effects]
@@ -534,10 +566,16 @@ class Workspace(Notices):
         self.tell()
         return new
 
-    async def _do(self, key: Any, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Return the value of a task; None where it was cancelled or failed, which is said."""
+    async def _do(
+        self, about: str, key: Any, function: Callable[..., Any], *arguments: Any
+    ) -> Any:
+        """Return the value of a task; None where it was cancelled or failed, which is said.
+
+        `about`: device and version it is for.
+        """
         try:
-            return await self.cache.compute(self.work, key, function, *arguments)
+            show = partial(self.work, about=about)
+            return await self.cache.compute(show, key, function, *arguments)
         except JobError as error:
             self.say(self._plain(str(error)))
         except JobCancelled:

@@ -104,7 +104,8 @@ def time_figure(
     layout['annotations'] = spec['narrow']['annotations'] = _marks(timeline)
     layout['xaxis']['range'] = list(window or (-0.01 * timeline.end, 1.01 * timeline.end))
     layout['hovermode'] = 'x'
-    layout['meta'] = cursor_rows(version, view, timeline, window)
+    runs = {'runs': list(timeline.runs), 'starts': list(timeline.starts)}
+    layout['meta'] = cursor_rows(version, view, timeline, window) | runs
     return spec
 
 

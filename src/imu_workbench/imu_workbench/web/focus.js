@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// A key pressed on a button may have its part drawn anew: the button that does the same has the
+// focus then; where there is none any more, the first of its part.
+const PART_PATIENCE_MS = 3000;
+let pressed = null;
+
+window.addEventListener('keydown', ({ key, target }) => {
+  const button = key === 'Enter' || key === ' ' ? target.closest?.('[data-act]') : null;
+  if (button) pressed = { act: button.dataset.act, part: button.closest('[data-acts]'), at: Date.now() };
+}, true); // Quasar's buttons pass on no key
+document.addEventListener('pointerdown', () => { pressed = null; });
+document.addEventListener('focusin', ({ target }) => {
+  if (target.dataset?.act !== pressed?.act) pressed = null;
+});
+
+const sameButton = () => document.querySelector(`[data-act="${CSS.escape(pressed.act)}"]`)
+  ?? (Date.now() - pressed.at < PART_PATIENCE_MS ? pressed.part?.querySelector('[data-act]') : null);
+
+document.addEventListener('DOMContentLoaded', () => {
+  new MutationObserver(() => {
+    if (pressed && document.activeElement === document.body) sameButton()?.focus({ preventScroll: true });
+  }).observe(document.body, { childList: true, subtree: true });
+});
