@@ -77,6 +77,8 @@ class Campaign:
     """Frequency [Hz] and drift [Hz/K] of the most prominent lines, strongest first."""
     step_times: Callable[[], Sequence[tuple[int, float, float]]]
     """Run, time and duration [s] of the likeliest steps of the level."""
+    channels: frozenset[str] = frozenset()
+    """Channels that were logged in every run."""
     occurred: Sequence[tuple[int | None, float]] = ()
     """Run, None for all, and time [s] of what is known to have happened: its edge is none anew."""
 

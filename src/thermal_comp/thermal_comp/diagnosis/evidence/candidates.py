@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.conditions import CHANNELS, Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Campaign, Candidate, Effect
 from thermal_comp.effects.operators import rise
@@ -115,6 +115,7 @@ def campaign_of(design: CandidateDesign, known: Sequence[ColumnGroup] = ()) -> C
         times_before=tuple(run.conditions.time_before for run in runs),
         spectral_lines=partial(design.source.spectral_lines, design.sensor),
         step_times=partial(step_times, design, known),
+        channels=frozenset(c for c in CHANNELS if all(run.conditions.has(c) for run in runs)),
     )
 
 
