@@ -76,3 +76,20 @@ def test_noise_of_nothing_is_zero() -> None:
     fitted = fit_noise_to_spectra([])
     assert not fitted.white.any()
     assert not fitted.amplitudes.any()
+
+
+def test_slow_noise_that_a_short_run_hardly_tells_is_not_taken_for_none() -> None:
+    rng = np.random.default_rng(6)
+    slot = np.arange(300)
+    amplitudes = np.full((len(OU_TIME_CONSTANTS), 3), 0.15)
+    true = NoiseModel(np.ones(3), OU_TIME_CONSTANTS, amplitudes)
+    waves = np.cos(np.pi * np.arange(40) * (slot[:, None] + 0.5) / len(slot))
+    projection = project_spectra(slot, np.linalg.qr(waves)[0], OU_TIME_CONSTANTS, 2.0)
+    found = [
+        fit_noise_to_spectra([projection.spectrum_of(draw_noise(true, slot, 2.0, rng))])
+        for _ in range(40)
+    ]
+    slow = np.sqrt([(noise.amplitudes**2).sum(axis=0).mean() for noise in found])
+    ratio = slow / np.sqrt((amplitudes[:, 0] ** 2).sum())
+    assert 0.25 < ratio.min() < 1.0 < ratio.max() < 4.0
+    assert 0.7 < np.median(ratio) < 1.5

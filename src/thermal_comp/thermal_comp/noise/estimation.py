@@ -68,6 +68,11 @@ def jump_columns(values: FloatArray, slot: IntArray, basis: FloatArray) -> Float
 LOG_VARIANCE_STEP = 1.2
 """Standard deviation of the log-variance step between neighbouring processes."""
 
+TYPICAL_SLOW_SHARE, SLOW_SHARE_LN = 0.2, 1.0
+"""Amplitude of each process over the standard deviation of a one-second mean, and standard
+deviation of its ln: bias instabilities of MEMS sensors are about a half of it. Where a short run
+does not tell, no slow noise at all would be the likeliest, and laws take up what there is."""
+
 LEAST_VARIANCE = 1e-9
 """Least variance of a process, as a share of the residual's."""
 
@@ -153,7 +158,11 @@ def _whittle(
     order = len(expected)
     precision = _smoothness_precision(order)
     centre = np.zeros(order)
-    if prior is not None:
+    if prior is None:
+        level = np.r_[-1.0, np.full(order - 1, 1.0 / (order - 1))]
+        precision = precision + np.outer(level, level) / (2.0 * SLOW_SHARE_LN) ** 2
+        centre[1:] = 2.0 * np.log(TYPICAL_SLOW_SHARE)
+    else:
         precision = precision + np.diag(np.r_[0.0, np.full(order - 1, 1.0 / 0.7**2)])
         centre = prior
     log_variance = np.full(order, -1.0) if prior is None else prior.copy()
