@@ -154,7 +154,16 @@ def test_vibration_comes_from_the_raw_samples_at_fifty_hertz_and_not_below() -> 
     vibration = run.block_conditions.vibration
     assert vibration[:17] == pytest.approx(1e-4, rel=0.2)
     assert vibration[19:] == pytest.approx(0.25, rel=0.05)
+    assert run.vibration[19:] == pytest.approx(0.75, rel=0.05)
     assert prepare([still(0.2, 10.0)])[0].conditions.vibration is None
+
+
+def test_stamps_that_jitter_about_fifty_hertz_are_fast_enough_for_vibration() -> None:
+    fast = still(0.2, 50.0)
+    late = np.random.default_rng(1).integers(0, 1_000_000, len(fast))
+    step = 20_050_000 * np.arange(len(fast), dtype=np.int64)
+    (run,) = prepare([replace(fast, stamp=fast.stamp[0] + step + late)])
+    assert run.vibration is not None
 
 
 def test_cycles_are_held_out_and_without_them_twelve_blocks() -> None:

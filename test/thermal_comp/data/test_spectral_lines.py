@@ -166,3 +166,10 @@ def test_only_a_line_that_longer_blocks_would_average_away_keeps_them_short() ->
     assert longer > runs[0].period
     assert in_search_blocks(runs, [slow])[0].period == longer
     assert in_search_blocks(runs, [slow._replace(drift=1e-3)])[0].period == runs[0].period
+
+
+def test_bursts_keep_their_blocks_where_there_are_few() -> None:
+    """A block of a minute that holds 20 s of samples would have the noise of a minute."""
+    whole = run('+z', seed=1)
+    (bursts,) = prepare([whole.rows(whole.time % 600.0 < 20.0)])
+    assert in_search_blocks([bursts], [])[0].period == bursts.period

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,20 @@ from ..models import line_model
 def test_plain_values_give_the_model_they_were_made_from() -> None:
     document = line_model().to_dict()
     assert model_from_document(document).to_dict() == document
+
+
+def test_noise_that_grows_with_vibration_comes_back() -> None:
+    model = line_model()
+    part = model.sensors['accelerometer']
+    assert part.noise is not None
+    noise = replace(part.noise, per_vibration=np.array([1e-4, 0.0, 2e-4]), still_vibration=1e-3)
+    shaken = replace(part, noise=noise)
+    document = replace(model, sensors={**model.sensors, 'accelerometer': shaken}).to_dict()
+    assert model_from_document(document).to_dict() == document
+    entry = document['sensors']['accelerometer']['noise']
+    entry['per_vibration']['value'][0] = -1.0
+    with pytest.raises(ModelError, match=r'accelerometer\.noise\.per_vibration: .*negative'):
+        model_from_document(document)
 
 
 @pytest.mark.parametrize(

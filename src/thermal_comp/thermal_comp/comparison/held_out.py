@@ -20,7 +20,8 @@ from thermal_comp.linear.design import Design
 from thermal_comp.linear.normal_equations import Solution, solve
 from thermal_comp.linear.whitening import apply_transposed
 from thermal_comp.model.values import NoiseModel
-from thermal_comp.noise.process import mean_autocovariance, toeplitz_product
+from thermal_comp.noise.estimation import noise_product
+from thermal_comp.noise.vibration import block_variances
 
 LEAST_POWER_SHARE = 0.02
 """Share of a column's power below which the rest does not tell its coefficient: a block that
@@ -193,14 +194,14 @@ def _expected(
     weights[valid] = apply_transposed(
         design.whitened(columns[valid], run, sensor, axis), design.gains_of(run, sensor, axis)
     )
-    lags = int(prepared.slot[-1]) + 1
-    noise = mean_autocovariance(design.noise[sensor], axis, prepared.period, lags)
-    shared = toeplitz_product(noise, prepared.slot, weights)[rows]
+    noise = design.noise[sensor]
+    shared = noise_product(noise, prepared, axis, weights)[rows]
     held = columns[rows]
     covariance = solution.covariance[np.ix_(index, index)]
-    expected: FloatArray = noise[0] + ((held @ covariance) * (held - 2.0 * shared)).sum(axis=1)
+    own = block_variances(noise, prepared)[rows, axis]
+    expected: FloatArray = own + ((held @ covariance) * (held - 2.0 * shared)).sum(axis=1)
     if basis.shape[1]:
-        turned = toeplitz_product(noise, prepared.slot[rows], basis)
+        turned = noise_product(noise, prepared, axis, basis, rows)
         turned += held @ (covariance @ ((held - shared).T @ basis))
         turned -= shared @ (covariance @ (held.T @ basis))
         inner = basis @ (basis.T @ turned)

@@ -43,7 +43,8 @@ def kept[**P, T](
 
 def _hashable(value: Any) -> Hashable:
     if isinstance(value, NoiseModel):
-        return tuple(v.tobytes() for v in (value.white, value.time_constants, value.amplitudes))
+        arrays = (value.white, value.time_constants, value.amplitudes, value.per_vibration)
+        return (*(v.tobytes() for v in arrays), value.still_vibration)
     if isinstance(value, Mapping):
         return tuple((key, _hashable(each)) for key, each in value.items())
     if isinstance(value, list | tuple):

@@ -118,6 +118,12 @@ class PreparedRun:
         return columns[:, columns.any(axis=0)]
 
     @cached_property
+    def vibration(self) -> FloatArray | None:
+        """(m,) variance of the acceleration within each block, summed over the axes [(m/s²)²]."""
+        vibration = self.conditions.vibration
+        return None if vibration is None else self.block_mean(vibration).sum(axis=1)
+
+    @cached_property
     def phase(self) -> IntArray:
         """(m,) index into PHASES in the middle of each block; −1 unknown."""
         return self._middle(self.conditions.phase, -1)
@@ -161,6 +167,8 @@ FINE_PERIOD = 1.0
 """Columns are evaluated on means over this [s], or on the samples where they are slower."""
 VIBRATION_RATE = 50.0
 """Slowest sample rate [Hz] from which vibration is computed."""
+RATE_TOLERANCE = 1.02
+"""How much further apart samples of that rate may be: stamps jitter, and clocks err."""
 FEWEST_PARTS, MOST_PARTS = 5, 12
 """Contiguous parts a run without cycles is cut into, to be held out one at a time: what a term
 gains on five of them is seldom more than chance, …"""
@@ -354,7 +362,7 @@ def _fine(recording: ImuRecording, origin: int, period: float) -> tuple[ImuRecor
         if isinstance(column, np.ndarray) and item.name != 'stamp':
             exact = column.dtype.kind == 'i' or item.name == 'reference_orientation'
             taken[item.name] = column[middle] if exact else bin_means(column, edges)[0]
-    if recording.vibration is None and step <= 1.0 / VIBRATION_RATE:
+    if recording.vibration is None and step <= RATE_TOLERANCE / VIBRATION_RATE:
         taken['vibration'] = bin_variances(
             recording.linear_acceleration, edges, taken['linear_acceleration']
         )

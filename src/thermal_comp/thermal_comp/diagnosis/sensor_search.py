@@ -221,7 +221,7 @@ def in_search_blocks(
 
     A spectral line would be averaged away in blocks that are not short against its period.
     """
-    blocks = max(int(run.slot[-1] - run.slot[0]) + 1 for run in runs)
+    blocks = max(len(run) for run in runs)
     warmest = max(float(np.abs(run.conditions.temperature_difference).max()) for run in runs)
     fastest = max((abs(f) + abs(drift) * warmest for f, drift in lines), default=0.0)
     longest = min(LONGEST_SEARCH_BLOCK_S, 1.0 / (BLOCKS_PER_PERIOD * max(fastest, 1e-9)))

@@ -31,8 +31,9 @@ from thermal_comp.fitting.shape_uncertainty import (
 from thermal_comp.linear.design import LEAST_DEVIATION, Design, Term
 from thermal_comp.linear.normal_equations import NormalEquations, Solution, gram, solve
 from thermal_comp.model.values import NoiseModel, Provenance, SensorModel, ThermalModel
+from thermal_comp.noise.estimation import noise_product
 from thermal_comp.noise.of_runs import noise_beside, noise_of_runs
-from thermal_comp.noise.process import mean_autocovariance, toeplitz_product
+from thermal_comp.noise.vibration import note_of_vibration
 
 __all__ = ['Effects', 'FittedGroup', 'device_of', 'fit', 'fit_prepared', 'usable_sensors']
 
@@ -100,11 +101,12 @@ def _noise_by_sensor(
     effects: Mapping[Sensor, Sequence[Effect]],
     known: Mapping[Sensor, NoiseModel],
 ) -> tuple[dict[Sensor, NoiseModel], list[str]]:
-    """Return the noise of each sensor, as known or fitted, and what is said of guesses."""
+    """Return the noise of each sensor, as known or fitted, and what is to be said of it."""
     found = {
         s: (known[s], '') if s in known else noise_of_runs(runs, s, effects[s]) for s in effects
     }
-    return {s: noise for s, (noise, _) in found.items()}, [n for _, n in found.values() if n]
+    notes = [note or note_of_vibration(noise, runs, s) for s, (noise, note) in found.items()]
+    return {s: noise for s, (noise, _) in found.items()}, [note for note in notes if note]
 
 
 def _fit_group(design: Design, runs: Sequence[PreparedRun], *, refine: bool) -> FittedGroup:
@@ -367,6 +369,5 @@ def ordinary(
         columns = columns - columns.mean(axis=0)
         normal += columns.T @ columns
         for axis in range(3):
-            noise = mean_autocovariance(model.noise, axis, run.period, int(run.slot[-1]) + 1)
-            spread[axis] += columns.T @ toeplitz_product(noise, run.slot, columns)
+            spread[axis] += columns.T @ noise_product(model.noise, run, axis, columns)
     return OrdinaryLeastSquares(normal, spread, np.concatenate(deviations))

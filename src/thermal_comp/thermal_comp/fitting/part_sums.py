@@ -18,6 +18,7 @@ from thermal_comp.linear.columns import orthonormal, per_axis, project_out
 from thermal_comp.linear.normal_equations import pseudo_solve
 from thermal_comp.linear.whitening import apply_gains, innovation_gains
 from thermal_comp.model.values import NoiseModel
+from thermal_comp.noise.vibration import block_variances
 
 LEAST_PARTS = 3
 """Parts held out from which anything is said."""
@@ -77,7 +78,7 @@ class PartSums:
     white: FloatArray
     """(3, k, q, q) whitened; the measured values come last."""
     plain: FloatArray
-    """(3, k, q, q) as they are, less what only the piece itself can tell."""
+    """(3, k, q, q) of rows in units of still ones, less what only the piece itself can tell."""
     rows: IntArray
     """(k,) blocks of each piece."""
     part: IntArray
@@ -89,7 +90,7 @@ class PartSums:
     places: Mapping[Effect, IntArray]
     """Columns of each further effect."""
     variance: FloatArray
-    """(3,) of the noise of a block [unit²]."""
+    """(3,) of the noise of a still block [unit²]."""
 
     def parts(self) -> list[int]:
         """Return the parts that are held out in turn."""
@@ -132,7 +133,8 @@ def part_sums(
 ) -> PartSums:
     """Return the sums over the parts of the runs; `known` effects are in every fit.
 
-    Fits are without the noise of the thermometer, their errors with it.
+    Fits are without the noise of the thermometer, their errors with it. Errors where the device
+    was shaken count in the noise that is there.
     """
     groups = _parts_of(runs, sensor)
     effects = (*known, *further)
@@ -147,6 +149,7 @@ def part_sums(
         if effect.per_run
         for j in range(int(starts[k]), int(starts[k + 1]))
     ]
+    still = noise.variance_of_means(runs[0].period)
     white, plain, rows, part, number = [], [], [], [], []
     for r, run in enumerate(runs):
         values = run.measured[sensor]
@@ -163,18 +166,19 @@ def part_sums(
                 place = slice(int(starts[k]), int(starts[k + 1]))
                 fitted[:, :, place] = smoothed[k][r][here].transpose(1, 0, 2)
                 table[:, :, place] = measured[k][r][here].transpose(1, 0, 2)
+            vibration = None if run.vibration is None else run.vibration[here]
+            gains = [
+                innovation_gains(run.slot[here], noise, axis, run.period, vibration)
+                for axis in range(3)
+            ]
             whitened = np.stack(
-                [
-                    apply_gains(
-                        fitted[axis], innovation_gains(run.slot[here], noise, axis, run.period)
-                    )
-                    for axis in range(3)
-                ]
+                [apply_gains(rows, gain) for rows, gain in zip(fitted, gains, strict=True)]
             )
             for k, effect in enumerate(effects):
                 if effect.bends:
                     straight = _straight(run, effect, sensor, _span(runs, groups, p))
                     table[:, :, starts[k] : starts[k + 1]] = straight[here].transpose(1, 0, 2)
+            table *= np.sqrt(still / block_variances(noise, run)[here]).T[:, :, None]
             for axis in range(3) if own else ():
                 table[axis] = project_out(orthonormal(table[axis][:, own]), table[axis])
             white.append(whitened.transpose(0, 2, 1) @ whitened)
@@ -194,7 +198,7 @@ def part_sums(
         np.array(number),
         np.arange(starts[len(known)]),
         places,
-        noise.variance_of_means(runs[0].period),
+        still,
     )
 
 

@@ -99,8 +99,8 @@ class CandidateDesign:
     ) -> None:
         """`values` (m, 3) per run replace the measured block means, as draws of noise do.
 
-        `axes` (3, 3), orthogonal, are the directions in which the noise is independent, and to
-        which `noise` belongs; None: those of the sensor.
+        `axes` (3, 3), columns of unit length, are the directions in which the noise is
+        independent, and to which `noise` belongs; None: those of the sensor.
         """
         self.source, self.sensor, self.noise = source, sensor, noise
         self.axes = np.eye(3) if axes is None else axes
@@ -109,7 +109,11 @@ class CandidateDesign:
         measured = [rows @ self.axes for rows in measured]
         self.valid = [np.isfinite(rows).all(axis=1) for rows in measured]
         slots = [run.slot[ok] for run, ok in zip(runs, self.valid, strict=True)]
-        self.whitening = RowWhitening(slots, noise, [run.period for run in runs])
+        vibrations = [
+            None if run.vibration is None else run.vibration[ok]
+            for run, ok in zip(runs, self.valid, strict=True)
+        ]
+        self.whitening = RowWhitening(slots, noise, [run.period for run in runs], vibrations)
         self.rows = len(self.whitening)
         self.cv_group: IntArray = np.concatenate(
             [run.cv_group[ok] for run, ok in zip(runs, self.valid, strict=True)]

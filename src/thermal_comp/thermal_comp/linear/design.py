@@ -211,9 +211,14 @@ class Design:
         """Return the whitening filter of one axis over the blocks that take part."""
         key = (run, sensor, axis)
         if key not in self.gains:
-            slot = self.runs[run].slot[self.valid(run, sensor)]
-            period = self.runs[run].period
-            self.gains[key] = innovation_gains(slot, self.noise[sensor], axis, period)
+            prepared, valid = self.runs[run], self.valid(run, sensor)
+            self.gains[key] = innovation_gains(
+                prepared.slot[valid],
+                self.noise[sensor],
+                axis,
+                prepared.period,
+                None if prepared.vibration is None else prepared.vibration[valid],
+            )
         return self.gains[key]
 
     def whitened(self, values: FloatArray, run: int, sensor: Sensor, axis: int) -> FloatArray:

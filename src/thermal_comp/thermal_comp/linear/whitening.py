@@ -37,13 +37,19 @@ class Gains:
         )
 
 
-def innovation_gains(slot: IntArray, noise: NoiseModel, axis: int, period: float) -> Gains:
+def innovation_gains(
+    slot: IntArray,
+    noise: NoiseModel,
+    axis: int,
+    period: float,
+    vibration: FloatArray | None = None,
+) -> Gains:
     """Return the gains for block means at `slot`; worth keeping where many columns follow.
 
     The filter's states are the processes at the start of a block. With r = T / τ of a process x
     of variance σ², the mean over the block is a·x plus what is left, x_end = φ·x plus what is
     left: φ = e^{−r}, a = (1 − φ) / r, Cov(left, left) = σ² (1 − φ)² / r between the two,
-    Var(mean − a·x) = σ² (2 r − 3 + 4 φ − φ²) / r².
+    Var(mean − a·x) = σ² (2 r − 3 + 4 φ − φ²) / r². `vibration` (m,) of each block adds to that.
     """
     variance = noise.amplitudes[:, axis] ** 2
     r = period / noise.time_constants
@@ -57,7 +63,9 @@ def innovation_gains(slot: IntArray, noise: NoiseModel, axis: int, period: float
     missed = decay ** between[:, None]
     gain = np.empty_like(missed)
     deviation = np.empty(len(missed))
-    _fill_gains(decay, weight, variance, shared, left, missed, gain, deviation)
+    added = noise.added_by(vibration, period)[:, axis]
+    alone = np.full(len(slot), left) + added
+    _fill_gains(decay, weight, variance, shared, alone, missed, gain, deviation)
     return Gains(decay, weight, missed, gain, deviation)
 
 
@@ -86,16 +94,27 @@ class RowWhitening:
     """Whitening of rows of several runs that stand below each other, by each axis's noise."""
 
     def __init__(
-        self, slots: Sequence[IntArray], noise: NoiseModel, periods: Sequence[float]
+        self,
+        slots: Sequence[IntArray],
+        noise: NoiseModel,
+        periods: Sequence[float],
+        vibrations: Sequence[FloatArray | None] | None = None,
     ) -> None:
-        """`slots` are the places of each run's rows; runs may share an array of them."""
+        """`slots` are the places of each run's rows; runs may share an array of them.
+
+        `vibrations` (m,) are those of the rows of each run, None where they are not known.
+        """
         self.edges = np.concatenate([[0], np.cumsum([len(slot) for slot in slots])])
-        gains: dict[tuple[int, float], list[Gains]] = {}
-        for slot, period in zip(slots, periods, strict=True):
-            if (id(slot), period) not in gains:
-                axes = [innovation_gains(slot, noise, axis, period) for axis in range(3)]
-                gains[id(slot), period] = axes
-        self._gains = [gains[id(s), p] for s, p in zip(slots, periods, strict=True)]
+        gains: dict[tuple[int, float, int], list[Gains]] = {}
+        self._gains = []
+        shaken = [None] * len(slots) if vibrations is None else vibrations
+        for slot, period, vibration in zip(slots, periods, shaken, strict=True):
+            key = id(slot), period, id(vibration)
+            if key not in gains:
+                gains[key] = [
+                    innovation_gains(slot, noise, axis, period, vibration) for axis in range(3)
+                ]
+            self._gains.append(gains[key])
 
     def __len__(self) -> int:
         return int(self.edges[-1])
@@ -134,7 +153,7 @@ def _fill_gains(
     weight: FloatArray,
     variance: FloatArray,
     shared: FloatArray,
-    left: float,
+    left: FloatArray,
     missed: FloatArray,
     gain: FloatArray,
     deviation: FloatArray,
@@ -147,7 +166,7 @@ def _fill_gains(
             for k in range(order):
                 covariance[j, k] *= kept * missed[i, k]
             covariance[j, j] += variance[j] * (1.0 - kept * kept)
-        spread = left
+        spread = left[i]
         for j in range(order):
             seen = 0.0
             for k in range(order):

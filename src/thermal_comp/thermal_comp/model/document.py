@@ -24,6 +24,7 @@ from thermal_comp.model.bounds import (
 )
 from thermal_comp.model.values import (
     SCHEMA,
+    VIBRATION_UNIT,
     ModelError,
     NoiseModel,
     Provenance,
@@ -330,8 +331,10 @@ def _covariance(entry: Field, size: int) -> FloatArray:
 def _noise(entry: Field, sensor: Sensor) -> NoiseModel:
     unit = SENSOR_UNITS[sensor]
     units = {'white': f'{unit}·√s', 'time_constants': 's', 'amplitudes': unit}
-    entry.only(*units)
-    for key, expected in units.items():
+    shaken = {'per_vibration': f'({unit})²·s/(m/s²)²', 'still_vibration': VIBRATION_UNIT}
+    entry.only(*units, *shaken)
+    grows = any(key in entry.mapping() for key in shaken)
+    for key, expected in {**units, **(shaken if grows else {})}.items():
         entry[key].only('value', 'unit')
         _check_unit(entry[key], expected)
     times = entry['time_constants']['value'].array(None)
@@ -343,7 +346,13 @@ def _noise(entry: Field, sensor: Sensor) -> NoiseModel:
         if (values < 0.0).any():
             raise entry[key].refuse('has a negative standard deviation')
         _refuse(entry[key]['value'], impossible_sizes(sensor, values))
-    return NoiseModel(white=white, time_constants=times, amplitudes=amplitudes)
+    if not grows:
+        return NoiseModel(white, times, amplitudes)
+    density = entry['per_vibration']['value'].array(3)
+    still = entry['still_vibration']['value'].number()
+    if (density < 0.0).any() or still < 0.0:
+        raise entry['per_vibration'].refuse('or still_vibration is a negative variance')
+    return NoiseModel(white, times, amplitudes, density, still)
 
 
 def _range(entry: Field) -> tuple[float, float]:

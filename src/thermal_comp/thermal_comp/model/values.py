@@ -27,6 +27,9 @@ class ModelError(UserError):
     """A model that cannot be used; the message names the field and what is expected."""
 
 
+VIBRATION_UNIT = '(m/s²)²'
+
+
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
     """White noise plus Ornstein-Uhlenbeck processes of fixed correlation times, per axis.
@@ -40,9 +43,39 @@ class NoiseModel:
     """(k,) correlation times of the processes [s]."""
     amplitudes: FloatArray
     """(k, 3) stationary standard deviation of each process [unit]."""
+    per_vibration: FloatArray = field(default_factory=lambda: np.zeros(3))
+    """(3,) white variance that vibration adds: of a one-second mean, per unit of vibration beyond
+    `still_vibration` [(unit)²·s/(m/s²)²]."""
+    still_vibration: float = 0.0
+    """Variance of the acceleration, summed over the axes, where nothing shakes [(m/s²)²]."""
+
+    def to_dict(self, unit: str) -> dict[str, Any]:
+        """Return plain values with their units; what vibration adds only where it adds some."""
+        found: dict[str, Any] = {
+            'white': {'value': self.white.tolist(), 'unit': f'{unit}·√s'},
+            'time_constants': {'value': self.time_constants.tolist(), 'unit': 's'},
+            'amplitudes': {'value': self.amplitudes.tolist(), 'unit': unit},
+        }
+        if self.per_vibration.any():
+            density = {'value': self.per_vibration.tolist(), 'unit': f'({unit})²·s/(m/s²)²'}
+            still = {'value': float(self.still_vibration), 'unit': VIBRATION_UNIT}
+            found |= {'per_vibration': density, 'still_vibration': still}
+        return found
+
+    def added_by(self, vibration: FloatArray | None, period: float) -> FloatArray:
+        """(m, 3) variance that vibration adds to means over `period` seconds [unit²].
+
+        `vibration` (m,): variance of the acceleration within each mean, summed over the axes;
+        None, where it is not known, adds nothing, (1, 3).
+        """
+        if vibration is None:
+            return np.zeros((1, 3))
+        excess = np.maximum(vibration - self.still_vibration, 0.0)
+        added: FloatArray = excess[:, None] * self.per_vibration / period
+        return added
 
     def variance_of_means(self, period: float) -> FloatArray:
-        """(3,) variance of means over `period` seconds [unit²].
+        """(3,) variance of means over `period` seconds where nothing shakes [unit²].
 
         σ²_white / T + Σ σ_k² · 2 (r − 1 + e^{−r}) / r²,  r = T / τ_k.
         """
@@ -116,11 +149,7 @@ class SensorModel:
             ],
             'covariance': self.covariance.tolist(),
             'levels': {run: np.asarray(level).tolist() for run, level in self.levels.items()},
-            'noise': {
-                'white': {'value': self.noise.white.tolist(), 'unit': f'{unit}·√s'},
-                'time_constants': {'value': self.noise.time_constants.tolist(), 'unit': 's'},
-                'amplitudes': {'value': self.noise.amplitudes.tolist(), 'unit': unit},
-            },
+            'noise': self.noise.to_dict(unit),
         }
 
 

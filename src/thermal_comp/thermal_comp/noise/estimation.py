@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
+from numpy.typing import NDArray
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.kept_results import kept
@@ -27,6 +28,12 @@ from thermal_comp.noise.projection import (
     projection_of,
 )
 from thermal_comp.noise.saturated_model import joined_basis, saturated_basis
+from thermal_comp.noise.vibration import (
+    STEADY,
+    VibrationNoise,
+    block_variances,
+    noise_of_vibration,
+)
 
 JUMP_DEVIATIONS = 12.0
 """Difference of neighbouring blocks, in standard deviations, that noise does not reach."""
@@ -34,8 +41,12 @@ MOST_JUMPS = 6
 """Steps per run; what jumps more often switches, and is no accident."""
 
 
-def jump_columns(values: FloatArray, slot: IntArray, basis: FloatArray) -> FloatArray:
+def jump_columns(
+    values: FloatArray, slot: IntArray, basis: FloatArray, weights: FloatArray | float = 1.0
+) -> FloatArray:
     """Return steps (m, q) at the jumps of block means (m, 3), none where there are too many.
+
+    `weights` (m,) have been applied to the values and the basis, and are to the steps.
 
     The largest difference of what `basis` (m, p; orthonormal) leaves is made a step and joins
     the basis, until none is far. The scale of a difference is 1.4826 times its median absolute
@@ -52,7 +63,7 @@ def jump_columns(values: FloatArray, slot: IntArray, basis: FloatArray) -> Float
         at = int(np.argmax(far))
         if far[at] <= JUMP_DEVIATIONS:
             return np.reshape(found, (-1, len(values))).T
-        step = (np.arange(len(values)) > at).astype(np.float64)
+        step: FloatArray = weights * (np.arange(len(values)) > at).astype(np.float64)
         found.append(step)
         taken[at] = True
         new = step - basis @ (basis.T @ step)
@@ -88,11 +99,13 @@ def fit_noise(
     to the last (a step, a spectral line; a hysteresis nearly).
     """
     beyond = effects_beyond(runs, sensor, effects)
-    spectra = []
-    for run in runs:
-        further = {(sensor, e): run.columns(e, sensor) for e in beyond}
-        spectra.append(_spectrum(run, run.measured[sensor], further))
-    return fit_noise_to_spectra([s for s in spectra if s is not None])
+    furthers = [{(sensor, e): run.columns(e, sensor) for e in beyond} for run in runs]
+    vibration = noise_of_vibration(runs, sensor, furthers)
+    spectra = [
+        _spectrum(run, sensor, further, vibration)
+        for run, further in zip(runs, furthers, strict=True)
+    ]
+    return fit_noise_to_spectra([s for s in spectra if s is not None], vibration)
 
 
 def effects_beyond(
@@ -102,8 +115,13 @@ def effects_beyond(
     return not_followed(runs, sensor, effects, saturated_basis)
 
 
-def fit_noise_to_spectra(spectra: Sequence[ResidualSpectrum]) -> NoiseModel:
-    """Return the noise model whose expected spectra fit best, per axis."""
+def fit_noise_to_spectra(
+    spectra: Sequence[ResidualSpectrum], vibration: VibrationNoise = STEADY
+) -> NoiseModel:
+    """Return the noise model whose expected spectra fit best, per axis.
+
+    `vibration` is the part of it that is known.
+    """
     if not spectra:
         return NoiseModel(np.zeros(3), OU_TIME_CONSTANTS, np.zeros((len(OU_TIME_CONSTANTS), 3)))
     expected = np.concatenate([s.expected for s in spectra], axis=1)
@@ -112,49 +130,79 @@ def fit_noise_to_spectra(spectra: Sequence[ResidualSpectrum]) -> NoiseModel:
     scale = np.maximum((periodogram * weight[:, None]).sum(axis=0), 1e-300) / np.maximum(
         (expected[0] * weight).sum(), 1e-300
     )
-    common = np.log(_whittle((periodogram / scale).mean(axis=1), expected, weight * 3.0))
+    known = np.concatenate([s.shaken for s in spectra])[:, None] * vibration.density / scale
+    periodogram = periodogram / scale
+    mean = periodogram.mean(axis=1), known.mean(axis=1)
+    common = np.log(_whittle(*mean, expected, weight * 3.0))
     variances = np.stack(
-        [_whittle(p, expected, weight, prior=common) for p in (periodogram / scale).T], axis=1
+        [
+            _whittle(*axis, expected, weight, common)
+            for axis in zip(periodogram.T, known.T, strict=True)
+        ],
+        axis=1,
     )
     return NoiseModel(
         white=np.sqrt(variances[0] * scale),
         time_constants=OU_TIME_CONSTANTS,
         amplitudes=np.sqrt(variances[1:] * scale),
+        per_vibration=vibration.density,
+        still_vibration=vibration.still,
     )
+
+
+def noise_product(
+    noise: NoiseModel,
+    run: PreparedRun,
+    axis: int,
+    values: FloatArray,
+    rows: NDArray[np.bool_] | slice = slice(None),
+) -> FloatArray:
+    """Return S @ values, (m, q), S the covariance of the noise of rows of a run [unit²]."""
+    covariance = mean_autocovariance(noise, axis, run.period, int(run.slot[-1]) + 1)
+    added = block_variances(noise, run)[rows, axis] - covariance[0]
+    product: FloatArray = toeplitz_product(covariance, run.slot[rows], values)
+    return product + np.asarray(added)[:, None] * values
 
 
 def expected_square(noise: NoiseModel, run: PreparedRun, axis: int, operator: FloatArray) -> float:
     """Return E|operatorᵀ·noise|² summed over the operator's columns (m, q) [unit²]."""
-    covariance = mean_autocovariance(noise, axis, run.period, int(run.slot[-1]) + 1)
-    product = toeplitz_product(covariance, run.slot, operator)
+    product = noise_product(noise, run, axis, operator)
     return float(np.einsum('mq,mq->', operator, product))
 
 
 def _spectrum(
-    run: PreparedRun, values: FloatArray, further: FurtherColumns
+    run: PreparedRun, sensor: Sensor, further: FurtherColumns, vibration: VibrationNoise
 ) -> ResidualSpectrum | None:
-    """Return the spectrum of what a saturated model, `further` columns and jumps leave of values.
+    """Return the spectrum of what a saturated model, `further` columns and jumps leave of a run.
 
-    Values are (m, 3); None where the run is too short.
+    None where the run is too short.
     """
+    values = run.measured[sensor]
     valid = np.isfinite(values).all(axis=1)
     if valid.sum() < LEAST_BLOCKS:
         return None
-    projection = projection_of(run, valid, saturated_basis, further)
-    jumps = jump_columns(values[valid], projection.slot, projection.basis)
+    values, shaking = values[valid], vibration.shaking(run, valid)
+    projection = projection_of(run, valid, saturated_basis, further, shaking)
+    weights = np.ones(len(values)) if shaking is None else shaking.weights
+    jumps = jump_columns(weights[:, None] * values, projection.slot, projection.basis, weights)
     if jumps.shape[1]:
         basis = joined_basis([projection.basis, jumps])
-        projection = project_spectra(projection.slot, basis, OU_TIME_CONSTANTS, run.period)
-    return projection.spectrum_of(values[valid])
+        slot = projection.slot
+        projection = project_spectra(slot, basis, OU_TIME_CONSTANTS, run.period, shaking)
+    return projection.spectrum_of(values)
 
 
 def _whittle(
     periodogram: FloatArray,
+    known: FloatArray,
     expected: FloatArray,
     weight: FloatArray,
     prior: FloatArray | None = None,
 ) -> FloatArray:
-    """Return the variances (k + 1,) that maximise Σ w (−I/m − ln m) plus the prior's log."""
+    """Return the variances (k + 1,) that maximise Σ w (−I/m − ln m) plus the prior's log.
+
+    m (f,) = `known` + Σ variance · expected.
+    """
     order = len(expected)
     precision = _smoothness_precision(order)
     centre = np.zeros(order)
@@ -168,17 +216,18 @@ def _whittle(
     log_variance = np.full(order, -1.0) if prior is None else prior.copy()
     log_variance[0] = min(log_variance[0], 0.0)
     damping = 1e-2
-    value = _objective(log_variance, periodogram, expected, weight, precision, centre)
+    data = periodogram, known, expected, weight
+    value = _objective(log_variance, *data, precision, centre)
     for _ in range(100):
         share = np.exp(log_variance)[:, None] * expected
-        spectrum = np.maximum(share.sum(axis=0), 1e-300)
+        spectrum = np.maximum(share.sum(axis=0) + known, 1e-300)
         share = share / spectrum
         gradient = share @ (weight * (1.0 - periodogram / spectrum))
         gradient += precision @ (log_variance - centre)
         curvature = (share * weight) @ share.T + precision
         step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), gradient)
         trial = np.clip(log_variance - np.clip(step, -2.0, 2.0), np.log(LEAST_VARIANCE), 25.0)
-        new = _objective(trial, periodogram, expected, weight, precision, centre)
+        new = _objective(trial, *data, precision, centre)
         if new <= value:
             settled = value - new < 1e-7 * max(abs(value), 1.0)
             log_variance, value, damping = trial, new, max(damping * 0.3, 1e-8)
@@ -194,12 +243,13 @@ def _whittle(
 def _objective(
     log_variance: FloatArray,
     periodogram: FloatArray,
+    known: FloatArray,
     expected: FloatArray,
     weight: FloatArray,
     precision: FloatArray,
     centre: FloatArray,
 ) -> float:
-    spectrum = np.maximum(np.exp(log_variance) @ expected, 1e-300)
+    spectrum = np.maximum(np.exp(log_variance) @ expected + known, 1e-300)
     away = log_variance - centre
     return float(
         weight @ (periodogram / spectrum + np.log(spectrum)) + 0.5 * away @ precision @ away

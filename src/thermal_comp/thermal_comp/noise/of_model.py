@@ -22,6 +22,7 @@ from thermal_comp.noise.estimation import expected_square, fit_noise_to_spectra
 from thermal_comp.noise.process import ResidualSpectrum
 from thermal_comp.noise.projection import LEAST_BLOCKS, not_followed, projection_of
 from thermal_comp.noise.saturated_model import repeatable_basis
+from thermal_comp.noise.vibration import VibrationNoise, block_variances
 
 MOST_SPREAD_RATIO = 1.15
 """Rms about a run's mean, in that of the extrapolated noise, beyond which what is left in cycles
@@ -40,10 +41,11 @@ def noise_of_model(
     Everything repeatable and the columns of `effects` are taken out, cycles and hours are not.
     `extrapolated`, the noise behind a saturated model, is returned where more than noise is left.
     """
-    spectra = [_spectrum(run, sensor, tuple(effects)) for run in runs]
+    vibration = VibrationNoise.of_model(extrapolated, runs[0].period)
+    spectra = [_spectrum(run, sensor, tuple(effects), vibration) for run in runs]
     if any(spectrum is None for spectrum in spectra):
         return extrapolated
-    found = fit_noise_to_spectra([s for s in spectra if s is not None])
+    found = fit_noise_to_spectra([s for s in spectra if s is not None], vibration)
     more = _spread(runs, found) / np.maximum(_spread(runs, extrapolated), 1e-300)
     return found if more <= MOST_SPREAD_RATIO**2 else extrapolated
 
@@ -53,7 +55,7 @@ def _spread(runs: Sequence[PreparedRun], noise: NoiseModel) -> float:
     total = 0.0
     for run in runs:
         level = np.full((len(run), 1), 1.0 / np.sqrt(len(run)))
-        variance = noise.variance_of_means(run.period)
+        variance = block_variances(noise, run).mean(axis=0)
         for axis in range(3):
             share = expected_square(noise, run, axis, level) / len(run)
             total += float(variance[axis]) - share
@@ -61,7 +63,7 @@ def _spread(runs: Sequence[PreparedRun], noise: NoiseModel) -> float:
 
 
 def _spectrum(
-    run: PreparedRun, sensor: Sensor, effects: tuple[Effect, ...]
+    run: PreparedRun, sensor: Sensor, effects: tuple[Effect, ...], vibration: VibrationNoise
 ) -> ResidualSpectrum | None:
     values = run.measured[sensor]
     valid = np.isfinite(values).all(axis=1)
@@ -69,4 +71,5 @@ def _spectrum(
         return None
     beside = not_followed([run], sensor, effects, repeatable_basis)
     further = {(sensor, effect): run.columns(effect, sensor) for effect in beside}
-    return projection_of(run, valid, repeatable_basis, further).spectrum_of(values[valid])
+    shaking = vibration.shaking(run, valid)
+    return projection_of(run, valid, repeatable_basis, further, shaking).spectrum_of(values[valid])

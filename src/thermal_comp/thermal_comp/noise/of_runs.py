@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from scipy.linalg import eigh
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
@@ -15,11 +16,14 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import project_out
 from thermal_comp.model.values import ModelError, NoiseModel
 from thermal_comp.noise.estimation import effects_beyond, fit_noise
-from thermal_comp.noise.projection import LEAST_BLOCKS, projection_of
+from thermal_comp.noise.projection import LEAST_BLOCKS, basis_of_rows
 from thermal_comp.noise.saturated_model import saturated_basis
+from thermal_comp.noise.vibration import SHAKEN, noise_of_vibration, note_of_vibration
 
 CORRELATED_EVIDENCE = 10.0
 """2 ln of the Bayes factor from which noise is correlated between axes."""
+LEAST_SHAKEN = 10
+"""Rows that tell the direction in which the device is shaken."""
 FINEST_RESOLUTION = 1e-12
 """Least noise of a mean, as a share of the largest value: no measurement is better resolved."""
 
@@ -42,7 +46,7 @@ def noise_of_runs(
 def determined_noise(
     runs: Sequence[PreparedRun], effects: Mapping[Sensor, Sequence[Effect]]
 ) -> tuple[dict[Sensor, NoiseModel], list[str]]:
-    """Return the noise of the sensors whose runs are long enough, and what is said of others.
+    """Return the noise of the sensors whose runs are long enough, and what is to be said of it.
 
     Evidence for an effect is weighed against this noise, so that a guess will not do; ModelError
     where there is no sensor left.
@@ -52,7 +56,9 @@ def determined_noise(
     short = {s: _too_short(runs, s) for s in fitted if s not in found}
     if not found:
         raise ModelError('; '.join(dict.fromkeys(short.values())))
-    return found, [f'{sensor}: {text}' for sensor, text in short.items()]
+    shaken = [note_of_vibration(noise, runs, sensor) for sensor, noise in found.items()]
+    notes = [f'{sensor}: {text}' for sensor, text in short.items()]
+    return found, [*notes, *(note for note in shaken if note)]
 
 
 def _is_positive(noise: NoiseModel, runs: Sequence[PreparedRun]) -> bool:
@@ -85,35 +91,62 @@ def noise_beside(
 
 
 def independent_axes(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray | None:
-    """Return the (3, 3) orthogonal directions in which the noise is independent.
+    """Return (3, 3) directions in which the noise is independent, still and shaken alike.
 
-    They are the principal axes of the differences of neighbouring block means, less what a
-    saturated model follows: in them what is slow plays no part. The smaller half of them counts:
-    what shakes the device at times is not its noise. None where the axes are independent as they
-    are: Bartlett's test, with the price of three correlations.
+    They are told by the differences of neighbouring block means, less what a saturated model
+    follows: in them what is slow plays no part. Of those that are not shaken the smaller half
+    counts: what knocks at the device at times is not its noise. What shakes it does so along a
+    direction of its own: the axes are those in which both covariances are diagonal (generalised
+    eigenvectors), of unit length; without vibration they are orthogonal. None where the axes are
+    independent as they are: Bartlett's test, with the price of three correlations.
     """
-    steps = []
+    vibration = noise_of_vibration(runs, sensor, [{}] * len(runs))
+    steps, neighbours, strength = [np.zeros((0, 3))], [np.zeros(0, bool)], [np.zeros(0)]
     for run in runs:
         valid = np.isfinite(run.measured[sensor]).all(axis=1)
         if valid.sum() < LEAST_BLOCKS:
             continue
-        projection = projection_of(run, valid, saturated_basis, {})
-        left = project_out(projection.basis, run.measured[sensor][valid])
-        steps.append(np.diff(left, axis=0)[np.diff(projection.slot) == 1])
-    rows = np.concatenate([np.zeros((0, 3)), *steps])
+        shaking = vibration.shaking(run, valid)
+        weights = np.ones(int(valid.sum())) if shaking is None else shaking.weights
+        basis = basis_of_rows(run, valid, saturated_basis, {}, shaking)
+        left = project_out(basis, weights[:, None] * run.measured[sensor][valid])
+        steps.append(np.diff(left / weights[:, None], axis=0))
+        neighbours.append(np.diff(run.slot[valid]) == 1)
+        strength.append(0.5 * (weights[1:] ** -2.0 + weights[:-1] ** -2.0))
+    step, variance = np.concatenate(steps), np.concatenate(strength)
+    shaken = variance > SHAKEN**2
+    rows = step[np.concatenate(neighbours) & ~shaken]
     if len(rows) < LEAST_BLOCKS or not (rows.std(axis=0) > 0.0).all():
         return None
     size = np.linalg.norm(rows / np.maximum(np.median(np.abs(rows), axis=0), 1e-300), axis=1)
-    kept = rows[size <= np.median(size)]
-    if len(kept) < LEAST_BLOCKS or not (kept.std(axis=0) > 0.0).all():
+    still = _covariance(rows[size <= np.median(size)], LEAST_BLOCKS)
+    if still is None:
         return None
-    determinant = max(float(np.linalg.det(np.corrcoef(kept.T))), 1e-300)
+    moved = _covariance(step[shaken] / np.sqrt(variance[shaken])[:, None], LEAST_SHAKEN)
+    if moved is None:
+        return None if _is_diagonal(still) else np.asarray(np.linalg.eigh(still)[1])
+    if _is_diagonal(still) and _is_diagonal(moved):
+        return None
+    axes: FloatArray = eigh(moved, still)[1]
+    return axes / np.linalg.norm(axes, axis=0)
+
+
+def _covariance(rows: FloatArray, least: int) -> FloatArray | None:
+    """Return the (3, 3) covariance of rows, diagonal where nothing says that they correlate.
+
+    None where there are fewer rows than `least`.
+    """
+    if len(rows) < least or not (rows.std(axis=0) > 0.0).all():
+        return None
+    covariance: FloatArray = np.cov(rows.T)
+    determinant = max(float(np.linalg.det(np.corrcoef(rows.T))), 1e-300)
     # Differences of neighbours share a value: two thirds of them are independent.
-    evidence = -(2.0 / 3.0) * len(kept) * np.log(determinant) - 3.0 * np.log(len(kept))
-    if evidence < CORRELATED_EVIDENCE:
-        return None
-    axes: FloatArray = np.linalg.eigh(np.cov(kept.T))[1]
-    return axes
+    evidence = -(2.0 / 3.0) * len(rows) * np.log(determinant) - 3.0 * np.log(len(rows))
+    return covariance if evidence >= CORRELATED_EVIDENCE else np.diag(np.diag(covariance))
+
+
+def _is_diagonal(covariance: FloatArray) -> bool:
+    return not np.any(covariance - np.diag(np.diag(covariance)))
 
 
 def turned_runs(

@@ -83,6 +83,18 @@ class ResidualSpectrum:
     """(k + 1, f) its expectation for white noise of unit density and each unit process."""
     weight: FloatArray
     """(f,) share of white power the projection leaves."""
+    shaken: FloatArray
+    """(f,) its expectation for the noise of vibration, of unit density per unit of vibration."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shaking:
+    """How much less some rows tell, because they were shaken."""
+
+    weights: FloatArray
+    """(m,) standard deviation of still rows in that of each row, at most 1."""
+    variance: FloatArray
+    """(m,) variance that a unit density per unit of vibration adds to each row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,46 +105,64 @@ class Projection:
     basis: FloatArray
     expected: FloatArray
     weight: FloatArray
+    shaken: FloatArray
+    shaking: Shaking | None = None
 
     def spectrum_of(self, values: FloatArray) -> ResidualSpectrum:
         """Return the spectrum of values (m, axes) after the projection."""
+        weighted = values if self.shaking is None else self.shaking.weights[:, None] * values
         grid = np.zeros((int(self.slot[-1]) + 1, values.shape[1]))
-        grid[self.slot] = values - self.basis @ (self.basis.T @ values)
+        grid[self.slot] = weighted - self.basis @ (self.basis.T @ weighted)
         periodogram = np.abs(np.fft.rfft(grid, axis=0)) ** 2 / len(self.slot)
-        return ResidualSpectrum(periodogram, self.expected, self.weight)
+        return ResidualSpectrum(periodogram, self.expected, self.weight, self.shaken)
 
 
 def project_spectra(
-    slot: IntArray, basis: FloatArray, time_constants: FloatArray, period: float
+    slot: IntArray,
+    basis: FloatArray,
+    time_constants: FloatArray,
+    period: float,
+    shaking: Shaking | None = None,
 ) -> Projection:
     """Return what projecting `basis` (m, p; orthonormal) out does to each noise process.
 
-    The expectation is exact: E|F M y|² = diag(F M S M F*), M = D − Q Qᵀ, D the rows present,
-    so that neither leakage nor the power the model absorbs biases the noise.
+    The expectation is exact: E|F M W y|² = diag(F M W S W M F*), M = D − Q Qᵀ, D the rows present,
+    W their weights, so that neither leakage nor the power the model absorbs biases the noise.
     """
     length, rows = int(slot[-1]) + 1, len(slot)
+    weights = np.ones(rows) if shaking is None else shaking.weights
     present = np.zeros(length)
-    present[slot] = 1.0
+    present[slot] = weights
     overlap = _autocorrelation(present)
     basis_spectrum = _spectrum(basis, slot, length)
     coloured = process_autocovariance(time_constants, period, length)
     white = np.zeros(length)
     white[0] = 1.0 / period
-    expected = []
-    covariances = (white, *coloured)
-    products = toeplitz_products(covariances, slot, basis)
-    for covariance, turned in zip(covariances, products, strict=True):
-        turned_spectrum = _spectrum(turned, slot, length)
-        plain = _even_spectrum(covariance * overlap)
-        cross = np.einsum('fj,fj->f', basis_spectrum, turned_spectrum.conj()).real
+
+    def left(plain: FloatArray | float, turned: FloatArray) -> FloatArray:
+        cross = np.einsum('fj,fj->f', basis_spectrum, _spectrum(turned, slot, length).conj()).real
         inner = np.einsum(
             'fi,fi->f', basis_spectrum @ (basis.T @ turned), basis_spectrum.conj()
         ).real
-        expected.append(np.maximum(plain - 2.0 * cross + inner, 0.0) / rows)
-    left = np.stack(expected)
-    weight = np.clip(left[0] * period, 0.0, 1.0)
+        power: FloatArray = np.maximum(plain - 2.0 * cross + inner, 0.0) / rows
+        return power
+
+    covariances = (white, *coloured)
+    products = toeplitz_products(covariances, slot, weights[:, None] * basis)
+    expected = np.stack(
+        [
+            left(_even_spectrum(covariance * overlap), weights[:, None] * turned)
+            for covariance, turned in zip(covariances, products, strict=True)
+        ]
+    )
+    share, shaken = expected[0] * period, np.zeros(len(basis_spectrum))
+    if shaking is not None:
+        share = left(float(rows), basis)
+        added = weights**2 * shaking.variance
+        shaken = left(float(added.sum()), added[:, None] * basis)
+    weight = np.clip(share, 0.0, 1.0)
     weight[0] *= 0.5
-    return Projection(slot, basis, left, weight)
+    return Projection(slot, basis, expected, weight, shaken, shaking)
 
 
 def _spectrum(columns: FloatArray, slot: IntArray, length: int) -> np.ndarray:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.preparation import PreparedRun
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.columns import project_out
-from thermal_comp.noise.process import OU_TIME_CONSTANTS, Projection, project_spectra
-from thermal_comp.noise.saturated_model import joined_basis
+from thermal_comp.linear.columns import orthonormal, project_out
+from thermal_comp.noise.process import OU_TIME_CONSTANTS, Projection, Shaking, project_spectra
+from thermal_comp.noise.saturated_model import WEAKEST_DIRECTION, joined_basis
 
 LEAST_BLOCKS = 30
 """Blocks a run needs for a spectrum of its noise."""
@@ -34,20 +34,40 @@ _BASES: WeakKeyDictionary[PreparedRun, dict[Basis, FloatArray]] = WeakKeyDiction
 
 
 def projection_of(
-    run: PreparedRun, valid: NDArray[np.bool_], basis: Basis, further: FurtherColumns
+    run: PreparedRun,
+    valid: NDArray[np.bool_],
+    basis: Basis,
+    further: FurtherColumns,
+    shaking: Shaking | None = None,
 ) -> Projection:
-    """Return what projecting basis and further columns out of the valid rows does to noise."""
+    """Return what projecting basis and further columns out of the valid rows does to noise.
+
+    `shaking` is that of the valid rows.
+    """
     kept = _PROJECTIONS.setdefault(run, {})
-    key = (basis, valid.tobytes(), tuple(further))
+    weights = b'' if shaking is None else shaking.weights.tobytes()
+    key = (basis, valid.tobytes() + weights, tuple(further))
     if key not in kept:
-        columns = _basis_over(run, basis)
-        if further:
-            columns = joined_basis([columns, *(c.reshape(len(run), -1) for c in further.values())])
-        if not valid.all():
-            columns, _ = np.linalg.qr(columns[valid])
+        columns = basis_of_rows(run, valid, basis, further, shaking)
         slot = run.slot[valid] - run.slot[valid][0]
-        kept[key] = project_spectra(slot, columns, OU_TIME_CONSTANTS, run.period)
+        kept[key] = project_spectra(slot, columns, OU_TIME_CONSTANTS, run.period, shaking)
     return kept[key]
+
+
+def basis_of_rows(
+    run: PreparedRun,
+    valid: NDArray[np.bool_],
+    basis: Basis,
+    further: FurtherColumns,
+    shaking: Shaking | None = None,
+) -> FloatArray:
+    """Return an orthonormal basis over the valid rows, weighted where `shaking` weighs them."""
+    columns = _basis_over(run, basis)
+    if further:
+        columns = joined_basis([columns, *(c.reshape(len(run), -1) for c in further.values())])
+    if shaking is not None:
+        return orthonormal(shaking.weights[:, None] * columns[valid], WEAKEST_DIRECTION)
+    return columns if valid.all() else np.linalg.qr(columns[valid])[0]
 
 
 def not_followed(

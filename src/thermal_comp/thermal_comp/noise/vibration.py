@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Noise that grows with vibration: rows that were shaken tell less, and by how much.
+
+A compressor that runs at times, or propellers, add noise to the means of some rows only. How far
+a mean of samples moves with the variance of the samples depends on their spectrum; it is fitted
+to what a saturated model leaves: the difference of neighbouring block means has the variance
+
+    2 s² (1 + ρ u),   u = variance of the acceleration beyond that of the quietest rows,
+
+with s² and ρ of each axis those of the greatest likelihood (a multiplicative variance model;
+Harvey, Econometrica 44 (1976), 461-465).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from imu_recording.recording import FloatArray
+from numpy.typing import NDArray
+
+from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.linear.columns import project_out
+from thermal_comp.model.values import NoiseModel
+from thermal_comp.noise.process import Shaking
+from thermal_comp.noise.projection import LEAST_BLOCKS, FurtherColumns, basis_of_rows
+from thermal_comp.noise.saturated_model import saturated_basis
+
+STILL_SHARE = 0.05
+"""Share of the rows that are taken to be as still as the device ever is."""
+VARIANCE_RATIOS = np.r_[0.0, np.geomspace(0.05, 1e7, 64)]
+"""Variances that the strongest vibration may add, in that of still rows."""
+ROUNDS = 5
+"""A saturated model first follows what is shaken, with these weights less and less."""
+SETTLED = 0.3
+"""Change of the ratio, as a share, that makes no difference to what is followed."""
+SHAKEN_EVIDENCE = 10.0
+"""2 ln of the Bayes factor from which noise grows with vibration."""
+SHAKEN = 2.0
+"""Noise of a block, in that of still ones, from which it is called shaken."""
+LEAST_LEFT = 0.1
+"""Share of a row's variance that a saturated model leaves, below which the row tells nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class VibrationNoise:
+    """White variance that vibration adds to the means of one sensor."""
+
+    density: FloatArray
+    """(3,) of a one-second mean, per unit of vibration [unit²·s/(m/s²)²]."""
+    still: float
+    """Vibration up to which it adds nothing [(m/s²)²]."""
+    ratio: float
+    """Of the variance of a still block, per unit of vibration; mean of the axes [1/(m/s²)²]."""
+
+    @classmethod
+    def of_model(cls, noise: NoiseModel, period: float) -> VibrationNoise:
+        """Return that of a noise model, for means over `period` seconds."""
+        still = np.maximum(noise.variance_of_means(period), 1e-300)
+        ratio = float(np.mean(noise.per_vibration / period / still))
+        return cls(noise.per_vibration, noise.still_vibration, ratio)
+
+    def shaking(self, run: PreparedRun, rows: NDArray[np.bool_]) -> Shaking | None:
+        """Return what it does to some blocks of a run, None where nothing."""
+        if run.vibration is None or not self.ratio:
+            return None
+        excess = np.maximum(run.vibration[rows] - self.still, 0.0)
+        return Shaking(1.0 / np.sqrt(1.0 + self.ratio * excess), excess / run.period)
+
+
+STEADY = VibrationNoise(np.zeros(3), 0.0, 0.0)
+"""Noise that does not depend on vibration."""
+
+
+def noise_of_vibration(
+    runs: Sequence[PreparedRun], sensor: Sensor, furthers: Sequence[FurtherColumns]
+) -> VibrationNoise:
+    """Return how the noise of a sensor grows with vibration; it does not where nothing says so.
+
+    `furthers` are columns of each run that a saturated model does not follow.
+    """
+    used = [
+        (run, valid, further)
+        for run, further in zip(runs, furthers, strict=True)
+        if run.vibration is not None
+        and (valid := np.isfinite(run.measured[sensor]).all(axis=1)).sum() >= LEAST_BLOCKS
+    ]
+    if not used:
+        return STEADY
+    vibration = np.concatenate([_vibration(run, rows) for run, rows, _ in used])
+    still = float(np.quantile(vibration, STILL_SHARE))
+    largest = float(vibration.max()) - still
+    found = replace(STEADY, still=still)
+    for _ in range(ROUNDS if largest > 0.0 else 0):
+        parts = [_differences(*one, sensor, found) for one in used]
+        squares, excess = (np.concatenate(part) for part in zip(*parts, strict=True))
+        axes = [_most_likely(axis, excess / largest) for axis in squares.T]
+        ratio, variance, evidence = np.array(axes).T
+        if evidence.sum() - 3.0 * np.log(len(vibration)) < SHAKEN_EVIDENCE:
+            return STEADY
+        before, density = found, ratio * variance * runs[0].period / largest
+        found = VibrationNoise(density, still, float(ratio.mean()) / largest)
+        if np.isclose(found.ratio, before.ratio, rtol=SETTLED):
+            break
+    return found if found.ratio else STEADY
+
+
+def _vibration(run: PreparedRun, rows: NDArray[np.bool_]) -> FloatArray:
+    assert run.vibration is not None  # noqa: S101 (runs without it are left out)
+    return run.vibration[rows]
+
+
+def _differences(
+    run: PreparedRun,
+    valid: NDArray[np.bool_],
+    further: FurtherColumns,
+    sensor: Sensor,
+    known: VibrationNoise,
+) -> tuple[FloatArray, FloatArray]:
+    """Return half the squares of differences of neighbours (k, 3), and their mean excess (k,)."""
+    shaking = known.shaking(run, valid)
+    basis = basis_of_rows(run, valid, saturated_basis, further, shaking)
+    weights = np.ones((len(basis), 1)) if shaking is None else shaking.weights[:, None]
+    share = 1.0 - (basis**2).sum(axis=1)
+    left = project_out(basis, weights * run.measured[sensor][valid]) / weights
+    left /= np.sqrt(np.maximum(share, LEAST_LEFT))[:, None]
+    excess = np.maximum(_vibration(run, valid) - known.still, 0.0)
+    told = np.minimum(share[1:], share[:-1]) > LEAST_LEFT
+    return 0.5 * np.diff(left, axis=0)[told] ** 2, 0.5 * (excess[1:] + excess[:-1])[told]
+
+
+def _most_likely(squares: FloatArray, excess: FloatArray) -> tuple[float, float, float]:
+    """Return ρ, s² and 2 ln of the likelihood ratio to ρ = 0 of squares with mean s² (1 + ρ u).
+
+    Differences of neighbours share a value: two thirds of them are independent.
+    """
+    factor = 1.0 + np.multiply.outer(VARIANCE_RATIOS, excess)
+    variance = np.maximum((squares / factor).mean(axis=1), 1e-300)
+    likelihood = -len(squares) * np.log(variance) - np.log(factor).sum(axis=1)
+    best = int(np.argmax(likelihood))
+    gain = (2.0 / 3.0) * float(likelihood[best] - likelihood[0])
+    return float(VARIANCE_RATIOS[best]), float(variance[best]), gain
+
+
+def block_variances(noise: NoiseModel, run: PreparedRun) -> FloatArray:
+    """Return the (m, 3) variances of the noise of a run's block means [unit²]."""
+    variances = noise.variance_of_means(run.period) + noise.added_by(run.vibration, run.period)
+    return np.broadcast_to(variances, (len(run), 3))
+
+
+def note_of_vibration(noise: NoiseModel, runs: Sequence[PreparedRun], sensor: Sensor) -> str:
+    """Return a sentence where vibration makes a sensor's noise larger, '' where it does not."""
+    if not noise.per_vibration.any():
+        return ''
+    variances = np.concatenate([block_variances(noise, run) for run in runs])
+    factor = np.sqrt(variances / noise.variance_of_means(runs[0].period)).max(axis=1)
+    return (
+        f'{sensor}: its noise grows with vibration, up to {factor.max():.3g} times; '
+        f'{np.mean(factor > SHAKEN):.0%} of the blocks have more than {SHAKEN:g} times that of '
+        'still ones and count as much less'
+    )
