@@ -59,7 +59,8 @@ def test_one_warm_up_cannot_tell_and_predicts_what_cooling_leaves(lag: bool) -> 
     assert opinion.both_ways < 0.1
     low, _, high = opinion.sensors['accelerometer'].cooling
     _, error = warmed(back=True, lag=lag)
-    assert 0.9 * low <= left_when_cooling(opinion, error) <= 1.05 * high
+    # Where there is none, draws of a lag that the noise allows are all larger.
+    assert (0.9 if lag else 0.7) * low <= left_when_cooling(opinion, error) <= 1.05 * high
 
 
 def test_the_way_back_tells_a_lag() -> None:

@@ -15,11 +15,12 @@ from thermal_comp.effects.operators import follow, play
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior
 
-DIRECTIONS = 12
-"""Slow functions of time per run, the strongest directions of slow noise: as many as it has.
+DIRECTIONS, DIRECTIONS_OF_ALL = 6, 12
+"""Slow functions of time, the strongest directions of slow noise: per run, and of all at least.
 
-With time constants from a share s of a run of length T on it has a band of 1/(2π s T), in which
-2 T / (2π s T) = 1/(π s) directions are independent; s is priors.SLOW_NOISE_SHARE."""
+With time constants from a share s of a run of length T on, slow noise has a band of 1/(2π s T), in
+which 2 T / (2π s T) = 1/(π s) = 12 directions are independent; s is priors.SLOW_NOISE_SHARE. A
+single run tells nothing of the noise but by them; of several each tells of the others'."""
 SUPPORT = 160
 """Instants at which their covariance is computed; they are smooth between."""
 
@@ -49,11 +50,12 @@ def _slow_directions(design: CandidateDesign, run: PreparedRun) -> FloatArray:
     support = np.linspace(run.time[0], run.time[-1], min(len(run.time), SUPPORT))
     apart = np.abs(support[:, None] - support)
     each = np.exp(-apart[None] / noise.time_constants[slow][:, None, None])
-    columns = np.empty((len(run.time), 3, DIRECTIONS))
+    count = max(DIRECTIONS, DIRECTIONS_OF_ALL // len(design.source.runs))
+    columns = np.empty((len(run.time), 3, count))
     for axis in range(3):
         covariance = np.tensordot(noise.amplitudes[slow, axis] ** 2, each, axes=1)
         values, vectors = np.linalg.eigh(covariance)
-        strongest = np.argsort(values)[::-1][:DIRECTIONS]
+        strongest = np.argsort(values)[::-1][:count]
         for place, index in enumerate(strongest):
             shape = np.interp(run.time, support, vectors[:, index])
             columns[:, axis, place] = shape * np.sqrt(max(float(values[index]), 0.0))
