@@ -275,7 +275,7 @@ def test_two_tabs_and_two_devices_keep_out_of_each_others_way(serve, watch, smal
     rows = one.page.locator('.fleet-table tbody tr')
     rows.nth(1).wait_for()
     assert 'dut2' in rows.nth(0).inner_text()  # dut7 has its effect by now
-    assert 'temperature rate would explain it' in rows.nth(0).inner_text()
+    assert 'Temperature rate or thermal gradient would explain it' in rows.nth(0).inner_text()
     rows.nth(1).get_by_role('button', name='dut7').click()
     one.page.locator('.tree-row.on', has_text='v2').wait_for()
     one.page.wait_for_url(lambda url: 'fleet' not in url)

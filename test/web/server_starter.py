@@ -48,8 +48,8 @@ def answer(request: dict[str, Any]) -> int:
         cache = ResultCache(BagRoot.of(bags), Path(folder))
         workspace = Workspace(cache, Path(request['cases']))
         await workspace.start(bags, [])
-        while workspace._background:
-            await asyncio.gather(*workspace._background)
+        while workspace.runner.background:
+            await asyncio.gather(*workspace.runner.background)
 
     with TemporaryDirectory() as folder:
         asyncio.run(find(folder))

@@ -67,7 +67,7 @@ class Page:
         self._experiment = ExperimentDialog(look)
         with ui.element('header').classes('bar'):
             self._bar()
-        self._messages = Messages(self._workspace)
+        self._messages = Messages(self._workspace.notices)
         self._work = WorkPanel(self._workspace)
         with ui.element('main').classes('body case') as self._case:
             top = TopActions(self._preview_in, self._add, self._plan, self._save_report)
@@ -79,7 +79,9 @@ class Page:
                     self._toggle_preview,
                     self._add,
                     self._take_out,
-                    lambda effect: self._explain_dialog.show(self._workspace.effects[effect]),
+                    lambda effect: self._explain_dialog.show(
+                        self._workspace.effects.explained[effect]
+                    ),
                     self._load_effects,
                     self._load_kept,
                 )
@@ -125,18 +127,18 @@ class Page:
 
     async def _load_effects(self, name: str, content: bytes) -> None:
         if self._local:
-            self._tell_of_effects(name, await self._workspace.load_effects(name, content))
+            self._tell_of_effects(name, await self._workspace.effects.load(name, content))
 
     async def _load_kept(self, key: str) -> None:
         work = self._session.work
         if work is not None and self._local:
             name = kept_effects(work.case)[key]
-            self._tell_of_effects(name, await self._workspace.load_kept_effects(work.case, key))
+            self._tell_of_effects(name, await self._workspace.effects.load_kept(work.case, key))
 
     def _tell_of_effects(self, name: str, new: Sequence[str]) -> None:
         if new:
             names = ', '.join(effect.replace('_', ' ') for effect in new)
-            self._workspace.say(f'{Path(name).name}: {names} can be added now', 'info')
+            self._workspace.notices.say(f'{Path(name).name}: {names} can be added now', 'info')
 
     async def _start_up(self) -> None:
         await self._client.connected()
@@ -145,15 +147,15 @@ class Page:
         self._tab = str(look[3])
         self._colours()
         self._client.content.props(remove='inert')
-        self._workspace.listen(self._changed)
+        self._workspace.notices.listen(self._changed)
         self._changed()
         nothing = not self._workspace.opening and not self._workspace.devices
         if nothing and self._session.shown == 'case':
             await self._open_dialog.show()
 
     def _leave(self) -> None:
-        self._workspace.leave(self._changed)
-        self._workspace.order.leave(self)
+        self._workspace.notices.leave(self._changed)
+        self._workspace.answers.order.leave(self)
 
     # Drawing -----------------------------------------------------------------------------------
 
@@ -177,7 +179,7 @@ class Page:
         session = self._session
         self._follow_fits()
         session.settle()
-        self._workspace.order.look(self, session.device)
+        self._workspace.answers.order.look(self, session.device)
         self._address(step=False)
         if self._live_page is not None:
             self._live_page.active = session.shown == 'live'
@@ -221,7 +223,7 @@ class Page:
     def _follow_fits(self) -> None:
         """Go on to the version that a fit this tab asked for has made."""
         session = self._session
-        for fit in self._workspace.queue.finished:
+        for fit in self._workspace.versions.queue.finished:
             same = (fit.device, fit.start) == (session.device, session.version_name)
             if fit.number not in self._followed and fit.tab == self._tab and same:
                 session.choose_version(fit.result)
@@ -236,11 +238,11 @@ class Page:
             known = work.case.version(name) is not None and name not in work.failed
             if known and name not in work.loaded and (session.device, name) not in self._asked:
                 self._asked.add((session.device, name))
-                self._workspace.begin(self._load(session.device, name))
+                self._workspace.runner.begin(self._load(session.device, name))
 
     async def _load(self, device: str, name: str) -> None:
         try:
-            await self._workspace.load(device, name)
+            await self._workspace.versions.load(device, name)
         finally:
             self._asked.discard((device, name))
 
@@ -252,15 +254,15 @@ class Page:
             return None
         ready = session.work is not None and (
             session.version_name in session.work.found
-            or not self._workspace.is_diagnosing(session.device, session.version_name)
+            or not self._workspace.answers.is_diagnosing(session.device, session.version_name)
         )
         if wanted != self._previewed and ready:
             self._previewed, self._preview = wanted, None
-            self._workspace.begin(self._fetch_preview(wanted))
+            self._workspace.runner.begin(self._fetch_preview(wanted))
         return self._preview if wanted == self._previewed else None
 
     async def _fetch_preview(self, wanted: tuple[Any, ...]) -> None:
-        preview = await self._workspace.preview(*wanted)
+        preview = await self._workspace.answers.preview(*wanted)
         if wanted == self._previewed:
             self._preview = preview
             self._changed()
@@ -389,11 +391,12 @@ class Page:
 
     def _request(self, change: Change) -> None:
         session = self._session
-        self._workspace.request(session.device, session.version_name, change, self._tab)
+        queue = self._workspace.versions.queue
+        queue.request(session.device, session.version_name, change, self._tab)
 
     async def _plan(self, one: str, other: str) -> None:
         session = self._session
-        found = await self._workspace.next_profile(
+        found = await self._workspace.answers.next_profile(
             session.device, session.version_name, one, other
         )
         if found is not None:
@@ -409,7 +412,7 @@ class Page:
         session = self._session
         if session.version is not None:
             name = f'{session.device}_{session.version_name}_certificate.html'
-            path = await self._workspace.report(session.device, session.version_name)
+            path = await self._workspace.answers.report(session.device, session.version_name)
             if path is not None:
                 with self._client:
                     ui.download.file(path, name)
@@ -430,9 +433,9 @@ class Page:
         try:
             text = content.decode('utf-8')
         except UnicodeDecodeError:
-            self._workspace.say(f'{name}: not a text file; a model file is YAML')
+            self._workspace.notices.say(f'{name}: not a text file; a model file is YAML')
             return
-        version = await self._workspace.open_model(self._session.device, text)
+        version = await self._workspace.versions.open_model(self._session.device, text)
         if version:
             self._show_version(version)
 

@@ -67,7 +67,7 @@ class Rail:
         session = self._session
         version, work, sensor = session.version, session.work, session.view.sensor
         found = work.found.get(session.version_name) if work else None
-        effects = session.workspace.effects
+        effects = session.workspace.effects.explained
         drawn = (
             session.device, session.version_name, sensor, id(version), id(found),
             session.candidate, id(preview), len(effects),
@@ -75,7 +75,7 @@ class Rail:
         if drawn == self._drawn:
             return
         self._drawn = drawn
-        waits = work is not None and session.workspace.is_holding_out(
+        waits = work is not None and session.workspace.answers.is_holding_out(
             session.device, session.version_name
         )
         busy = found is None or version is None or waits
@@ -101,7 +101,7 @@ class Rail:
     def _offer_kept(self) -> None:
         """Offer the effect files that the case keeps and that are not loaded."""
         work = self._session.work
-        kept = self._session.workspace.effects_to_load(work.case) if work else {}
+        kept = self._session.workspace.effects.not_loaded(work.case) if work else {}
         if kept == self._offered:
             return
         self._offered = kept
@@ -121,7 +121,7 @@ class Rail:
         weighed = work.candidates(session.version_name, sensor)
         inside = session.version.effects.get(sensor, ())
         known = {one.effect for one in weighed} | set(inside)
-        for name, told in session.workspace.effects.items():
+        for name, told in session.workspace.effects.explained.items():
             fits = sensor in told['sensors'] and told['searched'] and name not in work.unusable
             if fits and name not in known:
                 weighed.append(Candidate(name, sensor, None, None, None))
@@ -228,7 +228,7 @@ class Rail:
 
     def _show_inside(self, version: Version) -> None:
         """List the effects of the model, with a button to take each out."""
-        sensor, effects = self._session.view.sensor, self._session.workspace.effects
+        sensor, effects = self._session.view.sensor, self._session.workspace.effects.explained
         inside = version.effects.get(sensor, ())
         with ui.element('div').classes('inside'):
             ui.label('In the model:').classes('soft')
@@ -246,7 +246,7 @@ class Rail:
 
     def _show_unusable(self) -> None:
         work, sensor = self._session.work, self._session.view.sensor
-        effects = self._session.workspace.effects
+        effects = self._session.workspace.effects.explained
         reasons: dict[str, list[str]] = {}
         for name, reason in (work.unusable if work else {}).items():
             if name in effects and sensor in effects[name]['sensors']:
