@@ -198,6 +198,29 @@ def test_a_part_that_is_drawn_anew_by_a_key_keeps_the_focus(serve, watch, small_
     watched.check()
 
 
+def test_a_version_whose_file_is_missing_is_said_and_tried_again(
+    serve, watch, small_bags, tmp_path
+):
+    bag, cases = small_bags / 'dut2_x', tmp_path / 'cases'
+    server = serve(bag, cases=cases, answered=[bag])
+    model = cases / 'dut2' / 'versions' / 'v1.yaml'
+    server.kill()
+    model.rename(tmp_path / 'v1.yaml')
+    server = serve(cases / 'dut2')
+    watched = watch(server.address)
+    page = watched.page
+    page.locator('.message', has_text='v1.yaml: No such file or directory; put it back').wait_for()
+    told = 'v1 is not compared with the recordings, as the message above says'
+    page.locator('.verdict', has_text=told).wait_for()
+    page.locator('.rail[aria-busy=false]', has_text='once v1 is compared').wait_for()
+    (tmp_path / 'v1.yaml').rename(model)
+    page.get_by_role('button', name='Try v1 again').click()
+    page.locator('.tile.bad').first.wait_for()
+    wait_for_verdict(page)
+    assert not page.get_by_role('button', name='Try v1 again').count()
+    watched.check()
+
+
 def test_a_fit_that_waits_when_the_server_is_killed_is_done_by_the_next(
     serve, watch, small_bags, tmp_path, held_by
 ):

@@ -70,7 +70,7 @@ class Rail:
         effects = session.workspace.effects.explained
         drawn = (
             session.device, session.version_name, sensor, id(version), id(found),
-            session.candidate, id(preview), len(effects),
+            session.candidate, id(preview), len(effects), session.failed,
         )  # fmt: skip
         if drawn == self._drawn:
             return
@@ -78,13 +78,15 @@ class Rail:
         waits = work is not None and session.workspace.answers.is_holding_out(
             session.device, session.version_name
         )
-        busy = found is None or version is None or waits
+        busy = not session.failed and (found is None or version is None or waits)
         self._section.props(f'aria-busy={"true" if busy else "false"}')
         self._place.clear()
         with self._place:
             ui.html(f'<h2>What may be missing in the {escape(sensor)}</h2>', sanitize=False)
             if version is None or work is None:
-                ui.label('Candidates stand here once the catalogue was asked.').classes('soft')
+                awaited = f'{session.version_name} is compared with the recordings'
+                awaited = awaited if session.failed else 'the catalogue was asked'
+                ui.label(f'Candidates stand here once {awaited}.').classes('soft')
                 return
             if sensor not in version.comparison['sensors']:
                 ui.label('The sensors that were measured stand above.').classes('soft')

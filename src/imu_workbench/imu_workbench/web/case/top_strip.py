@@ -134,16 +134,12 @@ class TopStrip:
         session, do = self._session, self._actions
         with self._row:
             if action.kind == 'none':
-                ready = (
-                    session.version is not None
-                    and not session.workspace.answers.is_diagnosing(
-                        session.device, session.version_name
-                    )
-                )
-                if ready:
-                    ask = partial(
-                        session.workspace.answers.ask, session.device, session.version_name
-                    )
+                about, work = (session.device, session.version_name), session.workspace
+                if session.failed:
+                    again = partial(work.versions.try_again, *about)
+                    self._add(f'Try {session.version_name} again', 'unelevated', again)
+                elif session.version is not None and not work.answers.is_diagnosing(*about):
+                    ask = partial(work.answers.ask, *about)
                     self._add('Ask what is missing', 'unelevated', ask)
                 return
             if action.text:

@@ -68,8 +68,9 @@ class Versions:
                 text = work.case.model_text(name)
                 self._effects.check(work.case, name, text)
             except UserError as error:
-                self._notices.say(str(error))
                 work.failed.add(name)
+                self._notices.say(str(error))
+                self._notices.tell()
                 return None
             opened = await self._compared(work, text, known.label, name)
             if opened is None:
@@ -82,6 +83,11 @@ class Versions:
         self._answers.ask(device, name)
         self._notices.tell()
         return work.loaded[name]
+
+    def try_again(self, device: str, name: str) -> None:
+        """Let a version that could not be compared be loaded anew: its file may be back."""
+        self._devices[device].failed.discard(name)
+        self._notices.tell()
 
     async def _compared(
         self, work: DeviceWork, model_text: str | None, label: str, name: str = ''
