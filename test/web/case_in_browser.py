@@ -236,11 +236,19 @@ def test_a_fit_that_waits_when_the_server_is_killed_is_done_by_the_next(
     server.kill()
     content = yaml.safe_load((cases / 'dut2' / 'case.yaml').read_text('utf-8'))
     assert 'humidity' in [fit['effect'] for fit in content['requested']]
+    address = page.url
+    assert 'version=v1' in address
     page.goto('about:blank')
     server = serve(cases / 'dut2', port=server.port)
-    page.goto(server.address)
-    page.locator('.tree-row', has_text='+ humidity').wait_for()
+    page.goto(address)
+    page.locator('.tree-row.on', has_text='v3 + humidity').wait_for()  # the tab goes on to it
     page.locator('.tree-row', has_text='v2 + temperature rate').wait_for()
+    page.locator('.version', has_text='v1').click()
+    page.locator('.tree-row.on', has_text='v1').wait_for()
+    page.wait_for_url('**version=v1**')
+    page.reload()  # whoever went back stays there
+    wait_for_verdict(page)
+    assert 'v1' in page.locator('.tree-row.on').inner_text()
     assert server.alive
 
 

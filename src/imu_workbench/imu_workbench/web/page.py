@@ -316,6 +316,7 @@ class Page:
     def _went(self, query: str) -> None:
         """The browser went back or forth."""
         self._session.follow(dict(parse_qsl(query.removeprefix('?'))))
+        self._workspace.versions.queue.forget(self._tab)
         self._shown_address = json.dumps(query)
         self._changed()
 
@@ -346,6 +347,7 @@ class Page:
         if name != session.version_name:
             session.choose_version(name)
             self._workspace.show(session.device, name)
+            self._workspace.versions.queue.forget(self._tab)
             self._step()
 
     async def _go_to(self, place: Place | None) -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from imu_workbench.case import case_of_device, load_case, with_version
+from imu_workbench.case import RequestedFit, case_of_device, load_case, saved, with_version
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.case import tasks
 from imu_workbench.web.work.answers import Answers
@@ -67,3 +68,19 @@ def test_a_version_whose_file_is_missing_is_said_and_tried_again(fitted, tmp_pat
     assert work.failed == set()
     asyncio.run(versions.load('dut2', 'v1'))
     assert work.loaded['v1'].model_text == fitted.line.model_text
+
+
+def test_a_fit_that_a_killed_server_left_is_queued_once_for_the_tab_that_asked(fitted, tmp_path):
+    versions, _, work = opened(tmp_path, fitted)
+    left = RequestedFit('v1', 'thermal_lag', ('accelerometer',), tab='17')
+    case = with_version(work.case, None, 'line', 'model', fitted.line.errors())
+    work.case = saved(replace(case, requested=(left,)))
+
+    async def restarted() -> None:
+        await versions.resume('dut2')
+        await versions.resume('dut2')  # as another recording is opened
+        (fit,) = versions.queue.fits
+        assert (fit.base, fit.change.effect, fit.tab) == ('v1', 'thermal_lag', '17')
+        assert load_case(work.case.folder).requested == (left,)
+
+    asyncio.run(restarted())

@@ -47,9 +47,11 @@ class Versions:
             opened = await self._compared(work, None, FIRST_LABEL)
             if opened is not None:
                 self._append(work, None, opened.version)
+        if self.queue.of_device(device):  # asked for here, not of a server that was killed
+            return
         for fit in work.case.requested:
             change = tasks.Change(fit.effect, tuple(fit.sensors), fit.added)  # type: ignore[arg-type]
-            self.queue.request(device, fit.base, change)
+            self.queue.request(device, fit.base, change, fit.tab)
 
     async def open_model(self, device: str, model_text: str) -> str:
         """Take a model file as a version without a parent; return its name, '' where it failed."""
@@ -154,7 +156,7 @@ class Versions:
         for work in self._devices.values():
             wanted = tuple(
                 RequestedFit(f.base if f.follows else f.start, f.change.effect,
-                             f.change.sensors, f.change.added)
+                             f.change.sensors, f.change.added, f.tab)
                 for f in self.queue.of_device(work.name)
                 if f.state in ('waiting', 'running')
             )  # fmt: skip
