@@ -27,17 +27,18 @@ def add(page, effect: str) -> None:
 
 @pytest.fixture
 def held_by(tmp_path: Path) -> Path:
-    """File that holds back the fits of a server it is given to."""
+    """File that holds back the fits, or the figures, of a server it is given to."""
     held_by = tmp_path / 'held_by'
     os.mkfifo(held_by)
     return held_by
 
 
 def release(held_by: Path) -> None:
-    """Let the fits begin, these and later ones."""
-    with held_by.open('w'):
-        held_by.unlink()
-        held_by.touch()
+    """Let what is held back begin, now and later."""
+    writing = os.open(held_by, os.O_RDWR)  # waits for no reader
+    held_by.unlink()
+    held_by.touch()
+    os.close(writing)
 
 
 def test_reload_back_and_a_killed_server_lose_nothing(serve, watch, small_bags, tmp_path):
@@ -141,6 +142,21 @@ def test_fits_queue_branch_and_are_cancelled_and_bags_come_and_go(
         'dut2_again': True, 'dut2_x': False,
     }  # fmt: skip
     assert server.alive
+    watched.check()
+
+
+def test_what_is_under_way_and_the_verdict_stand_there_while_figures_are_computed(
+    serve, watch, small_bags, held_by
+):
+    server = serve(small_bags / 'dut2_x', held_by=held_by, holds='figures')
+    watched = watch(server.address)
+    try:
+        watched.page.locator('.job', has_text='dut2 v1: ').wait_for(timeout=60_000)
+        watched.page.locator('.verdict:not(.waiting) .sentence').wait_for(timeout=60_000)
+        assert not watched.page.locator('.place:not(.all)').count()
+    finally:
+        release(held_by)
+    watched.page.locator('.place:not(.all)').first.wait_for()
     watched.check()
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl
 
-from nicegui import background_tasks, ui
+from nicegui import ui
 from thermal_comp.data.conditions import SENSORS
 
 from imu_workbench.case_effects import kept_effects
@@ -28,6 +28,7 @@ from imu_workbench.web.case.view import Place
 from imu_workbench.web.dialogs import Messages, OpenDialog, RecordingsDialog, WorkPanel
 from imu_workbench.web.fleet import FleetView
 from imu_workbench.web.plot import Look
+from imu_workbench.web.redraw import Redraw
 from imu_workbench.web.session import SHOWN, Session, Shown
 from imu_workbench.web.work.workspace import Workspace
 
@@ -47,10 +48,12 @@ class Page:
         self._look = Look()
         self._dark = ui.dark_mode(None)
         self._client = ui.context.client
+        self._changed = Redraw(self._client, self._refresh)
+        self._figures = Redraw(self._client, self._draw_figures)
+        """They take seconds for long recordings: what is under way is told meanwhile."""
         self._tab = ''
         self._preview: EffectPreview | None = None
         self._previewed: tuple[Any, ...] | None = None
-        self._stale, self._drawing = False, False
         self._live_page: Any = None
         self._followed: set[int] = set()
         self._asked: set[tuple[str, str]] = set()
@@ -159,22 +162,6 @@ class Page:
 
     # Drawing -----------------------------------------------------------------------------------
 
-    def _changed(self) -> None:
-        """Draw soon: several changes at once are drawn once."""
-        self._stale = True
-        if not self._drawing:
-            self._drawing = True
-            background_tasks.create(self._draw(), name='draw the page')
-
-    async def _draw(self) -> None:
-        try:
-            while self._stale:
-                self._stale = False
-                with self._client:
-                    await self._refresh()
-        finally:
-            self._drawing = False
-
     async def _refresh(self) -> None:
         session = self._session
         self._follow_fits()
@@ -193,7 +180,10 @@ class Page:
         self._show_parts(preview)
         if session.shown == 'case':
             self._versions.draw()
-            await self._centre.refresh(preview)
+            self._figures()
+
+    async def _draw_figures(self) -> None:
+        await self._centre.refresh(self._fresh_preview())
 
     def _show_parts(self, preview: EffectPreview | None = None) -> None:
         """Show all but the figures of the case."""
