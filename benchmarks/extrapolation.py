@@ -29,7 +29,8 @@ from thermal_comp.compensation.recording import (
     compensate,
 )
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.data.preparation import prepare
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.bias_temperature_curvature import BiasTemperatureCurvature
 from thermal_comp.effects.effect import Effect

@@ -29,7 +29,8 @@ from imu_workbench.fleet.statistics.prior import fleet_prior, with_prior
 from imu_workbench.fleet.statistics.vectors import SENSORS
 from imu_workbench.fleet.study import fleet_curve
 from imu_workbench.simulate.campaign import Logging, prepare_campaign, record_campaign
-from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.data.preparation import prepare
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.model.values import ThermalModel
 

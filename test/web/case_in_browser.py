@@ -27,17 +27,18 @@ def add(page, effect: str) -> None:
 
 @pytest.fixture
 def held_by(tmp_path: Path) -> Path:
-    """File that holds back the fits of a server it is given to."""
+    """File that holds back the fits, or the figures, of a server it is given to."""
     held_by = tmp_path / 'held_by'
     os.mkfifo(held_by)
     return held_by
 
 
 def release(held_by: Path) -> None:
-    """Let the fits begin, these and later ones."""
-    with held_by.open('w'):
-        held_by.unlink()
-        held_by.touch()
+    """Let what is held back begin, now and later."""
+    writing = os.open(held_by, os.O_RDWR)  # waits for no reader
+    held_by.unlink()
+    held_by.touch()
+    os.close(writing)
 
 
 def test_reload_back_and_a_killed_server_lose_nothing(serve, watch, small_bags, tmp_path):
@@ -144,6 +145,21 @@ def test_fits_queue_branch_and_are_cancelled_and_bags_come_and_go(
     watched.check()
 
 
+def test_what_is_under_way_and_the_verdict_stand_there_while_figures_are_computed(
+    serve, watch, small_bags, held_by
+):
+    server = serve(small_bags / 'dut2_x', held_by=held_by, holds='figures')
+    watched = watch(server.address)
+    try:
+        watched.page.locator('.job', has_text='dut2 v1: ').wait_for(timeout=60_000)
+        watched.page.locator('.verdict:not(.waiting) .sentence').wait_for(timeout=60_000)
+        assert not watched.page.locator('.place:not(.all)').count()
+    finally:
+        release(held_by)
+    watched.page.locator('.place:not(.all)').first.wait_for()
+    watched.check()
+
+
 HOLD_PRESSES = """() => {
     const emit = socket.emit.bind(socket), held = [];
     let holds = true;
@@ -198,6 +214,29 @@ def test_a_part_that_is_drawn_anew_by_a_key_keeps_the_focus(serve, watch, small_
     watched.check()
 
 
+def test_a_version_whose_file_is_missing_is_said_and_tried_again(
+    serve, watch, small_bags, tmp_path
+):
+    bag, cases = small_bags / 'dut2_x', tmp_path / 'cases'
+    server = serve(bag, cases=cases, answered=[bag])
+    model = cases / 'dut2' / 'versions' / 'v1.yaml'
+    server.kill()
+    model.rename(tmp_path / 'v1.yaml')
+    server = serve(cases / 'dut2')
+    watched = watch(server.address)
+    page = watched.page
+    page.locator('.message', has_text='v1.yaml: No such file or directory; put it back').wait_for()
+    told = 'v1 is not compared with the recordings, as the message above says'
+    page.locator('.verdict', has_text=told).wait_for()
+    page.locator('.rail[aria-busy=false]', has_text='once v1 is compared').wait_for()
+    (tmp_path / 'v1.yaml').rename(model)
+    page.get_by_role('button', name='Try v1 again').click()
+    page.locator('.tile.bad').first.wait_for()
+    wait_for_verdict(page)
+    assert not page.get_by_role('button', name='Try v1 again').count()
+    watched.check()
+
+
 def test_a_fit_that_waits_when_the_server_is_killed_is_done_by_the_next(
     serve, watch, small_bags, tmp_path, held_by
 ):
@@ -213,11 +252,19 @@ def test_a_fit_that_waits_when_the_server_is_killed_is_done_by_the_next(
     server.kill()
     content = yaml.safe_load((cases / 'dut2' / 'case.yaml').read_text('utf-8'))
     assert 'humidity' in [fit['effect'] for fit in content['requested']]
+    address = page.url
+    assert 'version=v1' in address
     page.goto('about:blank')
     server = serve(cases / 'dut2', port=server.port)
-    page.goto(server.address)
-    page.locator('.tree-row', has_text='+ humidity').wait_for()
+    page.goto(address)
+    page.locator('.tree-row.on', has_text='v3 + humidity').wait_for()  # the tab goes on to it
     page.locator('.tree-row', has_text='v2 + temperature rate').wait_for()
+    page.locator('.version', has_text='v1').click()
+    page.locator('.tree-row.on', has_text='v1').wait_for()
+    page.wait_for_url('**version=v1**')
+    page.reload()  # whoever went back stays there
+    wait_for_verdict(page)
+    assert 'v1' in page.locator('.tree-row.on').inner_text()
     assert server.alive
 
 

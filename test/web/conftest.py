@@ -88,13 +88,12 @@ class ServerStarter:
         )
 
     def start(
-        self, arguments: list[str], output: Path, held_by: Path | None = None
+        self, arguments: list[str], output: Path, held_by: Path | None, holds: str
     ) -> tuple[Process, str]:
         """Start one that writes to `output`; return its process and its first line."""
         os.mkfifo(output)
-        process = self._fork(
-            {'arguments': arguments, 'output': str(output), 'held_by': held_by and str(held_by)}
-        )
+        held = {'held_by': held_by and str(held_by), 'holds': holds}
+        process = self._fork({'arguments': arguments, 'output': str(output), **held})
         with output.open() as file:
             return process, file.readline()
 
@@ -164,9 +163,13 @@ def servers(starter: ServerStarter) -> Iterator[Callable[..., Server]]:
         port: str = '0',
         by_command: bool = False,
         held_by: Path | None = None,
+        holds: str = 'fits',
         answered: Sequence[str | Path] = (),
     ) -> Server:
-        """`answered`: bags in whose cases the answer stands already, found once for all tests."""
+        """Start one; `answered`: bags in whose cases the answer stands, found once for all tests.
+
+        `held_by`: file that holds fits back, or figures (`holds`).
+        """
         number = len(started)
         cases = cases or Path(folder.name) / str(number)
         if answered:
@@ -176,7 +179,7 @@ def servers(starter: ServerStarter) -> Iterator[Callable[..., Server]]:
             process, line = start_command(arguments)
         else:
             output = Path(folder.name) / f'output_{number}'
-            process, line = starter.start(arguments, output, held_by)
+            process, line = starter.start(arguments, output, held_by, holds)
         started.append(process)
         assert line.startswith('workbench at '), line
         return Server(line.split()[2], process, cases)

@@ -2,10 +2,10 @@
 """Starts servers by forking a process that has imported all that they need.
 
 A line of JSON on standard input is a request: arguments, environment, a FIFO for what the server
-writes, and one that holds its fits back until somebody has written to it, or none. The answer is
-a line with the number of its process. Where the request names `answered` bags, that process serves
-nobody: it finds what is to be found in them, keeps that in the cases, and ends. Ends when the
-input does.
+writes, and one that holds its fits, or its figures, back until somebody has written to it, or
+none. The answer is a line with the number of its process. Where the request names `answered` bags,
+that process serves nobody: it finds what is to be found in them, keeps that in the cases, and
+ends. Ends when the input does.
 Each worker of a server executes the top of this file again, as multiprocessing does with the main
 module of whoever asks for it: what takes a second to import is imported by the functions.
 """
@@ -31,7 +31,7 @@ def serve(request: dict[str, Any]) -> int:
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(os.open(request['output'], os.O_WRONLY), 1)
     if request['held_by']:
-        hold_fits(Path(request['held_by']))
+        HOLD[request['holds']](Path(request['held_by']))
     return run_process(request['arguments'])
 
 
@@ -48,8 +48,8 @@ def answer(request: dict[str, Any]) -> int:
         cache = ResultCache(BagRoot.of(bags), Path(folder))
         workspace = Workspace(cache, Path(request['cases']))
         await workspace.start(bags, [])
-        while workspace._background:
-            await asyncio.gather(*workspace._background)
+        while workspace.runner.background:
+            await asyncio.gather(*workspace.runner.background)
 
     with TemporaryDirectory() as folder:
         asyncio.run(find(folder))
@@ -75,6 +75,22 @@ def hold_fits(held_by: Path) -> None:
         await run(self)
 
     FitQueue._run = run_when_released  # type: ignore[method-assign]
+
+
+def hold_figures(held_by: Path) -> None:
+    """Compute no figure of a case before the file can be read to its end."""
+    from imu_workbench.web.case import centre
+
+    figures_of = centre.figures_of
+
+    def figures_when_released(*arguments: Any) -> Any:
+        held_by.read_bytes()
+        return figures_of(*arguments)
+
+    centre.figures_of = figures_when_released
+
+
+HOLD = {'fits': hold_fits, 'figures': hold_figures}
 
 
 def main() -> int:

@@ -74,6 +74,8 @@ class RequestedFit:
     effect: str
     sensors: tuple[str, ...] = ()
     added: bool = True
+    tab: str = ''
+    """The browser tab that asked: it goes on to the version that is made."""
 
 
 @dataclass(frozen=True)

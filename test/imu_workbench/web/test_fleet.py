@@ -56,4 +56,4 @@ def test_a_case_that_has_changed_on_disk_is_read_again_and_a_damaged_one_is_said
     assert fleet_rows(workspace.fleet())[0].device == 'calm'
     (case.folder / CASE_FILE).write_text('nonsense: [', 'utf-8')
     assert [row.device for row in fleet_rows(workspace.fleet())] == ['bad', 'new']
-    assert 'not a YAML file' in workspace.messages[0].text
+    assert 'not a YAML file' in workspace.notices.messages[0].text

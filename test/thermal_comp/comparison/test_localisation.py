@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from imu_recording.recording import PHASES
 from thermal_comp.comparison.localisation import LEAST_BLOCKS_IN_GROUP, branches, rank_where
-from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.data.preparation import prepare
+from thermal_comp.data.prepared_run import PreparedRun
 
 from ..campaign import run
 

@@ -10,7 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 from thermal_comp.data.kept_results import kept
-from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.data.preparation import prepare
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_drift import BiasDrift
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect

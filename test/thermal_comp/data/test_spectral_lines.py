@@ -7,14 +7,15 @@ from functools import cache
 import numpy as np
 import pytest
 from imu_recording.recording import ImuRecording
-from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.data.blocks import in_search_blocks
+from thermal_comp.data.preparation import prepare
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import LOWEST_HZ, SpectralLine, spectral_lines
 from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE
 from thermal_comp.diagnosis.evidence.posterior import probability
 from thermal_comp.diagnosis.sensor_search import (
     SensorAnswer,
     Settings,
-    in_search_blocks,
     search_sensors,
 )
 from thermal_comp.effects import EFFECTS

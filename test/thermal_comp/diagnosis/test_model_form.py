@@ -4,7 +4,8 @@
 import numpy as np
 import pytest
 from imu_recording.recording import FloatArray
-from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.data.preparation import prepare
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.model_form import with_model_form
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature

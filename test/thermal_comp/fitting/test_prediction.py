@@ -3,7 +3,8 @@
 
 import numpy as np
 import pytest
-from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.data.preparation import prepare
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.empirical import empirical_form
 from thermal_comp.fitting.part_sums import falls

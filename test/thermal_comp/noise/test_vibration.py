@@ -7,7 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 from imu_recording.recording import ImuRecording
-from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.data.preparation import prepare
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.linear.whitening import RowWhitening, apply_gains, innovation_gains
 from thermal_comp.model.values import NoiseModel

@@ -12,7 +12,8 @@ from imu_recording.user_error import UserError
 from thermal_comp.comparison.compare import compare_prepared
 from thermal_comp.comparison.simpler import worse_than_simpler
 from thermal_comp.data.device_identity import unnamed_warning
-from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.data.preparation import prepare
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.fitting.pooling import examine_pooling

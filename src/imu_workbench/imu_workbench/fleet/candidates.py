@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import orthonormal, per_axis, project_out, stack_runs

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from thermal_comp.comparison.compare import Comparison, compare_prepared
 from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.data.motion import refuse_moving
-from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.data.preparation import prepare
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.fitting.fit import fit_prepared, package_version

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from thermal_comp.comparison.compare import Comparison, compare_prepared
 from thermal_comp.data.conditions import SENSORS
 from thermal_comp.data.motion import resting
-from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.data.preparation import prepare
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.diagnose import Settings, diagnose_inputs
 from thermal_comp.diagnosis.growth import Growth, add_effect
 from thermal_comp.diagnosis.inputs import prepare_inputs

@@ -11,7 +11,8 @@ from typing import Any
 from imu_recording.recording import FloatArray
 from thermal_comp.comparison.compare import rms_of
 from thermal_comp.data.conditions import SENSORS, Sensor
-from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.data.preparation import prepare
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.quality import check_quality
 from thermal_comp.diagnosis.diagnose import Settings, diagnose_prepared
 from thermal_comp.diagnosis.growth import MOST_STEPS, Growth, add_effect

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from imu_recording.recording import PHASES, FloatArray, IntArray
 from numpy.typing import NDArray
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.model.values import ThermalModel
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS
 

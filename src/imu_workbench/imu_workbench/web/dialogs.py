@@ -15,6 +15,7 @@ from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.work.device_work import DeviceWork
 from imu_workbench.web.work.fit_queue import QueuedFit
 from imu_workbench.web.work.jobs import Stoppable, time_left
+from imu_workbench.web.work.notices import Notices
 from imu_workbench.web.work.workspace import Workspace
 
 
@@ -106,25 +107,25 @@ class RecordingsDialog:
 class Messages:
     """Errors and remarks of the server, newest first; the same in every tab."""
 
-    def __init__(self, workspace: Workspace) -> None:
-        self._workspace = workspace
+    def __init__(self, notices: Notices) -> None:
+        self._notices = notices
         self._shown: list[int] = []
         self._place = ui.element('div').classes('messages').props('role=alert aria-live=assertive')
 
     def refresh(self) -> None:
         """Show what there is to say."""
-        wanted = [message.number for message in self._workspace.messages]
+        wanted = [message.number for message in self._notices.messages]
         if wanted == self._shown:
             return
         self._shown = wanted
         self._place.clear()
         with self._place:
-            for message in self._workspace.messages:
+            for message in self._notices.messages:
                 with ui.element('div').classes(f'message {message.kind}'):
                     ui.label(message.text)
                     close = ui.element('button').classes('close')
                     close.props('type=button aria-label="close this message"')
-                    close.on('click', lambda _, n=message.number: self._workspace.close_message(n))
+                    close.on('click', lambda _, n=message.number: self._notices.close_message(n))
                     with close:
                         ui.label('×')
 
@@ -141,9 +142,9 @@ class WorkPanel:
 
     def refresh(self) -> None:
         """Show what is under way."""
-        fits = self._workspace.queue.fits
+        fits = self._workspace.versions.queue.fits
         own = {id(fit.job) for fit in fits if fit.job is not None}
-        jobs = [job for job in self._workspace.jobs if id(job) not in own]
+        jobs = [job for job in self._workspace.notices.jobs if id(job) not in own]
         rows: list[Stoppable | QueuedFit] = [*fits, *jobs]
         if rows != self._shown:
             self._shown = list(rows)
@@ -167,7 +168,7 @@ class WorkPanel:
 
     def _cancel(self, row: Stoppable | QueuedFit) -> None:
         if isinstance(row, QueuedFit):
-            self._workspace.queue.cancel(row)
+            self._workspace.versions.queue.cancel(row)
         else:
             row.cancel()
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl
 
-from nicegui import background_tasks, ui
+from nicegui import ui
 from thermal_comp.data.conditions import SENSORS
 
 from imu_workbench.case_effects import kept_effects
@@ -28,6 +28,7 @@ from imu_workbench.web.case.view import Place
 from imu_workbench.web.dialogs import Messages, OpenDialog, RecordingsDialog, WorkPanel
 from imu_workbench.web.fleet import FleetView
 from imu_workbench.web.plot import Look
+from imu_workbench.web.redraw import Redraw
 from imu_workbench.web.session import SHOWN, Session, Shown
 from imu_workbench.web.work.workspace import Workspace
 
@@ -47,10 +48,12 @@ class Page:
         self._look = Look()
         self._dark = ui.dark_mode(None)
         self._client = ui.context.client
+        self._changed = Redraw(self._client, self._refresh)
+        self._figures = Redraw(self._client, self._draw_figures)
+        """They take seconds for long recordings: what is under way is told meanwhile."""
         self._tab = ''
         self._preview: EffectPreview | None = None
         self._previewed: tuple[Any, ...] | None = None
-        self._stale, self._drawing = False, False
         self._live_page: Any = None
         self._followed: set[int] = set()
         self._asked: set[tuple[str, str]] = set()
@@ -67,7 +70,7 @@ class Page:
         self._experiment = ExperimentDialog(look)
         with ui.element('header').classes('bar'):
             self._bar()
-        self._messages = Messages(self._workspace)
+        self._messages = Messages(self._workspace.notices)
         self._work = WorkPanel(self._workspace)
         with ui.element('main').classes('body case') as self._case:
             top = TopActions(self._preview_in, self._add, self._plan, self._save_report)
@@ -79,7 +82,9 @@ class Page:
                     self._toggle_preview,
                     self._add,
                     self._take_out,
-                    lambda effect: self._explain_dialog.show(self._workspace.effects[effect]),
+                    lambda effect: self._explain_dialog.show(
+                        self._workspace.effects.explained[effect]
+                    ),
                     self._load_effects,
                     self._load_kept,
                 )
@@ -125,18 +130,18 @@ class Page:
 
     async def _load_effects(self, name: str, content: bytes) -> None:
         if self._local:
-            self._tell_of_effects(name, await self._workspace.load_effects(name, content))
+            self._tell_of_effects(name, await self._workspace.effects.load(name, content))
 
     async def _load_kept(self, key: str) -> None:
         work = self._session.work
         if work is not None and self._local:
             name = kept_effects(work.case)[key]
-            self._tell_of_effects(name, await self._workspace.load_kept_effects(work.case, key))
+            self._tell_of_effects(name, await self._workspace.effects.load_kept(work.case, key))
 
     def _tell_of_effects(self, name: str, new: Sequence[str]) -> None:
         if new:
             names = ', '.join(effect.replace('_', ' ') for effect in new)
-            self._workspace.say(f'{Path(name).name}: {names} can be added now', 'info')
+            self._workspace.notices.say(f'{Path(name).name}: {names} can be added now', 'info')
 
     async def _start_up(self) -> None:
         await self._client.connected()
@@ -145,39 +150,23 @@ class Page:
         self._tab = str(look[3])
         self._colours()
         self._client.content.props(remove='inert')
-        self._workspace.listen(self._changed)
+        self._workspace.notices.listen(self._changed)
         self._changed()
         nothing = not self._workspace.opening and not self._workspace.devices
         if nothing and self._session.shown == 'case':
             await self._open_dialog.show()
 
     def _leave(self) -> None:
-        self._workspace.leave(self._changed)
-        self._workspace.order.leave(self)
+        self._workspace.notices.leave(self._changed)
+        self._workspace.answers.order.leave(self)
 
     # Drawing -----------------------------------------------------------------------------------
-
-    def _changed(self) -> None:
-        """Draw soon: several changes at once are drawn once."""
-        self._stale = True
-        if not self._drawing:
-            self._drawing = True
-            background_tasks.create(self._draw(), name='draw the page')
-
-    async def _draw(self) -> None:
-        try:
-            while self._stale:
-                self._stale = False
-                with self._client:
-                    await self._refresh()
-        finally:
-            self._drawing = False
 
     async def _refresh(self) -> None:
         session = self._session
         self._follow_fits()
         session.settle()
-        self._workspace.order.look(self, session.device)
+        self._workspace.answers.order.look(self, session.device)
         self._address(step=False)
         if self._live_page is not None:
             self._live_page.active = session.shown == 'live'
@@ -191,7 +180,10 @@ class Page:
         self._show_parts(preview)
         if session.shown == 'case':
             self._versions.draw()
-            await self._centre.refresh(preview)
+            self._figures()
+
+    async def _draw_figures(self) -> None:
+        await self._centre.refresh(self._fresh_preview())
 
     def _show_parts(self, preview: EffectPreview | None = None) -> None:
         """Show all but the figures of the case."""
@@ -221,7 +213,7 @@ class Page:
     def _follow_fits(self) -> None:
         """Go on to the version that a fit this tab asked for has made."""
         session = self._session
-        for fit in self._workspace.queue.finished:
+        for fit in self._workspace.versions.queue.finished:
             same = (fit.device, fit.start) == (session.device, session.version_name)
             if fit.number not in self._followed and fit.tab == self._tab and same:
                 session.choose_version(fit.result)
@@ -236,11 +228,11 @@ class Page:
             known = work.case.version(name) is not None and name not in work.failed
             if known and name not in work.loaded and (session.device, name) not in self._asked:
                 self._asked.add((session.device, name))
-                self._workspace.begin(self._load(session.device, name))
+                self._workspace.runner.begin(self._load(session.device, name))
 
     async def _load(self, device: str, name: str) -> None:
         try:
-            await self._workspace.load(device, name)
+            await self._workspace.versions.load(device, name)
         finally:
             self._asked.discard((device, name))
 
@@ -252,15 +244,15 @@ class Page:
             return None
         ready = session.work is not None and (
             session.version_name in session.work.found
-            or not self._workspace.is_diagnosing(session.device, session.version_name)
+            or not self._workspace.answers.is_diagnosing(session.device, session.version_name)
         )
         if wanted != self._previewed and ready:
             self._previewed, self._preview = wanted, None
-            self._workspace.begin(self._fetch_preview(wanted))
+            self._workspace.runner.begin(self._fetch_preview(wanted))
         return self._preview if wanted == self._previewed else None
 
     async def _fetch_preview(self, wanted: tuple[Any, ...]) -> None:
-        preview = await self._workspace.preview(*wanted)
+        preview = await self._workspace.answers.preview(*wanted)
         if wanted == self._previewed:
             self._preview = preview
             self._changed()
@@ -314,6 +306,7 @@ class Page:
     def _went(self, query: str) -> None:
         """The browser went back or forth."""
         self._session.follow(dict(parse_qsl(query.removeprefix('?'))))
+        self._workspace.versions.queue.forget(self._tab)
         self._shown_address = json.dumps(query)
         self._changed()
 
@@ -344,6 +337,7 @@ class Page:
         if name != session.version_name:
             session.choose_version(name)
             self._workspace.show(session.device, name)
+            self._workspace.versions.queue.forget(self._tab)
             self._step()
 
     async def _go_to(self, place: Place | None) -> None:
@@ -389,11 +383,12 @@ class Page:
 
     def _request(self, change: Change) -> None:
         session = self._session
-        self._workspace.request(session.device, session.version_name, change, self._tab)
+        queue = self._workspace.versions.queue
+        queue.request(session.device, session.version_name, change, self._tab)
 
     async def _plan(self, one: str, other: str) -> None:
         session = self._session
-        found = await self._workspace.next_profile(
+        found = await self._workspace.answers.next_profile(
             session.device, session.version_name, one, other
         )
         if found is not None:
@@ -409,7 +404,7 @@ class Page:
         session = self._session
         if session.version is not None:
             name = f'{session.device}_{session.version_name}_certificate.html'
-            path = await self._workspace.report(session.device, session.version_name)
+            path = await self._workspace.answers.report(session.device, session.version_name)
             if path is not None:
                 with self._client:
                     ui.download.file(path, name)
@@ -430,9 +425,9 @@ class Page:
         try:
             text = content.decode('utf-8')
         except UnicodeDecodeError:
-            self._workspace.say(f'{name}: not a text file; a model file is YAML')
+            self._workspace.notices.say(f'{name}: not a text file; a model file is YAML')
             return
-        version = await self._workspace.open_model(self._session.device, text)
+        version = await self._workspace.versions.open_model(self._session.device, text)
         if version:
             self._show_version(version)
 

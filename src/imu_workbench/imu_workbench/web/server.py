@@ -113,7 +113,7 @@ async def _serve(
         model_text=start.model_text,
         run_kept=start.local,
     )
-    workspace.begin(opening)
+    workspace.runner.begin(opening)
     try:
         application = await asyncio.to_thread(import_module, 'imu_workbench.web.application')
         await application.serve(listening, workspace, local=start.local, token=token, ready=ready)

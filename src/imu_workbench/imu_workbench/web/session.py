@@ -140,7 +140,18 @@ class Session:
             if self.workspace.opening:
                 return 'Reading the recordings …'
             return 'No recording of this device is open; its versions are kept below.'
+        if self.failed:
+            return (
+                f'{self.version_name} is not compared with the recordings, as the message above '
+                'says: mend that and try again, or go on from another version below.'
+            )
         return self.work.problem or 'The model is being compared with the recordings …'
+
+    @property
+    def failed(self) -> bool:
+        """Whether the version looked at could not be compared with the recordings."""
+        work = self.work
+        return work is not None and self.version is None and self.version_name in work.failed
 
     def sensors(self) -> list[str]:
         """Return the sensors of the version looked at, in the order of the tables."""

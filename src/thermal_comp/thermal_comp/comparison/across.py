@@ -19,7 +19,7 @@ from imu_recording.recording import SENSOR_UNITS, FloatArray
 
 from thermal_comp.comparison.compare import rms_of
 from thermal_comp.data.conditions import SENSORS, Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.model.values import ModelError, ThermalModel

@@ -15,7 +15,8 @@ from thermal_comp.comparison.gaussianity import DwellModes, Gaussianity, dwell_m
 from thermal_comp.comparison.held_out import HeldOut, hold_out
 from thermal_comp.comparison.localisation import Where, rank_where
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun, Truth, prepare
+from thermal_comp.data.preparation import Truth, prepare
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.inputs import device_of, sensor_groups, usable_sensors
 from thermal_comp.linear.design import Design

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.kept_results import kept
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import orthonormal, project_out

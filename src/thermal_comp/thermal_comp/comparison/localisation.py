@@ -11,7 +11,7 @@ import numpy as np
 from imu_recording.recording import PHASES, UP_AXES, FloatArray, IntArray
 from numpy.typing import NDArray
 
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 
 TEMPERATURE_BIN_C = 10.0
 """Width of a temperature bin [°C]."""

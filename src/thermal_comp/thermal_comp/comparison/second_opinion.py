@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from thermal_comp.comparison.compare import compare_prepared
 from thermal_comp.data.conditions import Conditions, Sensor
-from thermal_comp.data.preparation import PreparedRun, prepare_run
+from thermal_comp.data.preparation import prepare_run
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.bias_temperature_curvature import BiasTemperatureCurvature
 from thermal_comp.effects.effect import Effect

@@ -9,7 +9,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 
 TOLD_BY: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
 """Sensors whose temperature slopes differ from device to device far more than from run to run

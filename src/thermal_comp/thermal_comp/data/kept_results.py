@@ -12,7 +12,7 @@ from functools import wraps
 from typing import Any, Concatenate, cast
 from weakref import WeakKeyDictionary, ref
 
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.model.values import NoiseModel
 
 

@@ -20,7 +20,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import maximum_filter1d
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 
 MOST_LINES = 3
 """Most lines that are handed on."""

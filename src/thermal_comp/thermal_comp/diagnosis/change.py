@@ -16,7 +16,7 @@ from scipy.special import chdtri
 
 from thermal_comp.comparison.compare import Comparison
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.result import Finding
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import SensorModel, ThermalModel

@@ -17,7 +17,7 @@ from thermal_comp.comparison.compare import (
 )
 from thermal_comp.comparison.simpler import raised, worse_than_simpler
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.diagnose import Settings, base_effects, diagnose_prepared
 from thermal_comp.diagnosis.evidence.candidates import missing_channels
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses

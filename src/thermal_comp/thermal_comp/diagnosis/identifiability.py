@@ -9,7 +9,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import SENSORS, Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.evidence.candidates import usable
 from thermal_comp.diagnosis.result import Undecided
 from thermal_comp.effects.bias_temperature import BiasTemperature

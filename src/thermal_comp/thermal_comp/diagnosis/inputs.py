@@ -10,13 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording
 
-from thermal_comp.data.preparation import (
-    PreparedRun,
-    as_campaign,
-    in_common_blocks,
-    prepare_run,
-    run_name,
-)
+from thermal_comp.data.blocks import in_common_blocks
+from thermal_comp.data.preparation import as_campaign, prepare_run, run_name
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.quality import (
     QualityFinding,
     check_recording,

@@ -20,15 +20,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.blocks import in_search_blocks
+from thermal_comp.data.conditions import SENSORS, Sensor
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import SpectralLine
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.candidates import form_of
 from thermal_comp.diagnosis.evidence.effect_sets import Component
 from thermal_comp.diagnosis.evidence.flaws import gain_of
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
-from thermal_comp.diagnosis.sensor_search import in_search_blocks
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.shape_search import ShapeScale, shape_scales, shape_values, with_shape
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
@@ -80,7 +80,8 @@ def with_model_form(model: ThermalModel, runs: Sequence[PreparedRun]) -> Thermal
 
     Steps and spectral lines keep theirs: what limits them is a row, or a period over the run.
     """
-    shaped = {s: part for s, part in model.sensors.items() if any(map(_has_form, part.effects))}
+    known = {s: model.sensors[s] for s in SENSORS if s in model.sensors}
+    shaped = {s: part for s, part in known.items() if any(map(_has_form, part.effects))}
     if not shaped:
         return model
     lines = [
@@ -90,7 +91,7 @@ def with_model_form(model: ThermalModel, runs: Sequence[PreparedRun]) -> Thermal
         if effect.line_frequency is not None
     ]
     source = ColumnSource(in_search_blocks(runs, lines))
-    widened = {sensor: _of_sensor(source, sensor, part) for sensor, part in shaped.items()}
+    widened: dict[str, SensorModel] = {s: _of_sensor(source, s, p) for s, p in shaped.items()}
     return replace(model, sensors={**model.sensors, **widened})
 
 
@@ -113,7 +114,8 @@ def _of_sensor(source: ColumnSource, sensor: Sensor, part: SensorModel) -> Senso
         components, _ = hypotheses.scaled(components, place)
     coordinates = _coordinates(source.runs, components, part)
     deviations = shape_deviations(hypotheses, components, coordinates)
-    total, form = dict(part.shape_std), {}
+    total = dict(part.shape_std)
+    form: dict[str, tuple[float, ...]] = {}
     for one, deviation in zip(coordinates, deviations, strict=True):
         name = f'{components[one.component].name}.{one.scale.name}'
         fitted = part.shape_std[name][one.scale.place or 0]
@@ -168,7 +170,9 @@ def shape_deviations(
     prior = np.array([one.log_prior for one in alternatives])
     squares = _mixture_squares(prior + here, gradient, curvature)
     found = np.sqrt(squares) * np.array([one.step for one in coordinates])
-    return np.minimum(found, [float(np.ptp(one.scale.grid())) / 12.0**0.5 for one in coordinates])
+    widest = [float(np.ptp(one.scale.grid())) / 12.0**0.5 for one in coordinates]
+    deviations: FloatArray = np.minimum(found, widest)
+    return deviations
 
 
 def _alternatives(

@@ -11,9 +11,10 @@ from typing import Literal
 import numpy as np
 from imu_recording.recording import FloatArray
 
+from thermal_comp.data.blocks import in_search_blocks
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun, in_blocks
-from thermal_comp.data.spectral_lines import SpectralLine, spectral_lines
+from thermal_comp.data.prepared_run import PreparedRun
+from thermal_comp.data.spectral_lines import spectral_lines
 from thermal_comp.diagnosis.evidence.candidates import missing_channels
 from thermal_comp.diagnosis.evidence.common_thermometer import like_the_thermometer, told_by_others
 from thermal_comp.diagnosis.evidence.effect_sets import (
@@ -48,12 +49,6 @@ REFUTING_SHARE = 2e-4
 """… or this share of what it explains: the larger it is, the more a flaw in its form costs."""
 CHANGED_VARIANCE_SHARE = 0.8
 """Share of its variance below which noise is another one."""
-SEARCH_BLOCKS = 700
-"""Blocks that the longest run is searched in at least …"""
-LONGEST_SEARCH_BLOCK_S = 60.0
-"""… the longest of them [s]: lags of half a minute still leave a trace in ramps …"""
-BLOCKS_PER_PERIOD = 8
-"""… and how many of them a period of a spectral line holds: a mean keeps 97 % of its amplitude."""
 SHARE_BEFORE, SHARE_OF_SEARCH = 0.1, 0.75
 """Share of a diagnosis that is done before its sensors are searched, and after them."""
 Listed = dict[Sensor, tuple[Effect, ...]]
@@ -212,23 +207,6 @@ def search_sensors(
         if effect.coupled:
             found.update(searches.of_coupled(effect, found))
     return found
-
-
-def in_search_blocks(
-    runs: Sequence[PreparedRun], lines: Sequence[SpectralLine]
-) -> list[PreparedRun]:
-    """Return long runs in longer blocks: the work falls with them, slow effects lose nothing.
-
-    A spectral line would be averaged away in blocks that are not short against its period.
-    """
-    blocks = max(len(run) for run in runs)
-    warmest = max(float(np.abs(run.conditions.temperature_difference).max()) for run in runs)
-    fastest = max((abs(f) + abs(drift) * warmest for f, drift in lines), default=0.0)
-    longest = min(LONGEST_SEARCH_BLOCK_S, 1.0 / (BLOCKS_PER_PERIOD * max(fastest, 1e-9)))
-    factor = min(blocks // SEARCH_BLOCKS, int(longest / runs[0].period))
-    if factor < 2:
-        return list(runs)
-    return [in_blocks(run, factor * run.period) for run in runs]
 
 
 @dataclass(frozen=True, eq=False)

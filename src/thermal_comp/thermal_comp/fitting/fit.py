@@ -11,7 +11,8 @@ import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
 
 from thermal_comp.data.conditions import SENSORS, Sensor
-from thermal_comp.data.preparation import PreparedRun, Truth, prepare, resting
+from thermal_comp.data.preparation import Truth, prepare, resting
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.startup import cut_startup
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.inputs import (

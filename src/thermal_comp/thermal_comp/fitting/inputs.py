@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from thermal_comp.data.conditions import SENSORS, Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import ModelError
 from thermal_comp.noise.of_runs import FINEST_RESOLUTION

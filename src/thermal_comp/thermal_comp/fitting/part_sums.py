@@ -11,8 +11,9 @@ from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from thermal_comp.data.blocks import contiguous_parts
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun, contiguous_parts
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect, columns_from
 from thermal_comp.linear.columns import orthonormal, per_axis, project_out
 from thermal_comp.linear.normal_equations import pseudo_solve

@@ -12,7 +12,8 @@ import numpy as np
 from imu_recording.recording import SENSOR_UNITS, FloatArray, ImuRecording
 
 from thermal_comp.data.conditions import SENSORS, Sensor
-from thermal_comp.data.preparation import PreparedRun, Truth, prepare
+from thermal_comp.data.preparation import Truth, prepare
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.model.values import ModelError, ThermalModel

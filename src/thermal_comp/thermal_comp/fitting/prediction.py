@@ -14,7 +14,7 @@ import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Campaign, Effect
 from thermal_comp.fitting.part_sums import (
     LEAST_FALL,

@@ -15,7 +15,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.shape_search import ShapeScale, shape_scales, shape_values, with_shape
 from thermal_comp.linear.design import Design, Term

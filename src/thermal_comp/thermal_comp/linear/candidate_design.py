@@ -11,7 +11,7 @@ import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import SpectralLine, spectral_lines
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import orthonormal, per_axis, project_out, stack_runs

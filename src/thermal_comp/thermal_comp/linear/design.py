@@ -11,7 +11,7 @@ from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.normal_equations import NormalEquations
 from thermal_comp.linear.whitening import Gains, apply_gains, innovation_gains

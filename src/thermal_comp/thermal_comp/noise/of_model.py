@@ -15,7 +15,7 @@ import numpy as np
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.kept_results import kept
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.estimation import expected_square, fit_noise_to_spectra

@@ -11,7 +11,7 @@ from imu_recording.recording import FloatArray
 from scipy.linalg import eigh
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import project_out
 from thermal_comp.model.values import ModelError, NoiseModel

@@ -11,7 +11,7 @@ from imu_recording.recording import FloatArray
 from numpy.typing import NDArray
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import orthonormal, project_out
 from thermal_comp.noise.process import OU_TIME_CONSTANTS, Projection, Shaking, project_spectra

@@ -4,17 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from imu_recording.recording import FloatArray
 from scipy.interpolate import BSpline
 
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.operators import follow, grow_and_melt, play
 from thermal_comp.linear.columns import orthonormal
-
-if TYPE_CHECKING:
-    from thermal_comp.data.preparation import PreparedRun
 
 LAGS_S = (60.0, 180.0, 540.0, 1620.0)
 """Time constants [s] of the lagged temperatures it offers."""

@@ -21,7 +21,7 @@ from imu_recording.recording import FloatArray
 from numpy.typing import NDArray
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.linear.columns import project_out
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.process import Shaking

@@ -11,7 +11,8 @@ from imu_recording.recording import FloatArray, ImuRecording, columns_hash
 from imu_recording.synchronise import longest_stretch
 
 from thermal_comp.data.conditions import Conditions, field_conditions
-from thermal_comp.data.preparation import PreparedRun, prepare_run
+from thermal_comp.data.preparation import prepare_run
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.still.rest import LEAST_REST_S, find_rest
 
 PERIOD_S = 2.0

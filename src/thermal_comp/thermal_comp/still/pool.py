@@ -11,7 +11,7 @@ from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 
 from thermal_comp.data.conditions import EARTH_RATE, STANDARD_GRAVITY, Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.empirical_term import GROUPS, Empirical

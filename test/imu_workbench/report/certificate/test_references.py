@@ -13,7 +13,8 @@ import pytest
 from imu_workbench.report.certificate.budget import SOURCES
 from imu_workbench.report.certificate.quantities import Quantity, quantities
 from imu_workbench.report.laboratory import Laboratory
-from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.data.preparation import prepare
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.model.values import ThermalModel

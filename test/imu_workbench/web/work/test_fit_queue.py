@@ -62,3 +62,16 @@ def test_what_follows_a_wish_that_was_cancelled_or_failed_starts_where_that_one_
         gate.set()
 
     assert run(script) == ['failing on v1', 'icing on v1']
+
+
+def test_who_goes_elsewhere_is_not_taken_to_a_fit_that_is_done():
+    async def script(queue: FitQueue, gate: asyncio.Event) -> None:
+        gate.set()
+        own, other = (queue.request('dut2', 'v1', Change('lag'), tab) for tab in ('one', 'other'))
+        while queue.fits:
+            await asyncio.sleep(0)
+        assert queue.finished == [own, other]
+        queue.forget('one')
+        assert queue.finished == [other]
+
+    run(script)

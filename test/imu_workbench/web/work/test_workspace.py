@@ -4,7 +4,6 @@ from __future__ import annotations
 import asyncio
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -20,7 +19,6 @@ from imu_workbench.case import (
 )
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.case.stored_bag import StoredBag
-from imu_workbench.web.work.device_work import DeviceWork
 from imu_workbench.web.work.result_cache import ResultCache
 from imu_workbench.web.work.workspace import Workspace
 
@@ -93,31 +91,3 @@ def test_a_server_that_is_killed_while_it_reads_closes_no_recording(case, tmp_pa
 
     asyncio.run(killed())
     assert [r.open for r in load_case(case.folder).recordings] == [True, True]
-
-
-def test_a_version_is_asked_again_where_effects_came_while_it_was_asked(case, tmp_path):
-    workspace = Workspace(
-        ResultCache(BagRoot(case.folder.parent.parent), case.folder.parent), case.folder.parent
-    )
-    work = workspace.devices['dut2'] = DeviceWork(case)
-    work.loaded['v1'] = SimpleNamespace(model_text='model', effects={}, errors=lambda: ERRORS)
-    asked: list[int] = []
-
-    async def answer(_about: str, _key: object, _task: object, *arguments: object) -> dict:
-        files = arguments[-1]
-        asked.append(len(files))
-        if len(asked) == 1:
-            workspace.effect_files = [tmp_path / 'my_effect.py']
-            workspace.ask('dut2', 'v1', anew=True)  # as loading does
-        return {'diagnosis': {'findings': [], 'files': len(files)}, 'candidates': {}}
-
-    async def ask() -> None:
-        workspace._do = answer  # type: ignore[method-assign]
-        workspace.ask('dut2', 'v1', anew=True)
-        assert workspace.is_diagnosing('dut2', 'v1')  # nobody reads that it was not asked
-        while workspace.is_diagnosing('dut2', 'v1'):
-            await asyncio.sleep(0.0)
-
-    asyncio.run(ask())
-    assert asked == [0, 1]
-    assert work.found['v1']['diagnosis']['files'] == 1

@@ -11,7 +11,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from imu_recording.user_error import UserError
 from thermal_comp.data.conditions import SENSORS, Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.model.values import SensorModel, ThermalModel
 
 from imu_workbench.fleet.sources import NO_TYPE

@@ -21,7 +21,7 @@ from imu_recording.synchronise import longest_stretch
 from scipy.optimize import nnls
 from scipy.stats import chi2
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.noise_level import NoiseReference, bandwidth_known, chip_references
 from thermal_comp.model.values import ThermalModel
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS

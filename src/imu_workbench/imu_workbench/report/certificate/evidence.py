@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.model.values import SensorModel
 from thermal_comp.noise.process import mean_autocovariance

@@ -15,7 +15,7 @@ import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import SensorModel
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from imu_recording.recording import PHASES, SENSOR_UNITS, FloatArray, IntArray
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import ThermalModel

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import EARTH_RATE
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 
 from imu_workbench.report.certificate.budget import Input, Uncounted

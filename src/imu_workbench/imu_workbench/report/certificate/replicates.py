@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.model.values import SensorModel
 
 from imu_workbench.report.certificate.joint_design import WORST_CONDITION, modelled

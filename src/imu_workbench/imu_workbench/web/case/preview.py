@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.user_effects import effect_catalogue

@@ -67,24 +67,26 @@ class Rail:
         session = self._session
         version, work, sensor = session.version, session.work, session.view.sensor
         found = work.found.get(session.version_name) if work else None
-        effects = session.workspace.effects
+        effects = session.workspace.effects.explained
         drawn = (
             session.device, session.version_name, sensor, id(version), id(found),
-            session.candidate, id(preview), len(effects),
+            session.candidate, id(preview), len(effects), session.failed,
         )  # fmt: skip
         if drawn == self._drawn:
             return
         self._drawn = drawn
-        waits = work is not None and session.workspace.is_holding_out(
+        waits = work is not None and session.workspace.answers.is_holding_out(
             session.device, session.version_name
         )
-        busy = found is None or version is None or waits
+        busy = not session.failed and (found is None or version is None or waits)
         self._section.props(f'aria-busy={"true" if busy else "false"}')
         self._place.clear()
         with self._place:
             ui.html(f'<h2>What may be missing in the {escape(sensor)}</h2>', sanitize=False)
             if version is None or work is None:
-                ui.label('Candidates stand here once the catalogue was asked.').classes('soft')
+                awaited = f'{session.version_name} is compared with the recordings'
+                awaited = awaited if session.failed else 'the catalogue was asked'
+                ui.label(f'Candidates stand here once {awaited}.').classes('soft')
                 return
             if sensor not in version.comparison['sensors']:
                 ui.label('The sensors that were measured stand above.').classes('soft')
@@ -101,7 +103,7 @@ class Rail:
     def _offer_kept(self) -> None:
         """Offer the effect files that the case keeps and that are not loaded."""
         work = self._session.work
-        kept = self._session.workspace.effects_to_load(work.case) if work else {}
+        kept = self._session.workspace.effects.not_loaded(work.case) if work else {}
         if kept == self._offered:
             return
         self._offered = kept
@@ -121,7 +123,7 @@ class Rail:
         weighed = work.candidates(session.version_name, sensor)
         inside = session.version.effects.get(sensor, ())
         known = {one.effect for one in weighed} | set(inside)
-        for name, told in session.workspace.effects.items():
+        for name, told in session.workspace.effects.explained.items():
             fits = sensor in told['sensors'] and told['searched'] and name not in work.unusable
             if fits and name not in known:
                 weighed.append(Candidate(name, sensor, None, None, None))
@@ -228,7 +230,7 @@ class Rail:
 
     def _show_inside(self, version: Version) -> None:
         """List the effects of the model, with a button to take each out."""
-        sensor, effects = self._session.view.sensor, self._session.workspace.effects
+        sensor, effects = self._session.view.sensor, self._session.workspace.effects.explained
         inside = version.effects.get(sensor, ())
         with ui.element('div').classes('inside'):
             ui.label('In the model:').classes('soft')
@@ -246,7 +248,7 @@ class Rail:
 
     def _show_unusable(self) -> None:
         work, sensor = self._session.work, self._session.view.sensor
-        effects = self._session.workspace.effects
+        effects = self._session.workspace.effects.explained
         reasons: dict[str, list[str]] = {}
         for name, reason in (work.unusable if work else {}).items():
             if name in effects and sensor in effects[name]['sensors']:

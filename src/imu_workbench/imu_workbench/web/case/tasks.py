@@ -17,8 +17,10 @@ from typing import Any, Protocol
 from imu_recording.plausibility import admitted
 from imu_recording.recording import RecordingError
 from thermal_comp.comparison.compare import compare_prepared
+from thermal_comp.data.blocks import in_common_blocks
 from thermal_comp.data.conditions import SENSORS, Sensor
-from thermal_comp.data.preparation import PreparedRun, as_campaign, in_common_blocks, prepare
+from thermal_comp.data.preparation import as_campaign, prepare
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.diagnose import Settings, diagnose_inputs, greyed_out
 from thermal_comp.diagnosis.growth import add_effect
 from thermal_comp.diagnosis.inputs import prepare_inputs

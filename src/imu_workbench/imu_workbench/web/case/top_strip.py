@@ -95,7 +95,7 @@ class TopStrip:
         session, found = self._session, self._session.diagnosis
         if found is None or session.work is None or session.version is None:
             return Action('none')
-        effects = session.workspace.effects
+        effects = session.workspace.effects.explained
         addable = [name for name, told in effects.items() if told['searched']]
         return next_action(found, list(effects), addable)
 
@@ -103,7 +103,7 @@ class TopStrip:
         session = self._session
         if session.version is None or session.work is None:
             return session.nothing_yet
-        if session.workspace.is_diagnosing(session.device, session.version_name):
+        if session.workspace.answers.is_diagnosing(session.device, session.version_name):
             return 'Looking for what is missing: every effect of the catalogue is asked …'
         return 'Nobody has asked yet what is missing: the answer was cancelled or failed.'
 
@@ -134,11 +134,12 @@ class TopStrip:
         session, do = self._session, self._actions
         with self._row:
             if action.kind == 'none':
-                ready = session.version is not None and not session.workspace.is_diagnosing(
-                    session.device, session.version_name
-                )
-                if ready:
-                    ask = partial(session.workspace.ask, session.device, session.version_name)
+                about, work = (session.device, session.version_name), session.workspace
+                if session.failed:
+                    again = partial(work.versions.try_again, *about)
+                    self._add(f'Try {session.version_name} again', 'unelevated', again)
+                elif session.version is not None and not work.answers.is_diagnosing(*about):
+                    ask = partial(work.answers.ask, *about)
                     self._add('Ask what is missing', 'unelevated', ask)
                 return
             if action.text:

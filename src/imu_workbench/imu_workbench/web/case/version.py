@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from thermal_comp.comparison.compare import Comparison, rms_of
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.file import load_model, save_model
 from thermal_comp.model.values import NoiseModel, ThermalModel

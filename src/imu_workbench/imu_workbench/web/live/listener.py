@@ -7,6 +7,7 @@ so that 1 kHz of several topics does not hold up the page.
 
 from __future__ import annotations
 
+import atexit
 import threading
 import time
 from collections.abc import Mapping
@@ -188,8 +189,9 @@ def shared_listener() -> Listener:
     return _shared[0]
 
 
+@atexit.register
 def close_listener() -> None:
-    """Stop the shared listener, if there is one."""
+    """Stop the shared listener, if there is one: cut off while it waits, it aborts the process."""
     for listener in _shared:
         listener.close()
     _shared.clear()

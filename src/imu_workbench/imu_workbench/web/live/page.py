@@ -9,10 +9,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
-from nicegui import app, run, ui
+from nicegui import run, ui
 from thermal_comp.presentation.display import FILTER_LABELS, SENSORS
 
 from imu_workbench.report.figures.palette import painted
@@ -337,13 +336,6 @@ def _listener() -> Any:
         if trial.returncode:
             lines = trial.stderr.strip().splitlines() or ['it ends without a message']
             raise RuntimeError(lines[-1])
-    from imu_workbench.web.live.listener import close_listener, shared_listener
+    from imu_workbench.web.live.listener import shared_listener
 
-    _at_shutdown(close_listener)
     return shared_listener()
-
-
-@cache
-def _at_shutdown(function: Callable[[], None]) -> None:
-    """Call a function once when the server ends."""
-    app.on_shutdown(function)

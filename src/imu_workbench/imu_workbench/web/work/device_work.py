@@ -3,15 +3,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from imu_workbench.case import Case
+from imu_workbench.case import Case, CaseRecording, known_recordings, saved
 from imu_workbench.web.case.candidates import Candidate
-from imu_workbench.web.case.stored_bag import StoredBag
+from imu_workbench.web.case.stored_bag import StoredBag, with_unique_runs
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import timeline_of
+from imu_workbench.web.work.result_cache import ResultCache
 
 MAX_LOADED_VERSIONS = 12
 """Versions whose block means are kept in memory, per device."""
@@ -56,3 +58,30 @@ class DeviceWork:
         self.loaded[name] = replace(version, timeline=timeline_of(self.bags))
         for old in list(self.loaded)[:-MAX_LOADED_VERSIONS]:
             del self.loaded[old]
+
+    def take_bags(self, bags: Sequence[StoredBag], cache: ResultCache) -> None:
+        """Work on these recordings as they were read; the case knows its others still."""
+        self.bags = with_unique_runs(bags)
+        hashes = {r.run: r.sha256 for r in self.case.recordings}
+        read = [
+            CaseRecording(b.source, b.run, hashes.get(b.run, ''), b.samples, True, *b.file_state)
+            for b in self.bags
+        ]
+        runs = {bag.run for bag in self.bags}
+        self.keep_recordings([*read, *(r for r in self.case.recordings if r.run not in runs)])
+        self.prepared = cache.prepared_path(self.bags)
+        self.loaded, self.failed, self.problem = {}, set(), ''
+
+    def close_unread(self) -> None:
+        """Take those for closed that were not read."""
+        runs = {bag.run for bag in self.bags}
+        self.keep_recordings(
+            r if r.run in runs else replace(r, open=False) for r in self.case.recordings
+        )
+
+    def keep_recordings(self, recordings: Iterable[CaseRecording]) -> None:
+        """Save the recordings; what was found in others is forgotten."""
+        before = known_recordings(self.case)
+        self.case = saved(replace(self.case, recordings=tuple(recordings)))
+        if known_recordings(self.case) != before:
+            self.found = {}

@@ -93,6 +93,10 @@ class FitQueue:
         elif fit.job is not None:
             fit.job.cancel()
 
+    def forget(self, tab: str) -> None:
+        """Follow no fit that is done: the tab's user has gone elsewhere."""
+        self.finished = [fit for fit in self.finished if fit.tab != tab]
+
     def of_device(self, device: str) -> list[QueuedFit]:
         """Return the fits of one device, in order."""
         return [fit for fit in self.fits if fit.device == device]

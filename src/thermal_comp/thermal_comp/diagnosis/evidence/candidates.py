@@ -12,7 +12,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import CHANNELS, Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Campaign, Candidate, Effect
 from thermal_comp.effects.operators import rise
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup

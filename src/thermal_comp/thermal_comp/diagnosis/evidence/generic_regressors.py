@@ -12,7 +12,7 @@ from imu_recording.recording import FloatArray, IntArray
 from scipy.interpolate import BSpline
 
 from thermal_comp.data.conditions import Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import SpectralLine
 from thermal_comp.effects.operators import follow, play, time_integral
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.effects.operators import follow, play
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup

@@ -12,7 +12,7 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.comparison.compare import compare_prepared
 from thermal_comp.data.conditions import STANDARD_GRAVITY, Conditions, Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.bias_temperature_curvature import BiasTemperatureCurvature
 from thermal_comp.effects.effect import Effect

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from imu_recording.recording import PHASES
 from imu_workbench.web.case.figures.run_blocks import blocks_of_runs
-from thermal_comp.data.preparation import PreparedRun, prepare
+from thermal_comp.data.preparation import prepare
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.model.values import ThermalModel

@@ -11,7 +11,7 @@ from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 from thermal_comp.comparison.localisation import orientation
 from thermal_comp.data.conditions import SENSORS, Sensor
-from thermal_comp.data.preparation import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.inputs import sensor_groups
 from thermal_comp.linear.design import Design

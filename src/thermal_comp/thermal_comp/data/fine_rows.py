@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The fine rows of a run, on which effects are evaluated: means over a second, gaps filled."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+from imu_recording.logging_contract import CHANNEL_FIELDS
+from imu_recording.phase import cycles_from_temperature, phases_from_setpoint
+from imu_recording.recording import SENSOR_FIELDS, ImuRecording
+
+from thermal_comp.data.binning import bin_means, bin_variances
+
+FINE_PERIOD = 1.0
+"""Columns are evaluated on means over this [s], or on the samples where they are slower."""
+VIBRATION_RATE = 50.0
+"""Slowest sample rate [Hz] from which vibration is computed."""
+RATE_TOLERANCE = 1.02
+"""How much further apart samples of that rate may be: stamps jitter, and clocks err."""
+FEWEST_CYCLE_ROWS = 10
+"""Rows of a cycle on average, below which its two ends are not left out."""
+LEADING_GAP_S = 60.0
+"""A track that starts at most this much after the IMU takes its first value until then [s]."""
+
+
+def measured_temperature(recording: ImuRecording) -> ImuRecording:
+    """Return the recording with the die temperature between its samples interpolated.
+
+    Rows hold the newest sample; a device that warms is ahead of it by half an interval on
+    average, which looks like an effect of the temperature's rate.
+    """
+    if recording.temperature_stamp is None:
+        return recording
+    known = np.isfinite(recording.temperature) & (recording.temperature_stamp >= 0)
+    stamp, first = np.unique(recording.temperature_stamp[known], return_index=True)
+    if len(stamp) < 2:
+        return recording
+    values = recording.temperature[known][first]
+    between = np.interp(recording.stamp - stamp[0], stamp - stamp[0], values)
+    between[~known] = np.nan
+    return replace(recording, temperature=between, temperature_stamp=None)
+
+
+def fine_rows(
+    recording: ImuRecording, origin: int, period: float
+) -> tuple[ImuRecording, list[str]]:
+    """Return the recording as means over `period` [s], or as it is where it is slower.
+
+    The bins start at `origin` [ns], whatever was cut. Where samples begin or end within a bin, in
+    less than a quarter of it, there is none: its noise would be twice the others'.
+    """
+    notes = _bad_rows(recording)
+    step = float(np.median(np.diff(recording.stamp))) * 1e-9
+    if step > 0.75 * period:
+        return recording, notes
+    length = round(period * 1e9)
+    bins = (recording.stamp - origin) // length
+    starts = np.flatnonzero(np.diff(bins, prepend=bins[0] - 1))
+    edges = np.append(starts, len(bins)).astype(np.int64)
+    middle = (edges[:-1] + edges[1:] - 1) // 2
+    taken: dict[str, Any] = {}
+    for item in fields(recording):
+        column = getattr(recording, item.name)
+        if isinstance(column, np.ndarray) and item.name != 'stamp':
+            exact = column.dtype.kind == 'i' or item.name == 'reference_orientation'
+            taken[item.name] = column[middle] if exact else bin_means(column, edges)[0]
+    if recording.vibration is None and step <= RATE_TOLERANCE / VIBRATION_RATE:
+        taken['vibration'] = bin_variances(
+            recording.linear_acceleration, edges, taken['linear_acceleration']
+        )
+    stamp = origin + ((2 * bins[starts] + 1) * length) // 2
+    rows, distance = np.diff(edges), np.diff(bins[starts])
+    inside = (np.append(distance, 2) == 1) & (np.insert(distance, 0, 2) == 1)
+    whole = inside | (rows >= 0.25 * np.median(rows))
+    return replace(recording, stamp=stamp, **taken).rows(whole), notes
+
+
+def _bad_rows(recording: ImuRecording) -> list[str]:
+    notes = []
+    for sensor, name in SENSOR_FIELDS.items():
+        values = getattr(recording, name)
+        # One value that is not finite makes the sum so.
+        finite = np.isfinite(values.sum())
+        bad = 0 if finite else int((~np.isfinite(values).all(axis=1)).sum())
+        if bad == len(recording):
+            notes.append(f'no {sensor} value')
+        elif bad:
+            notes.append(f'{bad} of {len(recording)} rows without a finite {sensor} value')
+    bad = int((~np.isfinite(recording.temperature)).sum())
+    if bad:
+        notes.append(f'{bad} of {len(recording)} rows without a die temperature left out')
+    return notes
+
+
+def complete(fine: ImuRecording) -> tuple[ImuRecording, list[str]]:
+    """Fill short gaps of the other tracks with the newest value; drop tracks that start late."""
+    changed: dict[str, Any] = {}
+    notes = []
+    for name in CHANNEL_FIELDS:
+        column = getattr(fine, name)
+        if column is None:
+            continue
+        finite = np.isfinite(column).reshape(len(column), -1).all(axis=1)
+        if not finite.any():
+            changed[name] = None
+        elif not finite.all():
+            lead = (fine.stamp[int(np.argmax(finite))] - fine.stamp[0]) * 1e-9
+            if lead > LEADING_GAP_S or not finite.mean() > 0.5:
+                changed[name] = None
+                notes.append(f'{name} is known in {finite.mean():.0%} of the run only: not used')
+            else:
+                row = np.maximum.accumulate(np.where(finite, np.arange(len(column)), 0))
+                changed[name] = column[np.maximum(row, np.argmax(finite))]
+    setpoint = changed.get('setpoint', fine.setpoint)
+    if fine.cycle is None and setpoint is not None:
+        changed['phase'], changed['cycle'] = phases_from_setpoint(fine.time, setpoint)
+    cycle = changed.get('cycle', fine.cycle)
+    if cycle is None or not cycle.any():
+        cycle = cycles_from_temperature(fine.time, fine.temperature)
+        if cycle.any():
+            changed['cycle'] = cycle
+            notes.append(f'{cycle.max()} thermal cycles are found in the temperature itself')
+    return replace(fine, **changed), notes
+
+
+def without_cycle_ends(fine: ImuRecording) -> ImuRecording:
+    """Return the recording without the rows on both sides of where a cycle ends.
+
+    A row may hold a share of both cycles, whatever its label says: where each has a level of its
+    own, an error of many times the noise. Labels that change with nearly every row are no cycles.
+    """
+    if fine.cycle is None:
+        return fine
+    ends = np.flatnonzero(np.diff(fine.cycle))
+    if len(ends) * FEWEST_CYCLE_ROWS > len(fine):
+        return fine
+    kept = np.ones(len(fine), dtype=bool)
+    kept[ends] = kept[ends + 1] = False
+    return fine.rows(kept)

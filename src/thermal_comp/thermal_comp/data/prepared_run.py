@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One run as fits and diagnosis see it: block means, and conditions on a finer grid."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from imu_recording.recording import FloatArray, IntArray
+
+from thermal_comp.data.conditions import PER_RUN, Conditions, Sensor
+from thermal_comp.data.gaps import decays_after_gaps
+from thermal_comp.data.smoothing import smoothed_conditions
+from thermal_comp.effects.effect import Effect
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedRun:
+    """One run as fits and diagnosis see it: m block means, conditions on a finer grid.
+
+    Effects are evaluated on the fine rows (history, squares) and then averaged over the blocks.
+    """
+
+    name: str
+    device: str
+    conditions: Conditions
+    """Fine rows; temperature and every present channel are finite."""
+    starts: IntArray
+    """(m, 2) first fine row of each block and the first one after it."""
+    slot: IntArray
+    """(m,) place of each block on the uniform grid of `period`; a gap is a missing place."""
+    period: float
+    """[s]."""
+    measured: Mapping[Sensor, FloatArray]
+    """(m, 3) block means per sensor, NaN where a block has no valid sample."""
+    fine_measured: Mapping[Sensor, FloatArray]
+    """(n, 3) what was measured at the fine rows, per sensor; NaN where missing."""
+    cv_group: IntArray
+    """(m,) part of the run that is held out together, 1 …; 0 is never held out."""
+    has_cycles: bool
+    """Whether the parts are thermal cycles; else they are contiguous blocks."""
+    origin: int = 0
+    """Stamp at which its time is zero [ns]."""
+    sampled: bool = False
+    """Whether the fine rows are samples, whose stamps may jitter, and not means."""
+    hash: str = ''
+    """SHA-256 of the columns it was prepared from."""
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.slot)
+
+    def block_mean(self, values: FloatArray) -> FloatArray:
+        """Return the (m, …) means of (n, …) fine rows over the blocks."""
+        edges = self.starts.ravel()
+        rows = edges[1::2] - edges[::2]
+        total = np.add.reduceat(values[: edges[-1]], edges[:-1], axis=0)[::2]
+        mean: FloatArray = total / rows.reshape(-1, *[1] * (values.ndim - 1))
+        return mean
+
+    def columns(self, effect: Effect, sensor: Sensor) -> FloatArray:
+        """Return the effect's (m, p) or (m, 3, p) columns, averaged over the blocks."""
+        return self.block_mean(effect.columns(self.conditions.of(sensor))[0])
+
+    @cached_property
+    def smoothed(self) -> PreparedRun:
+        """The run without the noise of its thermometer, for what learns from the whole of it.
+
+        Columns of a noisy temperature pull their coefficients towards zero (regression dilution;
+        Carroll et al., Measurement Error in Nonlinear Models, 2006, ch. 4: regression
+        calibration), the more the slower the temperature moves.
+        """
+        return replace(self, conditions=smoothed_conditions(self.conditions))
+
+    @cached_property
+    def time(self) -> FloatArray:
+        """(m,) mean time of each block since the first sample of the run [s]."""
+        return self.block_mean(self.conditions.time)
+
+    @cached_property
+    def temperature(self) -> FloatArray:
+        """(m,) mean die temperature of each block [°C]."""
+        return self.block_mean(self.conditions.temperature)
+
+    @cached_property
+    def after_gaps(self) -> FloatArray:
+        """(m, q) decays after gaps, of what temperatures that nobody measured left behind.
+
+        Each lives in one part that is held out: its tail beyond says nothing of its size.
+        """
+        decays = self.block_mean(decays_after_gaps(self.conditions.time))
+        parts = [decays * (self.cv_group == k)[:, None] for k in np.unique(self.cv_group)]
+        columns = np.concatenate([np.zeros((len(self), 0)), *parts], axis=1)
+        return columns[:, columns.any(axis=0)]
+
+    @cached_property
+    def vibration(self) -> FloatArray | None:
+        """(m,) variance of the acceleration within each block, summed over the axes [(m/s²)²]."""
+        vibration = self.conditions.vibration
+        return None if vibration is None else self.block_mean(vibration).sum(axis=1)
+
+    @cached_property
+    def phase(self) -> IntArray:
+        """(m,) index into PHASES in the middle of each block; −1 unknown."""
+        return self._middle(self.conditions.phase, -1)
+
+    @cached_property
+    def cycle(self) -> IntArray:
+        """(m,) thermal cycle in the middle of each block; 0 outside the cycles."""
+        return self._middle(self.conditions.cycle, 0)
+
+    @cached_property
+    def block_conditions(self) -> Conditions:
+        """Conditions as block means."""
+        taken: dict[str, Any] = {
+            item.name: self.block_mean(value)
+            for item in fields(self.conditions)
+            if isinstance(value := getattr(self.conditions, item.name), np.ndarray)
+            and item.name not in (*PER_RUN, 'phase', 'cycle')
+        }
+        return replace(self.conditions, phase=self.phase, cycle=self.cycle, **taken)
+
+    def _middle(self, values: IntArray | None, unknown: int) -> IntArray:
+        if values is None:
+            return np.full(len(self.slot), unknown, dtype=np.int64)
+        middle: IntArray = values[(self.starts[:, 0] + self.starts[:, 1] - 1) // 2]
+        return middle
