@@ -145,18 +145,20 @@ def test_fits_queue_branch_and_are_cancelled_and_bags_come_and_go(
     watched.check()
 
 
-def test_what_is_under_way_and_the_verdict_stand_there_while_figures_are_computed(
-    serve, watch, small_bags, held_by
-):
-    server = serve(small_bags / 'dut2_x', held_by=held_by, holds='figures')
+def test_verdict_and_fits_are_shown_while_figures_are_computed(serve, watch, small_bags, held_by):
+    bag = small_bags / 'dut2_x'
+    server = serve(bag, held_by=held_by, holds='figures', answered=[bag])
     watched = watch(server.address)
+    page = watched.page
+    page.set_default_timeout(60_000)
     try:
-        watched.page.locator('.job', has_text='dut2 v1: ').wait_for(timeout=60_000)
-        watched.page.locator('.verdict:not(.waiting) .sentence').wait_for(timeout=60_000)
-        assert not watched.page.locator('.place:not(.all)').count()
+        wait_for_verdict(page)
+        add(page, 'temperature rate')
+        page.locator('.tree-row.on', has_text='v2').wait_for()
+        assert not page.locator('.place:not(.all)').count()
     finally:
         release(held_by)
-    watched.page.locator('.place:not(.all)').first.wait_for()
+    page.locator('.place:not(.all)').first.wait_for()
     watched.check()
 
 
