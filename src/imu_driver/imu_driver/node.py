@@ -23,7 +23,7 @@ from imu_driver.board.session import WarningEvent
 from imu_driver.board.stream_statistics import SixPositionCheck, rest_report
 from imu_driver.driver import DriverParameters, ImuDriver
 from imu_driver.driver_status import DriverStatus
-from imu_driver.emulator.surroundings import HeardAir, follows_chamber
+from imu_driver.emulator.surroundings import ChamberAir, follows_chamber
 
 NO_ORIENTATION = (0.0, 0.0, 0.0, 0.0)
 """Stands in the message of a device that reports none (its covariance says so, REP-145)."""
@@ -56,7 +56,7 @@ class ImuDriverNode(ConfiguredNode):
 
     def setup(self, config: DriverConfig) -> None:
         """Check that the driver can be built, and create the publishers."""
-        self._air = HeardAir()
+        self._air = ChamberAir()
         if follows_chamber(config.transport):
             self.input(Temperature, 'chamber/temperature', self.on_air)
         self._prepared: ImuDriver | None = self._new_driver(config)
@@ -141,7 +141,7 @@ class ImuDriverNode(ConfiguredNode):
 
     def on_air(self, message: Temperature) -> None:
         """Take over the air of the chamber in which the simulated board stands."""
-        self._air.hear(message.temperature)
+        self._air.update(message.temperature)
 
     def on_restart_stream(self, _: Any, response: Any) -> Any:
         """Stop and start the device's stream."""

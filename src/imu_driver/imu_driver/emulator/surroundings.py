@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Air around a simulated board that a chamber's node tells: simulated://dut1?temperature=chamber."""
+"""Air of a chamber's node around a simulated board: simulated://dut1?temperature=chamber."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Final
 from urllib.parse import parse_qs, urlsplit
 
 CHAMBER: Final = 'chamber'
-"""Value of `temperature` with which a board stands in the air that is heard of."""
+"""Value of `temperature` with which a board stands in the air of the chamber's node."""
 BEFORE_C: Final = 20.0
-"""Air until the chamber has told of its own [°C]."""
+"""Air before the chamber's first measurement [°C]."""
 
 
 def follows_chamber(url: str) -> bool:
@@ -23,17 +23,17 @@ def follows_chamber(url: str) -> bool:
     return parts.scheme == 'simulated' and parse_qs(parts.query).get('temperature') == [CHAMBER]
 
 
-class HeardAir:
-    """Temperature of the air as it was heard last [°C], whatever the time."""
+class ChamberAir:
+    """Temperature of the air as the chamber measured it last [°C], whatever the time."""
 
     def __init__(self) -> None:
         self._celsius = BEFORE_C
 
-    def hear(self, celsius: float) -> None:
-        """Take over a temperature; what is not finite, a sensor that failed, is passed over."""
+    def update(self, celsius: float) -> None:
+        """Take over a measurement; one that is not finite (a failed sensor) is ignored."""
         if math.isfinite(celsius):
             self._celsius = celsius
 
     def __call__(self, _time: float) -> float:
-        """Return it."""
+        """Return the temperature [°C]."""
         return self._celsius

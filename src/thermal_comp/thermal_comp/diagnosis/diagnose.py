@@ -36,8 +36,8 @@ from thermal_comp.diagnosis.sensor_search import (
     Settings,
     greyed_out,
     named_beside,
+    no_progress,
     search_sensors,
-    unheard,
 )
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
@@ -80,11 +80,11 @@ def diagnose_inputs(
     model: ThermalModel | None,
     catalogue: Mapping[str, type[Effect]],
     reference: NoiseReference | None = None,
-    progress: Callable[[str, float], None] = unheard,
+    progress: Callable[[str, float], None] = no_progress,
 ) -> Diagnosis:
     """Return the diagnosis of recordings that are checked and prepared, their defects included.
 
-    `progress` hears what is being done, and which share of all is done.
+    `progress` is called with what is being done and the share of all that is done.
     """
     settings = Settings(catalogue, reference, inputs.bandwidth_known, progress)
     diagnosis = diagnose_prepared(inputs.runs, model, settings)

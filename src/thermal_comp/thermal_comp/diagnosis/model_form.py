@@ -39,12 +39,12 @@ LIKELIEST_VARIABLES = 3
 """Single variables whose functions are tried as what an equation lacks."""
 MOST_ALTERNATIVES = 8
 """Alternatives that are expanded in the shape parameters …"""
-UNLIKELY = 7.0
+NEGLIGIBLE_LOG_ODDS = 7.0
 """… and ln of the odds against the likeliest from which one does not count."""
 LEAST_CURVATURE = 0.01
-"""Of a parameter one standard deviation of the fit wide: beyond ten of them nothing is claimed."""
+"""Least curvature at steps of one standard deviation of the fit: ten of them are the most."""
 LEAST_STEP, LARGEST_STEP = 1e-6, 0.1
-"""Distance at which the evidence is compared, as a share of the range that is searched."""
+"""Step of the finite differences, as a share of the range that is searched."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ def with_model_form(model: ThermalModel, runs: Sequence[PreparedRun]) -> Thermal
     Steps and spectral lines keep theirs: what limits them is a row, or a period over the run.
     """
     known = {s: model.sensors[s] for s in SENSORS if s in model.sensors}
-    shaped = {s: part for s, part in known.items() if any(map(_has_form, part.effects))}
+    shaped = {s: part for s, part in known.items() if any(map(_form_limits, part.effects))}
     if not shaped:
         return model
     lines = [
@@ -95,15 +95,16 @@ def with_model_form(model: ThermalModel, runs: Sequence[PreparedRun]) -> Thermal
     return replace(model, sensors={**model.sensors, **widened})
 
 
-def _has_form(effect: Effect) -> bool:
+def _form_limits(effect: Effect) -> bool:
+    """Tell whether an effect's equation may limit how well its shape parameters are known."""
     steady = not effect.repeatable and not effect.per_run and effect.line_frequency is None
     return effect.free_shapes > 0 and steady
 
 
 def _of_sensor(source: ColumnSource, sensor: Sensor, part: SensorModel) -> SensorModel:
     assert part.noise is not None  # noqa: S101 (every fit has one)
-    shaped = [effect for effect in part.effects if _has_form(effect)]
-    beside = [effect for effect in part.effects if not _has_form(effect)]
+    shaped = [effect for effect in part.effects if _form_limits(effect)]
+    beside = [effect for effect in part.effects if not _form_limits(effect)]
     design = CandidateDesign(source, sensor, part.noise, beside)
     hypotheses = SensorHypotheses(design, {})
     components = [
@@ -211,7 +212,7 @@ def _alternatives(
     ]
     weight = _log_evidences(hypotheses, components, found) + [one.log_prior for one in found]
     order = np.argsort(-weight)[:MOST_ALTERNATIVES]
-    return [found[k] for k in order if weight[k] > weight[order[0]] - UNLIKELY]
+    return [found[k] for k in order if weight[k] > weight[order[0]] - NEGLIGIBLE_LOG_ODDS]
 
 
 def _log_evidences(

@@ -55,8 +55,8 @@ Listed = dict[Sensor, tuple[Effect, ...]]
 Kind = Literal['complete', 'named', 'unexplained', 'unlogged']
 
 
-def unheard(_text: str, _share: float) -> None:
-    """Hear what is being done, and tell nobody."""
+def no_progress(_text: str, _share: float) -> None:
+    """Take a report of progress and do nothing: the default."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +68,8 @@ class Settings:
     """Noise that counts as normal; None: that of the shipped chip."""
     bandwidth_known: bool = False
     """Whether the density of white noise is that of the sensor."""
-    progress: Callable[[str, float], None] = unheard
-    """Hears what is being done, and which share of all is done."""
+    progress: Callable[[str, float], None] = no_progress
+    """Called with what is being done and the share of all that is done."""
 
 
 @dataclass(frozen=True, eq=False)

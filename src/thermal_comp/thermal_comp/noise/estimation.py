@@ -81,8 +81,8 @@ LOG_VARIANCE_STEP = 1.2
 
 TYPICAL_SLOW_SHARE, SLOW_SHARE_LN = 0.2, 1.0
 """Amplitude of each process over the standard deviation of a one-second mean, and standard
-deviation of its ln: bias instabilities of MEMS sensors are about a half of it. Where a short run
-does not tell, no slow noise at all would be the likeliest, and laws take up what there is."""
+deviation of its ln: bias instabilities of MEMS sensors are about a half of it. Without this prior
+the most likely variance of slow noise in a short run is often zero, and effects would fit it."""
 
 LEAST_VARIANCE = 1e-9
 """Least variance of a process, as a share of the residual's."""

@@ -16,11 +16,11 @@ from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior
 
 DIRECTIONS, DIRECTIONS_OF_ALL = 6, 12
-"""Slow functions of time, the strongest directions of slow noise: per run, and of all at least.
+"""Least number of the strongest directions of slow noise: per run, and over all runs together.
 
 With time constants from a share s of a run of length T on, slow noise has a band of 1/(2π s T), in
-which 2 T / (2π s T) = 1/(π s) = 12 directions are independent; s is priors.SLOW_NOISE_SHARE. A
-single run tells nothing of the noise but by them; of several each tells of the others'."""
+which 2 T / (2π s T) = 1/(π s) = 12 directions are independent; s is priors.SLOW_NOISE_SHARE. The
+variance of slow noise is estimated from them alone in a single run, from all runs in several."""
 SUPPORT = 160
 """Instants at which their covariance is computed; they are smooth between."""
 
