@@ -4,24 +4,27 @@
 A fit knows a time constant as well as if the lag were exactly of first order and the thermometer
 had no lag of its own. Here the equation may lack something as large as a share of what it
 explains: a smooth function of all that was logged, or of one variable (the discrepancy of Kennedy
-and O'Hagan, Bayesian Calibration of Computer Models, 2001), and the thermometer may err as in a
-diagnosis. Each alternative has a posterior of its own over the shape parameters u, by Laplace
-
-    ln p(u) ≈ ln p(û) + gᵀ(u − û) − ½ (u − û)ᵀ H (u − û),
-
-about the fitted û. The uncertainty is the rms distance from û under their mixture.
+and O'Hagan, Bayesian Calibration of Computer Models, 2001), or what relaxes has a second part with
+time constants of its own; and the thermometer may err as in a diagnosis, which acts through all
+that the model says of temperature. Each alternative has a posterior of its own over the shape
+parameters of an effect, summed over a ladder of values that reaches from the fit's own standard
+deviation to the ends of the range that is searched. The uncertainty is the rms distance from the
+fitted value under their mixture.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
+from itertools import pairwise, product
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from scipy.interpolate import CubicSpline
 
 from thermal_comp.data.blocks import in_search_blocks
-from thermal_comp.data.conditions import SENSORS, Sensor
+from thermal_comp.data.conditions import SENSORS, Conditions, Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import SpectralLine
 from thermal_comp.diagnosis.evidence import priors
@@ -29,7 +32,8 @@ from thermal_comp.diagnosis.evidence.candidates import form_of
 from thermal_comp.diagnosis.evidence.effect_sets import Component
 from thermal_comp.diagnosis.evidence.flaws import gain_of
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
-from thermal_comp.effects.effect import Effect
+from thermal_comp.diagnosis.evidence.nuisances import Response
+from thermal_comp.effects.effect import Effect, State
 from thermal_comp.fitting.shape_search import ShapeScale, shape_scales, shape_values, with_shape
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior, joint_evidence, log_sum
@@ -38,13 +42,19 @@ from thermal_comp.model.values import SensorModel, ThermalModel
 LIKELIEST_VARIABLES = 3
 """Single variables whose functions are tried as what an equation lacks."""
 MOST_ALTERNATIVES = 8
-"""Alternatives that are expanded in the shape parameters …"""
+"""Alternatives, second parts apart, whose posterior is summed …"""
 NEGLIGIBLE_LOG_ODDS = 7.0
 """… and ln of the odds against the likeliest from which one does not count."""
-LEAST_CURVATURE = 0.01
-"""Least curvature at steps of one standard deviation of the fit: ten of them are the most."""
 LEAST_STEP, LARGEST_STEP = 1e-6, 0.1
-"""Step of the finite differences, as a share of the range that is searched."""
+"""First step of a ladder of values, as a share of the range that is searched."""
+SECOND_PARTS = tuple((share, ratio) for share in (0.15, 0.3) for ratio in (1.0 / 3.0, 3.0))
+"""Share and time constants, of those of the first, of a second part of a body."""
+SMALL_ERROR_K = 1e-3
+"""Errors of the temperature by which a model's derivative is formed."""
+POINTS_PER_RUNG = 16
+"""Points between two rungs at which the posterior is summed."""
+MOST_TOGETHER = 2
+"""Shape parameters of an effect whose posterior is a joint one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,14 +67,14 @@ class ShapeCoordinate:
     step: float
     """About one standard deviation of the fit."""
 
-    def moved(self, effect: Effect, by: float) -> Effect:
-        """Return the effect with this value `by` steps further."""
-        value = np.array([self.value + by * self.step])
-        return with_shape(effect, [self.scale], value)
-
-    def std(self, deviation: float) -> float:
-        """Return a deviation on the search scale in the parameter's own unit."""
-        return deviation * self.scale.back(self.value) if self.scale.logarithmic else deviation
+    def ladder(self) -> FloatArray:
+        """Return the value and others ever farther from it, as far as the search goes."""
+        low, high = self.scale.grid()[[0, -1]]
+        count = int(np.ceil(np.log2((high - low) / self.step)))
+        away = self.step * 2.0 ** np.arange(count)
+        inside = [v for v in (*(self.value - away), *(self.value + away)) if low < v < high]
+        rungs: FloatArray = np.unique([low, *inside, self.value, high])
+        return rungs
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +83,38 @@ class Alternative:
 
     log_prior: float
     priors: tuple[CoefficientPrior, ...]
+    second_part: tuple[float, float] | None = None
+    """Share and ratio of the times of what else the effect consists of."""
+
+
+@dataclass(frozen=True)
+class InTwoParts(Effect):
+    """An effect of a body in two parts, each with time constants of its own."""
+
+    first: Effect
+    second: Effect
+    share: float
+    """Of the second."""
+
+    def columns(
+        self, conditions: Conditions, state: State | None = None
+    ) -> tuple[FloatArray, State | None]:
+        """Return the sum of both parts' columns; a whole run is known."""
+        del state
+        one, other = (e.columns_in_hindsight(conditions) for e in (self.first, self.second))
+        return (1.0 - self.share) * one + self.share * other, None
+
+    def parts(self) -> tuple[Effect, ...]:
+        """Return the terms of both parts, each pair as one."""
+        pairs = zip(self.first.parts(), self.second.parts(), strict=True)
+        return tuple(InTwoParts(one, other, self.share) for one, other in pairs)
+
+    @classmethod
+    def of(cls, effect: Effect, share: float, ratio: float) -> InTwoParts:
+        """Return an effect whose second part has `ratio` times its times."""
+        times = [s for s in shape_scales(effect, np.inf) if s.unit == 's']
+        longer = np.array([s.forward(ratio * float(getattr(effect, s.name))) for s in times])
+        return cls(effect, with_shape(effect, times, longer), share)
 
 
 def with_model_form(model: ThermalModel, runs: Sequence[PreparedRun]) -> ThermalModel:
@@ -106,7 +148,7 @@ def _of_sensor(source: ColumnSource, sensor: Sensor, part: SensorModel) -> Senso
     shaped = [effect for effect in part.effects if _form_limits(effect)]
     beside = [effect for effect in part.effects if not _form_limits(effect)]
     design = CandidateDesign(source, sensor, part.noise, beside)
-    hypotheses = SensorHypotheses(design, {})
+    hypotheses = SensorHypotheses(design, {}, _temperature_response(part, sensor))
     components = [
         Component(form_of(design, effect, None), float(priors.AMPLITUDES[0]), 1)
         for effect in shaped
@@ -120,11 +162,27 @@ def _of_sensor(source: ColumnSource, sensor: Sensor, part: SensorModel) -> Senso
     for one, deviation in zip(coordinates, deviations, strict=True):
         name = f'{components[one.component].name}.{one.scale.name}'
         fitted = part.shape_std[name][one.scale.place or 0]
-        further = np.sqrt(max(one.std(float(deviation)) ** 2 - fitted**2, 0.0))
+        further = np.sqrt(max(float(deviation) ** 2 - fitted**2, 0.0))
         form[name] = (*form.get(name, ()), float(further))
     for name, further in form.items():
         total[name] = tuple(np.hypot(part.shape_std[name], further).tolist())
     return replace(part, shape_std=total, shape_form_std=form)
+
+
+def _temperature_response(part: SensorModel, sensor: Sensor) -> Response:
+    """Return what small errors of the temperature do to all that the model says of a sensor."""
+
+    def response(run: PreparedRun, errors: FloatArray) -> FloatArray:
+        conditions = run.conditions.of(sensor)
+        here, _ = part.modelled_error(conditions)
+        changes = []
+        for error in errors.T:
+            small = SMALL_ERROR_K / max(float(np.abs(error).max()), SMALL_ERROR_K)
+            warmer = replace(conditions, temperature=conditions.temperature + small * error)
+            changes.append((part.modelled_error(warmer)[0] - here) / small)
+        return run.block_mean(np.stack(changes, axis=2))
+
+    return response
 
 
 def _coordinates(
@@ -149,31 +207,76 @@ def shape_deviations(
     components: Sequence[Component],
     coordinates: Sequence[ShapeCoordinate],
 ) -> FloatArray:
-    """Return (p,) rms deviations of shape parameters from their values, on the search scale.
-
-    At most that of any value in the range that is searched.
-    """
+    """Return (p,) rms deviations of shape parameters from their values, in their own units."""
     alternatives = _alternatives(hypotheses, components)
-
-    def at(steps: FloatArray) -> FloatArray:
-        effects = [component.form.effect for component in components]
-        for one, by in zip(coordinates, steps, strict=True):
-            if by:
-                effects[one.component] = one.moved(effects[one.component], float(by))
-        moved = [
-            replace(c, form=form_of(hypotheses.design, effect, None))
-            for c, effect in zip(components, effects, strict=True)
-        ]
-        return _log_evidences(hypotheses, moved, alternatives)
-
-    with hypotheses.design.trials():
-        here, gradient, curvature = _expansion(at, len(coordinates))
     prior = np.array([one.log_prior for one in alternatives])
-    squares = _mixture_squares(prior + here, gradient, curvature)
-    found = np.sqrt(squares) * np.array([one.step for one in coordinates])
-    widest = [float(np.ptp(one.scale.grid())) / 12.0**0.5 for one in coordinates]
-    deviations: FloatArray = np.minimum(found, widest)
+
+    def log_posterior(component: int, effect: Effect) -> FloatArray:
+        found = prior.copy()
+        for parts in dict.fromkeys(one.second_part for one in alternatives):
+            chosen = [k for k, one in enumerate(alternatives) if one.second_part == parts]
+            form = effect
+            if parts is not None and effect.first_order:
+                form = InTwoParts.of(effect, *parts)
+            moved = [*components]
+            moved[component] = replace(
+                moved[component], form=form_of(hypotheses.design, form, None)
+            )
+            found[chosen] += _log_evidences(hypotheses, moved, [alternatives[k] for k in chosen])
+        return found
+
+    deviations = np.zeros(len(coordinates))
+    with hypotheses.design.trials():
+        for together in _together(coordinates):
+            ladders = [coordinates[k].ladder() for k in together]
+            scales = [coordinates[k].scale for k in together]
+            component = coordinates[together[0]].component
+            effect = components[component].form.effect
+            rungs = [with_shape(effect, scales, np.array(v)) for v in product(*ladders)]
+            table = np.array([log_posterior(component, rung) for rung in rungs])
+            shape = [*(len(ladder) for ladder in ladders), len(prior)]
+            points, weights = _marginals(ladders, table.reshape(shape))
+            for k, values, weight in zip(together, points, weights, strict=True):
+                one = coordinates[k].scale
+                away = np.array([one.back(v) for v in values]) - one.back(coordinates[k].value)
+                deviations[k] = np.sqrt(weight @ away**2)
     return deviations
+
+
+def _together(coordinates: Sequence[ShapeCoordinate]) -> list[list[int]]:
+    """Return the coordinates of each component, at most two together."""
+    of: dict[int, list[int]] = {}
+    for k, one in enumerate(coordinates):
+        of.setdefault(one.component, []).append(k)
+    return [
+        part
+        for own in of.values()
+        for part in ([own] if len(own) <= MOST_TOGETHER else [[k] for k in own])
+    ]
+
+
+def _marginals(
+    ladders: Sequence[FloatArray], table: FloatArray
+) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Return points along each ladder and the weight of each under a mixture.
+
+    `table` (n, a) or (n, m, a): ln of the posterior at the rungs, which a spline joins.
+    """
+    points = [_between(ladder) for ladder in ladders]
+    widths = [np.gradient(p) for p in points]
+    dense = np.asarray(table)
+    for axis, (ladder, fine) in enumerate(zip(ladders, points, strict=True)):
+        dense = CubicSpline(ladder, dense, axis=axis)(fine)
+    log_weight = dense + np.log(reduce(np.multiply.outer, widths))[..., None]
+    share = np.exp(log_weight - log_sum(log_weight.ravel()))
+    axes = range(dense.ndim)
+    return points, [share.sum(axis=tuple(a for a in axes if a != k)) for k in range(len(points))]
+
+
+def _between(ladder: FloatArray) -> FloatArray:
+    """Return the rungs of a ladder and points between them."""
+    parts = [np.linspace(a, b, POINTS_PER_RUNG, endpoint=False) for a, b in pairwise(ladder)]
+    return np.concatenate([*parts, ladder[-1:]])
 
 
 def _alternatives(
@@ -195,7 +298,7 @@ def _alternatives(
     beside: list[tuple[float, tuple[CoefficientPrior, ...]]] = [
         (float(np.log(1.0 - priors.FORM_APPROXIMATE)), ())
     ]
-    share = float(np.log(priors.FORM_APPROXIMATE / 2.0))
+    share = float(np.log(priors.FORM_APPROXIMATE / 3.0))
     for (gain, size, term), ways in flaws:
         columns = term.columns
         width = np.full(len(columns), size / np.sqrt(state.power(columns)))
@@ -212,7 +315,10 @@ def _alternatives(
     ]
     weight = _log_evidences(hypotheses, components, found) + [one.log_prior for one in found]
     order = np.argsort(-weight)[:MOST_ALTERNATIVES]
-    return [found[k] for k in order if weight[k] > weight[order[0]] - NEGLIGIBLE_LOG_ODDS]
+    kept = [found[k] for k in order if weight[k] > weight[order[0]] - NEGLIGIBLE_LOG_ODDS]
+    exact = found[max(range(0, len(found), len(beside)), key=lambda k: weight[k])]
+    each = exact.log_prior - beside[0][0] + share - float(np.log(len(SECOND_PARTS)))
+    return [*kept, *(Alternative(each, exact.priors, parts) for parts in SECOND_PARTS)]
 
 
 def _log_evidences(
@@ -233,38 +339,3 @@ def _log_evidences(
         own = normal[:, np.array(index)[:, None], index], right[:, index]
         found.append(joint_evidence(*own, design.chi_square, hypotheses.rows, together)[0])
     return np.array(found)
-
-
-def _expansion(
-    at: Callable[[FloatArray], FloatArray], count: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (a,) values, (a, p) gradients and (a, p, p) curvatures −∂² of functions at zero."""
-    units = np.eye(count)
-    here = at(np.zeros(count))
-    up, down = (np.array([at(sign * unit) for unit in units]) for sign in (1.0, -1.0))
-    gradient = 0.5 * (up - down).T
-    curvature = np.zeros((len(here), count, count))
-    for i in range(count):
-        curvature[:, i, i] = 2.0 * here - up[i] - down[i]
-        for k in range(i):
-            both = at(units[i] + units[k]) + at(-units[i] - units[k]) - 2.0 * here
-            cross = 0.5 * (both - (up[i] + down[i] - 2.0 * here) - (up[k] + down[k] - 2.0 * here))
-            curvature[:, i, k] = curvature[:, k, i] = -cross
-    return here, gradient, curvature
-
-
-def _mixture_squares(
-    weight: FloatArray, gradient: FloatArray, curvature: FloatArray
-) -> FloatArray:
-    """Return (p,) mean squares of a mixture of Gaussians about zero.
-
-    Each has ln of its weight at zero (a,), a gradient (a, p) and a curvature (a, p, p) there.
-    """
-    values, vectors = np.linalg.eigh(curvature)
-    values = np.maximum(values, LEAST_CURVATURE)
-    inverse = np.einsum('aij,aj,akj->aik', vectors, 1.0 / values, vectors)
-    mean = np.einsum('aij,aj->ai', inverse, gradient)
-    weight = weight + 0.5 * (mean * gradient).sum(axis=1) - 0.5 * np.log(values).sum(axis=1)
-    share = np.exp(weight - log_sum(weight))
-    squares: FloatArray = share @ (np.diagonal(inverse, axis1=1, axis2=2) + mean**2)
-    return squares

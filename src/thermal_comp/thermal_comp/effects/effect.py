@@ -126,6 +126,8 @@ class Effect:
     bends: ClassVar[bool] = False
     """True where it grows faster than in proportion to temperature: outside the temperatures a
     model was fitted at its slope at the edge runs on."""
+    first_order: ClassVar[bool] = False
+    """True where it relaxes with one time constant: a body of several parts would with several."""
     repeatable: ClassVar[bool] = False
     """True where it may occur more than once."""
     temperature_only: ClassVar[bool] = False

@@ -36,6 +36,7 @@ class Humidity(Effect):
         'an accelerometer of this class shifted by about 85 mg at high humidity and recovered dry'
     )
     reference: ClassVar[str] = 'JMEMS 2021-0212 (humidity-induced drift of packaged MEMS)'
+    first_order: ClassVar[bool] = True
     kin: ClassVar[Kin] = 'temperature'
     separating_action: ClassVar[str] = 'log humidity; purge with dry gas'
 

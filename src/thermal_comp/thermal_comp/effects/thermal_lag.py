@@ -50,6 +50,7 @@ class ThermalLag(Effect):
     reference: ClassVar[str] = (
         'IEEE 1431 and 952 (environmentally sensitive drift), effects of temperature'
     )
+    first_order: ClassVar[bool] = True
     kin: ClassVar[Kin] = 'temperature'
     separated_by_cycles: ClassVar[tuple[str, ...]] = ('thermal_hysteresis', 'temperature_rate')
 

@@ -29,6 +29,7 @@ class WarmUp(Effect):
     typical_size: ClassVar[str] = 'accelerometer 1–5 mg, τ 3–25 min'
     reference: ClassVar[str] = 'IEEE 528 (warm-up time)'
     time_only: ClassVar[bool] = True
+    first_order: ClassVar[bool] = True
     kin: ClassVar[Kin] = 'time'
     separating_action: ClassVar[str] = 'power cycle in the middle of a dwell'
 

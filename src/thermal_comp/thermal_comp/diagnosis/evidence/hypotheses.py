@@ -28,7 +28,7 @@ from thermal_comp.diagnosis.evidence.generic_regressors import (
     generic_regressors,
     lost_over_time,
 )
-from thermal_comp.diagnosis.evidence.nuisances import nuisance_priors, thermometer_errors
+from thermal_comp.diagnosis.evidence.nuisances import Response, nuisance_priors, thermometer_errors
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 from thermal_comp.linear.gaussian_evidence import (
@@ -77,9 +77,11 @@ class SensorHypotheses:
         self,
         design: CandidateDesign,
         catalogue: Mapping[str, type[Effect]],
+        response: Response | None = None,
     ) -> None:
+        """`response`: what an error of the temperature does, where a model tells."""
         self.design = design
-        self.thermometer = thermometer_errors(design)
+        self.thermometer = thermometer_errors(design, response)
         """Columns of what an error of the thermometer does."""
         self.nuisances = nuisance_priors(design, self.thermometer)
         self._told = 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import product
+from typing import TypeAlias
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -15,6 +16,8 @@ from thermal_comp.effects.operators import follow, play
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 from thermal_comp.linear.gaussian_evidence import CoefficientPrior
 
+Response: TypeAlias = Callable[[PreparedRun, FloatArray], FloatArray]
+"""What errors (n, q) of the temperature [K] do to the block means of a run, (m, 3, q) [unit]."""
 DIRECTIONS, DIRECTIONS_OF_ALL = 6, 12
 """Least number of the strongest directions of slow noise: per run, and over all runs together.
 
@@ -62,14 +65,15 @@ def _slow_directions(design: CandidateDesign, run: PreparedRun) -> FloatArray:
     return columns
 
 
-def thermometer_errors(design: CandidateDesign) -> ColumnGroup:
-    """What errors of the die thermometer do: slope at this temperature × error [K], axes alike.
+def thermometer_errors(design: CandidateDesign, response: Response | None = None) -> ColumnGroup:
+    """What errors of the die thermometer do to the sensor, axes alike.
 
     Columns: its lag and what is left of a second one, what it follows more slowly, its
     hysteresis, the share of the air's temperature that it reads, its transients after power-on;
-    by priors.thermometer_deviations().
+    by priors.thermometer_deviations(). `response` says what an error does; None: it is
+    multiplied with the slope at this temperature.
     """
-    slopes = _slopes(design)
+    response = response or _by_slopes(design)
 
     def columns(run: PreparedRun) -> FloatArray:
         conditions = run.conditions
@@ -80,10 +84,14 @@ def thermometer_errors(design: CandidateDesign) -> ColumnGroup:
         since = conditions.time - conditions.time[0]
         decays = [np.exp(-since / settling) for settling in priors.THERMOMETER_SETTLING_S]
         further = np.stack([behind, apart, *decays], axis=1)
-        errors = run.block_mean(np.concatenate([_history(run), further], axis=1))
-        return errors[:, None, :] * slopes(run)[:, :, None]
+        return response(run, np.concatenate([_history(run), further], axis=1))
 
     return design.generic_terms([(columns, False)], runs=design.source.smoothed)[0]
+
+
+def _by_slopes(design: CandidateDesign) -> Response:
+    slopes = _slopes(design)
+    return lambda run, errors: run.block_mean(errors)[:, None, :] * slopes(run)[:, :, None]
 
 
 def _history(run: PreparedRun) -> FloatArray:
