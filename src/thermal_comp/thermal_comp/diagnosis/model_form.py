@@ -235,11 +235,21 @@ def shape_deviations(
             rungs = [with_shape(effect, scales, np.array(v)) for v in product(*ladders)]
             table = np.array([log_posterior(component, rung) for rung in rungs])
             shape = [*(len(ladder) for ladder in ladders), len(prior)]
-            points, weights = _marginals(ladders, table.reshape(shape))
-            for k, values, weight in zip(together, points, weights, strict=True):
-                one = coordinates[k].scale
-                away = np.array([one.back(v) for v in values]) - one.back(coordinates[k].value)
-                deviations[k] = np.sqrt(weight @ away**2)
+            points, share = _shares(ladders, table.reshape(shape))
+            values = [
+                np.array([one.back(float(v)) for v in fine])
+                for one, fine in zip(scales, points, strict=True)
+            ]
+            fitted = [
+                one.back(coordinates[k].value) for k, one in zip(together, scales, strict=True)
+            ]
+            if len(values) > 1 and _alike(effect.parts()):
+                in_order = np.greater.outer(*values) == (fitted[0] > fitted[1])
+                share = np.where(in_order, share, 0.0)
+            for axis, k in enumerate(together):
+                others = tuple(a for a in range(share.ndim) if a != axis)
+                weight = share.sum(axis=others) / share.sum()
+                deviations[k] = np.sqrt(weight @ (values[axis] - fitted[axis]) ** 2)
     return deviations
 
 
@@ -255,22 +265,26 @@ def _together(coordinates: Sequence[ShapeCoordinate]) -> list[list[int]]:
     ]
 
 
-def _marginals(
+def _alike(parts: Sequence[Effect]) -> bool:
+    """Tell whether parts of an effect are of one kind, so that their order alone names them."""
+    return len(parts) > 1 and len({type(part) for part in parts}) == 1
+
+
+def _shares(
     ladders: Sequence[FloatArray], table: FloatArray
-) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Return points along each ladder and the weight of each under a mixture.
+) -> tuple[list[FloatArray], FloatArray]:
+    """Return points along each ladder and the share of each cell under a mixture, (k,) or (k, l).
 
     `table` (n, a) or (n, m, a): ln of the posterior at the rungs, which a spline joins.
     """
     points = [_between(ladder) for ladder in ladders]
-    widths = [np.gradient(p) for p in points]
-    dense = np.asarray(table)
+    dense = table
     for axis, (ladder, fine) in enumerate(zip(ladders, points, strict=True)):
         dense = CubicSpline(ladder, dense, axis=axis)(fine)
-    log_weight = dense + np.log(reduce(np.multiply.outer, widths))[..., None]
-    share = np.exp(log_weight - log_sum(log_weight.ravel()))
-    axes = range(dense.ndim)
-    return points, [share.sum(axis=tuple(a for a in axes if a != k)) for k in range(len(points))]
+    widths = reduce(np.multiply.outer, [np.gradient(fine) for fine in points])
+    log_weight = dense + np.log(widths)[..., None]
+    share: FloatArray = np.exp(log_weight - log_sum(log_weight.ravel())).sum(axis=-1)
+    return points, share
 
 
 def _between(ladder: FloatArray) -> FloatArray:
