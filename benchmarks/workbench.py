@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import orjson
+from imu_recording.plausibility import admitted
 from imu_workbench.web.case.figures.failure_map import failure_figure, failure_map
 from imu_workbench.web.case.figures.noise import allan_figure, spectrum_figure
 from imu_workbench.web.case.figures.scatter import phase_figure, rate_figure, temperature_figure
@@ -37,8 +38,8 @@ from imu_recording import ImuRecording, read_bag
 
 BAGS = Path(__file__).resolve().parents[1] / 'bags'
 HOURS = 12.0
-NOISE = {'angular_velocity': 2e-3, 'linear_acceleration': 0.02, 'magnetic_field': 3e-7}
-"""White noise of the samples made between those of the bag [SI units]."""
+NOISE = {'angular_velocity': 2e-4, 'linear_acceleration': 2e-3, 'magnetic_field': 3e-8}
+"""White noise of the samples made between those of the bag [SI unit s^½]: rms over √rate."""
 VIEW = View('accelerometer', 1)
 
 
@@ -56,7 +57,7 @@ def resampled(recording: ImuRecording, rate: float, seed: int) -> ImuRecording:
             continue
         columns[item.name] = column[held]
         if item.name in NOISE:
-            columns[item.name] += rng.normal(0.0, NOISE[item.name], (n, 3))
+            columns[item.name] += rng.normal(0.0, NOISE[item.name] * rate**0.5, (n, 3))
     return replace(recording, stamp=stamp, **columns)
 
 
@@ -80,7 +81,9 @@ def redrawn(bags: list[StoredBag], version: Version, earlier: Version | None) ->
 
 def measure(rate: float, folder: Path) -> dict[str, float]:
     bags = [
-        store_recording(resampled(read_bag(BAGS / f'dut1_{axis}'), rate, seed), folder / axis)
+        store_recording(
+            admitted(resampled(read_bag(BAGS / f'dut1_{axis}'), rate, seed)), folder / axis
+        )
         for seed, axis in enumerate('xyz')
     ]
     prepared = folder / 'prepared.runs'
