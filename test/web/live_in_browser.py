@@ -92,6 +92,17 @@ def ros_node(silence: Event) -> Iterator[Node]:
     rclpy.try_shutdown(context=context)
 
 
+def test_controls_wait_until_a_board_is_heard(serve, watch, silence):
+    silence.set()
+    page = watch(serve('--root', ROOT / 'bags').address + '?live=1').page
+    page.get_by_text('Waiting for the first samples').wait_for()
+    zero = page.get_by_role('button', name='Take zero')
+    assert zero.is_disabled()
+    silence.clear()
+    page.locator('.live-tiles').get_by_text('25.00 °C').wait_for()
+    assert zero.is_enabled()
+
+
 def test_what_is_published_is_shown_until_it_falls_silent(serve, watch, silence):
     server = serve('--root', ROOT / 'bags')
     watched = watch(server.address + '?live=1')

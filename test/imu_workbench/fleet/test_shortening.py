@@ -165,6 +165,8 @@ def test_the_profile_is_one_a_chamber_runs(tmp_path: Path) -> None:
     assert [one['capable'] for one in found['capability']] == [False] * 3
     assert any('has Cpk' in line for line in study_lines(found))
     page = fleet_page(found, tmp_path)
+    assert 'gyroscope x [m°/s/K]' in page
+    assert not any('rad/s/K' in text for text in (page, *study_lines(found)))
     worst = worst_devices(found['scores'])
     figure = map_figure(found['scores'], ['gyroscope'], {worst[0]: '../lot%3DA/d"1'})
     *_, last = figure['layout']['yaxis']['ticktext']  # drawn from below: the worst is on top

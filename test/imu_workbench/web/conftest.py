@@ -15,6 +15,7 @@ from imu_workbench.web.case.tasks import (
     change_task,
     diagnose_task,
     held_out_task,
+    prepare_task,
     read_task,
     version_task,
 )
@@ -51,7 +52,8 @@ def fitted(tmp_path_factory) -> Fitted:
         for bag in read_task(hear, BAGS / f'hidden_effect_{axis}', folder / axis, {})
     ]
     prepared = folder / 'prepared.runs'
-    opened = version_task(hear, bags, prepared, None, 'line per axis', [])
+    prepare_task(hear, bags, prepared)
+    opened = version_task(hear, prepared, None, 'line per axis', [])
     line = replace(opened.version, timeline=timeline_of(bags))
     change = Change('thermal_lag', ('accelerometer',))
     lag = change_task(hear, prepared, line.model_text, change, [])

@@ -77,6 +77,10 @@ def test_a_tab_says_why_there_is_no_model(tmp_path):
     workspace.devices['dut2'] = replace(workspace.devices['dut2'], problem='There is none.')
     workspace.devices['dut2'].bags = [object()]  # type: ignore[list-item]
     assert session.nothing_yet == 'There is none.'
+    workspace.devices['dut2'].problem = ''
+    assert 'being compared' in session.nothing_yet
+    workspace.reading = 1
+    assert session.nothing_yet == 'Reading the recordings …'
     session.version_name = 'v1'
     workspace.devices['dut2'].failed = {'v1'}
     assert session.nothing_yet.startswith('v1 is not compared with the recordings')

@@ -12,6 +12,7 @@ from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 from markupsafe import Markup
 
 from imu_workbench.case import is_case
+from imu_workbench.fleet.display import displayed
 from imu_workbench.fleet.figures import (
     MAP_DEVICES,
     control_figure,
@@ -37,7 +38,9 @@ def fleet_page(found: Mapping[str, Any], folder: Path, served: str = '') -> str:
     Devices lead to their case at `served`, the address of `serve`, or to their folder.
     """
     table = FleetTable(folder)
-    sensors = [vectors for name in SENSORS if len(vectors := read_vectors(table, name))]
+    sensors = [
+        vectors for name in SENSORS if len(vectors := read_vectors(table, name).displayed())
+    ]
     sections = [_summary(found)]
     if sensors:
         sections += [_odd(found, table, served), _distributions(sensors), _control(found, sensors)]
@@ -69,7 +72,7 @@ def _summary(found: Mapping[str, Any]) -> Section:
             *(f'{value:.2g}' for value in one['std']),
             f'{max(one["estimate_std"]):.2g}',
         ]
-        for one in found['populations']
+        for one in displayed(found['populations'])
     ]
     types = [
         [
@@ -80,7 +83,7 @@ def _summary(found: Mapping[str, Any]) -> Section:
             *(f'{value:.2g}' for value in one['std']),
             f'{max(one["within_std"]):.2g}',
         ]
-        for one in found['types']
+        for one in displayed(found['types'])
     ]
     clusters = [
         {
@@ -98,7 +101,7 @@ def _summary(found: Mapping[str, Any]) -> Section:
         'failed': [[d, why] for d, why in list(found['failed'].items())[:LISTED]],
         'populations': populations,
         'types': types,
-        'capability': [_capability(one) for one in found['capability']],
+        'capability': [_capability(one) for one in displayed(found['capability'])],
         'capable': CAPABLE,
         'clusters': clusters,
     }
@@ -192,7 +195,7 @@ def _control(found: Mapping[str, Any], sensors: Sequence[Vectors]) -> Section:
         'key': 'fleet_control',
         'caption': 'Control charts by sensor and axis.',
     }
-    figures = {'fleet_control': control_figure(sensors, found['control'])}
+    figures = {'fleet_control': control_figure(sensors, displayed(found['control']))}
     return Section('control', 'Control charts', 'fleet_figure.html', values, figures)
 
 
@@ -214,16 +217,16 @@ def _prevalence(found: Mapping[str, Any]) -> Section:
         [
             lot_name(one),
             one['sensor'],
-            one['effect'],
+            f'{one["effect"]} [{one["unit"]}]',
             *(
                 f'{mean:+.2g} ± {std:.2g}'
-                for mean, std in zip(one['mean'][:3], one['std'][:3], strict=True)
+                for mean, std in zip(one['mean'], one['std'], strict=True)
             ),
             f'{one["median"]:.3g} {one["parameter_unit"]}',
             f'{one["median_range"][0]:.3g} … {one["median_range"][1]:.3g}',
             f'×/÷ {one["factor"]:.2f}',
         ]
-        for one in found['shapes']
+        for one in displayed(found['shapes'])
     ]
     values = {'rows': rows, 'shapes': shapes}
     return Section('prevalence', 'Prevalence', 'fleet_prevalence.html', values)

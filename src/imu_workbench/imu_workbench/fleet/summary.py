@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from imu_workbench.fleet.display import displayed
 from imu_workbench.fleet.sources import NO_TYPE
 from imu_workbench.fleet.statistics.capability import CAPABLE
 
@@ -45,14 +46,14 @@ def study_lines(found: Mapping[str, Any]) -> list[str]:
             f'warning: {found["other_version"]} devices were estimated by another version: give '
             'their bags to `fleet` again'
         )
-    for one in found['populations']:
+    for one in displayed(found['populations']):
         mean = ', '.join(f'{value:+.3g}' for value in one['mean'])
         std = ', '.join(f'{value:.2g}' for value in one['std'])
         lines.append(
             f'lot {lot_name(one)} {one["sensor"]}: slopes {mean} ± {std} {one["unit"]} '
             f'({one["devices"]} devices)'
         )
-    for one in found['types']:
+    for one in displayed(found['types']):
         mean = ', '.join(f'{value:+.3g}' for value in one['mean'])
         std = ', '.join(f'{value:.2g}' for value in one['std'])
         kind = 'all' if one['type'] == NO_TYPE else f'type {one["type"]}'
@@ -68,7 +69,7 @@ def study_lines(found: Mapping[str, Any]) -> list[str]:
         kind = '' if one['type'] == NO_TYPE else f' of type {one["type"]}'
         lines.append(f'clusters{kind}: {one["count"]}')
     lines += [prevalence_line(one) for one in found['prevalence'] if one['named']]
-    lines += [shape_line(one) for one in found['shapes']]
+    lines += [shape_line(one) for one in displayed(found['shapes'])]
     if found['shortening']:
         lines += curve_lines(found['shortening'])[:1]
     odd = found['odd']

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl
 
+from imu_recording.user_error import UserError
 from nicegui import ui
 from thermal_comp.data.conditions import SENSORS
 
@@ -396,9 +397,14 @@ class Page:
 
     def _save_model(self) -> None:
         session = self._session
-        if session.version is not None:
-            name = f'{session.device}_{session.version_name}.yaml'
-            ui.download.content(session.version.model_text, name)
+        work = session.work
+        if work is not None and work.case.version(session.version_name):
+            try:
+                text = work.case.model_text(session.version_name)
+            except UserError as error:
+                self._workspace.notices.say(str(error))
+                return
+            ui.download.content(text, f'{session.device}_{session.version_name}.yaml')
 
     async def _save_report(self) -> None:
         session = self._session

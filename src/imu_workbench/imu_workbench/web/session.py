@@ -132,20 +132,20 @@ class Session:
     @property
     def nothing_yet(self) -> str:
         """Text where there is no model: what to do, or why."""
+        reading, bags = 'Reading the recordings …', self.work.bags if self.work else []
+        if not bags and (self.workspace.opening or self.workspace.reading):
+            return reading
         if self.work is None:
-            if self.workspace.opening:
-                return 'Reading the recordings …'
             return 'Nothing to look at yet: choose recordings with “Open bags” above.'
-        if not self.work.bags:
-            if self.workspace.opening:
-                return 'Reading the recordings …'
+        if not bags:
             return 'No recording of this device is open; its versions are kept below.'
-        if self.failed:
+        if self.failed and self.version_name:
             return (
                 f'{self.version_name} is not compared with the recordings, as the message above '
                 'says: mend that and try again, or go on from another version below.'
             )
-        return self.work.problem or 'The model is being compared with the recordings …'
+        comparing = 'The model is being compared with the recordings …'
+        return self.work.problem or (reading if self.workspace.reading else comparing)
 
     @property
     def failed(self) -> bool:

@@ -95,4 +95,7 @@ def test_page_and_terminal_tell_the_time_constant_of_a_lot(tmp_path: Path) -> No
     assert one['unit'] == 'rad/s/K'
     (line,) = (line for line in study_lines(found) if 'time_constant' in line)
     assert 'from device to device' in line
-    assert 'what the devices that carry them share' in fleet_page(found, tmp_path)
+    assert ' m°/s/K; ' in line
+    page = fleet_page(found, tmp_path)
+    assert 'what the devices that carry them share' in page
+    assert 'thermal_lag [m°/s/K]' in page

@@ -98,6 +98,8 @@ def test_page_one_states_its_uncertainty_and_freedom(analysis: Analysis) -> None
     content = report_content(analysis, commands=['report'], versions={})
     found = content['certificates']['dut1']
     (lag,) = found['shapes']
+    assert found['schema'] == 2
+    assert lag.keys() == found['quantities'][0].keys()
     assert lag['degrees'] < 10.0
     page = report_page(content)
     result = page.partition('6 Result')[2].partition('7 Error')[0]

@@ -1,9 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
+from typing import BinaryIO
+
 import numpy as np
 import pytest
-from imu_workbench.web.case.tasks import Change, change_task, load_runs, version_task
+from imu_workbench.web.case.tasks import (
+    Change,
+    change_task,
+    load_runs,
+    prepare_task,
+    version_task,
+)
 from thermal_comp.data.preparation import prepare
 from thermal_comp.model.values import ModelError
 
@@ -18,6 +26,18 @@ def test_a_stored_bag_gives_the_recording_back(fitted):
     )  # fmt: skip
     for name in ('stamp', 'linear_acceleration', 'magnetic_field', 'humidity', 'phase'):
         assert np.array_equal(getattr(stored, name), getattr(read, name), equal_nan=True), name
+
+
+def test_runs_have_no_file_until_it_is_whole(fitted, tmp_path, monkeypatch):
+    def write_half(_: object, file: BinaryIO, **_options: object) -> None:
+        file.write(b'half')
+        raise KeyboardInterrupt
+
+    target = tmp_path / 'prepared.runs'
+    monkeypatch.setattr('pickle.dump', write_half)
+    with pytest.raises(KeyboardInterrupt):
+        prepare_task(fitted.progress, fitted.bags[:1], target)
+    assert not target.exists()
 
 
 def test_runs_are_prepared_as_one_campaign(fitted):
@@ -54,4 +74,4 @@ def test_a_campaign_effect_takes_its_part_out_of_the_residual(fitted):
 def test_the_model_of_another_device_is_refused(fitted):
     text = fitted.line.model_text.replace('device: dut2', 'device: dut9', 1)
     with pytest.raises(ModelError, match='dut9'):
-        version_task(lambda _: None, fitted.bags, fitted.prepared, text, 'opened', [])
+        version_task(lambda _: None, fitted.prepared, text, 'opened', [])

@@ -26,7 +26,7 @@ ENDLESS = partial(operator.contains, range(10**18))
 def test_a_job_tells_its_progress_and_its_result():
     job = Job(effects_task, [])
     assert set(job.wait()) == set(EFFECTS)
-    assert job.progress == 'checking the effect file'
+    assert job.progress == 'checking the file'
 
 
 def test_the_time_left_follows_from_the_share_that_is_done():
@@ -70,7 +70,7 @@ def test_a_job_can_be_stopped():
 
 def test_who_waits_for_another_tab_can_give_up():
     async def give_up() -> bool:
-        lock, waiting = asyncio.Lock(), LockWait()
+        lock, waiting = asyncio.Lock(), LockWait('a.mcap waits to be read')
         await lock.acquire()
         waiting.cancel()
         with pytest.raises(JobCancelled):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from imu_workbench.web.bag_root import BagRoot
 from imu_workbench.web.case.tasks import effects_task
+from imu_workbench.web.work.jobs import JobCancelled
 from imu_workbench.web.work.result_cache import ResultCache, file_key
 
 
@@ -26,7 +27,21 @@ def test_tabs_that_ask_for_the_same_share_one_computation(tmp_path):
 
     one, other = asyncio.run(ask_twice())
     assert one is other
-    assert sorted(shown) == ['Job', 'LockWait']
+    assert shown == ['Job']
+
+
+def test_who_cancels_work_cancels_it_for_all_who_asked(tmp_path):
+    @contextmanager
+    def cancelled(work) -> Iterator[None]:
+        work.cancel()
+        yield
+
+    async def ask_twice() -> list[object]:
+        cache = ResultCache(BagRoot(tmp_path), tmp_path)
+        asked = [cache.compute(cancelled, 'key', effects_task, []) for _ in range(2)]
+        return await asyncio.gather(*asked, return_exceptions=True)
+
+    assert [type(answer) for answer in asyncio.run(ask_twice())] == [JobCancelled] * 2
 
 
 def test_a_bag_that_changes_has_another_key(tmp_path: Path):

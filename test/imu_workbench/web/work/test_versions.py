@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,11 +25,15 @@ class Compared(TaskRunner):
 
     def __init__(self, folder: Path, opened: tasks.Opened) -> None:
         super().__init__(ResultCache(BagRoot(folder), folder), Notices())
-        self.opened = opened
+        self.opened: tasks.Opened | None = opened
         self.asked: list[Sequence[object]] = []
+        self.meanwhile: Callable[[], None] = lambda: None
 
-    async def run(self, about: str, _key: object, task: object, *_arguments: object) -> object:
+    async def run(self, about: str, key: object, task: object, *_arguments: object) -> object:
+        if task is tasks.prepare_task:
+            return key
         self.asked.append((about, task))
+        self.meanwhile()
         return self.opened if task is tasks.version_task else None
 
 
@@ -68,6 +72,60 @@ def test_a_version_whose_file_is_missing_is_said_and_tried_again(fitted, tmp_pat
     assert work.failed == set()
     asyncio.run(versions.load('dut2', 'v1'))
     assert work.loaded['v1'].model_text == fitted.line.model_text
+
+
+def test_a_version_is_compared_with_the_recordings_that_are_open_by_then(fitted, tmp_path):
+    versions, runner, work = opened(tmp_path, fitted)
+    work.case = with_version(work.case, None, 'line', 'model', fitted.line.errors())
+
+    def close_one() -> None:
+        runner.meanwhile = lambda: None
+        work.take_bags(fitted.bags[:2], runner.cache)
+
+    runner.meanwhile = close_one
+    asyncio.run(versions.load('dut2', 'v1'))
+    compared = [about for about, task in runner.asked if task is tasks.version_task]
+    assert compared == ['dut2 v1'] * 2
+
+    runner.meanwhile = lambda: work.take_bags([], runner.cache)
+    work.loaded = {}
+    asyncio.run(versions.load('dut2', 'v1'))
+    assert (work.loaded, work.failed) == ({}, set())
+
+
+def test_a_fit_keeps_the_runs_it_was_made_of(fitted, tmp_path):
+    versions, runner, work = opened(tmp_path, fitted)
+    work.case = with_version(work.case, None, 'line', 'model', fitted.line.errors())
+
+    async def computed(*_: object) -> object:
+        work.take_bags(fitted.bags[:2], runner.cache)
+        return fitted.lag
+
+    runner.cache.compute = computed  # type: ignore[method-assign]
+
+    async def fit() -> None:
+        versions.queue.request('dut2', 'v1', tasks.Change('thermal_lag'))
+        while versions.queue.fits:
+            await asyncio.sleep(0.0)
+
+    asyncio.run(fit())
+    assert work.case.versions[-1].recordings == tuple(bag.run for bag in fitted.bags)
+    assert 'v2' not in work.loaded  # compared with others, it is not what it was fitted to
+
+
+def test_a_first_comparison_that_came_to_nothing_is_tried_again(fitted, tmp_path):
+    versions, runner, work = opened(tmp_path, fitted)
+    found, runner.opened = runner.opened, None
+
+    async def again() -> None:
+        await versions.resume('dut2')
+        assert work.failed == {''}
+        runner.opened = found
+        versions.try_again('dut2', '')
+        await asyncio.gather(*runner.background)
+
+    asyncio.run(again())
+    assert [v.name for v in work.case.versions] == ['v1']
 
 
 def test_a_fit_that_a_killed_server_left_is_queued_once_for_the_tab_that_asked(fitted, tmp_path):

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, IntArray
 from numpy.typing import NDArray
+from thermal_comp.presentation.display import coefficient_unit
 
 from imu_workbench.fleet.table import FleetTable
 
@@ -46,6 +47,13 @@ class Vectors:
         names = ('device', 'type', 'lot', 'coefficients', 'std', 'run_std', 'runs', 'misfit')
         taken = {name: getattr(self, name)[chosen] for name in (*names, 'measured_at')}
         return replace(self, **taken)
+
+    def displayed(self) -> Vectors:
+        """Return the same in the unit people read."""
+        unit = coefficient_unit(self.sensor, self.unit)
+        scaled = (unit.of(v) for v in (self.coefficients, self.std, self.run_std))
+        coefficients, std, run_std = scaled
+        return replace(self, unit=unit.unit, coefficients=coefficients, std=std, run_std=run_std)
 
     def groups(self) -> Iterator[tuple[tuple[str, str], Vectors]]:
         """Yield (type, lot) and its devices."""

@@ -45,6 +45,8 @@ from imu_workbench.report.limits import Limits
 from imu_workbench.report.modelled import errors_of_run
 from imu_workbench.report.series import line
 
+SCHEMA = 2
+"""Of a certificate's content: since 2 `shapes` have the form of `quantities`, a budget each."""
 RESIDUAL_POINTS = 600
 """Points of a residual's line on paper."""
 RULES = {
@@ -91,7 +93,7 @@ def certificate(
     deviations = allan_deviations(certified.model, certified.runs)
     low, high = _range(part.temperature_range for part in certified.model.sensors.values())
     return {
-        'schema': 1,
+        'schema': SCHEMA,
         'device': {
             'name': device,
             'type': laboratory.text('device', 'type'),

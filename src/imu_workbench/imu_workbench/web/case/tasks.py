@@ -56,15 +56,18 @@ def read_task(
 
     `remap` maps names of the logging contract to names in the bag.
     """
-    progress(f'reading {path.name}')
+    progress('reading')
     stored, state = [], file_state(path)
     for number, recording in enumerate(read_devices(path, None, remap, every_device=True)):
         stored.append(store_recording(admitted(recording), folder / str(number), state))
     return stored
 
 
-def prepare_task(progress: Progress, bags: Sequence[StoredBag], target: Path) -> None:
-    """Prepare the runs of one device and keep them in a file; runs that cannot be are left out."""
+def prepare_task(progress: Progress, bags: Sequence[StoredBag], target: Path) -> Path:
+    """Prepare the runs of one device and keep them in a file; runs that cannot be are left out.
+
+    The file is there when it is whole: who cancels, or asks meanwhile, finds none.
+    """
     runs: list[PreparedRun] = []
     left_out: dict[str, str] = {}
     for number, bag in enumerate(bags):
@@ -75,8 +78,10 @@ def prepare_task(progress: Progress, bags: Sequence[StoredBag], target: Path) ->
             left_out[bag.run] = f'{Path(bag.source).name}: {error}'
     if not runs:
         raise RecordingError('; '.join(left_out.values()))
-    with target.open('wb') as file:
+    part = target.with_suffix(f'.{os.getpid()}')
+    with part.open('wb') as file:
         pickle.dump((as_campaign(in_common_blocks(runs)), left_out), file, protocol=5)
+    return part.replace(target)
 
 
 def usable(runs: list[PreparedRun]) -> list[PreparedRun]:
@@ -106,7 +111,6 @@ class Opened:
 
 def version_task(
     progress: Progress,
-    bags: Sequence[StoredBag],
     prepared: Path,
     model_text: str | None,
     label: str,
@@ -114,8 +118,6 @@ def version_task(
 ) -> Opened:
     """Return the given model, else a line per axis, against the runs."""
     catalogue = effect_catalogue(effect_files)
-    if not prepared.exists():
-        prepare_task(progress, bags, prepared)
     runs, left_out = load_prepared(prepared)
     if model_text is None:
         progress('fitting a line per axis')
@@ -282,5 +284,5 @@ def effect_explanations(catalogue: Mapping[str, type[Effect]]) -> dict[str, dict
 
 def effects_task(progress: Progress, files: Sequence[Path]) -> dict[str, dict[str, Any]]:
     """Return the explanations of all effects, those of the files checked against the contract."""
-    progress('checking the effect file')
+    progress('checking the file')
     return effect_explanations(effect_catalogue(files))

@@ -137,7 +137,8 @@ class TopStrip:
                 about, work = (session.device, session.version_name), session.workspace
                 if session.failed:
                     again = partial(work.versions.try_again, *about)
-                    self._add(f'Try {session.version_name} again', 'unelevated', again)
+                    label = ' '.join(f'Try {session.version_name} again'.split())
+                    self._add(label, 'unelevated', again)
                 elif session.version is not None and not work.answers.is_diagnosing(*about):
                     ask = partial(work.answers.ask, *about)
                     self._add('Ask what is missing', 'unelevated', ask)

@@ -30,6 +30,8 @@ from imu_workbench.web.words import with_help
 
 MOST_LABELS = 5
 """Steps that all carry their number, a phone's width apart."""
+MOST_NAMED = 4
+"""Runs of a version that are named; of more their number is said."""
 
 
 @dataclass(frozen=True)
@@ -75,13 +77,13 @@ class VersionsPanel:
     def _save_and_open(self) -> None:
         do = self._actions
         with ui.row().classes('actions'):
-            self._save = [
+            self._model, self._report = (
                 ui.button(label, on_click=act).props('no-caps outline')
                 for label, act in (
                     ('Save the model', do.save_model),
                     ('Save the certificate', do.save_report),
                 )
-            ]
+            )
             self._case = ui.button('Save the case', on_click=do.save_case).props('no-caps outline')
             self._case.tooltip('Everything of this device as a zip: versions, findings, notes')
             self._open = file_button('Open a model (.yaml)', '.yaml,.yml', do.open_model)
@@ -101,8 +103,9 @@ class VersionsPanel:
         """Show the versions of the device looked at."""
         session = self._session
         work, version = session.work, session.version
-        for button in self._save:
-            button.set_enabled(version is not None)
+        known = work is not None and work.case.version(session.version_name) is not None
+        self._model.set_enabled(known)
+        self._report.set_enabled(version is not None)
         self._case.set_enabled(work is not None)
         self._state.set_enabled(work is not None)
         self._open.set_enabled(bool(work and work.bags))
@@ -185,12 +188,13 @@ class VersionsPanel:
 def of_runs(version: CaseVersion, runs: Set[str]) -> str:
     """Return which runs the errors of a version are of, where they are not those that are open.
 
-    >>> of_runs(CaseVersion('v1', None, 'line', recordings=('a', 'b', 'c')), {'a', 'b'})
-    ', of 3 runs'
+    >>> of_runs(CaseVersion('v1', None, 'line', recordings=('a', 'b')), {'b', 'c'})
+    ', of a, b'
     """
-    other = bool(version.recordings and runs) and set(version.recordings) != runs
-    count = len(version.recordings)
-    return f', of {count} {"run" if count == 1 else "runs"}' if other else ''
+    own = version.recordings
+    if not own or not runs or set(own) == runs:
+        return ''
+    return f', of {", ".join(own) if len(own) <= MOST_NAMED else f"{len(own)} runs"}'
 
 
 def error_text(version: CaseVersion, sensor: str) -> str:

@@ -57,8 +57,8 @@ STYLE = """
 .live-boards { display: grid; grid-template-columns: 1fr 1fr; width: 100%; }
 .live-boards svg { width: 100%; height: auto; max-height: 250px; }
 .live-scroll { overflow-x: auto; max-width: 100%; width: 100%; }
-.live-device { min-width: 9rem; }
 .live-controls .q-field { min-width: 7.5rem; }
+.live-controls .live-device { min-width: 9rem; }
 .live-tiles dl { display: flex; flex-wrap: wrap; gap: 6px 22px; margin: 0; }
 .live-tiles dt { font-size: 12px; opacity: 0.75; }
 .live-tiles dd { margin: 0; font-size: 17px; font-variant-numeric: tabular-nums; }
@@ -120,6 +120,8 @@ class LivePage:
             with ui.element('div').classes('live-body') as self._body:
                 self._build()
             self._body.visible = False
+            for control in (self._sensor, self._window, self._hold, self._zero_button):
+                control.bind_enabled_from(self._body, 'visible')  # nothing else to act on
         ui.timer(0.05, self._start, once=True)
         self._timer = ui.timer(PERIOD_S, self._tick, active=False)
 
@@ -145,8 +147,9 @@ class LivePage:
             self._window.props('dense outlined')
             self._hold = ui.switch('hold')
             self._hold.tooltip('Stop the display; listening goes on')
-            zero = ui.button('Take zero', on_click=self._take_zero).props('outline no-caps')
-            zero.tooltip('Count the static residual from now on')
+            self._zero_button = ui.button('Take zero', on_click=self._take_zero)
+            self._zero_button.props('outline no-caps')
+            self._zero_button.tooltip('Count the static residual from now on')
 
     def _build(self) -> None:
         self._verdict = ui.label('').classes('live-message live-verdict')

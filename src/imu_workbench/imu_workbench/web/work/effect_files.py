@@ -43,7 +43,7 @@ class EffectFiles:
         file = folder / (Path(name).name or 'my_effect.py')
         file.write_bytes(content)
         files = [*self.files, file]
-        found = await self._runner.run('', tuple(files), tasks.effects_task, files)
+        found = await self._runner.run('effects', tuple(files), tasks.effects_task, files)
         if found is None:
             return []
         new = [effect for effect in found if effect not in self.explained]

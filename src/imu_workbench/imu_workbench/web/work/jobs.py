@@ -55,7 +55,8 @@ class Stoppable(Protocol):
 
 SECONDS = {
     'read_task': (0.4, 4e-8),
-    'version_task': (1.5, 1e-6),
+    'prepare_task': (0.5, 1e-6),
+    'version_task': (1.0, 0.0),
     'change_task': (3.0, 0.0),
     'diagnose_task': (9.0, 1e-6),
     'held_out_task': (2.0, 0.0),
@@ -110,7 +111,7 @@ def time_left(job: Stoppable, now: float) -> str:
 class LockWait:
     """Waiting for a lock that other work holds."""
 
-    def __init__(self, progress: str = 'waiting for the same work, which is under way') -> None:
+    def __init__(self, progress: str) -> None:
         self.about, self.progress = '', progress
         self.began = time.monotonic()
         self.expected_end: float | None = None

@@ -33,7 +33,7 @@ class ResultCache:
         self.folder = folder
         self._numbers = itertools.count()
         self._results: OrderedDict[Any, Any] = OrderedDict()
-        self._locks: dict[Any, asyncio.Lock] = {}
+        self._under_way: dict[Any, asyncio.Future[Any]] = {}
         self._reading_long = asyncio.Lock()
         self._reading = asyncio.Semaphore(READ_TOGETHER)
 
@@ -55,20 +55,28 @@ class ResultCache:
     ) -> Any:
         """Return the function's value for this key, computed in a worker if it is not known.
 
-        Tabs that ask for the same at the same time wait for one of them.
+        All who ask for the same at the same time share one job: its value, or its end.
         """
         full = (function.__name__, key)
-        async with self.exclusive(self._locks.setdefault(full, asyncio.Lock()), show):
-            if full in self._results:
-                self._results.move_to_end(full)
-                return self._results[full]
-            job = Job(function, *arguments)
-            with show(job):
-                value = await job.result()
-            self._results[full] = value
-            while len(self._results) > MAX_RESULTS:
-                self._results.popitem(last=False)
-            return value
+        if full in self._results:
+            self._results.move_to_end(full)
+            return self._results[full]
+        if full not in self._under_way:
+
+            async def done() -> Any:
+                try:
+                    job = Job(function, *arguments)
+                    with show(job):
+                        value = await job.result()
+                finally:
+                    del self._under_way[full]
+                self._results[full] = value
+                while len(self._results) > MAX_RESULTS:
+                    self._results.popitem(last=False)
+                return value
+
+            self._under_way[full] = asyncio.ensure_future(done())
+        return await asyncio.shield(self._under_way[full])
 
     @asynccontextmanager
     async def reading(
@@ -77,19 +85,8 @@ class ResultCache:
         """Hold a place for reading a bag; long ones, which take memory, are read one by one."""
         long = file_key(path)[2] > LONG_BAG_BYTES
         lock = self._reading_long if long else self._reading
-        async with self.exclusive(lock, show, LockWait(f'{path.name} waits to be read')):
-            yield
-
-    @asynccontextmanager
-    async def exclusive(
-        self,
-        lock: asyncio.Lock | asyncio.Semaphore,
-        show: Callable[[Stoppable], AbstractContextManager[None]],
-        waiting: LockWait | None = None,
-    ) -> AsyncIterator[None]:
-        """Hold a lock; show that this tab waits while other work has it."""
         if lock.locked():
-            waiting = waiting or LockWait()
+            waiting = LockWait(f'{path.name} waits to be read')
             with show(waiting):
                 await waiting.acquire(lock)
         else:

@@ -32,7 +32,7 @@ class TaskRunner:
     ) -> Any:
         """Return the value of a task; None where it was cancelled or failed, which is said.
 
-        `about`: device and version it is for.
+        `about`: device and version it is for, or the bag.
         """
         try:
             show = partial(self.notices.work, about=about)
@@ -40,7 +40,7 @@ class TaskRunner:
         except JobError as error:
             self.notices.say(self.plain(str(error)))
         except JobCancelled:
-            pass
+            self.notices.say(f'{about}: cancelled', 'info')
         return None
 
     def plain(self, text: str) -> str:

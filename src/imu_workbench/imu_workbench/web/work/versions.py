@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -45,7 +45,10 @@ class Versions:
             await self.load(device, work.case.current)
         else:
             opened = await self._compared(work, None, FIRST_LABEL)
-            if opened is not None:
+            if opened is None:
+                work.failed.add('')
+                self._notices.tell()
+            elif not work.case.versions:
                 self._append(work, None, opened.version)
         if self.queue.of_device(device):  # asked for here, not of a server that was killed
             return
@@ -76,7 +79,8 @@ class Versions:
                 return None
             opened = await self._compared(work, text, known.label, name)
             if opened is None:
-                work.failed.add(name)
+                if work.bags:
+                    work.failed.add(name)
                 self._notices.tell()
                 return None
             if name in work.loaded:
@@ -88,19 +92,25 @@ class Versions:
 
     def try_again(self, device: str, name: str) -> None:
         """Let a version that could not be compared be loaded anew: its file may be back."""
-        self._devices[device].failed.discard(name)
+        work = self._devices[device]
+        work.failed.discard(name)
+        work.problem = ''
+        if not work.case.versions:
+            self._runner.begin(self.resume(device))
         self._notices.tell()
 
     async def _compared(
         self, work: DeviceWork, model_text: str | None, label: str, name: str = ''
     ) -> tasks.Opened | None:
-        bags, files = list(work.bags), list(self._effects.files)
-        key = (str(work.prepared), model_text, tuple(files))
-        arguments = (bags, work.prepared, model_text, label, files)
-        about = f'{work.name} {name}'.strip()
-        opened: tasks.Opened | None = await self._runner.run(
-            about, key, tasks.version_task, *arguments
-        )
+        bags, prepared, files = list(work.bags), work.prepared, list(self._effects.files)
+        about, run = f'{work.name} {name}'.strip(), self._runner.run
+        opened: tasks.Opened | None = None
+        if prepared.exists() or await run(about, prepared, tasks.prepare_task, bags, prepared):
+            key = (str(prepared), model_text, tuple(files))
+            arguments = (prepared, model_text, label, files)
+            opened = await run(about, key, tasks.version_task, *arguments)
+        if prepared != work.prepared:  # a recording was opened or closed in the meantime
+            return await self._compared(work, model_text, label, name) if work.bags else None
         if opened is None:
             work.problem = 'There is no model of these recordings: see the message above.'
             self._notices.tell()
@@ -113,14 +123,23 @@ class Versions:
         )
         return opened
 
-    def _append(self, work: DeviceWork, parent: str | None, version: Version) -> str:
-        runs = [bag.run for bag in work.bags]
+    def _append(
+        self,
+        work: DeviceWork,
+        parent: str | None,
+        version: Version,
+        runs: Sequence[str] = (),
+    ) -> str:
+        """Keep a version of these runs, the open ones where none are named; return its name."""
+        opened = [bag.run for bag in work.bags]
+        runs = runs or opened
         work.case = self._effects.kept_for(work.case, version)
         label, text = version.label, version.model_text
         work.case = with_version(work.case, parent, label, text, version.errors(), runs)
         name = work.case.current
-        work.keep(name, version)
-        self._answers.ask(work.name, name)
+        if runs == opened:  # else it is compared anew when somebody looks at it
+            work.keep(name, version)
+            self._answers.ask(work.name, name)
         self._notices.tell()
         return name
 
@@ -128,11 +147,12 @@ class Versions:
 
     async def _fit(self, fit: QueuedFit) -> None:
         work, start = self._devices[fit.device], fit.start
+        runs, prepared = [bag.run for bag in work.bags], work.prepared
         name = fit.change.effect.replace('_', ' ')
         try:
             text, files = work.case.model_text(start), list(self._effects.files)
-            key = (str(work.prepared), text, fit.change, tuple(files))
-            arguments = (work.prepared, text, fit.change, files)
+            key = (str(prepared), text, fit.change, tuple(files))
+            arguments = (prepared, text, fit.change, files)
 
             @contextmanager
             def show(job: Stoppable) -> Iterator[None]:
@@ -148,7 +168,7 @@ class Versions:
             fit.state = 'failed'
             self._notices.say(f'{name}: {self._runner.plain(str(error))}')
         else:
-            fit.result = self._append(work, start, version)
+            fit.result = self._append(work, start, version, runs)
             fit.state = 'done'
 
     def _queue_changed(self) -> None:

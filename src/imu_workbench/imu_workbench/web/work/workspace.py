@@ -51,6 +51,8 @@ class Workspace:
         self.versions = Versions(self.devices, self.effects, self.answers, self.runner)
         self.opening = True
         """Until everything the server was started with has been looked at."""
+        self.reading = 0
+        """Bags that are still to be read."""
         self._remap = dict(remap or {})
         self._closed_cases: dict[Path, tuple[int, tuple[Case, str]]] = {}
         """Cases nobody has opened, by folder, as they were at a time of modification [ns]."""
@@ -178,13 +180,17 @@ class Workspace:
             return []
         folder = self.cache.fresh_path()
         arguments = (located, folder, self._remap)
+        self.reading += 1
         try:
             async with self.cache.reading(located, self.notices.work):
                 found: list[StoredBag] | None = await self.runner.run(
-                    '', file_key(located), tasks.read_task, *arguments
+                    located.name, file_key(located), tasks.read_task, *arguments
                 )
-        except JobCancelled:
+        except JobCancelled:  # while it waited
+            self.notices.say(f'{located.name}: cancelled', 'info')
             return []
+        finally:
+            self.reading -= 1
         return found or []
 
     def _take(self, path: str | Path, found: Sequence[StoredBag]) -> list[str]:
