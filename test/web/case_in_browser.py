@@ -190,6 +190,14 @@ def test_a_press_that_arrives_after_the_page_was_drawn_anew_is_heard(serve, watc
     watched.check()
 
 
+COUNT_RESTYLING = """() => {
+    window.restyled = 0;
+    new MutationObserver((changes) => { window.restyled += changes.length; })
+        .observe(document.body, { attributeFilter: ['class'] });
+}"""
+"""Count how often the body's class is set: the styles of thousands of elements follow."""
+
+
 def test_a_part_that_is_drawn_anew_by_a_key_keeps_the_focus(serve, watch, small_bags):
     bag = small_bags / 'dut2_x'
     watched = watch(serve(bag, answered=[bag]).address)
@@ -197,6 +205,7 @@ def test_a_part_that_is_drawn_anew_by_a_key_keeps_the_focus(serve, watch, small_
     wait_for_verdict(page)
     page.wait_for_function("!document.querySelector('[inert]')")
     page.set_default_timeout(60_000)
+    page.evaluate(COUNT_RESTYLING)
     focused = page.locator(':focus')
     preview = page.locator('.rail').get_by_role('button', name='Preview temperature rate')
     preview.focus()
@@ -213,6 +222,7 @@ def test_a_part_that_is_drawn_anew_by_a_key_keeps_the_focus(serve, watch, small_
     preview.click()
     page.get_by_role('button', name='Hide temperature rate').wait_for()
     assert not page.get_by_role('button', name='Hide temperature rate').and_(focused).count()
+    assert page.evaluate('restyled') == 0
     watched.check()
 
 

@@ -47,7 +47,7 @@ class Page:
         self._workspace, self._local = workspace, local
         self._session = Session(workspace, query)
         self._look = Look()
-        self._dark = ui.dark_mode(None)
+        self._theme_chosen = False
         self._client = ui.context.client
         self._changed = Redraw(self._client, self._refresh)
         self._figures = Redraw(self._client, self._draw_figures)
@@ -291,14 +291,15 @@ class Page:
         self._repaint()
 
     def _on_system_theme(self, *, dark: bool) -> None:
-        if self._dark.value is None:  # nobody has chosen here
+        if not self._theme_chosen:
             self._look.dark = dark
             self._colours()
             self._repaint()
 
     def _switch_theme(self) -> None:
         self._look.dark = not self._look.dark
-        self._dark.set_value(self._look.dark)
+        self._theme_chosen = True
+        ui.run_javascript(f'chooseTheme({json.dumps(self._look.dark)})')
         self._colours()
         self._repaint()
 

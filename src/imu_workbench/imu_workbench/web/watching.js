@@ -11,6 +11,12 @@ window.watchLook = (phone) => {
   return [dark.matches, narrow.matches, matchMedia('(pointer: coarse)').matches, name];
 };
 
+// NiceGUI's element for it sets the theme with every change of the page: all styles are computed anew.
+window.chooseTheme = (dark) => {
+  Quasar.Dark.set(dark);
+  document.getElementById('nicegui-color-scheme').content = dark ? 'dark' : 'light';
+};
+
 // Puts what is looked at into the address: a step that "back" goes back, or only a correction.
 window.showAddress = (query, step) => {
   if (query === location.search || (query === '?' && !location.search)) return;
