@@ -51,6 +51,9 @@ SECOND_PARTS = tuple((share, ratio) for share in (0.15, 0.3) for ratio in (1.0 /
 """Share and time constants, of those of the first, of a second part of a body."""
 SMALL_ERROR_K = 1e-3
 """Errors of the temperature by which a model's derivative is formed."""
+RUNG_RATIOS = (2.0, 3.0)
+"""By how much each rung is farther from the fitted value than the one before: of a parameter by
+itself, and of two whose posterior is a joint one."""
 POINTS_PER_RUNG = 16
 """Points between two rungs at which the posterior is summed."""
 MOST_TOGETHER = 2
@@ -67,11 +70,11 @@ class ShapeCoordinate:
     step: float
     """About one standard deviation of the fit."""
 
-    def ladder(self) -> FloatArray:
+    def ladder(self, ratio: float) -> FloatArray:
         """Return the value and others ever farther from it, as far as the search goes."""
         low, high = self.scale.grid()[[0, -1]]
-        count = int(np.ceil(np.log2((high - low) / self.step)))
-        away = self.step * 2.0 ** np.arange(count)
+        count = int(np.ceil(np.log((high - low) / self.step) / np.log(ratio)))
+        away = self.step * ratio ** np.arange(count)
         inside = [v for v in (*(self.value - away), *(self.value + away)) if low < v < high]
         rungs: FloatArray = np.unique([low, *inside, self.value, high])
         return rungs
@@ -212,23 +215,24 @@ def shape_deviations(
     prior = np.array([one.log_prior for one in alternatives])
 
     def log_posterior(component: int, effect: Effect) -> FloatArray:
-        found = prior.copy()
+        found = np.full(len(prior), -np.inf)
         for parts in dict.fromkeys(one.second_part for one in alternatives):
+            if parts is not None and not effect.first_order:
+                continue
             chosen = [k for k, one in enumerate(alternatives) if one.second_part == parts]
-            form = effect
-            if parts is not None and effect.first_order:
-                form = InTwoParts.of(effect, *parts)
+            form = effect if parts is None else InTwoParts.of(effect, *parts)
             moved = [*components]
             moved[component] = replace(
                 moved[component], form=form_of(hypotheses.design, form, None)
             )
-            found[chosen] += _log_evidences(hypotheses, moved, [alternatives[k] for k in chosen])
+            evidences = _log_evidences(hypotheses, moved, [alternatives[k] for k in chosen])
+            found[chosen] = prior[chosen] + evidences
         return found
 
     deviations = np.zeros(len(coordinates))
     with hypotheses.design.trials():
         for together in _together(coordinates):
-            ladders = [coordinates[k].ladder() for k in together]
+            ladders = [coordinates[k].ladder(RUNG_RATIOS[len(together) - 1]) for k in together]
             scales = [coordinates[k].scale for k in together]
             component = coordinates[together[0]].component
             effect = components[component].form.effect
@@ -278,7 +282,7 @@ def _shares(
     `table` (n, a) or (n, m, a): ln of the posterior at the rungs, which a spline joins.
     """
     points = [_between(ladder) for ladder in ladders]
-    dense = table
+    dense = table[..., np.isfinite(table).reshape(-1, table.shape[-1]).all(axis=0)]
     for axis, (ladder, fine) in enumerate(zip(ladders, points, strict=True)):
         dense = CubicSpline(ladder, dense, axis=axis)(fine)
     widths = reduce(np.multiply.outer, [np.gradient(fine) for fine in points])
