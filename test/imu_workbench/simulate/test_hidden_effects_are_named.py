@@ -8,8 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from imu_driver.simulation.devices import draw_device
 from imu_recording.recording import SENSOR_FIELDS
-from imu_workbench.simulate.hidden_effect import HiddenEffect, practice_campaign
+from imu_workbench.simulate.campaign import Logging
+from imu_workbench.simulate.hidden_effect import HiddenEffect, hidden_campaign, practice_campaign
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.diagnosis.result import Finding
 
@@ -71,3 +73,18 @@ def test_nothing_hidden_raises_no_alarm(bias_instability: float) -> None:
     assert [f for f in findings if f.kind != 'noise'] == []
     if bias_instability > 1.0:  # and louder noise is found, whatever the rows are
         assert {f.sensor for f in findings} == {A, G, M}
+
+
+def test_a_step_that_noise_was_fitted_to_is_named() -> None:
+    """Fitted to a step of 13 × noise, white noise vanishes, and what is left has no name."""
+    recordings = hidden_campaign(
+        'paper_betta2022',
+        draw_device(2622),
+        Logging(0.05, True, 20.0),
+        [HiddenEffect('bias_step', 12.9, A)],
+        seed=2622,
+        orientations=('+x', '+y', '+z'),
+    ).recordings
+    (finding,) = acted_on(recordings)
+    assert (finding.sensor, finding.name) == (A, 'bias_step')
+    assert finding.error_after < 1.1 * finding.noise_floor

@@ -77,7 +77,7 @@ class ShapeCoordinate:
         away = self.step * ratio ** np.arange(count)
         inside = [v for v in (*(self.value - away), *(self.value + away)) if low < v < high]
         rungs: FloatArray = np.unique([low, *inside, self.value, high])
-        return rungs
+        return rungs[np.diff(rungs, prepend=-np.inf) > 1e-3 * self.step]
 
 
 @dataclass(frozen=True, eq=False)

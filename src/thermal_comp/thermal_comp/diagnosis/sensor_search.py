@@ -221,16 +221,16 @@ class SensorSearches:
     def of_sensor(self, sensor: Sensor, known: Sequence[Effect] = ()) -> SensorAnswer:
         """Return the answer about one sensor; `known` effects stand beside the base.
 
-        What is named and had been taken for noise (a step, a line) has the search begin anew,
-        with the noise beside it.
+        What is named, or comes closest where nothing is, and had been taken for noise (a step, a
+        line) has the search begin anew, with the noise beside it.
         """
         beside = (*self.base[sensor], *known)
         axes = independent_axes(self.source.runs, sensor)
         runs = turned_runs(self.source.runs, sensor, axes)
         before = self.noise[sensor] if axes is None else fit_noise(runs, sensor, beside)
         found = self._under(before, sensor, beside, axes)
-        named = {sensor: joined_effects([*beside, *found.named])}
-        noise = noise_beside(runs, named, {sensor: before})[sensor]
+        likely = {sensor: joined_effects([*beside, *found.named, *found.closest])}
+        noise = noise_beside(runs, likely, {sensor: before})[sensor]
         if _quieter(noise, before, runs[0].period):
             found = self._under(noise, sensor, beside, axes)
         return found

@@ -20,7 +20,9 @@ from thermal_comp.linear.candidate_design import CandidateDesign, ColumnGroup
 STEPS_PER_RUN = 2
 """Steps per run that are handed on."""
 STEP_PLACES = 9
-"""Places about a likely step, from a block before to one after, at which it is tried."""
+"""Places about a likely step, at first from a block before to one after, that are tried …"""
+STEP_ROUNDS = 3
+"""… in so many rounds, each between the neighbours of the best place of the one before."""
 STEP_DURATIONS_S = (0.0, 5.0, 15.0, 45.0, 135.0)
 """How long a step may last [s]."""
 STEP_DISTANCE_S = 1200.0
@@ -149,15 +151,35 @@ def _likeliest_rise(
 ) -> tuple[float, float]:
     """Return start and duration [s] of the step near a time that explains most of a residual."""
     run = design.source.runs[number]
-    middles = middle + run.period * np.linspace(-1.0, 1.0, STEP_PLACES)
-    forms = [(max(float(t - 0.5 * d), 0.0), d) for t in middles for d in STEP_DURATIONS_S]
-    first, columns = _rises(run, forms)
+    middles = np.full(len(STEP_DURATIONS_S), middle)
+    reach = run.period
+    for _ in range(STEP_ROUNDS):
+        tried = middles[:, None] + reach * np.linspace(-1.0, 1.0, STEP_PLACES)
+        starts = np.maximum(tried - 0.5 * np.array(STEP_DURATIONS_S)[:, None], 0.0)
+        forms = list(
+            zip(starts.ravel().tolist(), np.repeat(STEP_DURATIONS_S, STEP_PLACES), strict=True)
+        )
+        gain = _gains(design, residual, number, forms).reshape(tried.shape)
+        middles = tried[np.arange(len(tried)), gain.argmax(axis=1)]
+        reach *= 2.0 / (STEP_PLACES - 1)
+    start, duration = forms[int(gain.argmax())]
+    return start, float(duration)
+
+
+def _gains(
+    design: CandidateDesign,
+    residual: FloatArray,
+    number: int,
+    forms: Sequence[tuple[float, float]],
+) -> FloatArray:
+    """Return (k,) Δχ² that steps of k starts and durations in a run explain of a residual."""
+    first, columns = _rises(design.source.runs[number], forms)
     gain: FloatArray = np.zeros(len(forms))
     for axis in range(3):
         white, rows = design.whitened_in_run(columns, number, axis, first)
         power = (white**2).sum(axis=0) - ((design.base[axis][rows].T @ white) ** 2).sum(axis=0)
         gain += (white.T @ residual[axis, rows]) ** 2 / np.maximum(power, 1e-9)
-    return forms[int(np.argmax(gain))]
+    return gain
 
 
 def _rises(run: PreparedRun, forms: Sequence[tuple[float, float]]) -> tuple[int, FloatArray]:
