@@ -231,7 +231,7 @@ class SensorSearches:
         found = self._under(before, sensor, beside, axes)
         likely = {sensor: joined_effects([*beside, *found.named, *found.closest])}
         noise = noise_beside(runs, likely, {sensor: before})[sensor]
-        if _quieter(noise, before, runs[0].period):
+        if _differs(noise, before, runs[0].period):
             found = self._under(noise, sensor, beside, axes)
         return found
 
@@ -411,14 +411,17 @@ def named_beside(base: Listed, answers: Mapping[Sensor, SensorAnswer]) -> Listed
     return {s: joined_effects([*effects, *answers[s].named]) for s, effects in base.items()}
 
 
-def _quieter(noise: NoiseModel, before: NoiseModel, period: float) -> bool:
-    """Tell whether a part of the noise, fast or slow, is gone that was there before."""
+def _differs(noise: NoiseModel, before: NoiseModel, period: float) -> bool:
+    """Tell whether a part of the noise, fast or slow, is gone that was there, or the reverse.
+
+    What is taken for slow noise may take the place of the fast one.
+    """
     parts = [(n.variance_of_means(period), n.amplitudes**2) for n in (noise, before)]
     (means, slow), (means_before, slow_before) = parts
-    total = slow_before.sum(axis=0)
     return bool(
         (means < CHANGED_VARIANCE_SHARE * means_before).any()
-        or (slow.sum(axis=0) < CHANGED_VARIANCE_SHARE * total).any()
+        or (means_before < CHANGED_VARIANCE_SHARE * means).any()
+        or (slow.sum(axis=0) < CHANGED_VARIANCE_SHARE * slow_before.sum(axis=0)).any()
     )
 
 
