@@ -9,6 +9,8 @@ from independent_simulator.campaign import FIELDS, Campaign, draw_campaign
 from independent_simulator.laws import CATALOGUE, OUTSIDE
 from thermal_comp.effects import EFFECTS
 
+import thermal_comp as tc
+
 
 def measured_magnitude(campaign: Campaign, number: int) -> float:
     """Return what plain least squares leaves of an effect, on the most affected channel.
@@ -104,3 +106,10 @@ def test_campaign_goes_through_a_bag(tmp_path):
         if item.name in FIELDS.values():
             np.testing.assert_array_equal(getattr(read, item.name), column)
     assert len(read) == len(recording)
+
+
+def test_a_step_that_fast_noise_was_taken_for_is_named():
+    """The step, fitted as slow noise, leaves hardly any for white noise."""
+    campaign = draw_campaign(3349, 'single_sweep', hide=[('bias_step', 16.3)], rivals=False)
+    found = tc.diagnose(campaign.recordings).findings
+    assert [f.name for f in found if f.sensor == 'accelerometer'] == ['bias_step']
