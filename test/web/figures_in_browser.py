@@ -89,6 +89,8 @@ def test_a_brushed_time_filters_all_figures_and_survives_the_theme(serve, watch,
     assert page.evaluate(inside) > 1000
     page.get_by_role('button', name='Show everything').click()
     page.wait_for_function(DRAWN)
+    page.reload()
+    page.locator('body.body--dark').wait_for()
     watched.check()
 
 

@@ -148,7 +148,7 @@ class Page:
         await self._client.connected()
         look = await ui.run_javascript(f'watchLook({PHONE_WIDTH_PX})', timeout=BROWSER_TIMEOUT_S)
         self._look.dark, self._look.narrow, self._look.touch = map(bool, look[:3])
-        self._tab = str(look[3])
+        self._tab, self._theme_chosen = str(look[3]), bool(look[4])
         self._colours()
         self._client.content.props(remove='inert')
         self._workspace.notices.listen(self._changed)
