@@ -47,8 +47,6 @@ NEGLIGIBLE_LOG_ODDS = 7.0
 """… and ln of the odds against the likeliest from which one does not count."""
 LEAST_STEP, LARGEST_STEP = 1e-6, 0.1
 """First step of a ladder of values, as a share of the range that is searched."""
-SECOND_PARTS = tuple((share, ratio) for share in (0.15, 0.3) for ratio in (1.0 / 3.0, 3.0))
-"""Share and time constants, of those of the first, of a second part of a body."""
 SMALL_ERROR_K = 1e-3
 """Errors of the temperature by which a model's derivative is formed."""
 RUNG_RATIOS = (2.0, 3.0)
@@ -87,12 +85,16 @@ class Alternative:
     log_prior: float
     priors: tuple[CoefficientPrior, ...]
     second_part: tuple[float, float] | None = None
-    """Share and ratio of the times of what else the effect consists of."""
+    """Share of a second part of what relaxes, and the ratio of its time constants to the first's;
+    None: it has one part."""
 
 
 @dataclass(frozen=True)
 class InTwoParts(Effect):
-    """An effect of a body in two parts, each with time constants of its own."""
+    """An effect that relaxes in two parts, each with time constants of its own.
+
+    Equation: (1 − share) · first + share · second, the shortest distribution of relaxation times.
+    """
 
     first: Effect
     second: Effect
@@ -102,7 +104,7 @@ class InTwoParts(Effect):
     def columns(
         self, conditions: Conditions, state: State | None = None
     ) -> tuple[FloatArray, State | None]:
-        """Return the sum of both parts' columns; a whole run is known."""
+        """Return the (n, …) weighted sum of both parts' columns, of a run known to its end."""
         del state
         one, other = (e.columns_in_hindsight(conditions) for e in (self.first, self.second))
         return (1.0 - self.share) * one + self.share * other, None
@@ -114,7 +116,7 @@ class InTwoParts(Effect):
 
     @classmethod
     def of(cls, effect: Effect, share: float, ratio: float) -> InTwoParts:
-        """Return an effect whose second part has `ratio` times its times."""
+        """Return an effect with a second part, whose time constants are `ratio` times as long."""
         times = [s for s in shape_scales(effect, np.inf) if s.unit == 's']
         longer = np.array([s.forward(ratio * float(getattr(effect, s.name))) for s in times])
         return cls(effect, with_shape(effect, times, longer), share)
@@ -212,23 +214,6 @@ def shape_deviations(
 ) -> FloatArray:
     """Return (p,) rms deviations of shape parameters from their values, in their own units."""
     alternatives = _alternatives(hypotheses, components)
-    prior = np.array([one.log_prior for one in alternatives])
-
-    def log_posterior(component: int, effect: Effect) -> FloatArray:
-        found = np.full(len(prior), -np.inf)
-        for parts in dict.fromkeys(one.second_part for one in alternatives):
-            if parts is not None and not effect.first_order:
-                continue
-            chosen = [k for k, one in enumerate(alternatives) if one.second_part == parts]
-            form = effect if parts is None else InTwoParts.of(effect, *parts)
-            moved = [*components]
-            moved[component] = replace(
-                moved[component], form=form_of(hypotheses.design, form, None)
-            )
-            evidences = _log_evidences(hypotheses, moved, [alternatives[k] for k in chosen])
-            found[chosen] = prior[chosen] + evidences
-        return found
-
     deviations = np.zeros(len(coordinates))
     with hypotheses.design.trials():
         for together in _together(coordinates):
@@ -237,8 +222,11 @@ def shape_deviations(
             component = coordinates[together[0]].component
             effect = components[component].form.effect
             rungs = [with_shape(effect, scales, np.array(v)) for v in product(*ladders)]
-            table = np.array([log_posterior(component, rung) for rung in rungs])
-            shape = [*(len(ladder) for ladder in ladders), len(prior)]
+            possible = [a for a in alternatives if a.second_part is None or effect.first_order]
+            table = np.array(
+                [_log_posteriors(hypotheses, components, component, e, possible) for e in rungs]
+            )
+            shape = [*(len(ladder) for ladder in ladders), len(possible)]
             points, share = _shares(ladders, table.reshape(shape))
             values = [
                 np.array([one.back(float(v)) for v in fine])
@@ -255,6 +243,24 @@ def shape_deviations(
                 weight = share.sum(axis=others) / share.sum()
                 deviations[k] = np.sqrt(weight @ (values[axis] - fitted[axis]) ** 2)
     return deviations
+
+
+def _log_posteriors(
+    hypotheses: SensorHypotheses,
+    components: Sequence[Component],
+    place: int,
+    effect: Effect,
+    alternatives: Sequence[Alternative],
+) -> FloatArray:
+    """Return (a,) ln of prior times evidence of each alternative with one component's effect."""
+    found = np.array([one.log_prior for one in alternatives])
+    for parts in dict.fromkeys(one.second_part for one in alternatives):
+        chosen = [k for k, one in enumerate(alternatives) if one.second_part == parts]
+        form = effect if parts is None else InTwoParts.of(effect, *parts)
+        moved = [*components]
+        moved[place] = replace(moved[place], form=form_of(hypotheses.design, form, None))
+        found[chosen] += _log_evidences(hypotheses, moved, [alternatives[k] for k in chosen])
+    return found
 
 
 def _together(coordinates: Sequence[ShapeCoordinate]) -> list[list[int]]:
@@ -282,7 +288,7 @@ def _shares(
     `table` (n, a) or (n, m, a): ln of the posterior at the rungs, which a spline joins.
     """
     points = [_between(ladder) for ladder in ladders]
-    dense = table[..., np.isfinite(table).reshape(-1, table.shape[-1]).all(axis=0)]
+    dense = table
     for axis, (ladder, fine) in enumerate(zip(ladders, points, strict=True)):
         dense = CubicSpline(ladder, dense, axis=axis)(fine)
     widths = reduce(np.multiply.outer, [np.gradient(fine) for fine in points])
@@ -335,8 +341,8 @@ def _alternatives(
     order = np.argsort(-weight)[:MOST_ALTERNATIVES]
     kept = [found[k] for k in order if weight[k] > weight[order[0]] - NEGLIGIBLE_LOG_ODDS]
     exact = found[max(range(0, len(found), len(beside)), key=lambda k: weight[k])]
-    each = exact.log_prior - beside[0][0] + share - float(np.log(len(SECOND_PARTS)))
-    return [*kept, *(Alternative(each, exact.priors, parts) for parts in SECOND_PARTS)]
+    each = exact.log_prior - beside[0][0] + share - float(np.log(len(priors.SECOND_PARTS)))
+    return [*kept, *(Alternative(each, exact.priors, parts) for parts in priors.SECOND_PARTS)]
 
 
 def _log_evidences(

@@ -412,9 +412,9 @@ def named_beside(base: Listed, answers: Mapping[Sensor, SensorAnswer]) -> Listed
 
 
 def _differs(noise: NoiseModel, before: NoiseModel, period: float) -> bool:
-    """Tell whether a part of the noise, fast or slow, is gone that was there, or the reverse.
+    """Tell whether the noise of block means has changed either way, or slow noise is gone.
 
-    What is taken for slow noise may take the place of the fast one.
+    It is louder where an effect that was fitted as slow noise had taken the place of white noise.
     """
     parts = [(n.variance_of_means(period), n.amplitudes**2) for n in (noise, before)]
     (means, slow), (means_before, slow_before) = parts

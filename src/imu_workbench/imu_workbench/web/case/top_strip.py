@@ -137,7 +137,8 @@ class TopStrip:
                 about, work = (session.device, session.version_name), session.workspace
                 if session.failed:
                     again = partial(work.versions.try_again, *about)
-                    label = ' '.join(f'Try {session.version_name} again'.split())
+                    name = session.version_name  # none yet before the first comparison
+                    label = f'Try {name} again' if name else 'Try again'
                     self._add(label, 'unelevated', again)
                 elif session.version is not None and not work.answers.is_diagnosing(*about):
                     ask = partial(work.answers.ask, *about)

@@ -61,6 +61,10 @@ they explain: laws of this kind are right to some per cent, seldom to a fifth.""
 LIKENESS_SHARE, LIKENESS_SHARE_LN = 0.03, 0.8
 """The same where it looks like another effect: what is a tenth or more is that effect."""
 
+SECOND_PARTS = tuple((share, ratio) for share in (0.15, 0.3) for ratio in (1.0 / 3.0, 3.0))
+"""Share of a second part of what relaxes with one time constant, and how many times as long its
+time constants are: package, die and board are bodies of their own. All equally likely."""
+
 CHANNEL_FLAWED = 0.3
 """That what an effect lacks is an error of the channel that it follows, noise or another place, or
 of the amplitude of its line, which comes and goes with its cause."""
