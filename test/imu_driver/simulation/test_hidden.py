@@ -260,6 +260,11 @@ def test_what_the_profile_does_not_excite_is_refused() -> None:
         )
 
 
+def test_what_is_a_line_in_a_single_pose_is_refused(runs: list[DeviceRun]) -> None:
+    with pytest.raises(ValueError, match=r'fixture_tilt cannot be seen .* more orientations'):
+        hide_anything(runs[:1], 'fixture_tilt', magnitude=2.0, seed=1)
+
+
 def test_a_wrong_sensor_is_refused_with_the_right_ones(runs: list[DeviceRun]) -> None:
     with pytest.raises(ValueError, match='hides in magnetometer'):
         hide_anything(runs, 'heater_hard_iron', magnitude=1.0, seed=1, sensor='gyroscope')

@@ -69,6 +69,20 @@ def test_vibration_that_adds_no_noise_leaves_it_as_it_was() -> None:
     assert noise.white == pytest.approx(fit_noise(without, SENSOR).white, rel=0.02)
 
 
+def test_a_step_while_it_is_shaken_is_no_noise_of_vibration() -> None:
+    time, on = chamber()[0], compressor()
+    begins = time[on][len(time[on]) // 2]
+    step = np.outer(time >= begins, 200.0 * WHITE['linear_acceleration'] * DIRECTION)
+    knocked = replace(
+        shaken(size=0.0), linear_acceleration=shaken(size=0.0).linear_acceleration + step
+    )
+    runs = prepare([knocked])
+    noise = fit_noise(runs, SENSOR)
+    assert not noise.per_vibration.any()
+    assert noise.white == pytest.approx(fit_noise(prepared(0.0), SENSOR).white, rel=0.05)
+    assert independent_axes(runs, SENSOR) is None
+
+
 def test_noise_is_independent_along_the_axes_that_are_found_still_and_shaken() -> None:
     runs = prepared()
     axes = independent_axes(runs, SENSOR)

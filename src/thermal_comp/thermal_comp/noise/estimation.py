@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from imu_recording.recording import FloatArray, IntArray
+from imu_recording.recording import FloatArray
 from numpy.typing import NDArray
 
 from thermal_comp.data.conditions import Sensor
@@ -14,6 +14,7 @@ from thermal_comp.data.kept_results import kept
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel
+from thermal_comp.noise.jumps import basis_with_jumps
 from thermal_comp.noise.process import (
     OU_TIME_CONSTANTS,
     ResidualSpectrum,
@@ -27,54 +28,13 @@ from thermal_comp.noise.projection import (
     not_followed,
     projection_of,
 )
-from thermal_comp.noise.saturated_model import joined_basis, saturated_basis
+from thermal_comp.noise.saturated_model import saturated_basis
 from thermal_comp.noise.vibration import (
     STEADY,
     VibrationNoise,
     block_variances,
     noise_of_vibration,
 )
-
-JUMP_DEVIATIONS = 12.0
-"""Difference of neighbouring blocks, in standard deviations, that noise does not reach."""
-MOST_JUMPS = 6
-"""Steps per run; what jumps more often switches, and is no accident."""
-
-
-def jump_columns(
-    values: FloatArray, slot: IntArray, basis: FloatArray, weights: FloatArray | float = 1.0
-) -> FloatArray:
-    """Return steps (m, q) at the jumps of block means (m, 3), none where there are too many.
-
-    `weights` (m,) have been applied to the values and the basis, and are to the steps.
-
-    The largest difference of what `basis` (m, p; orthonormal) leaves is made a step and joins
-    the basis, until none is far. The scale of a difference is 1.4826 times its median absolute
-    value. A jump within a block shows in two differences and has two steps.
-    """
-    taken = np.diff(slot) > 1
-    found: list[FloatArray] = []
-    left = values - basis @ (basis.T @ values)
-    while len(found) <= MOST_JUMPS:
-        difference = np.abs(np.diff(left, axis=0))
-        scale = 1.4826 * np.median(difference, axis=0)
-        far = (difference / np.maximum(scale, 1e-300)).max(axis=1)
-        far[taken] = 0.0
-        at = int(np.argmax(far))
-        if far[at] <= JUMP_DEVIATIONS:
-            return np.reshape(found, (-1, len(values))).T
-        step: FloatArray = weights * (np.arange(len(values)) > at).astype(np.float64)
-        found.append(step)
-        taken[at] = True
-        new = step - basis @ (basis.T @ step)
-        new = new - basis @ (basis.T @ new)
-        size = float(np.linalg.norm(new))
-        if size < 1e-6:
-            break
-        basis = np.column_stack([basis, new / size])
-        left = left - np.outer(new, new @ left) / size**2
-    return np.zeros((len(values), 0))
-
 
 LOG_VARIANCE_STEP = 1.2
 """Standard deviation of the log-variance step between neighbouring processes."""
@@ -184,10 +144,9 @@ def _spectrum(
     values, shaking = values[valid], vibration.shaking(run, valid)
     projection = projection_of(run, valid, saturated_basis, further, shaking)
     weights = np.ones(len(values)) if shaking is None else shaking.weights
-    jumps = jump_columns(weights[:, None] * values, projection.slot, projection.basis, weights)
-    if jumps.shape[1]:
-        basis = joined_basis([projection.basis, jumps])
-        slot = projection.slot
+    slot, known = projection.slot, projection.basis
+    basis = basis_with_jumps(weights[:, None] * values, slot, known, weights)
+    if basis is not known:
         projection = project_spectra(slot, basis, OU_TIME_CONSTANTS, run.period, shaking)
     return projection.spectrum_of(values)
 

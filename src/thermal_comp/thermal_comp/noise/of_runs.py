@@ -16,6 +16,7 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import project_out
 from thermal_comp.model.values import ModelError, NoiseModel
 from thermal_comp.noise.estimation import effects_beyond, fit_noise
+from thermal_comp.noise.jumps import basis_with_jumps
 from thermal_comp.noise.projection import LEAST_BLOCKS, basis_of_rows
 from thermal_comp.noise.saturated_model import saturated_basis
 from thermal_comp.noise.vibration import SHAKEN, noise_of_vibration, note_of_vibration
@@ -109,7 +110,8 @@ def independent_axes(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray 
         shaking = vibration.shaking(run, valid)
         weights = np.ones(int(valid.sum())) if shaking is None else shaking.weights
         basis = basis_of_rows(run, valid, saturated_basis, {}, shaking)
-        left = project_out(basis, weights[:, None] * run.measured[sensor][valid])
+        weighted = weights[:, None] * run.measured[sensor][valid]
+        left = project_out(basis_with_jumps(weighted, run.slot[valid], basis, weights), weighted)
         steps.append(np.diff(left / weights[:, None], axis=0))
         neighbours.append(np.diff(run.slot[valid]) == 1)
         strength.append(0.5 * (weights[1:] ** -2.0 + weights[:-1] ** -2.0))

@@ -24,6 +24,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.linear.columns import project_out
 from thermal_comp.model.values import NoiseModel
+from thermal_comp.noise.jumps import basis_with_jumps
 from thermal_comp.noise.process import Shaking
 from thermal_comp.noise.projection import LEAST_BLOCKS, FurtherColumns, basis_of_rows
 from thermal_comp.noise.saturated_model import saturated_basis
@@ -119,12 +120,17 @@ def _differences(
     sensor: Sensor,
     known: VibrationNoise,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return half the squares of differences of neighbours (k, 3), and their mean excess (k,)."""
+    """Return half the squares of differences of neighbours (k, 3), and their mean excess (k,).
+
+    Jumps are followed: one that falls into shaken rows would make all of them loud.
+    """
     shaking = known.shaking(run, valid)
     basis = basis_of_rows(run, valid, saturated_basis, further, shaking)
     weights = np.ones((len(basis), 1)) if shaking is None else shaking.weights[:, None]
+    weighted = weights * run.measured[sensor][valid]
+    basis = basis_with_jumps(weighted, run.slot[valid], basis, weights[:, 0])
     share = 1.0 - (basis**2).sum(axis=1)
-    left = project_out(basis, weights * run.measured[sensor][valid]) / weights
+    left = project_out(basis, weighted) / weights
     left /= np.sqrt(np.maximum(share, LEAST_LEFT))[:, None]
     excess = np.maximum(_vibration(run, valid) - known.still, 0.0)
     told = np.minimum(share[1:], share[:-1]) > LEAST_LEFT

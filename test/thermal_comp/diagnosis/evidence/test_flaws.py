@@ -16,6 +16,8 @@ from thermal_comp.diagnosis.evidence.flaws import (
     may_be_flawed,
 )
 from thermal_comp.diagnosis.sensor_search import SensorAnswer
+from thermal_comp.linear.candidate_design import ColumnGroup
+from thermal_comp.linear.gaussian_evidence import conditioned, log_sum
 
 from ..one_run import behind, lagging_gyroscope, searched
 
@@ -63,3 +65,21 @@ def test_a_prior_is_interpolated_and_held_at_its_ends() -> None:
     between = float(np.sqrt(priors.AMPLITUDES[3] * priors.AMPLITUDES[4]))
     sizes = (0.0, 1.0, priors.AMPLITUDES[3], between, 1e9)
     assert [log_prior_at(s, known) for s in sizes] == pytest.approx([0.0, 0.0, -3.0, -3.5, -12.0])
+
+
+def test_the_evidence_of_a_function_of_many_coefficients_is_that_of_a_dense_grid() -> None:
+    rng = np.random.default_rng(8)
+    rows, width = 2000, 150
+    columns = rng.standard_normal((3, rows, width)) / np.sqrt(rows)
+    for size in (5.0, 8.0, 11.0):
+        target = rng.standard_normal((3, rows)) + columns @ (size * rng.standard_normal(width))
+        normal = columns.transpose(0, 2, 1) @ columns
+        right = np.einsum('anp,an->ap', columns, target)
+        state = conditioned(normal, right, float((target**2).sum()), 3 * rows, [])
+        even = np.full(len(priors.AMPLITUDES), -np.log(len(priors.AMPLITUDES)))
+        dense = np.geomspace(priors.AMPLITUDES[0], priors.AMPLITUDES[-1], 2401)
+        each = state.evidences(np.arange(width)[None], dense, shared=False)[0][0]
+        expected = log_sum(each - state.log_evidence + even[0] - np.log(200.0))
+        gain, best = gain_of(state, ColumnGroup(tuple(range(width))), even)
+        assert gain == pytest.approx(expected, abs=1.0)
+        assert best == pytest.approx(dense[int(np.argmax(each))], rel=0.2)

@@ -95,6 +95,13 @@ class Truth:
     parameters: dict[str, float] = field(default_factory=dict)
 
 
+LEAST_VISIBLE = 0.03
+"""Share of an effect's error beyond a line in temperature that runs must show of it.
+
+What turns or scales what the sensor feels is a line in a single pose; the little that is left of
+it there is a thermometer's lag, and made large enough it would be no such effect any more."""
+
+
 def magnitude(runs: Runs, errors: Sequence[Errors]) -> float:
     """Return the rms of an effect's errors over runs and axes of the sensors it is in.
 
@@ -145,6 +152,11 @@ def add_hidden_effect(
         raise UserError(
             f'{effect.name} does nothing in these runs: the profile does not excite it'
         )
+    if (visible := size / _rms(earlier_shape.errors)) < LEAST_VISIBLE:
+        raise UserError(
+            f'{effect.name} cannot be seen in these runs: a line in temperature takes up all but '
+            f'{100.0 * visible:.2g} % of it; record more orientations or cycles'
+        )
     factor = magnitude_wanted / size
     changed = [
         _with_errors(run, {name: factor * values for name, values in errors.items()})
@@ -160,6 +172,16 @@ def add_hidden_effect(
         parameters={**shape.parameters, 'scale': factor},
     )
     return changed, truth
+
+
+def _rms(errors: Sequence[Errors]) -> float:
+    """Return the rms of errors about the mean of each run, in the unit of `magnitude`."""
+    parts = [
+        (run[sensor] - run[sensor].mean(axis=0)) / MEAN_STD[sensor]
+        for run in errors
+        for sensor in run
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
 def _with_errors(run: DeviceRun, hidden: Errors) -> DeviceRun:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from scipy.interpolate import CubicSpline
 
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.effect_sets import EffectSet
@@ -18,6 +19,14 @@ from thermal_comp.linear.gaussian_evidence import CoefficientPrior, ConditionedD
 
 THERMOMETER_SEEN = 20.0
 """Δχ² from which errors of the thermometer act, so that their equations may have a flaw."""
+FINER = 2
+"""Steps into which those of AMPLITUDES are parted, and each of them again by interpolation: the
+evidence of a function of hundreds of coefficients has a peak narrower than a factor of two."""
+_COARSE: FloatArray = np.log(priors.AMPLITUDES)
+_DENSE: FloatArray = np.linspace(_COARSE[0], _COARSE[-1], FINER * (len(_COARSE) - 1) + 1)
+_DENSEST: FloatArray = np.linspace(_COARSE[0], _COARSE[-1], FINER**2 * (len(_COARSE) - 1) + 1)
+_INTERPOLATION: FloatArray = CubicSpline(_DENSE, np.eye(len(_DENSE)))(_DENSEST)
+"""What is smooth over ln of the amplitude, between."""
 MOST_TOGETHER = 3
 """Flexible functions beside each other."""
 
@@ -169,10 +178,11 @@ def gain_of(
     `amplitude` (s,) is ln of the prior over AMPLITUDES; `beside`: of all that the function adds.
     """
     evidence, _ = state.evidences(
-        np.array([term.columns]), priors.AMPLITUDES, shared=term.shared, beside=beside
+        np.array([term.columns]), np.exp(_DENSE), shared=term.shared, beside=beside
     )
-    weighted = evidence[0] + amplitude - state.log_evidence
-    return log_sum(weighted), float(priors.AMPLITUDES[int(np.argmax(weighted))])
+    log_prior = np.interp(_DENSEST, _COARSE, amplitude) - 2.0 * np.log(FINER)
+    weighted = _INTERPOLATION @ (evidence[0] - state.log_evidence) + log_prior
+    return log_sum(weighted), float(np.exp(_DENSEST[int(np.argmax(weighted))]))
 
 
 def log_prior_at(size: float, log_prior: FloatArray) -> float:
