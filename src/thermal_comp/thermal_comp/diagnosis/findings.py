@@ -15,7 +15,7 @@ from thermal_comp.data.quality import QualityFinding
 from thermal_comp.diagnosis.detection_limit import smallest_found
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE, UNLOGGED
-from thermal_comp.diagnosis.evidence.posterior import CREDIBLE, probability
+from thermal_comp.diagnosis.evidence.posterior import CREDIBLE
 from thermal_comp.diagnosis.inputs import ClockFinding
 from thermal_comp.diagnosis.noise_level import (
     REPORTED_EVIDENCE,
@@ -26,7 +26,7 @@ from thermal_comp.diagnosis.noise_level import (
     noise_above_reference,
 )
 from thermal_comp.diagnosis.result import Finding, SensorState
-from thermal_comp.diagnosis.sensor_search import SensorAnswer
+from thermal_comp.diagnosis.sensor_search import UNNAMED, SensorAnswer
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel, ThermalModel
 
@@ -64,16 +64,12 @@ def effect_findings(
     sensor: Sensor, answer: SensorAnswer, current: Comparison, explained: Explained
 ) -> list[Finding]:
     """Return one finding per effect that is named."""
-    if answer.kind != 'named':
-        return []
     after = explained.comparison
     form = ''
     if answer.likeliest.approximate:
         form = form_approximate([(after or current).sensors[sensor]])
     findings = []
-    components = {c.name: c for c in answer.likeliest.components}
-    for name, component in components.items():
-        effect = component.form.effect
+    for name, effect in {effect.name: effect for effect in answer.named}.items():
         label = '+'.join(effect.sensors) if effect.coupled else sensor
         rivals = _rivals(answer, name)
         findings.append(
@@ -83,7 +79,7 @@ def effect_findings(
                 label,
                 answer.evidence(name),
                 answer.needed_evidence,
-                probability=probability(answer.explanations, lambda e, n=name: n in e.names),  # type: ignore[misc]
+                probability=answer.probability_of(name),
                 ambiguous_with=tuple(rival for rival, _ in rivals[:2]),
                 error_before=rms_of(current.sensors[sensor].held_out_rms),
                 error_after=rms_of(after.sensors[sensor].held_out_rms) if after else None,
@@ -109,7 +105,7 @@ def _rivals(answer: SensorAnswer, name: str) -> list[tuple[str, float]]:
             continue
         for rival in set(other.names) - kept - {NOT_IN_CATALOGUE, UNLOGGED}:
             rivals[rival] = rivals.get(rival, 0.0) + other.probability
-    own = probability(answer.explanations, lambda e: name in e.names)
+    own = answer.probability_of(name)
     alike = {name, *(n for n, p in rivals.items() if p > 1.0 - CREDIBLE)}
     for effect in answer.offered:
         if effect.name in alike and effect.twin in answer.untried:
@@ -152,15 +148,18 @@ def _distance(one: Effect, other: Effect) -> float:
 def unnamed_findings(sensor: Sensor, answer: SensorAnswer, current: Comparison) -> list[Finding]:
     """Return the finding of a sensor whose residual has no name."""
     kind = answer.kind
-    if kind not in {'unexplained', 'unlogged'}:
+    if kind not in UNNAMED:
         return []
     before, likeliest = current.sensors[sensor], answer.likeliest
     if kind == 'unlogged':
         text = f'{sensor}: a variable acts that was not logged: {likeliest.depends_on}'
     else:
         text = f'{sensor}: no effect of the catalogue; depends on {likeliest.depends_on}'
+    own = answer.named
+    if own:
+        text += f', beside {" and ".join(dict.fromkeys(effect.name for effect in own))}'
     tried = dict.fromkeys(c.name for c in likeliest.components)
-    if tried:
+    if tried.keys() - {effect.name for effect in own}:
         text += f' (closest together: {", ".join(tried)})'
     return [
         Finding(
@@ -169,7 +168,7 @@ def unnamed_findings(sensor: Sensor, answer: SensorAnswer, current: Comparison) 
             sensor,
             answer.evidence(),
             answer.needed_evidence,
-            probability=likeliest.probability,
+            probability=answer.probability_of(UNNAMED[kind]),
             depends_on=likeliest.depends_on,
             error_before=rms_of(before.held_out_rms),
             noise_floor=rms_of(before.noise_floor),

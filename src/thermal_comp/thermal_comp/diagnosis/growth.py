@@ -254,10 +254,10 @@ def _predictive(
     listed, noise = _base(runs, model), _noise(runs, model)
     tried = [s for s in noise if not any(_shared_or_empirical(e) for e in listed[s])]
     chosen = {}
-    shared = {name for name, effect in settings.catalogue.items() if effect.coupled}
+    offered = {name for name, effect in settings.catalogue.items() if not effect.coupled}
     for s in tried:
         said = [e.names for e in diagnosis.explanations if e.sensor == s]
-        own = (tuple(name for name in names if name not in shared) for names in said)
+        own = (tuple(name for name in names if name in offered) for names in said)
         possible = [names for names in own if names]
         chosen[s] = predictive_effects(runs, s, listed[s], noise[s], settings.catalogue, possible)
     beside = {s: (*listed[s], *chosen.get(s, ())) for s in listed}

@@ -82,7 +82,7 @@ class NamedExplanation:
     """One explanation of a sensor's residual: a set of effects, nothing, or something else."""
 
     names: tuple[str, ...]
-    """Effects; () for nothing, `not_in_catalogue` or `unlogged` for what has no name here."""
+    """Effects; () for nothing; last, for what has no name, `not_in_catalogue` or `unlogged`."""
     sensor: str
     probability: float
     approximate: bool

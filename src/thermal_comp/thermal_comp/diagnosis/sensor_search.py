@@ -52,6 +52,8 @@ CHANGED_VARIANCE_SHARE = 0.8
 SHARE_BEFORE, SHARE_OF_SEARCH = 0.1, 0.75
 """Share of a diagnosis that is done before its sensors are searched, and after them."""
 Listed = dict[Sensor, tuple[Effect, ...]]
+UNNAMED = {'unexplained': NOT_IN_CATALOGUE, 'unlogged': UNLOGGED}
+"""By kind of answer, what stands among the names of an explanation by something without one."""
 Kind = Literal['complete', 'named', 'unexplained', 'unlogged']
 
 
@@ -131,8 +133,8 @@ class SensorAnswer:
         missing = 1.0 - probability(self.explanations, lambda e: e.names == ())
         if missing < BELIEVED:
             return 'complete'
-        unknown = probability(self.explanations, lambda e: e.names == (NOT_IN_CATALOGUE,))
-        unlogged = probability(self.explanations, lambda e: e.names == (UNLOGGED,))
+        unknown = probability(self.explanations, lambda e: NOT_IN_CATALOGUE in e.names)
+        unlogged = probability(self.explanations, lambda e: UNLOGGED in e.names)
         if unknown + unlogged > missing - unknown - unlogged:
             return 'unexplained' if unknown >= unlogged else 'unlogged'
         return 'named'
@@ -141,10 +143,11 @@ class SensorAnswer:
     def likeliest(self) -> Explanation:
         """The most probable explanation of that kind, without effects whose probability is low."""
         kind = self.kind
-        alone = {'complete': (), 'unexplained': (NOT_IN_CATALOGUE,), 'unlogged': (UNLOGGED,)}
-        if kind in alone:
-            return next(e for e in self.explanations if e.names == alone[kind])
-        named = [e for e in self.explanations if e.names not in alone.values()]
+        if kind == 'complete':
+            return next(e for e in self.explanations if e.names == ())
+        if kind in UNNAMED:
+            return next(e for e in self.explanations if UNNAMED[kind] in e.names)
+        named = [e for e in self.explanations if e.names and not {*UNNAMED.values()} & {*e.names}]
         said = named[0]
         while fewer := next((e for e in named if _one_fewer(e, said)), None):
             said = fewer
@@ -152,10 +155,17 @@ class SensorAnswer:
 
     @property
     def named(self) -> tuple[Effect, ...]:
-        """The effects that are named, in the form found."""
-        if self.kind != 'named':
-            return ()
-        return tuple(c.form.effect for c in self.likeliest.components)
+        """The effects that are named, in the form found; also beside what has no name."""
+        likeliest, every = self.likeliest, self.kind == 'named'
+        return tuple(
+            c.form.effect
+            for c in likeliest.components
+            if every or (c.name in likeliest.names and self.probability_of(c.name) > BELIEVED)
+        )
+
+    def probability_of(self, name: str) -> float:
+        """Return the probability that an effect acts: of all explanations it has a part in."""
+        return probability(self.explanations, lambda e: name in e.names)
 
     @cached_property
     def closest(self) -> tuple[Effect, ...]:
@@ -174,8 +184,10 @@ class SensorAnswer:
 
 
 def _with_name(names: Names, name: str) -> Names:
-    """Return the names of a set with one effect more; what has no name stands alone."""
-    return names if {NOT_IN_CATALOGUE, UNLOGGED} & {*names} else tuple(sorted((*names, name)))
+    """Return the names of a set with one effect more; what has no name stands last."""
+    unnamed = {*UNNAMED.values()}
+    known = sorted({*names, name} - unnamed)
+    return (*known, *(n for n in names if n in unnamed))
 
 
 def _one_fewer(fewer: Explanation, said: Explanation) -> bool:
@@ -243,7 +255,7 @@ class SensorSearches:
         A sensor that lacks something without a name tells nothing. One that lacks nothing is not
         asked again, nor one to whose likeliest sets it makes no difference.
         """
-        understood = {s for s, a in found.items() if a.kind not in {'unexplained', 'unlogged'}}
+        understood = {s for s, a in found.items() if a.kind not in UNNAMED}
         told = told_by_others({s: (a.hypotheses, a.sets) for s, a in found.items()}, understood)
         again = {}
         for sensor, answer in found.items():
@@ -275,7 +287,7 @@ class SensorSearches:
             return {}
         first, *others = asked
         alone = probability(found[first].explanations, lambda e: effect.name in e.names)
-        if alone < 0.5 and any(found[s].kind in {'unexplained', 'unlogged'} for s in others):
+        if alone < 0.5 and any(found[s].kind in UNNAMED for s in others):
             # What has no name in another sensor is no sign of an effect this one hardly feels.
             return {}
         support = coupled_support(effect(), [found[sensor] for sensor in asked])

@@ -128,6 +128,9 @@ class Effect:
     model was fitted at its slope at the edge runs on."""
     first_order: ClassVar[bool] = False
     """True where it relaxes with one time constant: a body of several parts would with several."""
+    least_ratio: ClassVar[float] = 0.0
+    """Ratio of a shape parameter to the one before it from which a search tells them apart: two
+    stages with nearly the same time constant are one, whose time constant is a little off."""
     repeatable: ClassVar[bool] = False
     """True where it may occur more than once."""
     temperature_only: ClassVar[bool] = False

@@ -45,6 +45,7 @@ class ThermalLagTwoStage(Effect):
     reference: ClassVar[str] = (
         'IEEE 1431 and 952 (environmentally sensitive drift), effects of temperature'
     )
+    least_ratio: ClassVar[float] = 2.5
     kin: ClassVar[Kin] = 'temperature'
 
     def columns(
@@ -69,7 +70,7 @@ class ThermalLagTwoStage(Effect):
         return [
             Candidate(cls(fast, slow))
             for fast, slow in combinations(TIME_CONSTANTS.tolist(), 2)
-            if slow > 2.5 * fast and fast <= 600.0 and slow >= 120.0
+            if slow > cls.least_ratio * fast and fast <= 600.0 and slow >= 120.0
         ]
 
     def parts(self) -> tuple[Effect, ...]:

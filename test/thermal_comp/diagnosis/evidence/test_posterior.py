@@ -176,6 +176,17 @@ def test_several_steps_may_be_one_supply_that_is_switched(settling: float) -> No
     assert said.kind == 'unlogged'
 
 
+def test_an_effect_beside_a_supply_that_was_not_logged_keeps_its_name() -> None:
+    time, temperature, *_ = chamber()
+    switched = 6e-4 * ((time > 14_000.0) & (time < 29_000.0))
+    behind = temperature - lagging(temperature, 300.0, float(time[1] - time[0]))
+    said = said_of(switched + 2e-4 * behind, tuple(EFFECTS))
+    assert said.kind == 'unlogged'
+    assert said.likeliest.names == ('thermal_lag', 'unlogged')
+    assert [effect.name for effect in said.named] == ['thermal_lag']
+    assert said.probability_of('thermal_lag') > 0.85
+
+
 def test_a_bias_that_jumps_between_levels_is_not_called_a_switched_channel_alone() -> None:
     """Random telegraph noise: what is switched and was not logged makes the same steps."""
     time = chamber()[0]

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -236,7 +237,7 @@ def channels_not_logged(
 def moved_forms(
     design: CandidateDesign, form: Form, ratio: float, ways: Sequence[Sequence[float]]
 ) -> list[Form | None]:
-    """Return the form with its shape parameters moved, None where that leaves their bounds.
+    """Return the form with its shape parameters moved, None where that leaves what is searched.
 
     Each of `ways` says by what power of `ratio` every parameter is multiplied.
     """
@@ -262,7 +263,13 @@ def _moved(effect: Effect, ratio: float, powers: Sequence[float]) -> Effect | No
         if not all(low <= number <= high for number in new):
             return None
         changed[item.name] = new if several else new[0]
+    if effect.least_ratio and not _are_apart([*changed.values()], effect.least_ratio):
+        return None
     return replace(effect, **changed)
+
+
+def _are_apart(values: Sequence[float], ratio: float) -> bool:
+    return all(after >= ratio * before for before, after in pairwise(values))
 
 
 def _neighbour(number: float, ratio: float, step: float | None, power: float) -> float:

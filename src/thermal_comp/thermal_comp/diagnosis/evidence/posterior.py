@@ -53,8 +53,8 @@ class Explanation:
     """One explanation of a sensor's residual."""
 
     names: tuple[str, ...]
-    """Effects, sorted; () where the model lacks nothing; NOT_IN_CATALOGUE or UNLOGGED alone where
-    something else acts: effects that would stand beside it are not believed."""
+    """Effects, sorted; () where the model lacks nothing; NOT_IN_CATALOGUE or UNLOGGED, last, where
+    something else acts, alone or beside effects that are believed."""
     probability: float
     approximate: bool
     """Whether an equation is probably not the whole of what its effect does."""
@@ -74,6 +74,9 @@ class _Beside:
     kind: str
     depends_on: str | None
     log_weight: float
+    believed: Names = ()
+    """Effects of the set that act as well where it has no name. A law that is not in the catalogue
+    may look like any of them in part: then none is believed."""
     course: bool = False
     """Whether all that is known is that runs share a course over time."""
 
@@ -112,7 +115,7 @@ def explanations(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> lis
     weighed = [(some, _unlogged(some, rest)) for some, rest in weighed]
     named = [_named(some, rest, total) for some, rest in weighed if not some.guessed]
     found = _with_unseen(named, hypotheses.unseen)
-    found += [_unnamed(kind, weighed, total) for kind in (NOT_IN_CATALOGUE, UNLOGGED)]
+    found += _unnamed(weighed, total)
     return sorted(found, key=lambda e: -e.probability)
 
 
@@ -120,10 +123,25 @@ def _unlogged(some: EffectSet, rest: list[_Beside]) -> list[_Beside]:
     """Return what acts beside a set, whose own weight speaks for the channel that it guesses."""
     if not some.guessed:
         return rest
+    known = _beside_lost(some)
     return [
-        replace(b, kind=UNLOGGED, depends_on=some.guessed) if b.kind in {'', 'flaw'} else b
+        replace(b, kind=UNLOGGED, depends_on=some.guessed, believed=known)
+        if b.kind in {'', 'flaw'}
+        else b
         for b in rest
     ]
+
+
+def _without(some: EffectSet, name: str = '') -> Names:
+    """Return the effects of a set without those of one name, or of a channel that is guessed."""
+    own = (c for c in some.components if not c.form.effect.guessed_channel)
+    return tuple(sorted(c.name for c in own if c.name != name))
+
+
+def _beside_lost(some: EffectSet) -> Names:
+    """Return the effects of a set that act beside a lost channel: what repeats is its own."""
+    repeated = {c.name for c in some.components if c.form.effect.repeatable}
+    return tuple(name for name in _without(some) if name not in repeated)
 
 
 def _as_twins(
@@ -190,22 +208,30 @@ def _with_unseen(
 
 
 def _unnamed(
-    kind: str, weighed: Sequence[tuple[EffectSet, Sequence[_Beside]]], total: float
-) -> Explanation:
-    """Return the explanation by something that has no name here."""
-    parts = [
-        (float(np.exp(some.log_posterior + b.log_weight - total)), some, b)
-        for some, rest in weighed
-        for b in rest
-        if b.kind == kind
-    ]
+    weighed: Sequence[tuple[EffectSet, Sequence[_Beside]]], total: float
+) -> list[Explanation]:
+    """Return the explanations by something that has no name here, alone or beside effects."""
+    parts: dict[Names, list[tuple[float, EffectSet, _Beside]]] = {
+        (NOT_IN_CATALOGUE,): [],
+        (UNLOGGED,): [],
+    }
+    for some, rest in weighed:
+        for b in rest:
+            if b.kind in {NOT_IN_CATALOGUE, UNLOGGED}:
+                share = float(np.exp(some.log_posterior + b.log_weight - total))
+                parts.setdefault((*b.believed, b.kind), []).append((share, some, b))
+    return [_explanation(names, some) for names, some in parts.items()]
+
+
+def _explanation(names: Names, parts: Sequence[tuple[float, EffectSet, _Beside]]) -> Explanation:
+    """Return the explanation that several sets with something unknown beside them make."""
     if not parts:
-        return Explanation((kind,), 0.0, False, ())
+        return Explanation(names, 0.0, False, ())
     followed = [p for p in parts if not p[2].course and p[2].log_weight > LEAST_FOLLOWED]
     _, some, strongest = max(followed or parts, key=lambda part: part[0])
     probability = sum(part[0] for part in parts)
     believed = tuple(c for c in some.components if not c.form.effect.guessed_channel)
-    return Explanation((kind,), probability, False, believed, strongest.depends_on, some.explained)
+    return Explanation(names, probability, False, believed, strongest.depends_on, some.explained)
 
 
 def _own_variables(some: EffectSet) -> set[str]:
@@ -268,9 +294,10 @@ def _unknown(
     lost = hypotheses.lost_over_time
     laws = [_Beside(NOT_IN_CATALOGUE, r.depends_on, g) for r, g in gains if r.may_be_law]
     laws += [_Beside(NOT_IN_CATALOGUE, 'time', course, course=True)]
-    traces = [_Beside(UNLOGGED, r.unlogged, g) for r, g in gains if r.unlogged]
-    either = [_Beside(UNLOGGED, r.suspect, g) for r, g in gains if r.suspect]
-    either += [_Beside(UNLOGGED, lost, course, course=True)] if lost else []
+    known = _beside_lost(some)
+    traces = [_Beside(UNLOGGED, r.unlogged, g, known) for r, g in gains if r.unlogged]
+    either = [_Beside(UNLOGGED, r.suspect, g, known) for r, g in gains if r.suspect]
+    either += [_Beside(UNLOGGED, lost, course, known, course=True)] if lost else []
     found = []
     for beside, prior, ways in (
         (laws, priors.NOT_IN_CATALOGUE, len(laws)),
@@ -288,15 +315,16 @@ def _switched(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> l
     A lost channel that is switched makes as many steps as it likes, and so does a sensor whose
     bias jumps between levels by itself (random telegraph noise), which is no effect.
     """
-    steps = max(Counter(some.names).values(), default=0)
+    name, steps = max(Counter(some.names).items(), key=lambda pair: pair[1], default=('', 0))
     if steps < 2:
         return []
+    known = _without(some, name)
     size = len(some.names)
     once = weight + hypotheses.log_prior(size - steps + 1) - hypotheses.log_prior(size)
     jumps = priors.NOT_IN_CATALOGUE * priors.JUMPS_BY_ITSELF
-    found = [_Beside(NOT_IN_CATALOGUE, 'time', once + float(np.log(jumps)))]
+    found = [_Beside(NOT_IN_CATALOGUE, 'time', once + float(np.log(jumps)), known)]
     if lost := hypotheses.lost_over_time:
-        found.append(_Beside(UNLOGGED, lost, once + float(np.log(priors.UNLOGGED))))
+        found.append(_Beside(UNLOGGED, lost, once + float(np.log(priors.UNLOGGED)), known))
     return found
 
 
@@ -305,10 +333,13 @@ def _unseen_twins(hypotheses: SensorHypotheses, some: EffectSet, weight: float) 
 
     What cannot be told from an effect is as likely as the set with that one; `weight`: the set's.
     """
-    twins = [c.form.effect.twin for c in some.components]
     share = weight + float(np.log(priors.UNSEEN_TWIN))
     lost = hypotheses.without_channel
-    return [_Beside(UNLOGGED, lost[twin], share) for twin in twins if twin in lost]
+    return [
+        _Beside(UNLOGGED, lost[twin], share, _without(some, c.name))
+        for c in some.components
+        if (twin := c.form.effect.twin) in lost
+    ]
 
 
 def _of_any_cause(some: EffectSet, weight: float) -> list[_Beside]:
@@ -316,7 +347,12 @@ def _of_any_cause(some: EffectSet, weight: float) -> list[_Beside]:
     share = weight + float(np.log(priors.ANY_CAUSE))
     effects = [c.form.effect for c in some.components if c.form.effect.of_any_cause]
     return [
-        _Beside(NOT_IN_CATALOGUE, 'time' if e.line_frequency is None else 'frequency', share)
+        _Beside(
+            NOT_IN_CATALOGUE,
+            'time' if e.line_frequency is None else 'frequency',
+            share,
+            _without(some, e.name),
+        )
         for e in effects
     ]
 
