@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A residual that follows one variable is explained best by the regressor of that variable."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
@@ -8,9 +10,12 @@ from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE
 from thermal_comp.diagnosis.evidence.generic_regressors import generic_regressors
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.posterior import explanations
+from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
+from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.noise.estimation import fit_noise
+from thermal_comp.noise.of_runs import determined_noise
 
 from ...campaign import WHITE, chamber, run
 
@@ -45,3 +50,17 @@ def test_channels_have_a_regressor_only_where_they_were_logged() -> None:
     design = CandidateDesign(ColumnSource(runs), 'gyroscope', noise, [BiasTemperature()])
     asked = {r.depends_on for r in generic_regressors(design) if not r.unlogged}
     assert {'temperature', 'branch', 'rate', 'time', 'orientation', 'cycle'} == asked
+
+
+def test_a_slope_that_ages_from_pose_to_pose_is_no_misalignment() -> None:
+    pause, recordings = 30_000.0, []
+    for k, up in enumerate(('+x', '+y', '+z')):
+        age = (TIME + k * pause) / pause
+        error = {'linear_acceleration': np.outer(age * (DIE - 20.0), [3e-4, -2e-4, 2.5e-4])}
+        one = run(up, seed=k, cycles=3, period=20.0, error=error)
+        recordings.append(replace(one, stamp=one.stamp + int(k * pause * 1e9)))
+    runs = prepare(recordings)
+    base = {'accelerometer': (BiasTemperature(),)}
+    settings = Settings({'misalignment_temperature': EFFECTS['misalignment_temperature']})
+    answer = search_sensors(runs, base, determined_noise(runs, base)[0], settings)['accelerometer']
+    assert (answer.likeliest.names, answer.likeliest.depends_on) == ((NOT_IN_CATALOGUE,), 'time')

@@ -84,6 +84,10 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
         if design.sensor == 'magnetometer' and len(runs) > 1:
             made.append(('phase', 'curve over the phase, one per run', spans.slow_phase, True))
         made.append(('cycle', 'level and slope of each cycle', spans.cycle, False))
+    if any(run.conditions.time_before > 0.0 for run in runs):
+        # Each pose is recorded at a time of its own: what changes looks like what is turned.
+        ages = spans.slope_over_campaign
+        made.append(('time', 'slope that changes over the campaign', ages, False))
     for name in ('heater', 'compressor', 'supply_voltage', 'humidity'):
         if all(run.conditions.has(name) for run in runs):
             label = name.removesuffix('_voltage')
@@ -209,6 +213,8 @@ class _Spans:
     high: float
     fastest: float
     longest: float
+    latest: float
+    """Time from the first run to the last one [s]."""
     cycle_length: float
     cycles: IntArray
     """Numbers of the cycles that any run has."""
@@ -256,6 +262,11 @@ class _Spans:
         share = run.time[:, None] / self.longest
         curve = _spline(run.time, 0.0, self.longest, 4)
         return np.concatenate([curve * x, share * x**2, share**2 * x**2, x**2], axis=1)
+
+    def slope_over_campaign(self, run: PreparedRun) -> FloatArray:
+        x, age = self._temperature(run), run.time + run.conditions.time_before
+        share = age / (self.longest + self.latest)
+        return np.stack([share * x, share**2 * x, share * x**2], axis=1)
 
     def narrow_band(self, line: SpectralLine, run: PreparedRun) -> FloatArray:
         fine = run.conditions
@@ -322,6 +333,7 @@ def _spans(runs: Sequence[PreparedRun]) -> _Spans:
         high=max(float(run.temperature.max()) for run in runs),
         fastest=max(float(max(rates)), 1e-6),
         longest=max(float(run.time[-1]) for run in runs),
+        latest=max(run.conditions.time_before for run in runs),
         cycle_length=max(lengths, default=1.0),
         cycles=np.unique(np.concatenate([run.cycle[run.cycle > 0] for run in runs])),
     )
