@@ -42,15 +42,14 @@ class Group:
     sets: tuple[tuple[frozenset[str], float], ...]
     required: tuple[frozenset[str], ...]
     """Per hidden effect on these sensors: the names that are right for it."""
-    tolerated: frozenset[str]
     magnitude: float
     """Of the largest hidden effect; 0 for none."""
 
     def right(self, names: frozenset[str]) -> bool:
         """Whether a set of names is the truth."""
         if not self.required:
-            return names - self.tolerated <= {NOTHING}
-        accepted = frozenset().union(*self.required) | self.tolerated
+            return names == {NOTHING}
+        accepted = frozenset().union(*self.required)
         return all(one & names for one in self.required) and names <= accepted
 
     @property
@@ -112,13 +111,25 @@ def _group(truth: Mapping[str, Any], name: str, sets: list[tuple[frozenset[str],
     acting = [one for one in truth['effects'] if set(one['sensors']) & set(sensors)]
     behind = truth.get('thermometer_magnitude', {})
     seen = max((behind.get(sensor, 0.0) for sensor in sensors), default=0.0)
+    required = tuple(_names(one) for one in acting)
+    tolerated = BEHIND.difference(*required) if seen >= THERMOMETER_SEEN else frozenset()
     return Group(
         sensors,
-        tuple(sorted(sets, key=lambda one: -one[1])),
-        tuple(_names(one) for one in acting),
-        BEHIND if seen >= THERMOMETER_SEEN else frozenset(),
+        tuple(sorted(_merged(sets, tolerated).items(), key=lambda one: -one[1])),
+        required,
         max((float(one['magnitude']) for one in acting), default=0.0),
     )
+
+
+def _merged(
+    sets: list[tuple[frozenset[str], float]], tolerated: frozenset[str]
+) -> dict[frozenset[str], float]:
+    """Return sets that differ by tolerated names alone as one: the same is right of them."""
+    merged: dict[frozenset[str], float] = {}
+    for names, probability in sets:
+        left = names - tolerated or frozenset({NOTHING})
+        merged[left] = merged.get(left, 0.0) + probability
+    return merged
 
 
 def _names(effect: Mapping[str, Any]) -> frozenset[str]:

@@ -65,6 +65,18 @@ def test_lag_of_the_thermometer_may_be_named():
     assert right([], ['nothing'], thermometer_magnitude={'accelerometer': 2.0})
 
 
+def test_what_the_thermometer_makes_alike_is_one_hypothesis():
+    said = [('accelerometer', ['nothing'], 0.7), ('accelerometer', ['thermal_lag'], 0.2)]
+    said.append(('accelerometer', ['thermal_lag', 'bias_step'], 0.1))
+    (group,) = [
+        g
+        for g in groups(row([], said, thermometer_magnitude={'accelerometer': 2.0}))
+        if g.sensors == ('accelerometer',)
+    ]
+    found = {tuple(names): p for names, p in group.sets}
+    assert found == {('nothing',): pytest.approx(0.9), ('bias_step',): pytest.approx(0.1)}
+
+
 def test_answers_drawn_from_their_probabilities_are_calibrated():
     rng = np.random.default_rng(1)
     rows = []

@@ -19,6 +19,8 @@ from thermal_comp.linear.gaussian_evidence import CoefficientPrior, ConditionedD
 
 THERMOMETER_SEEN = 20.0
 """Δχ² from which errors of the thermometer act, so that their equations may have a flaw."""
+HISTORY = frozenset({'rate', 'branch', 'phase'})
+"""Variables that say how the temperature moved: what errors of a thermometer follow."""
 FINER = 2
 """Steps into which those of AMPLITUDES are parted, and each of them again by interpolation: the
 evidence of a function of hundreds of coefficients has a peak narrower than a factor of two."""
@@ -86,7 +88,8 @@ def flaws(hypotheses: SensorHypotheses, fitted: Sequence[FittedSet]) -> list[flo
     It is a smooth function of all that was logged, or follows one variable (not temperature
     alone: curves over it are what laws are told by), or looks like a kindred effect (a lag of two
     stages like a gradient), or by chance like another: what was fitted with that effect, right or
-    flawed itself, is then this set in a flawed form. All four are equally likely.
+    flawed itself, is then this set in a flawed form. All four are equally likely. Of a thermometer
+    alone the variable is one of HISTORY.
     """
     found: dict[int, float] = {}
     for place in sorted(range(len(fitted)), key=lambda k: -len(fitted[k].set.names)):
@@ -110,9 +113,14 @@ def _flaw(
     log_prior = priors.flaw_log_prior(explained)
     likeness = priors.flaw_log_prior(explained, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
     left_out = {'temperature', *one.variables_of_larger}
-    variables = [r.term for r in hypotheses.regressors if r.depends_on not in left_out]
+    variables = [
+        r.term
+        for r in hypotheses.regressors
+        if r.depends_on not in left_out and (some.components or r.depends_on in HISTORY)
+    ]
     single = gains_together(hypotheses, some, one.state, variables, log_prior, beside=True)
-    single.append(one.course + log_prior_at(one.course_size, log_prior))
+    if some.components:
+        single.append(one.course + log_prior_at(one.course_size, log_prior))
     kin = _kin(hypotheses, some)
     alike: list[float] = []
     others: list[float] = []
