@@ -12,6 +12,7 @@ from importlib.resources import files
 
 import uvicorn
 from fastapi import FastAPI, Request
+from fastapi.middleware.gzip import GZipMiddleware
 from nicegui import app as nicegui_app
 from nicegui import ui
 
@@ -57,6 +58,10 @@ async def serve(
         reconnect_timeout=RECONNECT_S,
         show_welcome_message=False,
         tailwind=False,
+        # On one machine, compressing the libraries of the page takes longer than to send them.
+        gzip_middleware_factory=None if local else GZipMiddleware,
     )
-    settings = uvicorn.Config(outer, log_level='warning', lifespan='on')
+    settings = uvicorn.Config(
+        outer, log_level='warning', lifespan='on', ws_per_message_deflate=not local
+    )
     await uvicorn.Server(settings).serve(sockets=[listening])
