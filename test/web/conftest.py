@@ -280,8 +280,9 @@ def wait_for_verdict(page) -> None:
     page.locator('.rail[aria-busy=false]').wait_for()
 
 
-@pytest.fixture
-def watch(browser: Browser) -> Iterator[Callable[..., Watched]]:
+@contextmanager
+def watching(browser: Browser) -> Iterator[Callable[..., Watched]]:
+    """Provide a function that opens an address in a window of its own; close them all."""
     contexts = []
 
     def open_page(address: str, width: int = 1280, height: int = 800, **look: Any) -> Watched:
@@ -315,3 +316,17 @@ def watch(browser: Browser) -> Iterator[Callable[..., Watched]]:
     yield open_page
     for context in contexts:
         context.close()
+
+
+@pytest.fixture
+def watch(browser: Browser) -> Iterator[Callable[..., Watched]]:
+    """Open pages for one test."""
+    with watching(browser) as open_page:
+        yield open_page
+
+
+@pytest.fixture(scope='module')
+def watch_together(browser: Browser) -> Iterator[Callable[..., Watched]]:
+    """Open pages for all tests of a file: a page that is loaded anew costs seconds."""
+    with watching(browser) as open_page:
+        yield open_page

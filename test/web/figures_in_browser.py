@@ -15,18 +15,20 @@ from axe_playwright_python.sync_playwright import Axe
 
 from imu_recording import read_bag, write_bag
 
-from .conftest import ROOT, wait_for_verdict
+from .conftest import ROOT, Watched, wait_for_verdict
 
 TIME = 'document.querySelector(\'[data-plot="error_over_time"]\')'
 DRAWN = f'{TIME}?._fullLayout?.xaxis?.range[1] > 30'
-FITS = """[...document.querySelectorAll('.js-plotly-plot')].every(plot =>
-  plot._fullLayout && Math.abs(plot._fullLayout.width - plot.clientWidth) < 2
+FITS = """[...document.querySelectorAll('.js-plotly-plot:has(.main-svg)')].every(plot =>
+  Math.abs(plot._fullLayout.width - plot.clientWidth) < 2
   && plot.clientWidth > 0.4 * (plot.closest('.card').clientWidth - 28))"""
 RULES = {
     'light': ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa'],
     'dark': {'type': 'rule', 'values': ['color-contrast', 'link-in-text-block']},
 }
 """What axe asks of the page in each theme; the other one changes nothing but colours."""
+TALL = 1600
+"""Height of a window in which all figures that a test compares are drawn [px]."""
 SERIOUS = ('serious', 'critical')
 SIGNED_CARDS = ('SVG', 'PNG', 'CSV')
 
@@ -48,6 +50,52 @@ def drag(page, first: float, last: float) -> None:
     page.mouse.up()
 
 
+def look_at_everything(page) -> None:
+    """Leave the place that a test before this one has gone to."""
+    everything = page.get_by_role('button', name='Show everything')
+    if everything.is_visible():
+        everything.click()
+        everything.wait_for(state='hidden')
+
+
+def bring(page, name: str) -> None:
+    """Scroll to a figure: it is drawn where it is seen."""
+    plot = page.locator(f'[data-plot="{name}"]')
+    plot.scroll_into_view_if_needed()
+    plot.locator('.scatterlayer').first.wait_for(state='attached')
+
+
+@pytest.fixture(scope='module')
+def opened_desktop(hidden_effect_server, watch_together) -> Watched:
+    address = hidden_effect_server.address + '?version=v1&sensor=accelerometer&axis=z'
+    watched = watch_together(address, 1280, 1000)
+    watched.page.locator('.place').first.wait_for()
+    wait_for_verdict(watched.page)
+    watched.page.wait_for_function(DRAWN)
+    return watched
+
+
+@pytest.fixture
+def desktop(opened_desktop) -> Watched:
+    """A window that looks at everything of one axis; all tests share it."""
+    look_at_everything(opened_desktop.page)
+    return opened_desktop
+
+
+@pytest.fixture(scope='module')
+def opened_phone(hidden_effect_server, watch_together) -> Watched:
+    watched = watch_together(hidden_effect_server.address, 390, 844)
+    watched.page.locator('.place').first.wait_for()
+    return watched
+
+
+@pytest.fixture
+def phone(opened_phone) -> Watched:
+    """A phone that looks at everything; all tests share it."""
+    look_at_everything(opened_phone.page)
+    return opened_phone
+
+
 @pytest.fixture
 def dense_bags(tmp_path: Path) -> list[Path]:
     """Runs with far more samples than a figure has points, of a device with one sensor."""
@@ -62,7 +110,7 @@ def dense_bags(tmp_path: Path) -> list[Path]:
 
 def test_a_brushed_time_filters_all_figures_and_survives_the_theme(serve, watch, dense_bags):
     server = serve(*dense_bags)
-    watched = watch(server.address)
+    watched = watch(server.address, height=TALL)
     page = watched.page
     page.locator('.place').first.wait_for()
     page.wait_for_function(DRAWN)
@@ -94,15 +142,10 @@ def test_a_brushed_time_filters_all_figures_and_survives_the_theme(serve, watch,
     watched.check()
 
 
-def test_one_cursor_goes_through_all_figures(hidden_effect_server, watch):
-    watched = watch(hidden_effect_server.address, 1440, 1000)
-    page = watched.page
-    page.locator('.place').first.wait_for()
-    page.wait_for_function(DRAWN)
-    page.locator('[data-plot="residual_by_temperature"] .scatterlayer').first.wait_for(
-        state='attached'
-    )
-    wait_for_verdict(page)
+def test_one_cursor_goes_through_all_figures(desktop):
+    page = desktop.page
+    for name in ('residual_by_temperature', 'residual_by_rate'):
+        bring(page, name)
     box = seen(page)
     page.mouse.move(box['x'] + 0.3 * box['width'], box['y'] + 60)
     page.mouse.move(box['x'] + 0.31 * box['width'], box['y'] + 62)
@@ -118,14 +161,11 @@ def test_one_cursor_goes_through_all_figures(hidden_effect_server, watch):
     nearest = min(range(len(rows['hours'])), key=lambda i: abs(rows['hours'][i] - hour))
     assert rows['temperature'][nearest] == pytest.approx(temperature, abs=0.5)
     page.locator('.cells button.under').wait_for(state='attached')
-    watched.check()
+    desktop.check()
 
 
-def test_the_buttons_of_a_figure_cover_nothing(hidden_effect_server, watch):
-    watched = watch(hidden_effect_server.address + '?version=v1&sensor=accelerometer&axis=z')
-    page = watched.page
-    page.locator('.place').first.wait_for()
-    page.wait_for_function(DRAWN)
+def test_the_buttons_of_a_figure_cover_nothing(desktop):
+    page = desktop.page
     for name in ('error_over_time', 'residual_by_temperature', 'residual_by_phase'):
         plot = page.locator(f'[data-plot="{name}"]')
         plot.hover(position={'x': 200, 'y': 160})
@@ -136,14 +176,12 @@ def test_the_buttons_of_a_figure_cover_nothing(hidden_effect_server, watch):
             beside = bar['x'] + bar['width'] <= box['x'] or box['x'] + box['width'] <= bar['x']
             apart = bar['y'] + bar['height'] <= box['y'] or box['y'] + box['height'] <= bar['y']
             assert beside or apart, (name, bar, box)
-    watched.check()
+    desktop.check()
 
 
-def test_figures_are_saved_under_names_that_say_what_they_show(hidden_effect_server, watch):
-    watched = watch(hidden_effect_server.address + '?sensor=accelerometer&axis=z')
-    page = watched.page
-    page.locator('.place').first.wait_for()
-    page.locator('[data-plot="residual_by_rate"] .scatterlayer').first.wait_for(state='attached')
+def test_figures_are_saved_under_names_that_say_what_they_show(desktop):
+    page = desktop.page
+    bring(page, 'residual_by_rate')
     card = page.locator('.card', has=page.locator('[data-plot="residual_by_rate"]')).last
     files = {}
     for format_ in SIGNED_CARDS:
@@ -168,13 +206,11 @@ def test_figures_are_saved_under_names_that_say_what_they_show(hidden_effect_ser
         hours = [float(row['x']) for row in rows if row['run'] == f'dut2_{axis}']
         assert min(hours) == pytest.approx(starts[number], abs=0.05)
         assert max(hours) < [*starts, 99.0][number + 1]
-    watched.check()
+    desktop.check()
 
 
-def test_a_phone_scrolls_down_only_and_a_keyboard_reaches_everything(hidden_effect_server, watch):
-    watched = watch(hidden_effect_server.address, 390, 844)
-    page = watched.page
-    page.locator('.place').first.wait_for()
+def test_a_phone_scrolls_down_only_and_a_keyboard_reaches_everything(phone):
+    page = phone.page
     assert page.evaluate('document.documentElement.scrollWidth') <= 390
     page.get_by_role('button', name='Live', exact=True).click()
     page.locator('.live').wait_for()
@@ -191,14 +227,11 @@ def test_a_phone_scrolls_down_only_and_a_keyboard_reaches_everything(hidden_effe
     assert {'tile', 'axis', 'place'} <= seen
     page.keyboard.press('Enter')
     page.locator('.place.on').wait_for()
-    watched.check()
+    phone.check()
 
 
-def test_the_map_is_walked_with_arrow_keys_and_enter_goes_there(hidden_effect_server, watch):
-    watched = watch(hidden_effect_server.address + '?version=v1&sensor=accelerometer&axis=z')
-    page = watched.page
-    page.locator('.cells button').first.wait_for()
-    page.locator('.place').first.wait_for()
+def test_the_map_is_walked_with_arrow_keys_and_enter_goes_there(desktop):
+    page = desktop.page
     page.locator('.cells button[tabindex="0"]').focus()
     focused = page.locator('.cells button:focus')
     assert 'ramp up' in focused.get_attribute('aria-label')
@@ -216,23 +249,23 @@ def test_the_map_is_walked_with_arrow_keys_and_enter_goes_there(hidden_effect_se
     page.keyboard.press('Enter')
     page.locator('.legendtext', has_text=label).first.wait_for()
     page.locator('.cells button:focus[aria-selected=true]').wait_for()
-    watched.check()
+    desktop.check()
 
 
-def test_figures_follow_a_window_that_changes_its_width(hidden_effect_server, watch):
-    watched = watch(hidden_effect_server.address, 390, 844)
-    page = watched.page
-    page.locator('.place').first.wait_for()
+def test_figures_follow_a_window_that_changes_its_width(phone):
+    page = phone.page
+    page.set_viewport_size({'width': 390, 'height': TALL})
     numbers = page.locator('.map .js-plotly-plot .textpoint')
     page.locator('.map .js-plotly-plot .heatmaplayer image').wait_for()
     assert numbers.count() == 0
-    page.set_viewport_size({'width': 844, 'height': 390})
+    page.set_viewport_size({'width': 844, 'height': TALL})
     numbers.first.wait_for(state='attached')
     page.wait_for_function(FITS)
-    page.set_viewport_size({'width': 390, 'height': 844})
+    page.set_viewport_size({'width': 390, 'height': TALL})
     page.wait_for_function(FITS)
     numbers.first.wait_for(state='detached')
-    watched.check()
+    page.set_viewport_size({'width': 390, 'height': 844})
+    phone.check()
 
 
 def test_nothing_can_be_pressed_before_the_server_hears_it(hidden_effect_server, browser):
@@ -259,30 +292,37 @@ def test_a_finger_scrolls_over_figures_and_taps_a_cell(hidden_effect_server, wat
     cell.tap()
     page.locator('.legendtext', has_text='dut2_z, cold dwell, cycle 3').first.wait_for()
     page.wait_for_function(
-        "[...document.querySelectorAll('.js-plotly-plot')].every(p => !p._fullLayout.dragmode)"
+        "[...document.querySelectorAll('.js-plotly-plot:has(.main-svg)')]"
+        '.every(p => !p._fullLayout.dragmode)'
     )
     page.locator('.modebar-btn[data-title="Zoom in"]').first.wait_for()
     watched.check()
 
 
-@pytest.mark.parametrize('scheme', ['light', 'dark'])
-def test_nothing_serious_stands_in_anybodys_way(hidden_effect_server, watch, scheme):
-    watched = watch(hidden_effect_server.address, color_scheme=scheme)
+def test_nothing_serious_stands_in_anybodys_way(hidden_effect_server, watch):
+    watched = watch(hidden_effect_server.address)
     page = watched.page
     page.locator('.place').first.wait_for()
     page.locator('.verdict:not(.waiting) .sentence').wait_for()
-    found = serious(page, scheme)
-    page.get_by_role('button', name='Open bags').click()
-    page.get_by_role('checkbox').first.wait_for()
-    found += serious(page, scheme, '.q-dialog')
-    page.keyboard.press('Escape')
-    page.locator('.q-dialog').wait_for(state='detached')
-    page.get_by_role('button', name='Fleet', exact=True).click()
-    page.locator('.fleet-verdict').first.wait_for()
-    found += serious(page, scheme)
-    page.get_by_role('button', name='Live', exact=True).click()
-    page.locator('.live').wait_for()
-    found += serious(page, scheme)
+    page.wait_for_function(DRAWN)
+    found = []
+    for scheme in RULES:
+        page.emulate_media(color_scheme=scheme)
+        page.locator(f'body.body--{scheme}').wait_for()
+        page.get_by_role('button', name='Case', exact=True).click()
+        page.locator('.place').first.wait_for()
+        found += serious(page, scheme)
+        page.get_by_role('button', name='Open bags').click()
+        page.get_by_role('checkbox').first.wait_for()
+        found += serious(page, scheme, '.q-dialog')
+        page.keyboard.press('Escape')
+        page.locator('.q-dialog').wait_for(state='detached')
+        page.get_by_role('button', name='Fleet', exact=True).click()
+        page.locator('.fleet-verdict').first.wait_for()
+        found += serious(page, scheme)
+        page.get_by_role('button', name='Live', exact=True).click()
+        page.locator('.live').wait_for()
+        found += serious(page, scheme)
     assert found == []
     watched.check()
 

@@ -11,10 +11,12 @@ and at most SHARE of the blocks with ink may. The letters of another font move i
 from __future__ import annotations
 
 import io
+import itertools
 from pathlib import Path
 
 import numpy as np
 import pytest
+from imu_workbench.report.figures.palette import COLOURS
 from PIL import Image, ImageChops
 
 GOLDEN = Path(__file__).resolve().parents[1] / 'golden' / 'pages'
@@ -25,9 +27,17 @@ FAINT, LEAST_INK = 12.0, 3.0
 SAME_BACKGROUND = 16.0
 """Levels of 255 by which the background may differ."""
 HEIGHT = 1000
-DRAWN = """[...document.querySelectorAll('.js-plotly-plot')].every(plot =>
-  plot._fullLayout && plot.querySelector('.main-svg'))
-  && document.querySelectorAll('.js-plotly-plot .scatterlayer .trace').length > 6"""
+DRAWN = """colour => {
+  const seen = [...document.querySelectorAll('.js-plotly-plot')].filter(plot => {
+    const { top, bottom } = plot.getBoundingClientRect();
+    return top < innerHeight && bottom > 0;
+  });
+  return seen.every(plot => plot.querySelector('.main-svg')
+      && plot._fullLayout.font.color === colour
+      && Math.abs(plot._fullLayout.width - plot.clientWidth) < 2)
+    && document.querySelector('.place:not(.all)');
+}"""
+"""All figures that are seen are drawn, in the colours and the width the page has by now."""
 
 
 def reduced(png: bytes) -> Image.Image:
@@ -67,25 +77,33 @@ def stored(width: int, theme: str) -> Path:
     return GOLDEN / f'case_{width}_{theme}.png'
 
 
-@pytest.mark.parametrize('theme', ['light', 'dark'])
-@pytest.mark.parametrize('width', [1440, 1280, 390])
-def test_the_page_looks_as_it_did(hidden_effect_server, watch, request, width, theme, tmp_path):
-    watched = watch(hidden_effect_server.address, width, HEIGHT, color_scheme=theme)
+@pytest.mark.parametrize(
+    ('widths', 'themes'), [((1440, 1280), ('light', 'dark')), ((390,), ('dark', 'light'))]
+)
+def test_the_page_looks_as_it_did(hidden_effect_server, watch, request, widths, themes, tmp_path):
+    address = hidden_effect_server.address
+    watched = watch(address, widths[0], HEIGHT, color_scheme=themes[0])
     page = watched.page
     page.locator('.verdict.missing').wait_for()
     page.locator('.rail[aria-busy=false]').wait_for()
     page.locator('.job').first.wait_for(state='detached')
-    page.wait_for_function(DRAWN)
-    page.mouse.move(0, 0)
-    picture = reduced(page.screenshot(animations='disabled'))
-    path = stored(width, theme)
-    if request.config.getoption('--update-golden'):
-        path.parent.mkdir(exist_ok=True)
-        picture.save(path)
-        return
-    picture.save(tmp_path / path.name)
-    share = differing(picture, Image.open(path).convert('RGB'))
-    assert share <= SHARE, f'{share:.1%} of {path.name} differ: see {tmp_path / path.name}'
+    found = {}
+    for width, theme in itertools.product(widths, themes):
+        page.set_viewport_size({'width': width, 'height': HEIGHT})
+        page.emulate_media(color_scheme=theme, reduced_motion='reduce')
+        page.locator(f'body.body--{theme}').wait_for()
+        page.wait_for_function(DRAWN, arg=COLOURS[theme]['text'])
+        page.mouse.move(0, 0)
+        picture = reduced(page.screenshot(animations='disabled'))
+        path = stored(width, theme)
+        if request.config.getoption('--update-golden'):
+            path.parent.mkdir(exist_ok=True)
+            picture.save(path)
+            continue
+        picture.save(tmp_path / path.name)
+        found[path.name] = differing(picture, Image.open(path).convert('RGB'))
+    other = {name: f'{share:.1%}' for name, share in found.items() if share > SHARE}
+    assert not other, f'shares of the pictures that differ: {other}; see {tmp_path}'
     watched.check()
 
 

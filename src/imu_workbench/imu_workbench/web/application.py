@@ -21,7 +21,7 @@ from imu_workbench.web.page import Page
 from imu_workbench.web.work.workspace import Workspace
 
 STYLES = ('base.css', 'theme.css')
-SCRIPTS = ('resizing.js', 'watching.js', 'cells.js', 'cursor.js', 'focus.js', 'saving.js')
+SCRIPTS = ('watching.js', 'cells.js', 'cursor.js', 'focus.js', 'saving.js')
 RECONNECT_S = 30.0
 """A tab that lost the server keeps its state so long."""
 

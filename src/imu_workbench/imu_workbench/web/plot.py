@@ -17,7 +17,6 @@ from imu_workbench.web.words import with_help
 UNUSED = ['select2d', 'lasso2d', 'autoScale2d', 'toImage']
 CONFIG = {
     'displaylogo': False,
-    'responsive': True,
     'modeBarButtonsToRemove': [*UNUSED, 'zoom2d', 'pan2d', 'zoomIn2d', 'zoomOut2d'],
 }
 """A pointer drags to zoom and, with Shift, to move: that needs no button."""
@@ -64,6 +63,10 @@ def options_of(figure: Figure, look: Look) -> dict[str, Any]:
     return result
 
 
+class PlotElement(ui.plotly, component='figure.js'):  # type: ignore[call-arg, misc]
+    """A figure in the browser, which draws it where it is near what is seen of the page."""
+
+
 class Plot:
     """One figure; it is drawn again where the theme changes."""
 
@@ -74,7 +77,7 @@ class Plot:
         self._place = ui.element('div')
         self.card: ui.element | None = None
         """The card it stands in, where it has one of its own."""
-        self._element: ui.plotly | None = None
+        self._element: PlotElement | None = None
         self._handlers: list[tuple[str, dict[str, Any]]] = []
 
     def show(self, figure: Figure | None) -> None:
@@ -82,20 +85,27 @@ class Plot:
         self._figure = figure
         if figure is None:
             self._place.clear()
+            self._place.style(replace='')
             self._element = None
             return
         options = options_of(figure, self._look)
         if self._element is not None:
             if options != self._drawn:  # plotly.js takes as long for what is there already
                 self._element.update_figure(options)
+                self._reserve(options)
             self._drawn = options
             return
         self._drawn = options
         with self._place:
-            self._element = ui.plotly(options).classes('plot')
+            self._element = PlotElement(options).classes('plot')
+        self._reserve(options)
         self._element.props(f'role=group aria-label="{self._label}" data-plot="{self._name}"')
         for event, handler in self._handlers:
             self._element.on(event, **handler)
+
+    def _reserve(self, options: dict[str, Any]) -> None:
+        """Keep the place free that the figure takes once it is drawn."""
+        self._place.style(replace=f'min-height: {options["layout"]["height"]}px')
 
     def repaint(self) -> None:
         """Draw the same figure in the present look."""

@@ -43,6 +43,7 @@ from imu_workbench.web.live.topics import (
     shared_topics,
 )
 from imu_workbench.web.live.track import SECOND
+from imu_workbench.web.plot import PlotElement
 
 STYLE = """
 .live-grid { display: grid; gap: 12px; width: 100%;
@@ -321,7 +322,7 @@ def _card(title: str) -> Any:
 
 def _plot(title: str, size: str) -> Any:
     with _card(title):
-        plot = ui.plotly({'data': [], 'layout': {}}).classes(f'w-full {size}')
+        plot = PlotElement({'data': [], 'layout': {}}).classes(f'w-full {size}')
         return plot.props(f'role=group aria-label="{title} over time"')
 
 

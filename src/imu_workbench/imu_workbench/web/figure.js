@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// A Plotly figure. It is drawn where it is near what is seen of the page: a page of figures is there
+// as soon as those in front are, and what is scrolled away costs nothing when it changes.
+const EVENTS = ['click', 'hover', 'unhover', 'relayout', 'afterplot'];
+
+// What the server is told: not what plotly.js knows of the points, which holds the whole figure.
+const told = (event) => ({
+  ...event,
+  points: event?.points?.map((p) => ({ ...p, fullData: undefined, xaxis: undefined, yaxis: undefined })),
+  xaxes: undefined,
+  yaxes: undefined,
+});
+
+export default {
+  template: '<div></div>',
+  props: { options: Object },
+  mounted() {
+    this.near = false;
+    this.drawn = null;
+    this.look = null;
+    this.watching = new IntersectionObserver((entries) => {
+      this.near = entries.at(-1).isIntersecting;
+      this.draw();
+    }, { rootMargin: '25% 0px' });
+    this.sizing = new ResizeObserver(() => this.draw());
+    this.watching.observe(this.$el);
+    this.sizing.observe(this.$el);
+  },
+  unmounted() {
+    this.watching.disconnect();
+    this.sizing.disconnect();
+  },
+  methods: {
+    update() {
+      this.drawn = null;
+      this.draw();
+    },
+    async draw() {
+      const { Plotly } = await import('nicegui-plotly');
+      const width = this.$el.clientWidth;
+      if (!this.near || !width) return;
+      if (this.drawn) {
+        if (this.width !== width) Plotly.Plots.resize(this.$el);
+        this.width = width;
+        return;
+      }
+      const { data, layout, config } = this.drawn = this.options;
+      this.width = width;
+      const look = JSON.stringify(config);
+      if (this.look === look) {
+        Plotly.react(this.$el, data, layout, config);
+        return;
+      }
+      this.look = look;
+      Plotly.newPlot(this.$el, data, layout, config);
+      for (const name of EVENTS) {
+        this.$el.on(`plotly_${name}`, (event) => this.$emit(`plotly_${name}`, told(event)));
+      }
+    },
+  },
+};
