@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from imu_recording.jit import entry_of
 from imu_recording.recording import FloatArray
 
 from chamber_profile.chambers import climate as physics
@@ -48,10 +50,20 @@ class SimulatedChamber:
         self.setpoint = 23.0
         self.limits = RANGE_C
         self.running = False
+        self._advance, self._sensed = self._entries()
         self.alarms: tuple[str, ...] = ()
         self._noise = np.empty((0, physics.NOISES))
         self._used = 0
         self._elapsed = 0.0
+
+    def _entries(self) -> tuple[Callable[..., FloatArray], Callable[..., FloatArray]]:
+        """Return the kernels as they are called every second: without a look at the types."""
+        seen = (self.state[None], self.climate)
+        no_time = np.empty((0, physics.NOISES))
+        moved = (self.state, self.climate, self.setpoint, self.running, no_time)
+        physics.advance(*moved)
+        physics.sensed(*seen)
+        return entry_of(physics.advance, moved), entry_of(physics.sensed, seen)
 
     def advance(self, seconds: float) -> FloatArray:
         """Advance the chamber; the physics takes whole seconds, the rest is carried over.
@@ -69,7 +81,7 @@ class SimulatedChamber:
             take = min(steps, len(self._noise) - self._used)
             noise = self._noise[self._used : self._used + take]
             states.append(
-                physics.advance(self.state, self.climate, self.setpoint, self.running, noise)
+                self._advance(self.state, self.climate, self.setpoint, self.running, noise)
             )
             self._used += take
             steps -= take
@@ -87,18 +99,18 @@ class SimulatedChamber:
 
     def read(self) -> ChamberReading:
         """Return the readings of the chamber's sensors now."""
-        state = self.state
-        (air,), (air_2,), (humidity,) = physics.sensed(state[None], self.climate)
+        state: list[float] = self.state.tolist()
+        air, air_2, humidity = self._sensed(self.state[None], self.climate)[:, 0].tolist()
         return ChamberReading(
             air=_shown(air),
             setpoint=self.setpoint,
             running=self.running,
             alarms=self.alarms,
-            humidity=float(humidity),
+            humidity=humidity,
             air_2=_shown(air_2),
             device=_shown(state[physics.DEVICE]),
-            heater=float(state[physics.HEATER]),
-            compressor=float(state[physics.COMPRESSOR]),
+            heater=state[physics.HEATER],
+            compressor=state[physics.COMPRESSOR],
             fan=1.0 if self.running else 0.0,
         )
 
@@ -140,4 +152,4 @@ class SimulatedChamber:
 
 def _shown(temperature: float) -> float:
     """Return a PT100's reading: 0.01 K steps."""
-    return round(float(temperature), 2)
+    return round(temperature, 2)
