@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from independent_simulator.surroundings import Array, Conditions, lag, play
 
@@ -159,6 +158,8 @@ def reading(
 
 def slow_noise(noise: Noise, n: int, dt: float, rng: np.random.Generator) -> Array:
     """Return (n, 3) flicker-like noise on the grid, straight lines over a few seconds."""
+    from scipy.signal import lfilter  # takes half a second
+
     step = max(1, int(4.0 / dt))
     m = n // step + 2
     total = np.zeros((3, m))

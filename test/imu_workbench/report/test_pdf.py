@@ -4,6 +4,7 @@
 import base64
 import importlib.util
 import re
+from typing import Any
 
 import pytest
 from imu_recording.user_error import UserError
@@ -15,7 +16,13 @@ from imu_workbench.report.html.certificate import ROWS_OF_A_PAGE, result_rows
 from imu_workbench.report.limits import Limit, Limits
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.fit import fit
-from weasyprint import HTML
+
+
+def pages(page: str) -> list[Any]:
+    """Return the sheets it is printed on; every worker imports this file, one of them prints."""
+    from weasyprint import HTML
+
+    return HTML(string=page).render().pages
 
 
 @pytest.fixture(scope='module')
@@ -31,9 +38,9 @@ def page(content) -> str:
 
 
 def test_pages(page) -> None:
-    assert len(HTML(string=page).render().pages) <= 10
+    assert len(pages(page)) <= 10
     alone = re.sub(r'<section class="(run|annex)".*?</section>', '', page, flags=re.DOTALL)
-    assert len(HTML(string=alone).render().pages) == 2
+    assert len(pages(alone)) == 2
 
 
 def test_the_certificate_stays_on_two_pages_when_much_was_lost(content) -> None:
@@ -43,7 +50,7 @@ def test_the_certificate_stays_on_two_pages_when_much_was_lost(content) -> None:
     page = pdf.printed_page(content | {'certificates': {'dut1': found}})
     alone = re.sub(r'<section class="annex".*?</section>', '', page, flags=re.DOTALL)
     assert alone.count(note) == MOST_LOSSES + 1
-    assert len(HTML(string=alone).render().pages) == 2
+    assert len(pages(alone)) == 2
 
 
 def test_the_certificate_stays_on_two_pages_with_many_effects(run) -> None:
@@ -68,7 +75,7 @@ def test_the_certificate_stays_on_two_pages_with_many_effects(run) -> None:
     assert len(rows) == len({(row['sensor'], row['name']) for row in rows}) + 1  # six k_ij in two
     page = pdf.printed_page(content)
     alone = re.sub(r'<section class="(run|annex)".*?</section>', '', page, flags=re.DOTALL)
-    assert len(HTML(string=alone).render().pages) == 2
+    assert len(pages(alone)) == 2
 
 
 def test_a_page_names_its_own_device_and_no_number_that_is_not_stated(content) -> None:
@@ -79,7 +86,7 @@ def test_a_page_names_its_own_device_and_no_number_that_is_not_stated(content) -
     }
     page = pdf.printed_page(content | {'certificates': {'dut1': plain, 'dut3': other}})
     first, second = 'Calibration certificate dut1', 'Calibration certificate dut3, no. 2026-001'
-    feet = [foot_of(sheet) for sheet in HTML(string=page).render().pages]
+    feet = [foot_of(sheet) for sheet in pages(page)]
     assert feet[:4] == [first, first, second, second]
     assert set(feet[4:]) == {'Calibration certificates dut1, dut3'}
 
@@ -109,7 +116,7 @@ def test_the_allan_deviation_is_drawn(page, content) -> None:
 
 def test_no_caption_ends_a_page(page) -> None:
     captions = 0
-    for sheet in HTML(string=page).render().pages:
+    for sheet in pages(page):
         boxes = list(sheet._page_box.descendants())
         lowest = (
             max(box.position_y for box in boxes if box.element_tag == 'td')
