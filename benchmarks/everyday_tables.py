@@ -391,6 +391,10 @@ def _ends_outside(row: Row) -> bool:
     return all(OUTSIDE in group.sets[0][0] for group in _of_effect(row))
 
 
+def _has_no_name(row: Row) -> bool:
+    return all(group.sets[0][0] <= {OUTSIDE, UNLOGGED} for group in _of_effect(row))
+
+
 def _behind(row: Row) -> float:
     return max(row['truth'].get('thermometer_magnitude', {'': 0.0}).values())
 
@@ -450,6 +454,7 @@ def further(rows: Sequence[Row]) -> str:
         'nothing hidden: P(nothing) > 0.5 on all sensors': _share(map(_keeps_nothing, clean)),
         '  where the thermometer lags visibly': _share(map(_keeps_nothing, slow)),
         'unlisted laws, M ≥ 3: first answer outside': _share(map(_ends_outside, outside)),
+        '  or a lost channel': _share(map(_has_no_name, outside)),
         '  unless an effect explains 90 % of them': _share(map(_ends_outside, unlike)),
         'channel not logged: said, or the name': _share(
             all(g.right(g.sets[0][0]) for g in _of_effect(row)) for row in unlogged

@@ -1,11 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bursts far apart: how their levels scatter is noise, and none is taken out."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from imu_recording.recording import ImuRecording
 from scipy.signal import lfilter
 from thermal_comp.data.preparation import prepare
+from thermal_comp.data.prepared_run import PreparedRun
+from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
+from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.noise.estimation import fit_noise
+from thermal_comp.noise.of_runs import determined_noise, usual_noise
 
 from ..campaign import PERIOD, WHITE, chamber, run
 
@@ -34,3 +42,34 @@ def test_the_scatter_of_bursts_an_hour_apart_is_noise() -> None:
         apart = noise.amplitudes**2 * -np.expm1(-HOUR / noise.time_constants)[:, None]
         ratios.append(np.sqrt(apart.sum(axis=0)) / truth)
     assert np.sqrt(np.mean(np.log(ratios) ** 2)) < 0.22
+
+
+def knocked(size: float) -> list[PreparedRun]:
+    """Minutes of every hour, of a device that is knocked half way, by multiples of its noise."""
+    time = chamber(CYCLES)[0]
+    step = np.outer(time > time[-1] / 2.0, size * WHITE['angular_velocity'] * np.ones(3))
+    whole = run('+z', seed=5, cycles=CYCLES, error={'angular_velocity': step})
+    return prepare([whole.rows(time % HOUR < 200.0)])
+
+
+def test_what_a_knock_makes_of_bursts_is_no_noise() -> None:
+    base = {'gyroscope': (BiasTemperature(),)}
+    for size, names in ((0.0, ()), (25.0, ('bias_step',))):
+        runs = knocked(size)
+        noise = determined_noise(runs, base)[0]
+        answer = search_sensors(runs, base, noise, Settings(EFFECTS))['gyroscope']
+        assert answer.likeliest.names == names
+
+
+def test_noise_that_is_louder_than_usual_has_an_alternative() -> None:
+    runs = knocked(0.0)
+    fitted = fit_noise(runs, 'gyroscope')
+    assert usual_noise(runs, 'gyroscope', fitted) is None
+    loud = replace(
+        fitted, white=1e-6 * fitted.white, amplitudes=20.0 * WANDERING * np.ones((7, 3))
+    )
+    usual = usual_noise(runs, 'gyroscope', loud)
+    assert usual is not None
+    assert usual.white == pytest.approx(WHITE['angular_velocity'], rel=0.3)
+    assert usual.amplitudes == pytest.approx(np.tile(0.2 * usual.white, (7, 1)))
+    assert usual_noise(runs, 'gyroscope', usual) is None

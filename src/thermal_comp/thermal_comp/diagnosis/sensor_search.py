@@ -31,7 +31,13 @@ from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.estimation import fit_noise
-from thermal_comp.noise.of_runs import independent_axes, noise_beside, turned_runs
+from thermal_comp.noise.of_runs import (
+    independent_axes,
+    log_prior_of_loudness,
+    noise_beside,
+    turned_runs,
+    usual_noise,
+)
 
 BELIEVED = 0.85
 """Probability that something is missing from which it is said: a false word costs six missed."""
@@ -96,6 +102,8 @@ class SensorAnswer:
     """Effects of the catalogue that were looked for in this sensor …"""
     untried: frozenset[str]
     """… and those whose channel was not logged."""
+    log_evidence: float
+    """ln of the density of the rows under all explanations, of noise and model together."""
     elsewhere: FoundElsewhere | None = None
     """The coupled effect beside which all this was found."""
 
@@ -233,14 +241,22 @@ class SensorSearches:
     def of_sensor(self, sensor: Sensor, known: Sequence[Effect] = ()) -> SensorAnswer:
         """Return the answer about one sensor; `known` effects stand beside the base.
 
-        What is named, or comes closest where nothing is, and had been taken for noise (a step, a
-        line) has the search begin anew, with the noise beside it.
+        Noise that is louder than usual may be an effect: with the usual noise it is asked again,
+        and the likelier of the two stands. What is named, or comes closest where nothing is, and
+        had been taken for noise (a step, a line) has the search begin anew, with the noise beside
+        it.
         """
         beside = (*self.base[sensor], *known)
         axes = independent_axes(self.source.runs, sensor)
         runs = turned_runs(self.source.runs, sensor, axes)
         before = self.noise[sensor] if axes is None else fit_noise(runs, sensor, beside)
         found = self._under(before, sensor, beside, axes)
+        usual = usual_noise(runs, sensor, before)
+        if usual is not None:
+            other = self._under(usual, sensor, beside, axes)
+            loudness = log_prior_of_loudness(before, usual, runs[0].period)
+            if other.log_evidence > found.log_evidence + loudness:
+                found, before = other, usual
         likely = {sensor: joined_effects([*beside, *found.named, *found.closest])}
         noise = noise_beside(runs, likely, {sensor: before})[sensor]
         if _differs(noise, before, runs[0].period):
@@ -320,12 +336,14 @@ class SensorSearches:
     def _answer(self, hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> SensorAnswer:
         ranked = sorted(sets, key=lambda s: -s.log_posterior)
         catalogue = self.settings.catalogue
+        found, evidence = explanations(hypotheses, ranked)
         return SensorAnswer(
             hypotheses,
             tuple(ranked),
-            tuple(explanations(hypotheses, ranked)),
+            tuple(found),
             tuple(family.effect for family in hypotheses.families),
             frozenset(catalogue) & frozenset(greyed_out(self.source.runs, catalogue)),
+            hypotheses.nothing + evidence + hypotheses.design.log_density,
         )
 
     def hypotheses(self, design: CandidateDesign, known: Sequence[Effect]) -> SensorHypotheses:

@@ -14,7 +14,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import SpectralLine, spectral_lines
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.columns import orthonormal, per_axis, project_out, stack_runs
+from thermal_comp.linear.columns import log_volume, orthonormal, per_axis, project_out, stack_runs
 from thermal_comp.linear.normal_equations import RANK_TOLERANCE, pseudo_solve
 from thermal_comp.linear.whitening import RowWhitening, apply_gains, apply_transposed
 from thermal_comp.model.values import NoiseModel
@@ -134,6 +134,8 @@ class CandidateDesign:
         known += [per_axis(self._evaluated(effect))[0] for effect in base]
         whitened = self.whitening.whitened(np.concatenate(known, axis=2))
         self.base = [orthonormal(columns) for columns in whitened]
+        self.log_density = -self.whitening.log_deviations - sum(map(log_volume, whitened))
+        """ln of the density of the rows less −χ²/2: of their noise, levels and base model."""
         self.base_rank = sum(q.shape[1] for q in self.base)
         self.target = self._residual(measured)
 

@@ -119,6 +119,11 @@ class RowWhitening:
     def __len__(self) -> int:
         return int(self.edges[-1])
 
+    @property
+    def log_deviations(self) -> float:
+        """Sum of ln of the innovations' deviations: ½ ln det of the covariance of the noise."""
+        return float(sum(np.log(g.deviation).sum() for gains in self._gains for g in gains))
+
     def rows_of(self, run: int) -> slice:
         """Return where the rows of a run stand."""
         return slice(int(self.edges[run]), int(self.edges[run + 1]))

@@ -15,7 +15,12 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import project_out
 from thermal_comp.model.values import ModelError, NoiseModel
-from thermal_comp.noise.estimation import effects_beyond, fit_noise
+from thermal_comp.noise.estimation import (
+    SLOW_SHARE_LN,
+    TYPICAL_SLOW_SHARE,
+    effects_beyond,
+    fit_noise,
+)
 from thermal_comp.noise.jumps import basis_with_jumps
 from thermal_comp.noise.projection import LEAST_BLOCKS, basis_of_rows
 from thermal_comp.noise.saturated_model import saturated_basis
@@ -23,6 +28,12 @@ from thermal_comp.noise.vibration import SHAKEN, noise_of_vibration, note_of_vib
 
 CORRELATED_EVIDENCE = 10.0
 """2 ln of the Bayes factor from which noise is correlated between axes."""
+LOUD = 5.0
+"""Noise of means in the usual one from which it may be an effect that was fitted as noise."""
+ANOTHER_WHITE = 2.0
+"""Ratio from which white noise is another one than what neighbours tell …"""
+LEAST_BENDS = 10
+"""… by at least so many of three in a row."""
 LEAST_SHAKEN = 10
 """Rows that tell the direction in which the device is shaken."""
 FINEST_RESOLUTION = 1e-12
@@ -131,6 +142,56 @@ def independent_axes(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray 
         return None
     axes: FloatArray = eigh(moved, still)[1]
     return axes / np.linalg.norm(axes, axis=0)
+
+
+def usual_noise(
+    runs: Sequence[PreparedRun], sensor: Sensor, fitted: NoiseModel
+) -> NoiseModel | None:
+    """Return the noise a sensor usually has; None where the fitted one is hardly louder.
+
+    An effect that no saturated model follows is fitted as noise where rows are few or it is large.
+    White noise is the fitted one, or what the median second difference of successive blocks tells
+    where that is another; slow noise is as large beside it as that of MEMS sensors is.
+    """
+    told = _white_of_neighbours(runs, sensor, fitted)
+    if told is None:
+        return None
+    other = (fitted.white > ANOTHER_WHITE * told) | (ANOTHER_WHITE * fitted.white < told)
+    white = np.where(other, told, fitted.white)
+    slow = np.tile(TYPICAL_SLOW_SHARE * white, (len(fitted.time_constants), 1))
+    usual = replace(fitted, white=white, amplitudes=slow)
+    period = runs[0].period
+    loud = fitted.variance_of_means(period) > LOUD**2 * usual.variance_of_means(period)
+    return usual if loud.any() else None
+
+
+def _white_of_neighbours(
+    runs: Sequence[PreparedRun], sensor: Sensor, noise: NoiseModel
+) -> FloatArray | None:
+    """Return the (3,) white noise of a one-second mean that three blocks in a row tell [unit].
+
+    None where there are too few, or they do not differ.
+    """
+    period, sizes = runs[0].period, [np.zeros((0, 3))]
+    still = np.maximum(noise.variance_of_means(period), 1e-300)
+    for run in runs:
+        values = run.measured[sensor]
+        added = np.broadcast_to(noise.added_by(run.vibration, period), values.shape) / still
+        variance = (added[2:] + 4.0 * added[1:-1] + added[:-2]) / 6.0 + 1.0
+        bend = np.abs(np.diff(values, 2, axis=0)) / np.sqrt(6.0 * variance)
+        in_row = (run.slot[2:] - run.slot[:-2] == 2) & np.isfinite(bend).all(axis=1)
+        sizes.append(bend[in_row])
+    rows = np.concatenate(sizes)
+    if len(rows) < LEAST_BENDS:
+        return None
+    white: FloatArray = 1.4826 * np.median(rows, axis=0) * np.sqrt(period)
+    return white if (white > 0.0).all() else None
+
+
+def log_prior_of_loudness(noise: NoiseModel, usual: NoiseModel, period: float) -> float:
+    """Return ln of the prior of noise that is louder than usual, relative to the usual one."""
+    ratio = noise.variance_of_means(period) / usual.variance_of_means(period)
+    return -0.5 * float(0.5 * np.log(np.maximum(ratio, 1e-300)).mean() / SLOW_SHARE_LN) ** 2
 
 
 def _covariance(rows: FloatArray, least: int) -> FloatArray | None:

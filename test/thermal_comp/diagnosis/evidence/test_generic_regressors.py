@@ -39,7 +39,7 @@ def test_the_regressor_of_the_variable_explains_most(variable: str) -> None:
     noise = fit_noise(prepare([run(seed=3, cycles=3, period=20.0)]), 'gyroscope')
     design = CandidateDesign(ColumnSource(runs), 'gyroscope', noise, base)
     hypotheses = SensorHypotheses(design, {})
-    likeliest = explanations(hypotheses, hypotheses.sets())[0]
+    likeliest = explanations(hypotheses, hypotheses.sets())[0][0]
     assert likeliest.names == (NOT_IN_CATALOGUE,)
     assert likeliest.depends_on == variable
 

@@ -90,8 +90,13 @@ def _fitted(
     return FittedSet(some, state, free, course, _variables_of_larger(some, close))
 
 
-def explanations(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> list[Explanation]:
-    """Return the explanations of one sensor, most probable first; probabilities sum to 1."""
+def explanations(
+    hypotheses: SensorHypotheses, sets: Sequence[EffectSet]
+) -> tuple[list[Explanation], float]:
+    """Return the explanations of one sensor, most probable first; probabilities sum to 1.
+
+    And ln of their evidence together, relative to that of no effect.
+    """
     hypotheses.allow_unnamed()
     best = max(sets, key=lambda s: s.log_posterior)
     close = [s for s in sets if s.log_posterior > best.log_posterior - WORTH_A_LOOK][:MOST_SETS]
@@ -116,7 +121,7 @@ def explanations(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> lis
     named = [_named(some, rest, total) for some, rest in weighed if not some.guessed]
     found = _with_unseen(named, hypotheses.unseen)
     found += _unnamed(weighed, total)
-    return sorted(found, key=lambda e: -e.probability)
+    return sorted(found, key=lambda e: -e.probability), total
 
 
 def _unlogged(some: EffectSet, rest: list[_Beside]) -> list[_Beside]:
