@@ -35,21 +35,22 @@ def test_a_phone_gets_its_own_layout_and_its_finger_scrolls():
 
 
 def test_a_figure_is_drawn_again_only_where_it_has_changed(monkeypatch):
-    ui = MagicMock()
-    monkeypatch.setattr(plot, 'ui', ui)
+    element = MagicMock()
+    monkeypatch.setattr(plot, 'ui', MagicMock())
+    monkeypatch.setattr(plot, 'PlotElement', element)
     look = Look()
     shown = Plot(look, 'a line')
-    sent = ui.plotly.return_value.classes.return_value.update_figure
+    sent = element.return_value.classes.return_value.update_figure
     for drawn in (FIGURE, FIGURE, figure_to(2.0), figure_to(2.0), FIGURE):
         shown.show(drawn)
-    assert ui.plotly.call_count == 1
+    assert element.call_count == 1
     assert [call.args[0]['data'][0]['y'] for call in sent.call_args_list] == [[0, 2.0], [0, 1]]
     look.dark = True
     shown.repaint()
     assert sent.call_count == 3
     shown.show(None)
     shown.show(FIGURE)
-    assert ui.plotly.call_count == 2
+    assert element.call_count == 2
 
 
 def figure_to(y: float) -> Figure:

@@ -30,7 +30,9 @@ _DENSEST: FloatArray = np.linspace(_COARSE[0], _COARSE[-1], FINER**2 * (len(_COA
 _INTERPOLATION: FloatArray = CubicSpline(_DENSE, np.eye(len(_DENSE)))(_DENSEST)
 """What is smooth over ln of the amplitude, between."""
 MOST_TOGETHER = 3
-"""Flexible functions beside each other."""
+"""Flexible functions beside each other …"""
+WORTH_ANOTHER = 2.0
+"""… and gain of ln evidence of the best from which another is looked for beside it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +164,7 @@ def gains_together(
     each = [gain_of(state, term, amplitude, beside=beside) for term in terms]
     gains = [gain for gain, _ in each]
     place = int(np.argmax(gains))
-    if gains[place] > 0.0 and len(known) + 1 < MOST_TOGETHER:
+    if gains[place] > WORTH_ANOTHER and len(known) + 1 < MOST_TOGETHER:
         columns, width = terms[place].columns, each[place][1]
         if beside:
             width /= np.sqrt(state.power(columns))

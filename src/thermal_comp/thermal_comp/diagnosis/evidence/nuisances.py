@@ -18,12 +18,13 @@ from thermal_comp.linear.gaussian_evidence import CoefficientPrior
 
 Response: TypeAlias = Callable[[PreparedRun, FloatArray], FloatArray]
 """What errors (n, q) of the temperature [K] do to the block means of a run, (m, 3, q) [unit]."""
-DIRECTIONS, DIRECTIONS_OF_ALL = 6, 12
+DIRECTIONS, DIRECTIONS_OF_ALL = 8, 24
 """Least number of the strongest directions of slow noise: per run, and over all runs together.
 
 With time constants from a share s of a run of length T on, slow noise has a band of 1/(2π s T), in
-which 2 T / (2π s T) = 1/(π s) = 12 directions are independent; s is priors.SLOW_NOISE_SHARE. The
-variance of slow noise is estimated from them alone in a single run, from all runs in several."""
+which 2 T / (2π s T) = 1/(π s) = 12 directions are independent; s is priors.SLOW_NOISE_SHARE. Two
+fifths of what such noise has beyond its corner lie below twice the band: 24. The variance of slow
+noise is estimated from them alone in a single run, from all runs in several."""
 SUPPORT = 160
 """Instants at which their covariance is computed; they are smooth between."""
 

@@ -128,13 +128,9 @@ def _unlogged(some: EffectSet, rest: list[_Beside]) -> list[_Beside]:
     """Return what acts beside a set, whose own weight speaks for the channel that it guesses."""
     if not some.guessed:
         return rest
-    known = _beside_lost(some)
-    return [
-        replace(b, kind=UNLOGGED, depends_on=some.guessed, believed=known)
-        if b.kind in {'', 'flaw'}
-        else b
-        for b in rest
-    ]
+    own = {'', 'flaw'}
+    lost = [replace(b, kind=UNLOGGED, depends_on=some.guessed) for b in rest if b.kind in own]
+    return [*(b for b in rest if b.kind not in own), *_or_beside(lost, _beside_lost(some))]
 
 
 def _without(some: EffectSet, name: str = '') -> Names:
@@ -299,10 +295,9 @@ def _unknown(
     lost = hypotheses.lost_over_time
     laws = [_Beside(NOT_IN_CATALOGUE, r.depends_on, g) for r, g in gains if r.may_be_law]
     laws += [_Beside(NOT_IN_CATALOGUE, 'time', course, course=True)]
-    known = _beside_lost(some)
-    traces = [_Beside(UNLOGGED, r.unlogged, g, known) for r, g in gains if r.unlogged]
-    either = [_Beside(UNLOGGED, r.suspect, g, known) for r, g in gains if r.suspect]
-    either += [_Beside(UNLOGGED, lost, course, known, course=True)] if lost else []
+    traces = [_Beside(UNLOGGED, r.unlogged, g) for r, g in gains if r.unlogged]
+    either = [_Beside(UNLOGGED, r.suspect, g) for r, g in gains if r.suspect]
+    either += [_Beside(UNLOGGED, lost, course, course=True)] if lost else []
     found = []
     for beside, prior, ways in (
         (laws, priors.NOT_IN_CATALOGUE, len(laws)),
@@ -311,7 +306,21 @@ def _unknown(
     ):
         share = float(np.log(prior * once / max(ways, LEAST_WAYS)))
         found += [replace(b, log_weight=b.log_weight + share) for b in beside]
-    return found
+    return _or_beside(found, _beside_lost(some))
+
+
+def _or_beside(found: Sequence[_Beside], known: Names) -> list[_Beside]:
+    """Return what may act; of a lost channel the effects beside it are known, or a part."""
+    if not known:
+        return [*found]
+    alike = float(np.log(priors.LOST_LOOKS_ALIKE))
+    others = float(np.log1p(-priors.LOST_LOOKS_ALIKE))
+    lost = [b for b in found if b.kind == UNLOGGED]
+    return [
+        *(b for b in found if b.kind != UNLOGGED),
+        *(replace(b, log_weight=b.log_weight + alike) for b in lost),
+        *(replace(b, log_weight=b.log_weight + others, believed=known) for b in lost),
+    ]
 
 
 def _switched(hypotheses: SensorHypotheses, some: EffectSet, weight: float) -> list[_Beside]:

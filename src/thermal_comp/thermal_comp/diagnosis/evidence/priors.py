@@ -23,6 +23,10 @@ NOT_IN_CATALOGUE = 0.15
 UNLOGGED = 0.15
 """That it follows a variable that was not logged, where a variable is missing."""
 
+LOST_LOOKS_ALIKE = 0.5
+"""That an effect beside such a variable is in truth a part of what the variable does, which its
+traces, or a guess, follow only in part: many laws look somewhat like a lag or a hysteresis."""
+
 LOST_WITHOUT_TRACE = 0.5
 """That such a variable leaves no trace in those that were logged, only a course over time."""
 
