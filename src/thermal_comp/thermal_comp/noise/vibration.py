@@ -157,11 +157,13 @@ def block_variances(noise: NoiseModel, run: PreparedRun) -> FloatArray:
 
 
 def note_of_vibration(noise: NoiseModel, runs: Sequence[PreparedRun], sensor: Sensor) -> str:
-    """Return a sentence where vibration makes a sensor's noise larger, '' where it does not."""
+    """Return a sentence where vibration makes a sensor's noise much larger, '' elsewhere."""
     if not noise.per_vibration.any():
         return ''
     variances = np.concatenate([block_variances(noise, run) for run in runs])
     factor = np.sqrt(variances / noise.variance_of_means(runs[0].period)).max(axis=1)
+    if not (factor > SHAKEN).any():
+        return ''
     return (
         f'{sensor}: its noise grows with vibration, up to {factor.max():.3g} times; '
         f'{np.mean(factor > SHAKEN):.0%} of the blocks have more than {SHAKEN:g} times that of '
