@@ -4,12 +4,15 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.diagnose import Settings, diagnose_prepared
 from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.contract import CAMPAIGN
 from thermal_comp.effects.mains_alias import MainsAlias
 from thermal_comp.effects.resolution import example_cycle
+from thermal_comp.fitting.fit import fit_prepared
 
 from ..campaign import WHITE, chamber, run
 
@@ -44,3 +47,15 @@ def test_a_line_that_comes_and_goes_with_the_heater_is_named() -> None:
     named = [(f.name, f.probability) for f in found.findings if f.kind == 'effect']
     assert [name for name, _ in named] == ['mains_alias']
     assert named[0][1] > 0.9
+
+
+def test_a_fit_leaves_a_line_where_the_spectrum_has_it() -> None:
+    time = chamber(2)[0]
+    line = 4.0 * np.cos(2.0 * np.pi * 0.0102 * time)
+    slow = 20.0 * np.sin(2.0 * np.pi * time / 9000.0)
+    error = WHITE['magnetic_field'] * np.outer(line + slow, [1.0, -0.6, 0.8])
+    runs = prepare([run(seed=6, cycles=2, error={'magnetic_field': error})])
+    model = fit_prepared({'magnetometer': (BiasTemperature(), MainsAlias())}, runs)
+    (fitted,) = [e for e in model.sensors['magnetometer'].effects if e.name == 'mains_alias']
+    assert isinstance(fitted, MainsAlias)
+    assert fitted.frequency == pytest.approx(0.0102, abs=2e-5)

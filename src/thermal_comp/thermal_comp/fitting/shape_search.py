@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from imu_recording.recording import FloatArray
 
+from thermal_comp.data.spectral_lines import spectral_lines
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.design import Design, Term
 from thermal_comp.linear.free_term import FreeTerm
@@ -18,6 +19,10 @@ GRID_POINTS = 13
 """Points of the first search along one logarithmic parameter; linear ones take three times."""
 GRID_SWEEPS = 3
 """Rounds over all parameters before all are refined together."""
+LINE_CYCLES = 0.7
+"""Cycles by which a spectral line may get out of step over a run …"""
+DRIFTING_K = 20.0
+"""… and the change of temperature to which that holds where it drifts [K]."""
 
 
 @dataclass(frozen=True)
@@ -130,30 +135,74 @@ def _refine(design: Design, term: Term, duration: float, *, globally: bool) -> D
 
     values = shape_values(term.effect, scales)
     if globally:
-        for _ in range(1 if len(scales) == 1 else GRID_SWEEPS):
-            for k, scale in enumerate(scales):
-                values = _along(cost, values, k, scale.grid())
+        values = _best_start(cost, values, scales, design, term)
+    line = term.effect.line_frequency is not None
     if len(scales) == 1:
         step = 1.5 * (scales[0].grid()[1] - scales[0].grid()[0])
-        if scales[0].unit == 'Hz':  # a line is as wide as the run is short
-            step = 0.7 / (duration * scales[0].back(values[0]))
-        bounds = (values[0] - step, values[0] + step)
         low, high = scales[0].grid()[[0, -1]]
+        bounds = max(values[0] - step, low), min(values[0] + step, high)
+        if line:
+            bounds = _about_line(values, scales, duration)[0]
         found = minimize_scalar(
             lambda v: cost(np.array([v])),
-            bounds=(max(bounds[0], low), min(bounds[1], high)),
+            bounds=bounds,
             method='bounded',
-            options={'xatol': 1e-4 * step},
+            options={'xatol': 1e-4 * (bounds[1] - bounds[0])},
         )
         best = np.array([found.x])
     else:
         limits = [(s.grid()[0], s.grid()[-1]) for s in scales]
+        if line:
+            limits = _about_line(values, scales, duration)
         options = {'maxfev': 60 * len(scales), 'xatol': 1e-3, 'fatol': 1e-2}
         best = minimize(cost, values, method='Nelder-Mead', bounds=limits, options=options).x
-    best = _by_rows(cost, best, scales)
+    if not line:
+        best = _by_rows(cost, best, scales)
     if cost(best) > cost(values):
         best = values
     return _exchanged(design, term, with_shape(term.effect, scales, best))
+
+
+def _best_start(
+    cost: Callable[[FloatArray], float],
+    values: FloatArray,
+    scales: list[ShapeScale],
+    design: Design,
+    term: Term,
+) -> FloatArray:
+    """Return the best values of the whole range; of a spectral line, of the prominent ones."""
+    if term.effect.line_frequency is not None:
+        return min([values, *_spectral_lines(design, term, scales)], key=cost)
+    for _ in range(1 if len(scales) == 1 else GRID_SWEEPS):
+        for k, scale in enumerate(scales):
+            values = _along(cost, values, k, scale.grid())
+    return values
+
+
+def _about_line(
+    values: FloatArray, scales: list[ShapeScale], duration: float
+) -> list[tuple[float, float]]:
+    """Return how far frequency and drift of a spectral line may move: it is as wide as T is short.
+
+    Its place is told by the spectrum; elsewhere another line, or none, would be fitted.
+    """
+    reach = {'Hz': LINE_CYCLES / duration, 'Hz/K': LINE_CYCLES / (duration * DRIFTING_K)}
+    limits = []
+    for value, scale in zip(values, scales, strict=True):
+        away, here = reach.get(scale.unit, scale.high - scale.low), scale.back(value)
+        limits.append((scale.forward(here - away), scale.forward(here + away)))
+    return limits
+
+
+def _spectral_lines(design: Design, term: Term, scales: list[ShapeScale]) -> list[FloatArray]:
+    """Return frequency and drift of the most prominent lines, on the search scale."""
+    if [scale.unit for scale in scales] != ['Hz', 'Hz/K']:
+        return []
+    found = [line for sensor in term.sensors for line in spectral_lines(design.runs, sensor)]
+    return [
+        np.array([scales[0].forward(line.frequency), scales[1].forward(line.drift)])
+        for line in found
+    ]
 
 
 def _by_rows(

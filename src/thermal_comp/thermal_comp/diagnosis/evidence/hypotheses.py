@@ -55,6 +55,9 @@ LEAST_MOVE = 0.05
 """Gain of ln evidence from which a move goes on."""
 MOST_MOVES = 12
 """Moves of a shape by one factor."""
+MOST_STRAIN = 20.0
+"""χ² of its errors by their prior up to which a thermometer is taken to have made them: those of
+lagging ones have 6 and less, what is bent into them to follow a curvature of the sensor 40."""
 CURVATURE_RATIO = 1.04
 """Factor over which the peak of the evidence over a shape parameter is measured."""
 
@@ -121,9 +124,18 @@ class SensorHypotheses:
         )
         self.nothing = self.log_evidence(())[0]
         alone = self._joint((), self._likeliest[1][:1])[1]
-        self.explained_by_thermometer = max(alone - self._told, 0.0)
-        """Δχ² of the thermometer's errors alone."""
+        plausible = self._strain(self._likeliest[1][0]) <= MOST_STRAIN
+        self.explained_by_thermometer = max(alone - self._told, 0.0) if plausible else 0.0
+        """Δχ² of the thermometer's errors alone; 0 where they are larger than one has."""
         self._explained_by_nuisances = self._joint((), self._likeliest[1])[1]
+
+    def _strain(self, thermometer: CoefficientPrior) -> float:
+        """Return χ² of the thermometer's errors by their prior, those that explain most."""
+        normal, right = self.design.equations(thermometer.columns)
+        deviation = thermometer.deviation
+        scaled = normal.sum(axis=0) * np.outer(deviation, deviation)
+        errors = np.linalg.solve(np.eye(len(deviation)) + scaled, deviation * right.sum(axis=0))
+        return float(errors @ errors)
 
     def sets(self) -> list[EffectSet]:
         """Return the sets that were looked at, most probable first."""

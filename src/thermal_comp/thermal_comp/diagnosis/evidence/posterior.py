@@ -140,9 +140,10 @@ def _without(some: EffectSet, name: str = '') -> Names:
 
 
 def _beside_lost(some: EffectSet) -> Names:
-    """Return the effects of a set that act beside a lost channel: what repeats is its own."""
-    repeated = {c.name for c in some.components if c.form.effect.repeatable}
-    return tuple(name for name in _without(some) if name not in repeated)
+    """Return the effects of a set that act beside a lost channel: steps and lines are its own."""
+    effects = [c.form.effect for c in some.components]
+    switched = {e.name for e in effects if e.repeatable or e.line_frequency is not None}
+    return tuple(name for name in _without(some) if name not in switched)
 
 
 def _as_twins(
