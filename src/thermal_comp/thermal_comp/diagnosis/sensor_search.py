@@ -194,7 +194,7 @@ class SensorAnswer:
 def _with_name(names: Names, name: str) -> Names:
     """Return the names of a set with one effect more; what has no name stands last."""
     unnamed = {*UNNAMED.values()}
-    known = sorted({*names, name} - unnamed)
+    known = sorted([*(n for n in names if n not in unnamed), name])
     return (*known, *(n for n in names if n in unnamed))
 
 
