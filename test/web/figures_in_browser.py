@@ -290,6 +290,7 @@ def test_a_finger_scrolls_over_figures_and_taps_a_cell(hidden_effect_server, wat
     page = watched.page
     cell = page.locator('.cells button[aria-label^="dut2_z, cold dwell, cycle 3"]')
     cell.tap()
+    page.locator('[data-plot="residual_by_temperature"]').scroll_into_view_if_needed()
     page.locator('.legendtext', has_text='dut2_z, cold dwell, cycle 3').first.wait_for()
     page.wait_for_function(
         "[...document.querySelectorAll('.js-plotly-plot:has(.main-svg)')]"
