@@ -141,8 +141,7 @@ class SensorAnswer:
         missing = 1.0 - probability(self.explanations, lambda e: e.names == ())
         if missing < BELIEVED:
             return 'complete'
-        unknown = probability(self.explanations, lambda e: NOT_IN_CATALOGUE in e.names)
-        unlogged = probability(self.explanations, lambda e: UNLOGGED in e.names)
+        unknown, unlogged = map(self.probability_of, (NOT_IN_CATALOGUE, UNLOGGED))
         if unknown + unlogged > missing - unknown - unlogged:
             return 'unexplained' if unknown >= unlogged else 'unlogged'
         return 'named'
@@ -172,7 +171,7 @@ class SensorAnswer:
         )
 
     def probability_of(self, name: str) -> float:
-        """Return the probability that an effect acts: of all explanations it has a part in."""
+        """Return the probability that an effect acts, or what has no name: of all its parts."""
         return probability(self.explanations, lambda e: name in e.names)
 
     @cached_property
@@ -302,7 +301,7 @@ class SensorSearches:
         ):
             return {}
         first, *others = asked
-        alone = probability(found[first].explanations, lambda e: effect.name in e.names)
+        alone = found[first].probability_of(effect.name)
         if alone < 0.5 and any(found[s].kind in UNNAMED for s in others):
             # What has no name in another sensor is no sign of an effect this one hardly feels.
             return {}
@@ -315,7 +314,7 @@ class SensorSearches:
         ]
         again = {first: self._answer(found[first].hypotheses, sets)}
         forms = [form for form in again[first].named if form.name == effect.name]
-        certain = probability(again[first].explanations, lambda e: effect.name in e.names)
+        certain = again[first].probability_of(effect.name)
         for sensor in others if forms else ():
             elsewhere = FoundElsewhere(effect.name, certain, found[sensor].explanations)
             again[sensor] = replace(self.of_sensor(sensor, forms), elsewhere=elsewhere)

@@ -232,8 +232,8 @@ def _explanation(names: Names, parts: Sequence[tuple[float, EffectSet, _Beside]]
     followed = [p for p in parts if not p[2].course and p[2].log_weight > LEAST_FOLLOWED]
     _, some, strongest = max(followed or parts, key=lambda part: part[0])
     probability = sum(part[0] for part in parts)
-    believed = tuple(c for c in some.components if not c.form.effect.guessed_channel)
-    return Explanation(names, probability, False, believed, strongest.depends_on, some.explained)
+    logged = tuple(c for c in some.components if not c.form.effect.guessed_channel)
+    return Explanation(names, probability, False, logged, strongest.depends_on, some.explained)
 
 
 def _own_variables(some: EffectSet) -> set[str]:
