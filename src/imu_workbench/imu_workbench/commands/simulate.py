@@ -101,7 +101,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         '--aged',
         action='store_true',
         help='the same device a year later, on another day: slopes, offsets and what --hide hides '
-        'have changed, by how much only `reveal DIR` tells',
+        'have changed, by how much only `reveal DIR` tells; with the --seed of a year ago, which '
+        'drew what is hidden',
     )
 
 
