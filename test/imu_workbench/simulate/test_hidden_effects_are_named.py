@@ -88,3 +88,17 @@ def test_a_step_that_noise_was_fitted_to_is_named() -> None:
     (finding,) = acted_on(recordings)
     assert (finding.sensor, finding.name) == (A, 'bias_step')
     assert finding.error_after < 1.1 * finding.noise_floor
+
+
+def test_a_drift_beside_a_line_of_many_times_its_size_is_named() -> None:
+    """Beside the line there is no slow noise; before it is found there seems to be much."""
+    recordings = hidden_campaign(
+        'paper_betta2022',
+        draw_device(0),
+        Logging(1.0 / 60.0, True, 60.0),
+        [HiddenEffect('mains_alias', 30.0, M), HiddenEffect('bias_drift', 2.0, M)],
+        seed=0,
+        orientations=('+x',),
+    ).recordings
+    acted = acted_on(measured_by(recordings, M))
+    assert {f.name for f in acted} == {'mains_alias', 'bias_drift'}

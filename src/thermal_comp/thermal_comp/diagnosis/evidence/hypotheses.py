@@ -49,7 +49,7 @@ LEAST_GAIN = 2.0
 """Least gain of ln evidence, before any prior, from which an addition is looked at closely."""
 PROMISING_SHARE = 0.3
 """Share of the best single effect's gain a form may lose because the grid of shapes is coarse."""
-SHAPE_RATIOS = (1.25, 1.06, 1.02, 1.005)
+SHAPE_RATIOS = (1.25, 1.06, 1.02, 1.005, 1.001, 1.0002, 1.00005, 1.00001)
 """Factors by which shape parameters are moved, ever smaller; the peak lies between them."""
 LEAST_MOVE = 0.05
 """Gain of ln evidence from which a move goes on."""
@@ -119,15 +119,22 @@ class SensorHypotheses:
         self._weigh_nuisances()
 
     def _weigh_nuisances(self) -> None:
-        self._likeliest = max(
-            self.nuisances, key=lambda pair: pair[0] + self._joint((), pair[1])[0]
-        )
+        likeliest = self._likeliest(())
         self.nothing = self.log_evidence(())[0]
-        alone = self._joint((), self._likeliest[1][:1])[1]
-        plausible = self._strain(self._likeliest[1][0]) <= MOST_STRAIN
+        alone = self._joint((), likeliest[:1])[1]
+        plausible = self._strain(likeliest[0]) <= MOST_STRAIN
         self.explained_by_thermometer = max(alone - self._told, 0.0) if plausible else 0.0
         """Δχ² of the thermometer's errors alone; 0 where they are larger than one has."""
-        self._explained_by_nuisances = self._joint((), self._likeliest[1])[1]
+        self._explained_by_nuisances = self._joint((), likeliest)[1]
+
+    def _likeliest(self, components: Sequence[Component]) -> Sequence[CoefficientPrior]:
+        """Return the alternative of the nuisances that is likeliest beside components.
+
+        What a large effect leaves of the residual shows slow noise that is nothing beside it.
+        """
+        return max(self.nuisances, key=lambda pair: pair[0] + self._joint(components, pair[1])[0])[
+            1
+        ]
 
     def _strain(self, thermometer: CoefficientPrior) -> float:
         """Return χ² of the thermometer's errors by their prior, those that explain most."""
@@ -253,8 +260,12 @@ class SensorHypotheses:
         `generic`: generic regressors' coefficients are integrated out as well; `thermometer`:
         whether the thermometer's errors are.
         """
-        nuisances = self._likeliest[1] if thermometer else self._likeliest[1][1:]
-        integrated = [*nuisances, *(c.prior for c in components), *generic]
+        nuisances = self._likeliest(components)
+        integrated = [
+            *(nuisances if thermometer else nuisances[1:]),
+            *(c.prior for c in components),
+            *generic,
+        ]
         design = self.design
         normal, right = design.products([c for prior in integrated for c in prior.columns])
         return conditioned(normal, right, design.chi_square, self.rows, integrated)
@@ -317,9 +328,6 @@ class SensorHypotheses:
             components = self.scaled(components, place)[0]
         return components
 
-    def _likely(self, components: Sequence[Component]) -> float:
-        return self._joint(components, self._likeliest[1])[0]
-
     def _shaped(
         self, components: list[Component], place: int, ratios: Sequence[float]
     ) -> list[Component]:
@@ -327,12 +335,14 @@ class SensorHypotheses:
         one = components[place]
         if one.form.free == 0:
             return components
+        nuisances = self._likeliest(components)
         each_way = _unit_ways(one.form.free)
         known: dict[Effect, float] = {}
 
         def likely(form: Form) -> float:
             if form.effect not in known:
-                known[form.effect] = self._likely(self._with(components, place, form))
+                some = self._with(components, place, form)
+                known[form.effect] = self._joint(some, nuisances)[0]
             return known[form.effect]
 
         best = one.form
@@ -366,12 +376,13 @@ class SensorHypotheses:
         """
         grid = priors.AMPLITUDES
         trials: dict[int, tuple[list[Component], float]] = {}
+        nuisances = self._likeliest(components)
 
         def at(index: int) -> float:
             if index not in trials:
                 one = replace(components[place], amplitude=float(grid[index]))
                 some = [*components[:place], one, *components[place + 1 :]]
-                trials[index] = some, self._likely(some)
+                trials[index] = some, self._joint(some, nuisances)[0]
             return trials[index][1]
 
         here = int(np.argmin(np.abs(np.log(grid / components[place].amplitude))))
@@ -415,10 +426,12 @@ class SensorHypotheses:
         share = -float(np.log(one.forms))
         if one.form.free == 0:
             return share
-        here = self._likely(components)
+        nuisances = self._likeliest(components)
+        here = self._joint(components, nuisances)[0]
         with self.design.trials():
             near = moved_forms(self.design, one.form, CURVATURE_RATIO, _unit_ways(one.form.free))
-            trials = [self._likely(self._with(components, place, f)) for f in near if f]
+            moved = [self._with(components, place, f) for f in near if f]
+            trials = [self._joint(some, nuisances)[0] for some in moved]
             drops = [max(here - trial, 1e-3) for trial in trials]
         if not drops:
             return share
