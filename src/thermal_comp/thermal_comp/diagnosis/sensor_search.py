@@ -29,6 +29,7 @@ from thermal_comp.diagnosis.evidence.posterior import Explanation, explanations,
 from thermal_comp.diagnosis.noise_level import NoiseReference
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
+from thermal_comp.linear.gaussian_evidence import ConditionedDesign, log_evidence
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.estimation import fit_noise
 from thermal_comp.noise.of_runs import (
@@ -307,10 +308,8 @@ class SensorSearches:
             return {}
         support = coupled_support(effect(), [found[sensor] for sensor in asked])
         sets = [
-            replace(s, log_posterior=s.log_posterior + 0.5 * support)
-            if effect.name in s.names
-            else s
-            for s in found[first].sets
+            replace(s, log_posterior=s.log_posterior + support) if effect.name in s.names else s
+            for s in with_effect(effect.name, found[first])
         ]
         again = {first: self._answer(found[first].hypotheses, sets)}
         forms = [form for form in again[first].named if form.name == effect.name]
@@ -357,8 +356,25 @@ class SensorSearches:
         return SensorHypotheses(design, offered)
 
 
+def with_effect(name: str, answer: SensorAnswer) -> list[EffectSet]:
+    """Return the sets of a sensor, the likeliest of them also with an effect that one of them has.
+
+    Alone it may explain little, and was then not looked for beside others.
+    """
+    sets = list(answer.sets)
+    component = next(c for s in sets for c in s.components if c.name == name)
+    known = {s.names for s in sets}
+    for some in answer.sets[:COMPARED_SETS]:
+        larger = (*some.components, component)
+        names = tuple(sorted(c.name for c in larger))
+        if name not in some.names and names not in known:
+            known.add(names)
+            sets.append(answer.hypotheses.fitted_set(larger))
+    return sets
+
+
 def coupled_support(effect: Effect, searched: Sequence[SensorAnswer]) -> float:
-    """Return the χ² that other sensors add to an effect of the first; −∞: they refute it.
+    """Return ln of what other sensors add to the odds of an effect of the first; −∞: refuted.
 
     One set of coefficients, fitted to all sensors beside what else was named, explains less than
     the first alone would like where the others do not feel it: a scale factor that is equal on
@@ -368,42 +384,80 @@ def coupled_support(effect: Effect, searched: Sequence[SensorAnswer]) -> float:
     beside that: a field of the chamber that turns with the device hides how a tilt turns it.
     """
     deviation = _coefficient_deviation(effect, searched[0])
-    first = _equations_of(effect, searched[0], _beside_coupled(effect, searched[0]))
-    alone = _explained_by(*first)
+    first = _Share.of(effect, searched[0], _beside_coupled(effect, searched[0]))
+    alone = first.coefficients([first], deviation)
     supports = []
     for beside_kin in (False, True):
         others = [
-            _equations_of(effect, answer, _beside_coupled(effect, answer, with_kin=beside_kin))
+            _Share.of(effect, answer, _beside_coupled(effect, answer, with_kin=beside_kin))
             for answer in searched[1:]
         ]
-        normals, rights = zip(first, *others, strict=True)
-        support = _speaks_for(np.sum(normals, axis=0), np.sum(rights, axis=0), deviation)
-        support -= _speaks_for(*first, deviation)
-        if not beside_kin:
-            support -= 2.0 * sum(_earned_by_kin(effect, answer) for answer in searched[1:])
+        every = [first, *others]
+        together = first.coefficients(every, deviation)
+        support = sum(one.log_gain(together) + one.log_odds for one in others)
+        support += first.log_gain(together) - first.log_gain(alone)
+        support += _log_prior(together, every, deviation) - _log_prior(alone, [first], deviation)
         supports.append(support)
     best = max(supports)
-    return best if best > -max(REFUTING_CHI2, REFUTING_SHARE * alone) else -np.inf
+    refuted = -0.5 * max(REFUTING_CHI2, REFUTING_SHARE * first.explained)
+    return best if best > refuted else -np.inf
 
 
-def _equations_of(
-    effect: Effect, answer: SensorAnswer, known: Sequence[Component]
-) -> tuple[FloatArray, FloatArray]:
-    """Return the equations of a coupled effect's coefficients in a sensor beside known ones."""
-    design = answer.hypotheses.design
-    terms = [term for component in known for term in component.form.terms]
-    return design.shared_equations(terms, design.term(effect))
+@dataclass(frozen=True, eq=False)
+class _Share:
+    """What one sensor tells of the coefficients of a coupled effect beside its own effects."""
+
+    state: ConditionedDesign
+    normal: FloatArray
+    """(p, p) normal matrix …"""
+    right: FloatArray
+    """… and (p,) right-hand side of the coefficients, in their own units."""
+    log_odds: float
+    """ln of the odds of those own effects against what is said of the sensor."""
+
+    @classmethod
+    def of(cls, effect: Effect, answer: SensorAnswer, beside: Sequence[Component]) -> _Share:
+        """Return what a sensor tells beside given components."""
+        hypotheses = answer.hypotheses
+        term = hypotheses.design.term(effect)
+        state = hypotheses.conditioned(beside)
+        size = hypotheses.design.size_of(term)
+        normal, right = state.shared_equations(term.columns)
+        names = tuple(sorted(c.name for c in beside))
+        known = (s for s in answer.sets if s.names == names)
+        weight = (next(known, None) or hypotheses.fitted_set(beside)).log_posterior
+        best = max(s.log_posterior for s in answer.sets)
+        return cls(state, normal * np.outer(size, size), right * size, weight - best)
+
+    @staticmethod
+    def coefficients(shares: Sequence[_Share], deviation: float) -> FloatArray:
+        """Return (p,) the likeliest coefficients, by all that is told and their prior."""
+        normal = np.sum([one.normal for one in shares], axis=0)
+        right = np.sum([one.right for one in shares], axis=0)
+        inner = np.eye(len(right)) + deviation**2 * normal
+        return np.asarray(deviation**2 * np.linalg.solve(inner, right))
+
+    def log_gain(self, coefficients: FloatArray) -> float:
+        """Return ln of the evidence that given coefficients add."""
+        less = coefficients @ (2.0 * self.right - self.normal @ coefficients)
+        state = self.state
+        left = state.chi_square - float(less)
+        after = log_evidence(left, state.log_determinant, state.rows)
+        return float(after - state.log_evidence)
+
+    @property
+    def explained(self) -> float:
+        """Δχ² of the coefficients that this sensor alone would like."""
+        inverse = np.linalg.pinv(self.normal, rcond=1e-9, hermitian=True)
+        return float(self.right @ inverse @ self.right)
 
 
-def _earned_by_kin(effect: Effect, answer: SensorAnswer) -> float:
-    """Return ln of the evidence for the effects that a coupled one would replace in a sensor."""
-    best = max(s.log_posterior for s in answer.sets)
-    without = [
-        s.log_posterior
-        for s in answer.sets
-        if not any(c.form.effect.is_kin_of(effect) for c in s.components)
-    ]
-    return best - max(without)
+def _log_prior(coefficients: FloatArray, shares: Sequence[_Share], deviation: float) -> float:
+    """Return ln of the share of the prior that the coefficients and what is near them take."""
+    normal = np.sum([one.normal for one in shares], axis=0)
+    inner = np.eye(len(coefficients)) + deviation**2 * normal
+    away = float(coefficients @ coefficients) / deviation**2
+    return -0.5 * (away + float(np.linalg.slogdet(inner)[1]))
 
 
 def _beside_coupled(
@@ -422,17 +476,6 @@ def _coefficient_deviation(effect: Effect, answer: SensorAnswer) -> float:
     found = (c for s in answer.sets for c in s.components if c.name == effect.name)
     size = answer.hypotheses.design.size_of(answer.hypotheses.design.term(effect))
     return next(found).amplitude / float(size.max())
-
-
-def _speaks_for(normal: FloatArray, right: FloatArray, deviation: float) -> float:
-    """Return 2 ln of the Bayes factor of coefficients with normal equations (p, p), (p,)."""
-    inner = np.eye(len(right)) + deviation**2 * normal
-    gain = deviation**2 * right @ np.linalg.solve(inner, right)
-    return float(gain - np.linalg.slogdet(inner)[1])
-
-
-def _explained_by(normal: FloatArray, right: FloatArray) -> float:
-    return float(right @ np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ right)
 
 
 def named_beside(base: Listed, answers: Mapping[Sensor, SensorAnswer]) -> Listed:

@@ -256,25 +256,6 @@ class CandidateDesign:
             rank += used
         return gain, rank
 
-    def shared_equations(
-        self, known: Sequence[ColumnGroup], term: ColumnGroup
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return normal matrix and right-hand side of a shared term beside known ones.
-
-        They are those of its coefficients in their own units: equations of several sensors that
-        share the coefficients add up.
-        """
-        own, common = self._split(known)
-        *_, normal, right = self._eliminated(own, [*common, *term.columns])
-        first = len(common)
-        answer, _ = pseudo_solve(
-            normal[:first, :first], np.column_stack([right[:first], normal[:first, first:]])
-        )
-        cross = normal[:first, first:]
-        size = self._size[list(term.columns)]
-        left = normal[first:, first:] - cross.T @ answer[:, 1:]
-        return left * np.outer(size, size), (right[first:] - cross.T @ answer[:, 0]) * size
-
     def _eliminated(
         self, own: list[int], common: list[int]
     ) -> tuple[float, int, FloatArray, FloatArray]:

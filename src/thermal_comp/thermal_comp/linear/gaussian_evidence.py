@@ -76,6 +76,13 @@ class ConditionedDesign:
         left = float(np.trace(self.blocks(np.array([index]))[:, 0], axis1=1, axis2=2).sum())
         return max(left - float((self.coupling[:, :, index] ** 2).sum()), LEAST_POWER)
 
+    def shared_equations(self, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        """Return the equations (p, p) and (p,) of coefficients that the axes share."""
+        index = list(columns)
+        half = self.coupling[:, :, index].sum(axis=1)
+        normal = self.blocks(np.array([index])).sum(axis=(0, 1)) - half.T @ half
+        return normal, self.right[:, index].sum(axis=0)
+
     def evidences(
         self, columns: IntArray, deviations: FloatArray, *, shared: bool, beside: bool = False
     ) -> tuple[FloatArray, FloatArray]:

@@ -89,10 +89,7 @@ def _readings(hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> list[_
 
 def _reading(hypotheses: SensorHypotheses, some: EffectSet) -> _Reading:
     state = hypotheses.conditioned(some.components, thermometer=False)
-    columns = list(hypotheses.thermometer.columns)
-    half = state.coupling[:, :, columns].sum(axis=1)
-    normal = state.blocks(np.array([columns])).sum(axis=(0, 1)) - half.T @ half
-    right = state.right[:, columns].sum(axis=0)
+    normal, right = state.shared_equations(hypotheses.thermometer.columns)
     left = state.chi_square - right @ np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ right
     variance = max(float(left + NOISE_ROWS) / (state.rows + NOISE_ROWS), 1.0)
     size = hypotheses.design.size_of(hypotheses.thermometer)
