@@ -175,6 +175,12 @@ class SensorAnswer:
         """Return the probability that an effect acts, or what has no name: of all its parts."""
         return probability(self.explanations, lambda e: name in e.names)
 
+    def set_of(self, components: Sequence[Component]) -> EffectSet:
+        """Return the set of some components, with its posterior."""
+        names = tuple(sorted(c.name for c in components))
+        known = (s for s in self.sets if s.names == names)
+        return next(known, None) or self.hypotheses.fitted_set(components)
+
     @cached_property
     def closest(self) -> tuple[Effect, ...]:
         """The effects that come closest where something acts that has no name; () elsewhere.
@@ -307,10 +313,12 @@ class SensorSearches:
             # What has no name in another sensor is no sign of an effect this one hardly feels.
             return {}
         support = coupled_support(effect(), [found[sensor] for sensor in asked])
-        sets = [
-            replace(s, log_posterior=s.log_posterior + support) if effect.name in s.names else s
-            for s in with_effect(effect.name, found[first])
-        ]
+        sets = [s for s in found[first].sets if effect.name not in s.names]
+        if support > -np.inf:
+            sets += [
+                replace(s, log_posterior=s.log_posterior + support)
+                for s in with_effect(effect.name, found[first])
+            ]
         again = {first: self._answer(found[first].hypotheses, sets)}
         forms = [form for form in again[first].named if form.name == effect.name]
         certain = again[first].probability_of(effect.name)
@@ -357,18 +365,17 @@ class SensorSearches:
 
 
 def with_effect(name: str, answer: SensorAnswer) -> list[EffectSet]:
-    """Return the sets of a sensor, the likeliest of them also with an effect that one of them has.
+    """Return the sets of a sensor with an effect, and the likeliest others with it added.
 
     Alone it may explain little, and was then not looked for beside others.
     """
-    sets = list(answer.sets)
+    sets = [s for s in answer.sets if name in s.names]
     component = next(c for s in sets for c in s.components if c.name == name)
     known = {s.names for s in sets}
     for some in answer.sets[:COMPARED_SETS]:
         larger = (*some.components, component)
         names = tuple(sorted(c.name for c in larger))
         if name not in some.names and names not in known:
-            known.add(names)
             sets.append(answer.hypotheses.fitted_set(larger))
     return sets
 
@@ -423,11 +430,11 @@ class _Share:
         state = hypotheses.conditioned(beside)
         size = hypotheses.design.size_of(term)
         normal, right = state.shared_equations(term.columns)
-        names = tuple(sorted(c.name for c in beside))
-        known = (s for s in answer.sets if s.names == names)
-        weight = (next(known, None) or hypotheses.fitted_set(beside)).log_posterior
-        best = max(s.log_posterior for s in answer.sets)
-        return cls(state, normal * np.outer(size, size), right * size, weight - best)
+        weights = [
+            answer.set_of(components).log_posterior
+            for components in (beside, answer.likeliest.components)
+        ]
+        return cls(state, normal * np.outer(size, size), right * size, weights[0] - weights[1])
 
     @staticmethod
     def coefficients(shares: Sequence[_Share], deviation: float) -> FloatArray:

@@ -99,7 +99,7 @@ def explanations(
     """
     hypotheses.allow_unnamed()
     best = max(sets, key=lambda s: s.log_posterior)
-    close = [s for s in sets if s.log_posterior > best.log_posterior - WORTH_A_LOOK][:MOST_SETS]
+    close = _close(hypotheses, best, sets)[:MOST_SETS]
     # What a smaller set leaves to a further effect may be a flaw of its own equations.
     close += [s for s in sets if s not in close and set(s.names) <= set(best.names)]
     fitted = [
@@ -122,6 +122,31 @@ def explanations(
     found = _with_unseen(named, hypotheses.unseen)
     found += _unnamed(weighed, total)
     return sorted(found, key=lambda e: -e.probability), total
+
+
+def _close(
+    hypotheses: SensorHypotheses, best: EffectSet, sets: Sequence[EffectSet]
+) -> list[EffectSet]:
+    """Return the sets that may be the likeliest once their equations have a flaw.
+
+    Where that of the best explains much, others leave less to it: an equation that bends takes in
+    what it may of a smooth course, but not of a step. What is less likely than a part of it is
+    none of them.
+    """
+    flaw = free_flaw(hypotheses, best, hypotheses.conditioned(best.components))
+    reach = WORTH_A_LOOK + max(flaw, 0.0)
+    known = {s.names: s.log_posterior for s in sets}
+
+    def less_than_a_part(some: EffectSet) -> bool:
+        parts = (known.get(_without(some, name)) for name in some.names)
+        return any(part is not None and part >= some.log_posterior for part in parts)
+
+    below = {s.names: best.log_posterior - s.log_posterior for s in sets}
+    return [
+        s
+        for s in sets
+        if below[s.names] < WORTH_A_LOOK or (below[s.names] < reach and not less_than_a_part(s))
+    ]
 
 
 def _unlogged(some: EffectSet, rest: list[_Beside]) -> list[_Beside]:
