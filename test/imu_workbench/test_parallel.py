@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from dataclasses import dataclass
 
 import pytest
@@ -47,3 +49,15 @@ def test_what_goes_wrong_in_a_started_task_is_raised(forking: None) -> None:
     result = parallel.start_task(Square(-1), 2)
     with pytest.raises(ValueError, match='-1 is negative'):
         result()
+
+
+def test_a_process_that_has_fitted_noise_shares_its_work() -> None:
+    """Threads of a library's own, of which `may_fork` knows nothing, leave it all to one core."""
+    program = (
+        'from thermal_comp.noise.process import toeplitz_product as product; import numpy as np; '
+        'product(np.ones(64), np.arange(64), np.ones((64, 1))); '
+        'from imu_workbench.parallel import may_fork; print(may_fork())'
+    )
+    plain = {k: v for k, v in os.environ.items() if not k.endswith('_NUM_THREADS')}
+    process = subprocess.run([sys.executable, '-c', program], env=plain, check=True, stdout=-1)
+    assert process.stdout == b'True\n'

@@ -7,6 +7,7 @@ the bytecode of what it imports, of libraries as well, unless PYTHONDONTWRITEBYT
 
 from __future__ import annotations
 
+import gc
 import os
 import pkgutil
 import sys
@@ -37,8 +38,11 @@ class Compilation:
     compile: Callable[[], object]
 
     def run(self) -> None:
-        """Compile."""
+        """Compile; look for garbage once, at the end: numba keeps most of what it makes."""
+        gc.disable()
         self.compile()
+        gc.enable()
+        gc.collect()
 
 
 def import_modules() -> None:

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 # Before numpy is loaded: on small matrices OpenBLAS threads wait longer for a core than they work.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+# The first transform of scipy.fft starts a thread per core, which never work: nothing asks for it.
+os.environ.setdefault('DUCC0_NUM_THREADS', '1')
 
 __all__ = ['add', 'compare', 'compensate', 'diagnose', 'fit', 'load', 'read', 'save']
 

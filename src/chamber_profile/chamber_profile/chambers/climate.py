@@ -202,7 +202,8 @@ def advance(
         state[PROBE_2] += (there - state[PROBE_2]) / climate.probe_2_time
         state[PROBE_NOISE] = climate.probe_noise * noise[k, 2]
         state[PROBE_2_NOISE] = climate.probe_noise * noise[k, 3]
-        states[k] = state
+        for place in range(STATE_SIZE):  # an array at once compiles the text of its error, too
+            states[k, place] = state[place]
     return states
 
 

@@ -72,14 +72,14 @@ def step_nodes(state: FloatArray, network: ThermalNetwork, air: float, step: flo
 def _integrate(
     network: ThermalNetwork, air: FloatArray, period: float, substeps: int, state: FloatArray
 ) -> FloatArray:
-    nodes = np.empty((len(air), 4))
+    nodes = np.empty((len(air), NODES))
     step = period / substeps
-    nodes[0] = state
-    for k in range(1, len(air)):
-        for j in range(1, substeps + 1):
+    for k in range(len(air)):
+        for j in range(1, substeps + 1 if k else 0):
             part = j / substeps
             step_nodes(state, network, air[k - 1] + part * (air[k] - air[k - 1]), step)
-        nodes[k] = state
+        for i in range(NODES):  # an array at once compiles the text of its error, too
+            nodes[k, i] = state[i]
     return nodes
 
 

@@ -4,9 +4,16 @@
 const PART_PATIENCE_MS = 3000;
 let pressed = null;
 
-window.addEventListener('keydown', ({ key, target }) => {
+window.addEventListener('keydown', (event) => {
+  const { key, target } = event;
   const button = key === 'Enter' || key === ' ' ? target.closest?.('[data-act]') : null;
-  if (button) pressed = { act: button.dataset.act, part: button.closest('[data-acts]'), at: Date.now() };
+  if (!button) return;
+  pressed = { act: button.dataset.act, part: button.closest('[data-acts]'), at: Date.now() };
+  if (key !== 'Enter') return;
+  // Quasar's buttons act when the key rises: drawn anew until then, they would forget it.
+  event.preventDefault();
+  event.stopImmediatePropagation();
+  if (!event.repeat) button.click();
 }, true); // Quasar's buttons pass on no key
 document.addEventListener('pointerdown', () => { pressed = null; });
 document.addEventListener('focusin', ({ target }) => {
