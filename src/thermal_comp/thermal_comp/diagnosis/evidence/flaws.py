@@ -88,7 +88,8 @@ def flaws(hypotheses: SensorHypotheses, fitted: Sequence[FittedSet]) -> list[flo
     """Return ln of prior times evidence of what each set's equations lack.
 
     It is a smooth function of all that was logged, or follows one variable (not temperature
-    alone: curves over it are what laws are told by), or looks like a kindred effect (a lag of two
+    alone: curves over it are what laws are told by; nor the phase of the cycle, which is what
+    machines follow that were not logged), or looks like a kindred effect (a lag of two
     stages like a gradient), or by chance like another: what was fitted with that effect, right or
     flawed itself, is then this set in a flawed form. All four are equally likely. Of a thermometer
     alone the variable is one of HISTORY.
@@ -114,7 +115,7 @@ def _flaw(
     explained = explained_by_equations(hypotheses, some)
     log_prior = priors.flaw_log_prior(explained)
     likeness = priors.flaw_log_prior(explained, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
-    left_out = {'temperature', *one.variables_of_larger}
+    left_out = {'temperature', 'phase', *one.variables_of_larger}
     variables = [
         r.term
         for r in hypotheses.regressors
