@@ -12,7 +12,7 @@ from imu_recording.user_error import UserError
 from imu_workbench.__main__ import main
 from imu_workbench.outputs import claim_output, refuse_to_destroy, replacing
 
-from imu_recording import read_bag
+from imu_recording import read_bag, write_bag
 
 
 def test_nothing_that_exists_is_replaced_unasked(
@@ -76,9 +76,10 @@ def test_no_force_replaces_what_is_read_or_a_recording(
 def test_what_is_replaced_stays_until_the_new_bag_is_written(
     bags: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    model, out = tmp_path / 'm.yaml', tmp_path / 'out'
-    assert main(['fit', str(bags / 'dut1_x'), '-o', str(model)]) == 0
-    apply = ['apply', str(bags / 'dut1_x'), '--model', str(model), '-o', str(out)]
+    model, out, bag = tmp_path / 'm.yaml', tmp_path / 'out', tmp_path / 'bag'
+    write_bag(read_bag(bags / 'dut1_x').rows(slice(None, None, 10)), bag)
+    assert main(['fit', str(bag), '-o', str(model)]) == 0
+    apply = ['apply', str(bag), '--model', str(model), '-o', str(out)]
     table, mapping = tmp_path / 'a.csv', tmp_path / 'm.csv.yaml'
     table.write_text('t,a,b,c\n' + ''.join(f'{k},0,0,9.8\n' for k in range(200)))
     mapping.write_text(
@@ -99,7 +100,7 @@ def test_what_is_replaced_stays_until_the_new_bag_is_written(
     assert main([*convert, '--force']) == 0
     assert len(read_bag(out)) == 200
     assert {path.name for path in tmp_path.iterdir()} == {
-        'm.yaml', 'out', 'a.csv', 'm.csv.yaml'
+        'm.yaml', 'out', 'bag', 'a.csv', 'm.csv.yaml'
     }  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from .campaign import run
 
 @pytest.fixture(scope='module')
 def recordings() -> list[ImuRecording]:
-    return [run('+x', seed=1), run('+y', seed=2), run('+z', seed=3)]
+    return [run(up, seed=k, cycles=2, period=20.0) for k, up in enumerate(('+x', '+z'))]
 
 
 @pytest.fixture(scope='module')
@@ -78,7 +78,7 @@ def test_one_recording_is_compensated_to_one_and_several_to_a_list(
     alone = tc.compensate(recordings[0], model)
     spread = (recordings[0].linear_acceleration.std(), alone.linear_acceleration.std())
     assert spread[1] < spread[0]
-    assert len(tc.compensate(recordings, model)) == 3
+    assert len(tc.compensate(recordings, model)) == len(recordings)
 
 
 def test_effects_may_be_names_classes_or_values(recordings: list[ImuRecording]) -> None:

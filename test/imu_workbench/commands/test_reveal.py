@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from imu_workbench.__main__ import main
+from imu_workbench.simulate.hidden_effect import BUNDLED_TRUTH_FILE
 
 from .asking import Answer, refuses
 
@@ -17,13 +18,15 @@ SHORT = 'short_20min'
 def test_reveal_diagnoses_first_and_then_opens_the_truth(
     bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(['reveal', str(bags), '--json', str(tmp_path / 'answer.json')]) == 0
+    """Of one of the bundled runs: what all three tell, the tests of the page ask."""
+    told = json.loads((bags / BUNDLED_TRUTH_FILE).read_text())
+    (tmp_path / BUNDLED_TRUTH_FILE).write_text(json.dumps(told | {'bags': told['bags'][:1]}))
+    (tmp_path / told['bags'][0]).symlink_to(bags / told['bags'][0])
+    assert main(['reveal', str(tmp_path), '--json', str(tmp_path / 'answer.json')]) == 0
     content = json.loads((tmp_path / 'answer.json').read_text())
     assert content['right']
     assert content['outcome'] == 'named'
     assert content['truth']['name'] in capsys.readouterr().out
-    assert main(['reveal', str(tmp_path)]) == 2
-    assert 'no truth here' in capsys.readouterr().err
 
 
 def test_simulate_tells_reveal_what_a_year_has_changed(

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from thermal_comp.data.live_surroundings import LiveSurroundings
 
 SECOND = 1_000_000_000
@@ -21,22 +22,24 @@ def watched(seed: int, fault: str) -> LiveSurroundings:
     rng = np.random.default_rng((seed, 15))
     surroundings = LiveSurroundings()
     lag, span, swing = rng.uniform(100.0, 900.0), rng.uniform(12.0, 20.0), rng.uniform(2e3, 4e3)
-    die = air = rng.uniform(0.0, 30.0)
-    base = air
+    base = rng.uniform(0.0, 30.0)
     scale = {'scale': rng.choice([1.8, 0.1])}.get(fault, 1.0)
+    seconds = np.arange(3600)
+    truth = base + 0.5 * span * (1.0 - np.cos(2 * np.pi * seconds / swing))
+    air = np.round(truth + rng.normal(0.0, 0.02, 3600), 2)
+    followed, _ = lfilter(
+        [1.0 / lag], [1.0, 1.0 / lag - 1.0], truth, zi=[base * (1.0 - 1.0 / lag)]
+    )
+    read = followed[:, None] * scale + 8.0 + rng.normal(0.0, 0.05, (3600, 5))
+    shown = np.round(read * 16.0) / 16.0
+    if fault == 'copy':
+        shown[:] = air[:, None]
+    late = rng.random(3600) < 0.5
     for second in range(3600):
-        truth = base + 0.5 * span * (1.0 - np.cos(2 * np.pi * second / swing))
-        air = round(truth + rng.normal(0.0, 0.02), 2)
-        die += (truth - die) / lag
-        stamps = second * SECOND + np.arange(5) * SECOND // 5
-        shown = np.round((die * scale + 8.0 + rng.normal(0.0, 0.05, 5)) * 16.0) / 16.0
-        if fault == 'copy':
-            shown[:] = air
-        late = rng.random() < 0.5
-        for k, (stamp, value) in enumerate(zip(stamps.tolist(), shown.tolist(), strict=True)):
-            if k == 2 * late:
-                surroundings.on_other('device_temperature', second * SECOND, air)
-            surroundings.on_die(stamp, value)
+        for k, value in enumerate(shown[second].tolist()):
+            if k == 2 * late[second]:
+                surroundings.on_other('device_temperature', second * SECOND, float(air[second]))
+            surroundings.on_die(second * SECOND + k * SECOND // 5, value)
     return surroundings
 
 

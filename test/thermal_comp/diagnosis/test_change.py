@@ -15,7 +15,7 @@ from imu_recording import ImuRecording
 
 from ..campaign import chamber, lagging, measured_by, run
 
-UP = ('+x', '+y', '+z')
+UP = ('+x', '+z')
 
 
 @cache

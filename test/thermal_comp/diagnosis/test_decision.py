@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 from thermal_comp.diagnosis.diagnose import diagnose
-from thermal_comp.diagnosis.result import Finding
+from thermal_comp.diagnosis.result import Diagnosis, Finding
 from thermal_comp.effects import EFFECTS
 
 from imu_recording import ImuRecording
@@ -18,16 +18,24 @@ HEAT = ('thermal_lag', 'thermal_lag_two_stage', 'temperature_rate', 'thermal_hys
 TURNS = ('scale_factor_temperature', 'misalignment_temperature', 'fixture_tilt')
 
 
+def diagnosed(recordings: Sequence[ImuRecording], names: Sequence[str]) -> Diagnosis:
+    """Return the diagnosis by a part of the catalogue."""
+    return diagnose(recordings, catalogue={name: EFFECTS[name] for name in names})
+
+
 def findings(recordings: Sequence[ImuRecording], names: Sequence[str]) -> list[Finding]:
     """Return what is found of a part of the catalogue."""
-    catalogue = {name: EFFECTS[name] for name in names}
-    return [f for f in diagnose(recordings, catalogue=catalogue).findings if f.kind == 'effect']
+    return effects_in(diagnosed(recordings, names))
+
+
+def effects_in(diagnosis: Diagnosis) -> list[Finding]:
+    return [f for f in diagnosis.findings if f.kind == 'effect']
 
 
 def in_gyroscope(process: np.ndarray) -> list[ImuRecording]:
-    """Return three runs of a gyroscope that feels a process (n,), differently on its axes."""
+    """Return two runs of a gyroscope that feels a process (n,), differently on its axes."""
     error = np.multiply.outer(process, np.array([1.0, -0.6, 0.8]))
-    runs = [run(up, seed=k, error={'angular_velocity': error}) for k, up in enumerate(UP)]
+    runs = [run(up, seed=k, error={'angular_velocity': error}) for k, up in enumerate(UP[:2])]
     return measured_by(runs, 'gyroscope')
 
 
@@ -85,19 +93,24 @@ def turned(rate: float, *, field_too: bool, magnet: float = 0.0) -> list[ImuReco
     return measured_by(recordings, 'accelerometer', 'magnetometer')
 
 
-def test_the_magnetometer_tells_a_tilt_from_a_scale_factor() -> None:
-    (tilt,) = findings(turned(1e-4, field_too=True), TURNS)
+@pytest.fixture(scope='module')
+def tilted() -> Diagnosis:
+    return diagnosed(turned(1e-4, field_too=True), TURNS)
+
+
+def test_the_magnetometer_tells_a_tilt_from_a_scale_factor(tilted: Diagnosis) -> None:
+    (tilt,) = effects_in(tilted)
     assert (tilt.name, tilt.sensor) == ('fixture_tilt', 'accelerometer+magnetometer')
     (scale,) = findings(turned(1e-4, field_too=False), TURNS)
     assert (scale.name, scale.sensor) == ('scale_factor_temperature', 'accelerometer')
     assert scale.ambiguous_with == ()
 
 
-def test_a_tilt_stands_among_the_explanations_of_every_sensor_that_it_turns() -> None:
-    catalogue = {name: EFFECTS[name] for name in TURNS}
-    said = diagnose(turned(1e-4, field_too=True), catalogue=catalogue).explanations
+def test_a_tilt_stands_among_the_explanations_of_every_sensor_that_it_turns(
+    tilted: Diagnosis,
+) -> None:
     for sensor in ('accelerometer', 'magnetometer'):
-        own = [one for one in said if one.sensor == sensor]
+        own = [one for one in tilted.explanations if one.sensor == sensor]
         assert own[0].names == ('fixture_tilt',)
         assert own[0].probability > 0.9
         assert sum(one.probability for one in own) < 1.0 + 1e-9

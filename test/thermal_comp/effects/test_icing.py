@@ -9,7 +9,7 @@ from thermal_comp.effects.operators import grow_and_melt
 
 from ..campaign import chamber, measured_by, run
 
-UP = ('+x', '+y', '+z')
+UP = ('+x', '+z')
 
 AXES = np.array([1.0, -0.6, 0.3])
 

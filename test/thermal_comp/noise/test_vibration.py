@@ -22,7 +22,7 @@ from thermal_comp.noise.process import (
     project_spectra,
 )
 
-from ..campaign import PERIOD, WHITE, chamber, run
+from ..campaign import PERIOD, WHITE, chamber, measured_by, run
 
 SENSOR = 'accelerometer'
 STILL, SHAKEN = 1e-4, 1.0
@@ -98,7 +98,7 @@ def test_noise_is_independent_along_the_axes_that_are_found_still_and_shaken() -
 
 def test_what_was_shaken_along_one_direction_is_no_effect() -> None:
     for seed in range(3):
-        diagnosis = diagnose([shaken(seed)])
+        diagnosis = diagnose(measured_by([shaken(seed)], SENSOR))
         assert [f.name or f.kind for f in diagnosis.findings if f.sensor == SENSOR] == []
         (note,) = [n for n in diagnosis.notes if 'vibration' in n]
         assert note.startswith('accelerometer: its noise grows with vibration, up to')

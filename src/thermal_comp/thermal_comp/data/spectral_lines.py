@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import maximum_filter1d
 
@@ -185,11 +186,12 @@ def _along_temperature(
     if not len(powers):
         return []
     count = int(LARGEST_DRIFT / drift_step)
-    rows, bins = np.arange(len(powers))[:, None], np.arange(WINDOW_ROWS // 2)
+    rows = np.arange(len(powers))
+    shifted = sliding_window_view(np.concatenate([powers] * 2, axis=1), WINDOW_ROWS // 2, axis=1)
     best = 0.0, 0, 0
     for number in range(-count, count + 1):
         shift = np.rint(number * drift_step * temperature / bin_hz).astype(int)
-        total = powers[rows, (bins + shift[:, None]) % WINDOW_ROWS].sum(axis=0)
+        total = shifted[rows, shift % WINDOW_ROWS].sum(axis=0)
         best = max(best, (float(total.max()), number, int(np.argmax(total))))
     _, number, peak = best
     return [SpectralLine(peak * bin_hz, number * drift_step)] if number else []

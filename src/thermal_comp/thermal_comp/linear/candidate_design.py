@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
-from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import SpectralLine, spectral_lines
 from thermal_comp.effects.effect import Effect
@@ -43,6 +43,7 @@ class ColumnSource:
             for run, smooth in zip(self.runs, self.smoothed, strict=True)
         ]
         """(m,) per run: smoothed minus measured temperature [K]."""
+        self._conditions: dict[Sensor, list[Conditions]] = {}
         self._kept: dict[tuple[Effect, Sensor], list[FloatArray]] = {}
 
     def spectral_lines(self, sensor: Sensor) -> Sequence[SpectralLine]:
@@ -55,9 +56,11 @@ class ColumnSource:
         """Return the effect's (m, p) or (m, 3, p) columns of each run."""
         key = (effect, sensor)
         if key not in self._kept:
+            if sensor not in self._conditions:
+                self._conditions[sensor] = [run.conditions.of(sensor) for run in self.smoothed]
             self._kept[key] = [
-                run.block_mean(effect.columns_in_hindsight(run.conditions.of(sensor)))
-                for run in self.smoothed
+                run.block_mean(effect.columns_in_hindsight(conditions))
+                for run, conditions in zip(self.smoothed, self._conditions[sensor], strict=True)
             ]
         return self._kept[key]
 
@@ -205,24 +208,24 @@ class CandidateDesign:
 
     def equations(self, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Return the normal matrices (3, k, k) of k columns and their right-hand sides (3, k)."""
-        index = list(columns)
+        index = np.array(columns, dtype=np.int64)
         self._multiply(index, index)
-        return self._normal[:, np.array(index)[:, None], index], self.right[:, index]
+        return self._normal[:, index[:, None], index], self.right[:, index]
 
     def products(self, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Return normal matrices (3, c, c) and right-hand sides (3, c) of all columns, as views.
 
         They hold the products of `columns` with all others and those of each term, no others.
         """
-        index = list(columns)
-        self._multiply(index, range(self.width))
+        self._multiply(np.array(columns, dtype=np.int64), np.arange(self.width))
         return self._normal[:, : self.width, : self.width], self.right[:, : self.width]
 
-    def _multiply(self, first: Sequence[int], second: Sequence[int]) -> None:
+    def _multiply(self, one: IntArray, other: IntArray) -> None:
         """Compute the products of columns with others that are not known yet."""
-        one, other = np.array(first, dtype=np.intp), np.array(second, dtype=np.intp)
         for least_share in (0.5, 0.0):  # few columns with many others, then many with few
             lacking = ~self._known[one[:, None], other]
+            if not lacking.any():
+                return
             rows = np.flatnonzero(lacking.sum(axis=1) > least_share * len(other))
             if not len(rows):
                 continue
@@ -233,13 +236,20 @@ class CandidateDesign:
             new = lacking[rows[:, None], place]
             left, right = one[rows], other[place]
             block, mirrored = _block(left, right), _block(right, left)
-            for columns, normal in zip(self._columns, self._normal, strict=True):
-                found = columns[_rows(left)] @ columns[_rows(right)].T
-                # Products that other sensors have informed are known and stay.
-                found = np.where(new, found, normal[block])
-                normal[block] = found
-                normal[mirrored] = found.T
+            # Products that other sensors have informed are known and stay.
+            found = np.where(new, self._products(left, right), self._normal[:, *block])
+            self._normal[:, *block] = found
+            self._normal[:, *mirrored] = found.transpose(0, 2, 1)
             self._known[block] = self._known[mirrored] = True
+
+    def _products(self, left: IntArray, right: IntArray) -> FloatArray:
+        """Return (3, l, r) products of columns with others; the more numerous are not copied."""
+        if len(left) > len(right):
+            return self._products(right, left).transpose(0, 2, 1)
+        few = self._columns[:, _rows(left)]
+        neighbours = np.split(right, np.flatnonzero(np.diff(right) != 1) + 1)
+        many = (self._columns[:, some[0] : some[-1] + 1] for some in neighbours)
+        return np.concatenate([few @ some.transpose(0, 2, 1) for some in many], axis=2)
 
     def size_of(self, term: ColumnGroup) -> FloatArray:
         """(p,) norm of the term's whitened columns before they were made one long."""
@@ -381,7 +391,7 @@ class CandidateDesign:
         before, size = np.sqrt(before), np.sqrt(left)
         scale = np.where(size > 1e-6 * before, 1.0 / np.maximum(size, 1e-300), 0.0)
         self._size = np.concatenate([self._size, size])
-        self._known[start:stop] = self._known[:, start:stop] = False
+        self._known[start:stop, :stop] = self._known[:stop, start:stop] = False
         for axis, columns in enumerate(self._columns):
             columns[start:stop] *= scale[:, None]
             self.right[axis, start:stop] = columns[start:stop] @ self.target[axis]

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -135,6 +136,11 @@ def _independent(
 ) -> tuple[IntArray, FloatArray, dict[int, dict[int, float]]]:
     """Return the columns that each bring something new, their lower factor, and the others."""
     m = len(gram)
+    if usable.all():
+        with suppress(np.linalg.LinAlgError):
+            factor = np.linalg.cholesky(gram)
+            if (np.diag(factor) ** 2 > LEAST_NEW_POWER).all():
+                return np.arange(m), factor, {}
     factor = np.zeros((m, m))
     kept: list[int] = []
     held: dict[int, dict[int, float]] = {}

@@ -6,6 +6,7 @@ from copy import deepcopy
 from typing import Any
 
 import pytest
+from imu_workbench.simulate.hidden_effect import find_truth
 from imu_workbench.web.case.candidates import Candidate, odds_text, why_not
 from imu_workbench.web.case.rail import errors_html, little_text, probability_text
 from imu_workbench.web.case.top_strip import smallest_found_html
@@ -33,6 +34,12 @@ def changed(found: dict[str, Any], **changes: Any) -> dict[str, Any]:
     diagnosis = deepcopy(found['diagnosis'])
     diagnosis['findings'][0] |= changes
     return diagnosis
+
+
+def test_what_is_hidden_in_the_bundled_bags_is_named(bags, found):
+    truth, _ = find_truth(bags)
+    (finding,) = found['diagnosis']['findings']
+    assert (finding['sensor'], finding['name']) == (truth['sensor'], truth['name'])
 
 
 def test_the_verdict_says_where_it_fails_by_how_much_and_why(fitted, found):

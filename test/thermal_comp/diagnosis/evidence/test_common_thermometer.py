@@ -15,7 +15,7 @@ from imu_recording import ImuRecording
 
 from ...campaign import chamber, lagging, run
 
-UP = ('+x', '+y', '+z')
+UP = ('+x', '+z')
 SLOPES = {
     'linear_acceleration': 2e-2 * np.array([1.0, -0.6, 1.4]),
     'angular_velocity': 2e-3 * np.array([1.0, 1.5, -0.8]),
