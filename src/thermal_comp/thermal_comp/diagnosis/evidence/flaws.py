@@ -115,12 +115,10 @@ def _flaw(
     explained = explained_by_equations(hypotheses, some)
     log_prior = priors.flaw_log_prior(explained)
     likeness = priors.flaw_log_prior(explained, priors.LIKENESS_SHARE, priors.LIKENESS_SHARE_LN)
-    left_out = {'temperature', 'phase', *one.variables_of_larger}
-    variables = [
-        r.term
-        for r in hypotheses.regressors
-        if r.depends_on not in left_out and (some.components or r.depends_on in HISTORY)
-    ]
+    left_out = {'temperature', *one.variables_of_larger}
+    follows = {r.depends_on for r in hypotheses.regressors} - {'phase'}
+    allowed = (follows if some.components else HISTORY) - left_out
+    variables = [r.term for r in hypotheses.regressors if r.depends_on in allowed]
     single = gains_together(hypotheses, some, one.state, variables, log_prior, beside=True)
     if some.components:
         single.append(one.course + log_prior_at(one.course_size, log_prior))
