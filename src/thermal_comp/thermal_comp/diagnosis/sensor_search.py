@@ -315,8 +315,13 @@ class SensorSearches:
         support = coupled_support(effect(), [found[sensor] for sensor in asked])
         sets = [s for s in found[first].sets if effect.name not in s.names]
         if support > -np.inf:
+            # It speaks for the effect itself, not for what looks like it in the first sensor.
             sets += [
-                replace(s, log_posterior=s.log_posterior + support)
+                replace(
+                    s,
+                    log_prior=s.log_prior + support,
+                    log_posterior=s.log_posterior + support,
+                )
                 for s in with_effect(effect.name, found[first])
             ]
         again = {first: self._answer(found[first].hypotheses, sets)}
