@@ -13,8 +13,8 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import LOWEST_HZ, SpectralLine, spectral_lines
 from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE
 from thermal_comp.diagnosis.evidence.posterior import probability
+from thermal_comp.diagnosis.sensor_answer import SensorAnswer
 from thermal_comp.diagnosis.sensor_search import (
-    SensorAnswer,
     Settings,
     search_sensors,
 )

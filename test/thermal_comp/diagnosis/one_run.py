@@ -7,7 +7,8 @@ from functools import cache
 
 import numpy as np
 from thermal_comp.data.preparation import prepare
-from thermal_comp.diagnosis.sensor_search import SensorAnswer, Settings, search_sensors
+from thermal_comp.diagnosis.sensor_answer import SensorAnswer
+from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.noise.of_runs import determined_noise
 

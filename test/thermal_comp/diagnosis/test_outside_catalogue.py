@@ -4,7 +4,8 @@
 import numpy as np
 import pytest
 from thermal_comp.data.preparation import prepare
-from thermal_comp.diagnosis.sensor_search import SensorAnswer, Settings, search_sensors
+from thermal_comp.diagnosis.sensor_answer import SensorAnswer
+from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.noise.estimation import fit_noise
 

@@ -30,9 +30,9 @@ from thermal_comp.diagnosis.model_form import with_model_form
 from thermal_comp.diagnosis.noise_level import NoiseReference
 from thermal_comp.diagnosis.ranking import ranked_effects
 from thermal_comp.diagnosis.result import Diagnosis, Finding, NamedExplanation, Prediction
+from thermal_comp.diagnosis.sensor_answer import SensorAnswer
 from thermal_comp.diagnosis.sensor_search import (
     Listed,
-    SensorAnswer,
     Settings,
     greyed_out,
     named_beside,

@@ -26,7 +26,7 @@ from thermal_comp.diagnosis.noise_level import (
     noise_above_reference,
 )
 from thermal_comp.diagnosis.result import Finding, SensorState
-from thermal_comp.diagnosis.sensor_search import UNNAMED, SensorAnswer
+from thermal_comp.diagnosis.sensor_answer import UNNAMED, SensorAnswer
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel, ThermalModel
 

@@ -10,7 +10,7 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.diagnosis.evidence.posterior import probability
 from thermal_comp.diagnosis.evidence.priors import NOTHING
 from thermal_comp.diagnosis.result import RankedEffect
-from thermal_comp.diagnosis.sensor_search import SensorAnswer
+from thermal_comp.diagnosis.sensor_answer import SensorAnswer
 
 
 def ranked_effects(answers: Mapping[Sensor, SensorAnswer]) -> tuple[RankedEffect, ...]:

@@ -15,7 +15,7 @@ from thermal_comp.diagnosis.evidence.flaws import (
     log_prior_at,
     may_be_flawed,
 )
-from thermal_comp.diagnosis.sensor_search import SensorAnswer
+from thermal_comp.diagnosis.sensor_answer import SensorAnswer
 from thermal_comp.linear.candidate_design import ColumnGroup
 from thermal_comp.linear.gaussian_evidence import conditioned, log_sum
 

@@ -10,7 +10,8 @@ import pytest
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.diagnose import Settings
 from thermal_comp.diagnosis.evidence.posterior import CREDIBLE, credible, probability
-from thermal_comp.diagnosis.sensor_search import SensorAnswer, search_sensors
+from thermal_comp.diagnosis.sensor_answer import SensorAnswer
+from thermal_comp.diagnosis.sensor_search import search_sensors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.noise.of_runs import determined_noise

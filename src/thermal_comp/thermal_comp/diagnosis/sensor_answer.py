@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What explains one sensor's residual, and what of it is said."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+from thermal_comp.diagnosis.evidence.common_thermometer import like_the_thermometer
+from thermal_comp.diagnosis.evidence.effect_sets import (
+    NOT_IN_CATALOGUE,
+    UNLOGGED,
+    Component,
+    EffectSet,
+    Names,
+)
+from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
+from thermal_comp.diagnosis.evidence.posterior import Explanation, probability
+from thermal_comp.effects.effect import Effect
+
+BELIEVED = 0.85
+"""Probability that something is missing from which it is said: a false word costs six missed."""
+DISPENSABLE = 0.5
+"""Odds from which a set that does with one effect less is said in place of the likeliest."""
+UNNAMED = {'unexplained': NOT_IN_CATALOGUE, 'unlogged': UNLOGGED}
+"""By kind of answer, what stands among the names of an explanation by something without one."""
+Kind = Literal['complete', 'named', 'unexplained', 'unlogged']
+
+
+@dataclass(frozen=True, eq=False)
+class FoundElsewhere:
+    """A coupled effect that another sensor named, and that acts on this one, too."""
+
+    name: str
+    probability: float
+    otherwise: tuple[Explanation, ...]
+    """What explains this sensor's residual where it does not act."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorAnswer:
+    """What explains one sensor's residual."""
+
+    hypotheses: SensorHypotheses
+    sets: tuple[EffectSet, ...]
+    explanations: tuple[Explanation, ...]
+    """Most probable first; their probabilities sum to 1."""
+    offered: tuple[type[Effect], ...]
+    """Effects of the catalogue that were looked for in this sensor …"""
+    untried: frozenset[str]
+    """… and those whose channel was not logged."""
+    log_evidence: float
+    """ln of the density of the rows under all explanations, of noise and model together."""
+    elsewhere: FoundElsewhere | None = None
+    """The coupled effect beside which all this was found."""
+
+    @property
+    def with_coupled(self) -> tuple[Explanation, ...]:
+        """The explanations, with the coupled effect among the names, most probable first."""
+        if self.elsewhere is None:
+            return self.explanations
+        effect, acts = self.elsewhere.name, self.elsewhere.probability
+        parts = [
+            replace(e, names=_with_name(e.names, effect), probability=acts * e.probability)
+            for e in self.explanations
+        ]
+        parts += [
+            replace(e, probability=(1.0 - acts) * e.probability) for e in self.elsewhere.otherwise
+        ]
+        found: dict[Names, Explanation] = {}
+        for one in parts:
+            first = found.get(one.names, replace(one, probability=0.0))
+            found[one.names] = replace(first, probability=first.probability + one.probability)
+        return tuple(sorted(found.values(), key=lambda e: -e.probability))
+
+    def evidence(self, name: str | None = None) -> float:
+        """Return 2 ln of the Bayes factor of an effect in the likeliest set, or of the whole."""
+        return self.hypotheses.evidence(self.likeliest.components, name)
+
+    @property
+    def needed_evidence(self) -> float:
+        """2 ln of the Bayes factor from which an effect is likelier than not to be believed."""
+        return self.hypotheses.needed_evidence(BELIEVED)
+
+    @property
+    def kind(self) -> Kind:
+        """Kind of the answer: complete, unless it is highly probable that something is missing."""
+        missing = 1.0 - probability(self.explanations, lambda e: e.names == ())
+        if missing < BELIEVED:
+            return 'complete'
+        unknown, unlogged = map(self.probability_of, (NOT_IN_CATALOGUE, UNLOGGED))
+        if unknown + unlogged > missing - unknown - unlogged:
+            return 'unexplained' if unknown >= unlogged else 'unlogged'
+        return 'named'
+
+    @property
+    def likeliest(self) -> Explanation:
+        """The most probable explanation of that kind, without effects whose probability is low."""
+        kind = self.kind
+        if kind == 'complete':
+            return next(e for e in self.explanations if e.names == ())
+        if kind in UNNAMED:
+            return next(e for e in self.explanations if UNNAMED[kind] in e.names)
+        named = [e for e in self.explanations if e.names and not {*UNNAMED.values()} & {*e.names}]
+        said = named[0]
+        while fewer := next((e for e in named if _one_fewer(e, said)), None):
+            said = fewer
+        return said
+
+    @property
+    def named(self) -> tuple[Effect, ...]:
+        """The effects that are named, in the form found; also beside what has no name."""
+        likeliest, every = self.likeliest, self.kind == 'named'
+        return tuple(
+            c.form.effect
+            for c in likeliest.components
+            if every or (c.name in likeliest.names and self.probability_of(c.name) > BELIEVED)
+        )
+
+    def probability_of(self, name: str) -> float:
+        """Return the probability that an effect acts, or what has no name: of all its parts."""
+        return probability(self.explanations, lambda e: name in e.names)
+
+    def set_of(self, components: Sequence[Component]) -> EffectSet:
+        """Return the set of some components, with its posterior."""
+        names = tuple(sorted(c.name for c in components))
+        known = (s for s in self.sets if s.names == names)
+        return next(known, None) or self.hypotheses.fitted_set(components)
+
+    @cached_property
+    def closest(self) -> tuple[Effect, ...]:
+        """The effects that come closest where something acts that has no name; () elsewhere.
+
+        That may be the thermometer itself: where nothing else is missing, what its errors look
+        like.
+        """
+        if self.kind == 'named':
+            return ()
+        if self.kind == 'complete':
+            return like_the_thermometer(self.hypotheses, self.sets)
+        best = max(self.sets, key=lambda s: s.log_posterior)
+        effects = (c.form.effect for c in best.components)
+        return tuple(effect for effect in effects if not effect.guessed_channel)
+
+
+def _with_name(names: Names, name: str) -> Names:
+    """Return the names of a set with one effect more; what has no name stands last."""
+    unnamed = {*UNNAMED.values()}
+    known = sorted([*(n for n in names if n not in unnamed), name])
+    return (*known, *(n for n in names if n in unnamed))
+
+
+def _one_fewer(fewer: Explanation, said: Explanation) -> bool:
+    """Tell whether an explanation has one effect fewer than `said` and is not much less likely."""
+    less = set(fewer.names) < set(said.names) and len(fewer.names) == len(said.names) - 1
+    return less and fewer.probability > DISPENSABLE * said.probability
