@@ -89,7 +89,8 @@ def flaws(hypotheses: SensorHypotheses, fitted: Sequence[FittedSet]) -> list[flo
 
     It is a smooth function of all that was logged, or follows one variable (not temperature
     alone: curves over it are what laws are told by; nor the phase of the cycle, which is what
-    machines follow that were not logged), or looks like a kindred effect (a lag of two
+    machines follow that were not logged, but as a share of what effects of the temperature's
+    history explain: they repeat with the cycle, too), or looks like a kindred effect (a lag of two
     stages like a gradient), or by chance like another: what was fitted with that effect, right or
     flawed itself, is then this set in a flawed form. All four are equally likely. Of a thermometer
     alone the variable is one of HISTORY.
@@ -120,6 +121,10 @@ def _flaw(
     allowed = (follows if some.components else HISTORY) - left_out
     variables = [r.term for r in hypotheses.regressors if r.depends_on in allowed]
     single = gains_together(hypotheses, some, one.state, variables, log_prior, beside=True)
+    if history := _explained_by_history(some):
+        phases = [r.term for r in hypotheses.regressors if r.depends_on == 'phase']
+        size = priors.flaw_log_prior(history)
+        single += [gain_of(one.state, term, size, beside=True)[0] for term in phases]
     if some.components:
         single.append(one.course + log_prior_at(one.course_size, log_prior))
     kin = _kin(hypotheses, some)
@@ -135,6 +140,12 @@ def _flaw(
     ways += [(log_sum(others), every)] if others else []
     parts = [gain - float(np.log(count * len(ways))) for gain, count in ways]
     return log_sum(parts) + float(np.log(priors.FORM_APPROXIMATE))
+
+
+def _explained_by_history(some: EffectSet) -> float:
+    """Return √Δχ² that effects of the temperature's history explain."""
+    sizes = [c.amplitude for c in some.components if c.form.effect.kin == 'temperature']
+    return float(np.linalg.norm(sizes))
 
 
 def _kin(hypotheses: SensorHypotheses, some: EffectSet) -> set[str]:
