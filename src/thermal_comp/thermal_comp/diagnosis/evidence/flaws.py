@@ -123,8 +123,8 @@ def _flaw(
     single = gains_together(hypotheses, some, one.state, variables, log_prior, beside=True)
     if history := _explained_by_history(some):
         phases = [r.term for r in hypotheses.regressors if r.depends_on == 'phase']
-        size = priors.flaw_log_prior(history)
-        single += [gain_of(one.state, term, size, beside=True)[0] for term in phases]
+        share = priors.flaw_log_prior(history)
+        single += [gain_of(one.state, term, share, beside=True)[0] for term in phases]
     if some.components:
         single.append(one.course + log_prior_at(one.course_size, log_prior))
     kin = _kin(hypotheses, some)
@@ -134,7 +134,8 @@ def _flaw(
         size = float(np.sqrt(max(with_it.explained - some.explained, 0.0)))
         gain = with_it.log_posterior - with_it.log_prior + some.log_prior - some.log_posterior
         (alike if further in kin else others).append(gain + weight + log_prior_at(size, likeness))
-    ways = [(one.free_flaw, 1), (log_sum(single), len(single))]
+    ways = [(one.free_flaw, 1)]
+    ways += [(log_sum(single), len(single))] if single else []
     ways += [(log_sum(alike), len(kin))] if alike else []
     every = len(hypotheses.families) + len(hypotheses.guesses)
     ways += [(log_sum(others), every)] if others else []
@@ -173,8 +174,8 @@ def gains_together(
     """
     each = [gain_of(state, term, amplitude, beside=beside) for term in terms]
     gains = [gain for gain, _ in each]
-    place = int(np.argmax(gains))
-    if gains[place] > WORTH_ANOTHER and len(known) + 1 < MOST_TOGETHER:
+    place = int(np.argmax(gains)) if gains else 0
+    if len(gains) > 1 and gains[place] > WORTH_ANOTHER and len(known) + 1 < MOST_TOGETHER:
         columns, width = terms[place].columns, each[place][1]
         if beside:
             width /= np.sqrt(state.power(columns))
