@@ -408,6 +408,11 @@ def _several(rows: Sequence[Row], count: int) -> list[Row]:
     ]
 
 
+def _can_be_told(effect: Mapping[str, Any]) -> bool:
+    """Tell whether an effect's channel was logged and no other effect explains most of it."""
+    return bool(effect['logged']) and effect.get('rival_share', 0.0) < SEPARATED
+
+
 def _separated(row: Row) -> bool:
     return float(row['truth'].get('overlap', 0.0)) < SEPARATED
 
@@ -472,6 +477,10 @@ def further(rows: Sequence[Row]) -> str:
         apart = [row for row in several if _separated(row)]
         lines[f'{word} effects, M ≥ 3, overlap < 0.9: all in the first answers'] = _share(
             map(_has_all, apart)
+        )
+        told = [row for row in apart if all(map(_can_be_told, row['truth']['effects']))]
+        lines[f'  {word}, each logged, none nine tenths like another effect'] = _share(
+            map(_has_all, told)
         )
         lines[f'{word} effects, M ≥ 3: the 95 % sets hold them'] = _share(
             all(any(map(g.right, g.credible)) for g in _of_effect(row)) for row in several
