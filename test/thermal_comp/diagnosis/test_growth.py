@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What no effect describes is described without a name, where held-out parts confirm it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from thermal_comp.compensation.recording import compensate
 from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.diagnose import Settings
-from thermal_comp.diagnosis.growth import Growth, add_effect, grow
+from thermal_comp.diagnosis.growth import Growth, add_effect, grow, raises_error
 from thermal_comp.effects import EFFECTS
 from thermal_comp.model.file import load_model, save_model
 from thermal_comp.model.values import ModelError
@@ -100,3 +102,12 @@ def test_a_right_name_whose_correction_passes_on_more_noise_is_not_added() -> No
     assert grown.diagnosis.predictions[0].terms == ()
     assert grown.model.sensors['magnetometer'].effects == (LINE,)
     assert 'temperature_rate (magnetometer) raises the held-out error: left out' in said
+
+
+def test_an_effect_that_spoils_one_axis_raises_the_error(grown: Growth) -> None:
+    """A hysteresis lowered the error of all axes by a fiftieth and raised one ninefold."""
+    before, after = grown.before.sensors[SENSOR], grown.after.sensors[SENSOR]
+    spoilt = replace(after, held_out_rms=before.held_out_rms * np.array([0.1, 0.1, 2.5]))
+    compared = replace(grown.after, sensors={**grown.after.sensors, SENSOR: spoilt})
+    assert not raises_error(grown, [SENSOR])
+    assert raises_error(replace(grown, after=compared), [SENSOR])

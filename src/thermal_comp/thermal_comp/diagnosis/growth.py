@@ -15,7 +15,7 @@ from thermal_comp.comparison.compare import (
     compare_prepared,
     rms_of,
 )
-from thermal_comp.comparison.simpler import raised, worse_than_simpler
+from thermal_comp.comparison.simpler import NO_CHANCE, raised, worse_than_simpler
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.diagnose import Settings, base_effects, diagnose_prepared
@@ -234,11 +234,18 @@ def _named(
         chosen = _placed(runs, listed, noise, found.name, settings, sensors)
         placed = {s: (effect,) for s, effect in chosen.items()}
         grown = _grown(model, runs, noise, listed, placed, found.ambiguous_with)
-        if not all(raised(grown.before.sensors[s], grown.after.sensors[s]) for s in placed):
+        if not raises_error(grown, sensors):
             return grown
         report(f'{key} raises the held-out error: left out')
         left_out.add(key)
     return None
+
+
+def raises_error(grown: Growth, sensors: Sequence[Sensor]) -> bool:
+    """Tell whether the held-out error rises in all sensors, or on an axis by what is no chance."""
+    pairs = [(grown.before.sensors[s], grown.after.sensors[s]) for s in sensors]
+    axes = (after.held_out_rms > NO_CHANCE * before.held_out_rms for before, after in pairs)
+    return any(axis.any() for axis in axes) or all(raised(*pair) for pair in pairs)
 
 
 def _predictive(
