@@ -49,27 +49,22 @@ def coupled_support(effect: Effect, searched: Sequence[SensorAnswer]) -> float:
     beside that: a field of the chamber that turns with the device hides how a tilt turns it.
     """
     deviation = _coefficient_deviation(effect, searched[0])
-    first = _Share.of(effect, searched[0], _beside_coupled(effect, searched[0]))
-    alone = first.coefficients([first], deviation)
-    supports = []
+    first = _Told.by(searched[0], effect, _beside_coupled(effect, searched[0]))
+    alone = _log_weight([first], deviation)
+    best = -np.inf
     for beside_kin in (False, True):
         others = [
-            _Share.of(effect, answer, _beside_coupled(effect, answer, with_kin=beside_kin))
+            _Told.by(answer, effect, _beside_coupled(effect, answer, with_kin=beside_kin))
             for answer in searched[1:]
         ]
-        every = [first, *others]
-        together = first.coefficients(every, deviation)
-        support = sum(one.log_gain(together) + one.log_odds for one in others)
-        support += first.log_gain(together) - first.log_gain(alone)
-        support += _log_prior(together, every, deviation) - _log_prior(alone, [first], deviation)
-        supports.append(support)
-    best = max(supports)
+        odds = sum(one.log_odds for one in others)
+        best = max(best, odds + _log_weight([first, *others], deviation) - alone)
     refuted = -0.5 * max(REFUTING_CHI2, REFUTING_SHARE * first.explained)
     return best if best > refuted else -np.inf
 
 
 @dataclass(frozen=True, eq=False)
-class _Share:
+class _Told:
     """What one sensor tells of the coefficients of a coupled effect beside its own effects."""
 
     state: ConditionedDesign
@@ -81,34 +76,23 @@ class _Share:
     """ln of the odds of those own effects against what is said of the sensor."""
 
     @classmethod
-    def of(cls, effect: Effect, answer: SensorAnswer, beside: Sequence[Component]) -> _Share:
+    def by(cls, answer: SensorAnswer, effect: Effect, beside: Sequence[Component]) -> _Told:
         """Return what a sensor tells beside given components."""
         hypotheses = answer.hypotheses
         term = hypotheses.design.term(effect)
         state = hypotheses.conditioned(beside)
         size = hypotheses.design.size_of(term)
         normal, right = state.shared_equations(term.columns)
-        weights = [
-            answer.set_of(components).log_posterior
-            for components in (beside, answer.likeliest.components)
-        ]
-        return cls(state, normal * np.outer(size, size), right * size, weights[0] - weights[1])
-
-    @staticmethod
-    def coefficients(shares: Sequence[_Share], deviation: float) -> FloatArray:
-        """Return (p,) the likeliest coefficients, by all that is told and their prior."""
-        normal = np.sum([one.normal for one in shares], axis=0)
-        right = np.sum([one.right for one in shares], axis=0)
-        inner = np.eye(len(right)) + deviation**2 * normal
-        return np.asarray(deviation**2 * np.linalg.solve(inner, right))
+        said = answer.set_of(answer.likeliest.components)
+        log_odds = answer.set_of(beside).log_posterior - said.log_posterior
+        return cls(state, normal * np.outer(size, size), right * size, log_odds)
 
     def log_gain(self, coefficients: FloatArray) -> float:
-        """Return ln of the evidence that given coefficients add."""
-        less = coefficients @ (2.0 * self.right - self.normal @ coefficients)
-        state = self.state
-        left = state.chi_square - float(less)
-        after = log_evidence(left, state.log_determinant, state.rows)
-        return float(after - state.log_evidence)
+        """Return ln of the evidence that given coefficients (p,) add."""
+        explained = coefficients @ (2.0 * self.right - self.normal @ coefficients)
+        left = self.state.chi_square - float(explained)
+        after = log_evidence(left, self.state.log_determinant, self.state.rows)
+        return float(after - self.state.log_evidence)
 
     @property
     def explained(self) -> float:
@@ -117,12 +101,18 @@ class _Share:
         return float(self.right @ inverse @ self.right)
 
 
-def _log_prior(coefficients: FloatArray, shares: Sequence[_Share], deviation: float) -> float:
-    """Return ln of the share of the prior that the coefficients and what is near them take."""
-    normal = np.sum([one.normal for one in shares], axis=0)
-    inner = np.eye(len(coefficients)) + deviation**2 * normal
-    away = float(coefficients @ coefficients) / deviation**2
-    return -0.5 * (away + float(np.linalg.slogdet(inner)[1]))
+def _log_weight(told: Sequence[_Told], deviation: float) -> float:
+    """Return ln of the evidence that coefficients add, one set for all, integrated over them.
+
+    By Laplace's approximation about those that are likeliest by all that is told and by their
+    prior, a Gaussian of standard deviation `deviation`.
+    """
+    normal = deviation**2 * np.sum([one.normal for one in told], axis=0)
+    right = deviation**2 * np.sum([one.right for one in told], axis=0)
+    inner = np.eye(len(right)) + normal
+    likeliest = np.linalg.solve(inner, right)
+    prior = float(likeliest @ likeliest) / deviation**2 + float(np.linalg.slogdet(inner)[1])
+    return sum(one.log_gain(likeliest) for one in told) - 0.5 * prior
 
 
 def _beside_coupled(

@@ -234,14 +234,14 @@ def _named(
         chosen = _placed(runs, listed, noise, found.name, settings, sensors)
         placed = {s: (effect,) for s, effect in chosen.items()}
         grown = _grown(model, runs, noise, listed, placed, found.ambiguous_with)
-        if not raises_error(grown, sensors):
+        if not held_out_error_rises(grown, list(placed)):
             return grown
         report(f'{key} raises the held-out error: left out')
         left_out.add(key)
     return None
 
 
-def raises_error(grown: Growth, sensors: Sequence[Sensor]) -> bool:
+def held_out_error_rises(grown: Growth, sensors: Sequence[Sensor]) -> bool:
     """Tell whether the held-out error rises in all sensors, or on an axis by what is no chance."""
     pairs = [(grown.before.sensors[s], grown.after.sensors[s]) for s in sensors]
     axes = (after.held_out_rms > NO_CHANCE * before.held_out_rms for before, after in pairs)

@@ -132,9 +132,10 @@ class SensorHypotheses:
 
         What a large effect leaves of the residual shows slow noise that is nothing beside it.
         """
-        return max(self.nuisances, key=lambda pair: pair[0] + self._joint(components, pair[1])[0])[
-            1
+        likely = [
+            log_prior + self._joint(components, some)[0] for log_prior, some in self.nuisances
         ]
+        return self.nuisances[int(np.argmax(likely))][1]
 
     def _strain(self, thermometer: CoefficientPrior) -> float:
         """Return χ² of the thermometer's errors by their prior, those that explain most."""

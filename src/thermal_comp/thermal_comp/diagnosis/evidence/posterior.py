@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -99,11 +100,14 @@ def explanations(
     """
     hypotheses.allow_unnamed()
     best = max(sets, key=lambda s: s.log_posterior)
-    close = _close(hypotheses, best, sets)[:MOST_SETS]
+    leader = _fitted(hypotheses, best, (), courses=True)
+    close = _close(leader, sets)[:MOST_SETS]
     # What a smaller set leaves to a further effect may be a flaw of its own equations.
     close += [s for s in sets if s not in close and set(s.names) <= set(best.names)]
     fitted = [
-        _fitted(hypotheses, some, close, courses=some is best or not some.components)
+        replace(leader, variables_of_larger=_variables_of_larger(best, close))
+        if some is best
+        else _fitted(hypotheses, some, close, courses=not some.components)
         for some in close
     ]
     weighed: list[tuple[EffectSet, list[_Beside]]] = [
@@ -124,29 +128,22 @@ def explanations(
     return sorted(found, key=lambda e: -e.probability), total
 
 
-def _close(
-    hypotheses: SensorHypotheses, best: EffectSet, sets: Sequence[EffectSet]
-) -> list[EffectSet]:
+def _close(best: FittedSet, sets: Sequence[EffectSet]) -> list[EffectSet]:
     """Return the sets that may be the likeliest once their equations have a flaw.
 
     Where that of the best explains much, others leave less to it: an equation that bends takes in
     what it may of a smooth course, but not of a step. What is less likely than a part of it is
     none of them.
     """
-    flaw = free_flaw(hypotheses, best, hypotheses.conditioned(best.components))
-    reach = WORTH_A_LOOK + max(flaw, 0.0)
+    reach = WORTH_A_LOOK + max(best.free_flaw, 0.0)
     known = {s.names: s.log_posterior for s in sets}
 
     def less_than_a_part(some: EffectSet) -> bool:
-        parts = (known.get(_without(some, name)) for name in some.names)
-        return any(part is not None and part >= some.log_posterior for part in parts)
+        parts = combinations(some.names, len(some.names) - 1) if some.names else ()
+        return any(known.get(part, -np.inf) >= some.log_posterior for part in parts)
 
-    below = {s.names: best.log_posterior - s.log_posterior for s in sets}
-    return [
-        s
-        for s in sets
-        if below[s.names] < WORTH_A_LOOK or (below[s.names] < reach and not less_than_a_part(s))
-    ]
+    behind = [(s, best.set.log_posterior - s.log_posterior) for s in sets]
+    return [s for s, by in behind if by < WORTH_A_LOOK or (by < reach and not less_than_a_part(s))]
 
 
 def _unlogged(some: EffectSet, rest: list[_Beside]) -> list[_Beside]:
