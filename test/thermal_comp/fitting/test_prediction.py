@@ -60,6 +60,16 @@ def test_two_effects_are_added_where_no_single_one_will_do() -> None:
     assert len(predicted(sweep)) >= 2
 
 
+@pytest.mark.parametrize('seed', [0, 5])
+def test_a_random_walk_in_one_sweep_is_no_effect_of_temperature(seed: int) -> None:
+    """Smooth in time, it passed for a lag or an empirical term between near neighbours."""
+    walk = np.cumsum(np.random.default_rng(seed).standard_normal(len(chamber(1)[1])))
+    law = np.multiply.outer(10.0 * walk / walk.std(), WHITE['angular_velocity'] * np.ones(3))
+    sweep = prepare([run('+z', seed=3, cycles=1, error={'angular_velocity': law})])
+    assert not predicted(sweep)
+    assert empirical_form(sweep, SENSOR, [LINE], fit_noise(sweep, SENSOR)) is None
+
+
 def test_noise_alone_gets_nothing() -> None:
     runs = prepare([run('+z', seed=k, cycles=3, period=PERIOD) for k in (20, 21)])
     assert predicted(runs) == []

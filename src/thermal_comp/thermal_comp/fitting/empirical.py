@@ -7,12 +7,20 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
+from numpy.typing import NDArray
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.empirical_term import GROUPS, Empirical
-from thermal_comp.fitting.part_sums import PartSums, falls, may_fall, part_sums, reduced
+from thermal_comp.fitting.part_sums import (
+    LEAST_FALL,
+    PartSums,
+    falls,
+    may_fall,
+    part_sums,
+    reduced,
+)
 from thermal_comp.linear.design import LEAST_DEVIATION
 from thermal_comp.model.values import NoiseModel
 
@@ -33,7 +41,7 @@ def empirical_form(
     """Return the empirical term for the axes whose held-out error it lowers; None: for none.
 
     Each group of columns of each axis is absent or has one of LEVELS, whichever is likeliest
-    without the part that is held out.
+    without the part that is held out. It must lower the error on longer parts, too.
     """
     low = min(float(run.temperature.min()) for run in runs)
     high = max(float(run.temperature.max()) for run in runs)
@@ -43,14 +51,28 @@ def empirical_form(
     before = _errors(sums, own, {})
     if not any(may_fall(before[:, axis], sums.variance[axis]) for axis in range(3)):
         return None
-    widths = {part: _likeliest_widths(sums, part, own) for part in (0, *sums.parts())}
-    after = _errors(sums, own, widths)
-    for axis in range(3):
-        if not falls(before[:, axis], after[:, axis], sums.variance[axis]):
-            widths[0][:, axis] = 0.0
-    if not widths[0].any():
+    after = _errors(sums, own, _widths_without(sums, own))
+    lower = np.array([falls(before[:, k], after[:, k], sums.variance[k]) for k in range(3)])
+    if lower.any():
+        lower &= _fall_on_longer(sums, own)
+    if not lower.any():
         return None
-    return Empirical(form.middle, form.half_range, tuple(widths[0].ravel().tolist()))
+    widths = np.where(lower, _likeliest_widths(sums, 0, own), 0.0)
+    return Empirical(form.middle, form.half_range, tuple(widths.ravel().tolist()))
+
+
+def _widths_without(sums: PartSums, own: IntArray) -> Mapping[int, FloatArray]:
+    """Return the likeliest widths by the part that is held out."""
+    return {part: _likeliest_widths(sums, part, own) for part in sums.parts()}
+
+
+def _fall_on_longer(sums: PartSums, own: IntArray) -> NDArray[np.bool_]:
+    """(3,) whether the error of each axis falls on longer parts, too."""
+    longer = sums.longer()
+    before = _errors(longer, own, {}).sum(axis=0)
+    after = _errors(longer, own, _widths_without(longer, own)).sum(axis=0)
+    lower: NDArray[np.bool_] = after <= (1.0 - LEAST_FALL) ** 2 * before
+    return lower
 
 
 def _errors(sums: PartSums, own: IntArray, widths: Mapping[int, FloatArray]) -> FloatArray:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
@@ -27,6 +27,9 @@ CHANCE = 0.01
 """Probability that chance alone passes for a fall of the error on held-out parts."""
 LEAST_FALL = 0.05
 """Fall of the held-out rms that is worth another term, as a share."""
+LONG_PARTS = 4
+"""Parts of a run without cycles that a term must lower the error on, too: between near neighbours
+what is smooth in time passes for an effect of temperature."""
 
 
 def falls(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> bool:
@@ -84,6 +87,8 @@ class PartSums:
     """(k,) blocks of each piece."""
     part: IntArray
     """(k,) held out together; 0 is never held out."""
+    cycles: bool
+    """Whether the parts are thermal cycles; else they follow each other in time."""
     run: IntArray
     """(k,)."""
     known: IntArray
@@ -96,6 +101,16 @@ class PartSums:
     def parts(self) -> list[int]:
         """Return the parts that are held out in turn."""
         return sorted({int(p) for p in self.part if p > 0})
+
+    def longer(self) -> PartSums:
+        """Return the same sums over LONG_PARTS parts; cycles stay as they are.
+
+        A cycle is the whole of what a device does.
+        """
+        most = int(self.part.max())
+        if self.cycles or most <= LONG_PARTS:
+            return self
+        return replace(self, part=1 + (self.part - 1) * LONG_PARTS // most)
 
     def training(self, part: int) -> FloatArray:
         """(3, q, q) whitened sums over all pieces but those of one part; of all for part 0."""
@@ -137,7 +152,7 @@ def part_sums(
     Fits are without the noise of the thermometer, their errors with it. Errors where the device
     was shaken count in the noise that is there.
     """
-    groups = _parts_of(runs, sensor)
+    groups, cycles = _parts_of(runs, sensor)
     effects = (*known, *further)
     measured = [_columns(runs, sensor, effect) for effect in effects]
     smoothed = [_columns([run.smoothed for run in runs], sensor, effect) for effect in effects]
@@ -196,6 +211,7 @@ def part_sums(
         np.stack(plain, axis=1),
         np.array(rows),
         np.array(part),
+        cycles,
         np.array(number),
         np.arange(starts[len(known)]),
         places,
@@ -210,16 +226,19 @@ def reduced(sums: FloatArray, known: IntArray) -> FloatArray:
     return left
 
 
-def _parts_of(runs: Sequence[PreparedRun], sensor: Sensor) -> list[IntArray]:
-    """Return (m,) part of each block of each run: its cycles, or contiguous blocks if few."""
+def _parts_of(runs: Sequence[PreparedRun], sensor: Sensor) -> tuple[list[IntArray], bool]:
+    """Return (m,) part of each block of each run, and whether any of them are cycles.
+
+    They are its cycles, or contiguous blocks where those are few.
+    """
     groups = [run.cv_group for run in runs]
     found = sum(
         len(np.unique(group[(group > 0) & np.isfinite(run.measured[sensor]).all(axis=1)]))
         for run, group in zip(runs, groups, strict=True)
     )
     if found >= LEAST_PARTS:
-        return groups
-    return [contiguous_parts(len(run)) for run in runs]
+        return groups, any(run.has_cycles for run in runs)
+    return [contiguous_parts(len(run)) for run in runs], False
 
 
 def _span(

@@ -70,9 +70,9 @@ def predictive_effects(
     """Return the effects beside the `known` ones that lower the held-out error most.
 
     One effect is added after the other, or two where no single one will do, at most MOST_EFFECTS,
-    while the error falls by more than chance and on no axis rises. Tried are those that need no
-    channel beside temperature, since the field may lack it; sets of names that are given as
-    `candidates` are tried whole.
+    while the error falls by more than chance, on longer parts, too, and on no axis rises. Tried
+    are those that need no channel beside temperature, since the field may lack it; sets of names
+    that are given as `candidates` are tried whole.
     """
     forms = usable_forms(runs, sensor, known, catalogue)
     if not forms:
@@ -85,16 +85,16 @@ def predictive_effects(
     while len(current.names) < MOST_EFFECTS and may_fall(current.errors, sums.variance):
         left = [name for name in names if name not in current.names]
         single = [_with(sums, forms, current, (name,)) for name in left]
-        further = _best(sums, current, single)
+        further = _best(sums, forms, current, single)
         if further is None and len(current.names) + 2 <= MOST_EFFECTS:
             left = [n for n, s in zip(left, single, strict=True) if _differs(s, current)]
             pairs = [_with(sums, forms, current, pair) for pair in combinations(left, 2)]
-            further = _best(sums, current, pairs)
+            further = _best(sums, forms, current, pairs)
         if further is None:
             break
         best = current = further
     whole = [_with(sums, forms, start, names) for names in candidates if set(names) <= set(forms)]
-    better = _best(sums, start, [s for s in whole if _total(sums, s) < _total(sums, best)])
+    better = _best(sums, forms, start, [s for s in whole if _total(sums, s) < _total(sums, best)])
     return (better or best).effects
 
 
@@ -146,13 +146,16 @@ def usable_forms(
     return {name: some for name, some in forms.items() if some}
 
 
-def _best(sums: PartSums, before: Selection, tried: Sequence[Selection]) -> Selection | None:
+def _best(
+    sums: PartSums, forms: Forms, before: Selection, tried: Sequence[Selection]
+) -> Selection | None:
     """Return the smallest selection that lowers the held-out error most; None: none does."""
     lower = [
         s
         for s in tried
         if _falls(sums, before, s)
         and (s.errors.sum(axis=0) <= (1.0 + LEAST_FALL) ** 2 * before.errors.sum(axis=0)).all()
+        and _falls_on_longer(sums, forms, before, s)
     ]
     least = min(lower, key=lambda s: _total(sums, s), default=None)
     if least is None:
@@ -165,6 +168,15 @@ def _best(sums: PartSums, before: Selection, tried: Sequence[Selection]) -> Sele
 def _falls(sums: PartSums, before: Selection, after: Selection) -> bool:
     """Tell whether the errors of all axes together fall, in units of their noise."""
     return falls(before.errors, after.errors, sums.variance)
+
+
+def _falls_on_longer(sums: PartSums, forms: Forms, before: Selection, after: Selection) -> bool:
+    """Tell whether the error falls on longer parts, too; forms are chosen without each of them."""
+    longer = sums.longer()
+    if longer is sums:
+        return True
+    left = [_total(longer, _with(longer, forms, None, s.names)) for s in (before, after)]
+    return left[1] <= (1.0 - LEAST_FALL) ** 2 * left[0]
 
 
 def _differs(one: Selection, other: Selection) -> bool:
