@@ -10,6 +10,7 @@ from thermal_comp.data.preparation import prepare
 from thermal_comp.diagnosis.diagnose import Settings
 from thermal_comp.diagnosis.growth import Growth, add_effect, grow, held_out_error_rises
 from thermal_comp.effects import EFFECTS
+from thermal_comp.effects.temperature_rate import TemperatureRate
 from thermal_comp.model.file import load_model, save_model
 from thermal_comp.model.values import ModelError
 
@@ -85,13 +86,20 @@ def test_noise_gets_no_empirical_term() -> None:
     assert grow(None, runs, FEW).steps == ()
 
 
+class RoughRate(TemperatureRate):
+    """A rate that is smoothed over 30 s, whatever the thermometer."""
+
+    def live_forms(self) -> tuple[TemperatureRate, ...]:
+        return (self,)
+
+
 def test_a_right_name_whose_correction_passes_on_more_noise_is_not_added() -> None:
     def error(time: np.ndarray, die: np.ndarray) -> dict[str, np.ndarray]:
         gains = 3e3 * WHITE['magnetic_field'] * np.array([1.0, -0.7, 0.9])
         return {'magnetic_field': np.multiply.outer(np.gradient(die, time), gains)}
 
     runs = prepare(measured_by([slow_days(error)], 'magnetometer'))
-    settings = Settings({'temperature_rate': EFFECTS['temperature_rate']})
+    settings = Settings({'temperature_rate': RoughRate})
     alone = add_effect(None, runs, 'temperature_rate', settings)
     assert alone.steps[0].error_after > 1.2 * alone.steps[0].error_before
     assert alone.worse

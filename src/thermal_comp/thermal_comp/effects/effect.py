@@ -34,13 +34,14 @@ def shape_parameter(
     searched: tuple[float, float] | None = None,
     step: float | None = None,
     given: bool = False,
+    assumed: bool = False,
 ) -> Any:
     """Declare a nonlinear parameter of an effect: default, unit and bounds of every value.
 
     `searched` are bounds of the search where they are closer. A search moves a value by a share
     of itself (a quarter first), or by `step` where zero means nothing: an instant, a frequency;
     by default where the bounds include negative values. `given` ones are part of the form,
-    neither searched nor fitted.
+    neither searched nor fitted. `assumed`: a model file without it means the default.
     """
     if step is None and bounds[0] < 0.0:
         step = (bounds[1] - bounds[0]) / 32.0
@@ -50,6 +51,7 @@ def shape_parameter(
         'searched': searched,
         'step': step,
         'given': given or unit == COUNT,
+        'assumed': assumed,
     }
     return field(default=default, metadata=metadata)
 
@@ -252,6 +254,13 @@ class Effect:
     def guess(cls) -> type[Effect] | None:
         """Return the effect with its channel guessed, for runs that lack it; None: no guess."""
         return None
+
+    def live_forms(self) -> tuple[Self, ...]:
+        """Return the forms that differ only in what they make of a noisy thermometer, live.
+
+        A fit takes the one with the smallest error on held-out parts; the first of equals.
+        """
+        return (self,)
 
     def parts(self) -> tuple[Effect, ...]:
         """Return effects whose columns beside each other are this one's."""

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -11,16 +11,24 @@ from imu_recording.recording import FloatArray
 
 from thermal_comp.data.conditions import Conditions
 from thermal_comp.effects.c_form import CColumns, CForm
-from thermal_comp.effects.effect import Effect, Kin, State
+from thermal_comp.effects.effect import Effect, Kin, State, shape_parameter
 from thermal_comp.effects.operators import follow
 
-SMOOTHING = 30.0
-"""Time constant of the derivative filter [s]; its second stage takes the delay out again."""
+SMOOTHINGS = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
+"""Time constants of the derivative filter that are tried [s]."""
 
 
 @dataclass(frozen=True)
 class TemperatureRate(Effect):
     """The error is proportional to how fast the die temperature changes."""
+
+    smoothing: float = shape_parameter(
+        30.0, unit='s', bounds=(0.1, 10_000.0), given=True, assumed=True
+    )
+    """Time constant of the derivative filter, whose second stage takes the delay out again.
+
+    The longer, the less of the thermometer's noise comes through, and the later its corners.
+    """
 
     name: ClassVar[str] = 'temperature_rate'
     equation: ClassVar[str] = 'error = a · dT/dt'
@@ -45,15 +53,19 @@ class TemperatureRate(Effect):
         """Return (n, 1): dT/dt [K/s], smoothed causally without delay to first order."""
         first_state, second_state = state if state is not None else (None, None)
         time, temperature = conditions.time, conditions.temperature
-        lagged, first_state = follow(time, temperature, SMOOTHING, first_state)
-        rate = (temperature - lagged) / SMOOTHING
-        delayed, second_state = follow(time, rate, SMOOTHING, second_state)
+        lagged, first_state = follow(time, temperature, self.smoothing, first_state)
+        rate = (temperature - lagged) / self.smoothing
+        delayed, second_state = follow(time, rate, self.smoothing, second_state)
         return (2.0 * rate - delayed)[:, None], (first_state, second_state)
+
+    def live_forms(self) -> tuple[TemperatureRate, ...]:
+        """Return it with derivatives smoothed over seconds to a quarter of an hour."""
+        return (self, *(replace(self, smoothing=value) for value in SMOOTHINGS))
 
     def c_columns(self, c: CForm) -> CColumns:
         """Return the smoothed derivative: rate plus what its second lag is behind it."""
-        rate = f'(-{c.behind(c.temperature, SMOOTHING)} / {c.number(SMOOTHING)})'
-        return CColumns([f'({rate} - {c.behind(rate, SMOOTHING)})'])
+        rate = f'(-{c.behind(c.temperature, self.smoothing)} / {c.number(self.smoothing)})'
+        return CColumns([f'({rate} - {c.behind(rate, self.smoothing)})'])
 
     def columns_in_hindsight(self, conditions: Conditions) -> FloatArray:
         """Return (n, 1): the derivative itself [K/s]; the temperature is smooth already."""

@@ -23,6 +23,7 @@ from thermal_comp.fitting.inputs import (
     sensor_groups,
     usable_sensors,
 )
+from thermal_comp.fitting.prediction import with_live_forms
 from thermal_comp.fitting.shape_search import bound_notes, refine_shapes
 from thermal_comp.fitting.shape_uncertainty import (
     ShapeDirection,
@@ -75,6 +76,8 @@ def fit_prepared(
     sensors, left_out = usable_sensors(runs)
     listed = effects_by_sensor(effects, sensors, runs)
     weights, guessed = _noise_by_sensor(runs, listed, noise or {})
+    if refine:
+        listed = {s: with_live_forms(runs, s, listed[s], weights[s]) for s in listed}
     without_noise = [run.smoothed for run in runs]
     groups = [
         _fit_group(

@@ -77,6 +77,12 @@ def predictive_effects(
     forms = usable_forms(runs, sensor, known, catalogue)
     if not forms:
         return ()
+    live = {
+        name: with_live_forms(runs, sensor, (*known, some[0]), noise)[-1:]
+        for name, some in forms.items()
+        if len(some[0].live_forms()) > 1
+    }
+    forms = {**forms, **live}
     every = dict.fromkeys(p for some in forms.values() for form in some for p in form.parts())
     sums = part_sums(runs, sensor, known, tuple(every), noise)
     start = _with(sums, forms, None, ())
@@ -108,14 +114,31 @@ def best_held_out(
 
     Shapes stand as they are, coefficients are fitted without the part; the first of equals.
     """
+    common = [effect for effect in forms[0] if all(effect in form for form in forms)]
+    own = [tuple(effect for effect in form if effect not in common) for form in forms]
+    every = dict.fromkeys(part for form in own for effect in form for part in effect.parts())
+    sums = part_sums(runs, sensor, common, tuple(every), noise)
 
     def left(effects: tuple[Effect, ...]) -> float:
-        sums = part_sums(runs, sensor, effects, (), noise)
-        free = np.zeros((3, len(sums.known)))
-        errors = [sums.errors(part, sums.known, free) for part in sums.parts()]
+        columns = columns_of(sums, effects)
+        free = np.zeros((3, len(columns)))
+        errors = [sums.errors(part, columns, free) for part in sums.parts()]
         return float((np.concatenate(errors) / sums.variance).sum())
 
-    return min(forms, key=left)
+    return forms[min(range(len(forms)), key=lambda k: left(own[k]))]
+
+
+def with_live_forms(
+    runs: Sequence[PreparedRun], sensor: Sensor, effects: Sequence[Effect], noise: NoiseModel
+) -> tuple[Effect, ...]:
+    """Return the effects, each in the live form that leaves the least on held-out parts."""
+    chosen = tuple(effects)
+    for place, effect in enumerate(effects):
+        forms = effect.live_forms()
+        if len(forms) > 1:
+            tried = [(*chosen[:place], form, *chosen[place + 1 :]) for form in forms]
+            chosen = best_held_out(runs, sensor, tried, noise)
+    return chosen
 
 
 def usable_forms(
