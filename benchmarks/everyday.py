@@ -39,6 +39,10 @@ from imu_workbench.simulate.hidden_effect import Campaign, HiddenEffect, hidden_
 from independent_simulator.campaign import COUNTS, MAGNITUDES, MOST_UNEQUAL, SEALED, draw_campaign
 from independent_simulator.scenarios import SCENARIOS
 from thermal_comp.data.preparation import prepare
+from thermal_comp.data.quality import check_quality
+from thermal_comp.diagnosis.diagnose import Settings
+from thermal_comp.diagnosis.growth import grow
+from thermal_comp.effects import EFFECTS
 from thermal_comp.precompile import precompile
 
 import thermal_comp as tc
@@ -171,6 +175,13 @@ def _diagnosed(case: Case) -> dict[str, Any]:
     return said | {key: content[key] for key in further if key in content}
 
 
+def _grown(case: Case) -> dict[str, Any]:
+    """Return what the verb `auto` adds, and what that leaves on the parts it holds out."""
+    clean, _ = check_quality(case.recordings)
+    growth = grow(None, prepare(clean), Settings(EFFECTS))
+    return {'auto': {one.sensor: one.to_dict() for one in growth.predictions}}
+
+
 def _rms(values: Any) -> float:
     known = np.asarray(values, float)
     known = known[np.isfinite(known)]
@@ -248,6 +259,7 @@ def _without_a_channel(case: Case) -> dict[str, Any]:
 STAGES: Mapping[str, Callable[[Case], dict[str, Any]]] = {
     'fit': _fitted,
     'diagnose': _diagnosed,
+    'auto': _grown,
     'score': _true_form,
     'channels': _without_a_channel,
 }

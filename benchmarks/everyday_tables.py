@@ -272,8 +272,8 @@ def error_ratios(rows: Sequence[Row]) -> list[float]:
 
 
 def _error_after(row: Row, sensor: str) -> float | None:
-    """Return the held-out error of the correction: the prediction's, else the best finding's."""
-    for one in _predictions(row.get('prediction')):
+    """Return the held-out error of the correction: that of `auto`, else of what was named."""
+    for one in _predictions(row.get('auto') or row.get('prediction')):
         error = one.get('error_after')
         if isinstance(error, Mapping):
             error = error.get(sensor)
