@@ -88,6 +88,15 @@ def test_counts_too_coarse_for_a_gyroscope_are_degrees(run: ImuRecording, axes: 
         admitted(replace(run, angular_velocity=rates))
 
 
+def test_a_line_of_the_mains_is_no_noise_in_degrees(run: ImuRecording) -> None:
+    """Sixty times the noise, it made steps as large as noise in °/s would."""
+    line = 0.02 * np.sin(2.0 * np.pi * (0.079 + 1e-5 * run.temperature) * run.time)
+    noisy = replace(run, angular_velocity=run.angular_velocity + line[:, None])
+    assert admitted(noisy) is noisy
+    with pytest.raises(RecordingError, match=r'as if in °/s'):
+        admitted(replace(noisy, angular_velocity=np.degrees(noisy.angular_velocity)))
+
+
 def alone(run: ImuRecording, temperature: np.ndarray) -> ImuRecording:
     return replace(
         run,

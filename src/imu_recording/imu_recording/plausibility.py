@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from imu_recording.logging_contract import MEASURED_FIELDS, TRACK_OF_FIELD
 from imu_recording.recording import (
@@ -83,6 +84,8 @@ REST_NOISE = 0.006
 REST_DENSITY = 0.003
 """… and a step times the root of the period [rad/s·√s]: 0.004 … 0.03 °/s/√Hz, and as much again
 where single samples were logged."""
+PREDICTING_ROWS = 8
+"""Rows from which the next is predicted: a spectral line takes two."""
 COARSEST_RATE = 0.003
 """Counts of ±2000 °/s in 16 bits are 0.001 rad/s, those of ±125 °/s read as rad/s 0.0038."""
 FEWEST_COUNTS = 5
@@ -176,8 +179,8 @@ def rate_at_rest(recording: ImuRecording) -> str:
     noise, shake = _step(rate), _step(recording.linear_acceleration)
     period = float(np.median(np.diff(recording.stamp))) * 1e-9
     dense = period <= DENSITY_PERIOD_S
-    loud = noise * period**0.5 > REST_DENSITY if dense else noise > REST_NOISE
-    if loud and shake < QUIET_FORCE:
+    most = REST_DENSITY / period**0.5 if dense else REST_NOISE
+    if noise > most and shake < QUIET_FORCE and _unpredicted_step(rate) > most:
         return f'steps of {noise:.2g} rad/s from row to row of a device at rest, as if in °/s'
     count = max(map(_count, rate[:100_000].T))
     if count > COARSEST_RATE:
@@ -388,6 +391,24 @@ def _step(values: FloatArray) -> float:
     step = np.abs(np.diff(values[:100_000], axis=0))
     step = step[np.isfinite(step).all(axis=1)]
     return float(np.median(step.max(axis=1))) if len(step) else 0.0
+
+
+def _unpredicted_step(values: FloatArray) -> float:
+    """Return the median step that rows (n, 3) make beside what the rows before them tell.
+
+    A line of the mains, seen slower, makes large steps of its own; noise cannot be told. Greatest
+    of the axes, as a step from row to row: √2 of what the best linear prediction leaves.
+    """
+    windows = sliding_window_view(values[:100_000], PREDICTING_ROWS + 1, axis=0)
+    largest = 0.0
+    for axis in np.moveaxis(windows, 1, 0):
+        known = axis[np.isfinite(axis).all(axis=1)]
+        if len(known) > 2 * PREDICTING_ROWS:
+            known = known - known.mean()
+            weights = np.linalg.lstsq(known[:, :-1], known[:, -1], rcond=None)[0]
+            left = known[:, -1] - known[:, :-1] @ weights
+            largest = max(largest, float(np.median(np.abs(left))) * 2.0**0.5)
+    return largest or _step(values)
 
 
 def _count(column: FloatArray) -> float:
