@@ -11,7 +11,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from scipy.special import log_ndtr, ndtr
 
-NOTHING = 0.6
+NOTHING = 2.0 / 3.0
 """That a sensor's model lacks nothing: most effects are felt by one sensor of three."""
 
 ANOTHER_EFFECT = 0.2
