@@ -114,25 +114,26 @@ def best_held_out(
 
     Shapes stand as they are, coefficients are fitted without the part; the first of equals.
     """
-    common = [effect for effect in forms[0] if all(effect in form for form in forms)]
-    own = [tuple(effect for effect in form if effect not in common) for form in forms]
-    every = dict.fromkeys(part for form in own for effect in form for part in effect.parts())
-    sums = part_sums(runs, sensor, common, tuple(every), noise)
 
     def left(effects: tuple[Effect, ...]) -> float:
-        columns = columns_of(sums, effects)
-        free = np.zeros((3, len(columns)))
-        errors = [sums.errors(part, columns, free) for part in sums.parts()]
+        sums = part_sums(runs, sensor, effects, (), noise)
+        free = np.zeros((3, len(sums.known)))
+        errors = [sums.errors(part, sums.known, free) for part in sums.parts()]
         return float((np.concatenate(errors) / sums.variance).sum())
 
-    return forms[min(range(len(forms)), key=lambda k: left(own[k]))]
+    return min(forms, key=left)
 
 
 def with_live_forms(
     runs: Sequence[PreparedRun], sensor: Sensor, effects: Sequence[Effect], noise: NoiseModel
 ) -> tuple[Effect, ...]:
-    """Return the effects, each in the live form that leaves the least on held-out parts."""
+    """Return the effects, each in the live form that leaves the least on held-out parts.
+
+    Beside coefficients with a prior (an empirical term) they stand as they are.
+    """
     chosen = tuple(effects)
+    if any(effect.coefficient_deviations() is not None for effect in effects):
+        return chosen
     for place, effect in enumerate(effects):
         forms = effect.live_forms()
         if len(forms) > 1:
