@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from thermal_comp.compensation.recording import compensate
 from thermal_comp.data.preparation import prepare
+from thermal_comp.diagnosis import growth
 from thermal_comp.diagnosis.diagnose import Settings
 from thermal_comp.diagnosis.growth import Growth, add_effect, grow, held_out_error_rises
 from thermal_comp.effects import EFFECTS
@@ -119,3 +120,12 @@ def test_an_effect_that_spoils_one_axis_raises_the_error(grown: Growth) -> None:
     compared = replace(grown.after, sensors={**grown.after.sensors, SENSOR: spoilt})
     assert not held_out_error_rises(grown, [SENSOR])
     assert held_out_error_rises(replace(grown, after=compared), [SENSOR])
+
+
+def test_what_spoils_the_error_is_no_prediction(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Chosen on other shapes than the fit ends with, a hysteresis raised the error."""
+    runs = prepare([run('+z', seed=20, cycles=3, period=PERIOD)])
+    spoiling = (EFFECTS['thermal_lag'](),)
+    monkeypatch.setattr(growth, 'predictive_effects', lambda *_: spoiling)
+    monkeypatch.setattr(growth, 'held_out_error_rises', lambda *_: True)
+    assert grow(None, runs, FEW).steps == ()

@@ -285,7 +285,11 @@ def _predictive(
     added = {s: effects for s, effects in added.items() if effects}
     if not added:
         return None
-    return _grown(model, runs, noise, listed, added, empirical=True)
+    grown = _grown(model, runs, noise, listed, added, empirical=True)
+    kept = {s: effects for s, effects in added.items() if not held_out_error_rises(grown, [s])}
+    if len(kept) < len(added):  # refitted together they do not keep what they promised
+        return _grown(model, runs, noise, listed, kept, empirical=True) if kept else None
+    return grown
 
 
 def _shared_or_empirical(effect: Effect) -> bool:
