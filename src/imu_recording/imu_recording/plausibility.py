@@ -396,8 +396,8 @@ def _step(values: FloatArray) -> float:
 def _unpredicted_step(values: FloatArray) -> float:
     """Return the median step that rows (n, 3) make beside what the rows before them tell.
 
-    A line of the mains, seen slower, makes large steps of its own; noise cannot be told. Greatest
-    of the axes, as a step from row to row: √2 of what the best linear prediction leaves.
+    A spectral line makes large steps, too, but earlier rows predict them; white noise they do not.
+    Greatest of the axes: √2 of what the best linear prediction leaves, as a step of noise has.
     """
     windows = sliding_window_view(values[:100_000], PREDICTING_ROWS + 1, axis=0)
     largest = 0.0

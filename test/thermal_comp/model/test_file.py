@@ -12,6 +12,8 @@ from imu_recording.plausibility import POSSIBLE
 from thermal_comp.data.quality import IMPOSSIBLE
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_step import BiasStep
+from thermal_comp.effects.effect import Effect
+from thermal_comp.effects.temperature_rate import TemperatureRate
 from thermal_comp.model.bounds import typical_conditions
 from thermal_comp.model.file import check_device, load_model, save_model
 from thermal_comp.model.values import ModelError, SensorModel, ThermalModel
@@ -65,19 +67,27 @@ def test_an_empty_model_is_kept_too(tmp_path: Path) -> None:
     assert load_model(tmp_path / 'model.yaml').sensors['gyroscope'].effects == ()
 
 
-def test_what_is_absent_by_default_may_be_absent_in_the_file(tmp_path: Path) -> None:
-    step = replace(
+@pytest.mark.parametrize(
+    ('effect', 'size', 'left_out'),
+    [
+        (BiasStep((300.0,)), (1, 1, 3), 'duration'),
+        (TemperatureRate(), (1, 3), 'smoothing'),  # files of version 0.1 have none
+    ],
+)
+def test_what_is_assumed_may_be_absent_in_the_file(
+    tmp_path: Path, effect: Effect, size: tuple[int, ...], left_out: str
+) -> None:
+    sensor = replace(
         line_model().sensors['gyroscope'],
-        effects=(BiasStep((300.0,)),),
-        coefficients=(np.ones((1, 1, 3)),),
+        effects=(effect,),
+        coefficients=(np.ones(size),),
         covariance=np.eye(3),
         contributions={},
     )
-    document = replace(line_model(), sensors={'gyroscope': step}).to_dict()
-    del document['sensors']['gyroscope']['effects'][0]['shape']['duration']
+    document = replace(line_model(), sensors={'gyroscope': sensor}).to_dict()
+    del document['sensors']['gyroscope']['effects'][0]['shape'][left_out]
     (tmp_path / 'model.yaml').write_text(yaml.safe_dump(document))
-    (loaded,) = load_model(tmp_path / 'model.yaml').sensors['gyroscope'].effects
-    assert loaded == BiasStep((300.0,))
+    assert load_model(tmp_path / 'model.yaml').sensors['gyroscope'].effects == (effect,)
 
 
 def changed(path: tuple[Any, ...], value: Any) -> dict[str, Any]:

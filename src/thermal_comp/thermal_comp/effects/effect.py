@@ -41,7 +41,8 @@ def shape_parameter(
     `searched` are bounds of the search where they are closer. A search moves a value by a share
     of itself (a quarter first), or by `step` where zero means nothing: an instant, a frequency;
     by default where the bounds include negative values. `given` ones are part of the form,
-    neither searched nor fitted. `assumed`: a model file without it means the default.
+    neither searched nor fitted, but for a choice among `live_forms`. `assumed`: a model file
+    without it means the default.
     """
     if step is None and bounds[0] < 0.0:
         step = (bounds[1] - bounds[0]) / 32.0
@@ -256,9 +257,9 @@ class Effect:
         return None
 
     def live_forms(self) -> tuple[Self, ...]:
-        """Return the forms that differ only in what they make of a noisy thermometer, live.
+        """Return forms that are one effect, but filter the noise of the thermometer differently.
 
-        A fit takes the one with the smallest error on held-out parts; the first of equals.
+        This one comes first. A fit takes the one with the smallest error on held-out parts.
         """
         return (self,)
 

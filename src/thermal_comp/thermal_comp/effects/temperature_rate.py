@@ -60,7 +60,8 @@ class TemperatureRate(Effect):
 
     def live_forms(self) -> tuple[TemperatureRate, ...]:
         """Return it with derivatives smoothed over seconds to a quarter of an hour."""
-        return (self, *(replace(self, smoothing=value) for value in SMOOTHINGS))
+        others = [value for value in SMOOTHINGS if value != self.smoothing]
+        return (self, *(replace(self, smoothing=value) for value in others))
 
     def c_columns(self, c: CForm) -> CColumns:
         """Return the smoothed derivative: rate plus what its second lag is behind it."""

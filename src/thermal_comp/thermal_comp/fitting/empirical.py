@@ -14,9 +14,9 @@ from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.empirical_term import GROUPS, Empirical
 from thermal_comp.fitting.part_sums import (
-    LEAST_FALL,
     PartSums,
     falls,
+    falls_enough,
     may_fall,
     part_sums,
     reduced,
@@ -53,8 +53,9 @@ def empirical_form(
         return None
     after = _errors(sums, own, _widths_without(sums, own))
     lower = np.array([falls(before[:, k], after[:, k], sums.variance[k]) for k in range(3)])
-    if lower.any():
-        lower &= _fall_on_longer(sums, own)
+    longer = sums.longer()
+    if lower.any() and longer is not sums:
+        lower &= _fall_on_longer(longer, own)
     if not lower.any():
         return None
     widths = np.where(lower, _likeliest_widths(sums, 0, own), 0.0)
@@ -66,13 +67,11 @@ def _widths_without(sums: PartSums, own: IntArray) -> Mapping[int, FloatArray]:
     return {part: _likeliest_widths(sums, part, own) for part in sums.parts()}
 
 
-def _fall_on_longer(sums: PartSums, own: IntArray) -> NDArray[np.bool_]:
-    """(3,) whether the error of each axis falls on longer parts, too."""
-    longer = sums.longer()
+def _fall_on_longer(longer: PartSums, own: IntArray) -> NDArray[np.bool_]:
+    """(3,) whether the error of each axis falls by enough to matter on longer parts."""
     before = _errors(longer, own, {}).sum(axis=0)
     after = _errors(longer, own, _widths_without(longer, own)).sum(axis=0)
-    lower: NDArray[np.bool_] = after <= (1.0 - LEAST_FALL) ** 2 * before
-    return lower
+    return np.array([falls_enough(*pair) for pair in zip(before, after, strict=True)])
 
 
 def _errors(sums: PartSums, own: IntArray, widths: Mapping[int, FloatArray]) -> FloatArray:

@@ -41,11 +41,16 @@ def falls(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> b
     if len(before) < LEAST_PARTS:
         return False
     before, after = _in_floors(before, noise), _in_floors(after, noise)
-    if after.sum() > (1.0 - LEAST_FALL) ** 2 * before.sum():
+    if not falls_enough(before.sum(), after.sum()):
         return False
     gain = np.log(before / after)
     spread = float(gain.std(ddof=1)) / np.sqrt(len(gain))
     return bool(float(gain.mean()) > float(stdtrit(len(gain) - 1, 1.0 - CHANCE)) * spread)
+
+
+def falls_enough(before: float, after: float) -> bool:
+    """Tell whether sums of squares fall by enough to matter."""
+    return after <= (1.0 - LEAST_FALL) ** 2 * before
 
 
 def rises(before: float, after: float) -> bool:
@@ -103,9 +108,9 @@ class PartSums:
         return sorted({int(p) for p in self.part if p > 0})
 
     def longer(self) -> PartSums:
-        """Return the same sums over LONG_PARTS parts; cycles stay as they are.
+        """Return the same sums over LONG_PARTS parts, or themselves if they have no more.
 
-        A cycle is the whole of what a device does.
+        Thermal cycles stay as they are: each meets all temperatures, far from the others in time.
         """
         most = int(self.part.max())
         if self.cycles or most <= LONG_PARTS:

@@ -20,6 +20,7 @@ from thermal_comp.fitting.part_sums import (
     LEAST_FALL,
     PartSums,
     falls,
+    falls_enough,
     may_fall,
     part_sums,
     reduced,
@@ -199,8 +200,9 @@ def _falls_on_longer(sums: PartSums, forms: Forms, before: Selection, after: Sel
     longer = sums.longer()
     if longer is sums:
         return True
-    left = [_total(longer, _with(longer, forms, None, s.names)) for s in (before, after)]
-    return left[1] <= (1.0 - LEAST_FALL) ** 2 * left[0]
+    return falls_enough(
+        *(_total(longer, _with(longer, forms, None, s.names)) for s in (before, after))
+    )
 
 
 def _differs(one: Selection, other: Selection) -> bool:

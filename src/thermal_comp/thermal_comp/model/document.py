@@ -276,8 +276,8 @@ def _effect(item: Field, catalogue: Mapping[str, type[Effect]], std: Stds) -> Ef
                 std[kind][f'{name}.{key}'] = tuple(entry[kind].array(None).tolist())
     for key, parameter in known.items():
         # A default of zero says that what the parameter describes is absent.
-        there = np.any(np.array(parameter.default)) and not parameter.metadata.get('assumed')
-        if key not in shape and there:
+        needed = np.any(np.array(parameter.default)) and not parameter.metadata.get('assumed')
+        if key not in shape and needed:
             raise ModelError(f'{item.name}.shape.{key}: missing')
     return catalogue[name](**shape)
 
