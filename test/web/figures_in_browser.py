@@ -30,6 +30,10 @@ RULES = {
 TALL = 1600
 """Height of a window in which all figures that a test compares are drawn [px]."""
 SERIOUS = ('serious', 'critical')
+STILL = """!document.querySelector('[class*="-enter-active"]')
+  && document.getAnimations().every(animation => animation.playState !== 'running'
+    || animation.effect.getComputedTiming().iterations === Infinity)"""
+"""Nothing fades in: a colour on its way is nobody's colour."""
 SIGNED_CARDS = ('SVG', 'PNG', 'CSV')
 
 
@@ -330,6 +334,7 @@ def test_nothing_serious_stands_in_anybodys_way(hidden_effect_server, watch):
 
 def serious(page, scheme: str, part: str = 'body') -> list[str]:
     """What axe finds serious in a part of the page as it is."""
+    page.wait_for_function(STILL)
     results = Axe().run(page, context=part, options={'runOnly': RULES[scheme]})
     return [
         f'{violation["id"]}: {node["target"]} {node["failureSummary"]}'
