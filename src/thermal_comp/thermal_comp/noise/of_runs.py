@@ -34,8 +34,8 @@ ANOTHER_WHITE = 2.0
 """Ratio from which white noise is another one than what neighbours tell …"""
 LEAST_BENDS = 10
 """… by at least so many of three in a row."""
-LEAST_SHAKEN = 10
-"""Rows that tell the direction in which the device is shaken."""
+LEAST_ROWS = 10
+"""Rows that tell the directions in which noise is independent, or the device is shaken."""
 FINEST_RESOLUTION = 1e-12
 """Least noise of a mean, as a share of the largest value: no measurement is better resolved."""
 
@@ -105,8 +105,8 @@ def noise_beside(
 def independent_axes(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray | None:
     """Return (3, 3) directions in which the noise is independent, still and shaken alike.
 
-    They are told by the differences of neighbouring block means, less what a saturated model
-    follows: in them what is slow plays no part. Of those that are not shaken the smaller half
+    They are told by the differences of neighbouring block means, or of successive bursts where
+    each is one block, less what a saturated model follows: in them what is slow plays no part. Of those that are not shaken the smaller half
     counts: what knocks at the device at times is not its noise. What shakes it does so along a
     direction of its own: the axes are those in which both covariances are diagonal (generalised
     eigenvectors), of unit length; without vibration they are orthogonal. None where the axes are
@@ -124,18 +124,19 @@ def independent_axes(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray 
         weighted = weights[:, None] * run.measured[sensor][valid]
         left = project_out(basis_with_jumps(weighted, run.slot[valid], basis, weights), weighted)
         steps.append(np.diff(left / weights[:, None], axis=0))
-        neighbours.append(np.diff(run.slot[valid]) == 1)
+        apart = np.diff(run.slot[valid])
+        neighbours.append(apart <= np.median(apart))
         strength.append(0.5 * (weights[1:] ** -2.0 + weights[:-1] ** -2.0))
     step, variance = np.concatenate(steps), np.concatenate(strength)
     shaken = variance > SHAKEN**2
     rows = step[np.concatenate(neighbours) & ~shaken]
-    if len(rows) < LEAST_BLOCKS or not (rows.std(axis=0) > 0.0).all():
+    if not (len(rows) and (rows.std(axis=0) > 0.0).all()):
         return None
     size = np.linalg.norm(rows / np.maximum(np.median(np.abs(rows), axis=0), 1e-300), axis=1)
-    still = _covariance(rows[size <= np.median(size)], LEAST_BLOCKS)
+    still = _covariance(rows[size <= np.median(size)])
     if still is None:
         return None
-    moved = _covariance(step[shaken] / np.sqrt(variance[shaken])[:, None], LEAST_SHAKEN)
+    moved = _covariance(step[shaken] / np.sqrt(variance[shaken])[:, None])
     if moved is None:
         return None if _is_diagonal(still) else np.asarray(np.linalg.eigh(still)[1])
     if _is_diagonal(still) and _is_diagonal(moved):
@@ -194,12 +195,12 @@ def log_prior_of_loudness(noise: NoiseModel, usual: NoiseModel, period: float) -
     return -0.5 * float(0.5 * np.log(np.maximum(ratio, 1e-300)).mean() / SLOW_SHARE_LN) ** 2
 
 
-def _covariance(rows: FloatArray, least: int) -> FloatArray | None:
+def _covariance(rows: FloatArray) -> FloatArray | None:
     """Return the (3, 3) covariance of rows, diagonal where nothing says that they correlate.
 
-    None where there are fewer rows than `least`.
+    None where there are too few rows.
     """
-    if len(rows) < least or not (rows.std(axis=0) > 0.0).all():
+    if len(rows) < LEAST_ROWS or not (rows.std(axis=0) > 0.0).all():
         return None
     covariance: FloatArray = np.cov(rows.T)
     determinant = max(float(np.linalg.det(np.corrcoef(rows.T))), 1e-300)

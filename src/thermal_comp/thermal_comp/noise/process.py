@@ -82,7 +82,7 @@ class ResidualSpectrum:
     expected: FloatArray
     """(k + 1, f) its expectation for white noise of unit density and each unit process."""
     weight: FloatArray
-    """(f,) share of white power the projection leaves."""
+    """(f,) share of a degree of freedom: of white power left by the projection, of slots present."""
     shaken: FloatArray
     """(f,) its expectation for the noise of vibration, of unit density per unit of vibration."""
 
@@ -128,6 +128,7 @@ def project_spectra(
 
     The expectation is exact: E|F M W y|² = diag(F M W S W M F*), M = D − Q Qᵀ, D the rows present,
     W their weights, so that neither leakage nor the power the model absorbs biases the noise.
+    There are as many frequencies as slots, but they tell no more than the rows that are present.
     """
     length, rows = int(slot[-1]) + 1, len(slot)
     weights = np.ones(rows) if shaking is None else shaking.weights
@@ -160,7 +161,7 @@ def project_spectra(
         share = left(float(rows), basis)
         added = weights**2 * shaking.variance
         shaken = left(float(added.sum()), added[:, None] * basis)
-    weight = np.clip(share, 0.0, 1.0)
+    weight = rows / length * np.clip(share, 0.0, 1.0)
     weight[0] *= 0.5
     return Projection(slot, basis, expected, weight, shaken, shaking)
 
