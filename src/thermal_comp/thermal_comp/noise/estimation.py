@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from imu_recording.recording import FloatArray
@@ -44,6 +45,13 @@ TYPICAL_SLOW_SHARE, SLOW_SHARE_LN = 0.2, 1.0
 deviation of its ln: bias instabilities of MEMS sensors are about a half of it. Without this prior
 the most likely variance of slow noise in a short run is often zero, and effects would fit it."""
 
+AXIS_LN = 0.7
+"""Standard deviation of the ln of an axis's variance of slow noise about that of all."""
+
+STILL_WHITE_LN, ADDED_WHITE_LN = 1.0, 0.3
+"""The same of white noise and of what vibration adds to it about what neighbouring blocks tell:
+they tell slow noise as well, and what shakes a device is white only from afar."""
+
 LEAST_VARIANCE = 1e-9
 """Least variance of a process, as a share of the residual's."""
 
@@ -80,7 +88,8 @@ def fit_noise_to_spectra(
 ) -> NoiseModel:
     """Return the noise model whose expected spectra fit best, per axis.
 
-    `vibration` is the part of it that is known.
+    `vibration` tells the noise of still rows and how it grows: of what is white, the part that
+    vibration adds cannot be told by a spectrum.
     """
     if not spectra:
         return NoiseModel(np.zeros(3), OU_TIME_CONSTANTS, np.zeros((len(OU_TIME_CONSTANTS), 3)))
@@ -90,22 +99,26 @@ def fit_noise_to_spectra(
     scale = np.maximum((periodogram * weight[:, None]).sum(axis=0), 1e-300) / np.maximum(
         (expected[0] * weight).sum(), 1e-300
     )
-    known = np.concatenate([s.shaken for s in spectra])[:, None] * vibration.density / scale
-    periodogram = periodogram / scale
-    mean = periodogram.mean(axis=1), known.mean(axis=1)
-    common = np.log(_whittle(*mean, expected, weight * 3.0))
+    periodogram, levels = periodogram / scale, np.zeros((0, 3))
+    if vibration.density.any():
+        expected = np.vstack([expected, np.concatenate([s.shaken for s in spectra])])
+        levels = np.stack([vibration.white, vibration.density]) / scale
+    usual = _usual_noise(levels.mean(axis=1))
+    common = np.log(_whittle(periodogram.mean(axis=1), expected, weight * 3.0, usual))
     variances = np.stack(
         [
-            _whittle(*axis, expected, weight, common)
-            for axis in zip(periodogram.T, known.T, strict=True)
+            _whittle(axis, expected, weight, _noise_near(common, level))
+            for axis, level in zip(periodogram.T, levels.T, strict=True)
         ],
         axis=1,
     )
+    slow = slice(1, len(OU_TIME_CONSTANTS) + 1)
+    added = variances[slow.stop :] if len(levels) else np.zeros((1, 3))
     return NoiseModel(
         white=np.sqrt(variances[0] * scale),
         time_constants=OU_TIME_CONSTANTS,
-        amplitudes=np.sqrt(variances[1:] * scale),
-        per_vibration=vibration.density,
+        amplitudes=np.sqrt(variances[slow] * scale),
+        per_vibration=added[0] * scale,
         still_vibration=vibration.still,
     )
 
@@ -151,42 +164,63 @@ def _spectrum(
     return projection.spectrum_of(values)
 
 
-def _whittle(
-    periodogram: FloatArray,
-    known: FloatArray,
-    expected: FloatArray,
-    weight: FloatArray,
-    prior: FloatArray | None = None,
-) -> FloatArray:
-    """Return the variances (k + 1,) that maximise Σ w (−I/m − ln m) plus the prior's log.
+@dataclass(frozen=True, eq=False)
+class _Prior:
+    """Normal distribution of the ln of variances: white, slow processes, added by vibration."""
 
-    m (f,) = `known` + Σ variance · expected.
+    centre: FloatArray
+    precision: FloatArray
+
+
+def _usual_noise(levels: FloatArray) -> _Prior:
+    """Return the prior of the noise of a MEMS sensor; `levels` of what is white, () or (2,)."""
+    slow = len(OU_TIME_CONSTANTS)
+    level = np.r_[-1.0, np.full(slow, 1.0 / slow)]
+    precision = _smoothness_precision() + np.outer(level, level) / (2.0 * SLOW_SHARE_LN) ** 2
+    centre = np.r_[0.0, np.full(slow, 2.0 * np.log(TYPICAL_SLOW_SHARE))]
+    return _with_white(_Prior(centre, precision), levels)
+
+
+def _noise_near(common: FloatArray, levels: FloatArray) -> _Prior:
+    """Return the prior of one axis near what is `common` to all."""
+    slow = len(OU_TIME_CONSTANTS)
+    precision = _smoothness_precision() + np.diag(np.r_[0.0, np.full(slow, 1.0 / AXIS_LN**2)])
+    return _with_white(_Prior(common[: slow + 1], precision), levels)
+
+
+def _with_white(prior: _Prior, levels: FloatArray) -> _Prior:
+    """Return the prior with levels of white noise, still and added by vibration; () for none."""
+    if not len(levels):
+        return prior
+    centre = np.log(np.maximum(levels, LEAST_VARIANCE))
+    precision = np.zeros((len(prior.centre) + 1, len(prior.centre) + 1))
+    precision[:-1, :-1] = prior.precision
+    precision[[0, -1], [0, -1]] += np.array([STILL_WHITE_LN, ADDED_WHITE_LN]) ** -2.0
+    slow = prior.centre[1:] - prior.centre[0] + centre[0]
+    return _Prior(np.r_[centre[0], slow, centre[1]], precision)
+
+
+def _whittle(
+    periodogram: FloatArray, expected: FloatArray, weight: FloatArray, prior: _Prior
+) -> FloatArray:
+    """Return the variances (k,) that maximise Σ w (−I/m − ln m) plus the prior's log.
+
+    m (f,) = Σ variance · expected.
     """
-    order = len(expected)
-    precision = _smoothness_precision(order)
-    centre = np.zeros(order)
-    if prior is None:
-        level = np.r_[-1.0, np.full(order - 1, 1.0 / (order - 1))]
-        precision = precision + np.outer(level, level) / (2.0 * SLOW_SHARE_LN) ** 2
-        centre[1:] = 2.0 * np.log(TYPICAL_SLOW_SHARE)
-    else:
-        precision = precision + np.diag(np.r_[0.0, np.full(order - 1, 1.0 / 0.7**2)])
-        centre = prior
-    log_variance = np.full(order, -1.0) if prior is None else prior.copy()
-    log_variance[0] = min(log_variance[0], 0.0)
+    log_variance = np.minimum(prior.centre, 0.0)
     damping = 1e-2
-    data = periodogram, known, expected, weight
-    value = _objective(log_variance, *data, precision, centre)
+    data = periodogram, expected, weight, prior
+    value = _objective(log_variance, *data)
     for _ in range(100):
         share = np.exp(log_variance)[:, None] * expected
-        spectrum = np.maximum(share.sum(axis=0) + known, 1e-300)
+        spectrum = np.maximum(share.sum(axis=0), 1e-300)
         share = share / spectrum
         gradient = share @ (weight * (1.0 - periodogram / spectrum))
-        gradient += precision @ (log_variance - centre)
-        curvature = (share * weight) @ share.T + precision
+        gradient += prior.precision @ (log_variance - prior.centre)
+        curvature = (share * weight) @ share.T + prior.precision
         step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), gradient)
         trial = np.clip(log_variance - np.clip(step, -2.0, 2.0), np.log(LEAST_VARIANCE), 25.0)
-        new = _objective(trial, *data, precision, centre)
+        new = _objective(trial, *data)
         if new <= value:
             settled = value - new < 1e-7 * max(abs(value), 1.0)
             log_variance, value, damping = trial, new, max(damping * 0.3, 1e-8)
@@ -202,20 +236,20 @@ def _whittle(
 def _objective(
     log_variance: FloatArray,
     periodogram: FloatArray,
-    known: FloatArray,
     expected: FloatArray,
     weight: FloatArray,
-    precision: FloatArray,
-    centre: FloatArray,
+    prior: _Prior,
 ) -> float:
-    spectrum = np.maximum(np.exp(log_variance) @ expected + known, 1e-300)
-    away = log_variance - centre
+    spectrum = np.maximum(np.exp(log_variance) @ expected, 1e-300)
+    away = log_variance - prior.centre
     return float(
-        weight @ (periodogram / spectrum + np.log(spectrum)) + 0.5 * away @ precision @ away
+        weight @ (periodogram / spectrum + np.log(spectrum))
+        + 0.5 * away @ prior.precision @ away
     )
 
 
-def _smoothness_precision(order: int) -> FloatArray:
+def _smoothness_precision() -> FloatArray:
     """Precision of the steps between neighbouring processes; white noise stands free."""
+    order = len(OU_TIME_CONSTANTS) + 1
     steps = np.diff(np.eye(order)[1:], axis=0)
     return np.asarray(steps.T @ steps) / LOG_VARIANCE_STEP**2 + 1e-6 * np.eye(order)

@@ -47,8 +47,10 @@ LEAST_LEFT = 0.1
 
 @dataclass(frozen=True, eq=False)
 class VibrationNoise:
-    """White variance that vibration adds to the means of one sensor."""
+    """White variance of the means of one sensor, and what vibration adds to it."""
 
+    white: FloatArray
+    """(3,) of a one-second mean of still rows [unit²·s]."""
     density: FloatArray
     """(3,) of a one-second mean, per unit of vibration [unit²·s/(m/s²)²]."""
     still: float
@@ -61,7 +63,7 @@ class VibrationNoise:
         """Return that of a noise model, for means over `period` seconds."""
         still = np.maximum(noise.variance_of_means(period), 1e-300)
         ratio = float(np.mean(noise.per_vibration / period / still))
-        return cls(noise.per_vibration, noise.still_vibration, ratio)
+        return cls(noise.white**2, noise.per_vibration, noise.still_vibration, ratio)
 
     def shaking(self, run: PreparedRun, rows: NDArray[np.bool_]) -> Shaking | None:
         """Return what it does to some blocks of a run, None where nothing."""
@@ -71,7 +73,7 @@ class VibrationNoise:
         return Shaking(1.0 / np.sqrt(1.0 + self.ratio * excess), excess / run.period)
 
 
-STEADY = VibrationNoise(np.zeros(3), 0.0, 0.0)
+STEADY = VibrationNoise(np.zeros(3), np.zeros(3), 0.0, 0.0)
 """Noise that does not depend on vibration."""
 
 
@@ -101,8 +103,8 @@ def noise_of_vibration(
         ratio, variance, evidence = np.array(axes).T
         if evidence.sum() - 3.0 * np.log(len(vibration)) < SHAKEN_EVIDENCE:
             return STEADY
-        before, density = found, ratio * variance * runs[0].period / largest
-        found = VibrationNoise(density, still, float(ratio.mean()) / largest)
+        before, white = found, variance * runs[0].period
+        found = VibrationNoise(white, ratio * white / largest, still, ratio.mean() / largest)
         if np.isclose(found.ratio, before.ratio, rtol=SETTLED):
             break
     return found if found.ratio else STEADY
