@@ -93,3 +93,18 @@ def test_slow_noise_that_a_short_run_hardly_tells_is_not_taken_for_none() -> Non
     ratio = slow / np.sqrt((amplitudes[:, 0] ** 2).sum())
     assert 0.25 < ratio.min() < 1.0 < ratio.max() < 4.0
     assert 0.7 < np.median(ratio) < 1.5
+
+
+def test_of_bursts_rows_are_counted_not_the_slots_between_them() -> None:
+    rng = np.random.default_rng(8)
+    slot = (360 * np.arange(40)[:, None] + np.arange(3)).ravel()
+    true = NoiseModel(np.ones(3), OU_TIME_CONSTANTS, np.full((len(OU_TIME_CONSTANTS), 3), 0.25))
+    trend = np.stack([np.ones(len(slot)), slot, slot**2.0], axis=1)
+    projection = project_spectra(slot, np.linalg.qr(trend)[0], OU_TIME_CONSTANTS, 2.0)
+    found = [
+        fit_noise_to_spectra([projection.spectrum_of(draw_noise(true, slot, 2.0, rng))])
+        for _ in range(20)
+    ]
+    assert projection.weight.sum() < 0.5 * len(slot) + 1.0
+    white = np.array([noise.white for noise in found])
+    assert 0.6 < white.min() < white.max() < 1.4

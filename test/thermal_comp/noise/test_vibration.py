@@ -96,6 +96,31 @@ def test_noise_is_independent_along_the_axes_that_are_found_still_and_shaken() -
     assert np.sort(along)[1] < 0.05 * along.max()
 
 
+def test_bursts_of_one_block_tell_the_axes_of_their_noise_as_well() -> None:
+    wanted = independent_axes(prepared(), SENSOR)
+    found = independent_axes([replace(r, slot=30 * r.slot) for r in prepared()], SENSOR)
+    assert wanted is not None
+    assert found is not None
+    assert np.abs(found.T @ DIRECTION) == pytest.approx(np.abs(wanted.T @ DIRECTION), abs=0.05)
+
+
+def test_a_narrow_band_shake_leaves_the_few_still_rows_their_noise() -> None:
+    rng = np.random.default_rng(5)
+    plain, (blocks,) = shaken(size=0.0), prepared(0.0)
+    excess = rng.uniform(0.5, 1.5, len(blocks)) * (rng.random(len(blocks)) > 0.1)
+    ends = rng.standard_normal(len(blocks) + 1)  # a block takes back what the last one had
+    shake = np.sqrt(0.02 * DENSITY * excess / blocks.period) * np.diff(ends)
+    shake, excess = (np.repeat(x, len(plain) // len(blocks)) for x in (shake, excess))
+    shaking = replace(
+        plain,
+        linear_acceleration=plain.linear_acceleration + np.outer(shake, DIRECTION),
+        vibration=np.outer(STILL + excess, DIRECTION**2 / (DIRECTION**2).sum()),
+    )
+    noise = fit_noise(prepare([shaking]), SENSOR)
+    assert noise.white == pytest.approx(WHITE['linear_acceleration'], rel=0.3)
+    assert noise.per_vibration.all()
+
+
 def test_what_was_shaken_along_one_direction_is_no_effect() -> None:
     for seed in range(3):
         diagnosis = diagnose(measured_by([shaken(seed)], SENSOR))

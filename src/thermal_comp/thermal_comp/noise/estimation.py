@@ -243,8 +243,7 @@ def _objective(
     spectrum = np.maximum(np.exp(log_variance) @ expected, 1e-300)
     away = log_variance - prior.centre
     return float(
-        weight @ (periodogram / spectrum + np.log(spectrum))
-        + 0.5 * away @ prior.precision @ away
+        weight @ (periodogram / spectrum + np.log(spectrum)) + 0.5 * away @ prior.precision @ away
     )
 
 

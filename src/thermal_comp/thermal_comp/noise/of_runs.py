@@ -106,11 +106,12 @@ def independent_axes(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray 
     """Return (3, 3) directions in which the noise is independent, still and shaken alike.
 
     They are told by the differences of neighbouring block means, or of successive bursts where
-    each is one block, less what a saturated model follows: in them what is slow plays no part. Of those that are not shaken the smaller half
-    counts: what knocks at the device at times is not its noise. What shakes it does so along a
-    direction of its own: the axes are those in which both covariances are diagonal (generalised
-    eigenvectors), of unit length; without vibration they are orthogonal. None where the axes are
-    independent as they are: Bartlett's test, with the price of three correlations.
+    each is one block, less what a saturated model follows: in them what is slow plays no part.
+    Of those that are not shaken the smaller half counts: what knocks at the device at times is
+    not its noise. What shakes it does so along a direction of its own: the axes are those in
+    which both covariances are diagonal (generalised eigenvectors), of unit length; without
+    vibration they are orthogonal. None where the axes are independent as they are: Bartlett's
+    test, with the price of three correlations.
     """
     vibration = noise_of_vibration(runs, sensor, [{}] * len(runs))
     steps, neighbours, strength = [np.zeros((0, 3))], [np.zeros(0, bool)], [np.zeros(0)]

@@ -82,7 +82,7 @@ class ResidualSpectrum:
     expected: FloatArray
     """(k + 1, f) its expectation for white noise of unit density and each unit process."""
     weight: FloatArray
-    """(f,) share of a degree of freedom: of white power left by the projection, of slots present."""
+    """(f,) degrees of freedom: share of white power that is left, times that of slots present."""
     shaken: FloatArray
     """(f,) its expectation for the noise of vibration, of unit density per unit of vibration."""
 
