@@ -3,10 +3,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.diagnosis.evidence.nuisances import nuisance_priors
 
+from ...campaign import PERIOD, SLOPES, chamber, lagging, measured_by, run
 from ..one_run import behind, lagging_gyroscope, searched
 
 
@@ -38,3 +42,26 @@ def explained_share(slope: float) -> float:
 def test_a_lag_is_the_thermometers_where_it_goes_with_the_slope() -> None:
     assert explained_share(2e-3) > 0.6
     assert explained_share(0.0) < 0.1
+
+
+def stuck(values: np.ndarray, half_width: float) -> np.ndarray:
+    """Return what a thermometer with hysteresis reads."""
+    read, shown = values[0], []
+    for value in values:
+        read = np.clip(read, value - half_width, value + half_width)
+        shown.append(read)
+    return np.array(shown)
+
+
+def test_a_die_that_moves_while_its_thermometer_stands_is_no_effect() -> None:
+    time, temperature, _, _ = chamber()
+    control = 0.9 * np.sin(2.0 * np.pi * time / 180.0)
+    die = temperature + lagging(control, 200.0, PERIOD)
+    read = stuck(die, 0.1)
+    unseen = np.outer(die - temperature, SLOPES['linear_acceleration'])
+    plain = run(noise=0.3, error={'linear_acceleration': unseen})
+    air = temperature + 200.0 * np.gradient(temperature, time) + control
+    noisy = read + np.random.default_rng(1).normal(0.0, 0.02, len(read))
+    campaign = [replace(plain, temperature=noisy, chamber_temperature=air)]
+    diagnosis = diagnose(measured_by(campaign, 'accelerometer'))
+    assert [f.name or f.kind for f in diagnosis.findings if f.sensor == 'accelerometer'] == []

@@ -10,6 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from imu_recording.recording import FloatArray
 
+from thermal_comp.data.conditions import Conditions
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.effects.operators import follow, play
@@ -70,22 +71,18 @@ def thermometer_errors(design: CandidateDesign, response: Response | None = None
     """What errors of the die thermometer do to the sensor, axes alike.
 
     Columns: its lag and what is left of a second one, what it follows more slowly, its
-    hysteresis, the share of the air's temperature that it reads, its transients after power-on;
-    by priors.thermometer_deviations(). `response` says what an error does; None: it is
-    multiplied with the slope at this temperature.
+    hysteresis, that about a die that follows the air, the share of the air's temperature that it
+    reads, its transients after power-on; by priors.thermometer_deviations(). `response` says
+    what an error does; None: it is multiplied with the slope at this temperature.
     """
     response = response or _by_slopes(design)
 
     def columns(run: PreparedRun) -> FloatArray:
         conditions = run.conditions
-        temperature = conditions.temperature
-        behind = play(temperature, priors.THERMOMETER_HYSTERESIS_K)[0] - temperature
-        air = conditions.chamber_temperature
-        apart = np.zeros_like(temperature) if air is None else air - temperature
         since = conditions.time - conditions.time[0]
         decays = [np.exp(-since / settling) for settling in priors.THERMOMETER_SETTLING_S]
-        further = np.stack([behind, apart, *decays], axis=1)
-        return response(run, np.concatenate([_history(run), further], axis=1))
+        errors = [_history(run), _unmoved(conditions), np.stack(decays, axis=1)]
+        return response(run, np.concatenate(errors, axis=1))
 
     return design.generic_terms([(columns, False)], runs=design.source.smoothed)[0]
 
@@ -104,6 +101,30 @@ def _history(run: PreparedRun) -> FloatArray:
         for seconds in priors.THERMOMETER_PARTS_S
     ]
     return np.stack([rate, np.gradient(rate, time), *parts], axis=1)
+
+
+def _unmoved(conditions: Conditions) -> FloatArray:
+    """(n, 3) what a thermometer with hysteresis does not show of the die, the air's share.
+
+    The die is where the thermometer is, or follows the air: in a dwell it moves with the air's
+    control, and the thermometer stands.
+    """
+    temperature, air = conditions.temperature, conditions.chamber_temperature
+    behind = play(temperature, priors.THERMOMETER_HYSTERESIS_K)[0] - temperature
+    if air is None:
+        nothing = np.zeros_like(temperature)
+        return np.stack([behind, nothing, nothing], axis=1)
+    die = _die_in(air, conditions)
+    unseen = play(die, priors.THERMOMETER_HYSTERESIS_K)[0] - die
+    return np.stack([behind, unseen, air - temperature], axis=1)
+
+
+def _die_in(air: FloatArray, conditions: Conditions) -> FloatArray:
+    """(n,) temperature of a die that follows the air, with the lag that is most like it."""
+    temperature = conditions.temperature - conditions.temperature.mean()
+    dies = [follow(conditions.time, air, seconds)[0] for seconds in priors.THERMOMETER_DIES_S]
+    likeness = [temperature @ (die - die.mean()) / max(float(die.std()), 1e-9) for die in dies]
+    return dies[int(np.argmax(likeness))]
 
 
 def _slopes(design: CandidateDesign) -> Callable[[PreparedRun], FloatArray]:

@@ -84,8 +84,10 @@ THERMOMETER_LAGS_S = ((8.0, 0.8), (60.0, 0.2))
 package and filter, one beside it by the board between."""
 THERMOMETER_AIR_S = 300.0
 """Time constant of die against air [s]: what lags by a time less reads that share of the air."""
-THERMOMETER_HYSTERESIS_K = 0.15
-"""Half-width of its hysteresis [K]: two counts of an LSM9DS1's."""
+THERMOMETER_HYSTERESIS_K = 0.1
+"""Half-width of its hysteresis [K]: an LSM9DS1's has counts of 1/16 K …"""
+THERMOMETER_DIES_S = tuple(np.geomspace(20.0, 2000.0, 21).tolist())
+"""… and time constants of dies that move with the air meanwhile: bare boards, housings [s]."""
 THERMOMETER_PARTS_S = (30.0, 100.0, 300.0, 1000.0)
 """Time constants of what it follows beside the die: package, board, housing [s] …"""
 THERMOMETER_PART_SHARE = 0.3
@@ -106,12 +108,12 @@ SHAPE_STEP_LN = 0.3
 def thermometer_deviations(lag: float) -> FloatArray:
     """Return (p,) standard deviations of the thermometer's errors, in the order of the columns.
 
-    They are lag [s], its square [s²], what it follows slowly [K/K], hysteresis [K/K], share of
-    the air [K/K], transients [K].
+    They are lag [s], its square [s²], what it follows slowly [K/K], hysteresis [K/K], that about
+    a die that follows the air [K/K], share of the air [K/K], transients [K].
     """
     parts = [THERMOMETER_PART_SHARE * lag / seconds for seconds in THERMOMETER_PARTS_S]
     transients = [THERMOMETER_TRANSIENT_K] * len(THERMOMETER_SETTLING_S)
-    return np.array([lag, lag**2, *parts, 1.0, lag / THERMOMETER_AIR_S, *transients])
+    return np.array([lag, lag**2, *parts, 1.0, 1.0, lag / THERMOMETER_AIR_S, *transients])
 
 
 def amplitude_log_prior(strongest: float | None, spread: float = AMPLITUDE_RATIO_LN) -> FloatArray:
