@@ -173,31 +173,37 @@ class _Prior:
 
 
 def _usual_noise(levels: FloatArray) -> _Prior:
-    """Return the prior of the noise of a MEMS sensor; `levels` of what is white, () or (2,)."""
+    """Return the prior of the noise of a MEMS sensor; `levels` as in `_with_white`.
+
+    Slow noise is a share of white noise.
+    """
     slow = len(OU_TIME_CONSTANTS)
     level = np.r_[-1.0, np.full(slow, 1.0 / slow)]
     precision = _smoothness_precision() + np.outer(level, level) / (2.0 * SLOW_SHARE_LN) ** 2
-    centre = np.r_[0.0, np.full(slow, 2.0 * np.log(TYPICAL_SLOW_SHARE))]
+    white = np.log(max(levels[0], LEAST_VARIANCE)) if len(levels) else 0.0
+    centre = white + np.r_[0.0, np.full(slow, 2.0 * np.log(TYPICAL_SLOW_SHARE))]
     return _with_white(_Prior(centre, precision), levels)
 
 
 def _noise_near(common: FloatArray, levels: FloatArray) -> _Prior:
-    """Return the prior of one axis near what is `common` to all."""
+    """Return the prior of one axis near what is `common` to all; `levels` as in `_with_white`."""
     slow = len(OU_TIME_CONSTANTS)
     precision = _smoothness_precision() + np.diag(np.r_[0.0, np.full(slow, 1.0 / AXIS_LN**2)])
     return _with_white(_Prior(common[: slow + 1], precision), levels)
 
 
 def _with_white(prior: _Prior, levels: FloatArray) -> _Prior:
-    """Return the prior with levels of white noise, still and added by vibration; () for none."""
+    """Return the prior with the levels (2,) of white noise: of still rows, added by vibration.
+
+    () where vibration adds none.
+    """
     if not len(levels):
         return prior
-    centre = np.log(np.maximum(levels, LEAST_VARIANCE))
+    still, added = np.log(np.maximum(levels, LEAST_VARIANCE))
     precision = np.zeros((len(prior.centre) + 1, len(prior.centre) + 1))
     precision[:-1, :-1] = prior.precision
     precision[[0, -1], [0, -1]] += np.array([STILL_WHITE_LN, ADDED_WHITE_LN]) ** -2.0
-    slow = prior.centre[1:] - prior.centre[0] + centre[0]
-    return _Prior(np.r_[centre[0], slow, centre[1]], precision)
+    return _Prior(np.r_[still, prior.centre[1:], added], precision)
 
 
 def _whittle(
