@@ -33,7 +33,7 @@ SERIOUS = ('serious', 'critical')
 STILL = """!document.querySelector('[class*="-enter-active"]')
   && document.getAnimations().every(animation => animation.playState !== 'running'
     || animation.effect.getComputedTiming().iterations === Infinity)"""
-"""Nothing fades in: a colour on its way is nobody's colour."""
+"""Nothing fades in or changes its colour: contrast is asked of what stays."""
 SIGNED_CARDS = ('SVG', 'PNG', 'CSV')
 
 

@@ -81,7 +81,7 @@ def thermometer_errors(design: CandidateDesign, response: Response | None = None
         conditions = run.conditions
         since = conditions.time - conditions.time[0]
         decays = [np.exp(-since / settling) for settling in priors.THERMOMETER_SETTLING_S]
-        errors = [_history(run), _unmoved(conditions), np.stack(decays, axis=1)]
+        errors = [_history(run), _hysteresis_and_air(conditions), np.stack(decays, axis=1)]
         return response(run, np.concatenate(errors, axis=1))
 
     return design.generic_terms([(columns, False)], runs=design.source.smoothed)[0]
@@ -103,11 +103,11 @@ def _history(run: PreparedRun) -> FloatArray:
     return np.stack([rate, np.gradient(rate, time), *parts], axis=1)
 
 
-def _unmoved(conditions: Conditions) -> FloatArray:
-    """(n, 3) what a thermometer with hysteresis does not show of the die, the air's share.
+def _hysteresis_and_air(conditions: Conditions) -> FloatArray:
+    """(n, 3) hysteresis about the reading and about a die that follows the air; air − reading [K].
 
-    The die is where the thermometer is, or follows the air: in a dwell it moves with the air's
-    control, and the thermometer stands.
+    The second is that of a dwell, where the die moves with the air's control and the
+    thermometer stands. Without the air's temperature only the first is not zero.
     """
     temperature, air = conditions.temperature, conditions.chamber_temperature
     behind = play(temperature, priors.THERMOMETER_HYSTERESIS_K)[0] - temperature
