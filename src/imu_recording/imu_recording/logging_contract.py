@@ -95,3 +95,15 @@ CHANNEL_FIELDS = tuple(
     name for name in OPTIONAL_FIELDS if TRACK_OF_FIELD[name].message_type in VALUE_OF_MESSAGE
 )
 """Optional fields that are measured quantities: neither phase nor true attitude."""
+THERMOMETER_FIELDS = tuple(
+    name
+    for name in CHANNEL_FIELDS
+    if TRACK_OF_FIELD[name].message_type == TEMPERATURE and not TRACK_OF_FIELD[name].event
+)
+"""Temperatures that other thermometers than the die's measure."""
+SWITCHED_FIELDS = tuple(
+    name
+    for name in CHANNEL_FIELDS
+    if TRACK_OF_FIELD[name].message_type == FLOAT and TRACK_OF_FIELD[name].event
+)
+"""States or duties of the chamber's machines."""

@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from imu_recording.logging_contract import (
     APPLIED_MODEL,
     COMPENSATED,
+    THERMOMETER_FIELDS,
     TRACK_OF_FIELD,
     VALUE_OF_MESSAGE,
 )
@@ -38,8 +39,7 @@ from thermal_comp.compensation.recording import (
 )
 from thermal_comp.compensation.state import restore_state, save_state
 from thermal_comp.compensation.stream import CompensatedSamples, Compensator
-from thermal_comp.data.live_surroundings import LiveSurroundings
-from thermal_comp.data.thermometer import OTHER_SENSORS
+from thermal_comp.data.thermometer_comparison import ThermometerComparison
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import check_device, load_model, model_label
 from thermal_comp.model.values import ModelError, ThermalModel
@@ -101,7 +101,7 @@ class ThermalCompNode(ConfiguredNode):
         self._compensated = CompensatedSamples()
         self.check = StreamCheck()
         self.thermometer = LiveThermometer()
-        self.surroundings = LiveSurroundings()
+        self.comparison = ThermometerComparison()
         self._other_device = ''
         self._source: dict[str, str] = {}
         if config.state_file and (reason := restore_state(self.compensator, config.state_file)):
@@ -116,7 +116,7 @@ class ThermalCompNode(ConfiguredNode):
         if model.device and not config.allow_other_device:
             self.diagnostics_input('imu/data_raw', self.on_diagnostics)
         self.sample_input(Temperature, 'imu/temperature', self.on_temperature)
-        for name in OTHER_SENSORS:
+        for name in THERMOMETER_FIELDS:
             if name not in self.compensator.channels:
                 self.sample_input(
                     Temperature, TRACK_OF_FIELD[name].topic, partial(self.on_other, name)
@@ -171,13 +171,13 @@ class ThermalCompNode(ConfiguredNode):
     def on_temperature(self, sample: TemperatureSample) -> None:
         """Take in a die temperature."""
         self.thermometer.add(sample.stamp, sample.temperature)
-        self.surroundings.on_die(sample.stamp, sample.temperature)
+        self.comparison.on_die(sample.stamp, sample.temperature)
         if self.check.on_temperature(sample.temperature) or self.config.accept_units:
             self.compensator.on_temperature(sample.stamp, sample.temperature)
 
     def on_other(self, name: str, sample: TemperatureSample) -> None:
         """Take in another thermometer's value, to judge the die's by."""
-        self.surroundings.on_other(name, sample.stamp, sample.temperature)
+        self.comparison.on_other(name, sample.stamp, sample.temperature)
 
     def on_channel(self, channel: str, name: str, message: Any) -> None:
         """Take in a channel; messages without a stamp count from their receipt."""
@@ -185,8 +185,8 @@ class ThermalCompNode(ConfiguredNode):
         plain = (value.x, value.y, value.z) if channel == 'vibration' else float(value)
         stamp = stamp_of(message) if hasattr(message, 'header') else self.compensator.newest
         self.compensator.on_channel(channel, stamp, plain)
-        if channel in OTHER_SENSORS and isinstance(plain, float):
-            self.surroundings.on_other(channel, stamp, plain)
+        if channel in THERMOMETER_FIELDS and isinstance(plain, float):
+            self.comparison.on_other(channel, stamp, plain)
 
     def on_imu(self, sample: ImuSample) -> None:
         """Publish the compensated sample; orientation fields pass through.
@@ -244,7 +244,7 @@ class ThermalCompNode(ConfiguredNode):
         if self.check.objection and not self.config.accept_units:
             way = 'data pass through unchanged; parameter accept_units compensates them'
             return 2, f'{self.check.objection}: {way}', values
-        notes = [self.thermometer.fault, self.surroundings.fault]
+        notes = [self.thermometer.fault, self.comparison.fault]
         if self.check.damaged_now:
             notes.append('impossible samples pass through unchanged')
         told = [note for note in notes if note]

@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from imu_recording.jit import njit
+from imu_recording.logging_contract import CHANNEL_FIELDS
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
 from imu_recording.user_error import UserError
 
@@ -36,17 +37,14 @@ START_NS = 1_600_000_000_000_000_000
 DAY_NS = 86_400_000_000_000
 STARTUP_FACTOR = 0.543
 """First sample of a start-up transient relative to the settled value (Tables III–V)."""
-AVERAGED_TRACKS = (
-    'chamber_temperature',
-    'chamber_temperature_2',
-    'heater',
-    'compressor',
-    'fan',
-    'humidity',
+HELD_TRACKS = ('setpoint', 'phase', 'cycle')
+AVERAGED_TRACKS = tuple(
+    item.name
+    for item in fields(Environment)
+    if item.name in CHANNEL_FIELDS and item.name not in HELD_TRACKS
 )
 LOGGER_DECIMALS = {False: 2, True: 3}
 """Of a data logger, single samples and means: PT100 0.01 K, duty and humidity 1 %."""
-HELD_TRACKS = ('setpoint', 'phase', 'cycle')
 THERMOCOUPLE_TIME_CONSTANT = 4.0
 """Lag of a thin thermocouple taped to the package [s]."""
 THERMOCOUPLE_STD = 0.03

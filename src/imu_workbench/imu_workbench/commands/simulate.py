@@ -15,6 +15,7 @@ from imu_driver.simulation.hidden import HIDEABLE, NOTHING, check_hideable
 from imu_driver.simulation.population import draw_lots
 from imu_recording.recording import columns_hash
 from imu_recording.user_error import UserError
+from thermal_comp.data.conditions import SENSORS
 
 from imu_recording import ImuRecording, write_bag
 from imu_workbench.answer import Answer, show_progress
@@ -33,7 +34,7 @@ from imu_workbench.simulate.own_effect import own_effects
 HELP = 'Simulate a device in a chamber that runs a thermal profile; write the bags.'
 EPILOG = 'What --hide can hide: ' + ', '.join(HIDEABLE)
 AXES = ('x', 'y', 'z', '-x', '-y', '-z')
-SENSORS = ('accelerometer', 'gyroscope', 'magnetometer', 'accelerometer+magnetometer')
+SENSOR_CHOICES = (*SENSORS, 'accelerometer+magnetometer')
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -86,7 +87,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--sensor',
         metavar='SENSOR[,…]',
-        help=f'where to hide each, or all: {", ".join(SENSORS)} (default: by seed)',
+        help=f'where to hide each, or all: {", ".join(SENSOR_CHOICES)} (default: by seed)',
     )
     parser.add_argument(
         '--fleet',
@@ -196,8 +197,8 @@ def _hidden_effects(options: argparse.Namespace) -> list[HiddenEffect]:
     magnitudes = [_magnitude(text) for text in _for_each('magnitude', options.magnitude, names)]
     sensors = _for_each('sensor', options.sensor or '', names)
     for sensor in sensors:
-        if sensor not in ('', *SENSORS):
-            raise UserError(f'--sensor {sensor}: choose from {", ".join(SENSORS)}')
+        if sensor not in ('', *SENSOR_CHOICES):
+            raise UserError(f'--sensor {sensor}: choose from {", ".join(SENSOR_CHOICES)}')
     return [
         HiddenEffect(name, magnitude, sensor or None)
         for name, magnitude, sensor in zip(names, magnitudes, sensors, strict=True)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from imu_recording.logging_contract import OPTIONAL_FIELDS
 from imu_recording.recording import FloatArray, ImuRecording, IntArray
 from numpy.typing import NDArray
 from orientation_filters.filters import FILTERS, run_filter, sample_rate
@@ -182,11 +183,7 @@ FILTER_RATE = 50.0
 INTERPOLATED_RATE = 25.0
 """Rate [Hz] slower recordings are interpolated to: what lies between their samples is a straight
 line, and spreads of the degrees differ from those at 50 Hz by 3 % at most."""
-UNUSED = (
-    'chamber_temperature', 'chamber_temperature_2', 'device_temperature', 'setpoint', 'humidity',
-    'pressure', 'heater', 'compressor', 'fan', 'supply_voltage', 'vibration', 'phase',
-    'reference_orientation',
-)  # fmt: skip
+UNUSED = tuple(name for name in OPTIONAL_FIELDS if name != 'cycle')
 """Tracks the filters do not look at."""
 ALL_POINTS = 4_000
 """Points per line of all recordings together."""

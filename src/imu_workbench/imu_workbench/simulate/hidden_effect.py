@@ -19,6 +19,7 @@ from imu_driver.simulation.effects.hidden_effect import Truth
 from imu_driver.simulation.hidden import HIDDEN_EFFECTS, NOTHING, hide_anything, random_name
 from imu_driver.simulation.run import DeviceRun
 from imu_recording.user_error import UserError
+from thermal_comp.data.conditions import SENSORS
 
 from imu_recording import ImuRecording
 from imu_workbench.simulate.campaign import (
@@ -162,7 +163,7 @@ def scale_bias_instability(device: DeviceParameters, factor: float) -> DevicePar
     """Return the device with its bias instability multiplied."""
     changed: dict[str, Any] = {
         name: replace(part, bias_instability=factor * part.bias_instability)
-        for name in ('accelerometer', 'gyroscope', 'magnetometer')
+        for name in SENSORS
         if (part := device.sensor(name))
     }
     return replace(device, **changed)

@@ -18,11 +18,10 @@ from imu_driver.simulation.effects.hidden_effect import ErrorShape, HiddenEffect
 from imu_driver.simulation.hidden import HIDEABLE
 from imu_driver.simulation.run import DeviceRun
 from imu_driver.simulation.thermal import DIE
-from thermal_comp.data.conditions import SENSORS, Conditions
+from thermal_comp.data.conditions import CHANNELS, SENSORS, Conditions
 from thermal_comp.effects.effect import COUNT, Effect
 from thermal_comp.effects.user_effects import effect_catalogue
 
-CHAMBER_TRACKS = ('chamber_temperature', 'humidity', 'heater', 'compressor', 'fan', 'setpoint')
 MARGIN_SHARE = 0.1
 """Shapes are drawn this share of the range away from its ends: at an end half the effect shows."""
 
@@ -75,7 +74,8 @@ def _conditions(run: DeviceRun, sensor: str) -> Conditions:
     """Return the conditions of a resting device in the simulated chamber."""
     rows = len(run.environment.time)
     inputs = {s: np.broadcast_to(run.true_input(s), (rows, 3)) for s in SENSORS}
-    tracks: dict[str, Any] = {name: getattr(run.environment, name) for name in CHAMBER_TRACKS}
+    chamber = {name: getattr(run.environment, name, None) for name in CHANNELS}
+    tracks: dict[str, Any] = chamber | {'supply_voltage': run.supply, 'vibration': run.vibration}
     return Conditions(
         time=run.environment.time,
         temperature=run.nodes[:, DIE],
@@ -83,9 +83,5 @@ def _conditions(run: DeviceRun, sensor: str) -> Conditions:
         angular_velocity=inputs['gyroscope'],
         magnetic_field=inputs['magnetometer'],
         sensor=SENSORS[SENSORS.index(sensor)],
-        supply_voltage=run.supply,
-        vibration=run.vibration,
-        phase=run.environment.phase,
-        cycle=run.environment.cycle,
         **tracks,
     )

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 Sensor = Literal['accelerometer', 'gyroscope', 'magnetometer']
 SENSORS: tuple[Sensor, ...] = get_args(Sensor)
+TABLE_ORDER: tuple[Sensor, ...] = ('gyroscope', 'accelerometer', 'magnetometer')
+"""Order of the sensors in the paper's tables."""
 
 REFERENCE_TEMPERATURE = 20.0
 """Die temperature [°C] the coefficients refer to (T_A of Betta et al. 2022, Table I)."""

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from imu_recording.logging_contract import SWITCHED_FIELDS
 from imu_recording.plausibility import FACTORS, POSSIBLE, rate_at_rest
 from imu_recording.recording import SENSOR_FIELDS, FloatArray, ImuRecording
 from numpy.typing import NDArray
@@ -162,8 +163,6 @@ def _noise(values: FloatArray) -> float:
     return float(np.median(np.abs(steps))) if len(steps) else 0.0
 
 
-SWITCHES = ('heater', 'compressor', 'fan')
-"""Channels whose pulses a sensor may follow."""
 FLIP_WINDOW_S = 300.0
 """Gravity's direction is judged on means over this [s]."""
 
@@ -277,7 +276,7 @@ def _check_instruments(
 def _switched(recording: ImuRecording) -> BoolArray:
     """Return the rows in which something in the chamber was on for one row, or off."""
     switched = np.zeros(len(recording), dtype=bool)
-    for name in SWITCHES:
+    for name in SWITCHED_FIELDS:
         channel = getattr(recording, name)
         if channel is not None and np.isfinite(channel).any():
             switched |= pulsed_rows(np.asarray(channel, dtype=np.float64))

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from imu_recording.logging_contract import THERMOMETER_FIELDS
 from imu_recording.recording import FloatArray, ImuRecording
 from imu_recording.thermometer import (
     CONSTANT_S,
@@ -55,7 +56,6 @@ CLOCK_SHARE = 0.2
 """A resolution of so much of the samples' distance is coarse."""
 UNEVEN_SHARE = 0.02
 """So many intervals are then longer or shorter than most."""
-OTHER_SENSORS = ('chamber_temperature', 'chamber_temperature_2', 'device_temperature')
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +147,7 @@ def _possible_dies(recording: ImuRecording) -> list[FloatArray]:
     Between two bursts the fastest may have come back to where it was, the slowest not.
     """
     made = []
-    for track in (getattr(recording, name) for name in OTHER_SENSORS):
+    for track in (getattr(recording, name) for name in THERMOMETER_FIELDS):
         if track is not None and (known := np.isfinite(track)).any():
             around = np.interp(recording.time, recording.time[known], track[known])
             slowest = follow(recording.time, around, SLOWEST_DIE_S, held=True)[0]
@@ -163,7 +163,7 @@ def _moved(dies: list[FloatArray], rows: slice | BoolArray) -> bool:
 def copied_from(recording: ImuRecording) -> str:
     """Return the track that the thermometer repeats, '' where it is none."""
     values = recording.temperature
-    for name in OTHER_SENSORS:
+    for name in THERMOMETER_FIELDS:
         track = getattr(recording, name)
         if track is None:
             continue

@@ -9,12 +9,11 @@ from typing import ClassVar, Literal
 import numpy as np
 from imu_recording.recording import FloatArray
 
+from thermal_comp.data.acting_channels import MACHINES
 from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.effects.effect import Campaign, Candidate, Effect, State, shape_parameter
 from thermal_comp.effects.operators import time_integral
 
-MACHINES = ('heater', 'compressor')
-"""Machines of a chamber whose current may be the one that is seen."""
 LEAST_DRIFT = 1e-5
 """Drift from which a line moves with a clock [Hz/K]: 0.2 ppm/K of 50 Hz, as a quartz has it."""
 

@@ -9,6 +9,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from scipy.interpolate import BSpline
 
+from thermal_comp.data.acting_channels import ACTING_CHANNELS
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.operators import follow, grow_and_melt, play
 from thermal_comp.linear.columns import orthonormal
@@ -33,8 +34,6 @@ them, and would take noise out of what is left for no effect."""
 
 LARGEST_SHARE = 0.4
 """Columns the model may have, as a share of the effective blocks."""
-
-CHANNELS = ('heater', 'compressor', 'fan', 'supply_voltage', 'humidity', 'chamber_temperature')
 
 
 def saturated_basis(run: PreparedRun) -> FloatArray:
@@ -75,13 +74,10 @@ def _repeatable(run: PreparedRun) -> list[FloatArray]:
         for times in ICE_TIMES_BY_DEGREES_S
     ]
     blocks.append(np.stack(ice, axis=1))
-    for name in CHANNELS:
-        values = getattr(run.block_conditions, name)
+    for name in ('chamber_temperature', *(channel.field for channel in ACTING_CHANNELS)):
         if run.block_conditions.has(name):
-            blocks.append(np.nan_to_num(values, nan=float(np.nanmean(values)))[:, None])
-    vibration = run.block_conditions.vibration
-    if vibration is not None:
-        blocks.append(np.nan_to_num(vibration))
+            values = getattr(run.block_conditions, name).reshape(len(time), -1)
+            blocks.append(np.where(np.isnan(values), np.nanmean(values, axis=0), values))
     return blocks
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from thermal_comp.data.acting_channels import topics_to_log
 from thermal_comp.effects.effect import COUNT
 from thermal_comp.fitting.part_sums import rises
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
@@ -231,14 +232,7 @@ def _place(where: Mapping[str, Any]) -> str:
     return f'{", ".join(parts)} {ratio}'
 
 
-TOPICS = {
-    'chamber_temperature': 'chamber/temperature',
-    'heater': 'chamber/heater',
-    'compressor': 'chamber/compressor',
-    'supply': 'imu/supply_voltage',
-    'vibration': 'imu/vibration',
-    'humidity': 'chamber/humidity',
-}
+TOPICS = topics_to_log()
 """Topic to log where a channel is missing."""
 DEFECTS = {
     'saturation': 'choose a wider full scale or remove the magnet',

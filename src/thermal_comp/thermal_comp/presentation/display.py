@@ -15,10 +15,9 @@ from dataclasses import dataclass
 
 from imu_recording.recording import SENSOR_UNITS, FloatArray
 
-from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.conditions import TABLE_ORDER
 
-SENSORS: tuple[Sensor, ...] = ('gyroscope', 'accelerometer', 'magnetometer')
-"""Order of the sensors in the paper's tables."""
+SENSORS = TABLE_ORDER
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 """A residual that follows one variable is explained best by the regressor of that variable."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,6 +51,24 @@ def test_channels_have_a_regressor_only_where_they_were_logged() -> None:
     design = CandidateDesign(ColumnSource(runs), 'gyroscope', noise, [BiasTemperature()])
     asked = {r.depends_on for r in generic_regressors(design) if not r.unlogged}
     assert {'temperature', 'branch', 'rate', 'time', 'orientation', 'cycle'} == asked
+
+
+@pytest.mark.parametrize('channel', ['pressure', 'fan'])
+def test_what_follows_a_logged_channel_without_an_effect_is_said_to_follow_it(
+    channel: str,
+) -> None:
+    course = 1.0 + 0.1 * np.cumsum(np.random.default_rng(4).normal(size=len(TIME))) / 40.0
+    error = {'linear_acceleration': np.outer(course - 1.0, [2e-2, -1e-2, 1.5e-2])}
+    logged: dict[str, Any] = {channel: course}
+    runs = prepare([
+        replace(run(up, seed=k, cycles=3, period=20.0, error=error), **logged)
+        for k, up in enumerate(('+x', '+y'))
+    ])  # fmt: skip
+    base = {'accelerometer': (BiasTemperature(),)}
+    noise = determined_noise(runs, base)[0]
+    answer = search_sensors(runs, base, noise, Settings(EFFECTS))['accelerometer']
+    assert answer.likeliest.names == (NOT_IN_CATALOGUE,)
+    assert answer.likeliest.depends_on == channel
 
 
 def test_a_slope_that_ages_from_pose_to_pose_is_no_misalignment() -> None:

@@ -16,10 +16,9 @@ from imu_recording.logging_contract import (
     IMU_TOPIC,
     MAGNETIC_FIELD,
     MAGNETIC_TOPIC,
-    PHASE_TOPIC,
-    STRING,
     TEMPERATURE,
     TEMPERATURE_TOPIC,
+    TRACK_OF_FIELD,
 )
 
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
@@ -39,6 +38,12 @@ class Role:
     """Whether it may stand outside the device's namespace (one chamber, several devices)."""
 
 
+def _of_chamber(name: str, field: str) -> Role:
+    """Return the role of a track of the logging contract that no particular node publishes."""
+    track = TRACK_OF_FIELD[field]
+    return Role(name, track.topic, track.message_type, '', track.shared)
+
+
 ROLES: dict[str, Role] = {
     role.name: role
     for role in (
@@ -49,10 +54,10 @@ ROLES: dict[str, Role] = {
         Role('temperature', TEMPERATURE_TOPIC, TEMPERATURE, 'imu_driver'),
         Role('complementary', 'imu/data_complementary', IMU, 'complementary_filter'),
         Role('ahrs', 'imu/data_ahrs', IMU, 'ahrs_filter'),
-        Role('setpoint', 'chamber/setpoint', TEMPERATURE, '', shared=True),
-        Role('air', 'chamber/temperature', TEMPERATURE, '', shared=True),
-        Role('device', 'chamber/device_temperature', TEMPERATURE, '', shared=True),
-        Role('phase', PHASE_TOPIC, STRING, '', shared=True),
+        _of_chamber('setpoint', 'setpoint'),
+        _of_chamber('air', 'chamber_temperature'),
+        _of_chamber('device', 'device_temperature'),
+        _of_chamber('phase', 'phase'),
     )
 }
 """Everything the live view can show, by name."""

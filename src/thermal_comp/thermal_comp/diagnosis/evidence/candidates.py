@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from imu_recording.recording import FloatArray
 
+from thermal_comp.data.acting_channels import channel_label
 from thermal_comp.data.conditions import CHANNELS, Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Campaign, Candidate, Effect
@@ -227,11 +228,7 @@ def channels_not_logged(
         for name, effect in catalogue.items()
         if effect.searched and design.sensor in effect.sensors
     }
-    return {
-        name: channels[0].removesuffix('_voltage')
-        for name, channels in lacking.items()
-        if channels
-    }
+    return {name: channel_label(channels[0]) for name, channels in lacking.items() if channels}
 
 
 def moved_forms(

@@ -11,7 +11,13 @@ import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from scipy.interpolate import BSpline
 
-from thermal_comp.data.conditions import Sensor
+from thermal_comp.data.acting_channels import (
+    ACTING_CHANNELS,
+    MACHINES,
+    THERMAL_CHANNELS,
+    acting_on,
+    channel_label,
+)
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import SpectralLine
 from thermal_comp.effects.operators import follow, play, time_integral
@@ -29,12 +35,6 @@ SETTLING_S = (60.0, 200.0)
 """What a channel's switching leaves behind may settle this slowly [s]."""
 
 
-CHANNELS_OF: dict[Sensor, tuple[str, ...]] = {
-    'accelerometer': ('heater', 'compressor', 'supply_voltage', 'vibration', 'humidity'),
-    'gyroscope': ('heater', 'compressor', 'supply_voltage', 'vibration', 'humidity'),
-    'magnetometer': ('heater', 'compressor', 'supply_voltage'),
-}
-"""Channels that can act on each sensor, directly or through another."""
 CHANNEL_CURVES = ', its lags and products'
 CHAMBER_SETTLING_S = (300.0, 1500.0, 6000.0)
 """Time constants of a chamber whose machines are off [s]."""
@@ -88,12 +88,14 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
         # Each pose is recorded at a time of its own: what changes looks like what is turned.
         ages = spans.slope_over_campaign
         made.append(('time', 'slope that changes over the campaign', ages, False))
-    for name in ('heater', 'compressor', 'supply_voltage', 'humidity'):
-        if all(run.conditions.has(name) for run in runs):
-            label = name.removesuffix('_voltage')
-            made.append((label, f'{label}{CHANNEL_CURVES}', partial(spans.channel, name), False))
-    if all(run.conditions.has('vibration') for run in runs):
-        made.append(('vibration', 'vibration and its square', spans.vibration, False))
+    for channel in ACTING_CHANNELS:
+        if not all(run.conditions.has(channel.field) for run in runs):
+            continue
+        if channel.field == 'vibration':
+            made.append(('vibration', 'vibration and its square', spans.vibration, False))
+            continue
+        curve = partial(spans.channel, channel.field)
+        made.append((channel.label, f'{channel.label}{CHANNEL_CURVES}', curve, False))
     for line in design.source.spectral_lines(design.sensor)[:1]:
         band = partial(spans.narrow_band, line)
         made.append(('frequency', 'line whose amplitude and phase wander', band, True))
@@ -104,7 +106,7 @@ def generic_regressors(design: CandidateDesign) -> list[GenericRegressor]:
         run.conditions.setpoint is not None or run.conditions.chamber_temperature is not None
         for run in runs
     )
-    if {'heater', 'compressor'} & set(lost) and (turned or chamber):
+    if set(MACHINES) & set(lost) and (turned or chamber):
         for settling in CHAMBER_SETTLING_S:
             trace = partial(spans.chamber_power, settling)
             made.append(('chamber', 'heat and cold the chamber needs', trace, turned))
@@ -148,9 +150,9 @@ def lost_channels(design: CandidateDesign) -> list[str]:
     """Return the channels that can act on the sensor and that no run has logged."""
     runs = design.source.runs
     return [
-        channel
-        for channel in CHANNELS_OF[design.sensor]
-        if not any(run.conditions.has(channel) for run in runs)
+        channel.field
+        for channel in acting_on(design.sensor)
+        if not any(run.conditions.has(channel.field) for run in runs)
     ]
 
 
@@ -164,19 +166,17 @@ def _suspect(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> s
 
     What is switched may have any course over time; the air leads the die in every ramp.
     """
-    machines = [c for c in lost if c in {'heater', 'compressor'}]
+    machines = [c for c in lost if c in MACHINES]
     if depends_on in {'rate', 'branch'}:
         air = any(
-            run.conditions.has(name)
-            for run in design.source.runs
-            for name in ('chamber_temperature', 'device_temperature')
+            run.conditions.has(name) for run in design.source.runs for name in THERMAL_CHANNELS
         )
         candidates: Sequence[str] = machines if air else ['chamber_temperature']
     else:
         candidates = lost if depends_on in {'time', 'phase', 'cycle'} else []
-    if len(machines) == 2 and set(machines) <= set(candidates):
+    if len(machines) == len(MACHINES) and set(machines) <= set(candidates):
         return 'chamber'
-    return candidates[0].removesuffix('_voltage') if candidates else ''
+    return channel_label(candidates[0]) if candidates else ''
 
 
 def _betrayed(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> str:
@@ -187,22 +187,17 @@ def _betrayed(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> 
     follows the chamber's power, is a machine of the chamber. The field of a machine turns with
     the orientation: what does not reached the magnetometer through the supply.
     """
-    turned = design.sensor == 'magnetometer'
-    order = {
-        'compressor': ('vibration', 'supply_voltage'),
-        'heater': ('supply_voltage', 'compressor', 'vibration'),
-        'vibration': ('compressor',) if design.sensor == 'magnetometer' else (),
-        'phase': ('heater', 'compressor', 'supply_voltage'),
-        'chamber': ('heater', 'compressor', 'supply_voltage', 'vibration'),
-    }
-    if depends_on == 'humidity' and 'humidity' in lost:
-        return 'humidity'
-    if turned and depends_on in {'heater', 'compressor'}:
-        order = {depends_on: ('supply_voltage',) if len(design.source.runs) > 1 else ()}
-    suspects = [c for c in order.get(depends_on, ()) if c in lost]
-    if {'heater', 'compressor'} <= set(suspects):
+    through = {channel.label: channel.through for channel in ACTING_CHANNELS}
+    through['phase'] = (*MACHINES, 'supply_voltage')
+    through['chamber'] = (*MACHINES, 'supply_voltage', 'vibration')
+    if design.sensor == 'magnetometer':
+        turned = len(design.source.runs) > 1
+        through |= dict.fromkeys(MACHINES, ('supply_voltage',) if turned else ())
+        through['vibration'] = ('compressor',)
+    suspects = [c for c in through.get(depends_on, ()) if c in lost]
+    if set(MACHINES) <= set(suspects):
         return 'chamber'
-    return suspects[0].removesuffix('_voltage') if suspects else ''
+    return channel_label(suspects[0]) if suspects else ''
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from itertools import combinations
 import numpy as np
 from imu_recording.recording import FloatArray
 
+from thermal_comp.data.acting_channels import channel_label
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.common_mode import coherence
 from thermal_comp.diagnosis.evidence.effect_sets import (
@@ -261,7 +262,7 @@ def _explanation(names: Names, parts: Sequence[tuple[float, EffectSet, _Beside]]
 def _own_variables(some: EffectSet) -> set[str]:
     """Return what the effects of a set follow: channels, and 'frequency' for a spectral line."""
     effects = [one.form.effect for one in some.components]
-    channels = {c.removesuffix('_voltage') for effect in effects for c in effect.channels}
+    channels = {channel_label(c) for effect in effects for c in effect.channels}
     lines = [effect for effect in effects if effect.line_frequency is not None]
     return channels | ({'frequency'} if lines else set())
 

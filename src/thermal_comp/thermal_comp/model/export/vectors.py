@@ -10,11 +10,10 @@ import numpy as np
 from imu_recording.recording import FloatArray, ImuRecording
 
 from thermal_comp.compensation.recording import model_conditions, plan_of, sensor_error
-from thermal_comp.data.conditions import Conditions, Sensor
+from thermal_comp.data.conditions import TABLE_ORDER, Conditions
 from thermal_comp.effects.contract import example_conditions
 from thermal_comp.model.values import ModelError, ThermalModel
 
-ORDER: tuple[Sensor, ...] = ('gyroscope', 'accelerometer', 'magnetometer')
 BEYOND_K = 5.0
 """How far the example course leaves the fitted temperatures [K]."""
 
@@ -50,8 +49,9 @@ def vectors_text(
 
     Each course starts at 0 ns; time that jumps back starts the history anew.
     """
-    names = ['t', 'temperature', *(f'{s}_{a}' for s in ORDER for a in 'xyz'), *channels]
-    lines = [f'# {" ".join(names)} {" ".join(f"error_of_{s}_{a}" for s in ORDER for a in "xyz")}']
+    names = ['t', 'temperature', *(f'{s}_{a}' for s in TABLE_ORDER for a in 'xyz'), *channels]
+    names += [f'error_of_{s}_{a}' for s in TABLE_ORDER for a in 'xyz']
+    lines = [f'# {" ".join(names)}']
     for course in courses:
         rows = np.concatenate([_sample(course, channels), _errors(model, course)], axis=1)
         start = course.time[0]
@@ -65,7 +65,7 @@ def vectors_text(
 def _sample(course: Conditions, channels: Mapping[str, int]) -> FloatArray:
     unknown = np.full(len(course), np.nan)
     columns = [course.temperature[:, None]]
-    columns += [course.of(sensor).true_input for sensor in ORDER]
+    columns += [course.of(sensor).true_input for sensor in TABLE_ORDER]
     for name, components in channels.items():
         values = getattr(course, name)
         held = np.tile(unknown[:, None], components) if values is None else values
@@ -78,6 +78,6 @@ def _errors(model: ThermalModel, course: Conditions) -> FloatArray:
         sensor_error(plan_of(model.sensors[s]), course.of(s), uncertain=False).error
         if s in model.sensors
         else np.zeros((len(course), 3))
-        for s in ORDER
+        for s in TABLE_ORDER
     ]
     return np.concatenate(errors, axis=1)

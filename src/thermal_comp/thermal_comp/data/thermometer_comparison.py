@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections import deque
 
 import numpy as np
+from imu_recording.logging_contract import THERMOMETER_FIELDS
 from imu_recording.recording import ImuRecording
 
-from thermal_comp.data.thermometer import OTHER_SENSORS, copied_from, wrong_scale
+from thermal_comp.data.thermometer import copied_from, wrong_scale
 
 ROW_NS = 1_000_000_000
 """Distance of the rows that are kept [ns]."""
@@ -23,7 +24,7 @@ JUDGED_AGAIN = 0.1
 """… and the share of new ones after which they are made again."""
 
 
-class LiveSurroundings:
+class ThermometerComparison:
     """Takes in values of all thermometers as they come; `fault` says what they contradict.
 
     A row is judged once the next one is due: by then the others' values up to its stamp are here.
@@ -35,12 +36,12 @@ class LiveSurroundings:
         self._rows: deque[tuple[int, float, tuple[float, ...]]] = deque(maxlen=ROWS)
         self._waiting: tuple[int, float] | None = None
         self._others: dict[str, deque[tuple[int, float]]] = {
-            name: deque(maxlen=64) for name in OTHER_SENSORS
+            name: deque(maxlen=64) for name in THERMOMETER_FIELDS
         }
         self._new = 0
 
     def on_other(self, name: str, stamp: int, temperature: float) -> None:
-        """Take in a value [°C] of one of OTHER_SENSORS, measured at `stamp` [ns]."""
+        """Take in a value [°C] of one of THERMOMETER_FIELDS, measured at `stamp` [ns]."""
         self._others[name].append((stamp, temperature))
 
     def on_die(self, stamp: int, temperature: float) -> None:
@@ -50,7 +51,7 @@ class LiveSurroundings:
             self._waiting = stamp, temperature
         elif stamp >= self._waiting[0] + ROW_NS:
             then = self._waiting[0]
-            others = tuple(self._value(name, then) for name in OTHER_SENSORS)
+            others = tuple(self._value(name, then) for name in THERMOMETER_FIELDS)
             if not np.isnan(others).all():
                 self._rows.append((*self._waiting, others))
                 self._new += 1
@@ -74,7 +75,7 @@ class LiveSurroundings:
             linear_acceleration=unknown,
             magnetic_field=unknown,
             temperature=np.array(die),
-            **dict(zip(OTHER_SENSORS, tracks, strict=True)),
+            **dict(zip(THERMOMETER_FIELDS, tracks, strict=True)),
         )
         if source := copied_from(recording):
             return f'the die temperature is a copy of {source}'

@@ -6,13 +6,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from thermal_comp.data.live_surroundings import LiveSurroundings
+from thermal_comp.data.thermometer_comparison import ThermometerComparison
 
 SECOND = 1_000_000_000
 SEEDS = range(8)
 
 
-def watched(seed: int, fault: str) -> LiveSurroundings:
+def watched(seed: int, fault: str) -> ThermometerComparison:
     """One hour: a robot's surroundings change by 15 K, its die follows 8 K warmer, lagging.
 
     The surroundings are measured every second in steps of 0.01 K, the die five times a second
@@ -20,7 +20,7 @@ def watched(seed: int, fault: str) -> LiveSurroundings:
     measured later.
     """
     rng = np.random.default_rng((seed, 15))
-    surroundings = LiveSurroundings()
+    comparison = ThermometerComparison()
     lag, span, swing = rng.uniform(100.0, 900.0), rng.uniform(12.0, 20.0), rng.uniform(2e3, 4e3)
     base = rng.uniform(0.0, 30.0)
     scale = {'scale': rng.choice([1.8, 0.1])}.get(fault, 1.0)
@@ -38,9 +38,9 @@ def watched(seed: int, fault: str) -> LiveSurroundings:
     for second in range(3600):
         for k, value in enumerate(shown[second].tolist()):
             if k == 2 * late[second]:
-                surroundings.on_other('device_temperature', second * SECOND, float(air[second]))
-            surroundings.on_die(second * SECOND + k * SECOND // 5, value)
-    return surroundings
+                comparison.on_other('device_temperature', second * SECOND, float(air[second]))
+            comparison.on_die(second * SECOND + k * SECOND // 5, value)
+    return comparison
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_each_fault_is_found_and_none_in_a_sound_stream(fault: str, said: str) -
 
 
 def test_a_stream_without_other_thermometers_says_nothing() -> None:
-    surroundings = LiveSurroundings()
+    comparison = ThermometerComparison()
     for second in range(1000):
-        surroundings.on_die(second * SECOND, 20.0 + second / 16)
-    assert surroundings.fault == ''
+        comparison.on_die(second * SECOND, 20.0 + second / 16)
+    assert comparison.fault == ''

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every channel of the logging contract is known to act, or is a temperature."""
+
+from imu_recording.logging_contract import CHANNEL_FIELDS, SWITCHED_FIELDS, THERMOMETER_FIELDS
+from thermal_comp.data.acting_channels import (
+    ACTING_CHANNELS,
+    THERMAL_CHANNELS,
+    acting_on,
+    topics_to_log,
+)
+from thermal_comp.data.conditions import CHANNELS
+from thermal_comp.effects import EFFECTS
+
+ACTING = {channel.field: channel for channel in ACTING_CHANNELS}
+
+
+def test_every_channel_of_the_contract_acts_or_is_a_temperature() -> None:
+    assert {*ACTING, *THERMOMETER_FIELDS, 'setpoint'} == set(CHANNEL_FIELDS)
+    assert set(SWITCHED_FIELDS) <= set(ACTING)
+
+
+def test_an_absent_channel_is_suspected_on_every_sensor_that_its_effects_act_on() -> None:
+    for effect in EFFECTS.values():
+        for name in set(effect.channels) & set(ACTING):
+            assert set(effect.sensors) <= set(ACTING[name].acts_on), (effect.name, name)
+
+
+def test_channels_act_through_channels_that_were_or_were_not_logged() -> None:
+    assert {name for channel in ACTING_CHANNELS for name in channel.through} <= set(ACTING)
+    assert set(THERMAL_CHANNELS) <= set(CHANNELS)
+    assert 'vibration' not in [channel.field for channel in acting_on('magnetometer')]
+
+
+def test_the_advice_names_the_topic_of_the_contract() -> None:
+    assert topics_to_log()['supply'] == 'imu/supply_voltage'
+    assert topics_to_log()['chamber_temperature'] == 'chamber/temperature'
