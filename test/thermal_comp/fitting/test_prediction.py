@@ -3,11 +3,11 @@
 
 import numpy as np
 import pytest
+from thermal_comp.comparison.improvement import falls
 from thermal_comp.data.preparation import prepare
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.empirical import empirical_form
-from thermal_comp.fitting.part_sums import falls
 from thermal_comp.fitting.prediction import best_held_out, predictive_effects
 from thermal_comp.noise.estimation import fit_noise
 

@@ -16,11 +16,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from imu_recording.recording import FloatArray
+from numpy.typing import NDArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.effect import Effect
-from thermal_comp.linear.columns import orthonormal, per_axis, project_out, stack_runs
+from thermal_comp.linear.columns import orthonormal, per_axis
+from thermal_comp.linear.projected_rows import ProjectedRows
 from thermal_comp.linear.whitening import RowWhitening
 from thermal_comp.model.values import NoiseModel
 
@@ -79,36 +81,32 @@ def candidate_gains(
         [run.period for run in runs],
     )
 
-    def columns(effect: Effect) -> tuple[FloatArray, bool]:
-        return per_axis(
-            np.concatenate(
-                [run.columns(effect, sensor)[rows] for run, rows in zip(runs, valid, strict=True)]
-            )
-        )
-
-    levels = stack_runs([np.ones((int(rows.sum()), 3, 1)) for rows in valid], per_run=True)
-    known = np.concatenate([levels, columns(base)[0]], axis=2)
-    basis = [orthonormal(axis) for axis in whitening.whitened(known)]
-    measured = np.concatenate(
-        [run.measured[sensor][rows] for run, rows in zip(runs, valid, strict=True)]
-    )
-    rest = [
-        project_out(q, y)[:, 0]
-        for q, y in zip(basis, whitening.whitened(measured[:, :, None]), strict=True)
-    ]
+    rows = ProjectedRows(whitening, [_columns(runs, valid, sensor, base)[0]])
+    values = [run.measured[sensor][ok] for run, ok in zip(runs, valid, strict=True)]
+    measured = rows.projected(np.concatenate(values)[:, :, None], 0.0)[0][:, :, 0]
     found = []
     for name in candidate_effects(runs, sensor, base):
         forms, taken = [], []
         for form in EFFECTS[name].shape_grid(GRID_POINTS):
-            own, shared = columns(form)
+            own, shared = _columns(runs, valid, sensor, form)
             if shared:
                 break
-            white = whitening.whitened(own)
-            taken.append([_taken(q, c, y) for q, c, y in zip(basis, white, rest, strict=True)])
+            taken.append(_taken(*rows.projected(own, LEAST_SHARE), measured))
             forms.append(form)
         if forms:
             found.append(_candidate(name, forms, np.array(taken), own.shape[2]))
     return found
+
+
+def _columns(
+    runs: Sequence[PreparedRun],
+    valid: Sequence[NDArray[np.bool_]],
+    sensor: Sensor,
+    effect: Effect,
+) -> tuple[FloatArray, bool]:
+    """Return the effect's (rows, 3, p) columns over valid rows, and whether axes share them."""
+    parts = [run.columns(effect, sensor)[ok] for run, ok in zip(runs, valid, strict=True)]
+    return per_axis(np.concatenate(parts))
 
 
 def _candidate(
@@ -130,14 +128,15 @@ def _short(value: float | tuple[float, ...]) -> str:
     return ' '.join(f'{v:.4g}' for v in (value if isinstance(value, tuple) else (value,)))
 
 
-def _taken(basis: FloatArray, columns: FloatArray, rest: FloatArray) -> tuple[float, float, float]:
-    """Return what whitened columns take up, the first one's coefficient and its deviation.
+def _taken(columns: FloatArray, lost: NDArray[np.bool_], measured: FloatArray) -> FloatArray:
+    """Return (3, 3) per axis: what columns take up, the first one's coefficient, its deviation.
 
-    NaN where a column has nothing beyond the basis.
+    NaN where a column is lost: has nothing beyond levels and line.
     """
-    beyond = project_out(basis, columns)
-    size = np.linalg.norm(beyond, axis=0)
-    if (size <= LEAST_SHARE * np.linalg.norm(columns, axis=0)).any():
-        return np.nan, np.nan, np.nan
-    taken = orthonormal(beyond).T @ rest
-    return float(taken @ taken), float(beyond[:, 0] @ rest / size[0] ** 2), float(1.0 / size[0])
+    found = np.full((3, 3), np.nan)
+    for axis in np.flatnonzero(~lost.any(axis=1)):
+        own, rest = columns[axis], measured[axis]
+        size = float(np.linalg.norm(own[:, 0]))
+        taken = orthonormal(own).T @ rest
+        found[axis] = taken @ taken, own[:, 0] @ rest / size**2, 1.0 / size
+    return found

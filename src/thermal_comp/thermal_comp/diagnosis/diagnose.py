@@ -9,6 +9,7 @@ from dataclasses import replace
 from imu_recording.recording import ImuRecording
 
 from thermal_comp.comparison.compare import Comparison, compare_prepared, rms_of
+from thermal_comp.comparison.improvement import falls
 from thermal_comp.comparison.simpler import raised
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
@@ -44,7 +45,6 @@ from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.fitting.inputs import check_temperature, usable_sensors
-from thermal_comp.fitting.part_sums import falls
 from thermal_comp.model.values import NoiseModel, ThermalModel
 from thermal_comp.noise.of_runs import determined_noise, noise_beside
 

@@ -15,6 +15,7 @@ from thermal_comp.comparison.compare import (
     compare_prepared,
     rms_of,
 )
+from thermal_comp.comparison.improvement import falls, parts_that_fall
 from thermal_comp.comparison.simpler import NO_CHANCE, raised, worse_than_simpler
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
@@ -29,7 +30,6 @@ from thermal_comp.effects.effect import Effect, joined_effects
 from thermal_comp.effects.empirical_term import Empirical
 from thermal_comp.fitting.empirical import empirical_form
 from thermal_comp.fitting.fit import fit_prepared, usable_sensors
-from thermal_comp.fitting.part_sums import falls, parts_that_fall
 from thermal_comp.fitting.prediction import best_held_out, predictive_effects
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
 from thermal_comp.model.values import (

@@ -13,6 +13,7 @@ from thermal_comp.data.conditions import Conditions, Sensor
 from thermal_comp.effects.effect import Effect
 from thermal_comp.experiment.plan import PERIOD_S
 from thermal_comp.linear.columns import orthonormal, project_out, stack_runs
+from thermal_comp.linear.projected_rows import ProjectedRows
 from thermal_comp.linear.whitening import RowWhitening
 from thermal_comp.model.values import NoiseModel, ThermalModel
 
@@ -77,10 +78,8 @@ class PredictedDesign:
         self.runs = [run.of(sensor) for run in runs]
         self.noise = noise
         slot: IntArray = np.arange(len(runs[0]), dtype=np.int64)
-        self._whitening = RowWhitening([slot] * len(runs), noise, [PERIOD_S] * len(runs))
-        levels = stack_runs([np.ones((len(run), 3, 1)) for run in runs], per_run=True)
-        known = np.concatenate([levels, *(self.raw(effect) for effect in base)], axis=2)
-        self._base = [orthonormal(columns) for columns in self._whitening.whitened(known)]
+        whitening = RowWhitening([slot] * len(runs), noise, [PERIOD_S] * len(runs))
+        self._rows = ProjectedRows(whitening, [self.raw(effect) for effect in base])
 
     def raw(self, effect: Effect) -> FloatArray:
         """(rows, 3, p) columns of all runs below each other."""
@@ -98,7 +97,7 @@ class PredictedDesign:
 
     def size(self, signal: FloatArray) -> float:
         """Return the rms (rows, 3) has beyond levels of the runs and a line in temperature."""
-        parts = np.split(signal, self._whitening.edges[1:-1])
+        parts = np.split(signal, self._rows.whitening.edges[1:-1])
         centred = np.concatenate([part - part.mean(axis=0) for part in parts])
         x = np.concatenate([run.temperature - run.temperature.mean() for run in self.runs])
         rest = centred - np.outer(x, x @ centred / (x @ x))
@@ -114,10 +113,5 @@ class PredictedDesign:
 
     def _beyond_base(self, columns: FloatArray) -> FloatArray:
         """(3, rows, p) columns (rows, 3, p) whitened, zero where the base takes them up."""
-        whitened = self._whitening.whitened(columns)
-        rest = np.stack([project_out(*pair) for pair in zip(self._base, whitened, strict=True)])
-        taken_up = np.linalg.norm(rest, axis=1) <= ABSORBED_SHARE * np.linalg.norm(
-            whitened, axis=1
-        )
-        rest[np.broadcast_to(taken_up[:, None], rest.shape)] = 0.0
-        return rest
+        left, lost = self._rows.projected(columns, ABSORBED_SHARE)
+        return np.where(lost[:, None], 0.0, left)

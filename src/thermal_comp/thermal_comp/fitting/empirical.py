@@ -9,19 +9,13 @@ import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
 
+from thermal_comp.comparison.improvement import falls, falls_enough, may_fall
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.empirical_term import GROUPS, Empirical
-from thermal_comp.fitting.part_sums import (
-    PartSums,
-    falls,
-    falls_enough,
-    may_fall,
-    part_sums,
-    reduced,
-)
 from thermal_comp.linear.design import LEAST_DEVIATION
+from thermal_comp.linear.part_sums import PartSums, part_sums, reduced
 from thermal_comp.model.values import NoiseModel
 
 LEVELS = (0.0, 1.0, 6.7, 45.0, 300.0)

@@ -13,18 +13,11 @@ from itertools import combinations
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
+from thermal_comp.comparison.improvement import LEAST_FALL, falls, falls_enough, may_fall
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Campaign, Effect
-from thermal_comp.fitting.part_sums import (
-    LEAST_FALL,
-    PartSums,
-    falls,
-    falls_enough,
-    may_fall,
-    part_sums,
-    reduced,
-)
+from thermal_comp.linear.part_sums import PartSums, part_sums, reduced
 from thermal_comp.model.values import NoiseModel
 
 MOST_EFFECTS = 3

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from imu_recording.recording import FloatArray
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.kept_results import kept
@@ -213,44 +214,45 @@ def _whittle(
 
     m (f,) = Σ variance · expected.
     """
-    log_variance = np.minimum(prior.centre, 0.0)
-    damping = 1e-2
-    data = periodogram, expected, weight, prior
-    value = _objective(log_variance, *data)
-    for _ in range(100):
-        share = np.exp(log_variance)[:, None] * expected
-        spectrum = np.maximum(share.sum(axis=0), 1e-300)
-        share = share / spectrum
-        gradient = share @ (weight * (1.0 - periodogram / spectrum))
-        gradient += prior.precision @ (log_variance - prior.centre)
-        curvature = (share * weight) @ share.T + prior.precision
-        step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), gradient)
-        trial = np.clip(log_variance - np.clip(step, -2.0, 2.0), np.log(LEAST_VARIANCE), 25.0)
-        new = _objective(trial, *data)
-        if new <= value:
-            settled = value - new < 1e-7 * max(abs(value), 1.0)
-            log_variance, value, damping = trial, new, max(damping * 0.3, 1e-8)
-            if settled:
-                break
-        else:
-            damping *= 6.0
-            if damping > 1e8:
-                break
-    return np.exp(log_variance)
+    found = minimize(
+        _minus_log_posterior,
+        np.minimum(prior.centre, 0.0),
+        args=(periodogram, expected, weight, prior),
+        method='trust-exact',
+        jac=True,
+        hess=_information,
+    )
+    variances: FloatArray = np.maximum(np.exp(found.x), LEAST_VARIANCE)
+    return variances
 
 
-def _objective(
+def _minus_log_posterior(
     log_variance: FloatArray,
     periodogram: FloatArray,
     expected: FloatArray,
     weight: FloatArray,
     prior: _Prior,
-) -> float:
-    spectrum = np.maximum(np.exp(log_variance) @ expected, 1e-300)
-    away = log_variance - prior.centre
-    return float(
-        weight @ (periodogram / spectrum + np.log(spectrum)) + 0.5 * away @ prior.precision @ away
-    )
+) -> tuple[float, FloatArray]:
+    """Return what `_whittle` makes least, and its gradient (k,)."""
+    share = np.exp(log_variance)[:, None] * expected
+    spectrum = np.maximum(share.sum(axis=0), 1e-300)
+    ratio, away = periodogram / spectrum, log_variance - prior.centre
+    value = weight @ (ratio + np.log(spectrum)) + 0.5 * away @ prior.precision @ away
+    return float(value), (share / spectrum) @ (weight * (1.0 - ratio)) + prior.precision @ away
+
+
+def _information(
+    log_variance: FloatArray,
+    periodogram: FloatArray,  # noqa: ARG001 (the expectation of the second derivatives)
+    expected: FloatArray,
+    weight: FloatArray,
+    prior: _Prior,
+) -> FloatArray:
+    """Return the (k, k) expected curvature of what `_whittle` makes least."""
+    share = np.exp(log_variance)[:, None] * expected
+    share /= np.maximum(share.sum(axis=0), 1e-300)
+    information: FloatArray = (share * weight) @ share.T + prior.precision
+    return information
 
 
 def _smoothness_precision() -> FloatArray:

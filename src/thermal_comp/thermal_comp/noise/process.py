@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
@@ -135,19 +136,12 @@ def project_spectra(
     present = np.zeros(length)
     present[slot] = weights
     overlap = _autocorrelation(present)
-    basis_spectrum = _spectrum(basis, slot, length)
     coloured = process_autocovariance(time_constants, period, length)
     white = np.zeros(length)
     white[0] = 1.0 / period
 
-    def left(plain: FloatArray | float, turned: FloatArray) -> FloatArray:
-        cross = np.einsum('fj,fj->f', basis_spectrum, _spectrum(turned, slot, length).conj()).real
-        inner = np.einsum(
-            'fi,fi->f', basis_spectrum @ (basis.T @ turned), basis_spectrum.conj()
-        ).real
-        power: FloatArray = np.maximum(plain - 2.0 * cross + inner, 0.0) / rows
-        return power
-
+    basis_spectrum = _spectrum(basis, slot, length)
+    left = partial(_power_left, basis, basis_spectrum, slot, length)
     covariances = (white, *coloured)
     products = toeplitz_products(covariances, slot, weights[:, None] * basis)
     expected = np.stack(
@@ -156,7 +150,7 @@ def project_spectra(
             for covariance, turned in zip(covariances, products, strict=True)
         ]
     )
-    share, shaken = expected[0] * period, np.zeros(len(basis_spectrum))
+    share, shaken = expected[0] * period, np.zeros(expected.shape[1])
     if shaking is not None:
         share = left(float(rows), basis)
         added = weights**2 * shaking.variance
@@ -164,6 +158,25 @@ def project_spectra(
     weight = rows / length * np.clip(share, 0.0, 1.0)
     weight[0] *= 0.5
     return Projection(slot, basis, expected, weight, shaken, shaking)
+
+
+def _power_left(
+    basis: FloatArray,
+    basis_spectrum: np.ndarray,
+    slot: IntArray,
+    length: int,
+    plain: FloatArray | float,
+    turned: FloatArray,
+) -> FloatArray:
+    """Return the (f,) expected power |F (1 − Q Qᵀ) y|² / m of noise.
+
+    `plain` (f,) is its power before the projection of `basis` Q, `turned` (m, p) its covariance
+    times Q.
+    """
+    cross = np.einsum('fj,fj->f', basis_spectrum, _spectrum(turned, slot, length).conj()).real
+    inner = np.einsum('fi,fi->f', basis_spectrum @ (basis.T @ turned), basis_spectrum.conj()).real
+    power: FloatArray = np.maximum(plain - 2.0 * cross + inner, 0.0) / len(slot)
+    return power
 
 
 def _spectrum(columns: FloatArray, slot: IntArray, length: int) -> np.ndarray:

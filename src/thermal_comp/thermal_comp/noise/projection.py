@@ -67,7 +67,7 @@ def basis_of_rows(
         columns = joined_basis([columns, *(c.reshape(len(run), -1) for c in further.values())])
     if shaking is not None:
         return orthonormal(shaking.weights[:, None] * columns[valid], WEAKEST_DIRECTION)
-    return columns if valid.all() else np.linalg.qr(columns[valid])[0]
+    return columns if valid.all() else orthonormal(columns[valid], WEAKEST_DIRECTION)
 
 
 def not_followed(

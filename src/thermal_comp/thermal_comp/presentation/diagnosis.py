@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from thermal_comp.comparison.improvement import rises
 from thermal_comp.data.acting_channels import topics_to_log
 from thermal_comp.effects.effect import COUNT
-from thermal_comp.fitting.part_sums import rises
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, shown
 from thermal_comp.presentation.notebook import html_table
 

@@ -9,72 +9,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
+from thermal_comp.comparison.improvement import LEAST_PARTS
 from thermal_comp.data.blocks import contiguous_parts
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect, columns_from
-from thermal_comp.linear.columns import orthonormal, per_axis, project_out
+from thermal_comp.linear.columns import orthonormal, per_axis, project_out, stack_runs
 from thermal_comp.linear.normal_equations import pseudo_solve
 from thermal_comp.linear.whitening import apply_gains, innovation_gains
 from thermal_comp.model.values import NoiseModel
 from thermal_comp.noise.vibration import block_variances
 
-LEAST_PARTS = 3
-"""Parts held out from which anything is said."""
-CHANCE = 0.01
-"""Probability that chance alone passes for a fall of the error on held-out parts."""
-LEAST_FALL = 0.05
-"""Fall of the held-out rms that is worth another term, as a share."""
 LONG_PARTS = 4
 """Parts of a run without cycles that a term must lower the error on, too: between near neighbours
 what is smooth in time passes for an effect of temperature."""
-
-
-def falls(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> bool:
-    """Tell whether mean squares over k parts fall by more than chance and by enough to matter.
-
-    (k,) or (k, axes); `noise` is the square that noise alone leaves, (axes,): what lies below it
-    counts as noise. Student's t of ln(before / after) over the parts, and the rms over all.
-    """
-    if len(before) < LEAST_PARTS:
-        return False
-    before, after = _in_floors(before, noise), _in_floors(after, noise)
-    if not falls_enough(before.sum(), after.sum()):
-        return False
-    gain = np.log(before / after)
-    spread = float(gain.std(ddof=1)) / np.sqrt(len(gain))
-    return bool(float(gain.mean()) > float(stdtrit(len(gain) - 1, 1.0 - CHANCE)) * spread)
-
-
-def falls_enough(before: float, after: float) -> bool:
-    """Tell whether sums of squares fall by enough to matter."""
-    return after <= (1.0 - LEAST_FALL) ** 2 * before
-
-
-def rises(before: float, after: float) -> bool:
-    """Tell whether a held-out rms rises by enough to matter."""
-    return after > (1.0 + LEAST_FALL) * before
-
-
-def parts_that_fall(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> int:
-    """Return in how many parts mean squares fall; arguments as of `falls`."""
-    return int(np.sum(_in_floors(after, noise) < _in_floors(before, noise)))
-
-
-def _in_floors(squares: FloatArray, noise: FloatArray | float) -> FloatArray:
-    """(k,) mean over the axes of squares over that of noise, at least 1."""
-    above: FloatArray = np.maximum(squares / noise, 1.0).reshape(len(squares), -1).mean(axis=1)
-    return above
-
-
-def may_fall(squares: FloatArray, noise: FloatArray | float) -> bool:
-    """Tell whether mean squares over parts are far enough above the noise for a fall to matter."""
-    if not len(squares):
-        return False
-    above = float(np.maximum(squares / noise, 1.0).mean())
-    return (1.0 - LEAST_FALL) ** 2 * above > 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,14 +216,5 @@ def _straight(
 def _columns(runs: Sequence[PreparedRun], sensor: Sensor, effect: Effect) -> list[FloatArray]:
     """Return the (m, 3, p) columns of an effect in each run; per run, each has its own."""
     parts = [per_axis(run.columns(effect, sensor))[0] for run in runs]
-    if not effect.per_run:
-        return parts
-    width = sum(part.shape[2] for part in parts)
-    whole = []
-    start = 0
-    for part in parts:
-        wide = np.zeros((len(part), 3, width))
-        wide[:, :, start : start + part.shape[2]] = part
-        start += part.shape[2]
-        whole.append(wide)
-    return whole
+    edges = np.cumsum([len(run) for run in runs])[:-1]
+    return np.split(stack_runs(parts, per_run=effect.per_run), edges)
