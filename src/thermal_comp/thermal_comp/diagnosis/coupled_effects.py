@@ -10,6 +10,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 from thermal_comp.diagnosis.evidence.effect_sets import Component, EffectSet
+from thermal_comp.diagnosis.evidence.set_fit import fitted_set
 from thermal_comp.diagnosis.sensor_answer import SensorAnswer
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.gaussian_evidence import ConditionedDesign, log_evidence
@@ -34,7 +35,7 @@ def with_effect(name: str, answer: SensorAnswer) -> list[EffectSet]:
         larger = (*some.components, component)
         names = tuple(sorted(c.name for c in larger))
         if name not in some.names and names not in known:
-            sets.append(answer.hypotheses.fitted_set(larger))
+            sets.append(fitted_set(answer.hypotheses, larger))
     return sets
 
 

@@ -22,6 +22,7 @@ from thermal_comp.diagnosis.findings import (
     noise_findings,
     quality_finding,
     ranked,
+    ranked_effects,
     sensor_state,
     unnamed_findings,
 )
@@ -29,7 +30,6 @@ from thermal_comp.diagnosis.identifiability import undecidable
 from thermal_comp.diagnosis.inputs import DiagnosisInputs, prepare_inputs
 from thermal_comp.diagnosis.model_form import with_model_form
 from thermal_comp.diagnosis.noise_level import NoiseReference
-from thermal_comp.diagnosis.ranking import ranked_effects
 from thermal_comp.diagnosis.result import Diagnosis, Finding, NamedExplanation, Prediction
 from thermal_comp.diagnosis.sensor_answer import SensorAnswer
 from thermal_comp.diagnosis.sensor_search import (

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from math import log
 
 import numpy as np
 from imu_recording.recording import SENSOR_UNITS
@@ -15,7 +16,8 @@ from thermal_comp.data.quality import QualityFinding
 from thermal_comp.diagnosis.detection_limit import smallest_found
 from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE, UNLOGGED
-from thermal_comp.diagnosis.evidence.posterior import CREDIBLE
+from thermal_comp.diagnosis.evidence.posterior import CREDIBLE, probability
+from thermal_comp.diagnosis.evidence.priors import NOTHING
 from thermal_comp.diagnosis.inputs import ClockFinding
 from thermal_comp.diagnosis.noise_level import (
     REPORTED_EVIDENCE,
@@ -25,7 +27,7 @@ from thermal_comp.diagnosis.noise_level import (
     is_shipped_chip,
     noise_above_reference,
 )
-from thermal_comp.diagnosis.result import Finding, SensorState
+from thermal_comp.diagnosis.result import Finding, RankedEffect, SensorState
 from thermal_comp.diagnosis.sensor_answer import UNNAMED, SensorAnswer
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import NoiseModel, ThermalModel
@@ -249,13 +251,39 @@ def clock_findings(clock: ClockFinding | None) -> list[Finding]:
 
 def ranked(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """Return what changed first, then what sensors lack, the clock, the noise."""
+    return tuple(sorted(findings, key=_place))
 
-    def place(finding: Finding) -> tuple[int, float]:
-        if finding.name == 'clock_temperature':
-            return 2, -finding.evidence
-        return {'changed': 0, 'noise': 3}.get(finding.kind, 1), -finding.evidence
 
-    return tuple(sorted(findings, key=place))
+def _place(finding: Finding) -> tuple[int, float]:
+    """Return what findings are ordered by: their kind, then their evidence."""
+    if finding.name == 'clock_temperature':
+        return 2, -finding.evidence
+    return {'changed': 0, 'noise': 3}.get(finding.kind, 1), -finding.evidence
+
+
+def ranked_effects(answers: Mapping[Sensor, SensorAnswer]) -> tuple[RankedEffect, ...]:
+    """Return every effect that was weighed, sensor by sensor, most probable first.
+
+    That it might stand beside others too small to be seen makes no effect a rival of theirs.
+    """
+    found: list[RankedEffect] = []
+    for sensor, answer in answers.items():
+        together = {effect.name: effect for effect in (*answer.named, *answer.closest)}
+        alone = {s.names[0]: s for s in answer.sets if len(s.names) == 1 and not s.guessed}
+        own = [
+            RankedEffect(
+                sensor,
+                together.get(name, one.components[0].form.effect),
+                probability(
+                    answer.explanations,
+                    lambda e, n=name: n in e.names and e.unseen != n,  # type: ignore[misc]
+                ),
+                one.log_posterior - log(NOTHING),
+            )
+            for name, one in alone.items()
+        ]
+        found += sorted(own, key=lambda r: (-round(r.probability, 12), -r.log_odds))
+    return tuple(found)
 
 
 def sensor_state(

@@ -23,6 +23,7 @@ from thermal_comp.diagnosis.diagnose import Settings, base_effects, diagnose_pre
 from thermal_comp.diagnosis.evidence.candidates import missing_channels
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.priors import NOTHING
+from thermal_comp.diagnosis.evidence.set_search import best_single
 from thermal_comp.diagnosis.model_form import with_model_form
 from thermal_comp.diagnosis.result import Diagnosis, Prediction
 from thermal_comp.diagnosis.sensor_search import Listed
@@ -325,7 +326,7 @@ def _placed(
         design = CandidateDesign(source, sensor, noise[sensor], listed[sensor])
         hypotheses = SensorHypotheses(design, {name: effect})
         if hypotheses.families:
-            scored[sensor] = hypotheses.single(hypotheses.families[0])
+            scored[sensor] = best_single(hypotheses, hypotheses.families[0])
     if not scored:
         raise ModelError(f'{name} leaves no trace in these runs that could be fitted')
     strong = [s for s, r in scored.items() if r.log_posterior > np.log(NOTHING)]

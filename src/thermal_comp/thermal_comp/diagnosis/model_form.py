@@ -7,7 +7,7 @@ explains: a smooth function of all that was logged, or of one variable (the disc
 and O'Hagan, Bayesian Calibration of Computer Models, 2001), or what relaxes has a second part with
 time constants of its own; and the thermometer may err as in a diagnosis, which acts through all
 that the model says of temperature. Each alternative has a posterior of its own over the shape
-parameters of an effect, summed over a ladder of values that reaches from the fit's own standard
+parameters of an effect, summed over a grid of values that reaches from the fit's own standard
 deviation to the ends of the range that is searched. The uncertainty is the rms distance from the
 fitted value under their mixture.
 """
@@ -33,6 +33,7 @@ from thermal_comp.diagnosis.evidence.effect_sets import Component
 from thermal_comp.diagnosis.evidence.flaws import gain_of
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.nuisances import Response
+from thermal_comp.diagnosis.evidence.set_fit import scaled
 from thermal_comp.effects.effect import Effect, State
 from thermal_comp.fitting.shape_search import ShapeScale, shape_scales, shape_values, with_shape
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
@@ -46,14 +47,14 @@ MOST_ALTERNATIVES = 8
 NEGLIGIBLE_LOG_ODDS = 7.0
 """… and ln of the odds against the likeliest from which one does not count."""
 LEAST_STEP, LARGEST_STEP = 1e-6, 0.1
-"""First step of a ladder of values, as a share of the range that is searched."""
+"""First step of the grid of values, as a share of the range that is searched."""
 SMALL_ERROR_K = 1e-3
 """Errors of the temperature by which a model's derivative is formed."""
-RUNG_RATIOS = (2.0, 3.0)
-"""By how much each rung is farther from the fitted value than the one before: of a parameter by
-itself, and of two whose posterior is a joint one."""
-POINTS_PER_RUNG = 16
-"""Points between two rungs at which the posterior is summed."""
+STEP_RATIOS = (2.0, 3.0)
+"""By how much each value of the grid is farther from the fitted one than the one before: of a
+parameter by itself, and of two whose posterior is a joint one."""
+POINTS_PER_STEP = 16
+"""Points between two values of the grid at which the posterior is summed."""
 MOST_TOGETHER = 2
 """Shape parameters of an effect whose posterior is a joint one."""
 
@@ -68,14 +69,14 @@ class ShapeCoordinate:
     step: float
     """About one standard deviation of the fit."""
 
-    def ladder(self, ratio: float) -> FloatArray:
+    def grid(self, ratio: float) -> FloatArray:
         """Return the value and others ever farther from it, as far as the search goes."""
         low, high = self.scale.grid()[[0, -1]]
         count = int(np.ceil(np.log((high - low) / self.step) / np.log(ratio)))
         away = self.step * ratio ** np.arange(count)
         inside = [v for v in (*(self.value - away), *(self.value + away)) if low < v < high]
-        rungs: FloatArray = np.unique([low, *inside, self.value, high])
-        return rungs[np.diff(rungs, prepend=-np.inf) > 1e-3 * self.step]
+        values: FloatArray = np.unique([low, *inside, self.value, high])
+        return values[np.diff(values, prepend=-np.inf) > 1e-3 * self.step]
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +160,7 @@ def _of_sensor(source: ColumnSource, sensor: Sensor, part: SensorModel) -> Senso
         for effect in shaped
     ]
     for place in range(len(components)):
-        components, _ = hypotheses.scaled(components, place)
+        components, _ = scaled(hypotheses, components, place)
     coordinates = _coordinates(source.runs, components, part)
     deviations = shape_deviations(hypotheses, components, coordinates)
     total = dict(part.shape_std)
@@ -217,17 +218,17 @@ def shape_deviations(
     deviations = np.zeros(len(coordinates))
     with hypotheses.design.trials():
         for together in _together(coordinates):
-            ladders = [coordinates[k].ladder(RUNG_RATIOS[len(together) - 1]) for k in together]
+            grids = [coordinates[k].grid(STEP_RATIOS[len(together) - 1]) for k in together]
             scales = [coordinates[k].scale for k in together]
             component = coordinates[together[0]].component
             effect = components[component].form.effect
-            rungs = [with_shape(effect, scales, np.array(v)) for v in product(*ladders)]
+            forms = [with_shape(effect, scales, np.array(v)) for v in product(*grids)]
             possible = [a for a in alternatives if a.second_part is None or effect.first_order]
             table = np.array(
-                [_log_posteriors(hypotheses, components, component, e, possible) for e in rungs]
+                [_log_posteriors(hypotheses, components, component, e, possible) for e in forms]
             )
-            shape = [*(len(ladder) for ladder in ladders), len(possible)]
-            points, share = _shares(ladders, table.reshape(shape))
+            shape = [*(len(grid) for grid in grids), len(possible)]
+            points, share = _shares(grids, table.reshape(shape))
             values = [
                 np.array([one.back(float(v)) for v in fine])
                 for one, fine in zip(scales, points, strict=True)
@@ -280,27 +281,25 @@ def _alike(parts: Sequence[Effect]) -> bool:
     return len(parts) > 1 and len({type(part) for part in parts}) == 1
 
 
-def _shares(
-    ladders: Sequence[FloatArray], table: FloatArray
-) -> tuple[list[FloatArray], FloatArray]:
-    """Return points along each ladder and the share of each cell under a mixture, (k,) or (k, l).
+def _shares(grids: Sequence[FloatArray], table: FloatArray) -> tuple[list[FloatArray], FloatArray]:
+    """Return points along each grid and the share of each cell under a mixture, (k,) or (k, l).
 
-    `table` (n, a) or (n, m, a): ln of the posterior at the rungs, which a spline joins.
+    `table` (n, a) or (n, m, a): ln of the posterior at the values, which a spline joins.
     """
-    points = [_between(ladder) for ladder in ladders]
+    points = [_between(grid) for grid in grids]
     dense = table
-    for axis, (ladder, fine) in enumerate(zip(ladders, points, strict=True)):
-        dense = CubicSpline(ladder, dense, axis=axis)(fine)
+    for axis, (grid, fine) in enumerate(zip(grids, points, strict=True)):
+        dense = CubicSpline(grid, dense, axis=axis)(fine)
     widths = reduce(np.multiply.outer, [np.gradient(fine) for fine in points])
     log_weight = dense + np.log(widths)[..., None]
     share: FloatArray = np.exp(log_weight - log_sum(log_weight.ravel())).sum(axis=-1)
     return points, share
 
 
-def _between(ladder: FloatArray) -> FloatArray:
-    """Return the rungs of a ladder and points between them."""
-    parts = [np.linspace(a, b, POINTS_PER_RUNG, endpoint=False) for a, b in pairwise(ladder)]
-    return np.concatenate([*parts, ladder[-1:]])
+def _between(grid: FloatArray) -> FloatArray:
+    """Return the values of a grid and points between them."""
+    parts = [np.linspace(a, b, POINTS_PER_STEP, endpoint=False) for a, b in pairwise(grid)]
+    return np.concatenate([*parts, grid[-1:]])
 
 
 def _alternatives(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What explains one sensor's residual, and what of it is said."""
+"""Answer about one sensor: explanations with probabilities, and the one that is reported."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from thermal_comp.diagnosis.evidence.effect_sets import (
 )
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.posterior import Explanation, probability
+from thermal_comp.diagnosis.evidence.set_fit import fitted_set
 from thermal_comp.effects.effect import Effect
 
 BELIEVED = 0.85
@@ -111,7 +112,7 @@ class SensorAnswer:
 
     @property
     def named(self) -> tuple[Effect, ...]:
-        """The effects that are named, in the form found; also beside what has no name."""
+        """The effects that are named, in the form found; also those beside an unexplained part."""
         likeliest, every = self.likeliest, self.kind == 'named'
         return tuple(
             c.form.effect
@@ -120,21 +121,20 @@ class SensorAnswer:
         )
 
     def probability_of(self, name: str) -> float:
-        """Return the probability that an effect acts, or what has no name: of all its parts."""
+        """Return the probability that a set with this name acts; an effect or one of UNNAMED."""
         return probability(self.explanations, lambda e: name in e.names)
 
     def set_of(self, components: Sequence[Component]) -> EffectSet:
         """Return the set of some components, with its posterior."""
         names = tuple(sorted(c.name for c in components))
         known = (s for s in self.sets if s.names == names)
-        return next(known, None) or self.hypotheses.fitted_set(components)
+        return next(known, None) or fitted_set(self.hypotheses, components)
 
     @cached_property
     def closest(self) -> tuple[Effect, ...]:
-        """The effects that come closest where something acts that has no name; () elsewhere.
+        """Effects most like an unexplained residual; () where one is named.
 
-        That may be the thermometer itself: where nothing else is missing, what its errors look
-        like.
+        Where nothing is missing: the effect that the thermometer's own errors look like.
         """
         if self.kind == 'named':
             return ()

@@ -19,6 +19,7 @@ from thermal_comp.diagnosis.evidence.common_thermometer import told_by_others
 from thermal_comp.diagnosis.evidence.effect_sets import EffectSet
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.posterior import explanations, probability
+from thermal_comp.diagnosis.evidence.set_search import likeliest_sets
 from thermal_comp.diagnosis.noise_level import NoiseReference
 from thermal_comp.diagnosis.sensor_answer import UNNAMED, FoundElsewhere, SensorAnswer
 from thermal_comp.effects.effect import Effect, joined_effects
@@ -141,7 +142,7 @@ class SensorSearches:
                 hypotheses.inform(told[sensor].normal, told[sensor].right)
                 after = [hypotheses.speaks_for(s.components) for s in likeliest]
                 if np.ptp(np.subtract(after, before)) > TOLD_DIFFERENCE:
-                    again[sensor] = self._answer(hypotheses, hypotheses.sets())
+                    again[sensor] = self._answer(hypotheses, likeliest_sets(hypotheses))
                 else:  # the equations as they were, to which the answer belongs
                     hypotheses.inform(-told[sensor].normal, -told[sensor].right)
         return again
@@ -195,7 +196,7 @@ class SensorSearches:
         """Return the answer about one sensor under a given noise, independent along `axes`."""
         design = CandidateDesign(self.source, sensor, noise, known, axes=axes)
         hypotheses = self.hypotheses(design, known)
-        return self._answer(hypotheses, hypotheses.sets())
+        return self._answer(hypotheses, likeliest_sets(hypotheses))
 
     def _answer(self, hypotheses: SensorHypotheses, sets: Sequence[EffectSet]) -> SensorAnswer:
         ranked = sorted(sets, key=lambda s: -s.log_posterior)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sums of products over parts of runs: fits without a part, and its error, without its rows."""
+"""Products of columns summed over parts of runs: fits without a part, and the error on it."""
 
 from __future__ import annotations
 

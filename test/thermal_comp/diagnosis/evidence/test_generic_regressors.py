@@ -11,6 +11,7 @@ from thermal_comp.diagnosis.evidence.effect_sets import NOT_IN_CATALOGUE
 from thermal_comp.diagnosis.evidence.generic_regressors import generic_regressors
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
 from thermal_comp.diagnosis.evidence.posterior import explanations
+from thermal_comp.diagnosis.evidence.set_search import likeliest_sets
 from thermal_comp.diagnosis.sensor_search import Settings, search_sensors
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
@@ -40,7 +41,7 @@ def test_the_regressor_of_the_variable_explains_most(variable: str) -> None:
     noise = fit_noise(prepare([run(seed=3, cycles=3, period=20.0)]), 'gyroscope')
     design = CandidateDesign(ColumnSource(runs), 'gyroscope', noise, base)
     hypotheses = SensorHypotheses(design, {})
-    likeliest = explanations(hypotheses, hypotheses.sets())[0][0]
+    likeliest = explanations(hypotheses, likeliest_sets(hypotheses))[0][0]
     assert likeliest.names == (NOT_IN_CATALOGUE,)
     assert likeliest.depends_on == variable
 

@@ -13,6 +13,7 @@ from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
+from thermal_comp.diagnosis.evidence.set_search import best_single
 from thermal_comp.effects.effect import Effect
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.linear.candidate_design import CandidateDesign, ColumnSource
@@ -83,7 +84,7 @@ def _best_form(
     hypotheses = SensorHypotheses(design, {effect: catalogue[effect]})
     if not hypotheses.families:
         raise ModelError(f'{effect} leaves no trace in these runs that could be fitted')
-    return hypotheses.single(hypotheses.families[0]).components[0].form.effect
+    return best_single(hypotheses, hypotheses.families[0]).components[0].form.effect
 
 
 def explained_by(

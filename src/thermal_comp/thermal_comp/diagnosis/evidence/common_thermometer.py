@@ -24,6 +24,7 @@ from thermal_comp.diagnosis.evidence import priors
 from thermal_comp.diagnosis.evidence.effect_sets import EffectSet
 from thermal_comp.diagnosis.evidence.flaws import thermometer_acts
 from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
+from thermal_comp.diagnosis.evidence.set_search import additions_to
 from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.gaussian_evidence import NOISE_ROWS, log_sum
 
@@ -138,7 +139,7 @@ def like_the_thermometer(
     if not thermometer_acts(hypotheses):
         return ()
     nothing = next(some for some in sets if not some.components)
-    found = hypotheses.additions(nothing, thermometer=False).values()
+    found = additions_to(hypotheses, nothing, thermometer=False).values()
     forms = [(one.peak, one.component.form.effect) for one in found]
     alike = [f for f in forms if f[1].kin == 'temperature' and not f[1].channels]
     return tuple(effect for _, effect in sorted(alike, key=lambda one: -one[0])[:1])

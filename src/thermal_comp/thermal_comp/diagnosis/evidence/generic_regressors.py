@@ -180,12 +180,12 @@ def _suspect(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> s
 
 
 def _betrayed(design: CandidateDesign, depends_on: str, lost: Sequence[str]) -> str:
-    """Return the lost channel that a dependence would betray, '' for none.
+    """Return the lost channel through which a dependence would arise, '' for none.
 
     A compressor reaches accelerometer and gyroscope by shaking them or through the supply, a
     heater through the supply. What repeats with the cycle and is no law of temperature, or
     follows the chamber's power, is a machine of the chamber. The field of a machine turns with
-    the orientation: what does not reached the magnetometer through the supply.
+    the orientation; an error of the magnetometer that does not turn comes from the supply.
     """
     through = {channel.label: channel.through for channel in ACTING_CHANNELS}
     through['phase'] = (*MACHINES, 'supply_voltage')

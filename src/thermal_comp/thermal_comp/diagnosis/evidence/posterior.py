@@ -132,9 +132,8 @@ def explanations(
 def _close(best: FittedSet, sets: Sequence[EffectSet]) -> list[EffectSet]:
     """Return the sets that may be the likeliest once their equations have a flaw.
 
-    Where that of the best explains much, others leave less to it: an equation that bends takes in
-    what it may of a smooth course, but not of a step. What is less likely than a part of it is
-    none of them.
+    A flaw of an equation takes up a smooth course, so that a set that explains less may be as
+    likely with one; it cannot take up a step. Sets less likely than a subset are left out.
     """
     reach = WORTH_A_LOOK + max(best.free_flaw, 0.0)
     known = {s.names: s.log_posterior for s in sets}
@@ -163,7 +162,7 @@ def _without(some: EffectSet, name: str = '') -> Names:
 
 
 def _beside_lost(some: EffectSet) -> Names:
-    """Return the effects of a set that act beside a lost channel: steps and lines are its own."""
+    """Return the effects of a set other than steps and lines, which a lost channel would make."""
     effects = [c.form.effect for c in some.components]
     switched = {e.name for e in effects if e.repeatable or e.line_frequency is not None}
     return tuple(name for name in _without(some) if name not in switched)
@@ -249,7 +248,7 @@ def _unnamed(
 
 
 def _explanation(names: Names, parts: Sequence[tuple[float, EffectSet, _Beside]]) -> Explanation:
-    """Return the explanation that several sets with something unknown beside them make."""
+    """Return the explanation by something unknown, summed over the sets it stands beside."""
     if not parts:
         return Explanation(names, 0.0, False, ())
     followed = [p for p in parts if not p[2].course and p[2].log_weight > LEAST_FOLLOWED]
@@ -334,7 +333,7 @@ def _unknown(
 
 
 def _or_beside(found: Sequence[_Beside], known: Names) -> list[_Beside]:
-    """Return what may act; of a lost channel the effects beside it are known, or a part."""
+    """Return what may act: beside a lost channel its effects are the known ones, or a part."""
     if not known:
         return [*found]
     alike = float(np.log(priors.LOST_LOOKS_ALIKE))

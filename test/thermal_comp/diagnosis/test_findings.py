@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from thermal_comp.diagnosis.ranking import ranked_effects
+from thermal_comp.diagnosis.findings import ranked_effects
 
 from .one_run import CATALOGUE, behind, lagging_gyroscope, searched
 

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Search for the sets of effects that explain a sensor's residual best."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from imu_recording.recording import FloatArray
+
+from thermal_comp.data.spectral_lines import frequencies_told_apart
+from thermal_comp.diagnosis.evidence import priors
+from thermal_comp.diagnosis.evidence.candidates import Family, Form, renewed
+from thermal_comp.diagnosis.evidence.effect_sets import Component, EffectSet, Names
+from thermal_comp.diagnosis.evidence.hypotheses import SensorHypotheses
+from thermal_comp.diagnosis.evidence.set_fit import fitted_set
+from thermal_comp.linear.gaussian_evidence import ConditionedDesign, log_sum
+
+MOST_EFFECTS = 3
+"""Effects in a set."""
+KEPT_SETS = 5
+"""Sets of each size that are extended."""
+TRIED_ADDITIONS = 4
+"""Effects each of them is extended by."""
+LEAST_GAIN = 2.0
+"""Least gain of ln evidence, before any prior, from which an addition is looked at closely."""
+PROMISING_SHARE = 0.3
+"""Share of the best single effect's gain a form may lose because the grid of shapes is coarse."""
+
+
+@dataclass(frozen=True)
+class Addition:
+    """What a family or a generic regressor would add to a set."""
+
+    log_gain: float
+    """ln of the evidence it adds, shapes and amplitude integrated."""
+    peak: float
+    """The same of its best form."""
+    component: Component
+
+
+def likeliest_sets(hypotheses: SensorHypotheses) -> list[EffectSet]:
+    """Return the sets that were looked at, most probable first."""
+    found: dict[Names, EffectSet] = {
+        (): EffectSet((), float(np.log(priors.NOTHING)), float(np.log(priors.NOTHING)), 0.0)
+    }
+    grown = [found[()]]
+    for size in range(1, MOST_EFFECTS + 1):
+        larger = _extended(hypotheses, grown, found)
+        found |= larger
+        best = max((s.log_posterior for s in larger.values()), default=-np.inf)
+        smaller = [s.log_posterior for n, s in found.items() if len(n) < size]
+        if best < max(smaller) - 1.0 and size > 1:
+            break
+        ranked = sorted(larger.values(), key=lambda s: -s.log_posterior)
+        grown = [s for s in ranked if s.explained > 0.0][:KEPT_SETS]
+        if not grown:
+            break
+    return sorted(found.values(), key=lambda s: -s.log_posterior)
+
+
+def _extended(
+    hypotheses: SensorHypotheses, sets: Sequence[EffectSet], known: Mapping[Names, EffectSet]
+) -> dict[Names, EffectSet]:
+    """Return the sets with one effect more, the promising ones fitted together."""
+    larger: dict[Names, EffectSet] = {}
+    for before in sets:
+        additions = additions_to(hypotheses, before)
+        leader = max((a.peak for a in additions.values()), default=0.0)
+        ranked = sorted(additions.values(), key=lambda a: -a.peak)
+        for place, addition in enumerate(ranked):
+            names = tuple(sorted((*before.names, addition.component.name)))
+            if names in larger or names in known:
+                continue
+            promising = addition.peak > max(LEAST_GAIN, PROMISING_SHARE * leader - 15.0)
+            most = TRIED_ADDITIONS if before.components else 2 * TRIED_ADDITIONS
+            if promising and place < most:
+                larger[names] = fitted_set(hypotheses, (*before.components, addition.component))
+            elif not before.components:
+                prior = hypotheses.log_prior(1)
+                one = (addition.component,)
+                larger[names] = EffectSet(one, prior + addition.log_gain, prior, 0.0)
+        if before.components:
+            hypotheses.unseen[before.names] = _unseen(hypotheses, before, additions)
+    return larger
+
+
+def _unseen(
+    hypotheses: SensorHypotheses, before: EffectSet, additions: Mapping[str, Addition]
+) -> dict[str, float]:
+    """Return the odds of effects beside a set that would be too small to be seen."""
+    size = len(before.components)
+    more = hypotheses.log_prior(size + 1) - hypotheses.log_prior(size)
+    return {
+        name: float(np.exp(more + one.log_gain))
+        for name, one in additions.items()
+        if one.peak < LEAST_GAIN and not one.component.form.effect.guessed_channel
+    }
+
+
+def additions_to(
+    hypotheses: SensorHypotheses, before: EffectSet, *, thermometer: bool = True
+) -> dict[str, Addition]:
+    """Return what each family not in the set would add to it, roughly.
+
+    `thermometer`: beside the thermometer's errors.
+    """
+    strongest = float(np.sqrt(before.explained)) if before.components else None
+    amplitude_prior = priors.amplitude_log_prior(strongest)
+    taken = {c.name for c in before.components if not c.form.effect.repeatable}
+    offered = [f for f in (*hypotheses.families, *hypotheses.guesses) if f.name not in taken]
+    if before.components:
+        known = [c.form for c in before.components]
+        offered = [
+            renewed(hypotheses.design, f, known) if f.effect.repeatable else f for f in offered
+        ]
+    state = hypotheses.conditioned(before.components, thermometer=thermometer)
+    # In a short run the edge of a known step may be all that another could be.
+    return {f.name: _addition(hypotheses, state, f, amplitude_prior) for f in offered if f.forms}
+
+
+def _addition(
+    hypotheses: SensorHypotheses,
+    state: ConditionedDesign,
+    family: Family,
+    amplitude_prior: FloatArray,
+) -> Addition:
+    count = _form_count(hypotheses, family)
+    before = state.log_evidence
+    integrals: list[float] = []
+    best: tuple[float, Component] | None = None
+    for forms in _alike(family.forms):
+        columns = np.array([[c for t in form.terms for c in t.columns] for form in forms])
+        evidence, _ = state.evidences(columns, priors.AMPLITUDES, shared=forms[0].terms[0].shared)
+        weighted = evidence + amplitude_prior - before
+        each = np.logaddexp.reduce(weighted, axis=1)
+        integrals += (each - np.log(count)).tolist()
+        k = int(np.argmax(each))
+        if best is None or each[k] > best[0]:
+            amplitude = float(priors.AMPLITUDES[int(np.argmax(weighted[k]))])
+            component = Component(forms[k], amplitude, count)
+            best = float(each[k]), component
+    assert best is not None  # noqa: S101 (no family is empty)
+    return Addition(log_sum(integrals), *best)
+
+
+def _form_count(hypotheses: SensorHypotheses, family: Family) -> int:
+    """Return the number of forms that could have been chosen from."""
+    if family.forms[0].effect.line_frequency is None:
+        return len(family.forms)
+    return frequencies_told_apart(hypotheses.design.source.runs)
+
+
+def best_single(hypotheses: SensorHypotheses, family: Family) -> EffectSet:
+    """Return the best form of one family alone, with its posterior."""
+    addition = _addition(
+        hypotheses, hypotheses.conditioned(()), family, priors.amplitude_log_prior(None)
+    )
+    return fitted_set(hypotheses, [addition.component])
+
+
+def _alike(forms: Sequence[Form]) -> list[list[Form]]:
+    """Return the forms in groups of as many columns."""
+    groups: dict[int, list[Form]] = {}
+    for form in forms:
+        groups.setdefault(sum(len(term.columns) for term in form.terms), []).append(form)
+    return list(groups.values())
