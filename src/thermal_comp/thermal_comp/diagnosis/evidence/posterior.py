@@ -104,7 +104,7 @@ def explanations(
     leader = _fitted(hypotheses, best, (), courses=True)
     close = _close(leader, sets)[:MOST_SETS]
     # What a smaller set leaves to a further effect may be a flaw of its own equations.
-    close += [s for s in sets if s not in close and set(s.names) <= set(best.names)]
+    close += [s for s in sets if s not in close and _is_part(s, [best, *close])]
     fitted = [
         replace(leader, variables_of_larger=_variables_of_larger(best, close))
         if some is best
@@ -144,6 +144,11 @@ def _close(best: FittedSet, sets: Sequence[EffectSet]) -> list[EffectSet]:
 
     behind = [(s, best.set.log_posterior - s.log_posterior) for s in sets]
     return [s for s, by in behind if by < WORTH_A_LOOK or (by < reach and not less_than_a_part(s))]
+
+
+def _is_part(some: EffectSet, others: Sequence[EffectSet]) -> bool:
+    """Tell whether all effects of a set are in one of the others."""
+    return any(set(some.names) <= set(other.names) for other in others)
 
 
 def _unlogged(some: EffectSet, rest: list[_Beside]) -> list[_Beside]:
@@ -186,9 +191,10 @@ def _as_twins(
             others = [name for name in some.names if name != component.name]
             for names in ([twin, *others], [twin, *some.names]):
                 better, parts = named.get(tuple(sorted(names)), (some, []))
-                if twin in some.names or better.explained <= some.explained:
+                beside = len(names) > len(some.names)
+                if twin in some.names or not (beside or better.explained > some.explained):
                     continue
-                share = float(np.sqrt(better.explained - some.explained))
+                share = float(np.sqrt(max(better.explained - some.explained, 0.0)))
                 share /= max(explained_by_equations(hypotheses, some), 1.0)
                 change = better.log_posterior - better.log_prior + some.log_prior
                 change += priors.log_odds_of_twin(share) - some.log_posterior
