@@ -145,14 +145,14 @@ class FilterNode(ConfiguredNode):
         for found in estimates:
             measured = found.sample
             sample = ImuSample(  # `replace` takes five times as long
-                measured.stamp,
-                measured.angular_velocity,
-                measured.linear_acceleration,
-                measured.angular_velocity_covariance,
-                measured.linear_acceleration_covariance,
-                self.config.body_frame_id or measured.frame_id,
-                found.orientation,
-                found.covariance,
+                stamp=measured.stamp,
+                angular_velocity=measured.angular_velocity,
+                linear_acceleration=measured.linear_acceleration,
+                angular_velocity_covariance=measured.angular_velocity_covariance,
+                linear_acceleration_covariance=measured.linear_acceleration_covariance,
+                frame_id=self.config.body_frame_id or measured.frame_id,
+                orientation=found.orientation,
+                orientation_covariance=found.covariance,
             )
             self._orientation.send(sample)
             if self._euler:

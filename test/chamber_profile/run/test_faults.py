@@ -137,7 +137,7 @@ def test_a_line_that_heals_in_time_is_a_pause_only(protocol: str, fault: str, tm
         ('stuck_compressor@100', ('not within 0.6 K of 15 °C',)),
     ],
 )
-def test_trouble_in_the_chamber_ends_the_run_in_the_safe_state(
+def test_a_fault_of_the_chamber_ends_the_run_in_the_safe_state(
     protocol: str, fault: str, words: tuple[str, ...], tmp_path
 ) -> None:
     trial = Trial(tmp_path, protocol, fault)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hidden effects outside the catalogue: they have to be called unexplained."""
+"""Hidden effects outside the catalogue: a diagnosis has to call them unexplained."""
 
 from __future__ import annotations
 
