@@ -41,7 +41,7 @@ from imu_recording.synchronise import (
 BREAKING = ('Cc', 'Zl', 'Zp')
 """Unicode categories of control characters, line and paragraph separators."""
 CLOCK_UNIT_SHARE = 0.05
-"""A factor of a thousand or a million is met so closely by no chance."""
+"""Largest relative distance from a factor of a thousand or a million that shows another unit."""
 
 
 def assemble_recording(

@@ -214,24 +214,23 @@ class RecorderNode(ConfiguredNode):
             return
         qos, offered = matching_qos(offers, self.config.qos_depth)
 
-        count = self.losses.gaps_of(topic).add if message_type == IMU else None
-
-        def on_bytes(data: bytes) -> None:
-            if count:
-                count(stamp_from_bytes(data))
-            self.write_waiting()
-            self.attempt(self.recorder.record, topic, message_type, data, self.now(), offered)
-
+        on_bytes = partial(self.on_bytes, topic, message_type, offered)
         self.input(message_class, topic, on_bytes, qos=qos, raw=True)
+
+    def on_bytes(self, topic: str, message_type: str, offered: list[Qos], data: bytes) -> None:
+        """Record a serialised message; of an Imu, count the samples missing before it."""
+        if message_type == IMU:
+            self.losses.gaps_of(topic).add(stamp_from_bytes(data))
+        self.write_waiting()
+        self.attempt(self.recorder.record, topic, message_type, data, self.now(), offered)
 
     def take_within(self, topic: str, message_type: str) -> bool:
         """Take the messages of a node of this process; return whether there is one."""
         offered = [qos_profile(reliable=True, latched=False, depth=self.config.qos_depth)]
+        return self.serialised_input(topic, partial(self._queue, topic, message_type, offered))
 
-        def on_bytes(data: bytes) -> None:
-            self._waiting.append((topic, message_type, data, self.now(), offered))
-
-        return self.serialised_input(topic, on_bytes)
+    def _queue(self, topic: str, message_type: str, offered: list[Qos], data: bytes) -> None:
+        self._waiting.append((topic, message_type, data, self.now(), offered))
 
     def write_waiting(self) -> None:
         """Record what nodes of this process have sent: their threads never wait for the disk."""

@@ -20,14 +20,18 @@ COUNT_PERIOD_S = 0.1
 
 @dataclass
 class LocalTopic:
-    """Who in this process listens to a topic."""
+    """Callbacks of this process on a topic, and its outputs here."""
 
     samples: tuple[Take, ...] = ()
-    """Those that take samples."""
+    """Callbacks that take samples."""
     serialised: tuple[Take, ...] = ()
-    """Those that take serialised messages."""
+    """Callbacks that take serialised messages."""
     offered: int = 0
-    """How many outputs of this process the topic has."""
+    """Number of the topic's outputs in this process."""
+
+    def withdraw(self) -> None:
+        """Take note that one of its outputs has ended."""
+        self.offered -= 1
 
     def listen(self, take: Take, *, serialised: bool) -> Callable[[], None]:
         """Hand what is sent to `take` from now on; return the call that ends it."""
@@ -72,7 +76,7 @@ class Outbox:
 class Exchange:
     """The topics of nodes that share a process, by full name.
 
-    Whoever listens to a topic that a node of the process offers is called with its samples,
+    A node that listens to a topic which a node of the process offers is called with its samples,
     in the thread and at the moment of sending; no message is made for it.
     """
 

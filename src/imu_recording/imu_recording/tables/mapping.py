@@ -290,7 +290,13 @@ def _field(field: str, told: Any, place: str) -> list[CsvColumn]:
     scales = _numbers(told.get('scale', 1), count, f'{place}: scale')
     offsets = _numbers(told.get('offset', 0), count, f'{place}: offset')
     return [
-        CsvColumn(field, axis, str(column), scale * factor, offset * factor + shift)
+        CsvColumn(
+            field=field,
+            axis=axis,
+            column=str(column),
+            factor=scale * factor,
+            offset=offset * factor + shift,
+        )
         for axis, (column, scale, offset) in enumerate(zip(names, scales, offsets, strict=True))
     ]
 

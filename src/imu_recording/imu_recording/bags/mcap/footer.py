@@ -54,7 +54,12 @@ def read_footer(stream: BinaryIO) -> McapFooter | None:
         return None
     if start and not len(MAGIC) + _DATA_END.size <= start >= place - LARGEST_SUMMARY:
         return None
-    return McapFooter(place, start, checksum, content[:_CHECKED_OF_FOOTER])
+    return McapFooter(
+        place=place,
+        summary_start=start,
+        summary_checksum=checksum,
+        head=content[:_CHECKED_OF_FOOTER],
+    )
 
 
 def summary_bytes(stream: BinaryIO, footer: McapFooter) -> bytes | None:
