@@ -84,7 +84,7 @@ def open_run(
     *,
     simulated_time: bool,
 ) -> Run:
-    """Return the run of the parameters; raise ValueError where they make none."""
+    """Return the run that the parameters describe; raise ValueError where they describe none."""
     chamber = open_chamber(config.chamber)
     profile, progress, directory = _profile_and_progress(config)
     clocks = _clocks(config.time_scale, now, simulated_time=simulated_time)

@@ -23,7 +23,7 @@ from imu_recording.recording import BagError
 MAGIC = b'SQLite format 3\x00'
 ROWS_PER_BLOCK = 8192
 DAMAGE = (sqlite3.Error, UnicodeDecodeError, MemoryError)
-"""What sqlite3 raises on damaged files."""
+"""Errors that sqlite3 raises on damaged files."""
 LARGEST_TOPIC_ID = 1 << 20
 """A topic with a larger number is damage."""
 

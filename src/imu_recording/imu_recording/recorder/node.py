@@ -98,7 +98,7 @@ class RecorderNode(ConfiguredNode):
         return *recorder_health(self.failure, self.unknown, free, waiting), values
 
     def _never_heard(self) -> str:
-        """Return what is asked for by name and was not there, or why nothing was recorded yet."""
+        """Return which topics asked for by name are missing, or why nothing was recorded yet."""
         if self._capture or not self._input_timeout.is_overdue or not self.recorder.plan.folder:
             return ''
         heard = [topic for topic in sorted(self.inputs) if is_measured(topic)]
@@ -119,7 +119,7 @@ class RecorderNode(ConfiguredNode):
     # Recording --------------------------------------------------------------------------------
 
     def on_run(self, message: String) -> None:
-        """Go on with the bag of the run that the chamber says is under way."""
+        """Go on with the bag of the run that the chamber announces."""
         try:
             announcement = parse_announcement(message.data)
             self.attempt(self.recorder.follow, announcement, self.now())
@@ -251,13 +251,13 @@ class RecorderNode(ConfiguredNode):
 
 
 def is_measured(topic: str) -> bool:
-    """Tell whether a topic can carry measurements: not what every node says of itself."""
-    said = (RUN_TOPIC, DIAGNOSTICS, *INTERNAL)
-    return topic not in said and not topic.endswith('/transition_event')
+    """Tell whether a topic can carry measurements: those about nodes and runs do not."""
+    about_nodes = (RUN_TOPIC, DIAGNOSTICS, *INTERNAL)
+    return topic not in about_nodes and not topic.endswith('/transition_event')
 
 
 def matching_qos(offers: Sequence[Any], depth: int) -> tuple[Any, list[Qos]]:
-    """Return what to ask for, as strict as every publisher offers, and its entry in the bag."""
+    """Return the strictest QoS that every publisher offers, and its entry in the bag."""
     reliable = all(o.reliability == ReliabilityPolicy.RELIABLE for o in offers)
     latched = bool(offers) and all(
         o.durability == DurabilityPolicy.TRANSIENT_LOCAL for o in offers

@@ -35,7 +35,7 @@ class LocalTopic:
 
     def listen(self, take: Take, *, serialised: bool) -> Callable[[], None]:
         """Hand what is sent to `take` from now on; return the call that ends it."""
-        name = 'serialised' if serialised else 'samples'  # replaced, as a sender may be at it
+        name = 'serialised' if serialised else 'samples'  # a new tuple: a sender may iterate
         setattr(self, name, (*getattr(self, name), take))
         return lambda: setattr(self, name, tuple(t for t in getattr(self, name) if t != take))
 
@@ -43,8 +43,8 @@ class LocalTopic:
 class Outbox:
     """Serialised messages on their way out: at once, or within `with` all together at its end.
 
-    The stages of a chain then work undisturbed, and so does the middleware: code that takes turns
-    with the other's finds its data gone from the processor's cache.
+    Sent together, the data of the chain's stages and of the middleware stay in the processor's
+    cache in turn; alternating, each would evict the other's.
     """
 
     def __init__(self) -> None:

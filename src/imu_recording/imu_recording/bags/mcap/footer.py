@@ -25,10 +25,10 @@ _DATA_END = struct.Struct('<BQI')
 
 @dataclass(frozen=True)
 class McapFooter:
-    """What the last record of a file says."""
+    """Content of a file's last record, and where it is."""
 
     place: int
-    """Of the footer [bytes]."""
+    """Place of the footer in the file [bytes]."""
     summary_start: int
     """0 where there is no summary."""
     summary_checksum: int
