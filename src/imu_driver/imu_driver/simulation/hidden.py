@@ -65,10 +65,10 @@ UNLOGGED = {
     )
 }
 """Name → effect that is hidden together with the tracks that show its cause."""
-QUALITY = ('saturation', 'startup_transient', *FAULTS)
+DATA_FAULTS = ('saturation', 'startup_transient', *FAULTS)
 """Faults of the data."""
 NOTHING = 'nothing'
-HIDEABLE = (*HIDDEN_EFFECTS, CLOCK, *UNLOGGED, *QUALITY, NOTHING)
+HIDEABLE = (*HIDDEN_EFFECTS, CLOCK, *UNLOGGED, *DATA_FAULTS, NOTHING)
 """Everything that can be hidden, by name."""
 
 CLOCK_SLOPE = 20e-6
@@ -139,7 +139,7 @@ def random_name(seed: int) -> str:
         [name for name, effect in HIDDEN_EFFECTS.items() if effect.kind != 'unexplained'],
         [name for name, effect in HIDDEN_EFFECTS.items() if effect.kind == 'unexplained'],
         list(UNLOGGED),
-        list(QUALITY),
+        list(DATA_FAULTS),
         [CLOCK],
         [NOTHING],
     )

@@ -18,7 +18,7 @@ from imu_recording.user_error import UserError
 from imu_driver.simulation.devices import MEAN_STD
 from imu_driver.simulation.run import DeviceRun
 
-ALL = tuple(SENSOR_FIELDS)
+ALL_SENSORS = tuple(SENSOR_FIELDS)
 PROOF_MASS = ('accelerometer', 'gyroscope')
 """Sensors with a moving mass."""
 EXCITED_AT_REST = ('accelerometer', 'magnetometer')
