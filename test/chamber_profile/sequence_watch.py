@@ -80,7 +80,7 @@ class Watch(OrderWatch):
 
     # Modes ---------------------------------------------------------------------------------
 
-    def trouble(self, progress: Progress, readings: Readings) -> bool:
+    def fault_present(self, progress: Progress, readings: Readings) -> bool:
         """What must end a run that is under way, at once."""
         if readings.link != 'ok':
             return readings.link == 'lost'
@@ -130,7 +130,7 @@ class Watch(OrderWatch):
         elif now == RUN:
             assert readings.link == 'ok'
             assert self.limited
-            assert not self.trouble(before, readings), 'started although something is wrong'
+            assert not self.fault_present(before, readings), 'started although something is wrong'
 
     def _in_charge(
         self, before: Progress, readings: Readings, after: Progress, events: list, command: str
@@ -138,7 +138,7 @@ class Watch(OrderWatch):
         was, now = before.mode, after.mode
         if command == 'standby':
             assert now == ABORTED
-        elif command == 'abort' or self.trouble(before, readings):
+        elif command == 'abort' or self.fault_present(before, readings):
             assert now in (SAFE, ABORTED), (readings, after)
             assert 'safe' in events
         elif readings.link == 'failing':

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The test bench of board and session, for the tests of this folder."""
+"""The emulation of board, line and session, for the tests of this folder."""
 
 import sys
 from pathlib import Path
@@ -11,8 +11,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture
-def bench() -> Any:
-    """Class Bench."""
-    from bench import Bench
+def emulation() -> Any:
+    """Class Emulation."""
+    from emulation import Emulation
 
-    return Bench
+    return Emulation

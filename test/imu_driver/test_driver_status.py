@@ -16,18 +16,18 @@ OK, WARN, ERROR = 0, 1, 2
 
 
 class Watched:
-    """A bench whose samples count as published and whose status is asked for each second."""
+    """A emulation whose samples count as published and whose status is asked for each second."""
 
-    def __init__(self, bench: Any, **options: Any) -> None:
+    def __init__(self, emulation: Any, **options: Any) -> None:
         self.statistics = StreamStatistics()
-        self.bench = bench(on_samples=self._publish, **options)
+        self.emulation = emulation(on_samples=self._publish, **options)
         self.reader = SimpleNamespace(
             running=True, connected=True, reconnects=0, connection_error=''
         )
         driver = SimpleNamespace(
             parameters=DriverParameters(),
             statistics=self.statistics,
-            session=self.bench.session,
+            session=self.emulation.session,
             device_reader=self.reader,
         )
         self.status = DriverStatus(driver)
@@ -37,12 +37,12 @@ class Watched:
             self.statistics.add(sample)
 
     def after(self, second: float) -> tuple[int, str, dict[str, Any]]:
-        self.bench.run(until=second)
-        return self.status.report(self.bench.ns())
+        self.emulation.run(until=second)
+        return self.status.report(self.emulation.ns())
 
 
-def test_a_quiet_line(bench: Any) -> None:
-    watched = Watched(bench)
+def test_a_quiet_line(emulation: Any) -> None:
+    watched = Watched(emulation)
     watched.after(1.0)
     level, line, values = watched.after(2.0)
     assert (level, line) == (OK, '238.0 Hz')
@@ -51,11 +51,11 @@ def test_a_quiet_line(bench: Any) -> None:
     assert values['temperature_c'] == 20.0
     assert values['device'] == 'DUT1'
     assert values['registers'].startswith('CTRL_REG1_G=80 ')
-    assert values['samples_received'] + values['samples_lost'] == watched.bench.line.sent
+    assert values['samples_received'] + values['samples_lost'] == watched.emulation.line.sent
 
 
-def test_damage_is_told_for_ten_seconds(bench: Any) -> None:
-    watched = Watched(bench, faults=('bit_flips@1.5+1',))
+def test_damage_is_told_for_ten_seconds(emulation: Any) -> None:
+    watched = Watched(emulation, faults=('bit_flips@1.5+1',))
     levels = [watched.after(float(second))[:2] for second in range(1, 16)]
     assert levels[0][0] == OK
     assert levels[2][0] == WARN
@@ -65,8 +65,8 @@ def test_damage_is_told_for_ten_seconds(bench: Any) -> None:
     assert levels[-1][0] == OK
 
 
-def test_a_wrong_rate(bench: Any) -> None:
-    watched = Watched(bench, faults=('wrong_rate@1+60',))
+def test_a_wrong_rate(emulation: Any) -> None:
+    watched = Watched(emulation, faults=('wrong_rate@1+60',))
     watched.after(1.0)
     watched.after(2.0)
     level, line, _ = watched.after(3.0)
@@ -74,8 +74,8 @@ def test_a_wrong_rate(bench: Any) -> None:
     assert 'rate is 166.6 Hz, nominal 238.0 Hz' in line
 
 
-def test_silence_and_absence(bench: Any) -> None:
-    watched = Watched(bench, faults=('silence@1+60',))
+def test_silence_and_absence(emulation: Any) -> None:
+    watched = Watched(emulation, faults=('silence@1+60',))
     watched.after(1.0)
     level, line, _ = watched.after(3.0)
     assert (level, line.split(';')[0]) == (ERROR, 'no data')
@@ -86,8 +86,8 @@ def test_silence_and_absence(bench: Any) -> None:
     assert 'internal error' in watched.after(5.0)[1]
 
 
-def test_a_simulated_clock_that_has_not_begun(bench: Any) -> None:
-    watched = Watched(bench)
+def test_a_simulated_clock_that_has_not_begun(emulation: Any) -> None:
+    watched = Watched(emulation)
     watched.after(1.0)
     level, line, _ = watched.status.report(0)
     assert (level, line.partition(';')[0]) == (
@@ -96,10 +96,10 @@ def test_a_simulated_clock_that_has_not_begun(bench: Any) -> None:
     )
 
 
-def test_what_spoils_a_thermal_campaign(bench: Any) -> None:
+def test_what_spoils_a_thermal_campaign(emulation: Any) -> None:
     options = BoardOptions(magnetometer_temperature_compensation=True)
-    watched = Watched(bench, options=options)
-    watched.bench.board._ambient = lambda _: 91.0
+    watched = Watched(emulation, options=options)
+    watched.emulation.board._ambient = lambda _: 91.0
     watched.after(1.0)
     level, line, values = watched.after(2.0)
     assert level == WARN
@@ -108,18 +108,18 @@ def test_what_spoils_a_thermal_campaign(bench: Any) -> None:
     assert values['magnetometer_temperature_compensation'] is True
 
 
-def test_a_refused_device(bench: Any) -> None:
-    watched = Watched(bench, config=SessionConfig(device='OTHER'))
+def test_a_refused_device(emulation: Any) -> None:
+    watched = Watched(emulation, config=SessionConfig(device='OTHER'))
     level, line, _ = watched.after(1.0)
     assert level == ERROR
     assert 'refused: device DUT1 is connected, OTHER is wanted' in line
 
 
-def test_a_restarted_stream_goes_on(bench: Any) -> None:
-    watched = Watched(bench)
+def test_a_restarted_stream_goes_on(emulation: Any) -> None:
+    watched = Watched(emulation)
     watched.after(2.0)
-    watched.bench.session.command(CommandCode.STOP)
-    watched.bench.session.command(CommandCode.START)
+    watched.emulation.session.command(CommandCode.STOP)
+    watched.emulation.session.command(CommandCode.START)
     before = watched.statistics.published
     level, _, values = watched.after(4.0)
     assert watched.statistics.published > before + 400

@@ -3,7 +3,7 @@
 
 import pytest
 import yaml
-from imu_recording.deep_yaml import DEEPEST, refuse_deep_yaml
+from imu_recording.deep_yaml import DEEPEST_NESTING, refuse_deep_yaml
 
 
 @pytest.mark.parametrize('bracket', ['[]', '{}'])
@@ -12,13 +12,13 @@ def test_the_deepest_is_taken_and_one_more_is_not(bracket: str) -> None:
         inner = '' if bracket == '[]' else 'a: '
         return (bracket[0] + inner) * (depth - 1) + bracket + bracket[1] * (depth - 1)
 
-    refuse_deep_yaml(nested(DEEPEST))
+    refuse_deep_yaml(nested(DEEPEST_NESTING))
     with pytest.raises(yaml.YAMLError, match='more than 200 deep'):
-        refuse_deep_yaml(nested(DEEPEST + 1))
+        refuse_deep_yaml(nested(DEEPEST_NESTING + 1))
 
 
 def test_so_many_beside_each_other_are_no_depth() -> None:
-    refuse_deep_yaml(f'[{", ".join(["[1]"] * 10 * DEEPEST)}]')
+    refuse_deep_yaml(f'[{", ".join(["[1]"] * 10 * DEEPEST_NESTING)}]')
 
 
 def test_a_hundred_thousand_take_no_stack() -> None:

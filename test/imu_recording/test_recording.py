@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The recording keeps its columns together and refuses what does not fit."""
+"""A recording keeps its columns together and refuses others; its hash is of what was measured."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from imu_recording.recording import infer_up_axis
+from imu_recording.recording import columns_hash, infer_up_axis
 from recording_samples import arrays, make_recording
 
-from imu_recording import RecordingError
+from imu_recording import ImuRecording, RecordingError
 
 
 def test_rows_take_every_track_alike() -> None:
@@ -61,3 +61,52 @@ def test_no_up_axis_where_gravity_does_not_tell() -> None:
     in_counts = np.tile([0.0, 0.0, 16384.0], (100, 1))
     for force in (tilted, turning, in_counts, np.zeros((5, 3)), np.full((5, 3), np.nan)):
         assert infer_up_axis(force) == ''
+
+
+def measured() -> ImuRecording:
+    n = 50
+    rng = np.random.default_rng(2)
+    return ImuRecording(
+        np.arange(n) * 10**9,
+        rng.standard_normal((n, 3)),
+        rng.standard_normal((n, 3)),
+        rng.standard_normal((n, 3)),
+        np.linspace(0.0, 1.0, n),
+        supply_voltage=np.full(n, 3.3),
+    )
+
+
+def test_the_hash_is_not_of_names_paths_and_memory_layout() -> None:
+    plain = measured()
+    turned = np.asfortranarray(plain.angular_velocity)
+    other = replace(plain, angular_velocity=turned, device='x', source='elsewhere', notes=('z',))
+    assert columns_hash(other) == columns_hash(plain)
+    assert len(columns_hash(plain)) == 64
+
+
+def test_the_hash_is_of_every_value_and_every_track() -> None:
+    plain = measured()
+    changed = plain.magnetic_field.copy()
+    changed[7, 2] = np.nextafter(changed[7, 2], 1.0)
+    hashes = {
+        columns_hash(item)
+        for item in (
+            plain,
+            replace(plain, magnetic_field=changed),
+            replace(plain, supply_voltage=None),
+            replace(plain, supply_voltage=None, humidity=plain.supply_voltage),
+            plain.rows(slice(0, 49)),
+        )
+    }
+    assert len(hashes) == 5
+
+
+def test_every_nan_has_the_same_hash() -> None:
+    plain = measured()
+    one, other = plain.temperature.copy(), plain.temperature.copy()
+    one[3] = np.nan
+    other.view(np.int64)[3] = 0x7FF8000000000123
+    assert np.isnan(other[3])
+    assert columns_hash(replace(plain, temperature=one)) == columns_hash(
+        replace(plain, temperature=other)
+    )

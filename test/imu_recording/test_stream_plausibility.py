@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A live stream judged as a recording: its unit, single damage, a clock that stands."""
+"""A live stream checked like a recording: its unit, single damage, a clock that stands."""
 
 from __future__ import annotations
 

@@ -14,6 +14,7 @@ from orientation_filters.rotation.arrays import (
     normalised,
     rotate,
 )
+from orientation_filters.sample_checks import Sample
 
 GRAVITY = 9.81
 FIELD = 50e-6
@@ -61,6 +62,13 @@ def rest(
 def random_attitude(seed: int) -> FloatArray:
     """Return a uniformly random attitude."""
     return normalised(np.random.default_rng(seed).normal(size=4))
+
+
+def samples_of(recording: ImuRecording) -> list[Sample]:
+    """Return the rows as the samples a filter takes one by one."""
+    columns = (recording.angular_velocity, recording.linear_acceleration, recording.magnetic_field)
+    rows = zip(recording.stamp.tolist(), *(c.tolist() for c in columns), strict=True)
+    return [Sample(stamp, tuple(w), tuple(f), tuple(m)) for stamp, w, f, m in rows]
 
 
 def moving(

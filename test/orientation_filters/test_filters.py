@@ -23,17 +23,10 @@ from orientation_filters.filters import (
 from orientation_filters.parameters import PRESET_NAMES
 from orientation_filters.result import NOT_STARTED, OrientationResult
 from orientation_filters.rotation.arrays import conjugate, multiply, rotation_angle
-from orientation_filters.sample_checks import Sample
 
-from .recordings import moving, random_attitude, rest
+from .recordings import moving, random_attitude, rest, samples_of
 
 pytestmark = pytest.mark.parametrize('name', FILTERS)
-
-
-def samples(recording: ImuRecording) -> list[Sample]:
-    columns = (recording.angular_velocity, recording.linear_acceleration, recording.magnetic_field)
-    rows = zip(recording.stamp.tolist(), *(c.tolist() for c in columns), strict=True)
-    return [Sample(stamp, tuple(w), tuple(f), tuple(m)) for stamp, w, f, m in rows]
 
 
 def spoiled(recording: ImuRecording) -> ImuRecording:
@@ -62,7 +55,7 @@ def test_a_batch_equals_its_samples_one_by_one(name: str, preset: str) -> None:
     batch = run_filter(name, recording, preset=preset)
     params = filter_parameters(name, preset=preset).kernel_params()
     state = FILTERS[name].initial_state()
-    for i, sample in enumerate(samples(recording)):
+    for i, sample in enumerate(samples_of(recording)):
         state, estimate = FILTERS[name].update(state, params, sample)
         assert estimate.flags == batch.flags[i]
         if not estimate.flags & NOT_STARTED:

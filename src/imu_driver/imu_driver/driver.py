@@ -51,8 +51,8 @@ class DriverParameters:
     )
     read_period: float = parameter(
         0.002,
-        'Shortest time between two reads of a line on which more samples come: they are worked on '
-        'together, at half the cost each; 0: every sample at once',
+        'Shortest time between two reads; samples that arrive meanwhile are processed together, '
+        'at half the cost each; 0: every sample at once',
         unit='s',
         bounds=(0, 0.1),
     )
@@ -102,7 +102,7 @@ class ImuDriver:
         report: Callable[[str], None],
         air: Callable[[float], float] | None = None,
     ) -> None:
-        """`air`: around a simulated board that follows a chamber [°C], by time [s]."""
+        """`air`: ambient temperature [°C] of a simulated board in a chamber, by time [s]."""
         self.parameters = parameters
         self.statistics = StreamStatistics()
         self.session: DeviceSession | None = None
@@ -197,8 +197,8 @@ def transport_opener(
 ) -> Callable[[], Transport]:
     """Return a function that opens the transport; raise TransportError where none can be.
 
-    `rate` [Hz]: output data rate of a simulated device after power-on; `air` [°C]: around one that
-    follows a chamber, as a function of time [s].
+    `rate` [Hz]: output data rate of a simulated device after power-on; `air` [°C]: ambient
+    temperature of one in a chamber, as a function of time [s].
     """
     parts = urlsplit(url)
     path = parts.netloc + parts.path

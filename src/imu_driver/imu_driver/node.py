@@ -23,10 +23,10 @@ from imu_driver.board.session import WarningEvent
 from imu_driver.board.stream_statistics import SixPositionCheck, rest_report
 from imu_driver.driver import DriverParameters, ImuDriver
 from imu_driver.driver_status import DriverStatus
-from imu_driver.emulator.surroundings import ChamberAir, follows_chamber
+from imu_driver.emulator.chamber_air import ChamberAir, follows_chamber
 
 NO_ORIENTATION = (0.0, 0.0, 0.0, 0.0)
-"""Stands in the message of a device that reports none (its covariance says so, REP-145)."""
+"""Orientation in the message of a device that has none; its covariance says so (REP-145)."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class ImuDriverNode(ConfiguredNode):
             self._supply.publish(Float64(data=float(volts)))
 
     def publish(self, samples: list[Sample]) -> None:
-        """Publish samples that came together; the messages leave once all are worked on."""
+        """Publish samples that came together; the messages are sent once all are converted."""
         with self._exchange.outbox:
             for sample in samples:
                 self._publish_one(sample)
@@ -121,26 +121,33 @@ class ImuDriverNode(ConfiguredNode):
         rate, force, field = self._variances
         if sample.temperature is not None:
             self._temperature.send(
-                TemperatureSample(stamp, sample.temperature, TEMPERATURE_VARIANCE, frame_id)
+                TemperatureSample(
+                    stamp, sample.temperature, variance=TEMPERATURE_VARIANCE, frame_id=frame_id
+                )
             )
         if sample.magnetic_field is not None:
             self._magnetic_field.send(
-                MagneticSample(stamp, sample.magnetic_field, field, frame_id)
+                MagneticSample(
+                    stamp,
+                    sample.magnetic_field,
+                    magnetic_field_covariance=field,
+                    frame_id=frame_id,
+                )
             )
         self._imu.send(
             ImuSample(
-                stamp,
-                sample.angular_velocity,
-                sample.linear_acceleration,
-                rate,
-                force,
-                frame_id,
-                NO_ORIENTATION,
+                stamp=stamp,
+                angular_velocity=sample.angular_velocity,
+                linear_acceleration=sample.linear_acceleration,
+                angular_velocity_covariance=rate,
+                linear_acceleration_covariance=force,
+                frame_id=frame_id,
+                orientation=NO_ORIENTATION,
             )
         )
 
     def on_air(self, message: Temperature) -> None:
-        """Take over the air of the chamber in which the simulated board stands."""
+        """Take over the air temperature of the chamber that the simulated board is in."""
         self._air.update(message.temperature)
 
     def on_restart_stream(self, _: Any, response: Any) -> Any:

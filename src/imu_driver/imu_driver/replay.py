@@ -37,11 +37,11 @@ def recorded_samples(recording: ImuRecording) -> Iterator[Sample]:
         zip(stamps, recording.temperature.tolist(), strict=True)
     ):
         yield Sample(
-            stamp,
-            tuple(angular_velocity[row]),
-            tuple(linear_acceleration[row]),
-            tuple(magnetic_field[row]) if has_field[row] else None,
-            temperature if is_new[row] else None,
+            stamp=stamp,
+            angular_velocity=tuple(angular_velocity[row]),
+            linear_acceleration=tuple(linear_acceleration[row]),
+            magnetic_field=tuple(magnetic_field[row]) if has_field[row] else None,
+            temperature=temperature if is_new[row] else None,
         )
 
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Listeners for the first compilation of a kernel in this process, kept apart from numba.
+"""Listeners for the first compilation of a kernel in this process, without importing numba.
 
-A node may load its first kernels long after it was started: a driver does for a simulated board.
+A node registers one at its start, though it may load its first kernels much later: a driver does
+so for a simulated board.
 """
 
 from __future__ import annotations
@@ -9,4 +10,4 @@ from __future__ import annotations
 from collections.abc import Callable
 
 COMPILATION_LISTENERS: list[Callable[[], None]] = []
-"""Called once, before the first kernel that no cache holds is compiled (`imu_recording.jit`)."""
+"""Called once, before the first kernel that is in no cache is compiled (`imu_recording.jit`)."""

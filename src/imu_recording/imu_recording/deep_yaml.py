@@ -1,22 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""YAML nested without end, which overflows the stack of the loader that is written in C."""
+"""Refusal of deeply nested YAML, which overflows the stack of the loader that is written in C."""
 
 from __future__ import annotations
 
 import yaml
 
-DEEPEST = 200
-"""Lists and mappings within each other; no file here comes near."""
+DEEPEST_NESTING = 200
+"""Deepest nesting of lists and mappings; no file of this workspace comes near."""
 
 
 def refuse_deep_yaml(text: str) -> None:
-    """Raise yaml.YAMLError where lists and mappings are nested more than DEEPEST deep, or broken.
+    """Raise yaml.YAMLError where a text is broken or nested deeper than DEEPEST_NESTING.
 
-    The parser's events are counted, which takes no stack.
+    The parser's events are counted, which needs no recursion.
     """
     depth = 0
     for event in yaml.parse(text, Loader=getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
-        if depth > DEEPEST:
-            raise yaml.YAMLError(f'lists and mappings are nested more than {DEEPEST} deep')
+        if depth > DEEPEST_NESTING:
+            raise yaml.YAMLError(f'lists and mappings are nested more than {DEEPEST_NESTING} deep')

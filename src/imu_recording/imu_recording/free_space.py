@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much room there is for a folder that may not exist yet."""
+"""Free space of the disk for a folder that may not exist yet."""
 
 from __future__ import annotations
 

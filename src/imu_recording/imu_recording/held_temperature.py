@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A temperature that was measured less often than it was written: when each value is from.
+"""Times of measurement of a temperature that was written more often than it was measured.
 
-A board that reads its thermometer once a second and writes it into every row of 100 Hz is ahead of
-what the rows say by half a second on average, which looks like an effect of the rate of change.
+A board that reads its thermometer once a second and writes the value into every row of 100 Hz
+stamps it half a second late on average, which looks like an effect of the rate of change.
 """
 
 from __future__ import annotations
@@ -12,28 +12,29 @@ import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
 LEAST_CHANGES = 30
-"""Changes of the value from which its period is judged."""
+"""Changes of the value from which its period is estimated."""
 LEAST_ROWS = 3
-"""Rows to a measurement from which holding matters."""
+"""Rows per measurement from which repetition matters."""
 ON_TIME_SHARE = 0.95
-"""Share of the changes that come whole periods after the one before, to one row …"""
+"""Least share of the changes that come whole periods after the one before, to one row …"""
 LONG_PERIOD_ROWS = 20.0
-"""… or two, of periods from so many rows."""
+"""… or to two, where a period has at least this many rows."""
 LONG_INTERVALS = 10
-"""Intervals of two periods and more, on time, that tell a period from a slow, coarse sensor …"""
+"""Least number of intervals of two periods and more, on time, that show a period and no slow,
+coarse sensor …"""
 CHANCE_PROBABILITY = 0.5
-"""… for which being on time by chance is at most this probable."""
+"""… where the probability of being on time by chance is at most this."""
 UNEVEN_STEP_RATIO = 1.5
-"""Steps so many times the smallest are of different size: no resolution is passed in order."""
+"""Ratio to the smallest step from which steps differ in size: those of a resolution are equal."""
 
 
 def measurement_stamps(written: IntArray, values: FloatArray) -> IntArray | None:
     """Return (n,) when the value of each row was measured [ns], −1 where it is NaN.
 
-    None where every value may be of its own time. `written`: (n,) what the rows say [ns],
-    increasing, repeated where the same value is given again. The rule: the value changes only
-    whole periods after it changed before. A resolution that is passed slowly looks so while one
-    ramp lasts; then the steps are of one size and no interval is several periods long.
+    None where each value may have been measured when it was written. `written`: (n,) stamps of
+    the rows [ns], increasing, repeated where the same value is given again. The rule: the value
+    changes only whole periods after it changed before. A coarse resolution on a slow ramp looks
+    alike; then the steps are of one size and no interval is several periods long.
 
     >>> rows = np.arange(400) * 10
     >>> held = np.repeat(np.sin(np.arange(40.0)), 10)
@@ -74,7 +75,7 @@ def note_held(written: IntArray, values: FloatArray, notes: list[str]) -> IntArr
 
 
 def _period(rows_between: IntArray, steps: FloatArray) -> float:
-    """Return the rows to a measurement, 0 where the changes (k,) have no period."""
+    """Return the number of rows per measurement, 0 where the changes (k,) have no period."""
     period = float(np.median(rows_between[rows_between < 1.5 * np.quantile(rows_between, 0.1)]))
     for _ in range(3):  # longer intervals know it better
         count = np.maximum(np.rint(rows_between / period), 1.0)

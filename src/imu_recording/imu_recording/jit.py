@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compile kernels with numba and keep them on disk, never older than what went into them.
+"""Compile kernels with numba and keep them on disk, never older than their sources.
 
-numba itself looks at the file a kernel stands in. A kernel also holds what it calls and the
-constants it reads, compiled in: every version of a file and of what it imports for its kernels
-gets a cache folder of its own.
+numba itself compares the file of a kernel alone. Kernels and constants of other files are compiled
+into it, too: every version of a file and of what it imports for its kernels has a cache folder of
+its own.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ F = TypeVar('F', bound=Callable[..., Any])
 
 _KERNELS: list[Any] = []
 _VERSIONS: dict[str, str] = {}
-"""Of every module with kernels, as it was when its first kernel was defined: digest."""
+"""Module → digest of its version when its first kernel was defined."""
 
 
 @overload
@@ -57,7 +57,7 @@ def njit(function: Any = None, **options: Any) -> Any:
 def inline(**options: Any) -> Callable[[F], F]:
     """Let kernels call a function: compiled into them, plain Python to everybody else.
 
-    It costs no compiled entry of its own, which is most of what small kernels cost to compile.
+    It has no compiled entry of its own, which takes most of the time to compile a small kernel.
     """
 
     def decorate(function: F) -> F:
@@ -71,10 +71,10 @@ def inline(**options: Any) -> Callable[[F], F]:
 
 
 def entry_of(kernel: Any, arguments: tuple[Any, ...]) -> Callable[..., Any]:
-    """Return what was compiled for arguments of these types, to be called with such alone.
+    """Return the compiled code of a kernel for arguments of these types, and of no others.
 
-    A kernel looks at the types of its arguments at every call; of tuples and typed lists that
-    takes longer than many a kernel. Call the kernel with them once before.
+    A kernel looks up the types of its arguments at every call, which for tuples and typed lists
+    takes longer than many a kernel runs. Call the kernel with such arguments once before.
     """
     entry: Callable[..., Any] = kernel.overloads[
         tuple(map(kernel.typeof_pyval, arguments))
@@ -86,12 +86,12 @@ class _FirstCompilation(Listener):  # type: ignore[misc]
     """Calls `COMPILATION_LISTENERS` before this process first compiles a kernel."""
 
     def on_start(self, _: Any) -> None:
-        """Tell, once."""
+        """Call the listeners, once."""
         while COMPILATION_LISTENERS:
             COMPILATION_LISTENERS.pop()()
 
     def on_end(self, _: Any) -> None:
-        """Nothing is left to be told."""
+        """Do nothing: the start counts."""
 
 
 register('numba:compile', _FirstCompilation())

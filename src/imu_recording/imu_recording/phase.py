@@ -16,17 +16,17 @@ RAMP_RATE_C_PER_MIN = 0.2
 SAME_LEVEL_C = 2.0
 """Dwells whose temperatures differ by less are at the same level [°C]."""
 LEAST_SWING_C = 5.0
-"""Span of the temperature in which cycles are looked for [°C]."""
-SWING_SHARE = 0.6
-"""A way of the temperature from one turning point to the next, as a share of its span."""
+"""Least span of the temperature in which cycles are looked for [°C]."""
+LEAST_SWING_SHARE = 0.6
+"""Least way of the temperature from one turning point to the next, as a share of its span."""
 LEAVING_SHARE = 0.1
-"""The first cycle starts when the temperature is this share of its span off where it began."""
-ALIKE_LEVEL = 0.2
-"""Turning points of one side differ by less than this share of the span …"""
-ALIKE_LENGTH = 1.35
-"""… and lengths of cycles are within this factor of the median, or nothing repeats."""
-ROWS_LOOKED_AT = 20_000
-"""Cycles are looked for in about so many rows at most."""
+"""The first cycle starts when the temperature has moved by this share of its span."""
+LEVEL_TOLERANCE_SHARE = 0.2
+"""Cycles repeat where turning points of one side differ by less than this share of the span …"""
+LENGTH_TOLERANCE_FACTOR = 1.35
+"""… and lengths of cycles are within this factor of the median."""
+MOST_SEARCHED_ROWS = 20_000
+"""Number of rows in which cycles are looked for, at most about."""
 
 
 def parse_phase(text: str) -> tuple[int, int]:
@@ -56,7 +56,7 @@ def format_phase(phase: int, cycle: int) -> str:
 def phases_from_setpoint(time: FloatArray, setpoint: FloatArray) -> tuple[IntArray, IntArray]:
     """Return phase (index into PHASES) and cycle of every row from the set-point alone.
 
-    `time` (n,) [s] increasing, `setpoint` (n,) [°C]. What moves is a ramp, what stands is a dwell.
+    `time` (n,) [s] increasing, `setpoint` (n,) [°C]. It moves in a ramp and stands in a dwell.
     The hot, cold and reference levels are those of the dwells; everything before the first ramp
     is preconditioning, a last dwell at the reference level is `final`; both have cycle 0. A cycle
     starts with the first ramp that leaves the level it started from. NaN rows are −1, 0.
@@ -78,25 +78,25 @@ def cycles_from_temperature(time: FloatArray, temperature: FloatArray) -> IntArr
     """
     cycle = np.zeros(len(time), np.int64)
     known = np.flatnonzero(np.isfinite(temperature))
-    known = known[:: len(known) // ROWS_LOOKED_AT + 1]
+    known = known[:: len(known) // MOST_SEARCHED_ROWS + 1]
     values = temperature[known]
     span = float(np.ptp(values)) if len(values) else 0.0
     if span < LEAST_SWING_C:
         return cycle
     first = int(np.argmax(np.abs(values - values[0]) > LEAVING_SHARE * span))
-    turns = [row for row in _turning_points(values, SWING_SHARE * span) if row >= first]
+    turns = [row for row in _turning_points(values, LEAST_SWING_SHARE * span) if row >= first]
     count = len(turns) // 2
     if count < 2:
         return cycle
     inner = [_passing(values, *turns[2 * k + 1 : 2 * k + 3]) for k in range(count - 1)]
     starts = time[known[[first, *inner]]]
     usual = float(np.median(np.diff(starts)))
-    longest = ALIKE_LENGTH * usual
+    longest = LENGTH_TOLERANCE_FACTOR * usual
     stop = min(float(time[-1]), float(starts[-1]) + longest)
     lengths = np.diff(starts, append=stop)
     levels = values[turns[: 2 * count]]
-    unlike = any(np.ptp(levels[side::2]) > ALIKE_LEVEL * span for side in (0, 1))
-    if unlike or lengths.min() * ALIKE_LENGTH < usual or lengths[:-1].max() > longest:
+    unlike = any(np.ptp(levels[side::2]) > LEVEL_TOLERANCE_SHARE * span for side in (0, 1))
+    if unlike or lengths.min() * LENGTH_TOLERANCE_FACTOR < usual or lengths[:-1].max() > longest:
         return cycle
     inside = (time >= starts[0]) & (time < stop)
     cycle[inside] = np.searchsorted(starts, time[inside], side='right')
@@ -202,13 +202,11 @@ def _reference_level(levels: list[float], lengths: list[float]) -> float:
     if not inner:
         return levels[0]
 
-    def visits(k: int) -> list[int]:
-        return [i for i in inner if abs(levels[i] - levels[k]) <= SAME_LEVEL_C]
-
+    visits = {k: [i for i in inner if abs(levels[i] - levels[k]) <= SAME_LEVEL_C] for k in inner}
     for k in inner:
-        if k < 2 and len(visits(k)) > 1:
+        if k < 2 and len(visits[k]) > 1:
             return levels[k]
-    return levels[max(inner, key=lambda k: sum(lengths[i] for i in visits(k)))]
+    return levels[max(inner, key=lambda k: sum(lengths[i] for i in visits[k]))]
 
 
 def _dwell_kind(level: float, reference: float) -> str:
@@ -220,7 +218,7 @@ def _dwell_kind(level: float, reference: float) -> str:
 def _split_final(
     phase: IntArray, cycle: IntArray, time: FloatArray, start: int, earlier: list[float]
 ) -> None:
-    """Mark as final what the last reference dwell lasts longer than the `earlier` ones [s]."""
+    """Mark as final the time by which the last reference dwell exceeds the `earlier` ones [s]."""
     if not earlier:
         return
     usual = float(np.median(earlier))

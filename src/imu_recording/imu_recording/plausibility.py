@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether the numbers of a recording can be what a sensor on Earth measured in SI units.
 
-The door of every verb, of the Python face, of the import and of the live stream: what cannot have
-been measured is refused in one line, which names the unit that would explain it, and a few damaged
-values are left out and counted. Nothing here knows thermal physics.
+Every verb, the Python interface, the import and the nodes check their input here: values that
+cannot have been measured are refused in one line, which names the unit that would explain them;
+a few damaged values are left out and counted. No thermal physics is assumed.
 """
 
 from __future__ import annotations
@@ -26,8 +26,7 @@ from imu_recording.recording import (
 )
 
 ACCEPTABLE = ('units', 'compensated')
-"""What a user may tell the door to take as it is (`--accept`): implausible numbers, and data that
-were compensated before."""
+"""What a user may accept (`--accept`): implausible numbers, and data compensated before."""
 
 POSSIBLE = {
     'linear_acceleration': (-400.0, 400.0),
@@ -49,16 +48,15 @@ pressures from vacuum to two kilometres under water."""
 LATER_JUDGED = (*MEASURED_FIELDS, 'humidity', 'supply_voltage', 'vibration')
 """Fields whose defects a diagnosis names itself (`sensors` False)."""
 DAMAGED_SHARE = 0.01
-"""Up to this share of impossible values is damage and left out; more is another unit …"""
+"""Largest share of impossible values that is damage, which is left out; more is another unit …"""
 ALONE_SHARE = 0.2
-"""… unless each stands alone between possible ones (a thermometer's error code): up to this."""
+"""… unless each stands alone between possible ones (a thermometer's error code): largest share."""
 FOREIGN_UNITS = {
     'humidity': {'%': (1.1, 110.0)},
     'supply_voltage': {'mV': (1e3, 6e4)},
     'pressure': {'hPa': (300.0, 1100.0), 'kPa': (30.0, 110.0)},
 }
-"""Median numbers [as they stand] of air at heights people work at, and of supplies, in the units
-that logs are kept in."""
+"""Median values of air at inhabited heights, and of supplies, in other units that logs use."""
 
 NORM = {'accelerometer': (7.0, 13.0), 'magnetometer': (4e-6, 4e-4)}
 """Median norm [m/s², T]: gravity, whatever the attitude, and Earth's field of 22 … 67 µT with
@@ -68,14 +66,14 @@ FACTORS = {
     'magnetometer': {'µT': 1e6, 'gauss': 1e4, 'mG': 1e7, 'nT': 1e9, 'mT': 1e3},
     'gyroscope': {'°/s': 180.0 / np.pi, 'm°/s': 180e3 / np.pi},
 }
-"""Numbers per SI unit of the units logs are kept in."""
+"""Factors from the SI unit to other units that logs use."""
 
 REST_CHANGE = {'linear_acceleration': 0.1, 'magnetic_field': 0.8}
-"""Change of the direction of gravity and of the field [rad] below which a device rests: heat moves
-the field of what is near, a device that turns about the vertical sees it go around."""
+"""Change of the direction of gravity and of the field [rad] below which a device rests; for the
+field larger, as heat changes the field of objects nearby."""
 STILL_SHARE = 0.9
-"""Share of the norm that a mean over a part keeps; one over many turns keeps less."""
-QUIET_FORCE = 0.1
+"""Least share of the norm that means over parts keep at rest; those over many turns keep less."""
+QUIET_FORCE_STEP = 0.1
 """Median step of the specific force [m/s²] above which a resting device vibrates."""
 REST_RATE = 0.6
 """Largest mean rate at rest [rad/s]: the zero-rate level of consumer gyroscopes is ±30 °/s."""
@@ -85,30 +83,31 @@ REST_DENSITY = 0.003
 """… and a step times the root of the period [rad/s·√s]: 0.004 … 0.03 °/s/√Hz, and as much again
 where single samples were logged."""
 PREDICTING_ROWS = 8
-"""Rows from which the next is predicted: a spectral line takes two."""
+"""Number of rows from which the next is predicted: a spectral line takes two."""
 COARSEST_RATE = 0.003
-"""Counts of ±2000 °/s in 16 bits are 0.001 rad/s, those of ±125 °/s read as rad/s 0.0038."""
-FEWEST_COUNTS = 5
-"""Different numbers of one axis by which its counts are told."""
+"""Largest count of a gyroscope [rad/s]: ±2000 °/s in 16 bits make 0.001, ±125 °/s taken as rad/s
+0.0038."""
+LEAST_DISTINCT_VALUES = 5
+"""Least number of different values of an axis from which its counts are found."""
 DENSITY_PERIOD_S = 2.0
-"""Slower rows may be single samples of a wide band: only the step itself is judged."""
+"""Longest period whose noise density is compared [s]; slower rows may be of a wide band."""
 FAHRENHEIT_EXCESS_K = 25.0
-"""A die so much warmer than its chamber [K] is in °F where …"""
+"""A die temperature at least so much above its chamber's [K] is in °F where …"""
 CELSIUS_DISTANCE_K = 10.0
-"""… it is within this of the chamber when it is converted [K], and …"""
+"""… it is within this of the chamber's when converted [K], and …"""
 FAHRENHEIT_SLOPE_RATIO = 1.2
-"""… rises so many times as much as the chamber at least, or the chamber does not change; and the
-chamber is in °F where it is the other way round."""
+"""… rises at least this many times as much, or the chamber's does not change; and the chamber's is
+in °F where it is the other way round."""
 LEAST_CHAMBER_SPAN = 5.0
-"""Span of the chamber's temperature [K] from which the slope tells something."""
+"""Span of the chamber's temperature from which the slope is compared [K]."""
 HOTTEST_RATED = 105.0
-"""Greatest temperature most MEMS sensors are made for [°C]: 85, some 105 …"""
-COLDEST_OF_HOT = 0.0
-"""… and what a recording beyond it stays above that is in °F: −18 °C."""
+"""Greatest temperature that MEMS sensors are rated for, 85 or 105 [°C]: a recording beyond it …"""
+COLDEST_FAHRENHEIT = 0.0
+"""… that stays above this is in °F (0 °F is −18 °C)."""
 ROOM_IN_FAHRENHEIT = (60.0, 131.0)
 """Least and greatest temperature of a die switched on in a room, 15 … 55 °C, in °F."""
 ROUND_STEP = 1e-3
-"""Share by which a thermometer's step is off a round one at most."""
+"""Largest relative distance of a thermometer's step from a round one."""
 
 
 def admitted(
@@ -116,8 +115,8 @@ def admitted(
 ) -> ImuRecording:
     """Return the recording, a few impossible values left out and counted; refuse a wrong one.
 
-    `accept` names entries of ACCEPTABLE that are not checked; `sensors` False leaves the sensors
-    to a caller that looks for their defects itself. Raises RecordingError in one line.
+    `accept` names entries of ACCEPTABLE that are not checked; `sensors` False leaves out the
+    sensors, for callers that look for their defects themselves. Raises RecordingError in one line.
     """
     if recording.compensated and 'compensated' not in accept:
         raise RecordingError(
@@ -126,7 +125,7 @@ def admitted(
         )
     if 'units' in accept:
         return recording
-    recording, reason = judged(recording, sensors=sensors)
+    recording, reason = assess(recording, sensors=sensors)
     if reason:
         raise RecordingError(
             f'{_name(recording)}: {reason}; convert it to SI units (in a CSV: unit of the '
@@ -136,7 +135,7 @@ def admitted(
     return recording
 
 
-def judged(recording: ImuRecording, *, sensors: bool = True) -> tuple[ImuRecording, str]:
+def assess(recording: ImuRecording, *, sensors: bool = True) -> tuple[ImuRecording, str]:
     """Return the recording without a few impossible values, and why it is refused, '' if not."""
     recording, reason = _without_damage(recording, sensors=sensors)
     reason = reason or _foreign_temperature(recording) or _foreign_pressure(recording)
@@ -147,7 +146,7 @@ def judged(recording: ImuRecording, *, sensors: bool = True) -> tuple[ImuRecordi
 
 
 def possible(field: str, *values: float) -> bool:
-    """Tell whether a field can hold these values; what is missing (NaN) can be anything.
+    """Tell whether a field can hold these values; missing ones (NaN) can be anything.
 
     >>> possible('temperature', 21.5), possible('temperature', 293.15)
     (True, False)
@@ -157,7 +156,7 @@ def possible(field: str, *values: float) -> bool:
 
 
 def implausible(recording: ImuRecording) -> Iterator[str]:
-    """Give a sentence on every sensor that is of no plausible size."""
+    """Give a sentence on every sensor whose values have an implausible size."""
     for sensor, (low, high) in NORM.items():
         size = _median_norm(getattr(recording, SENSOR_FIELDS[sensor]))
         if np.isfinite(size) and not low <= size <= high:
@@ -180,7 +179,7 @@ def rate_at_rest(recording: ImuRecording) -> str:
     period = float(np.median(np.diff(recording.stamp))) * 1e-9
     dense = period <= DENSITY_PERIOD_S
     most = REST_DENSITY / period**0.5 if dense else REST_NOISE
-    if noise > most and shake < QUIET_FORCE and _unpredicted_step(rate) > most:
+    if noise > most and shake < QUIET_FORCE_STEP and _unpredicted_step(rate) > most:
         return f'steps of {noise:.2g} rad/s from row to row of a device at rest, as if in °/s'
     count = max(map(_count, rate[:100_000].T))
     if count > COARSEST_RATE:
@@ -202,7 +201,7 @@ def unit_of_norm(sensor: str, norm: float) -> str:
 
 
 def _without_damage(recording: ImuRecording, *, sensors: bool) -> tuple[ImuRecording, str]:
-    """Return the recording with single impossible values as NaN; what there are too many of."""
+    """Return the recording with single impossible values as NaN, and what has too many of them."""
     changed: dict[str, Any] = {}
     notes = []
     for field, (low, high) in POSSIBLE.items():
@@ -249,7 +248,7 @@ def _foreign_unit(field: str, recording: ImuRecording) -> str:
 
 
 def _foreign_pressure(recording: ImuRecording) -> str:
-    """Tell a pressure in hPa from one in Pa, which would be that of the stratosphere."""
+    """Return what is wrong with a pressure in hPa: as Pa it would be that of the stratosphere."""
     unit = _foreign_unit('pressure', recording)
     if not unit or recording.pressure is None:
         return ''
@@ -267,7 +266,7 @@ def _size_text(sensor: str, size: float) -> str:
 
 
 def _foreign_temperature(recording: ImuRecording) -> str:
-    """Tell a die temperature in °F from the chamber's in °C, and the other way round."""
+    """Return what is wrong where the die is in °F and its chamber in °C, or the reverse."""
     for field in ('chamber_temperature', 'device_temperature', 'setpoint'):
         chamber = getattr(recording, field)
         if chamber is None:
@@ -287,7 +286,7 @@ def _foreign_temperature(recording: ImuRecording) -> str:
 
 
 def _alone_in_fahrenheit(temperature: FloatArray) -> str:
-    """Tell a die temperature in °F where no other thermometer stands beside it."""
+    """Return what is wrong with a die temperature in °F that no other thermometer confirms."""
     known = temperature[np.isfinite(temperature)]
     if not len(known):
         return ''
@@ -298,7 +297,7 @@ def _alone_in_fahrenheit(temperature: FloatArray) -> str:
             return f'temperature has steps of {step:.6g}, {step / 1.8:.6g} °C, as if in °F'
     low, high = float(known.min()), float(known.max())
     hot = np.count_nonzero(known > HOTTEST_RATED) > DAMAGED_SHARE * len(known)
-    if hot and low > COLDEST_OF_HOT:
+    if hot and low > COLDEST_FAHRENHEIT:
         return (
             f'temperature is {low:.1f} … {high:.1f} °C, sensors are made for {HOTTEST_RATED:g} '
             'at most: as if in °F'
@@ -318,7 +317,7 @@ def _is_round(step: float) -> bool:
 
 
 def _hot_throughout(recording: ImuRecording) -> str:
-    """Return a hint where a die is as warm throughout as one in a room is in °F."""
+    """Return a hint where a die is throughout as warm as a room in °F."""
     known = recording.temperature[np.isfinite(recording.temperature)]
     if recording.chamber_temperature is not None or not len(known):
         return ''
@@ -394,9 +393,9 @@ def _step(values: FloatArray) -> float:
 
 
 def _unpredicted_step(values: FloatArray) -> float:
-    """Return the median step that rows (n, 3) make beside what the rows before them tell.
+    """Return the median step of rows (n, 3) that the rows before them do not predict.
 
-    A spectral line makes large steps, too, but earlier rows predict them; white noise they do not.
+    A spectral line makes large steps, too, but earlier rows predict them, unlike white noise.
     Greatest of the axes: √2 of what the best linear prediction leaves, as a step of noise has.
     """
     windows = sliding_window_view(values[:100_000], PREDICTING_ROWS + 1, axis=0)
@@ -412,13 +411,13 @@ def _unpredicted_step(values: FloatArray) -> float:
 
 
 def _count(column: FloatArray) -> float:
-    """Return the distance of the numbers of an axis (n,) that stands on counts; 0 where none do.
+    """Return the size of one count of an axis (n,); 0 where its values are no counts.
 
-    On counts, most numbers come again, which those of an average or of floating point do not.
+    Most values of counts occur again, which averages and floating-point numbers do not.
     """
     known = column[np.isfinite(column)]
     numbers = np.unique(known)
-    if not FEWEST_COUNTS <= len(numbers) <= len(known) / 2:
+    if not LEAST_DISTINCT_VALUES <= len(numbers) <= len(known) / 2:
         return 0.0
     return float(np.diff(numbers).min())
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The checks of `plausibility` on a live stream: over the newest samples, again and again."""
+"""The checks of `plausibility` on a live stream, repeated over its newest samples."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from imu_recording.plausibility import POSSIBLE, judged, possible
+from imu_recording.plausibility import POSSIBLE, assess, possible
 from imu_recording.recording import ImuRecording
 from imu_recording.ros.messages import ImuSample, Vector
 
 FIRST_SAMPLES = 20
-"""So many samples are judged first: their size, not yet whether the device rests."""
+"""Number of samples of the first check: of their size, not yet whether the device rests."""
 WINDOW_S = 10.0
-"""Afterwards stretches of this length [s] are judged …"""
+"""Length of the windows that are checked afterwards [s] …"""
 WINDOW_NS = round(WINDOW_S * 1e9)
-FEWEST_SAMPLES, MOST_SAMPLES = 100, 4096
-"""… of so many samples at least and at most."""
+LEAST_WINDOW_SAMPLES, MOST_WINDOW_SAMPLES = 100, 4096
+"""… and least and greatest number of their samples."""
 JUMP_BACK_NS = 1_000_000_000
-"""A stamp that much before the newest is a new start, not a late sample [ns]."""
+"""Step back of the stamps from which the stream has started anew; less is a late sample [ns]."""
 
 Row = tuple[int, Vector, Vector, Vector, float]
 _RATE, _FORCE, _FIELD = (
@@ -30,17 +30,17 @@ UNKNOWN: Vector = (np.nan, np.nan, np.nan)
 
 @dataclass
 class StreamCheck:
-    """Judges a stream of one device as `admitted` judges a recording."""
+    """Checks the stream of one device as `admitted` checks a recording."""
 
     objection: str = ''
-    """Why the newest stretch cannot be SI units; '' where it can."""
+    """Why the newest window cannot be in SI units; '' where it can."""
     damaged: int = 0
     """Single impossible samples since the start."""
     damaged_at: int = -1
     """Stamp of the newest sample before the last of them [ns]."""
     newest: int = -1
     _rows: list[Row] = field(default_factory=list)
-    _judged_first: bool = False
+    _checked_first: bool = False
     _standing: int = 0
     _field: Vector = UNKNOWN
     _temperature: float = np.nan
@@ -63,8 +63,8 @@ class StreamCheck:
             rows = self._rows
             rows.append((sample.stamp, rate, force, self._field, self._temperature))
             count, waited = len(rows), sample.stamp - rows[0][0]
-            if count == FIRST_SAMPLES or count >= MOST_SAMPLES or waited >= WINDOW_NS:
-                self._judge()
+            if count == FIRST_SAMPLES or count >= MOST_WINDOW_SAMPLES or waited >= WINDOW_NS:
+                self._check()
         elif sample.stamp < self.newest - JUMP_BACK_NS:
             self.newest, self._rows = sample.stamp, []
         else:
@@ -85,19 +85,19 @@ class StreamCheck:
             self.damaged, self.damaged_at = self.damaged + 1, self.newest
         return is_possible
 
-    def _judge(self) -> None:
+    def _check(self) -> None:
         count = len(self._rows)
-        first = not self._judged_first and count == FIRST_SAMPLES
-        long = self.newest - self._rows[0][0] >= WINDOW_NS and count >= FEWEST_SAMPLES
-        if first or long or count >= MOST_SAMPLES:
-            self.objection = judged(_recording(self._rows))[1]
-            self._judged_first = True
+        first = not self._checked_first and count == FIRST_SAMPLES
+        long = self.newest - self._rows[0][0] >= WINDOW_NS and count >= LEAST_WINDOW_SAMPLES
+        if first or long or count >= MOST_WINDOW_SAMPLES:
+            self.objection = assess(_recording(self._rows))[1]
+            self._checked_first = True
             if not first:
                 self._rows = []
 
 
 def _within(vector: Vector, low: float, high: float) -> bool:
-    """Tell what `possible` does, of one vector: NaN can be anything."""
+    """Tell whether all components are within limits; NaN can be anything, as in `possible`."""
     x, y, z = vector
     return not (x < low or y < low or z < low or x > high or y > high or z > high)
 

@@ -14,31 +14,32 @@ from imu_recording.recording import FloatArray, IntArray, RecordingError
 
 ROWS_PER_BLOCK = 1 << 18
 """Rows joined at a time."""
-LOST_AT_AN_END = 2
-"""Samples without a row up to which there is no note: topics do not end at the same instant."""
+UNNOTED_SAMPLES = 2
+"""Samples without a row that are not noted: topics do not end at the same instant."""
 STALE_S = 60.0
-"""A track that ended longer before the last row is worth a note [s]."""
+"""Time from the end of a track to the last row from which it is noted [s]."""
 JUMP_S = 6 * 3600.0
-"""A step of the stamps above this [s], and above JUMP_STEPS usual ones, is no gap in a run: the
-clock was set, or it is another run."""
+"""Longest gap in a run [s], unless it is shorter than JUMP_STEPS usual steps; a longer one means
+that the clock was set, or another run."""
 JUMP_STEPS = 100.0
 LARGEST_SPAN_RATIO = 100.0
-"""Stamps that span more than this many times what their samples fill are refused."""
-SLOWEST_S = 20.0
-"""A sample fills at least this much time [s]."""
+"""Largest ratio of the stamps' span to the time that the samples account for."""
+LEAST_FILLED_S = 20.0
+"""Least time that one sample accounts for [s]."""
 CLOCK_BACK_S = 1.0
 """A step back of the stamps from which the clock may have been set back [s]."""
-SLOWEST_SAMPLES_S = 3600.0
-"""Samples further apart than this, by the median [s], have no right stamps."""
-MOST_DISORDER = 0.25
-"""Share of the steps that may go back; two publishers on one topic, and noise, make half."""
-FEWEST_IN_DISORDER = 100
-LONGEST_BRIDGE = 3.0
-"""Periods between two samples beyond which nothing is interpolated."""
+LONGEST_MEDIAN_STEP_S = 3600.0
+"""Longest median step of right stamps [s]."""
+LARGEST_DISORDER_SHARE = 0.25
+"""Largest share of steps that go back; two publishers on one topic, and noise, make half."""
+LEAST_SAMPLES_IN_DISORDER = 100
+"""Number of samples from which that share is taken."""
+LONGEST_BRIDGE_PERIODS = 3.0
+"""Longest distance of two samples that is interpolated [periods]."""
 MOST_CLOCK_STEPS = 10
-"""More steps back than this are disorder, not a clock that was set."""
+"""Most steps back that may be a clock that was set; more are disorder."""
 CLOCK_SET_BACK = 'the clock was set back'
-"""How a note says it."""
+"""Text of the note about it."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class Joined:
 
 
 def in_order(name: str, stamp: IntArray, values: Sequence[FloatArray]) -> Samples:
-    """Sort samples by stamp; of those that share one keep the first read; say what was done."""
+    """Sort samples by stamp, keep the first read of those that share one, note what was done."""
     groups = list(values)
     notes: list[str] = []
     unset = int(np.count_nonzero(stamp == 0))
@@ -73,7 +74,7 @@ def in_order(name: str, stamp: IntArray, values: Sequence[FloatArray]) -> Sample
         stamp = _taken(stamp, groups, kept)
         notes.append(f'{name}: {unset} samples without a stamp left out')
     back = int(np.count_nonzero(np.diff(stamp) < 0))
-    if len(stamp) >= FEWEST_IN_DISORDER and back > MOST_DISORDER * len(stamp):
+    if len(stamp) >= LEAST_SAMPLES_IN_DISORDER and back > LARGEST_DISORDER_SHARE * len(stamp):
         raise RecordingError(
             f'{name}: stamps step back {back} times in {len(stamp)} samples: are there two '
             'publishers on this topic, or are the stamps damaged?'
@@ -97,9 +98,9 @@ def in_order(name: str, stamp: IntArray, values: Sequence[FloatArray]) -> Sample
 
 
 def _one_clock(name: str, stamp: IntArray, groups: list[FloatArray]) -> tuple[IntArray, list[str]]:
-    """Leave out what a clock that was set back stamped twice; of two stretches keep the longer.
+    """Leave out times that a clock set back stamped twice: of two stretches the longer one stays.
 
-    Stretches that follow each other in another order than they were read only need sorting.
+    Stretches that are only in another order than they were read need no more than sorting.
     """
     back = np.flatnonzero(np.diff(stamp) < -CLOCK_BACK_S * 1e9)
     if not 0 < len(back) <= MOST_CLOCK_STEPS:
@@ -113,12 +114,12 @@ def _one_clock(name: str, stamp: IntArray, groups: list[FloatArray]) -> tuple[In
             low, high = stamp[other].min(), stamp[other].max()
             own &= (stamp[rows] < low) | (stamp[rows] > high)
         # One late message is no clock that was set back.
-        own |= len(rows) <= LOST_AT_AN_END
+        own |= len(rows) <= UNNOTED_SAMPLES
         if own.any():
             kept.append(rows[own])
     order = np.sort(np.concatenate(kept))
     lost = len(stamp) - len(order)
-    if lost <= LOST_AT_AN_END:
+    if lost <= UNNOTED_SAMPLES:
         return stamp, []
     furthest = -float(np.diff(stamp).min()) * 1e-9
     note = (
@@ -129,7 +130,7 @@ def _one_clock(name: str, stamp: IntArray, groups: list[FloatArray]) -> tuple[In
 
 
 def without_jumps(name: str, samples: Samples) -> Samples:
-    """Return the longest stretch of samples between jumps of their stamps; say what is cut.
+    """Return the longest stretch of samples between jumps of their stamps; note what is cut.
 
     >>> years = np.array([5, 6, 1_700_000_000, 1_700_000_001, 1_700_000_002]) * 10**9
     >>> without_jumps('imu', Samples(years, ())).notes[0]
@@ -165,8 +166,8 @@ def longest_stretch(name: str, stamp: IntArray) -> tuple[slice, str]:
         )
         stamp, step = stamp[kept], step[kept.start : kept.stop - 1]
     span = float(stamp[-1] - stamp[0]) * 1e-9 if len(stamp) else 0.0
-    filled = len(stamp) * max(SLOWEST_S, float(np.median(step)) if len(step) else 0.0)
-    if span > LARGEST_SPAN_RATIO * filled or usual > SLOWEST_SAMPLES_S:
+    filled = len(stamp) * max(LEAST_FILLED_S, float(np.median(step)) if len(step) else 0.0)
+    if span > LARGEST_SPAN_RATIO * filled or usual > LONGEST_MEDIAN_STEP_S:
         raise RecordingError(
             f'{name}: {len(stamp)} samples over {_span(span)}: the stamps cannot be right; were '
             'they damaged, or written in another unit than nanoseconds?'
@@ -243,7 +244,7 @@ def hold_newest(name: str, rows: IntArray, samples: Samples, *, event: bool = Fa
     late = total - int(np.searchsorted(samples.stamp, rows[-1], side='right'))
     early = int(np.searchsorted(rows, samples.stamp[0], side='left'))
     notes = [*_lost(name, late, total)]
-    if early > LOST_AT_AN_END:
+    if early > UNNOTED_SAMPLES:
         notes.append(f'{name}: {early} rows lie before its first sample')
     silence = (rows[-1] - samples.stamp[-1]) * 1e-9
     if silence > _allowed(samples.stamp):
@@ -254,7 +255,7 @@ def hold_newest(name: str, rows: IntArray, samples: Samples, *, event: bool = Fa
 def interpolate(rows: IntArray, samples: Samples) -> tuple[FloatArray, bool]:
     """Return the values (rows, k) between samples, and whether any row needed it.
 
-    NaN before the first, after the last, and in gaps of more than LONGEST_BRIDGE periods.
+    NaN before the first, after the last, and in gaps of more than LONGEST_BRIDGE_PERIODS periods.
     """
     values = np.asarray(samples.values[0], np.float64)
     if np.array_equal(rows, samples.stamp):
@@ -265,18 +266,18 @@ def interpolate(rows: IntArray, samples: Samples) -> tuple[FloatArray, bool]:
     steps = np.diff(samples.stamp)
     if len(steps):
         after = np.clip(np.searchsorted(samples.stamp, rows, side='left'), 1, len(steps))
-        found[steps[after - 1] > LONGEST_BRIDGE * np.median(steps)] = np.nan
+        found[steps[after - 1] > LONGEST_BRIDGE_PERIODS * np.median(steps)] = np.nan
     exact = np.isin(rows, samples.stamp)
     found[exact] = values[np.searchsorted(samples.stamp, rows[exact])]
     return found, not exact.all()
 
 
 def _lost(name: str, lost: int, total: int) -> tuple[str, ...]:
-    return (f'{name}: {lost} of {total} samples found no row',) if lost > LOST_AT_AN_END else ()
+    return (f'{name}: {lost} of {total} samples found no row',) if lost > UNNOTED_SAMPLES else ()
 
 
 def _blocks(length: int) -> Iterator[slice]:
-    """Cut a length into blocks, so that what is computed on the way stays small."""
+    """Cut a length into blocks, so that intermediate results stay small."""
     for at in range(0, length, ROWS_PER_BLOCK):
         yield slice(at, min(at + ROWS_PER_BLOCK, length))
 

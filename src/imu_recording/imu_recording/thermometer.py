@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a die thermometer in order never does: the same in a recording and in a live stream."""
+"""Faults of a die thermometer, the same in a recording and in a live stream."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ import numpy as np
 from imu_recording.recording import FloatArray
 
 FEWEST_MEASUREMENTS = 50
-"""Measurements from which a thermometer is judged."""
+"""Measurements from which a thermometer is assessed."""
 MISSING_ROWS = 20
-"""So many values that are missing are a fault."""
+"""Number of missing values that is a fault."""
 CONSTANT_S = 600.0
-"""A thermometer that says one value for longer has failed, as its counts scatter [s]."""
+"""Longest time of one value; a thermometer's counts scatter, so more is a failure [s]."""
 WHOLE_TOLERANCE = 1e-6
-"""Distance from a whole degree, as single precision leaves it [K]."""
+"""Largest distance from a whole degree: the rounding of single precision [K]."""
 
 
 def is_constant(values: FloatArray) -> bool:
-    """Tell whether all values (n,) are one."""
+    """Tell whether all values (n,) are the same."""
     return len(values) > 0 and bool((values == values[0]).all())
 
 
 def is_whole_degrees(values: FloatArray) -> bool:
-    """Tell whether values (n,) [°C] are whole degrees; a constant one tells nothing."""
+    """Tell whether values (n,) [°C] are whole degrees, and not all the same."""
     whole = np.abs(values - np.round(values)) <= WHOLE_TOLERANCE
     return bool(whole.all()) and not is_constant(values)
 

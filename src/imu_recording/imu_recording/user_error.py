@@ -8,8 +8,8 @@ import errno
 import os
 from collections.abc import Iterable
 
-SHORTEST_PART = 3
-"""Letters of a word that tell which longer one is meant."""
+LEAST_PART_LETTERS = 3
+"""Least number of letters of a word from which a longer one that holds it is guessed."""
 
 
 class UserError(ValueError):
@@ -50,7 +50,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     ' (did you mean thermal_lag?)'
     """
     listed = list(known)
-    within = [name for name in listed if len(word) >= SHORTEST_PART and word in name]
+    within = [name for name in listed if len(word) >= LEAST_PART_LETTERS and word in name]
     near = difflib.get_close_matches(word, listed, n=1) or within
     return f' (did you mean {near[0]}?)' if near else ''
 

@@ -20,7 +20,7 @@ from importlib import import_module
 import numpy as np
 import thermal_comp.precompile
 from imu_driver.emulator.transport import SimulatedTransport
-from imu_recording.logs.ulog_stream import KNOWN, scan_messages
+from imu_recording.logs.ulog_stream import KNOWN_KINDS, scan_messages
 from orientation_filters.filters import FILTERS
 from orientation_filters.precompile import precompile as precompile_filters
 
@@ -65,7 +65,7 @@ def precompile_simulation() -> None:
 def precompile_logs() -> None:
     """Go through a log without messages."""
     table = np.zeros(1, np.int64)
-    scan_messages(np.frombuffer(b'', np.uint8), 0, table, KNOWN, table, table)
+    scan_messages(np.frombuffer(b'', np.uint8), 0, table, KNOWN_KINDS, table, table)
 
 
 def main() -> int:

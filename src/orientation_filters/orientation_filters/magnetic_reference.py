@@ -14,25 +14,25 @@ from typing import NamedTuple
 
 from orientation_filters.kernel import inline
 
-SETTLING_TIME = 2.0
-"""How long the first reference follows every sample: the attitude settles, too [s]."""
-SETTLING_MEAN = 0.5
-"""Time constant of the mean that the reference is then [s]."""
-RECENCY = 3.0
-"""A mean counts what was seen last so many times as much: what was seen at first, while the field
-changed, is soon forgotten."""
-LEAST_ADOPTION = 5.0
-"""Even a reference that was hardly seen is not given up sooner [s]."""
+SETTLING_TIME_S = 2.0
+"""Time for which the first reference follows every sample, as the attitude still settles [s]."""
+SETTLING_MEAN_TIME_S = 0.5
+"""Time constant of the running mean that is the reference meanwhile [s]."""
+NEWEST_WEIGHT = 3.0
+"""Weight of the newest sample beside that in a plain mean: the samples taken while the field
+changed are soon forgotten."""
+LEAST_ADOPTION_TIME_S = 5.0
+"""Least time before a new field is adopted, however short the reference has been known [s]."""
 ADOPTION_FACTOR = 1.5
-"""A new field is adopted after so many times as long as the reference was seen, if that is
-sooner."""
+"""A new field is adopted after this many times the time the reference has been known, where that
+is sooner than `adoption`."""
 
 Parts = tuple[float, float]
 """Horizontal and vertical part of a field, the vertical one downward positive."""
 
 
 class FieldParams(NamedTuple):
-    """What is accepted, and how fast the reference follows."""
+    """Tolerance and time constants of the reference."""
 
     tolerance: float
     """Largest distance from the reference, as a part of its norm."""
@@ -62,7 +62,7 @@ class FieldState(NamedTuple):
     known_for: float
     """Since the first sample [s]."""
     agreed_for: float
-    """How long samples have agreed with the reference in all [s]."""
+    """How long samples have agreed with the reference, interruptions left out [s]."""
     adopted: bool
     """Whether the last sample made the candidate the reference."""
 
@@ -97,20 +97,20 @@ def update_reference(
 ) -> FieldState:
     """Return the state after a sample in motion of angular velocity `rate` [rad/s].
 
-    `contradicts`: its heading is not one that the filter holds possible.
+    `contradicts`: its heading is farther from the filter's than the covariance allows.
     """
     if state.reference[0] == 0.0 and state.reference[1] == 0.0:
         return _first_reference(parts, params.hold, 0.0)
     known_for = state.known_for + dt
-    if known_for < SETTLING_TIME:
-        mean = _approach(state.reference, parts, dt / min(known_for + dt, SETTLING_MEAN))
+    if known_for < SETTLING_TIME_S:
+        mean = _approach(state.reference, parts, dt / min(known_for + dt, SETTLING_MEAN_TIME_S))
         return _first_reference(mean, params.hold, known_for)
     smoothed = _approach(state.smoothed, parts, dt / (params.smoothing + dt))
     reference, accepted_for = _track(state, params, smoothed, dt, contradicts)
     candidate, candidate_for = smoothed, 0.0
     if accepted_for < params.hold:
         candidate, candidate_for = _follow_candidate(state, params, smoothed, rate, dt)
-    experience = max(ADOPTION_FACTOR * state.agreed_for, LEAST_ADOPTION)
+    experience = max(ADOPTION_FACTOR * state.agreed_for, LEAST_ADOPTION_TIME_S)
     adopted = candidate_for > min(params.adoption, experience)
     return FieldState(
         reference=candidate if adopted else reference,
@@ -159,7 +159,7 @@ def _follow_candidate(
     """Return the candidate and how long a rejected field has agreed with it while turning."""
     if not _distance(smoothed, state.candidate) < params.tolerance:
         return smoothed, 0.0
-    memory = min(params.tracking, SETTLING_MEAN + state.candidate_for / RECENCY)
+    memory = min(params.tracking, SETTLING_MEAN_TIME_S + state.candidate_for / NEWEST_WEIGHT)
     candidate = _approach(state.candidate, smoothed, dt / (memory + dt))
     return candidate, state.candidate_for + (dt if rate > params.turning else 0.0)
 

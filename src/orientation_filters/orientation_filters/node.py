@@ -32,7 +32,7 @@ from orientation_filters.parameters import PRESET_NAMES, FilterParameters, check
 
 @dataclass(frozen=True)
 class OutputConfig(NodeConfig):
-    """What the nodes send, and how they listen."""
+    """Parameters of the nodes' outputs."""
 
     publish_euler: bool = parameter(True, 'Publish roll, pitch, yaw [rad] on ~/euler')
     publish_tf: bool = parameter(False, 'Publish world → body on /tf (needs tf2_msgs)')
@@ -103,7 +103,7 @@ class FilterNode(ConfiguredNode):
         within = all(map(self._exchange.offers, topics))
         self.filter = LiveFilter(self.filter_name, config, in_order=within)
         self.check = StreamCheck()
-        self._checks = not within  # a stage of this process has judged its samples already
+        self._checks = not within  # nodes of this process have checked their samples already
         self._orientation = self.sample_output(Imu, 'imu/data')
         euler = config.publish_euler
         self._euler = self.sample_output(Vector3Stamped, '~/euler') if euler else None
@@ -127,7 +127,7 @@ class FilterNode(ConfiguredNode):
         self._publish(self.filter.add_field(sample))
 
     def finish(self) -> None:
-        """Publish what still waits for a magnetometer sample: the input has ended."""
+        """Publish the samples that still wait for a magnetometer sample: the input has ended."""
         self._publish(self.filter.flush())
 
     def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
@@ -145,14 +145,14 @@ class FilterNode(ConfiguredNode):
         for found in estimates:
             measured = found.sample
             sample = ImuSample(  # `replace` takes five times as long
-                measured.stamp,
-                measured.angular_velocity,
-                measured.linear_acceleration,
-                measured.angular_velocity_covariance,
-                measured.linear_acceleration_covariance,
-                self.config.body_frame_id or measured.frame_id,
-                found.orientation,
-                found.covariance,
+                stamp=measured.stamp,
+                angular_velocity=measured.angular_velocity,
+                linear_acceleration=measured.linear_acceleration,
+                angular_velocity_covariance=measured.angular_velocity_covariance,
+                linear_acceleration_covariance=measured.linear_acceleration_covariance,
+                frame_id=self.config.body_frame_id or measured.frame_id,
+                orientation=found.orientation,
+                orientation_covariance=found.covariance,
             )
             self._orientation.send(sample)
             if self._euler:

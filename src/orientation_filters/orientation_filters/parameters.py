@@ -175,11 +175,11 @@ class FilterParameters:
     )
 
     def kernel_params(self) -> Any:
-        """Return what the filter's kernel needs."""
+        """Return the parameters of the filter's kernel."""
         raise NotImplementedError
 
     def sample_params(self) -> SampleParams:
-        """Return which samples are used."""
+        """Return the parameters of the sample checks."""
         return SampleParams(
             use_magnetometer=self.use_magnetometer,
             max_gap=round(self.max_gap * 1e9),
@@ -187,7 +187,7 @@ class FilterParameters:
         )
 
     def rest_params(self) -> RestParams:
-        """Return what rest detection needs."""
+        """Return the parameters of rest detection."""
         return RestParams(
             angular_velocity=self.rest_angular_velocity,
             linear_acceleration=self.rest_linear_acceleration,
@@ -197,7 +197,7 @@ class FilterParameters:
         )
 
     def field_params(self) -> FieldParams:
-        """Return when a magnetic field is accepted."""
+        """Return the parameters of the magnetic reference."""
         return FieldParams(
             tolerance=self.field_tolerance,
             hold=0.5,
@@ -210,7 +210,7 @@ class FilterParameters:
     def averaging_params(
         self, angle_random_walk: float, acceleration_floor: float, heading_noise: float
     ) -> AveragingParams:
-        """Return what the means need; noises [rad/√s], [m/s² √s], [rad √s]."""
+        """Return the parameters of the means; noises [rad/√s], [m/s² √s], [rad √s]."""
         up, north = world_axes(self.world_frame, self.magnetic_declination)
         return AveragingParams(
             up=up,

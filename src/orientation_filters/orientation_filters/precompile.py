@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compile every kernel of this package: python -m orientation_filters.precompile.
+"""Compile the kernels of this package: python -m orientation_filters.precompile.
 
-Compiled kernels stay on disk; afterwards filters start at once, live and over recordings.
+Compiled kernels stay on disk; afterwards filters start at once, live and over recordings. Only
+`update` of a filter, called from Python sample by sample, is compiled at its first call.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ def at_rest(rows: int) -> ImuRecording:
 
 
 def main() -> int:
-    """Compile, and say what was."""
+    """Compile, and print how many kernels were not on disk yet."""
     sys.stdout.write(f'orientation_filters: {len(precompile())} kernels compiled\n')
     return 0
 

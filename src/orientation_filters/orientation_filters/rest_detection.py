@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rest: no sensor's signal varies, and neither gravity nor the field turns; any constant rate.
+"""Rest detection: no signal varies and neither gravity nor field turns, whatever the mean rate.
 
 A thermal bias of the gyroscope must not make a resting sensor look like a moving one, or the
 bias would stop being learned exactly when it is needed. A slow steady turn must not look like a
@@ -24,23 +24,23 @@ from orientation_filters.rotation.scalars import (
 from orientation_filters.sample_checks import CheckedSample
 
 DETECTABLE_TURN = 0.02
-"""Angle by which gravity or field has turned where there is no rest [rad]."""
-TURN_MARGIN = 1.3
-"""A rate is a bias once it would have turned the sensor by so many times `DETECTABLE_TURN`."""
+"""Least angle by which gravity or field turns while the sensor moves [rad]."""
+TURN_FACTOR = 1.3
+"""A rate is a bias once, as a turn, it would have exceeded `DETECTABLE_TURN` by this factor."""
 RATE_CHANGE = 0.004
 """Change of the mean rate, besides its noise, at which rest starts anew [rad/s]."""
 RATE_CHANGE_NOISE = 25.0
-"""Multiple of that change's variance from noise that is allowed."""
+"""Multiple of the noise variance by which the square of that change may exceed `RATE_CHANGE`²."""
 SURE_BIAS_RATE = 0.0026
 """Smaller rates are a bias at once [rad/s]."""
 SURE_BIAS_DURATION = 10.0
-"""Rest after which any rate is a bias: no turn has shown [s]."""
+"""Duration of rest after which any rate is a bias, as no turn has shown [s]."""
 FIELD_FLUCTUATION = 0.05
-"""Rms fluctuation of a field, as its part, besides what the rate turns it; above: a magnet."""
+"""Largest relative rms fluctuation of the field beyond what the rate explains; more: a magnet."""
 
 
 class RestParams(NamedTuple):
-    """When a sensor counts as resting."""
+    """Limits within which a sensor counts as resting."""
 
     angular_velocity: float
     """Largest rms deviation from the running mean [rad/s]."""
@@ -215,11 +215,11 @@ def _restart(means: RestState, bias: Vector) -> RestState:
 
 @inline
 def is_bias(state: RestState, params: RestParams) -> bool:
-    """Whether the mean rate can be taken for the bias: as a turn it would have shown by now."""
+    """Whether the mean rate is a bias: were it a turn, gravity or field would have shown it."""
     rested = state.duration
     if rested < params.duration or rested >= SURE_BIAS_DURATION:
         return rested >= params.duration
     difference = subtract(state.angular_velocity, state.first_bias)
     square = dot(difference, difference)
-    limit = TURN_MARGIN * DETECTABLE_TURN
+    limit = TURN_FACTOR * DETECTABLE_TURN
     return square * rested * rested >= limit * limit or square <= SURE_BIAS_RATE * SURE_BIAS_RATE

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A second attitude beside one of fixed gain: how far apart they are is what the first errs by.
+"""Error of an attitude of fixed gain, estimated by its distance from a second, slower attitude.
 
-A fixed gain follows every acceleration and disturbed field, and no covariance of assumed noises
-tells. Averaged over many seconds in the world frame, accelerations cancel: the second attitude is
-carried by the gyroscope and turned towards means of specific force and field whose time constants
-are long, its bias learned by integral action (Mahony, Hamel, Pflimlin, IEEE Trans. Automatic
+A fixed gain follows every acceleration and disturbed field; a covariance of assumed noises does
+not show the error. Averaged over many seconds in the world frame, accelerations cancel: the second
+attitude is carried by the gyroscope and turned towards means of specific force and field with long
+time constants, its bias learned by integral action (Mahony, Hamel, Pflimlin, IEEE Trans. Automatic
 Control 53, 2008). The running mean square of the rotation between both is the variance of the
-first. The first one is not touched.
+first attitude, which is not changed.
 """
 
 from __future__ import annotations
@@ -39,36 +39,39 @@ from orientation_filters.sample_checks import GRAVITY, CheckedSample
 from orientation_filters.step_averages.accumulation import UNKNOWN_HEADING_VARIANCE
 
 STEP_S = 0.2
-"""Between steps, over which samples are averaged [s]."""
-INCLINATION_TIME, HEADING_TIME = 10.0, 40.0
+"""Interval of the second attitude's steps, over which samples are averaged [s]."""
+INCLINATION_TIME_S, HEADING_TIME_S = 10.0, 40.0
 """Time constants of the means of specific force and field [s]."""
 INTEGRAL_GAIN = 0.05
-"""Of the bias, as a part of 1 / time constant² [1]."""
-MEMORY = 10.0
-"""Of the mean square, and of twice as long no bias is learned at first [s]."""
+"""Integral gain of the bias, as a part of 1 / time constant² [1]."""
+MEAN_SQUARE_TIME_S = 10.0
+"""Time constant of the mean square of the distance; bias learning begins after twice that [s]."""
 START_VARIANCES = (0.04, 0.16)
-"""Of inclination and heading from one sample that may be accelerated by 2 m/s² [rad²]."""
-START_S, RECENCY = 0.3, 3.0
-"""Time for which those count, and weight of the newest value beside that in a plain mean."""
-MARGIN = 1.3
-"""What the second attitude errs by, and that a mean square is never that of the next second."""
+"""Variances of inclination and heading from one sample, accelerated by up to 2 m/s² [rad²]."""
+START_TIME_S = 0.3
+"""Time that the start variances weigh in the mean square [s]."""
+NEWEST_WEIGHT = 3.0
+"""Weight of the newest value beside that in a plain mean."""
+VARIANCE_FACTOR = 1.3
+"""Variance over the mean square of the distance: the second attitude errs, too, and a mean square
+lags behind."""
 Frame = tuple[float, tuple[float, float]]
 """World z of the upward direction, and world x, y of magnetic north."""
 
 
 class SlowAttitude(NamedTuple):
-    """How far the second attitude is from the first, and what came since its last step."""
+    """Distance of the second attitude from the first, and sums since its last step."""
 
     apart: Quaternion
     """Rotation from the first to the second, about the world's axes."""
     bias: Vector
-    """Of the gyroscope, as the second learns it [rad/s], sensor frame."""
+    """Bias of the gyroscope learned by the second attitude [rad/s], sensor frame."""
     age: float
     """Since the start, up to the last step [s]."""
     elapsed: float
     """Since the last step [s]."""
     turned: Vector
-    """What the first was turned by besides the measured rate, world [rad]."""
+    """Rotation of the first attitude by its corrections, world [rad]."""
     force: Vector
     """Integral of specific force, world of the first [m/s]."""
     field: Vector
@@ -83,7 +86,7 @@ class SlowAttitude(NamedTuple):
 
 @inline
 def start_slow() -> SlowAttitude:
-    """Return the state where both attitudes are the one of the first sample."""
+    """Return the state at the start: both attitudes are that of the first sample."""
     return SlowAttitude(
         apart=IDENTITY,
         bias=ZERO,
@@ -104,8 +107,8 @@ def follow(
 ) -> SlowAttitude:
     """Return the state after a sample.
 
-    `rows`: the first attitude before it was corrected, sensor → world; `turned`: what it was
-    turned by since the sample before, besides the measured rate, world [rad].
+    `rows`: the first attitude before its correction, sensor → world; `turned`: its rotation since
+    the sample before, the measured rate left out, world [rad].
     """
     force, field = before.force, before.field
     if seen.has_force:
@@ -138,24 +141,24 @@ def _step(state: SlowAttitude, rows: Matrix, frame: Frame) -> SlowAttitude:
     f = transform(to_second, scale(1.0 / (GRAVITY * dt), state.force))
     m = transform(to_second, state.field)
     x, y = inclination_error(f, up)
-    tilt = dt / (min(INCLINATION_TIME, age) + dt)
+    tilt = dt / (min(INCLINATION_TIME_S, age) + dt)
     level, turn = sqrt(m[0] * m[0] + m[1] * m[1]), 0.0
     if level > 1e-3 * abs(m[2]):
-        turn = since / (min(HEADING_TIME, age) + since) * heading_error(m, level, north)
+        turn = since / (min(HEADING_TIME_S, age) + since) * heading_error(m, level, north)
     kept = multiply(middle, back)
     correction = (tilt * x, tilt * y, turn)
     drift = transform(to_second, transform(rows, scale(dt, state.bias)))
     apart = normalised(multiply(from_rotation_vector(subtract(correction, drift)), kept))
     bias = state.bias
-    if age > 2.0 * MEMORY:
+    if age > 2.0 * MEAN_SQUARE_TIME_S:
         rates = (
-            INTEGRAL_GAIN / INCLINATION_TIME * correction[0],
-            INTEGRAL_GAIN / INCLINATION_TIME * correction[1],
-            INTEGRAL_GAIN / HEADING_TIME * correction[2],
+            INTEGRAL_GAIN / INCLINATION_TIME_S * correction[0],
+            INTEGRAL_GAIN / INCLINATION_TIME_S * correction[1],
+            INTEGRAL_GAIN / HEADING_TIME_S * correction[2],
         )
         bias = subtract(bias, to_sensor(rows, to_sensor(to_second, rates)))
     x, y, z = _squares(apart)
-    gain = dt / (min(MEMORY, age / RECENCY + START_S) + dt)
+    gain = dt / (min(MEAN_SQUARE_TIME_S, age / NEWEST_WEIGHT + START_TIME_S) + dt)
     return SlowAttitude(
         apart=apart,
         bias=bias,
@@ -185,14 +188,15 @@ def _squares(q: Quaternion) -> Vector:
 @inline
 def distance_variances(state: SlowAttitude) -> tuple[float, float]:
     """Return the variances of inclination (about each horizontal axis) and heading [rad²]."""
-    return MARGIN * state.inclination, MARGIN * state.heading
+    return VARIANCE_FACTOR * state.inclination, VARIANCE_FACTOR * state.heading
 
 
 @inline
-def heading_doubt(stamp: int, field_stamp: int, bias_variance: float) -> float:
-    """Return the variance of a heading [rad²] since the last field, −1 [ns]: there was none.
+def unobserved_heading_variance(stamp: int, field_stamp: int, bias_variance: float) -> float:
+    """Return the variance of the heading from the time without a magnetometer sample [rad²].
 
-    Without any field it may be anything; since the last one a bias [(rad/s)²] may have turned it.
+    `field_stamp` −1 [ns]: no sample yet, the heading may be anything; since the last sample a bias
+    of variance `bias_variance` [(rad/s)²] may have turned it.
     """
     if stamp == field_stamp:
         return 0.0

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Smoothed attitude of a whole recording: a filter forward and backward, weighted by covariance.
 
-Backward, time runs the other way: the rows are reversed and every rate has the opposite sign, so
-the bias has, too. Each row is then known from the samples before it and from those after it
-(two-filter smoother: Fraser, Potter, IEEE Trans. Automatic Control 14, 1969). The weights are
-those of the assumed noises, which both directions share. What is wrong with sensors and field is
-wrong both ways, so the two are not independent: the covariance, with the variance factors of each
-direction, is twice that of the weighted mean of independent estimates (as in covariance
-intersection with equal weights).
+Backward, the rows are reversed and every rate, and so the bias, has the opposite sign. Each row is
+then known from the samples before it and from those after it (two-filter smoother: Fraser, Potter,
+IEEE Trans. Automatic Control 14, 1969). The weights follow from the assumed noises, which both
+directions share. Errors of sensors and field affect both directions, so the two are not
+independent: the covariance, with the variance factors of each direction, is twice that of the
+weighted mean of independent estimates (as in covariance intersection with equal weights).
 """
 
 from __future__ import annotations
@@ -29,8 +28,8 @@ from orientation_filters.rotation.arrays import (
 )
 
 DEFAULTS = {'preset': 'robust', 'field_weight': 20.0, 'bias_random_walk': 6e-5}
-"""With all samples at hand neither a heading nor a bias need be found soon: errors of the field,
-which persist and both directions share, weigh more, and the bias walks less."""
+"""With all samples at hand heading and bias need not be found soon: errors of the field, which
+persist and affect both directions, weigh more, and the bias walks less."""
 Pair = tuple[FloatArray, FloatArray]
 """Of the filter forward and backward."""
 PACKED = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 INTERPOLATED_FIELDS = (*MEASURED_FIELDS, 'temperature')
 LARGEST_GAP_PERIODS = 3.0
-"""Periods between two samples across which nothing is interpolated."""
+"""Longest distance of two samples that is interpolated [sample periods]."""
 
 
 def upsample(recording: ImuRecording, rate_hz: float = 50.0) -> ImuRecording:

@@ -57,6 +57,6 @@ def test_saturated_air_holds_as_much_vapour_as_the_tables_say(
 def test_without_a_refrigerant_circuit_nothing_gets_colder_than_the_room() -> None:
     climate = Climate(cooling_available=0.0, eddy=0.0)
     state = initial_state(climate)
-    noise = np.zeros((3600, physics.NOISES))
+    noise = np.zeros((3600, physics.NOISE_VARIATES))
     physics.advance(state, climate, -10.0, True, noise)
     assert state[physics.AIR] >= climate.room_temperature - 0.1

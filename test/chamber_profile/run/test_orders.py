@@ -5,11 +5,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from chamber_profile.profile.values import Limits
+from chamber_profile.profile.values import ProfileLimits
 from chamber_profile.run.orders import ChamberOrders, Ramp, SetpointWriter, advanced
 from chamber_profile.run.values import Readings, Switch, WriteSetpoint
 
-LIMITS = Limits(air_min_c=-15.0, air_max_c=55.0, rate_max_c_per_min=3.0)
+LIMITS = ProfileLimits(air_min_c=-15.0, air_max_c=55.0, rate_max_c_per_min=3.0)
 RAMP = Ramp(50.0, 2.0)
 
 

@@ -39,7 +39,7 @@ def under_way(machine) -> bool:
 
 
 class Runs(RuleBasedStateMachine):
-    """A sequencer, a chamber that may or may not obey, and a world full of trouble."""
+    """A sequencer, a chamber that may or may not obey, and an environment full of faults."""
 
     @initialize(
         name=st.sampled_from(sorted(PROFILES)),
@@ -153,7 +153,7 @@ class Runs(RuleBasedStateMachine):
         heals=st.booleans(),
         killed=st.booleans(),
     )  # fmt: skip
-    def trouble(self, world, ticks, heals, killed) -> None:
+    def a_fault(self, world, ticks, heals, killed) -> None:
         self.world = world
         for _ in range(ticks):
             self.tick(1.0)

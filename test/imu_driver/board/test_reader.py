@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from bench import StillDevice
+from emulation import StillDevice
 from imu_driver.board.reader import DeviceReader
 from imu_driver.board.session import DeviceSession, SessionConfig
 from imu_driver.driver import TransportError, transport_opener

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from orientation_filters.ahrs.kalman_step import (
-    Correction,
+    ErrorEstimate,
     Innovation,
     Prior,
     measurement_update,
@@ -23,7 +23,7 @@ LIMIT = 100.0
 
 def corrected(
     *, force: bool = True, field: bool = True, disturbance: tuple[float, ...] = ZERO
-) -> Correction:
+) -> ErrorEstimate:
     """Return the correction of an attitude that is uncertain by 0.1 rad an axis."""
     seen = Innovation(
         gravity=G,

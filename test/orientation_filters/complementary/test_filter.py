@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from imu_recording.recording import FloatArray, ImuRecording
-from orientation_filters.complementary.adaptive import Correction, Unknowns, _turn
+from orientation_filters.complementary.adaptive import StepErrors, Unknowns, _turn
 from orientation_filters.complementary.filter import Params
 from orientation_filters.filters import filter_parameters, run_filter
 from orientation_filters.rest_detection import is_bias, start_rest, update_rest
@@ -135,7 +135,7 @@ def test_a_correction_is_that_of_the_joint_kalman_filter(axis: int) -> None:
     lag = tuple(tuple(row) for row in rng.normal(size=(3, 3)).tolist())
     unknowns = Unknowns(noise=(1e-4, 2e-4, 3e-4), lag=lag, bias=bias)
     unit = np.eye(6)[axis]
-    found = _turn(Correction(ZERO, ZERO, unknowns), tuple(unit[:3].tolist()), 0.02, 5e-4)
+    found = _turn(StepErrors(ZERO, ZERO, unknowns), tuple(unit[:3].tolist()), 0.02, 5e-4)
     prior = joint(unknowns)
     gain = prior @ unit / (unit @ prior @ unit + 5e-4)
     posterior = prior - np.outer(gain, unit @ prior)

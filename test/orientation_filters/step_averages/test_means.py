@@ -60,8 +60,8 @@ def test_a_push_to_the_east_is_measured_and_makes_the_vertical_uncertain() -> No
     means = steps(50, (1.0, 0.0, GRAVITY))
     assert means.force.acceleration == pytest.approx((1.0, 0.0, 0.0), abs=1e-3)
     assert means.force.variance > 5.0 * steps(50).force.variance
-    assert means.force.doubt == pytest.approx((1.0 / GRAVITY) ** 2, rel=0.05)
-    assert steps(50).force.doubt == 0.0
+    assert means.force.added_tilt_variance == pytest.approx((1.0 / GRAVITY) ** 2, rel=0.05)
+    assert steps(50).force.added_tilt_variance == 0.0
 
 
 @pytest.mark.parametrize('degrees', [-10.0, 5.0])

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from orientation_filters.step_averages.variance_factors import (
-    FIELD_TIME,
+    FIELD_TIME_S,
     no_error,
     no_factors,
     observe_angle,
@@ -70,8 +70,8 @@ def test_only_what_persists_widens_the_covariance() -> None:
     white, steady = no_error(), no_error()
     for _ in range(3000):
         noise = 0.02 * rng.normal(size=2)
-        white = observe_error(white, (noise[0], noise[1]), STEP, FIELD_TIME)
-        steady = observe_error(steady, (noise[0] + 0.03, noise[1]), STEP, FIELD_TIME)
+        white = observe_error(white, (noise[0], noise[1]), STEP, FIELD_TIME_S)
+        steady = observe_error(steady, (noise[0] + 0.03, noise[1]), STEP, FIELD_TIME_S)
     one = (1e-4, 0.0, 0.0, 1e-4, 0.0, 1e-4)
     nothing = no_factors()
     assert scaled(one, nothing) == one

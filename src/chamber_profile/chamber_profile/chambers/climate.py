@@ -23,7 +23,7 @@ PROBE_NOISE, PROBE_2_NOISE = 18, 19
 STATE_SIZE = 20
 """Indices into the state vector; temperatures [°C], vapour [kg/kg], frost [kg], times [s]."""
 
-NOISES = 4
+NOISE_VARIATES = 4
 """Number of standard normal variates one second of the chamber takes."""
 
 
@@ -174,7 +174,7 @@ def _moisten(state: FloatArray, climate: Climate, room_vapour: float) -> None:
 def advance(
     state: FloatArray, climate: Climate, setpoint: float, running: bool, noise: FloatArray
 ) -> FloatArray:
-    """Advance the state in place by one second per row of `noise` (k, NOISES).
+    """Advance the state in place by one second per row of `noise` (k, NOISE_VARIATES).
 
     Returns the state after each second (k, STATE_SIZE).
     """

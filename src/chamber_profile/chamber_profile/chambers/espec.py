@@ -45,7 +45,9 @@ class EspecChamber:
         if int(_number(fields[3])):
             alarms = tuple(self._ask('ALARM?').split(',')[1:]) or ('unknown',)
         running = fields[2].strip().split(' ')[0] in RUNNING
-        return ChamberReading(air, setpoint, running, alarms, humidity)
+        return ChamberReading(
+            air=air, setpoint=setpoint, running=running, alarms=alarms, humidity=humidity
+        )
 
     def set_limits(self, low_c: float, high_c: float) -> None:
         """Program both limits, with the present set-point moved inside them; read them back."""

@@ -7,6 +7,7 @@ import termios
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import serial
 from imu_recording.user_error import why_not_open
@@ -88,15 +89,7 @@ class Line:
 
     def ask_text(self, request: bytes, quiet_s: float = 0.2) -> bytes:
         """Send a request and return all that comes until nothing came for `quiet_s`."""
-        quiet_since, size = time.monotonic(), 0
-
-        def length(received: bytes) -> int:
-            nonlocal quiet_since, size
-            if len(received) != size:
-                quiet_since, size = time.monotonic(), len(received)
-            return size if size and time.monotonic() - quiet_since > quiet_s else 0
-
-        return self.ask(request, length)
+        return self.ask(request, _UntilQuiet(quiet_s))
 
     def _drain(self) -> None:
         """Discard late answers to earlier requests."""
@@ -106,18 +99,31 @@ class Line:
                 return
 
 
+class _UntilQuiet:
+    """Length function of answers that have ended once nothing came for `quiet_s`."""
+
+    def __init__(self, quiet_s: float) -> None:
+        self._quiet_s = quiet_s
+        self._since, self._size = time.monotonic(), 0
+
+    def __call__(self, received: bytes) -> int:
+        if len(received) != self._size:
+            self._since, self._size = time.monotonic(), len(received)
+        return self._size if time.monotonic() - self._since > self._quiet_s else 0
+
+
 def until(terminator: bytes) -> Callable[[bytes], int]:
     """Return the length function of answers that end with a terminator.
 
     >>> until(b'!')(b'ok!more'), until(b'!')(b'o')
     (3, 0)
     """
+    return partial(_length_until, terminator)
 
-    def length(received: bytes) -> int:
-        place = received.find(terminator)
-        return 0 if place < 0 else place + len(terminator)
 
-    return length
+def _length_until(terminator: bytes, received: bytes) -> int:
+    place = received.find(terminator)
+    return 0 if place < 0 else place + len(terminator)
 
 
 def shown_bytes(data: bytes) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the catalogue holds of each protocol: its driver, its options, its default baud rate."""
+"""Entry of the catalogue for one protocol: its driver, its options, its default baud rate."""
 
 from __future__ import annotations
 

@@ -52,14 +52,14 @@ class SimulatedChamber:
         self.running = False
         self._advance, self._sensed = self._entries()
         self.alarms: tuple[str, ...] = ()
-        self._noise = np.empty((0, physics.NOISES))
+        self._noise = np.empty((0, physics.NOISE_VARIATES))
         self._used = 0
         self._elapsed = 0.0
 
     def _entries(self) -> tuple[Callable[..., FloatArray], Callable[..., FloatArray]]:
         """Return the kernels as they are called every second: without a look at the types."""
         seen = (self.state[None], self.climate)
-        no_time = np.empty((0, physics.NOISES))
+        no_time = np.empty((0, physics.NOISE_VARIATES))
         moved = (self.state, self.climate, self.setpoint, self.running, no_time)
         physics.advance(*moved)
         physics.sensed(*seen)
@@ -76,7 +76,7 @@ class SimulatedChamber:
         states = [np.empty((0, physics.STATE_SIZE))]
         while steps > 0:
             if self._used == len(self._noise):
-                self._noise = self._rng.standard_normal((_NOISE_ROWS, physics.NOISES))
+                self._noise = self._rng.standard_normal((_NOISE_ROWS, physics.NOISE_VARIATES))
                 self._used = 0
             take = min(steps, len(self._noise) - self._used)
             noise = self._noise[self._used : self._used + take]

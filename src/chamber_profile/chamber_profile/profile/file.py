@@ -13,7 +13,7 @@ from imu_recording.user_error import did_you_mean
 
 from chamber_profile.profile.check import ProfileError, checked_content
 from chamber_profile.profile.unroll import signed_axis, unrolled_steps
-from chamber_profile.profile.values import Limits, OnAbort, Profile, Record
+from chamber_profile.profile.values import OnAbort, Profile, ProfileLimits, Record
 
 SHIPPED = Path(__file__).parent / 'shipped'
 """Folder of the profiles that ship."""
@@ -66,7 +66,7 @@ def _profile(content: Mapping[str, Any], text: str, source: str) -> Profile:
         record['topics'] = tuple(record['topics'])
     return Profile(
         name=content['name'],
-        limits=Limits(**_floats(Limits, content['limits'])),
+        limits=ProfileLimits(**_floats(ProfileLimits, content['limits'])),
         run_steps=unrolled_steps(content),
         on_abort=OnAbort(**_floats(OnAbort, content.get('on_abort', {}))),
         ambient_c=float(content.get('ambient_c', 20.0)),

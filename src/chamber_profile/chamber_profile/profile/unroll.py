@@ -63,8 +63,16 @@ def closed_steps(profile: Profile) -> tuple[Step, ...]:
     criterion = Stabilisation(
         band_c=REFERENCE_BAND_C, timeout_s=safe.timeout_s, on_timeout='continue'
     )
-    closing = Step('to_safe', 'final', safe.target_c, safe.rate_c_per_min, stabilise=criterion)
-    return (*steps, replace(closing, phase=phase, orientation=last.orientation))
+    closing = Step(
+        id='to_safe',
+        kind='final',
+        target_c=safe.target_c,
+        rate_c_per_min=safe.rate_c_per_min,
+        stabilise=criterion,
+        phase=phase,
+        orientation=last.orientation,
+    )
+    return (*steps, closing)
 
 
 def _unrolled_entries(content: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], int]]:

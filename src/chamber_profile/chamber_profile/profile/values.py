@@ -16,7 +16,7 @@ class Stabilisation:
     """Criterion of a stabilised temperature: the dwell begins when it is met."""
 
     source: str = 'air'
-    """Temperature that is judged: 'air', or 'device' = 'thermocouple' (on the device)."""
+    """Temperature it applies to: 'air', or 'device' = 'thermocouple' (on the device)."""
     band_c: float = 2.0
     """Largest distance from the set-point [K]."""
     hold_s: float = 0.0
@@ -30,7 +30,7 @@ class Stabilisation:
 
 
 @dataclass(frozen=True)
-class Limits:
+class ProfileLimits:
     """Temperatures and rate allowed; those of the air are programmed into the chamber too."""
 
     air_min_c: float
@@ -99,7 +99,7 @@ class Profile:
     """A thermal test profile; `unroll.campaign_steps` gives the steps of all orientations."""
 
     name: str
-    limits: Limits
+    limits: ProfileLimits
     run_steps: tuple[Step, ...]
     """Steps of the run of one orientation, cycles unrolled."""
     on_abort: OnAbort = OnAbort()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The link to a chamber: connects, reads and orders, retries, and declares itself lost."""
+"""The link to a chamber: connects, reads and orders, retries, and reports when it is lost."""
 
 from __future__ import annotations
 

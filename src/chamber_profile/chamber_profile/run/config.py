@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 from imu_recording.ros.parameter import NodeConfig, ParameterError, parameter
@@ -83,7 +84,7 @@ def open_run(
     *,
     simulated_time: bool,
 ) -> Run:
-    """Return the run of the parameters; raise ValueError where they make none."""
+    """Return the run that the parameters describe; raise ValueError where they describe none."""
     chamber = open_chamber(config.chamber)
     profile, progress, directory = _profile_and_progress(config)
     clocks = _clocks(config.time_scale, now, simulated_time=simulated_time)
@@ -91,7 +92,13 @@ def open_run(
     sequencer = Sequencer(profile, progress=progress, timeout_factor=max(config.time_scale, 1.0))
     conductor = Conductor(sequencer, link, directory, clocks, external)
     period = max(PERIOD_S / config.time_scale, MIN_PERIOD_S)
-    return Run(conductor, directory, period, config.start, progress is not None)
+    return Run(
+        conductor=conductor,
+        directory=directory,
+        period_s=period,
+        exits=config.start,
+        resumed=progress is not None,
+    )
 
 
 def _profile_and_progress(config: ChamberConfig) -> tuple[Profile, Progress | None, Path]:
@@ -125,8 +132,10 @@ def _check_same(asked: str, profile: Profile, directory: Path) -> None:
 
 
 def _clocks(time_scale: float, now: Callable[[], int], *, simulated_time: bool) -> Clocks:
-    def simulated() -> float:
-        return now() * 1e-9
+    """Return the clocks of a run; under simulated time ROS's clock is the host's, too."""
+    host = partial(_scaled, now, 1e-9) if simulated_time else time.monotonic
+    return Clocks(host=host, chamber=partial(_scaled, host, time_scale), stamp=now)
 
-    host = simulated if simulated_time else time.monotonic
-    return Clocks(host, lambda: host() * time_scale, now)
+
+def _scaled(clock: Callable[[], float], factor: float) -> float:
+    return clock() * factor

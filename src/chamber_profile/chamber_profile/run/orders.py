@@ -6,13 +6,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from chamber_profile.profile.values import Limits
+from chamber_profile.profile.values import ProfileLimits
 from chamber_profile.run.values import LINK_OK, Action, Readings, Switch, WriteSetpoint
 
 WRITE_PERIOD_S = 5.0
 """Least time between two set-point writes: register wear, load on the bus [s]."""
 JITTER_S = 0.02
-"""A tick may come this much early and still write [s]."""
+"""Time by which a tick may come early and still write the set-point [s]."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,9 @@ class ChamberOrders:
     _mismatch_since: float | None = None
 
     @classmethod
-    def within(cls, limits: Limits, resolution_c: float, timeout_factor: float) -> ChamberOrders:
+    def within(
+        cls, limits: ProfileLimits, resolution_c: float, timeout_factor: float
+    ) -> ChamberOrders:
         """Return orders that keep to the limits."""
         writer = SetpointWriter(resolution_c, limits.air_min_c, limits.air_max_c)
         return cls(writer, timeout_factor=timeout_factor)

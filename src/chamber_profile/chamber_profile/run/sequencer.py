@@ -44,11 +44,11 @@ from chamber_profile.run.values import (
 )
 
 SAFE_BAND_C = 2.0
-"""The chamber may be opened or switched off this close to the target [K]."""
+"""Largest distance from the target at which the chamber may be opened or switched off [K]."""
 CONDENSATION_MARGIN_C = 1.0
-"""Nothing condenses on devices at most this far below ambient [K]."""
+"""Largest distance below ambient at which nothing condenses on devices [K]."""
 MAX_TICK_S = 10.0
-"""A longer gap between two ticks counts as this: the programmed temperature never jumps [s]."""
+"""Longest gap between two ticks that counts: the programmed temperature never jumps [s]."""
 CHECK_TIMEOUT_S = 30.0
 """Time allowed for the checks before a start to pass [s]."""
 

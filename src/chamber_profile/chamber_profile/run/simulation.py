@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A whole run on a simulated chamber as columns, without waiting."""
+"""A whole run of a profile on a simulated chamber, faster than real time, as columns."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ RAMP_WINDOW_S = 300.0
 """Averaging time of ramp rates (IEC 60068-2-14 Nb: at most 5 min) [s]."""
 RAMP_TOLERANCE = 0.2
 """Largest relative deviation from the nominal ramp rate (IEC 60068-2-14 Nb)."""
-RAMP_MARGIN = 0.1
-"""Share of a ramp's span left out at either end."""
+RAMP_END_SHARE = 0.1
+"""Share of a ramp's span that its mean rate leaves out at either end."""
 
 
 class StabilisationMonitor:
@@ -73,7 +73,7 @@ class RampRateMonitor:
     def __init__(self, start_c: float, target_c: float, rate_c_per_min: float) -> None:
         span = target_c - start_c
         self.nominal = rate_c_per_min if span > 0 else -rate_c_per_min
-        edges = (start_c + RAMP_MARGIN * span, target_c - RAMP_MARGIN * span)
+        edges = (start_c + RAMP_END_SHARE * span, target_c - RAMP_END_SHARE * span)
         self._low, self._high = min(edges), max(edges)
         self._window = min(RAMP_WINDOW_S, 0.75 * abs(edges[1] - edges[0]) / rate_c_per_min * 60.0)
         self._history: deque[tuple[float, float]] = deque()

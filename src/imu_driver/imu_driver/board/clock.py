@@ -161,7 +161,14 @@ class DeviceClock:
             self._active, self._pending = self._pending, ConvexHull()
             self._pending.add(time, offset)
             self._switch_at = time + self.window
-        return Observation(tick, arrival, self._origin, self._elapsed, time, offset)
+        return Observation(
+            tick=tick,
+            arrival=arrival,
+            origin=self._origin,
+            elapsed=self._elapsed,
+            time=time,
+            offset=offset,
+        )
 
     def settle(self, observations: list[Observation]) -> list[int]:
         """Return the stamps [ns] of samples observed since the last call, in order.

@@ -21,7 +21,7 @@ ASK_AFTER_SILENCE: Final = 1.0
 REOPEN_AFTER_SILENCE: Final = 5.0
 """[s] A line on which nothing came for this long is closed and opened again."""
 SAMPLES_WORTH_WAITING: Final = 1.5
-"""Samples within `read_period` from which it pays to wait for them."""
+"""Samples within `read_period` from which reads are that far apart."""
 
 
 class DeviceReader:
@@ -39,7 +39,7 @@ class DeviceReader:
     ) -> None:
         self.session = session
         self.read_period = read_period
-        """[s] between two reads at the least, where more than one sample comes in that time."""
+        """[s] Shortest time between two reads where more than one sample arrives in it."""
         self.connected = False
         self.connections = 0
         self.connection_error = 'not opened yet'

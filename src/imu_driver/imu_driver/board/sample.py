@@ -63,12 +63,17 @@ class SampleScale:
         counts = frame.counts
         value = [counts[index] * factor for index, factor in self._terms]
         flags = frame.flags
+        magnetic_field = temperature = None
+        if flags & MAGNETOMETER_NEW:
+            magnetic_field = value[6], value[7], value[8]
+        if flags & TEMPERATURE_NEW:
+            temperature = temperature_from_counts(frame.temperature)
         return Sample(
-            stamp,
-            (value[0], value[1], value[2]),
-            (value[3], value[4], value[5]),
-            (value[6], value[7], value[8]) if flags & MAGNETOMETER_NEW else None,
-            temperature_from_counts(frame.temperature) if flags & TEMPERATURE_NEW else None,
+            stamp=stamp,
+            angular_velocity=(value[0], value[1], value[2]),
+            linear_acceleration=(value[3], value[4], value[5]),
+            magnetic_field=magnetic_field,
+            temperature=temperature,
         )
 
 

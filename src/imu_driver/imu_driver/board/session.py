@@ -72,7 +72,7 @@ class DeviceSession:
         self.sequence = SequenceCount()
         self.information: InformationFrame | None = None
         self.refusal = ''
-        """Why nothing is published although data may come; '' if nothing stands against it."""
+        """Why the device's data are not published; '' where they are."""
         self.events: list[str] = []
         """Messages for the operator, in order; the caller takes and clears them."""
         self.discarded = 0

@@ -48,7 +48,7 @@ class CountSource(Protocol):
     def sample(
         self, time: float, ambient: float
     ) -> tuple[Sequence[int], Sequence[int], Sequence[int], int]:
-        """Return the counts at `time` [s] with the surroundings at `ambient` [°C]."""
+        """Return the counts at `time` [s] and the ambient temperature `ambient` [°C]."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class BoardOptions:
     """Reading of the tick counter at time 0."""
     magnetometer_temperature_compensation: bool = False
     minimal: bool = False
-    """Sends data from power-on, neither sends information nor takes commands: a first sketch."""
+    """Sends data from power-on, no information, and takes no commands, as a minimal sketch."""
     version: int = 1
     """Protocol version in its information frames."""
 
@@ -176,7 +176,9 @@ class EmulatedBoard:
                 status, value = self._obey(frame, time)
                 if frame.number:
                     self._replies.append(
-                        AcknowledgementFrame(frame.command, frame.number, status, value)
+                        AcknowledgementFrame(
+                            command=frame.command, number=frame.number, status=status, value=value
+                        )
                     )
                 self._replies.append(self.information(time))
 
@@ -269,9 +271,14 @@ class EmulatedBoard:
         counts = (*map(int, gyroscope), *map(int, accelerometer), *self._magnetic)
         sample = self.samples
         self.samples += 1
-        return self._sent(
-            DataFrame(sample & 0xFFFF, self.tick(time), flags, self._temperature, counts), sample
+        frame = DataFrame(
+            sequence=sample & 0xFFFF,
+            tick=self.tick(time),
+            flags=flags,
+            temperature=self._temperature,
+            counts=counts,
         )
+        return self._sent(frame, sample)
 
     def _sent(self, frame: Frame, sample: int = -1) -> Sent:
         return Sent(encode(frame, self.options.protocol), sample)

@@ -31,13 +31,13 @@ from imu_driver.emulator.transport import DEFAULT_RATE, ambient_law, emulated_bo
 LOG_INTERVAL: Final = 1.0
 """[s] between writes of the log."""
 LONGEST_WAIT: Final = 0.02
-"""[s] between steps: so late may a scheduled fault be."""
+"""[s] Longest time between steps, and so the largest delay of a scheduled fault."""
 TRICKLE_WAIT: Final = 0.001
 """[s] between steps under the fault trickle."""
 EXCHANGE_TIME: Final = 0.2
-"""[s] the line is unplugged while one board takes another's place."""
+"""[s] for which the line is unplugged while the board is exchanged for another."""
 OTHER_SUFFIX: Final = '-OTHER'
-"""Of the serial number of the board that takes the place."""
+"""Suffix of the other board's serial number."""
 WRONG_RATE: Final = 0.7
 """Actual over nominal rate under wrong_rate."""
 
@@ -182,7 +182,7 @@ def arguments() -> argparse.ArgumentParser:
         '--temperature',
         default='20',
         metavar='CSV',
-        help='temperature of the surroundings over time, columns time_s,temperature_c '
+        help='ambient temperature over time, columns time_s,temperature_c '
         '(as "plan --csv" writes), or one number [°C]',
     )
     parser.add_argument('--rate', type=float, default=DEFAULT_RATE, metavar='HZ')

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """An emulated board inside the driver's process: simulated://dut1?temperature=20&seed=1.
 
-Options: `temperature` [°C] of the surroundings, the path of a CSV `time_s,temperature_c`, or
-`chamber`: the air that a chamber's node tells of;
-`orientation` (+x … -z, which axis points up); `seed`; `protocol` (binary, ascii); `time_scale`.
-Its bytes go through the same session as those of a real board.
+Options: `temperature`, ambient: a number [°C], the path of a CSV `time_s,temperature_c`, or
+`chamber`, the air that a chamber's node measures; `orientation` (+x … -z, which axis points up);
+`seed`; `protocol` (binary, ascii); `time_scale`. Its bytes go through the same session as those
+of a real board.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import csv
 import time
 from bisect import bisect_right
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
@@ -24,7 +25,7 @@ from imu_recording.user_error import UserError
 from imu_driver.board.lsm9ds1 import DEFAULT_FULL_SCALE
 from imu_driver.board.transport import url_options
 from imu_driver.emulator.board import BoardOptions, EmulatedBoard
-from imu_driver.emulator.surroundings import follows_chamber
+from imu_driver.emulator.chamber_air import follows_chamber
 
 TIMEOUT: Final = 0.05
 """[s] A read returns at the latest after this."""
@@ -59,7 +60,7 @@ class SimulatedTransport:
     ) -> SimulatedTransport:
         """Return the transport of an URL; raise UserError naming a wrong option or value.
 
-        `air`: around a board that follows a chamber [°C] as a function of time [s].
+        `air`: ambient temperature [°C] of a board in a chamber, as a function of time [s].
         """
         parts = urlsplit(url)
         options = OPTIONS | url_options(url, OPTIONS)
@@ -114,8 +115,8 @@ def emulated_board(
 ) -> EmulatedBoard:
     """Return a board that carries the simulated device `device` (dut1 …).
 
-    `ambient`: temperature of its surroundings [°C] as a function of time [s]; `time_scale`: how
-    much faster than the samples its surroundings and its temperatures run.
+    `ambient`: ambient temperature [°C] as a function of time [s]; `time_scale`: factor by which
+    ambient and board temperatures run faster than the samples.
     """
     from imu_driver.simulation.stream import SimulatedDevice
 
@@ -147,7 +148,7 @@ def ambient_law(text: str) -> Callable[[float], float]:
     try:
         constant = float(text)
     except ValueError:
-        return _interpolated(*_read(Path(text)))
+        return partial(_interpolated, *_read(Path(text)))
     return lambda _: constant
 
 
@@ -172,12 +173,9 @@ def _read(path: Path) -> tuple[list[float], list[float]]:
     return [time for time, _ in points], [temperature for _, temperature in points]
 
 
-def _interpolated(times: list[float], temperatures: list[float]) -> Callable[[float], float]:
-    def law(time: float) -> float:
-        after = bisect_right(times, time)
-        if after == 0 or after == len(times):
-            return temperatures[min(after, len(times) - 1)]
-        share = (time - times[after - 1]) / (times[after] - times[after - 1])
-        return temperatures[after - 1] + share * (temperatures[after] - temperatures[after - 1])
-
-    return law
+def _interpolated(times: list[float], temperatures: list[float], time: float) -> float:
+    after = bisect_right(times, time)
+    if after == 0 or after == len(times):
+        return temperatures[min(after, len(times) - 1)]
+    share = (time - times[after - 1]) / (times[after] - times[after - 1])
+    return temperatures[after - 1] + share * (temperatures[after] - temperatures[after - 1])

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -56,11 +57,7 @@ def draw_ageing(device: DeviceParameters, seed: int) -> Ageing:
     True
     """
     generator = np.random.default_rng((seed, 43))
-
-    def ratio(low: float, high: float) -> float:
-        size = log_uniform(generator, low, high)
-        return size if generator.uniform() < 0.5 else 1.0 / size
-
+    ratio = partial(_ratio, generator)
     return Ageing(
         slope_ratio={sensor: ratio(1.15, 1.6) for sensor in SENSOR_FIELDS},
         offset={
@@ -72,3 +69,9 @@ def draw_ageing(device: DeviceParameters, seed: int) -> Ageing:
         time_constant_ratio=ratio(1.2, 1.8),
         effect_ratio=ratio(1.2, 1.8),
     )
+
+
+def _ratio(generator: np.random.Generator, low: float, high: float) -> float:
+    """Return a ratio between the bounds, or as probably its inverse."""
+    size = log_uniform(generator, low, high)
+    return size if generator.uniform() < 0.5 else 1.0 / size

@@ -145,49 +145,49 @@ class _Table:
 
 _TABLES = {
     'dut1': _Table(
-        0,
-        (0.05, 0.00, -0.03),
-        (0.04, 0.06, -0.01),
-        (0.005, 0.009, 0.005),
-        (9.71, 0.04, -0.35),
-        (0.24, -0.14, 0.28),
-        (
+        up=0,
+        gyroscope_mean=(0.05, 0.00, -0.03),
+        gyroscope_spread=(0.04, 0.06, -0.01),
+        gyroscope_noise=(0.005, 0.009, 0.005),
+        accelerometer_mean=(9.71, 0.04, -0.35),
+        accelerometer_spread=(0.24, -0.14, 0.28),
+        magnetometer_mean=(
             (-43.67, -7.19, -13.00),
             (-79.51, 12.91, 141.76),
             (-60.63, -24.22, -108.10),
             (-58.98, -27.44, -119.01),
         ),
-        (-6.43, 4.97, -6.83),
+        magnetometer_spread=(-6.43, 4.97, -6.83),
     ),
     'dut2': _Table(
-        1,
-        (-0.02, -0.08, -0.01),
-        (-0.07, 0.09, 0.03),
-        (0.009, 0.009, 0.009),
-        (0.06, 9.79, 0.39),
-        (-0.11, 0.16, -0.18),
-        (
+        up=1,
+        gyroscope_mean=(-0.02, -0.08, -0.01),
+        gyroscope_spread=(-0.07, 0.09, 0.03),
+        gyroscope_noise=(0.009, 0.009, 0.009),
+        accelerometer_mean=(0.06, 9.79, 0.39),
+        accelerometer_spread=(-0.11, 0.16, -0.18),
+        magnetometer_mean=(
             (-31.61, -24.47, 13.46),
             (-27.29, 8.63, 83.52),
             (-36.41, -12.48, -7.28),
             (-26.52, 40.30, -23.71),
         ),
-        (11.15, -10.40, 4.94),
+        magnetometer_spread=(11.15, -10.40, 4.94),
     ),
     'dut3': _Table(
-        2,
-        (-0.01, -0.08, 0.05),
-        (0.06, -0.08, -0.04),
-        (0.005, 0.009, 0.005),
-        (-0.51, 0.18, 9.65),
-        (0.04, 0.14, -0.12),
-        (
+        up=2,
+        gyroscope_mean=(-0.01, -0.08, 0.05),
+        gyroscope_spread=(0.06, -0.08, -0.04),
+        gyroscope_noise=(0.005, 0.009, 0.005),
+        accelerometer_mean=(-0.51, 0.18, 9.65),
+        accelerometer_spread=(0.04, 0.14, -0.12),
+        magnetometer_mean=(
             (-0.44, 36.04, -5.99),
             (6.36, -34.77, 71.36),
             (1.78, -43.92, 21.18),
             (-21.51, -39.81, -11.65),
         ),
-        (10.92, 14.62, -6.98),
+        magnetometer_spread=(10.92, 14.62, -6.98),
     ),
 }
 
@@ -282,10 +282,10 @@ def draw_device(seed: int | tuple[int, ...]) -> DeviceParameters:
         for name, (bias, slope) in TYPICAL_SPREAD.items()
     }
     return DeviceParameters(
-        'drawn' + '_'.join(map(str, key)),
-        triad['accelerometer'],
-        triad['gyroscope'],
-        triad['magnetometer'],
+        name='drawn' + '_'.join(map(str, key)),
+        accelerometer=triad['accelerometer'],
+        gyroscope=triad['gyroscope'],
+        magnetometer=triad['magnetometer'],
         thermometer_offset=float(draw.normal(0.0, 0.8)),
         thermometer_gain=float(draw.normal(0.0, 0.003)),
         rate_error=float(draw.normal(0.0, 2e-3)),

@@ -27,7 +27,7 @@ MAGNETIC_FIELD = 46.5e-6 * np.array(
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """Surroundings of a device as columns (n,), equally spaced in time."""
+    """Environment of a device as columns (n,), equally spaced in time."""
 
     time: FloatArray
     """[s] since the start."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
@@ -50,7 +51,7 @@ HIDDEN_EFFECTS: dict[str, HiddenEffect] = {
         uncatalogued.room_rhythm,
     )
 }
-"""Name → effect. `random_name` draws by place: the order belongs to the seeds' meaning."""
+"""Name → effect. `random_name` draws by position: another order gives seeds other effects."""
 
 CLOCK = 'clock_temperature'
 UNLOGGED = {
@@ -64,10 +65,10 @@ UNLOGGED = {
     )
 }
 """Name → effect that is hidden together with the tracks that show its cause."""
-QUALITY = ('saturation', 'startup_transient', *FAULTS)
+DATA_FAULTS = ('saturation', 'startup_transient', *FAULTS)
 """Faults of the data."""
 NOTHING = 'nothing'
-HIDEABLE = (*HIDDEN_EFFECTS, CLOCK, *UNLOGGED, *QUALITY, NOTHING)
+HIDEABLE = (*HIDDEN_EFFECTS, CLOCK, *UNLOGGED, *DATA_FAULTS, NOTHING)
 """Everything that can be hidden, by name."""
 
 CLOCK_SLOPE = 20e-6
@@ -138,7 +139,7 @@ def random_name(seed: int) -> str:
         [name for name, effect in HIDDEN_EFFECTS.items() if effect.kind != 'unexplained'],
         [name for name, effect in HIDDEN_EFFECTS.items() if effect.kind == 'unexplained'],
         list(UNLOGGED),
-        list(QUALITY),
+        list(DATA_FAULTS),
         [CLOCK],
         [NOTHING],
     )
@@ -178,7 +179,12 @@ def _hide_clock(runs: Sequence[DeviceRun], magnitude: float, seed: int) -> Hidde
     sign = float(np.random.default_rng((seed, 23)).choice([-1.0, 1.0]))
     slope = sign * CLOCK_SLOPE * magnitude
     truth = Truth(
-        CLOCK, 'effect', 'all', magnitude, CLOCK, parameters={'relative_rate_per_kelvin': slope}
+        name=CLOCK,
+        kind='effect',
+        sensor='all',
+        magnitude=magnitude,
+        law=CLOCK,
+        parameters={'relative_rate_per_kelvin': slope},
     )
     return Hidden([replace(run, rate_slope=slope) for run in runs], truth)
 
@@ -192,30 +198,32 @@ def _unlogged(effect: HiddenEffect, hidden: Hidden) -> Hidden:
         kind='unlogged',
         depends_on=(effect.logged_as[0].removesuffix('_voltage'), 'chamber'),
     )
-    return Hidden(
-        hidden.runs,
-        truth,
-        lambda recordings: [replace(recording, **blank) for recording in recordings],
-    )
+    return Hidden(hidden.runs, truth, finish=partial(_replaced, blank))
+
+
+def _replaced(values: Mapping[str, Any], recordings: list[ImuRecording]) -> list[ImuRecording]:
+    """Return the recordings with fields replaced."""
+    return [replace(recording, **values) for recording in recordings]
 
 
 def _hide_fault(
     runs: Sequence[DeviceRun], name: str, magnitude: float, seed: int, sensor: str | None
 ) -> Hidden:
     if name == 'startup_transient':
-        truth = Truth(name, 'data_quality', 'all', magnitude, name)
-        return Hidden(list(runs), truth, startup_time=60.0 + 30.0 * magnitude)
-    if name == 'orientation_flip':
+        chosen = 'all'
+    elif name == 'orientation_flip':
         chosen = 'accelerometer'
     else:
         chosen = _chosen(tuple(SENSOR_FIELDS), sensor, seed)
-    truth = Truth(name, 'data_quality', chosen, magnitude, name)
+    truth = Truth(name=name, kind='data_quality', sensor=chosen, magnitude=magnitude, law=name)
+    if name == 'startup_transient':
+        return Hidden(list(runs), truth, startup_time=60.0 + 30.0 * magnitude)
     if name == 'saturation':
         return Hidden(saturate(runs, chosen, magnitude), truth)
-    fault = FAULTS[name]
+    return Hidden(list(runs), truth, finish=partial(_with_fault, truth, seed))
 
-    def finish(recordings: list[ImuRecording]) -> list[ImuRecording]:
-        generator = np.random.default_rng((seed, 37))
-        return fault(recordings, chosen, magnitude, generator)
 
-    return Hidden(list(runs), truth, finish)
+def _with_fault(truth: Truth, seed: int, recordings: list[ImuRecording]) -> list[ImuRecording]:
+    """Return the recordings with a fault of the data."""
+    generator = np.random.default_rng((seed, 37))
+    return FAULTS[truth.law](recordings, str(truth.sensor), truth.magnitude, generator)

@@ -14,11 +14,13 @@ from imu_recording.jit import njit
 from imu_recording.recording import FloatArray
 from numpy.typing import NDArray
 
-SHORTEST, LONGEST, PROCESSES = 10.0, 4.0e4, 8
-"""First and last correlation time [s], and number of processes."""
-RATIO = (LONGEST / SHORTEST) ** (1.0 / (PROCESSES - 1))
-CORRELATION_TIMES = SHORTEST * RATIO ** np.arange(PROCESSES)
-PROCESS_STD = np.sqrt(np.log(RATIO) / np.pi)
+SHORTEST_TIME_S, LONGEST_TIME_S = 10.0, 4.0e4
+"""First and last correlation time [s]."""
+PROCESSES = 8
+"""Number of processes."""
+TIME_RATIO = (LONGEST_TIME_S / SHORTEST_TIME_S) ** (1.0 / (PROCESSES - 1))
+CORRELATION_TIMES = SHORTEST_TIME_S * TIME_RATIO ** np.arange(PROCESSES)
+PROCESS_STD = np.sqrt(np.log(TIME_RATIO) / np.pi)
 """Standard deviation of each process for B = 1."""
 
 

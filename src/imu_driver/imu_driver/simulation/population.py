@@ -75,13 +75,13 @@ class CarriedEffect:
 
 @dataclass(frozen=True, eq=False)
 class FleetDevice:
-    """One device of the population, and what is odd about it."""
+    """One device of the population, its effects, and why it is an outlier where it is one."""
 
     parameters: DeviceParameters
     lot: str
     effects: tuple[CarriedEffect, ...]
     outlier: str = ''
-    """'' or what makes it one: `<sensor> <axis>` of a coefficient, or the name of an effect."""
+    """`<sensor> <axis>` of its outlying coefficient, or its rare effect; '': no outlier."""
 
     @property
     def slopes(self) -> FloatArray:
@@ -109,14 +109,14 @@ def _draw_lot(name: str, mean: FloatArray, spread: FloatArray, key: tuple[int, .
         size = np.sqrt(np.diag(shared))
         correlation[first : first + 3, first : first + 3] = shared / np.outer(size, size)
     return Lot(
-        name,
-        mean + LOT_SHARE * draw.normal(0.0, 1.0, 9) * spread,
-        correlation * np.outer(deviation, deviation),
-        tuple(
+        name=name,
+        mean=mean + LOT_SHARE * draw.normal(0.0, 1.0, 9) * spread,
+        covariance=correlation * np.outer(deviation, deviation),
+        effects=tuple(
             CommonEffect(
-                effect,
-                sensor,
-                magnitude,
+                name=effect,
+                sensor=sensor,
+                magnitude=magnitude,
                 prevalence=float(draw.choice([0.0, 0.3, 0.6, 0.85])),
                 seed=int(draw.integers(2**31)),
             )
@@ -139,10 +139,10 @@ def draw_fleet_device(lots: list[Lot], number: int, count: int, seed: int) -> Fl
     slopes = draw.multivariate_normal(lot.mean, lot.covariance, method='cholesky')
     effects = [
         CarriedEffect(
-            common.name,
-            common.sensor,
-            common.magnitude * float(np.exp(MAGNITUDE_SPREAD * size)),
-            common.seed,
+            name=common.name,
+            sensor=common.sensor,
+            magnitude=common.magnitude * float(np.exp(MAGNITUDE_SPREAD * size)),
+            seed=common.seed,
         )
         for common, chance, size in zip(
             lot.effects, draw.random(len(lot.effects)), draw.normal(size=len(lot.effects)),
@@ -162,10 +162,20 @@ def draw_fleet_device(lots: list[Lot], number: int, count: int, seed: int) -> Fl
     elif kind < 1.0:
         outlier, sensor = RARE_EFFECT
         effects.append(
-            CarriedEffect(outlier, sensor, OUTLIER_MAGNITUDE, int(draw.integers(2**31)))
+            CarriedEffect(
+                name=outlier,
+                sensor=sensor,
+                magnitude=OUTLIER_MAGNITUDE,
+                seed=int(draw.integers(2**31)),
+            )
         )
     name = f'{lot.name}{number + 1:05d}'
-    return FleetDevice(_with_slopes((seed, number), name, slopes), lot.name, (*effects,), outlier)
+    return FleetDevice(
+        parameters=_with_slopes((seed, number), name, slopes),
+        lot=lot.name,
+        effects=(*effects,),
+        outlier=outlier,
+    )
 
 
 def _with_slopes(key: tuple[int, ...], name: str, slopes: FloatArray) -> DeviceParameters:

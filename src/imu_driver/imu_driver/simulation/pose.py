@@ -136,7 +136,7 @@ def turns_with_rests(
     """Return equally long turns (axis, angle [rad]) with rests between them [s]."""
     return Motion(
         tuple(
-            Turn(start + k * (duration + rest), duration, axis, angle)
+            Turn(start=start + k * (duration + rest), duration=duration, axis=axis, angle=angle)
             for k, (axis, angle) in enumerate(rotations)
         )
     )

@@ -31,7 +31,13 @@ from imu_driver.simulation.noise import CORRELATION_TIMES, PROCESS_STD
 from imu_driver.simulation.pose import pose_matrix, rotation_vector_matrix
 from imu_driver.simulation.read_out import G_PATTERN
 from imu_driver.simulation.run import PLACEMENT_STD, bandgap_current, stress_strain
-from imu_driver.simulation.thermal import DIE, MAGNETOMETER, SUBSTEP, steady_nodes, step_nodes
+from imu_driver.simulation.thermal import (
+    DIE,
+    LONGEST_SUBSTEP_S,
+    MAGNETOMETER,
+    steady_nodes,
+    step_nodes,
+)
 
 _BLOCK = 512
 _CHANNELS = 9
@@ -176,7 +182,7 @@ def _advance(
 ) -> np.ndarray:
     """Advance heat and noise in place by `step` seconds and return the (10,) counts."""
     if step > 0.0:
-        substeps = int(np.ceil(step / SUBSTEP))
+        substeps = int(np.ceil(step / LONGEST_SUBSTEP_S))
         for _ in range(substeps):
             step_nodes(nodes, network, air, step / substeps)
         for p in range(_PROCESSES):

@@ -19,7 +19,7 @@ from imu_driver.simulation.devices import ThermalNetwork
 BOARD, PACKAGE, DIE, MAGNETOMETER = 0, 1, 2, 3
 NODES = 4
 """Places in the state vector [°C]."""
-SUBSTEP = 0.25
+LONGEST_SUBSTEP_S = 0.25
 """Longest step of the integration [s]."""
 
 
@@ -99,7 +99,7 @@ def node_temperatures(
     The device starts in equilibrium with the first air, powered, or cold from the shelf.
     """
     start = steady_nodes(network, float(air[0])) if powered_before else np.full(NODES, air[0])
-    substeps = max(1, int(np.ceil(period / SUBSTEP - 1e-9)))
+    substeps = max(1, int(np.ceil(period / LONGEST_SUBSTEP_S - 1e-9)))
     nodes: FloatArray = _integrate(
         network, np.ascontiguousarray(air, dtype=np.float64), period, substeps, start
     )

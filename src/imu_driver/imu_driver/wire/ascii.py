@@ -105,11 +105,11 @@ def _data(fields: list[bytes]) -> Frame:
     if len(counts) != 9 or len(flags) != 1:
         raise ValueError(fields)
     return DataFrame(
-        _unsigned(sequence, 16),
-        _unsigned(tick, 32),
-        int(flags, 16),
-        _number(temperature, -32768, 32767),
-        tuple(_number(count, -32768, 32767) for count in counts),
+        sequence=_unsigned(sequence, 16),
+        tick=_unsigned(tick, 32),
+        flags=int(flags, 16),
+        temperature=_number(temperature, -32768, 32767),
+        counts=tuple(_number(count, -32768, 32767) for count in counts),
     )
 
 
@@ -150,7 +150,10 @@ def _information(fields: list[bytes]) -> Frame:
 def _acknowledgement(fields: list[bytes]) -> Frame:
     command, number, status, value = fields
     return AcknowledgementFrame(
-        _unsigned(command, 8), _unsigned(number, 8), _unsigned(status, 8), _unsigned(value, 32)
+        command=_unsigned(command, 8),
+        number=_unsigned(number, 8),
+        status=_unsigned(status, 8),
+        value=_unsigned(value, 32),
     )
 
 

@@ -67,7 +67,13 @@ def decode(encoded: bytes) -> Frame:
     try:
         if kind == DATA:
             first, sequence, tick, temperature, *counts = _DATA.unpack(payload)
-            return DataFrame(sequence, tick, first & 0x0F, temperature, tuple(counts))
+            return DataFrame(
+                sequence=sequence,
+                tick=tick,
+                flags=first & 0x0F,
+                temperature=temperature,
+                counts=tuple(counts),
+            )
         if kind == INFORMATION:
             return _information(payload)
         if kind == ACKNOWLEDGEMENT:

@@ -42,11 +42,11 @@ class DecoderCounts:
 
     def __add__(self, other: DecoderCounts) -> DecoderCounts:
         return DecoderCounts(
-            self.bytes + other.bytes,
-            self.frames + other.frames,
-            self.cobs + other.cobs,
-            self.crc + other.crc,
-            self.format + other.format,
+            bytes=self.bytes + other.bytes,
+            frames=self.frames + other.frames,
+            cobs=self.cobs + other.cobs,
+            crc=self.crc + other.crc,
+            format=self.format + other.format,
         )
 
 

@@ -38,10 +38,10 @@ from imu_recording.synchronise import (
     without_jumps,
 )
 
-BREAKING = ('Cc', 'Zl', 'Zp')
+LINE_BREAKING_CATEGORIES = ('Cc', 'Zl', 'Zp')
 """Unicode categories of control characters, line and paragraph separators."""
 CLOCK_UNIT_SHARE = 0.05
-"""A factor of a thousand or a million is met so closely by no chance."""
+"""Largest relative distance from a factor of a thousand or a million that shows another unit."""
 
 
 def assemble_recording(
@@ -83,7 +83,7 @@ def assemble_recording(
 
 def _one_line(text: str) -> str:
     """Return a name without what would break, or write over, the line it is printed in."""
-    return ''.join(' ' if unicodedata.category(c) in BREAKING else c for c in text)
+    return ''.join(' ' if unicodedata.category(c) in LINE_BREAKING_CATEGORIES else c for c in text)
 
 
 def _refuse_other_clock_unit(ratio: float, source: str) -> None:

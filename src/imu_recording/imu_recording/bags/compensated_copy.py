@@ -83,9 +83,8 @@ def write_compensated_copy(
     custom = inside | bag.custom | {f'{space}/compensated'.strip('/'): recording.compensated}
     first, last = copy.stream.span
     counts = {topic: copy.counts[topic] for topic in copy.profiles}
-    write_metadata(
-        folder, [RecordedFile(name, first, last, counts)], copy.profiles, custom, sync=False
-    )
+    written = RecordedFile(name, first=first, last=last, counts=counts)
+    write_metadata(folder, [written], copy.profiles, custom, sync=False)
 
 
 def _copy_messages(bag: Bag, copy: _Copy) -> dict[str, str]:
@@ -107,7 +106,7 @@ def _copy_messages(bag: Bag, copy: _Copy) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class _Compensated:
-    """Where the rows of a recording go in the messages of one topic."""
+    """Replaces the numbers in the messages of one topic by the rows of a compensated recording."""
 
     topic: str
     recording: ImuRecording
@@ -160,7 +159,9 @@ class _Copy:
     ) -> None:
         """Let the messages of a topic be written a second time, with compensated numbers."""
         name = f'{self.place}/{contract_topic.rpartition("/")[2]}'
-        self._compensated[topic] = _Compensated(name, recording, columns, contract_topic)
+        self._compensated[topic] = _Compensated(
+            topic=name, recording=recording, columns=columns, contract_topic=contract_topic
+        )
 
     def declare(self, topic: str, message_type: str, definition: str, qos: list[Qos]) -> None:
         """Open the channel of a topic, and of its compensated one."""

@@ -19,12 +19,12 @@ from imu_recording.deep_yaml import refuse_deep_yaml
 from imu_recording.recording import BagError
 
 ROS1_MAGIC = b'#ROSBAG V2.0'
-IMPORTED = {'.csv', '.tsv', '.txt', '.ulg', '.bin', '.log'}
+IMPORT_SUFFIXES = {'.csv', '.tsv', '.txt', '.ulg', '.bin', '.log'}
 """Suffixes of tables and of logs of autopilots."""
 METADATA = 'metadata.yaml'
 SUFFIXES = ('.mcap', '.db3', '.bag')
 YAML_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-LOOKED_FOR = 'metadata.yaml, *.mcap, *.db3, *.bag'
+BAG_PATTERNS = 'metadata.yaml, *.mcap, *.db3, *.bag'
 
 
 def yaml_content(text: str) -> Any:
@@ -123,7 +123,7 @@ def _files_of_folder(folder: Path, information: dict[str, Any], bag: Bag) -> lis
         inner = sorted(sub.name for sub in folder.iterdir() if (sub / METADATA).is_file())
         if inner:
             raise BagError(f'{folder}: not a bag but a folder of bags; name one: {_few(inner)}')
-        raise BagError(f'{folder}: no bag in this folder (looked for {LOOKED_FOR})')
+        raise BagError(f'{folder}: no bag in this folder (looked for {BAG_PATTERNS})')
     return [file for file in named if file in present] + unlisted if named else present
 
 
@@ -149,7 +149,7 @@ def _identified(file: Path, *, per_message: bool) -> BagFile:
     ):
         if head.startswith(magic):
             return BagFile(file, storage, message_compressed=per_message and storage != 'ros1')
-    way = '; `import` it first' if file.suffix.lower() in IMPORTED else ''
+    way = '; `import` it first' if file.suffix.lower() in IMPORT_SUFFIXES else ''
     raise BagError(
         f'{file}: neither mcap nor sqlite3 nor a ROS 1 bag (its first bytes are wrong){way}'
     )

@@ -106,6 +106,6 @@ def write_messages(
                 file.write(stream.flush())
         file.write(stream.end())
     first, last = stream.span
-    written = RecordedFile(name, first, last, dict(counts))
+    written = RecordedFile(name, first=first, last=last, counts=dict(counts))
     topics = {topic: (kind, [profile]) for topic, kind in types.items()}
     write_metadata(folder, [written], topics, {}, sync=False)

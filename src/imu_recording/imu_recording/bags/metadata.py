@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 UNREADABLE = (
     yaml.YAMLError, LookupError, TypeError, AttributeError, ValueError, RecursionError,
 )  # fmt: skip
-"""What reading YAML raises that is damaged, or of another form than rosbag2 writes."""
+"""Errors of reading YAML that is damaged, or of another form than rosbag2 writes."""
 
 
 @dataclass(frozen=True)
@@ -40,29 +40,37 @@ def inspect_file(path: Path) -> tuple[RecordedFile, dict[str, tuple[str, list[Qo
     """Return what an mcap file holds, closed or not, and type and offered QoS by topic."""
     from imu_recording.bags.mcap.reader import McapScan  # only here: it brings compiled kernels
 
-    topics: dict[str, tuple[str, list[Qos]]] = {}
-    counts: list[int] = []
-    span: list[int] = []
-
-    def select(channel: Channel) -> int:
-        if channel.topic not in topics:
-            topics[channel.topic] = channel.message_type, qos_from_text(channel.qos)
-            counts.append(0)
-        return list(topics).index(channel.topic)
-
-    def deliver(block: MessageBlock) -> None:
-        for slot, more in enumerate(np.bincount(block.slot[: block.count]).tolist()):
-            counts[slot] += more
-        received = block.received[: block.count]
-        span.extend((int(received.min()), int(received.max())))
-
+    found = _Inventory()
     try:
         with path.open('rb') as stream:
-            McapScan(select, deliver).run(stream, str(path))
+            McapScan(found.select, found.deliver).run(stream, str(path))
     except BagError:
         return RecordedFile(path.name), {}  # died before its first bytes were written
-    first, last = (min(span), max(span)) if span else (0, 0)
-    return RecordedFile(path.name, first, last, dict(zip(topics, counts, strict=True))), topics
+    counts = dict(zip(found.topics, found.counts, strict=True))
+    first, last = min(found.times, default=0), max(found.times, default=0)
+    return RecordedFile(path.name, first=first, last=last, counts=counts), found.topics
+
+
+@dataclass
+class _Inventory:
+    """Topics of a scanned file, number and times of their messages."""
+
+    topics: dict[str, tuple[str, list[Qos]]] = field(default_factory=dict)
+    counts: list[int] = field(default_factory=list)
+    times: list[int] = field(default_factory=list)
+    """First and last time of receipt of every block [ns]."""
+
+    def select(self, channel: Channel) -> int:
+        if channel.topic not in self.topics:
+            self.topics[channel.topic] = channel.message_type, qos_from_text(channel.qos)
+            self.counts.append(0)
+        return list(self.topics).index(channel.topic)
+
+    def deliver(self, block: MessageBlock) -> None:
+        for slot, more in enumerate(np.bincount(block.slot[: block.count]).tolist()):
+            self.counts[slot] += more
+        received = block.received[: block.count]
+        self.times += (int(received.min()), int(received.max()))
 
 
 Qos = dict[str, Any]

@@ -8,11 +8,11 @@ import shutil
 import struct
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Protocol
 
-import numpy as np
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.rosbag1 import ReaderError
 from rosbags.serde import SerdeError
@@ -20,7 +20,12 @@ from rosbags.typesys import TypesysError
 
 from imu_recording.bags.compression import ZstdFile, decompress_message
 from imu_recording.bags.decoding.slow_decode import values_of
-from imu_recording.bags.decoding.topic_columns import Channel, MessageBlock, TopicColumns
+from imu_recording.bags.decoding.topic_columns import (
+    Channel,
+    MessageBlock,
+    TopicColumns,
+    block_of,
+)
 from imu_recording.bags.files import BagFile, yaml_content
 from imu_recording.bags.mcap.footer import checksum_faults
 from imu_recording.bags.mcap.reader import McapScan, read_summary
@@ -45,7 +50,7 @@ DAMAGED_ROS1 = (
     AttributeError,
     EOFError,
 )
-"""What rosbags raises on damaged ROS 1 bags."""
+"""Errors that rosbags raises on damaged ROS 1 bags."""
 Deliver = Callable[[MessageBlock], None]
 UNCLOSED = 'was not closed: read as far as it goes'
 
@@ -94,23 +99,7 @@ def scan_messages(
     file: BagFile, sinks: Mapping[str, MessageSink], metadata: dict[str, str], space: str
 ) -> list[str]:
     """Hand the messages of a ROS 2 file to the sink of their topic; return notes."""
-    names = list(sinks)
-
-    def deliver(block: MessageBlock) -> None:
-        for slot, sink in enumerate(sinks.values()):
-            sink.take(block, slot)
-
-    def select(channel: Channel) -> int:
-        if channel.topic not in sinks:
-            return -1
-        if channel.encoding not in ('cdr', ''):
-            raise BagError(
-                f'{file.path}: {channel.topic} is serialised as {channel.encoding!r}, '
-                'expected cdr (ROS 2)'
-            )
-        sinks[channel.topic].define(channel)
-        return names.index(channel.topic)
-
+    select, deliver = partial(_slot_of, file.path, sinks), partial(_distribute, sinks)
     if file.storage == 'sqlite3':
         with _plain(file) as path:
             slots = {key: select(channel) for key, channel in sqlite_channels(path).items()}
@@ -118,8 +107,10 @@ def scan_messages(
             problems = scan_sqlite(path, wanted, deliver, compressed=file.message_compressed)
             _metadata_inside(sqlite_metadata(path), {}, metadata, space)
         return [f'{file.path.name}: {problem}' for problem in problems]
-    through = _decompressing(deliver) if file.message_compressed else deliver
-    scan = McapScan(select, through)
+    if file.message_compressed:
+        scan = McapScan(select, partial(_decompress_and_deliver, deliver))
+    else:
+        scan = McapScan(select, deliver)
     _run(scan, file)
     text = scan.metadata.get('rosbag2', {}).get('serialized_metadata', '')
     _metadata_inside(text, scan.metadata.get('custom_data', {}), metadata, space)
@@ -145,18 +136,27 @@ def _metadata_inside(
             metadata.setdefault(key, value)
 
 
-def _decompressing(deliver: Deliver) -> Deliver:
-    """Return a `deliver` for messages that are compressed one by one."""
+def _slot_of(path: Path, sinks: Mapping[str, MessageSink], channel: Channel) -> int:
+    """Return the number of the topic's sink, which takes its definition; −1: it has none."""
+    if channel.topic not in sinks:
+        return -1
+    if channel.encoding not in ('cdr', ''):
+        raise BagError(
+            f'{path}: {channel.topic} is serialised as {channel.encoding!r}, expected cdr (ROS 2)'
+        )
+    sinks[channel.topic].define(channel)
+    return list(sinks).index(channel.topic)
 
-    def through(block: MessageBlock) -> None:
-        plain = [decompress_message(block.bytes_of(i)) for i in range(block.count)]
-        length = np.fromiter(map(len, plain), np.int64, len(plain))
-        offset = np.zeros(len(plain), np.int64)
-        np.cumsum(length[:-1], out=offset[1:])
-        buffer = np.frombuffer(b''.join(plain), np.uint8)
-        deliver(MessageBlock(buffer, offset, length, block.received, block.slot, block.count))
 
-    return through
+def _distribute(sinks: Mapping[str, MessageSink], block: MessageBlock) -> None:
+    for slot, sink in enumerate(sinks.values()):
+        sink.take(block, slot)
+
+
+def _decompress_and_deliver(deliver: Deliver, block: MessageBlock) -> None:
+    """Deliver a block whose messages are compressed one by one."""
+    plain = [decompress_message(block.bytes_of(i)) for i in range(block.count)]
+    deliver(block_of(plain, block.received, block.slot))
 
 
 def _run(scan: McapScan, file: BagFile) -> None:

@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 
 from imu_recording.bags.compression import decompress_message
-from imu_recording.bags.decoding.topic_columns import Channel, MessageBlock
+from imu_recording.bags.decoding.topic_columns import Channel, MessageBlock, block_of
 from imu_recording.bags.sqlite_pages import LARGEST_COLUMN_COUNT, MessagesTable, scan_pages
 from imu_recording.recording import BagError
 
 MAGIC = b'SQLite format 3\x00'
 ROWS_PER_BLOCK = 8192
 DAMAGE = (sqlite3.Error, UnicodeDecodeError, MemoryError)
-"""What sqlite3 raises on damaged files."""
+"""Errors that sqlite3 raises on damaged files."""
 LARGEST_TOPIC_ID = 1 << 20
 """A topic with a larger number is damage."""
 
@@ -50,11 +50,11 @@ def sqlite_channels(path: Path) -> dict[int, Channel]:
     definitions = {str(kind): str(text) for kind, text in found}
     return {
         key: Channel(
-            str(topic),
-            str(kind),
-            str(encoding),
-            definitions.get(str(kind), ''),
-            str(offered.get(key) or ''),
+            topic=str(topic),
+            message_type=str(kind),
+            encoding=str(encoding),
+            definition=definitions.get(str(kind), ''),
+            qos=str(offered.get(key) or ''),
         )
         for key, topic, kind, encoding in topics
         if isinstance(key, int) and 0 <= key < LARGEST_TOPIC_ID
@@ -98,13 +98,8 @@ def scan_sqlite(
             _, topics, times, data = zip(*rows, strict=True)
             if compressed:
                 data = tuple(decompress_message(message) for message in data)
-            length = np.fromiter(map(len, data), np.int64, len(data))
-            offset = np.zeros(len(data), np.int64)
-            np.cumsum(length[:-1], out=offset[1:])
-            buffer = np.frombuffer(b''.join(data), np.uint8)
-            slot = table[np.array(topics, np.int64)]
             received = np.array(times, np.int64)
-            deliver(MessageBlock(buffer, offset, length, received, slot, len(data)))
+            deliver(block_of(data, received, table[np.array(topics, np.int64)]))
     if damaged:
         problems.append(f'{damaged} damaged rows left out')
     return problems

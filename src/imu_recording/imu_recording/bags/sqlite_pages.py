@@ -24,7 +24,7 @@ INTERIOR, LEAF = 0x05, 0x0D
 PAGES_PER_READ = 512
 """Leaf pages decoded at a time."""
 LARGEST_SPREAD = 3
-"""Pages of a group are read one by one where they spread over more than this many groups."""
+"""Largest spread of a group's pages, in groups, that is read at once; wider ones page by page."""
 JOURNAL_SUFFIXES = ('-wal', '-journal')
 LARGEST_COLUMN_COUNT = 16
 PADDING_BYTES = 64
@@ -72,7 +72,15 @@ def scan_pages(
             )
             if count:
                 offset, length, received, slot = arrays
-                deliver(MessageBlock(buffer, offset, length, received, slot, count))
+                block = MessageBlock(
+                    buffer=buffer,
+                    offset=offset,
+                    length=length,
+                    received=received,
+                    slot=slot,
+                    count=count,
+                )
+                deliver(block)
             if not plain:
                 break
     except (NotPlainError, OSError):

@@ -57,9 +57,9 @@ RELIABLE = Qos(
     liveliness_lease_duration=_FOREVER,
     avoid_ros_namespace_conventions=False,
 )
-"""What the nodes offer."""
+"""QoS of the nodes' publishers."""
 LATCHED = RELIABLE._replace(depth=1, durability=QosDurability.TRANSIENT_LOCAL)
-"""What they offer for the phase: who comes later still gets it, also from a replay."""
+"""QoS of the phase: late subscribers still get it, also from a replay."""
 END_OF_STAMPS = (1 << 31) * 1_000_000_000
 """builtin_interfaces/Time counts seconds in 31 bits [ns]."""
 ROWS_PER_STRETCH = 1 << 14
@@ -263,7 +263,13 @@ def _encoded(track: Track, recording: ImuRecording, first: int, last: int) -> En
         size = records.shape[1]
         view = memoryview(records.tobytes())
         messages = [view[at : at + size] for at in range(0, len(view), size)]
-    return EncodedTrack(track.topic, track.message_type, rank, recording.stamp[rows], messages)
+    return EncodedTrack(
+        topic=track.topic,
+        message_type=track.message_type,
+        rank=rank,
+        stamp=recording.stamp[rows],
+        messages=messages,
+    )
 
 
 def _rows_to_send(

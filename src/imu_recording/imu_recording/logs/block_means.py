@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Means of so many samples of a stream that comes in pieces: what a long log is read as."""
+"""Means over blocks of samples of a stream that comes in pieces, for long logs."""
 
 from __future__ import annotations
 

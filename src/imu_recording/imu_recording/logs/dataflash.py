@@ -14,16 +14,17 @@ import re
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from imu_recording.logs.dataflash_stream import (
-    HEAD,
+    HEAD_BYTES,
     INSTANCE,
     TIME,
-    Layout,
+    MessageLayout,
     messages_at,
     stream_messages,
 )
@@ -45,27 +46,28 @@ BOARD_ID = re.compile(r'^(\S+) ([0-9A-F]{8}) ([0-9A-F]{8}) ([0-9A-F]{8})$')
 """The message that names board and serial number."""
 FIRMWARE = re.compile(r'^(Ardu|APM|Blimp|AntennaTracker)')
 REFERENCE_TEMPERATURE = 35.0
-"""Of INS_TCALn_… [°C]."""
-SCALE = 1e-6
+"""Reference temperature of the calibration INS_TCALn_… [°C]."""
+COEFFICIENT_SCALE = 1e-6
+"""SI units per unit of a coefficient INS_TCALn_…."""
 
 GYROSCOPE, ACCELEROMETER, MAGNETOMETER = (
     tuple(f'{name}{axis}' for axis in 'XYZ') for name in ('Gyr', 'Acc', 'Mag')
 )
-PADDING = 528
-"""Bytes at the end of a log that are no message: logs on flash chips end with a page."""
+PADDING_BYTES = 528
+"""Most bytes at the end of a log that are no message: logs on flash chips end with a page."""
 
 ROWS_AT_A_TIME = 100_000
-"""Messages that are gathered at a time: where their bytes stand takes eight times their size."""
+"""Messages that are gathered at a time: the places of their bytes take eight times their size."""
 
-WHOLE_BELOW = 200_000_000
-"""Bytes up to which a file is read as a whole: its samples fit into memory as they are …"""
-MOST_ROWS = 1_000_000
-"""… and rows that are kept of each kind of message of a longer one, all instances together."""
-BEGINNING = 1 << 24
-"""Bytes at the beginning of a log within which its messages are defined."""
-KEPT = frozenset({'PARM', 'MSG', 'GPS'})
-"""Messages of a long log that are read as they are …"""
-AVERAGED = {
+WHOLE_FILE_BYTES = 200_000_000
+"""Size up to which a file is read as a whole …"""
+MOST_KEPT_ROWS = 1_000_000
+"""… and most rows kept of each kind of message of a longer one, all instances together."""
+DEFINITIONS_BYTES = 1 << 24
+"""Size of a log's beginning that defines its messages."""
+UNAVERAGED_MESSAGES = frozenset({'PARM', 'MSG', 'GPS'})
+"""Messages of a long log that are read one by one …"""
+AVERAGED_MESSAGES = {
     f'{name}{number}': columns
     for name, columns in (
         ('IMU', (*GYROSCOPE, *ACCELEROMETER, 'T')),
@@ -74,7 +76,7 @@ AVERAGED = {
     )
     for number in ('', '2', '3')
 }
-"""… and those of which means are kept, with the columns that are read."""
+"""… and those that are averaged, with the columns that are read."""
 
 Columns = Mapping[str, Any]
 Tables = Callable[..., dict[str, Any]]
@@ -87,18 +89,18 @@ def is_dataflash(start: bytes) -> bool:
 
 
 def read_dataflash(
-    path: Path, *, whole_below: int = WHOLE_BELOW, most_rows: int = MOST_ROWS
+    path: Path, *, whole_below: int = WHOLE_FILE_BYTES, most_rows: int = MOST_KEPT_ROWS
 ) -> FlightLog:
     """Read a DataFlash log; raise LogError where it is damaged beyond use, or lacks IMUs.
 
-    A file of `whole_below` bytes and more is read piece by piece; messages of which there are more
-    than `most_rows` as means of as many as it takes.
+    A file of `whole_below` bytes and more is read piece by piece; messages of a kind with more
+    than `most_rows` are averaged to at most that many.
     """
     long = path.stat().st_size >= whole_below
     tables, lost, notes = _streamed(path, most_rows) if long else _held(path)
     parameters = _parameters(tables('PARM', 'Name', 'Value'))
     texts = [str(text) for text in tables('MSG', 'Message').get('Message', ())]
-    if lost > PADDING:
+    if lost > PADDING_BYTES:
         notes.append(f'the log is damaged: {lost} bytes that are no message are left out')
     imus = _imus(path, tables, parameters)
     known = with_temperature(
@@ -109,9 +111,15 @@ def read_dataflash(
     hardware = {'firmware': next((text for text in texts if FIRMWARE.match(text)), '')}
     if board:
         hardware['board'] = board.group(0)
-    name = f'ardupilot_{vehicle}'
-    zero = _power_on(tables)
-    return FlightLog(name, known, parameters, hardware, zero, str(path), tuple(notes))
+    return FlightLog(
+        vehicle=f'ardupilot_{vehicle}',
+        imus=known,
+        parameters=parameters,
+        hardware=hardware,
+        power_on=_power_on(tables),
+        path=str(path),
+        notes=tuple(notes),
+    )
 
 
 def _power_on(tables: Tables) -> int | None:
@@ -125,63 +133,72 @@ def _power_on(tables: Tables) -> int | None:
 def _held(path: Path) -> tuple[Tables, int, list[str]]:
     """Return the messages of a log that is read as a whole, bytes that are none, and notes."""
     reader = _opened(path)
+    return partial(_indexed_messages, path, reader), _bytes_outside_messages(reader), []
 
-    def messages(name: str, *needed: str) -> dict[str, Any]:
-        number = reader.name_to_id.get(name)
-        if number is None or not len(reader.offsets[number]):
-            return {}
-        layout = _layout(path, reader, name)
-        size = layout.content.itemsize
-        offsets = np.asarray(reader.offsets[number], np.int64) + HEAD
-        offsets = offsets[offsets + size <= reader.data_len]
-        data = np.frombuffer(reader.data_map, np.uint8)
-        rows = np.empty(len(offsets), layout.content)
-        for start in range(0, len(offsets), ROWS_AT_A_TIME):
-            some = slice(start, start + ROWS_AT_A_TIME)
-            rows[some] = messages_at(data, offsets[some], layout)
-        columns = _columns(rows, layout)
-        check_columns(path, name, columns, (TIME, *needed))
-        return columns
 
-    return messages, _bytes_outside_messages(reader), []
+def _indexed_messages(path: Path, reader: Any, name: str, *needed: str) -> dict[str, Any]:
+    """Return the columns of the messages of a name, from the places that the reader has found."""
+    number = reader.name_to_id.get(name)
+    if number is None or not len(reader.offsets[number]):
+        return {}
+    layout = _layout(path, reader, name)
+    size = layout.content.itemsize
+    offsets = np.asarray(reader.offsets[number], np.int64) + HEAD_BYTES
+    offsets = offsets[offsets + size <= reader.data_len]
+    data = np.frombuffer(reader.data_map, np.uint8)
+    rows = np.empty(len(offsets), layout.content)
+    for start in range(0, len(offsets), ROWS_AT_A_TIME):
+        some = slice(start, start + ROWS_AT_A_TIME)
+        rows[some] = messages_at(data, offsets[some], layout)
+    columns = _columns(rows, layout)
+    check_columns(path, name, columns, (TIME, *needed))
+    return columns
 
 
 def _streamed(path: Path, most_rows: int) -> tuple[Tables, int, list[str]]:
-    """Return the messages of a long log, of samples means; definitions stand at its beginning."""
+    """Return the messages of a long log, samples averaged; its beginning defines the messages."""
     with tempfile.NamedTemporaryFile(suffix=path.suffix) as beginning:
         with path.open('rb') as stream:
-            beginning.write(stream.read(BEGINNING))
+            beginning.write(stream.read(DEFINITIONS_BYTES))
         beginning.flush()
         reader = _opened(Path(beginning.name), path)
     lengths = np.zeros(256, np.int64)
     lengths[list(reader.formats)] = [form.len for form in reader.formats.values()]
     layouts = {
-        n: _layout(path, reader, n) for n in reader.name_to_id if n in KEPT | AVERAGED.keys()
+        n: _layout(path, reader, n)
+        for n in reader.name_to_id
+        if n in UNAVERAGED_MESSAGES | AVERAGED_MESSAGES.keys()
     }
     for name, layout in layouts.items():
-        if layout.content.itemsize + HEAD != lengths[layout.number]:
+        if layout.content.itemsize + HEAD_BYTES != lengths[layout.number]:
             raise LogError(f'{path}: the definition of {name} messages is damaged')
     found = stream_messages(
         path,
         lengths,
-        {name: layout for name, layout in layouts.items() if name in KEPT},
-        {n: (layout, AVERAGED[n]) for n, layout in layouts.items() if n in AVERAGED},
+        {name: layout for name, layout in layouts.items() if name in UNAVERAGED_MESSAGES},
+        {
+            n: (layout, AVERAGED_MESSAGES[n])
+            for n, layout in layouts.items()
+            if n in AVERAGED_MESSAGES
+        },
         most_rows,
     )
     notes = []
     if found.averaged > 1:
         notes.append(f'a long log: rows are means of {found.averaged} samples')
     tables = {name: _columns(rows, layouts[name]) for name, rows in found.messages.items()}
-    tables |= found.tables
+    return partial(_streamed_messages, path, tables | found.tables), found.lost, notes
 
-    def messages(name: str, *needed: str) -> dict[str, Any]:
-        columns = tables.get(name, {})
-        if not columns or not len(next(iter(columns.values()))):
-            return {}
-        check_columns(path, name, columns, (TIME, *needed))
-        return columns
 
-    return messages, found.lost, notes
+def _streamed_messages(
+    path: Path, tables: Mapping[str, dict[str, Any]], name: str, *needed: str
+) -> dict[str, Any]:
+    """Return the columns of the messages of a name, from tables that were read."""
+    columns = tables.get(name, {})
+    if not columns or not len(next(iter(columns.values()))):
+        return {}
+    check_columns(path, name, columns, (TIME, *needed))
+    return columns
 
 
 def _opened(path: Path, named: Path | None = None) -> Any:
@@ -231,7 +248,7 @@ def _bytes_outside_messages(reader: Any) -> int:
     return int(reader.data_len - read)
 
 
-def _layout(path: Path, reader: Any, name: str) -> Layout:
+def _layout(path: Path, reader: Any, name: str) -> MessageLayout:
     """Return how the messages of a name are laid out."""
     number = reader.name_to_id[name]
     form = reader.formats[number]
@@ -239,10 +256,10 @@ def _layout(path: Path, reader: Any, name: str) -> Layout:
     if len(items) != len(form.columns) or len(set(form.columns)) < len(form.columns):
         raise LogError(f'{path}: the definition of {name} messages is damaged')
     content = np.dtype(list(zip(form.columns, items, strict=True)))
-    return Layout(number, content, dict(zip(form.columns, form.msg_mults, strict=True)))
+    return MessageLayout(number, content, dict(zip(form.columns, form.msg_mults, strict=True)))
 
 
-def _columns(rows: Any, layout: Layout) -> dict[str, Any]:
+def _columns(rows: Any, layout: MessageLayout) -> dict[str, Any]:
     """Return the columns of messages, numbers in their units, texts as such."""
     columns = {}
     for column, factor in layout.factors.items():
@@ -384,6 +401,6 @@ def _calibration(
     )
     for k, axis in enumerate('XYZ'):
         for power in (1, 2, 3):
-            factor = SCALE * parameters.get(f'{prefix}_{kind}{power}_{axis}', 0.0)
+            factor = COEFFICIENT_SCALE * parameters.get(f'{prefix}_{kind}{power}_{axis}', 0.0)
             total[:, k] += factor * (x**power - x0**power)
     return total

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of a DataFlash log that is too long to be held: read piece by piece, samples averaged.
+"""Messages of a DataFlash log that is too long for memory: read in pieces, samples averaged.
 
 A message is two bytes of mark, its type and its content; the message FMT says how long those of a
 type are. Layout: ArduPilot, AP_Logger/LogStructure.h.
@@ -18,24 +18,24 @@ from imu_recording.jit import njit
 from imu_recording.logs.block_means import BlockMeans
 from imu_recording.recording import FloatArray, IntArray
 
-PIECE = 1 << 23
-"""Bytes that are read at a time."""
-HEAD = 3
-"""Bytes of a message before its content."""
+PIECE_BYTES = 1 << 23
+"""Size of the pieces that are read at a time."""
+HEAD_BYTES = 3
+"""Size of a message's head, before its content."""
 DEFINITION = 0x80
 """Type of the message that says how long others are."""
 TIME, INSTANCE = 'TimeUS', 'I'
 
 
 @dataclass(frozen=True)
-class Layout:
-    """The content of one kind of messages."""
+class MessageLayout:
+    """Layout of the content of one type of messages."""
 
     number: int
-    """Its type."""
+    """Number of the type."""
     content: np.dtype[Any]
     factors: Mapping[str, float | None]
-    """What a column is multiplied by."""
+    """Factors of the columns to their units."""
 
     def column(self, rows: Any, name: str) -> FloatArray:
         """Return a column of messages in its unit."""
@@ -46,7 +46,7 @@ class Layout:
 
 @dataclass
 class StreamedMessages:
-    """What was read."""
+    """Messages that were read, one by one and averaged."""
 
     messages: dict[str, Any] = field(default_factory=dict)
     """By name, as they stand in the log."""
@@ -61,8 +61,8 @@ class StreamedMessages:
 def stream_messages(
     path: Path,
     lengths: IntArray,
-    whole: Mapping[str, Layout],
-    averaged: Mapping[str, tuple[Layout, Sequence[str]]],
+    whole: Mapping[str, MessageLayout],
+    averaged: Mapping[str, tuple[MessageLayout, Sequence[str]]],
     rows: int,
 ) -> StreamedMessages:
     """Return the messages of `whole` as they are, and columns of `averaged` with at most `rows`.
@@ -96,7 +96,7 @@ def stream_messages(
     return found
 
 
-def messages_at(piece: Any, offsets: IntArray, layout: Layout) -> Any:
+def messages_at(piece: Any, offsets: IntArray, layout: MessageLayout) -> Any:
     """Return the messages whose contents stand at some bytes."""
     places = offsets[:, None] + np.arange(layout.content.itemsize)
     return piece[places].view(layout.content)[:, 0]
@@ -105,7 +105,7 @@ def messages_at(piece: Any, offsets: IntArray, layout: Layout) -> Any:
 def _average(
     means: dict[int, BlockMeans],
     messages: Any,
-    layout: Layout,
+    layout: MessageLayout,
     columns: Sequence[str],
     count: int,
 ) -> None:
@@ -138,12 +138,12 @@ def _pieces(
 ) -> Iterator[tuple[Any, IntArray, IntArray]]:
     """Yield bytes, offsets of contents in them and their kinds, piece after piece."""
     known = lengths.copy()
-    offsets = np.zeros(PIECE // HEAD, np.int64)
-    kinds = np.zeros(PIECE // HEAD, np.int64)
+    offsets = np.zeros(PIECE_BYTES // HEAD_BYTES, np.int64)
+    kinds = np.zeros(PIECE_BYTES // HEAD_BYTES, np.int64)
     with path.open('rb') as stream:
         rest = b''
         while True:
-            read = stream.read(PIECE - len(rest))
+            read = stream.read(PIECE_BYTES - len(rest))
             piece = np.frombuffer(rest + read, np.uint8)
             at, many, lost = scan_messages(piece, known, kind_of, offsets, kinds)
             found.lost += lost
@@ -164,19 +164,19 @@ def scan_messages(
     """
     at = many = lost = 0
     n = len(piece)
-    while at + HEAD <= n:
+    while at + HEAD_BYTES <= n:
         length = lengths[piece[at + 2]]
-        if piece[at] != 0xA3 or piece[at + 1] != 0x95 or length < HEAD:
+        if piece[at] != 0xA3 or piece[at + 1] != 0x95 or length < HEAD_BYTES:
             at += 1
             lost += 1
             continue
         if at + length > n:
             break
-        if piece[at + 2] == DEFINITION and lengths[piece[at + HEAD]] == 0:
-            lengths[piece[at + HEAD]] = piece[at + HEAD + 1]
+        if piece[at + 2] == DEFINITION and lengths[piece[at + HEAD_BYTES]] == 0:
+            lengths[piece[at + HEAD_BYTES]] = piece[at + HEAD_BYTES + 1]
         kind = kind_of[piece[at + 2]]
         if kind >= 0:
-            offsets[many] = at + HEAD
+            offsets[many] = at + HEAD_BYTES
             kinds[many] = kind
             many += 1
         at += length

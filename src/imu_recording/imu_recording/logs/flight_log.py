@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the log of an autopilot holds of its IMUs."""
+"""The IMUs in the log of an autopilot, whatever its format."""
 
 from __future__ import annotations
 

@@ -13,13 +13,13 @@ GPS_EPOCH_S = 315_964_800
 """1980-01-06 in Unix time."""
 WEEK_S = 604_800
 LEAP_S = 18
-"""What GPS time is ahead of UTC by, since 2017."""
+"""Seconds by which GPS time is ahead of UTC, since 2017."""
 POSITION_FIX = 3
 """Status of a receiver from which its time is right (three-dimensional fix)."""
 POSSIBLE_S = (1.2e9, 4.1e9)
-"""Dates that are believed: 2008 to 2099, Unix time."""
+"""Dates that are used: 2008 to 2099, Unix time."""
 SPREAD_S = 2.0
-"""Times of a receiver that scatter by more about those of the log are not believed."""
+"""Largest scatter of a receiver's times about those of the log; more is not used [s]."""
 
 
 def unix_of_gps(week: Any, milliseconds: Any) -> FloatArray:

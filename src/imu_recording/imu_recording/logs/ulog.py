@@ -46,10 +46,10 @@ WAY_OUT = (
     'log every sensor at full rate: SDLOG_PROFILE bit 2 (thermal calibration), SDLOG_MODE 2 (from '
     'power-on)'
 )
-WHOLE_BELOW = 200_000_000
-"""Bytes up to which a file is read as a whole: its samples fit into memory as they are …"""
-MOST_ROWS = 1_000_000
-"""… and rows that are kept of each topic of a longer one, all IMUs together."""
+WHOLE_FILE_BYTES = 200_000_000
+"""Size up to which a file is read as a whole …"""
+MOST_KEPT_ROWS = 1_000_000
+"""… and most rows kept of each topic of a longer one, all IMUs together."""
 HARDWARE = ('ver_hw', 'ver_hw_subtype', 'ver_sw', 'ver_sw_branch', 'sys_mcu', 'sys_uuid')
 """What a log says of board and firmware."""
 
@@ -60,12 +60,12 @@ def is_ulog(start: bytes) -> bool:
 
 
 def read_ulog(
-    path: Path, *, whole_below: int = WHOLE_BELOW, most_rows: int = MOST_ROWS
+    path: Path, *, whole_below: int = WHOLE_FILE_BYTES, most_rows: int = MOST_KEPT_ROWS
 ) -> FlightLog:
     """Read a ULog; raise LogError where it is damaged beyond use, or lacks what is needed.
 
     A file of `whole_below` bytes and more is read piece by piece; a topic with more than
-    `most_rows` samples in it as means of as many as it takes.
+    `most_rows` samples is averaged to at most that many.
     """
     long = path.stat().st_size >= whole_below
     log, said = _opened(path, header_only=long)
@@ -104,7 +104,7 @@ def _power_on(data: Mapping[Topic, Mapping[str, Any]]) -> int | None:
 
 
 def _held(path: Path, log: Any, said: str) -> tuple[dict[Topic, Mapping[str, Any]], list[str]]:
-    """Return the topics of a log that was read as a whole, and what is said of it."""
+    """Return the topics of a log that was read as a whole, and notes."""
     damaged = log.file_corruption or 'corruption' in said
     lost = sum(dropout.duration for dropout in log.dropouts)
     data = {(item.name, item.multi_id): item.data for item in log.data_list}
@@ -115,7 +115,7 @@ def _held(path: Path, log: Any, said: str) -> tuple[dict[Topic, Mapping[str, Any
 def _streamed(
     path: Path, log: Any, most_rows: int
 ) -> tuple[dict[Topic, Mapping[str, Any]], list[str]]:
-    """Return the topics of a long log as means, and what is said of it."""
+    """Return the topics of a long log, averaged, and notes."""
     further = ('temperature', 'pressure', 'device_id')
     columns = {name: (*COLUMNS[name], *further) for name in TOPICS}
     columns |= {name: (*needed, 'fix_type') for name, needed in CLOCKS.items()}
@@ -157,7 +157,7 @@ def _opened(path: Path, *, header_only: bool) -> tuple[Any, str]:
         raise LogError(f'{path}: ULog of version {version}; versions 0 and 1 are read')
 
     class Parser(ULog):  # type: ignore[misc]
-        """pyulog, which steps back for ever from a damaged definition longer than its file."""
+        """pyulog, ended where a definition longer than its file would make it loop for ever."""
 
         _furthest: int | None = None
 

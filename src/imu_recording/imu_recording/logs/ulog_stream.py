@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Topics of a ULog that is too long to be held: read piece by piece, samples averaged.
+"""Topics of a ULog that is too long for memory: read in pieces, samples averaged.
 
 Layout of messages: PX4 documentation, ULog file format (header of size and type; A: subscription,
 D: data, O: dropout, S: synchronisation).
@@ -19,10 +19,10 @@ from imu_recording.jit import njit
 from imu_recording.logs.block_means import BlockMeans
 from imu_recording.recording import IntArray
 
-PIECE = 1 << 23
-"""Bytes that are read at a time."""
-FIRST_MESSAGE = 16
-"""Magic, version and time stand before it."""
+PIECE_BYTES = 1 << 23
+"""Size of the pieces that are read at a time."""
+FIRST_MESSAGE_BYTE = 16
+"""Place of the first message, after magic, version and time."""
 SYNC = bytes.fromhex('2f731320250cbb12')
 """Eight bytes that stand at the end of every synchronisation message."""
 TYPES = {
@@ -31,15 +31,16 @@ TYPES = {
     'bool': 'u1', 'char': 'u1',
 }  # fmt: skip
 DATA, SUBSCRIPTION, DROPOUT = ord('D'), ord('A'), ord('O')
-KNOWN = np.zeros(256, np.bool_)
-KNOWN[[ord(kind) for kind in 'BFIMPQALRDCSO']] = True
+KNOWN_KINDS = np.zeros(256, np.bool_)
+KNOWN_KINDS[[ord(kind) for kind in 'BFIMPQALRDCSO']] = True
+"""(256,) whether a message of this kind exists."""
 
 Topic = tuple[str, int]
 
 
 @dataclass
 class StreamedTopics:
-    """What was read."""
+    """Topics that were read, averaged, and damage that was met."""
 
     columns: dict[Topic, dict[str, Any]] = field(default_factory=dict)
     """Per topic and instance: columns by name; times in µs as integers."""
@@ -117,16 +118,16 @@ def _pieces(
     """Yield topic, bytes, and offsets of its data in them, piece after piece."""
     kind_of = np.full(1 << 16, -1, np.int64)
     topics: list[Topic] = []
-    offsets, kinds = np.zeros(PIECE // 4, np.int64), np.zeros(PIECE // 4, np.int64)
+    offsets, kinds = np.zeros(PIECE_BYTES // 4, np.int64), np.zeros(PIECE_BYTES // 4, np.int64)
     with path.open('rb') as stream:
-        stream.seek(FIRST_MESSAGE)
+        stream.seek(FIRST_MESSAGE_BYTE)
         rest = b''
         while True:
-            read = stream.read(PIECE)
+            read = stream.read(PIECE_BYTES)
             piece = np.frombuffer(rest + read, np.uint8)
             at = 0
             while True:
-                at, many, stopped = scan_messages(piece, at, kind_of, KNOWN, offsets, kinds)
+                at, many, stopped = scan_messages(piece, at, kind_of, KNOWN_KINDS, offsets, kinds)
                 for kind in np.unique(kinds[:many]).tolist():
                     yield topics[kind], piece, offsets[:many][kinds[:many] == kind]
                 if stopped == SUBSCRIPTION:

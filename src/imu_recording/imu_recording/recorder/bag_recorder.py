@@ -214,7 +214,7 @@ class BagRecorder:
 def _recorded(open_file: _OpenFile) -> RecordedFile:
     first, last = open_file.stream.span
     counts = dict(zip(open_file.channels, open_file.stream.counts, strict=True))
-    return RecordedFile(open_file.path.name, first, last, counts)
+    return RecordedFile(open_file.path.name, first=first, last=last, counts=counts)
 
 
 def _number(path: Path) -> int:

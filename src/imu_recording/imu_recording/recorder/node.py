@@ -98,7 +98,7 @@ class RecorderNode(ConfiguredNode):
         return *recorder_health(self.failure, self.unknown, free, waiting), values
 
     def _never_heard(self) -> str:
-        """Return what is asked for by name and was not there, or why nothing was recorded yet."""
+        """Return which topics asked for by name are missing, or why nothing was recorded yet."""
         if self._capture or not self._input_timeout.is_overdue or not self.recorder.plan.folder:
             return ''
         heard = [topic for topic in sorted(self.inputs) if is_measured(topic)]
@@ -119,7 +119,7 @@ class RecorderNode(ConfiguredNode):
     # Recording --------------------------------------------------------------------------------
 
     def on_run(self, message: String) -> None:
-        """Go on with the bag of the run that the chamber says is under way."""
+        """Go on with the bag of the run that the chamber announces."""
         try:
             announcement = parse_announcement(message.data)
             self.attempt(self.recorder.follow, announcement, self.now())
@@ -214,24 +214,23 @@ class RecorderNode(ConfiguredNode):
             return
         qos, offered = matching_qos(offers, self.config.qos_depth)
 
-        count = self.losses.gaps_of(topic).add if message_type == IMU else None
-
-        def on_bytes(data: bytes) -> None:
-            if count:
-                count(stamp_from_bytes(data))
-            self.write_waiting()
-            self.attempt(self.recorder.record, topic, message_type, data, self.now(), offered)
-
+        on_bytes = partial(self.on_bytes, topic, message_type, offered)
         self.input(message_class, topic, on_bytes, qos=qos, raw=True)
+
+    def on_bytes(self, topic: str, message_type: str, offered: list[Qos], data: bytes) -> None:
+        """Record a serialised message; of an Imu, count the samples missing before it."""
+        if message_type == IMU:
+            self.losses.gaps_of(topic).add(stamp_from_bytes(data))
+        self.write_waiting()
+        self.attempt(self.recorder.record, topic, message_type, data, self.now(), offered)
 
     def take_within(self, topic: str, message_type: str) -> bool:
         """Take the messages of a node of this process; return whether there is one."""
         offered = [qos_profile(reliable=True, latched=False, depth=self.config.qos_depth)]
+        return self.serialised_input(topic, partial(self._queue, topic, message_type, offered))
 
-        def on_bytes(data: bytes) -> None:
-            self._waiting.append((topic, message_type, data, self.now(), offered))
-
-        return self.serialised_input(topic, on_bytes)
+    def _queue(self, topic: str, message_type: str, offered: list[Qos], data: bytes) -> None:
+        self._waiting.append((topic, message_type, data, self.now(), offered))
 
     def write_waiting(self) -> None:
         """Record what nodes of this process have sent: their threads never wait for the disk."""
@@ -252,13 +251,13 @@ class RecorderNode(ConfiguredNode):
 
 
 def is_measured(topic: str) -> bool:
-    """Tell whether a topic can carry measurements: not what every node says of itself."""
-    said = (RUN_TOPIC, DIAGNOSTICS, *INTERNAL)
-    return topic not in said and not topic.endswith('/transition_event')
+    """Tell whether a topic can carry measurements: those about nodes and runs do not."""
+    about_nodes = (RUN_TOPIC, DIAGNOSTICS, *INTERNAL)
+    return topic not in about_nodes and not topic.endswith('/transition_event')
 
 
 def matching_qos(offers: Sequence[Any], depth: int) -> tuple[Any, list[Qos]]:
-    """Return what to ask for, as strict as every publisher offers, and its entry in the bag."""
+    """Return the strictest QoS that every publisher offers, and its entry in the bag."""
     reliable = all(o.reliability == ReliabilityPolicy.RELIABLE for o in offers)
     latched = bool(offers) and all(
         o.durability == DurabilityPolicy.TRANSIENT_LOCAL for o in offers

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is recorded where: the recorder's parameters and the run a chamber announces, combined.
+"""Plan of a recording: the recorder's parameters combined with the run a chamber announces.
 
 Each run of a profile with several orientations gets a bag of its own, named after the axis that
 points up; nothing is recorded while the devices are turned.
@@ -46,7 +46,7 @@ SPLITS = {'phase': 'phase', 'size': '500 MB', 'none': 'none'}
 
 @dataclass(frozen=True)
 class RecordingPlan:
-    """Where and what to record now."""
+    """Folder, topics and files of the recording now."""
 
     folder: Path | None
     """None: nothing, until the next run begins."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a chamber announces on chamber/run: the run under way, as JSON."""
+"""A chamber's announcement of the run under way, JSON on chamber/run."""
 
 from __future__ import annotations
 

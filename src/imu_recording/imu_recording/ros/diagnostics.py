@@ -14,11 +14,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from imu_recording.ros.messages import fill_stamp
 
 INPUT_TIMEOUT_S = 10.0
-"""A topic without a message for so long has ended or broken [s]."""
+"""Time without a message from which an input has ended or broken [s]."""
 FIRST_INPUT_S = 5.0
-"""A node that has heard nothing for so long after its activation says so [s]."""
+"""Time after activation from which a node reports that it has received nothing [s]."""
 LOG_REPEAT_S = 60.0
-"""A status that comes and goes is logged once in so long [s]."""
+"""Shortest time between two log entries of a status that comes and goes [s]."""
 
 NO_HARDWARE = 'none'
 """hardware_id of a task that no hardware is known of, as diagnostic_updater has it."""

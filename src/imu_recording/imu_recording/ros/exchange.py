@@ -20,18 +20,22 @@ COUNT_PERIOD_S = 0.1
 
 @dataclass
 class LocalTopic:
-    """Who in this process listens to a topic."""
+    """Callbacks of this process on a topic, and its outputs here."""
 
     samples: tuple[Take, ...] = ()
-    """Those that take samples."""
+    """Callbacks that take samples."""
     serialised: tuple[Take, ...] = ()
-    """Those that take serialised messages."""
+    """Callbacks that take serialised messages."""
     offered: int = 0
-    """How many outputs of this process the topic has."""
+    """Number of the topic's outputs in this process."""
+
+    def withdraw(self) -> None:
+        """Take note that one of its outputs has ended."""
+        self.offered -= 1
 
     def listen(self, take: Take, *, serialised: bool) -> Callable[[], None]:
         """Hand what is sent to `take` from now on; return the call that ends it."""
-        name = 'serialised' if serialised else 'samples'  # replaced, as a sender may be at it
+        name = 'serialised' if serialised else 'samples'  # a new tuple: a sender may iterate
         setattr(self, name, (*getattr(self, name), take))
         return lambda: setattr(self, name, tuple(t for t in getattr(self, name) if t != take))
 
@@ -39,8 +43,8 @@ class LocalTopic:
 class Outbox:
     """Serialised messages on their way out: at once, or within `with` all together at its end.
 
-    The stages of a chain then work undisturbed, and so does the middleware: code that takes turns
-    with the other's finds its data gone from the processor's cache.
+    Sent together, the data of the chain's stages and of the middleware stay in the processor's
+    cache in turn; alternating, each would evict the other's.
     """
 
     def __init__(self) -> None:
@@ -72,7 +76,7 @@ class Outbox:
 class Exchange:
     """The topics of nodes that share a process, by full name.
 
-    Whoever listens to a topic that a node of the process offers is called with its samples,
+    A node that listens to a topic which a node of the process offers is called with its samples,
     in the thread and at the moment of sending; no message is made for it.
     """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all nodes of this workspace share: parameters, lifecycle, diagnostics, shutdown.
+"""Base class of all nodes of this workspace: parameters, lifecycle, diagnostics, shutdown.
 
 A node subclasses `ConfiguredNode`, names its frozen config dataclass and writes `setup`; it then
 configures and activates itself under plain `ros2 run` (parameter `autostart`). Replay and tests
@@ -34,18 +34,18 @@ class ConfiguredNode(TopicNode):
     event_driven: ClassVar[bool] = False
     """Whether `run_node` uses the events executor: half the cost per message at high rates."""
     task: ClassVar[str] = 'node'
-    """What `diagnostics` is about: the second half of its name on /diagnostics."""
+    """Task that `diagnostics` is about: the second half of its name on /diagnostics."""
     hardware: ClassVar[str] = NO_HARDWARE
     """hardware_id where no task's values have a `device`."""
     logs_status: ClassVar[bool] = False
-    """Whether what `diagnostics` says is logged too where it changes."""
+    """Whether the status of `diagnostics` is logged, too, where it changes."""
 
     def __init__(self, name: str, **options: Any) -> None:
         self.hosted: list[ConfiguredNode] = []
         """Nodes that `run_node` runs beside this one, in the same executor."""
         self.refused = ''
         self._status_logs: dict[str, StatusLog] = {}
-        """Of the first task, and of each that ever was not in order."""
+        """By task: the first one, and each that has had a warning or an error."""
         super().__init__(name, **options)
         self._diagnostics_publisher = self._publisher(
             DiagnosticArray, DIAGNOSTICS, QoSProfile(depth=10), managed=False

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a node did not get: messages the middleware dropped, and samples missing between stamps."""
+"""Losses of a node: messages the middleware dropped, and samples missing between stamps."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from typing import Any
 
 from imu_recording.ros.diagnostics import Status
 
-LEARNED_FROM = 20
-"""Steps of the stamps from which their interval is known; so many longer ones are a new rate."""
+LEAST_STEPS = 20
+"""Number of steps that tell the interval of the stamps; as many longer ones are a new rate."""
 LONGEST_GAP_NS = 10_000_000_000
-"""A longer step is a pause of the source, not a loss [ns]."""
-TOLERANCE = 1.5
-"""A step of more than so many intervals has lost samples."""
+"""Longest step that is a loss; a longer one is a pause of the source [ns]."""
+LONG_STEP_RATIO = 1.5
+"""Ratio of a step to the interval from which samples are missing."""
 REMEMBERED_CALLS = 10
-"""Losses are a warning for so many calls, one a second."""
+"""Number of calls, one a second, for which a loss is a warning."""
 
 
 class StampGaps:
     """Counts the samples missing in a series of stamps against their nominal interval.
 
-    Stamps that are not regular, of a driver that stamps what arrives together, have none.
+    Irregular stamps, of a driver that stamps samples on arrival, have none.
 
     >>> gaps = StampGaps()
     >>> for stamp in [*range(0, 300, 10), 330, 340]:
@@ -46,7 +46,7 @@ class StampGaps:
         step, self._last = stamp - self._last if self._last >= 0 else 0, stamp
         if not 0 < step < LONGEST_GAP_NS:
             return
-        if self._interval and step <= TOLERANCE * self._interval:
+        if self._interval and step <= LONG_STEP_RATIO * self._interval:
             if self._steps:
                 self._steps, self._longer = [], 0
             return
@@ -55,7 +55,7 @@ class StampGaps:
             lost = round(step / self._interval) - 1
             self.missing += lost
             self._longer += lost
-        if len(self._steps) >= LEARNED_FROM:  # known now, or another rate: nothing was missing
+        if len(self._steps) >= LEAST_STEPS:  # known now, or another rate: nothing was missing
             self._interval = _regular_interval(self._steps)
             self.missing -= self._longer
             self._steps, self._longer = [], 0
@@ -64,7 +64,7 @@ class StampGaps:
 def _regular_interval(steps: list[int]) -> float:
     """Return the median step; 0 where more than a tenth of the steps are far from it."""
     middle = median(steps)
-    far = sum(not middle / TOLERANCE <= step <= TOLERANCE * middle for step in steps)
+    far = sum(not middle / LONG_STEP_RATIO <= step <= LONG_STEP_RATIO * middle for step in steps)
     return middle if 10 * far <= len(steps) else 0.0
 
 

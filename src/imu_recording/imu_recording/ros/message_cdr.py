@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Message objects as CDR bytes whose padding is zero, and as flat columns of numbers.
 
-The middleware leaves padding uninitialised; bytes that are to be equal when the messages are
-equal have to be written here.
+The middleware leaves padding uninitialised: only bytes written here are equal for equal messages.
 """
 
 from __future__ import annotations

@@ -84,7 +84,8 @@ MIDDLEWARE_PROFILES = (
     'FASTRTPS_DEFAULT_PROFILES_FILE',
     str(Path(__file__).with_name('fastdds.xml')),
 )
-"""What Fast DDS reads where the user sets nothing; other middleware does not look at it."""
+"""Environment variable and file of Fast DDS, set unless the user has; no other middleware reads
+it."""
 
 Spin = Callable[[Any, Callable[[], None], Interrupts], int]
 """Runs a node until it is to end, calling the second argument over and over; the exit code."""
@@ -159,7 +160,7 @@ def _reason(error: Exception) -> str:
 
 
 def _executor(node: ConfiguredNode) -> Callable[[], None]:
-    """Return a call that runs what is next; `spin_once`, as EventsExecutor.spin may hang."""
+    """Return a function that runs what is due; `spin_once`, as EventsExecutor.spin may hang."""
     executor: Any
     if node.event_driven:
         from rclpy.experimental.events_executor import EventsExecutor

@@ -65,15 +65,17 @@ def imu_from_bytes(data: bytes) -> ImuSample:
     """Return the sample of a serialised sensor_msgs/Imu; vectors not reported are NaN."""
     stamp, frame_id, start = _read_header(data)
     values = _IMU.unpack_from(data, start)
+    rate = (nan, nan, nan) if values[16] == -1.0 else (values[13], values[14], values[15])
+    force = (nan, nan, nan) if values[28] == -1.0 else (values[25], values[26], values[27])
     return ImuSample(
-        stamp,
-        (nan, nan, nan) if values[16] == -1.0 else (values[13], values[14], values[15]),
-        (nan, nan, nan) if values[28] == -1.0 else (values[25], values[26], values[27]),
-        values[16:25],
-        values[28:37],
-        frame_id,
-        (values[0], values[1], values[2], values[3]),
-        values[4:13],
+        stamp=stamp,
+        angular_velocity=rate,
+        linear_acceleration=force,
+        angular_velocity_covariance=values[16:25],
+        linear_acceleration_covariance=values[28:37],
+        frame_id=frame_id,
+        orientation=(values[0], values[1], values[2], values[3]),
+        orientation_covariance=values[4:13],
     )
 
 
@@ -144,24 +146,27 @@ def form_of(message_type: type) -> SampleForm:
     """Return the form of sensor_msgs Imu, MagneticField or Temperature, or of Vector3Stamped."""
     return {
         'Imu': SampleForm(
-            imu_from_bytes, imu_to_bytes, messages.sample_from_imu, messages.imu_from_sample
+            from_bytes=imu_from_bytes,
+            to_bytes=imu_to_bytes,
+            from_message=messages.sample_from_imu,
+            to_message=messages.imu_from_sample,
         ),
         'MagneticField': SampleForm(
-            field_from_bytes,
-            field_to_bytes,
-            messages.sample_from_magnetic_field,
-            messages.magnetic_field_from_sample,
+            from_bytes=field_from_bytes,
+            to_bytes=field_to_bytes,
+            from_message=messages.sample_from_magnetic_field,
+            to_message=messages.magnetic_field_from_sample,
         ),
         'Temperature': SampleForm(
-            temperature_from_bytes,
-            temperature_to_bytes,
-            messages.sample_from_temperature,
-            messages.temperature_from_sample,
+            from_bytes=temperature_from_bytes,
+            to_bytes=temperature_to_bytes,
+            from_message=messages.sample_from_temperature,
+            to_message=messages.temperature_from_sample,
         ),
         'Vector3Stamped': SampleForm(
-            vector_from_bytes,
-            vector_to_bytes,
-            messages.sample_from_vector,
-            messages.vector_from_sample,
+            from_bytes=vector_from_bytes,
+            to_bytes=vector_to_bytes,
+            from_message=messages.sample_from_vector,
+            to_message=messages.vector_from_sample,
         ),
     }[message_type.__name__]

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -21,7 +22,7 @@ DIAGNOSTICS = '/diagnostics'
 
 
 def latched_qos() -> QoSProfile:
-    """Return the profile under which who subscribes later still gets the newest message."""
+    """Return the QoS under which late subscribers still get the newest message."""
     return QoSProfile(
         depth=1,
         reliability=ReliabilityPolicy.RELIABLE,
@@ -101,11 +102,7 @@ class TopicNode(ParameterNode):
             )
         local = self._exchange.topic(self.resolve_topic_name(topic))
         local.offered += 1
-
-        def withdraw() -> None:
-            local.offered -= 1
-
-        self._entities.append(withdraw)
+        self._entities.append(local.withdraw)
         return SampleOutput(publisher, form, local, self._exchange.outbox)
 
     def sample_input(
@@ -119,18 +116,9 @@ class TopicNode(ParameterNode):
             self._entities.append(self._exchange.topic(name).listen(take, serialised=False))
         else:
             if topic == self.expects:
-                callback = self._gaps_counted(name, callback)
+                callback = partial(_count_and_call, self.losses.gaps_of(name).add, callback)
             self.input(message_type, topic, lambda data: callback(form.from_bytes(data)), raw=True)
         self.inputs[topic] = lambda message: callback(form.from_message(message))
-
-    def _gaps_counted(self, name: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        count = self.losses.gaps_of(name).add
-
-        def counted(sample: Any) -> None:
-            count(sample.stamp)
-            callback(sample)
-
-        return counted
 
     def serialised_input(self, topic: str, callback: Callable[[bytes], None]) -> bool:
         """Call back with the messages of a topic of this process; False where it has none."""
@@ -143,15 +131,16 @@ class TopicNode(ParameterNode):
 
     def _when_active(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
         timeout = self._input_timeout if topic == self.expects else None
+        return partial(self._hand_on, timeout, callback)
 
-        def when_active(received: Any) -> None:
-            with self.lock:
-                if self._active:
-                    if timeout:
-                        timeout.heard()
-                    callback(received)
-
-        return when_active
+    def _hand_on(
+        self, timeout: InputTimeout | None, callback: Callable[[Any], None], received: Any
+    ) -> None:
+        with self.lock:
+            if self._active:
+                if timeout:
+                    timeout.heard()
+                callback(received)
 
     def input(
         self, message_type: type, topic: str, callback: Callable[[Any], None], **options: Any
@@ -187,12 +176,11 @@ class TopicNode(ParameterNode):
         self._entities.append(topic.listen(take, serialised=False))
 
     def _loss_events(self, topic: str) -> SubscriptionEventCallbacks:
-        name = self.resolve_topic_name(topic)
+        count = partial(self._count_dropped, self.resolve_topic_name(topic))
+        return SubscriptionEventCallbacks(message_lost=count)
 
-        def lost(event: Any) -> None:
-            self.losses.dropped[name] += event.total_count_change
-
-        return SubscriptionEventCallbacks(message_lost=lost)
+    def _count_dropped(self, name: str, event: Any) -> None:
+        self.losses.dropped[name] += event.total_count_change
 
     def _never_heard(self) -> str:
         """Return why the input that must come has brought nothing yet; '' where it has."""
@@ -241,6 +229,13 @@ class TopicNode(ParameterNode):
             return CapturedPublisher(topic, self._capture)
         create = self.create_lifecycle_publisher if managed else self.create_publisher
         return create(message_type, topic, qos, qos_overriding_options=overridable())
+
+
+def _count_and_call(
+    count: Callable[[int], None], callback: Callable[[Any], None], sample: Any
+) -> None:
+    count(sample.stamp)
+    callback(sample)
 
 
 class CapturedPublisher:

@@ -21,18 +21,18 @@ from imu_recording.tables.csv_import import LATEST_STAMP, fields_of
 from imu_recording.tables.csv_table import in_its_encoding
 from imu_recording.tables.mapping import TIME_UNITS, UNITS, WRITTEN_AS, CsvMapping, mapping_from
 
-LINES = 5000
-"""Lines that are looked at."""
+LINES_READ = 5000
+"""Number of lines that are read."""
 DELIMITERS = ',;\t|'
 COMMENTS = '#%'
-"""What lines above a header begin with."""
+"""First characters of lines above a header."""
 DECIMAL_COMMA = re.compile(r'[-+]?\d+,\d+')
 VECTORS = {
     'linear_acceleration': r'(lin(ear)?_?)?a(cc(el(eration|erometer)?)?)?',
     'angular_velocity': r'(ang(ular)?_?(vel(ocity)?|rate)|g(yr(o(scope)?)?)?|w|omega)',
     'magnetic_field': r'(m(ag(net(ic(_?field)?|ometer)?)?)?|i|compass)',
 }
-"""What names of columns begin with, before the axis."""
+"""Beginnings of the names of columns, before the axis."""
 SCALARS = {
     'setpoint': r'(set_?point|target|sp)(_?temp(erature)?)?',
     'chamber_temperature': r'(chamber|oven|ambient|air|outside)(_?t(emp(erature)?)?)?',
@@ -56,12 +56,12 @@ GREATEST = {
     'pressure': {'bar': 2.0, 'kPa': 200.0, 'hPa': 2000.0, 'Pa': np.inf},
 }
 """Up to which greatest value a channel without a unit is taken for one, in this order."""
-TIME = (
+TIME_NAMES = (
     r'((sample|unix|epoch|utc|gps|ros|log|elapsed|system|local)_?)*'
     r'(time(_?stamp)?|stamp|t|date(_?time)?|sec(onds)?|millis|micros|epoch|utc|uptime|elapsed|'
     r'zeit(stempel)?|datum)(_?(s|sec|ms|us|ns))?'
 )
-PREFIX = r'(imu\d?|sensor|raw|data)?_?'
+NAME_PREFIX = r'(imu\d?|sensor|raw|data)?_?'
 NORMS = {
     'linear_acceleration': {'m/s²': GRAVITY, 'g': 1.0, 'mg': 1000.0},
     'magnetic_field': {'T': 5e-5, 'µT': 50.0, 'gauss': 0.5, 'mG': 500.0, 'nT': 5e4},
@@ -69,16 +69,16 @@ NORMS = {
 """Norm that gravity and Earth's field have in each unit."""
 COUNTS_PER_G = (2048, 4096, 8192, 16384)
 FASTEST_K_PER_S = 0.5
-"""Change of a temperature over a whole file that no chamber makes."""
+"""Fastest mean change of a temperature over a file that is plausible."""
 MOST_STEPS_BACK = 0.01
-"""Share of the steps of a clock that may go back."""
+"""Largest share of a clock's steps that go back."""
 WARMEST_CELSIUS = 60.0
-"""Temperatures above it are asked about: most boards are this warm in °F only."""
-UNTOLD_RATE = 'angular_velocity: no unit in the header, taken as rad/s'
+"""Temperature above which the user is asked: most boards are this warm in °F only."""
+ASSUMED_RATE_UNIT = 'angular_velocity: no unit in the header, taken as rad/s'
 DATES_S = (1e9, 4e9)
 """Unix times from 2001 to 2096 [s]."""
 USUAL_PERIOD_S = 0.02
-"""Of units that are possible the one with the more usual period is taken."""
+"""Usual sample period: among possible units of time the one that comes nearest is taken."""
 
 
 @dataclass
@@ -112,7 +112,9 @@ def guess_mapping(path: Path, *, beside: bool = False) -> Guess:
     clock = _time_column(path, names, values)
     taken.add(clock)
     for field_name, pattern in SCALARS.items():
-        free = (n for n in header if n not in taken and re.fullmatch(PREFIX + pattern, names[n]))
+        free = (
+            n for n in header if n not in taken and re.fullmatch(NAME_PREFIX + pattern, names[n])
+        )
         name = next(free, None)
         if name is not None:
             taken.add(name)
@@ -168,14 +170,14 @@ def _time_column(path: Path, names: Mapping[str, str], values: Mapping[str, Floa
     for name, plain in names.items():
         known = values[name][np.isfinite(values[name])]
         back = np.count_nonzero(np.diff(known) < 0.0)
-        if re.fullmatch(PREFIX + TIME, plain) and back <= MOST_STEPS_BACK * len(known):
+        if re.fullmatch(NAME_PREFIX + TIME_NAMES, plain) and back <= MOST_STEPS_BACK * len(known):
             return name
     raise BagError(f'{path}: no column looks like the time; write a mapping (--mapping)')
 
 
 def _beginning(stream: TextIO) -> tuple[tuple[str, list[list[str]]], list[str]]:
     """Return delimiter and cells of the first lines that are not blank; no notes."""
-    text = ''.join(itertools.islice(stream, LINES))
+    text = ''.join(itertools.islice(stream, LINES_READ))
     told = (line for line in text.splitlines() if line.strip() and line[0] not in COMMENTS)
     delimiter = max(DELIMITERS, key=next(told, '').count)
     lines = csv.reader(io.StringIO(text, newline=''), delimiter=delimiter, skipinitialspace=True)
@@ -266,7 +268,7 @@ def _vector(names: Mapping[str, str], pattern: str) -> list[str]:
     """Return the three columns whose names differ in the axis alone; [] where there are none."""
     found: dict[str, str] = {}
     for name, plain in names.items():
-        match = re.fullmatch(rf'{PREFIX}{pattern}_?(?P<axis>[xyz])', plain)
+        match = re.fullmatch(rf'{NAME_PREFIX}{pattern}_?(?P<axis>[xyz])', plain)
         if match:
             found.setdefault(match['axis'], name)
     return [found[axis] for axis in 'xyz'] if len(found) == 3 else []
@@ -297,7 +299,7 @@ def _vector_unit(
         if counts:
             unsure.append(f'{name}: whole numbers, taken as counts of 1/131 °/s (±250 °/s)')
             return {'scale': '1/131', 'unit': '°/s'}
-        unsure.append(UNTOLD_RATE)
+        unsure.append(ASSUMED_RATE_UNIT)
         return {'unit': 'rad/s'}
     if counts and name == 'linear_acceleration':
         nearest = min(COUNTS_PER_G, key=lambda c: abs(np.log(max(norm, 1e-9) / c)))
@@ -342,7 +344,7 @@ def _check_rates(
     mapping: dict[str, Any], values: Mapping[str, FloatArray], unsure: list[str]
 ) -> None:
     """Take rates without a unit for °/s where a device at rest would be too loud in rad/s."""
-    if UNTOLD_RATE not in unsure or 'linear_acceleration' not in mapping['columns']:
+    if ASSUMED_RATE_UNIT not in unsure or 'linear_acceleration' not in mapping['columns']:
         return
     told = mapping_from(mapping)
     table = np.column_stack([values[name] for name in _names(told)])
@@ -361,7 +363,9 @@ def _check_rates(
     )
     if why := rate_at_rest(recording):
         mapping['columns']['angular_velocity']['unit'] = '°/s'
-        unsure[unsure.index(UNTOLD_RATE)] = f'angular_velocity: taken as °/s; in rad/s: {why}'
+        unsure[unsure.index(ASSUMED_RATE_UNIT)] = (
+            f'angular_velocity: taken as °/s; in rad/s: {why}'
+        )
 
 
 def _names(told: CsvMapping) -> list[str]:

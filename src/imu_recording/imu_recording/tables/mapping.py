@@ -9,9 +9,10 @@
       linear_acceleration: {columns: [Ax, Ay, -Az], scale: 1/16384, unit: g}
       temperature: {column: dTemp, scale: 1/340, offset: 36.53, unit: °C}
 
-The log of a chamber beside that of a board has a mapping of its own, without vectors. How clocks
-stand to one another is said of the time: `zone: +01:00` of dates that name none, `offset: 1712.5`
-(seconds that are added), `start: 2024-03-07T12:00:00+01:00` (when a clock that counts was zero).
+The log of a chamber beside that of a board has a mapping of its own, without vectors. The
+relation of clocks is given with the time: `zone: +01:00` for dates that name none, `offset:
+1712.5` (seconds that are added), `start: 2024-03-07T12:00:00+01:00` (when a clock that counts was
+zero).
 
 A value is (cell × scale + offset) in the unit given; a minus before a name turns the axis around.
 `scale` and `offset` are numbers or fractions, for a vector also one per axis. Columns are named by
@@ -290,13 +291,19 @@ def _field(field: str, told: Any, place: str) -> list[CsvColumn]:
     scales = _numbers(told.get('scale', 1), count, f'{place}: scale')
     offsets = _numbers(told.get('offset', 0), count, f'{place}: offset')
     return [
-        CsvColumn(field, axis, str(column), scale * factor, offset * factor + shift)
+        CsvColumn(
+            field=field,
+            axis=axis,
+            column=str(column),
+            factor=scale * factor,
+            offset=offset * factor + shift,
+        )
         for axis, (column, scale, offset) in enumerate(zip(names, scales, offsets, strict=True))
     ]
 
 
 def _unit(told: Any, known: Mapping[str, tuple[float, float]], place: str) -> str:
-    """Return the unit's name in the table of its field; as drivers write it will do."""
+    """Return the unit's name in the table of its field; other usual spellings are accepted."""
     if told is None:
         return next(iter(known))
     name = str(told).strip()

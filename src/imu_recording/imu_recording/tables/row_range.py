@@ -58,7 +58,7 @@ def row_range(first: str | None, last: str | None) -> RowRange:
     for low, high in ((first_line, last_line), (start, end)):
         if low is not None and high is not None and low > high:
             raise UserError(f'--from {first} --to {last}: the beginning is after the end')
-    return RowRange(first_line, last_line, start, end)
+    return RowRange(first_line=first_line, last_line=last_line, start=start, end=end)
 
 
 def _limit(name: str, told: str | None) -> tuple[int | None, int | None]:

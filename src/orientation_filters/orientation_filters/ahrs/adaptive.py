@@ -2,9 +2,9 @@
 """Adaptive Kalman step of the AHRS, on means between steps.
 
 The errors are those of the indirect filter (orientation, bias, linear acceleration, magnetic
-disturbance), orientation's now about the world's axes and with its correlation to the bias kept,
-so that bias is learned in motion too. Linear acceleration and disturbance are white from step to
-step; their variances follow what the means show (`step_averages`).
+disturbance). Here the orientation error is about the world's axes, and its correlation with the
+bias is kept, so that the bias is learned in motion too. Linear acceleration and disturbance are
+white from step to step, with variances taken from the means (`step_averages`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from orientation_filters.ahrs.covariance import (
     widen,
     with_independent_bias,
 )
-from orientation_filters.ahrs.state import MICROTESLA, AdaptiveState, Params, State
+from orientation_filters.ahrs.state import MICROTESLA, AdaptiveKalmanState, Params, State
 from orientation_filters.kernel import inline
 from orientation_filters.magnetic_reference import FieldState, norm_of
 from orientation_filters.rotation.scalars import (
@@ -51,8 +51,8 @@ from orientation_filters.step_averages.accumulation import (
 )
 from orientation_filters.step_averages.means import (
     Means,
+    added_variances,
     after_step,
-    doubts,
     shown_covariance,
     take_means,
 )
@@ -60,12 +60,12 @@ from orientation_filters.step_averages.means import (
 
 @inline
 def start_adaptive(
-    state: AdaptiveState, params: AveragingParams, seen: CheckedSample, flags: int
-) -> AdaptiveState:
+    state: AdaptiveKalmanState, params: AveragingParams, seen: CheckedSample, flags: int
+) -> AdaptiveKalmanState:
     """Return the state at the first sample; a known field is remembered over gaps."""
     heading = params.initial_heading**2 if seen.has_field else UNKNOWN_HEADING_VARIANCE
     covariance = independent(params.initial_inclination**2, heading, params.initial_bias**2)
-    return AdaptiveState(
+    return AdaptiveKalmanState(
         covariance=covariance,
         shown=covariance.orientation,
         averages=start_averages(state.averages, params, seen, flags),
@@ -101,7 +101,7 @@ def add_sample(state: State, params: Params, seen: CheckedSample, predicted: Qua
         slow=state.slow,
         updates=state.updates,
         field_stamp=seen.stamp if seen.has_field else state.field_stamp,
-        adaptive=AdaptiveState(
+        adaptive=AdaptiveKalmanState(
             covariance=before.covariance, shown=before.shown, averages=averages
         ),
     )
@@ -121,7 +121,7 @@ def measurements(state: State, params: Params, flags: int) -> tuple[JointCovaria
         prior.bias,
         flags,
     )
-    tilt, turn = doubts(averages, means, params.averaging)
+    tilt, turn = added_variances(averages, means, params.averaging)
     return widen(prior, tilt, turn), means
 
 
@@ -161,7 +161,7 @@ def estimate_errors(prior: JointCovariance, means: Means, up: float) -> Errors:
 
 @inline
 def remove_errors(state: State, params: Params, means: Means, errors: Errors) -> State:
-    """Return the state with the estimated errors taken away and nothing accumulated."""
+    """Return the state with the estimated errors subtracted and the sums of the step cleared."""
     turn = from_rotation_vector(scale(-1.0, errors.orientation))
     q = normalised(multiply(turn, state.orientation))
     rows = matrix(q)
@@ -184,7 +184,7 @@ def remove_errors(state: State, params: Params, means: Means, errors: Errors) ->
         slow=state.slow,
         updates=state.updates + 1,
         field_stamp=state.field_stamp,
-        adaptive=AdaptiveState(
+        adaptive=AdaptiveKalmanState(
             covariance=covariance,
             shown=shown_covariance(covariance.orientation, means, params.averaging),
             averages=after_step(before.averages, means, turn),

@@ -59,8 +59,8 @@ from orientation_filters.sample_checks import (
 )
 from orientation_filters.slow_attitude import (
     distance_variances,
-    heading_doubt,
     start_slow,
+    unobserved_heading_variance,
 )
 from orientation_filters.step_averages.accumulation import held, integrate
 
@@ -82,9 +82,9 @@ def update(state: State, params: Params, sample: Sample) -> tuple[State, Estimat
 def step(
     states: Any, params: Any, stamp: int, w: Vector, f: Vector, m: Vector
 ) -> tuple[Quaternion, Symmetric, int]:
-    """Return the fields of the estimate after those of a sample.
+    """Return orientation, covariance and flags after a sample, given as stamp and vectors.
 
-    State and parameters are held (`live.state`); plain tuples pass in a tenth of the time.
+    State and parameters stay in compiled memory (`live.state`): that takes a tenth of the time.
     """
     states[0], found = update(states[0], params[0], Sample(stamp, w, f, m))
     return found.orientation, found.covariance, found.flags
@@ -106,7 +106,7 @@ def _update(state: State, params: Params, sample: Sample) -> tuple[State, int]:
 
 @inline
 def start(state: State, params: Params, seen: CheckedSample, flags: int) -> tuple[State, int]:
-    """Set the attitude from one specific force and field; the bias survives all but a jump."""
+    """Set the attitude from one specific force and field; only a jump back resets the bias."""
     q = state.orientation
     if seen.has_force:
         f, m = seen.linear_acceleration, seen.magnetic_field
@@ -140,7 +140,7 @@ def _integrate(state: State, seen: CheckedSample) -> Quaternion:
 
 @inline
 def estimate(state: State, params: Params, stamp: int, flags: int) -> Estimate:
-    """Return attitude and covariance at a stamp [ns], without a rate as the last one has them."""
+    """Return the estimate at a stamp [ns]; without a rate the last one carries it on."""
     q, covariance = state.orientation, _covariance(state)
     if params.adaptive and flags & INVALID_GYROSCOPE and stamp > state.stamp:
         interval = 1e-9 * (stamp - state.stamp)
@@ -155,7 +155,7 @@ def _covariance(state: State) -> Symmetric:
         return state.adaptive.shown
     v, b = state.variances.orientation, state.variances.bias
     tilt, turn = distance_variances(state.slow)
-    turn += heading_doubt(state.stamp, state.field_stamp, (b[0] + b[1] + b[2]) / 3.0)
+    turn += unobserved_heading_variance(state.stamp, state.field_stamp, (b[0] + b[1] + b[2]) / 3.0)
     x, y, z = matrix(state.orientation)
     return (
         x[0] * x[0] * v[0] + x[1] * x[1] * v[1] + x[2] * x[2] * v[2] + tilt,

@@ -54,7 +54,7 @@ class Prior(NamedTuple):
 
 
 class Innovation(NamedTuple):
-    """What gravity and field are expected to be, and by how much the samples differ."""
+    """Expected gravity and field, and the samples' differences from them."""
 
     gravity: Vector
     """Expected, sensor frame [m/s²]."""
@@ -76,8 +76,8 @@ class Combination(NamedTuple):
     """Covariance of u and b."""
 
 
-class Correction(NamedTuple):
-    """Errors x⁺ to be taken from the nominal state, and the diagonal of P⁺."""
+class ErrorEstimate(NamedTuple):
+    """Errors x⁺, to be subtracted from the nominal state, and the diagonal of P⁺."""
 
     orientation: Vector
     bias: Vector
@@ -159,7 +159,7 @@ def _predict_variances(after: Variances, noise: Noise, k: float) -> tuple[Varian
 
 @inline
 def _with_bias(v: Variances, bias: Vector) -> Variances:
-    """Return the variances with another one of the bias; zero: nothing is learned about it."""
+    """Return the variances with that of the bias replaced; zero: the bias is not learned."""
     return Variances(
         orientation=v.orientation,
         bias=bias,
@@ -224,7 +224,7 @@ def _corrected_dip(
 @inline
 def measurement_update(
     prior: Prior, seen: Innovation, noise: Noise, k: float, jam_limit: float
-) -> Correction:
+) -> ErrorEstimate:
     """Return the errors and variances after the innovations of one sample, k [s] after the last.
 
     A sensor without a sample has weight zero. The magnetometer is ignored where the estimated
@@ -240,7 +240,7 @@ def measurement_update(
     jammed = dot(disturbance, disturbance) > jam_limit * jam_limit
     if jammed:
         u = apply_symmetric(c, y_g)
-    return Correction(
+    return ErrorEstimate(
         orientation=_regress(combination.with_orientation, combination.variance, u),
         bias=_regress(combination.with_bias, combination.variance, u),
         acceleration=_regress_noise(times(v.acceleration, w_g), seen.z_gravity, g, u),

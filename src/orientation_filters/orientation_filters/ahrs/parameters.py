@@ -75,7 +75,7 @@ class AhrsParameters(FilterParameters):
     )
 
     def kernel_params(self) -> Params:
-        """Return what the kernel needs."""
+        """Return the parameters of the kernel."""
         up, north = world_axes(self.world_frame, self.magnetic_declination)
         return Params(
             up=up,

@@ -78,8 +78,8 @@ INITIAL_VARIANCES = Variances(
 """Prior of the first update, as the technical note has it; θ and b are then uncorrelated."""
 
 
-class AdaptiveState(NamedTuple):
-    """What the adaptive step needs besides the AHRS's state."""
+class AdaptiveKalmanState(NamedTuple):
+    """State of the adaptive step besides that of the AHRS."""
 
     covariance: JointCovariance
     shown: Symmetric
@@ -104,18 +104,18 @@ class State(NamedTuple):
     variances: Variances
     """Prior of the first update while `updates` is 0, else posterior of the last."""
     slow: SlowAttitude
-    """What the error is told by where the step is the technical note's."""
+    """Second attitude, from which the error of the technical note's step is estimated."""
     updates: int
     """Since the attitude was set."""
     field_stamp: int
     """Of the last magnetometer sample [ns]; −1 before the first."""
-    adaptive: AdaptiveState
+    adaptive: AdaptiveKalmanState
 
 
 ADAPTIVE_STATE = ('adaptive',)
-"""Fields of the state that only the adaptive step makes use of."""
+"""Fields of the state that only the adaptive step uses."""
 FIXED_STATE = ('variances', 'slow')
-"""Fields of the state that only the step at every sample makes use of."""
+"""Fields of the state that only the step at every sample uses."""
 
 
 def initial_state() -> State:
@@ -131,5 +131,7 @@ def initial_state() -> State:
         slow=start_slow(),
         updates=0,
         field_stamp=-1,
-        adaptive=AdaptiveState(covariance=no_covariance(), shown=ZERO6, averages=no_averages()),
+        adaptive=AdaptiveKalmanState(
+            covariance=no_covariance(), shown=ZERO6, averages=no_averages()
+        ),
     )

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Adaptive complementary filter: corrections from means, each as large as what is unknown.
+"""Adaptive complementary filter: corrections from means, with gains that follow the covariance.
 
 Each of the three rotations about the world's axes has a first-order filter of its own; its gain
-is the part of the variance that is the attitude's. That variance is noise plus what the bias left
-in it: a matrix `lag` follows how the attitude errs for a bias of one, and along it each
-correction teaches the bias, too, and turns the attitude back by what that bias has turned it.
-Undisturbed and settled the gains are those of the cut-offs.
+is the attitude's variance over that of attitude and measurement. The attitude's variance is noise
+plus the effect of the bias error: the matrix `lag` is the attitude error per unit of bias error.
+Through it each correction also corrects the bias, and takes back the rotation that the bias error
+has caused. Undisturbed and settled, the gains are those of the cut-offs.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ from orientation_filters.step_averages.accumulation import (
 )
 from orientation_filters.step_averages.means import (
     Means,
+    added_variances,
     after_step,
-    doubts,
     shown_covariance,
     take_means,
 )
@@ -54,18 +54,18 @@ ZERO6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Unknowns(NamedTuple):
-    """How wrong attitude and bias may be: error = noise + lag · error of the bias."""
+    """Joint covariance of attitude and bias: attitude error = noise + lag · bias error."""
 
     noise: Vector
-    """Variances of the part that no bias explains, about the world's axes [rad²]."""
+    """Variances of the part independent of the bias, about the world's axes [rad²]."""
     lag: Matrix
-    """Rows world, columns sensor [s]."""
+    """Attitude error per unit of bias error [s]; rows world, columns sensor."""
     bias: Symmetric
     """Covariance of the bias, sensor [(rad/s)²]."""
 
 
-class AdaptiveState(NamedTuple):
-    """What the adaptive filter needs besides attitude and bias."""
+class AdaptiveGainState(NamedTuple):
+    """State of the adaptive filter besides attitude and bias."""
 
     averages: AveragingState
     unknowns: Unknowns
@@ -75,8 +75,8 @@ class AdaptiveState(NamedTuple):
     """The same with the variance factors [rad²]."""
 
 
-class Correction(NamedTuple):
-    """Errors found so far in a step, and what remains unknown."""
+class StepErrors(NamedTuple):
+    """Errors estimated so far in a step, and the joint covariance that remains."""
 
     orientation: Vector
     """About the world's axes [rad]."""
@@ -86,16 +86,18 @@ class Correction(NamedTuple):
 
 
 @inline
-def no_adaptation() -> AdaptiveState:
+def no_adaptation() -> AdaptiveGainState:
     """Return the state before any sample."""
     unknowns = Unknowns(noise=ZERO, lag=(ZERO, ZERO, ZERO), bias=ZERO6)
-    return AdaptiveState(averages=no_averages(), unknowns=unknowns, covariance=ZERO6, shown=ZERO6)
+    return AdaptiveGainState(
+        averages=no_averages(), unknowns=unknowns, covariance=ZERO6, shown=ZERO6
+    )
 
 
 @inline
 def start_adaptive(
-    state: AdaptiveState, params: AveragingParams, seen: CheckedSample, flags: int
-) -> AdaptiveState:
+    state: AdaptiveGainState, params: AveragingParams, seen: CheckedSample, flags: int
+) -> AdaptiveGainState:
     """Return the state at the first sample; a known field is remembered over gaps."""
     tilt, bias = params.initial_inclination**2, params.initial_bias**2
     turn = params.initial_heading**2 if seen.has_field else UNKNOWN_HEADING_VARIANCE
@@ -105,7 +107,7 @@ def start_adaptive(
         bias=(bias, 0.0, 0.0, bias, 0.0, bias),
     )
     covariance = covariance_of(unknowns)
-    return AdaptiveState(
+    return AdaptiveGainState(
         averages=start_averages(state.averages, params, seen, flags),
         unknowns=unknowns,
         covariance=covariance,
@@ -115,22 +117,23 @@ def start_adaptive(
 
 @inline
 def adaptive_step(
-    state: AdaptiveState,
+    state: AdaptiveGainState,
     params: AveragingParams,
     seen: CheckedSample,
     q: Quaternion,
     bias: Vector,
     flags: int,
-) -> tuple[AdaptiveState, Quaternion, Vector, float]:
+) -> tuple[AdaptiveGainState, Quaternion, Vector, float]:
     """Return state, attitude, bias and disturbance [T] (−1: as before) after a sample."""
     averages = accumulate(state.averages, params, seen, q, bias)
     if not is_step_due(averages, params):
-        return (
-            AdaptiveState(averages, state.unknowns, state.covariance, state.shown),
-            q,
-            bias,
-            -1.0,
+        waiting = AdaptiveGainState(
+            averages=averages,
+            unknowns=state.unknowns,
+            covariance=state.covariance,
+            shown=state.shown,
         )
+        return waiting, q, bias, -1.0
     unknowns = _predict(state.unknowns, averages, params)
     known, rows = covariance_of(unknowns), matrix(q)
     means = take_means(averages, params, bias, rows, known, unknowns.bias, flags)
@@ -138,7 +141,7 @@ def adaptive_step(
     turn = from_rotation_vector(scale(-1.0, found.orientation))
     d, covariance = means.field.disturbance, covariance_of(found.unknowns)
     return (
-        AdaptiveState(
+        AdaptiveGainState(
             averages=after_step(averages, means, turn),
             unknowns=found.unknowns,
             covariance=covariance,
@@ -152,10 +155,10 @@ def adaptive_step(
 
 @inline
 def _predict(before: Unknowns, averages: AveragingState, params: AveragingParams) -> Unknowns:
-    """Return what is unknown after the time since the last step.
+    """Return the joint covariance after the time since the last step.
 
-    A bias that walks has less to do with what it did before: that part of the lag becomes noise,
-    so that the joint covariance of attitude and bias stays what it was.
+    The bias's random walk decorrelates it from the attitude error it caused before: that part of
+    the lag becomes noise, and the attitude's covariance stays what it was.
     """
     past, b = averages.integrals, before.bias
     walk = angle_variance(averages, params)
@@ -183,11 +186,11 @@ def _predict(before: Unknowns, averages: AveragingState, params: AveragingParams
 @inline
 def _correct(
     unknowns: Unknowns, averages: AveragingState, means: Means, params: AveragingParams
-) -> Correction:
-    """Return the errors after specific force, field and rest, one after the other."""
+) -> StepErrors:
+    """Return the errors after the measurements of specific force, field and rest in turn."""
     n = unknowns.noise
-    tilt, turn = doubts(averages, means, params)
-    found = Correction(
+    tilt, turn = added_variances(averages, means, params)
+    found = StepErrors(
         orientation=ZERO,
         bias=ZERO,
         unknowns=Unknowns(
@@ -211,11 +214,11 @@ def _correct(
 
 
 @inline
-def _turn(found: Correction, axis: Vector, angle: float, variance: float) -> Correction:
-    """Return the correction after an error about one of the world's axes was seen.
+def _turn(found: StepErrors, axis: Vector, angle: float, variance: float) -> StepErrors:
+    """Return the errors after a measured angle about one of the world's axes [rad].
 
-    The filter of that axis corrects its noise, the bias turns all three by what it has turned
-    them, as in Friedland, IEEE Trans. Automatic Control 14, 1969.
+    The filter of that axis corrects its noise; the corrected bias turns all three axes through
+    `lag` (separate-bias estimation: Friedland, IEEE Trans. Automatic Control 14, 1969).
     """
     before = found.unknowns
     n, lag = before.noise, before.lag
@@ -228,7 +231,7 @@ def _turn(found: Correction, axis: Vector, angle: float, variance: float) -> Cor
     turned = (dot(lag[0], change), dot(lag[1], change), dot(lag[2], change))
     gain = noise / (noise + variance)
     keep = (1.0 - gain * axis[0], 1.0 - gain * axis[1], 1.0 - gain * axis[2])
-    return Correction(
+    return StepErrors(
         orientation=add(found.orientation, add(scale(innovation * noise, axis), turned)),
         bias=add(found.bias, change),
         unknowns=Unknowns(
@@ -240,10 +243,10 @@ def _turn(found: Correction, axis: Vector, angle: float, variance: float) -> Cor
 
 
 @inline
-def _learn(found: Correction, direction: Vector, error: float, variance: float) -> Correction:
-    """Return the correction after a component of the bias's error was seen.
+def _learn(found: StepErrors, direction: Vector, error: float, variance: float) -> StepErrors:
+    """Return the errors after a measured component of the bias error [rad/s].
 
-    The attitude turns back by what that bias has turned it.
+    The attitude is turned back by the rotation that this bias error has caused.
     """
     before = found.unknowns
     along = apply_symmetric(before.bias, direction)
@@ -251,7 +254,7 @@ def _learn(found: Correction, direction: Vector, error: float, variance: float) 
     change = scale(weight * (error - dot(direction, found.bias)), along)
     lag = before.lag
     turned = (dot(lag[0], change), dot(lag[1], change), dot(lag[2], change))
-    return Correction(
+    return StepErrors(
         orientation=add(found.orientation, turned),
         bias=add(found.bias, change),
         unknowns=Unknowns(noise=before.noise, lag=lag, bias=less(before.bias, along, weight)),

@@ -4,7 +4,7 @@
 The gyroscope's attitude is turned, by the gain g = 1 − exp(−2π f_c Δt) of a first-order low-pass,
 towards the attitude at which specific force points up, then about the vertical towards magnetic
 north (quaternion form after Valenti, Dryanovski, Xiao, Sensors 15, 2015). `learn_bias` adds rest
-detection and bias learning; `adaptive` is a filter of its own, see there.
+detection and bias learning (`fixed_gain`); `adaptive` chooses the filter of that module.
 """
 
 from __future__ import annotations
@@ -15,19 +15,17 @@ import numpy as np
 from imu_recording.recording import ImuRecording
 
 from orientation_filters.complementary.adaptive import adaptive_step, start_adaptive
-from orientation_filters.complementary.bias_learning import learned_bias
-from orientation_filters.complementary.corrections import (
-    correct,
-    fixed_gain_covariance,
-    heading_correction,
-    inclination_correction,
-)
-from orientation_filters.complementary.state import (
+from orientation_filters.complementary.fixed_gain import (
     ADAPTIVE_STATE,
     FIXED_STATE,
     Params,
     State,
+    correct,
+    fixed_gain_covariance,
+    heading_correction,
+    inclination_correction,
     initial_state,
+    learned_bias,
 )
 from orientation_filters.kernel import inline, kernel
 from orientation_filters.rest_detection import start_rest
@@ -88,9 +86,9 @@ def update(state: State, params: Params, sample: Sample) -> tuple[State, Estimat
 def step(
     states: Any, params: Any, stamp: int, w: Vector, f: Vector, m: Vector
 ) -> tuple[Quaternion, Symmetric, int]:
-    """Return the fields of the estimate after those of a sample.
+    """Return orientation, covariance and flags after a sample, given as stamp and vectors.
 
-    State and parameters are held (`live.state`); plain tuples pass in a tenth of the time.
+    State and parameters stay in compiled memory (`live.state`): that takes a tenth of the time.
     """
     states[0], found = update(states[0], params[0], Sample(stamp, w, f, m))
     return found.orientation, found.covariance, found.flags
@@ -100,7 +98,7 @@ def step(
 def _shown(
     state: State, params: Params, stamp: int, flags: int, adaptive: bool
 ) -> tuple[Quaternion, Symmetric]:
-    """Return attitude and covariance at a stamp [ns], without a rate as the last one has them."""
+    """Return attitude and covariance at a stamp [ns], carried on by the last rate without one."""
     if not adaptive:
         return _orientation(state), fixed_gain_covariance(state, params)
     known = state.adaptive
@@ -114,7 +112,7 @@ def _shown(
 def _update(
     state: State, params: Params, sample: Sample, learns: bool, adaptive: bool
 ) -> tuple[State, int]:
-    """Return state and flags; constants False leave learning and adaptation out of the code."""
+    """Return state and flags; False for `learns` or `adaptive`, constants, leaves its code out."""
     seen, flags = check_sample(sample, state.stamp, state.field_stamp, params.samples)
     if flags & DROPPED:
         return state, flags
@@ -168,7 +166,7 @@ def _adapt(state: State, params: Params, seen: CheckedSample, flags: int) -> tup
 
 @inline
 def _start(state: State, params: Params, seen: CheckedSample, flags: int) -> tuple[State, int]:
-    """Set the attitude from one specific force and field; the bias survives all but a jump."""
+    """Set the attitude from one specific force and field; only a jump back resets the bias."""
     f, m = seen.linear_acceleration, seen.magnetic_field
     if not seen.has_field:
         flags |= SIX_AXIS

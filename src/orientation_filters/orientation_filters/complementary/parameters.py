@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from imu_recording.ros.parameter import parameter
 
-from orientation_filters.complementary.state import Params
+from orientation_filters.complementary.fixed_gain import Params
 from orientation_filters.parameters import FilterParameters, Presets, world_axes
 from orientation_filters.sample_checks import GRAVITY
 
@@ -68,28 +68,28 @@ class ComplementaryParameters(FilterParameters):
     )
     bias_sigma: float = parameter(
         5e-3,
-        'Remaining bias, standard deviation: the heading is doubted since the last field',
+        'Standard deviation of the remaining bias, which turns the heading between fields',
         unit='rad/s',
         bounds=(0.0, 1.0),
         dynamic=True,
     )
     inclination_sigma: float = parameter(
         0.005,
-        'Error of specific force as a vertical that stays, for the covariance',
+        'Lasting error of specific force as a vertical, for the covariance',
         unit='rad',
         bounds=(0.0, pi),
         dynamic=True,
     )
     heading_sigma: float = parameter(
         0.01,
-        'Error of the field as a heading that stays, for the covariance',
+        'Lasting error of the field as a heading, for the covariance',
         unit='rad',
         bounds=(0.0, pi),
         dynamic=True,
     )
 
     def kernel_params(self) -> Params:
-        """Return what the kernel needs."""
+        """Return the parameters of the kernel."""
         up, north = world_axes(self.world_frame, self.magnetic_declination)
         rate = 2.0 * pi * self.cutoff_hz
         return Params(

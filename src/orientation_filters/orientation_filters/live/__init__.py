@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A filter fed with samples as they arrive; its state stays in compiled memory."""
+"""A filter fed with samples as they arrive, its state in compiled memory; without ROS."""

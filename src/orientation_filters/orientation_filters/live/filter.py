@@ -32,7 +32,7 @@ from orientation_filters.rotation.scalars import euler_zyx
 from orientation_filters.sample_checks import GRAVITY, NO_FIELD, Sample
 
 RATE_SAMPLES = 20
-"""Intervals after which the sample rate is known well enough to check the cut-off."""
+"""Intervals from which the sample rate is known well enough to check the cut-off."""
 RECENT_SAMPLES = 500
 """Samples over which rate, jitter and disturbed fraction are taken."""
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A filter's state between samples that come one by one, kept where the kernel finds it.
+"""State of a filter between samples that come one by one, kept in compiled memory.
 
-Handed to the kernel and back as Python's tuples, a state of 170 numbers takes ten times as long as
-the update itself; here it stays in compiled memory and only samples and estimates pass.
+Passing a state of 170 numbers to the kernel and back as Python tuples takes ten times as long as
+the update itself; here only samples and estimates pass.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from orientation_filters.sample_checks import Sample
 
 @kernel
 def hold(value: Any) -> Any:
-    """Return a list in compiled memory with the value alone."""
+    """Return a list in compiled memory that holds the value alone."""
     holder = List()
     holder.append(value)
     return holder

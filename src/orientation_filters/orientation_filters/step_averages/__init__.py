@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What both robust filters measure: averages over short steps, what they mean and how well."""
+"""Measurements of both robust filters: averages over short steps, and their variances."""

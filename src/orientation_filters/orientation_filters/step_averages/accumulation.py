@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Samples added up over short steps in the world frame: attitude, specific force and field.
 
-Both robust filters stand on this. Between steps, `interval` apart, the gyroscope alone carries the
+Both robust filters use it. Between steps, `interval` apart, the gyroscope alone carries the
 attitude, its rate a parabola from sample to sample, a straight line over gaps. Specific force and
 field are averaged in the world frame, where gravity and the Earth's field stand still and
-accelerations largely cancel. `means` says what the averages measure, and how well.
+accelerations largely cancel. `means` turns the averages into measurements with variances.
 """
 
 from __future__ import annotations
@@ -42,17 +42,18 @@ from orientation_filters.sample_checks import CheckedSample
 from orientation_filters.step_averages.variance_factors import VarianceFactors, no_factors
 
 UNKNOWN_HEADING_VARIANCE = 3.29
-"""Of a heading that may be anything: π² / 3 [rad²]."""
+"""Variance of a heading that may be anything: π² / 3 [rad²]."""
 START_POWER = 4.0
-"""Square of an acceleration that may be there at the start, per axis [(m/s²)²]."""
+"""Mean square of the acceleration assumed at the start, per axis [(m/s²)²]."""
 INTERPOLATION_FACTOR = 1 / 16
-"""Error² of an angle over a gap h on a straight line, in (change of rate per second)² h⁴."""
+"""Variance of an angle whose rate was interpolated linearly over a gap h, in units of
+(change of rate per second)² h⁴."""
 EXTRAPOLATION_FACTOR = 1 / 4
-"""Error² of an angle carried on by the last rate over h, in (change of rate per second)² h⁴."""
+"""Variance of an angle carried on by the last rate over h, in the same units."""
 
 
 class AveragingParams(NamedTuple):
-    """Noises of the means, as densities: they do not depend on the sample rate."""
+    """Noise densities and time constants of the means; none depends on the sample rate."""
 
     up: float
     """World z of the upward direction: +1 ENU, −1 NED."""
@@ -92,7 +93,7 @@ class AveragingParams(NamedTuple):
     initial_bias: float
     """Standard deviation at the start [rad/s]."""
     variance_factors: bool
-    """Whether the covariance shown has them."""
+    """Whether the covariance shown is scaled by them."""
     rest: RestParams
     field: FieldParams
 
@@ -119,13 +120,13 @@ class Integrals(NamedTuple):
 
 
 class AveragingState(NamedTuple):
-    """What the means leave from sample to sample and from step to step."""
+    """State of the means from sample to sample and from step to step."""
 
     integrals: Integrals
     rate: Vector
     """Angular velocity of the last sample [rad/s], sensor frame."""
     change: Vector
-    """By how much it has changed since the sample before [rad/s]."""
+    """Its change since the sample before [rad/s]."""
     interval: float
     """Between those two samples [s]."""
     mean_rate: Vector

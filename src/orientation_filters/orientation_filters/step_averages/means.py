@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the averages of a step measure, and how well.
+"""Measurements of a step from its averages, and their variances.
 
-The variances follow what the means show: acceleration left over after a low-pass, deviation of
-the field from its reference, rest.
+The variances follow the acceleration left after a low-pass, the deviation of the field from its
+reference, and rest.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ from orientation_filters.step_averages.accumulation import (
     rest_flags,
 )
 from orientation_filters.step_averages.variance_factors import (
-    FIELD_TIME,
-    FORCE_TIME,
+    FIELD_TIME_S,
+    FORCE_TIME_S,
     VarianceFactors,
     add_bridged,
     no_error,
@@ -54,22 +54,24 @@ from orientation_filters.step_averages.variance_factors import (
     started_anew,
 )
 
-POSSIBLE_ANGLE, POSSIBLE_SIGMAS = 0.35, 3.0
-"""A field is rejected whose heading differs by more [rad], and by more standard deviations."""
-ADOPTION_DOUBT = 0.1
-"""Standard deviation of the heading that a newly adopted field shows [rad]."""
-UNSETTLED_TILT = 0.035
-"""Standard deviation of the inclination above which a field cannot be judged [rad]."""
+HEADING_ERROR_LIMIT = 0.35
+"""A field whose heading differs by more is rejected [rad] …"""
+HEADING_SIGMAS_LIMIT = 3.0
+"""… where it also differs by more standard deviations of the heading than this."""
+ADOPTED_HEADING_SIGMA = 0.1
+"""Standard deviation of the heading from a newly adopted field [rad]."""
+UNSETTLED_TILT_SIGMA = 0.035
+"""Standard deviation of the inclination above which a reference is not relied on [rad]."""
 RELEARNED_FIELD_S = 10.0
-"""A field seen for less is learned anew where the tilt was found wrong [s]."""
+"""A reference known for less is learned anew where the tilt was found wrong [s]."""
 LEAST_GAIN = 0.01
-"""Part of a heading that corrects one whose variance is no larger than the tilt explains."""
+"""Least gain of a heading whose variance is no larger than what the tilt explains."""
 PERSISTENCE_S = 10.0
-"""Time over which an acceleration that persists is more likely a wrong tilt [s]."""
-LEAST_AGE = 1.0
-"""Accelerations have had the time to average out [s]."""
+"""Time after which an acceleration that persists is more likely a wrong tilt [s]."""
+LEAST_AGE_S = 1.0
+"""Time after the start from which a wrong tilt can be told from acceleration [s]."""
 PERSISTENCE_FACTOR = 16.0
-"""Multiple of its variance at which the mean over that time contradicts the tilt."""
+"""Multiple of its variance at which the mean over `PERSISTENCE_S` contradicts the tilt."""
 
 
 class MeanForce(NamedTuple):
@@ -82,8 +84,8 @@ class MeanForce(NamedTuple):
     power: float
     smoothed: Vector
     persistent: Vector
-    doubt: float
-    """Variance by which acceleration that persists makes the attitude uncertain [rad²]."""
+    added_tilt_variance: float
+    """Variance that acceleration which persists adds to the inclination [rad²]."""
     age: float
 
 
@@ -115,7 +117,7 @@ class RestBias(NamedTuple):
 
 
 class Means(NamedTuple):
-    """Measurements of a step, and what they say about those before."""
+    """Measurements of a step, and the variance factors after it."""
 
     force: MeanForce
     field: MeanField
@@ -139,7 +141,9 @@ def take_means(
     """
     force = _mean_force(state, params, orientation)
     tilt = 0.5 * (orientation[0] + orientation[3])
-    is_unsettled = force.doubt > 0.0 or tilt > UNSETTLED_TILT * UNSETTLED_TILT
+    is_unsettled = (
+        force.added_tilt_variance > 0.0 or tilt > UNSETTLED_TILT_SIGMA * UNSETTLED_TILT_SIGMA
+    )
     is_new = is_unsettled and state.reference.agreed_for < RELEARNED_FIELD_S
     reference = no_reference() if is_new else state.reference
     field = _mean_field(state, params, orientation, reference)
@@ -161,7 +165,7 @@ def _variance_factors(
 ) -> VarianceFactors:
     """Return the variance factors after the innovations of a step.
 
-    The low-pass of specific force delays noise; accelerations it takes away, and their power is in
+    The low-pass of specific force delays its noise and removes accelerations, whose power is in
     the unused vertical part.
     """
     before, t = state.factors, state.integrals.elapsed
@@ -189,7 +193,7 @@ def _variance_factors(
             noise * params.acceleration_smoothing,
             rests,
         )
-        force_error = observe_error(force_error, inclination.unused, t, FORCE_TIME)
+        force_error = observe_error(force_error, inclination.unused, t, FORCE_TIME_S)
     if field.variance > 0.0:
         if field.reference.adopted:
             field_error = no_error()
@@ -197,7 +201,7 @@ def _variance_factors(
         heading = observe_angle(
             heading, (field.east, 0.0), none, orientation[5], field.variance, since, 0.0, rests
         )
-        field_error = observe_error(field_error, field.misfit, since, FIELD_TIME)
+        field_error = observe_error(field_error, field.misfit, since, FIELD_TIME_S)
     return VarianceFactors(
         inclination=inclination,
         heading=heading,
@@ -214,12 +218,12 @@ def _mean_force(
     """Return the mean specific force; its variance follows the acceleration's power.
 
     What the low-pass leaves counts as acceleration where the tilt's own variance does not
-    explain it; at rest what was before counts no more. A rotation by a large angle is known to
-    half of its square, as it is linearised.
+    explain it; rest ends the memory of earlier acceleration. A rotation by a large angle is known
+    to half of its square, as it is linearised.
     """
     t = state.integrals.elapsed
     force = scale(1.0 / t, state.integrals.force)
-    power, age, variance, doubt = state.power, state.age, -1.0, 0.0
+    power, age, variance, added = state.power, state.age, -1.0, 0.0
     smoothed, persistent = state.smoothed, state.persistent
     if dot(force, force) > 0.0:
         bridged = INTERPOLATION_FACTOR * rate_change(state) * state.integrals.gaps
@@ -239,7 +243,8 @@ def _mean_force(
         density = params.acceleration_floor * params.acceleration_floor + max(power, now)
         variance = density / min(t, params.interval)
         persistent = approach(persistent, force, t / (min(PERSISTENCE_S, age - t) + t))
-        doubt = _doubt(persistent, params.up, 0.5 * tilt + density / min(PERSISTENCE_S, age))
+        persistent_variance = 0.5 * tilt + density / min(PERSISTENCE_S, age)
+        added = _tilt_error_square(persistent, params.up, persistent_variance)
     level = _level_part(smoothed, params.up)
     if variance > 0.0:
         square = level[0] * level[0] + level[1] * level[1]
@@ -250,18 +255,18 @@ def _mean_force(
         power=power,
         smoothed=smoothed,
         persistent=persistent,
-        doubt=doubt if age > LEAST_AGE else 0.0,
+        added_tilt_variance=added if age > LEAST_AGE_S else 0.0,
         age=age,
     )
 
 
 @inline
-def _doubt(persistent: Vector, up: float, variance: float) -> float:
-    """Return the square of the tilt that a mean force shows [rad²], 0 where it is no surprise."""
+def _tilt_error_square(persistent: Vector, up: float, variance: float) -> float:
+    """Return the square of the tilt that a mean force shows [rad²]; 0: within its variance."""
     x, y = _level_part(persistent, up)
     square = x * x + y * y
-    surprise = square > PERSISTENCE_FACTOR * 2.0 * variance
-    return square / (GRAVITY * GRAVITY) if surprise else 0.0
+    contradicts = square > PERSISTENCE_FACTOR * 2.0 * variance
+    return square / (GRAVITY * GRAVITY) if contradicts else 0.0
 
 
 @inline
@@ -281,8 +286,8 @@ def _mean_field(
 ) -> MeanField:
     """Return the mean field's angle from north, unless it is unlike the reference.
 
-    A tilt turns the horizontal part of a field that dips: the heading is not known better. The dip
-    itself is seen in the tilted attitude, and wrong by the tilt.
+    A tilt error turns the horizontal part of a field that dips and limits how well the heading is
+    known; the dip itself is wrong by the tilt.
     """
     past, north, deviation = state.integrals, params.north, state.deviation
     if past.fields == 0:
@@ -293,8 +298,8 @@ def _mean_field(
     rate = sqrt(past.angle / past.elapsed)
     parts = (level, -params.up * mean[2])
     sine = _east(mean, level, north)
-    possible = POSSIBLE_SIGMAS * POSSIBLE_SIGMAS * orientation[5]
-    contradicts = sine * sine > possible + POSSIBLE_ANGLE * POSSIBLE_ANGLE
+    possible = HEADING_SIGMAS_LIMIT * HEADING_SIGMAS_LIMIT * orientation[5]
+    contradicts = sine * sine > possible + HEADING_ERROR_LIMIT * HEADING_ERROR_LIMIT
     reference = update_reference(known, params.field, parts, rate, since, contradicts)
     expected = reference.reference
     disturbance = (
@@ -358,8 +363,8 @@ def _bias_at_rest(
 ) -> RestBias:
     """Return the bias error that the mean rate at rest shows.
 
-    With six axes nothing tells a steady turn about the vertical from a bias: what is learned
-    about it is not known better than it differs from what was known.
+    With six axes nothing tells a steady turn about the vertical from a bias: its variance there is
+    no smaller than the square of the change would leave it.
     """
     rest = state.rest
     learns = params.learn_bias and is_bias(rest, params.rest)
@@ -387,7 +392,7 @@ def shown_covariance(covariance: Symmetric, means: Means, params: AveragingParam
 
 @inline
 def after_step(state: AveragingState, means: Means, turn: Quaternion) -> AveragingState:
-    """Return the state with nothing accumulated, the smoothed force turned as the attitude was."""
+    """Return the state with cleared sums; the smoothed force is turned with the attitude."""
     past, rows = state.integrals, matrix(turn)
     since_field = 0.0 if past.fields else state.since_field + past.elapsed
     return AveragingState(
@@ -410,16 +415,18 @@ def after_step(state: AveragingState, means: Means, turn: Quaternion) -> Averagi
 
 
 @inline
-def doubts(state: AveragingState, means: Means, params: AveragingParams) -> tuple[float, float]:
-    """Return the variances by which inclination and heading are less certain than they were.
+def added_variances(
+    state: AveragingState, means: Means, params: AveragingParams
+) -> tuple[float, float]:
+    """Return the variances to add to inclination and heading [rad²].
 
-    Because acceleration persists, or a new field was adopted [rad²]: the heading is set anew
-    where the reference before had been seen for less than an adoption takes.
+    They come of acceleration that persists and of a newly adopted field; the heading is set anew
+    where the reference before had been known for less time than an adoption takes.
     """
-    reference, tilt = means.field.reference, means.force.doubt
+    reference, tilt = means.field.reference, means.force.added_tilt_variance
     if not reference.adopted or state.reference.adopted:
         return tilt, tilt
-    turn = tilt + ADOPTION_DOUBT * ADOPTION_DOUBT
+    turn = tilt + ADOPTED_HEADING_SIGMA * ADOPTED_HEADING_SIGMA
     if state.reference.agreed_for < params.field.adoption:
         turn += means.field.east * means.field.east
     return tilt, turn

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Variance factors: how large errors are beside what the assumed noises make of them.
+"""Variance factors: variance of the errors over that claimed from the assumed noises.
 
-The assumed noises have to do for any device and motion; innovations show what they are here. For
-one angle, a gyroscope's noise q and a measurement's noise r, assumed and true, a first-order
-filter of any gain has an error whose variance is (q/q₀ + r/r₀)/2 times the one it claims, and so
-has the low-pass of its innovations by that same gain: the mean square of the one tells the other
-(a posteriori variance of unit weight; of innovations: Mehra, IEEE Trans. Automatic Control 15,
-1970). At rest and in motion the noises differ, and so do the factors.
+The assumed noises have to do for any device and motion; innovations show the actual ones. For
+one angle, a gyroscope's noise q and a measurement's noise r, true, and q₀ and r₀, assumed, a
+first-order filter of any gain has an error whose variance is (q/q₀ + r/r₀)/2 times the one it
+claims, and so has the low-pass of its innovations by that same gain: the mean square of the one
+gives the other (a posteriori variance of unit weight; of innovations: Mehra, IEEE Trans. Automatic
+Control 15, 1970). At rest and in motion the noises differ, and so do the factors.
 
-Innovations do not show what is wrong with a sensor for longer than the filter remembers. That
-shows where the filter makes no use of the sensor: in the vertical part of specific force, in
-strength and dip of the field. What is wrong there is as wrong across.
+Innovations do not show sensor errors that last longer than the filter's time constants. Those show
+in parts of the measurement that the filter does not use: the vertical part of specific force,
+strength and dip of the field. The used parts are taken to be as wrong.
 """
 
 from __future__ import annotations
@@ -21,20 +21,21 @@ from typing import NamedTuple
 from orientation_filters.kernel import inline
 from orientation_filters.rotation.scalars import Symmetric
 
-START_S = 3.0
-"""Innovations count later, and are low-passed from then on: what was assumed at the start is
-forgotten by then [s]."""
+START_TIME_S = 3.0
+"""Time from which innovations are used: the assumed initial errors no longer count then [s]."""
 PRIOR_WEIGHT = 0.1
-"""Independent values that the factor 1 counts for."""
-RECENCY = 3.0
-"""Weight of the newest value beside that in a plain mean: value n of a mean weighs with n². What
-innovations show at the start, where attitude and bias are still wrong, is forgotten so."""
-MEMORY, LONGEST_MEMORY = 60.0, 60.0
-"""A factor is the mean over so many independent values, and over no longer [s]."""
-FORCE_TIME, FIELD_TIME = 10.0, 2.0
-"""What is left of a sensor's error after a low-pass of this time constant persists [s]."""
-PERSISTENT_MEMORY = 60.0
-"""Over which the power of what persists is a mean [s]."""
+"""Number of independent values that the prior factor 1 weighs."""
+NEWEST_WEIGHT = 3.0
+"""Weight of the newest value beside that in a plain mean: value n of a mean weighs with n², so
+that innovations of the start, where attitude and bias are still wrong, are forgotten."""
+AVERAGED_VALUES = 60.0
+"""Number of independent values that a factor is the mean over …"""
+LONGEST_AVERAGE_S = 60.0
+"""… and the longest time of that mean [s]."""
+FORCE_TIME_S, FIELD_TIME_S = 10.0, 2.0
+"""Time constants of the low-passes that leave the persistent part of the sensors' errors [s]."""
+PERSISTENT_POWER_TIME_S = 60.0
+"""Time constant of the mean square of persistent errors [s]."""
 ACROSS_GRAVITY_POWER = 4.0
 """Power of an accelerometer's error across gravity over that along it: calibrated by the length of
 gravity, it keeps the misalignment of its axes (measured on BROAD)."""
@@ -43,36 +44,35 @@ Pair = tuple[float, float]
 
 
 class Observed(NamedTuple):
-    """What innovations have shown, at rest or in motion."""
+    """Means over the innovations at rest or in motion."""
 
     factor: float
     """Variance of the errors over that claimed."""
     unused: float
     """Variance of the unused parts after the filter's low-pass [rad²]."""
     weight: float
-    """Independent values in both."""
+    """Number of independent values in both."""
 
 
 class AngleFactor(NamedTuple):
-    """Of one angle, or of two with the same variance."""
+    """Variance factor of one angle, or of two with the same variance."""
 
     age: float
-    """Since the first measurement, or since what it is measured against is another [s]."""
+    """Since the first measurement, or the last change of its reference [s]."""
     innovation: Pair
     """After the filter's low-pass [rad]."""
     expected: float
-    """Variance of that as claimed [rad²]."""
+    """Claimed variance of that [rad²]."""
     unused: Pair
     """Errors in parts of the measurement that the filter does not use, after that low-pass."""
     bridged: float
-    """Variance left of gaps in the angular velocity [rad²]: no factor scales it, as it is no
-    assumed noise."""
+    """Variance left of gaps in the angular velocity [rad²]; it is no assumed noise: not scaled."""
     rest: Observed
     motion: Observed
 
 
 class PersistentError(NamedTuple):
-    """Errors in unused parts of a measurement, as angles, and the power of what persists."""
+    """Errors in unused parts of a measurement, as angles, and their persistent power."""
 
     age: float
     """Since the first measurement [s]."""
@@ -87,7 +87,7 @@ class PersistentError(NamedTuple):
 
 
 class VarianceFactors(NamedTuple):
-    """Of both angles, with what persists in the sensors."""
+    """Variance factors of both angles, and persistent errors of the sensors."""
 
     inclination: AngleFactor
     heading: AngleFactor
@@ -136,7 +136,7 @@ def add_bridged(before: AngleFactor, bridged: float) -> AngleFactor:
 
 @inline
 def started_anew(before: AngleFactor) -> AngleFactor:
-    """Return the state where an angle is measured against something else from now on."""
+    """Return the state after the reference of an angle has changed."""
     return AngleFactor(
         age=0.0,
         innovation=(0.0, 0.0),
@@ -167,7 +167,7 @@ def observe_angle(
     """
     gain = variance / (variance + noise)
     keep = 1.0 - gain
-    seen = gain if before.age > START_S else 0.0
+    seen = gain if before.age > START_TIME_S else 0.0
     innovation = _low_pass(before.innovation, innovation, seen)
     unused = _low_pass(before.unused, unused, seen)
     expected = keep * keep * before.expected + seen * variance
@@ -209,15 +209,15 @@ def _delayed(k: float, rests: bool) -> float:
 
 @inline
 def _take(before: Observed, ratio: float, power: float, gain: float, dt: float) -> Observed:
-    """Return the means with one more value, of which every 1 / gain is independent."""
-    shortest = dt / LONGEST_MEMORY
-    newest = RECENCY * gain
+    """Return the means with one more value; 1 / gain values in a row count as one independent."""
+    shortest = dt / LONGEST_AVERAGE_S
+    newest = NEWEST_WEIGHT * gain
     by_ratio = max(newest / (PRIOR_WEIGHT + before.weight + newest), shortest)
     by_power = max(newest / (before.weight + newest), shortest)
     return Observed(
         factor=before.factor + by_ratio * (ratio - before.factor),
         unused=before.unused + by_power * (power - before.unused),
-        weight=min(before.weight + gain, MEMORY),
+        weight=min(before.weight + gain, AVERAGED_VALUES),
     )
 
 
@@ -232,7 +232,7 @@ def observe_error(
     low = _low_pass(before.low, error, dt / (time_constant + dt))
     change = error[0] - before.last[0], error[1] - before.last[1]
     white = 0.5 * _square(change) * dt / (2.0 * time_constant + dt)
-    gain = dt / min((age - time_constant) / RECENCY + dt, PERSISTENT_MEMORY)
+    gain = dt / min((age - time_constant) / NEWEST_WEIGHT + dt, PERSISTENT_POWER_TIME_S)
     return PersistentError(
         age=age,
         last=error,
@@ -244,9 +244,9 @@ def observe_error(
 
 @inline
 def scaled(c: Symmetric, factors: VarianceFactors) -> Symmetric:
-    """Return a covariance about the world's axes [rad²] with the factors, and what persists.
+    """Return a covariance about the world's axes [rad²], scaled, with persistent errors added.
 
-    Of the inclination it is at least the power of the unused vertical part.
+    The inclination's is at least the power of the unused vertical part.
     """
     tilt, turn = factors.inclination.motion, factors.heading.motion
     if factors.rests:

@@ -10,7 +10,7 @@ from imu_recording.user_error import UserError
 from numpy.random import Generator
 
 from imu_driver.simulation.effects.hidden_effect import (
-    ALL,
+    ALL_SENSORS,
     ErrorShape,
     Runs,
     along_axes,
@@ -37,7 +37,7 @@ def discharge(time: FloatArray, time_constant: float) -> FloatArray:
     return charge
 
 
-@hidden_effect(ALL)
+@hidden_effect(ALL_SENSORS)
 def warm_up(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """Charge trapped in the oxide leaks away after each power-on, the same way every time."""
     time = log_uniform(generator, 200.0, 1500.0)
@@ -49,7 +49,7 @@ def warm_up(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     )
 
 
-@hidden_effect(ALL)
+@hidden_effect(ALL_SENSORS)
 def turn_on_bias(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """Power is cycled at the start of every thermal cycle; each power-on has a bias of its own."""
     errors = []
@@ -63,7 +63,7 @@ def turn_on_bias(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     return in_sensor(sensor, errors)
 
 
-@hidden_effect(ALL)
+@hidden_effect(ALL_SENSORS)
 def bias_step(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """Solder slips once, in one run, within seconds."""
     which = int(generator.integers(len(runs)))
@@ -78,7 +78,7 @@ def bias_step(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     return in_sensor(sensor, errors, step_time=at, run=float(which))
 
 
-@hidden_effect(ALL)
+@hidden_effect(ALL_SENSORS)
 def bias_drift(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """The package relaxes with a time constant of 200 h: within a run nearly a line."""
     gains = axis_gains(generator)
@@ -86,7 +86,7 @@ def bias_drift(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     return in_sensor(sensor, errors)
 
 
-@hidden_effect(ALL)
+@hidden_effect(ALL_SENSORS)
 def bias_creep(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """Adhesive creeps: relaxation times spread evenly in logarithm, to months, few below t₀.
 
@@ -104,7 +104,7 @@ def bias_creep(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     return in_sensor(sensor, errors, time_constant=start)
 
 
-@hidden_effect(ALL, kind='noise')
+@hidden_effect(ALL_SENSORS, kind='noise')
 def random_walk(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """Bias that walks at random, differently in every run and axis."""
     errors = [

@@ -21,7 +21,7 @@ from imu_driver.simulation.pose import rotation_vector_matrix
 from imu_driver.simulation.run import world_vector
 from imu_driver.simulation.thermal import BOARD, DIE
 
-CURIE = 1043.0
+CURIE_TEMPERATURE = 1043.0
 """Curie temperature of iron [K]."""
 
 
@@ -71,7 +71,7 @@ def fixture_hard_iron(runs: Runs, sensor: str, generator: Generator) -> ErrorSha
     errors = []
     for run in runs:
         kelvin = run.nodes[:, BOARD] + 273.15
-        remanence = 1.0 - (kelvin / CURIE) ** 1.5
+        remanence = 1.0 - (kelvin / CURIE_TEMPERATURE) ** 1.5
         errors.append(along_axes(remanence, run.matrix @ direction))
     return in_sensor(sensor, errors)
 

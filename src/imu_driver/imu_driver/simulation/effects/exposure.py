@@ -10,7 +10,7 @@ from imu_recording.user_error import UserError
 from numpy.random import Generator
 
 from imu_driver.simulation.effects.hidden_effect import (
-    ALL,
+    ALL_SENSORS,
     PROOF_MASS,
     ErrorShape,
     Runs,
@@ -24,7 +24,7 @@ from imu_driver.simulation.environment import low_pass
 from imu_driver.simulation.thermal import BOARD
 
 
-@hidden_effect(ALL, logged_as=('supply_voltage',))
+@hidden_effect(ALL_SENSORS, logged_as=('supply_voltage',))
 def supply_sensitivity(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """The output divides by the supply, not by the reference: ratiometric, 1/V."""
     gains = axis_gains(generator)

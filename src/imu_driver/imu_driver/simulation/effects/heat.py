@@ -12,7 +12,7 @@ from numpy.random import Generator
 
 from imu_driver.simulation.devices import REFERENCE_TEMPERATURE
 from imu_driver.simulation.effects.hidden_effect import (
-    ALL,
+    ALL_SENSORS,
     EXCITED_AT_REST,
     ErrorShape,
     Runs,
@@ -27,7 +27,7 @@ from imu_driver.simulation.run import DeviceRun, thermal_load
 from imu_driver.simulation.thermal import BOARD, DIE, convection, node_temperatures
 
 
-@hidden_effect(ALL)
+@hidden_effect(ALL_SENSORS)
 def bias_temperature_curvature(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """The die's expansion and modulus change with temperature: the bias bends."""
     bend = generator.choice([-1.0, 1.0], 3) * generator.uniform(3e-3, 8e-3, 3)
@@ -145,7 +145,7 @@ def follow(
     return node
 
 
-@hidden_effect(ALL)
+@hidden_effect(ALL_SENSORS)
 def thermal_lag(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """The stressed glue under the element warms later than the thermometer."""
     time = log_uniform(generator, 60.0, 400.0) / runs[0].device.glue_conductance
@@ -158,7 +158,7 @@ def thermal_lag(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     return in_sensor(sensor, errors, time_constant=time / (1.0 + LEAK_SHARE))
 
 
-@hidden_effect(ALL)
+@hidden_effect(ALL_SENSORS)
 def thermal_lag_two_stage(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """Two nodes in a row: glue, then a heavy part of the board."""
     fast = log_uniform(generator, 40.0, 100.0) / runs[0].device.glue_conductance
@@ -174,7 +174,7 @@ def thermal_lag_two_stage(runs: Runs, sensor: str, generator: Generator) -> Erro
     return in_sensor(sensor, errors, time_constant_fast=fast, time_constant_slow=slow)
 
 
-@hidden_effect(ALL)
+@hidden_effect(ALL_SENSORS)
 def temperature_rate(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """Heat that flows through the die bends it while it flows: as fast as the die itself.
 
@@ -200,7 +200,7 @@ FIXTURE_TIME_CONSTANT = 1200.0
 
 
 def sheltered(run: DeviceRun) -> DeviceRun:
-    """Return the run with the device in the lee of a heavy fixture, where it may stand already.
+    """Return the run with the device in the lee of a heavy fixture, or unchanged if it is there.
 
     The free stream, which the chamber's thermometers measure and one face of the package feels,
     and the air that warms the board part: their difference lasts through dwells with the time
@@ -231,7 +231,7 @@ def _moved(run: DeviceRun, nodes: FloatArray, sensor: str) -> FloatArray:
     return moved
 
 
-@hidden_effect(ALL, mounting=sheltered)
+@hidden_effect(ALL_SENSORS, mounting=sheltered)
 def thermal_gradient(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """A face of the package in the free stream, the rest in the lee: heat flows across it.
 
@@ -271,7 +271,7 @@ def bouc_wen(temperature: FloatArray, width: float, sharpness: float) -> FloatAr
     return plastic
 
 
-@hidden_effect(ALL)
+@hidden_effect(ALL_SENSORS)
 def thermal_hysteresis(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """Glue and solder yield: a smooth elasto-plastic element (Bouc–Wen) over the die."""
     width = log_uniform(generator, 6.0, 16.0)

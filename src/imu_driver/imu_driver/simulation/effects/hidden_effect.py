@@ -2,8 +2,7 @@
 """A hidden effect of the simulated device, and how it is added to runs.
 
 The effects use the simulated device's own nodes, fields and processes, finer than thermal_comp's
-catalogue writes them and without sharing an equation with it: only so does it prove something
-when a diagnosis names them.
+catalogue and without an equation in common: a diagnosis that names them proves something.
 """
 
 from __future__ import annotations
@@ -19,11 +18,11 @@ from imu_recording.user_error import UserError
 from imu_driver.simulation.devices import MEAN_STD
 from imu_driver.simulation.run import DeviceRun
 
-ALL = tuple(SENSOR_FIELDS)
+ALL_SENSORS = tuple(SENSOR_FIELDS)
 PROOF_MASS = ('accelerometer', 'gyroscope')
 """Sensors with a moving mass."""
 EXCITED_AT_REST = ('accelerometer', 'magnetometer')
-"""Sensors that measure something on a resting device."""
+"""Sensors whose input is not zero on a resting device."""
 
 Errors: TypeAlias = dict[str, FloatArray]
 """Sensor → (n, 3) error of one run."""
@@ -48,7 +47,7 @@ class HiddenEffect:
     """An effect that a campaign can hide, with all that is known about it."""
 
     name: str
-    """That of the effect in thermal_comp's catalogue which describes it, if one does."""
+    """Name of the effect in thermal_comp's catalogue that describes it, if one does."""
     sensors: tuple[str, ...]
     """Sensors it can be hidden in; two names joined by + mean both at once."""
     shape: ShapeFunction
@@ -74,17 +73,25 @@ def hidden_effect(
     """Make a function (runs, sensor, generator) → ErrorShape the hidden effect of its name."""
 
     def effect(shape: ShapeFunction) -> HiddenEffect:
-        return HiddenEffect(shape.__name__, sensors, shape, kind, depends_on, logged_as, mounting)
+        return HiddenEffect(
+            name=shape.__name__,
+            sensors=sensors,
+            shape=shape,
+            kind=kind,
+            depends_on=depends_on,
+            logged_as=logged_as,
+            mounting=mounting,
+        )
 
     return effect
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What was hidden."""
+    """The effect, fault or lost channel that was hidden in a campaign."""
 
     name: str | None
-    """None: nothing in the catalogue describes it."""
+    """Name in the catalogue; None: nothing there describes it."""
     kind: str
     """'effect', 'data_quality', 'noise', 'unexplained', 'unlogged' or 'nothing'."""
     sensor: str | None = None
@@ -95,11 +102,11 @@ class Truth:
     parameters: dict[str, float] = field(default_factory=dict)
 
 
-LEAST_VISIBLE = 0.03
-"""Share of an effect's error beyond a line in temperature that runs must show of it.
+LEAST_VISIBLE_SHARE = 0.03
+"""Least share of an effect's error that a line in temperature must leave.
 
-What turns or scales what the sensor feels is a line in a single pose; the little that is left of
-it there is a thermometer's lag, and made large enough it would be no such effect any more."""
+In a single pose a rotation or a scale error is nearly a line in temperature. Its small remainder,
+from the thermometer's lag, must not be scaled up to a visible size: the effect would be absurd."""
 
 
 def magnitude(runs: Runs, errors: Sequence[Errors]) -> float:
@@ -141,18 +148,16 @@ def add_hidden_effect(
             f'{", ".join(effect.sensors)}'
         )
 
-    def shape_in(runs: Runs) -> tuple[list[DeviceRun], ErrorShape]:
-        mounted = [effect.mounting(run) for run in runs] if effect.mounting else list(runs)
-        return mounted, effect.shape(mounted, sensor, np.random.default_rng((seed, 17)))
-
-    runs, shape = shape_in(runs)
-    earlier, earlier_shape = shape_in(measured_on) if measured_on else (runs, shape)
+    runs, shape = _shape_in(runs, effect, sensor, seed)
+    earlier, earlier_shape = runs, shape
+    if measured_on:
+        earlier, earlier_shape = _shape_in(measured_on, effect, sensor, seed)
     size = magnitude(earlier, earlier_shape.errors)
     if not size > 0.0:
         raise UserError(
             f'{effect.name} does nothing in these runs: the profile does not excite it'
         )
-    if (visible := size / _rms(earlier_shape.errors)) < LEAST_VISIBLE:
+    if (visible := size / _rms(earlier_shape.errors)) < LEAST_VISIBLE_SHARE:
         raise UserError(
             f'{effect.name} cannot be seen in these runs: a line in temperature takes up all but '
             f'{100.0 * visible:.2g} % of it; record more orientations or cycles'
@@ -172,6 +177,14 @@ def add_hidden_effect(
         parameters={**shape.parameters, 'scale': factor},
     )
     return changed, truth
+
+
+def _shape_in(
+    runs: Runs, effect: HiddenEffect, sensor: str, seed: int
+) -> tuple[list[DeviceRun], ErrorShape]:
+    """Return the runs with the device mounted where the effect acts, and the effect's shape."""
+    mounted = [effect.mounting(run) for run in runs] if effect.mounting else list(runs)
+    return mounted, effect.shape(mounted, sensor, np.random.default_rng((seed, 17)))
 
 
 def _rms(errors: Sequence[Errors]) -> float:

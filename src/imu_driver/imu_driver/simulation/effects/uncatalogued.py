@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hidden effects outside the catalogue: they have to be called unexplained."""
+"""Hidden effects outside the catalogue: a diagnosis has to call them unexplained."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.random import Generator
 
 from imu_driver.simulation.effects.hidden_effect import (
-    ALL,
+    ALL_SENSORS,
     ErrorShape,
     Runs,
     along_axes,
@@ -18,7 +18,7 @@ from imu_driver.simulation.effects.hidden_effect import (
 from imu_driver.simulation.thermal import DIE
 
 
-@hidden_effect(ALL, kind='unexplained', depends_on=('temperature',))
+@hidden_effect(ALL_SENSORS, kind='unexplained', depends_on=('temperature',))
 def mode_crossing(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """A parasitic mode crosses the drive frequency at one temperature (IEEE 528 activity dip)."""
     centre = float(generator.choice([generator.uniform(-3, 12), generator.uniform(26, 43)]))
@@ -35,7 +35,7 @@ def mode_crossing(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     )
 
 
-@hidden_effect(ALL, kind='unexplained', depends_on=('temperature', 'time'))
+@hidden_effect(ALL_SENSORS, kind='unexplained', depends_on=('temperature', 'time'))
 def ageing_slope(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """The temperature coefficient itself ages: temperature times time."""
     gains = axis_gains(generator)
@@ -46,7 +46,7 @@ def ageing_slope(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     return in_sensor(sensor, errors)
 
 
-@hidden_effect(ALL, kind='unexplained', depends_on=('temperature',))
+@hidden_effect(ALL_SENSORS, kind='unexplained', depends_on=('temperature',))
 def resonance_comb(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """Standing waves in the package beat with the drive: a comb over temperature."""
     pitch = float(generator.uniform(9.0, 14.0))
@@ -59,7 +59,7 @@ def resonance_comb(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     )
 
 
-@hidden_effect(ALL, kind='unexplained', depends_on=('time',))
+@hidden_effect(ALL_SENSORS, kind='unexplained', depends_on=('time',))
 def room_rhythm(runs: Runs, sensor: str, generator: Generator) -> ErrorShape:
     """The building's ventilation swings every few hours and reaches the read-out's reference."""
     period = float(generator.uniform(3.0, 4.2)) * 3600.0

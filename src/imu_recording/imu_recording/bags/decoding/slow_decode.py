@@ -34,7 +34,7 @@ _VALUES: dict[str, Any] = {
 
 
 _OTHER_DEFINITION = (IndexError, AttributeError, TypeError, ValueError, KeyError)
-"""What a message of another definition under the same name raises."""
+"""Errors of decoding a message of another definition under the same name."""
 
 
 def decode_message(

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,9 +23,9 @@ from imu_recording.recording import FloatArray, IntArray
 
 _NO_WORDS = np.empty((0, 0), np.int64)
 RECORDED_SINCE_NS = 946_684_800_000_000_000
-"""The year 2000 [ns]: no bag was received before."""
-FEWEST_FOR_CLOCK = 20
-"""Samples whose intervals tell the unit of their stamps."""
+"""The year 2000 [ns]: earlier times of receipt were made up."""
+LEAST_CLOCK_SAMPLES = 20
+"""Least number of samples from which the unit of their stamps is inferred."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,21 @@ class MessageBlock:
         """Return one serialised message."""
         at = int(self.offset[index])
         return self.buffer[at : at + int(self.length[index])].tobytes()
+
+
+def block_of(messages: Sequence[bytes], received: IntArray, slot: IntArray) -> MessageBlock:
+    """Return a block of separate messages, with their times of receipt [ns] and slots."""
+    length = np.fromiter(map(len, messages), np.int64, len(messages))
+    offset = np.zeros(len(messages), np.int64)
+    np.cumsum(length[:-1], out=offset[1:])
+    return MessageBlock(
+        buffer=np.frombuffer(b''.join(messages), np.uint8),
+        offset=offset,
+        length=length,
+        received=received,
+        slot=slot,
+        count=len(messages),
+    )
 
 
 @dataclass
@@ -107,7 +123,7 @@ class TopicColumns:
         by whatever wrote the bag.
         """
         count = min(self.count, 100_000)
-        if count < FEWEST_FOR_CLOCK or self._received[0] < RECORDED_SINCE_NS:
+        if count < LEAST_CLOCK_SAMPLES or self._received[0] < RECORDED_SINCE_NS:
             return 1.0
         received, stamped = (
             float(np.median(np.diff(times[:count]))) for times in (self._received, self._stamp)

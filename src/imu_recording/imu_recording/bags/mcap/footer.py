@@ -25,10 +25,10 @@ _DATA_END = struct.Struct('<BQI')
 
 @dataclass(frozen=True)
 class McapFooter:
-    """What the last record of a file says."""
+    """Content of a file's last record, and where it is."""
 
     place: int
-    """Of the footer [bytes]."""
+    """Place of the footer in the file [bytes]."""
     summary_start: int
     """0 where there is no summary."""
     summary_checksum: int
@@ -54,7 +54,12 @@ def read_footer(stream: BinaryIO) -> McapFooter | None:
         return None
     if start and not len(MAGIC) + _DATA_END.size <= start >= place - LARGEST_SUMMARY:
         return None
-    return McapFooter(place, start, checksum, content[:_CHECKED_OF_FOOTER])
+    return McapFooter(
+        place=place,
+        summary_start=start,
+        summary_checksum=checksum,
+        head=content[:_CHECKED_OF_FOOTER],
+    )
 
 
 def summary_bytes(stream: BinaryIO, footer: McapFooter) -> bytes | None:

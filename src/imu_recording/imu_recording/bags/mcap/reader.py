@@ -131,7 +131,13 @@ class McapScan:
             key, schema, topic, encoding, metadata = _parse('HHssm', content)
             message_type, definition = self._schemas.get(schema, ('', ''))
             qos = metadata.get('offered_qos_profiles', '')
-            channel = Channel(topic, message_type, encoding, definition, qos)
+            channel = Channel(
+                topic=topic,
+                message_type=message_type,
+                encoding=encoding,
+                definition=definition,
+                qos=qos,
+            )
             if key not in self.channels:
                 self.channels[key] = channel
                 self._slots[key] = self.select(channel)
@@ -169,7 +175,15 @@ class McapScan:
                 buffer, at, end, self._slots, offset, length, received, slot
             )
             if count:
-                self.deliver(MessageBlock(buffer, offset, length, received, slot, count))
+                block = MessageBlock(
+                    buffer=buffer,
+                    offset=offset,
+                    length=length,
+                    received=received,
+                    slot=slot,
+                    count=count,
+                )
+                self.deliver(block)
             if reason == RECORD_FULL:
                 self._arrays = empty_block(2 * len(offset))
             elif reason == RECORD_OTHER:

@@ -93,7 +93,7 @@ def _repair(stream: BinaryIO, *, sync: bool) -> int | None:
 
 
 class _Continuation:
-    """What is in a file, taken into a stream that goes on where the file is cut."""
+    """A stream that holds what is whole in a file and continues it where it is cut."""
 
     def __init__(self) -> None:
         self.stream = McapStream()

@@ -20,8 +20,8 @@ PARAMETERS = {'INS_TCAL1_ENABLE': 1.0, 'INS_TCAL1_ACC1_X': 300.0, 'AHRS_ORIENTAT
 
 @pytest.fixture
 def small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dataflash_stream, 'PIECE', 1 << 14)
-    monkeypatch.setattr(dataflash, 'BEGINNING', 1 << 14)
+    monkeypatch.setattr(dataflash_stream, 'PIECE_BYTES', 1 << 14)
+    monkeypatch.setattr(dataflash, 'DEFINITIONS_BYTES', 1 << 14)
 
 
 def written(folder: Path, data: bytes) -> Path:
@@ -92,8 +92,8 @@ def test_a_clock_that_restarts_is_cut(tmp_path: Path) -> None:
 def test_memory_does_not_grow_with_the_log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(dataflash_stream, 'PIECE', 1 << 17)
-    monkeypatch.setattr(dataflash, 'BEGINNING', 1 << 14)
+    monkeypatch.setattr(dataflash_stream, 'PIECE_BYTES', 1 << 17)
+    monkeypatch.setattr(dataflash, 'DEFINITIONS_BYTES', 1 << 14)
     peaks, sizes = [], []
     for length in (3, 12):
         path = written(tmp_path, dataflash_bytes([recording_at_rest(length * ROWS)]))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time left agrees with the ideal timetable wherever a run stands on it."""
+"""The time that a run reports as left agrees with the ideal timetable at every step and stage."""
 
 import pytest
 from chamber_profile.profile.file import load_profile

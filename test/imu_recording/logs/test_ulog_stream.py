@@ -19,7 +19,7 @@ ROWS = 4000
 
 @pytest.fixture
 def small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ulog_stream, 'PIECE', 1 << 14)
+    monkeypatch.setattr(ulog_stream, 'PIECE_BYTES', 1 << 14)
 
 
 def written(folder: Path, data: bytes) -> Path:
@@ -66,7 +66,7 @@ def test_a_longer_log_is_means_and_says_so(tmp_path: Path) -> None:
 def test_damage_and_a_clock_that_restarts_are_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ulog, 'WHOLE_BELOW', 0)
+    monkeypatch.setattr(ulog, 'WHOLE_FILE_BYTES', 0)
     monkeypatch.setitem(ulog.read_ulog.__kwdefaults__, 'whole_below', 0)
     monkeypatch.setitem(ulog.read_ulog.__kwdefaults__, 'most_rows', 1000)
     data = ulog_bytes([recording_at_rest(ROWS)])
@@ -85,7 +85,7 @@ def test_damage_and_a_clock_that_restarts_are_counted(
 def test_memory_does_not_grow_with_the_log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ulog_stream, 'PIECE', 1 << 17)
+    monkeypatch.setattr(ulog_stream, 'PIECE_BYTES', 1 << 17)
     peaks, sizes = [], []
     for length in (3, 12):
         path = written(tmp_path, ulog_bytes([recording_at_rest(length * ROWS)]))

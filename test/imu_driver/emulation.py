@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Test bench: emulator, line and session on one simulated clock, without threads or waiting."""
+"""Emulated board, line and session on one simulated clock, without threads or waiting."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class MemoryPort:
 
 
 @dataclass
-class Bench:
+class Emulation:
     """Board, line and session; `run` advances the clock."""
 
     options: BoardOptions = field(default_factory=BoardOptions)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Types of installed packages are found by the ament index, with all they are made of."""
+"""Types of installed packages are found with all their parts; a bag's own definition counts."""
 
 from __future__ import annotations
 
@@ -8,8 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from imu_recording.bags.decoding.installed_types import installed_types, message_name, message_text
-from imu_recording.bags.decoding.message_types import definition_of, hash_of, standard_types
+from imu_recording.bags.decoding.message_types import (
+    DecodeError,
+    definition_of,
+    hash_of,
+    installed_types,
+    message_name,
+    message_text,
+    standard_types,
+    types_of,
+)
+from imu_recording.logging_contract import STRING, TEMPERATURE
 from imu_recording.recorder.bag_recorder import BagRecorder
 from imu_recording.ros.message_cdr import message_class
 from rosbags.highlevel import AnyReader
@@ -84,3 +93,14 @@ def test_a_class_without_its_file_tells_the_same_type(
 def test_what_is_no_type_is_looked_for_nowhere(name: str) -> None:
     assert message_text(name) is None
     assert definition_of(name) == ''
+
+
+def test_a_bags_own_definition() -> None:
+    standard = definition_of(TEMPERATURE)
+    assert types_of(TEMPERATURE, standard) is standard_types()
+    other = standard.replace('float64 variance', 'float32 variance')
+    assert types_of(TEMPERATURE, other) is not standard_types()
+    with pytest.raises(DecodeError, match=f'definition of {TEMPERATURE} is damaged'):
+        types_of(TEMPERATURE, 'Header')
+    assert hash_of(STRING).startswith('RIHS01_')
+    assert definition_of('none_msgs/msg/Such') == hash_of('none_msgs/msg/Such') == ''
