@@ -1,14 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A triad that repeats by chance is no stuck sensor; one that stands still is, at once."""
-
-from dataclasses import replace
+"""Rows that are stuck or at a rail, told from chance repeats and from coarse counts."""
 
 import numpy as np
 import pytest
-from thermal_comp.data.defective_rows import STUCK_ROWS, stuck_rows
-from thermal_comp.data.quality import check_recording
-
-from ..campaign import run
+from thermal_comp.data.defective_rows import STUCK_ROWS, rail_rows, stuck_rows
 
 PERIOD = 2.0
 
@@ -63,19 +58,14 @@ def test_the_least_run_is_enough_where_nothing_repeats_by_chance() -> None:
     assert stuck_rows(values, PERIOD).sum() == STUCK_ROWS
 
 
-def test_a_pulse_of_the_heater_is_no_spike_of_the_magnetometer() -> None:
-    rng = np.random.default_rng(8)
-    still = run('+z')
-    pulses = np.zeros(len(still))
-    pulses[rng.choice(len(still) - 2, 40, replace=False) + 1] = 1.0
-    struck = pulses[:, None] * [6e-6, 0.0, 0.0]
-    recording = replace(still, magnetic_field=still.magnetic_field + struck)
-    _, blind = check_recording(recording, 'blind')
-    assert [f.name for f in blind] == ['spikes']
-    _, found = check_recording(replace(recording, heater=pulses), 'logged')
-    assert found == []
-
-
 def test_values_without_noise_are_not_stuck_where_nothing_changes() -> None:
     ramp = np.clip(np.linspace(-1.0, 2.0, 3000), 0.0, 1.0)[:, None] * np.array([1.0, -2.0, 0.5])
     assert not stuck_rows(ramp, PERIOD).any()
+
+
+def test_counts_coarser_than_the_noise_dwell_at_the_ends_of_a_sweep_and_are_no_rail() -> None:
+    sweep = np.concatenate([np.zeros(600), np.linspace(0.0, 12.0, 900), np.full(600, 12.0)])
+    noise = np.random.default_rng(3).normal(size=(len(sweep), 3))
+    assert not rail_rows(np.round(sweep[:, None] + 0.1 * noise)).any()
+    fine = sweep[:, None] + 0.1 * noise
+    assert rail_rows(np.minimum(np.round(fine, 2), 11.9)).any()
