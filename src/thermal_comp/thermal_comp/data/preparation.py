@@ -21,6 +21,7 @@ from thermal_comp.data.blocks import block_length, in_blocks, in_common_blocks
 from thermal_comp.data.conditions import (
     SENSORS,
     Conditions,
+    hard_iron_of,
     mounting_rotation,
     static_conditions,
 )
@@ -31,9 +32,7 @@ from thermal_comp.data.fine_rows import (
     measured_temperature,
     without_cycle_ends,
 )
-from thermal_comp.data.gaps import MEMORY_S, decays_after_gaps
-from thermal_comp.data.hard_iron import hard_iron_of
-from thermal_comp.data.prepared_run import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun, ends_of_long_gaps
 from thermal_comp.data.quality import without_damage
 from thermal_comp.data.startup import cut_startup
 
@@ -154,7 +153,7 @@ def prepare_run(
         notes.append(
             f'{holes * run.period:.0f} s in gaps, half-empty blocks or where cycles meet left out'
         )
-    if gaps := decays_after_gaps(run.conditions.time).shape[1] // len(MEMORY_S):
+    if gaps := len(ends_of_long_gaps(run.conditions.time)):
         notes.append(
             f'{gaps} long {"gap" if gaps == 1 else "gaps"}: what the temperatures of '
             f'{"it" if gaps == 1 else "them"} left behind is unknown, and fitted beside the level'
