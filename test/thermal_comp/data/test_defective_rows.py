@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from thermal_comp.data.defective_rows import STUCK_ROWS, rail_rows, stuck_rows
+from thermal_comp.data.defective_rows import LEAST_STUCK_ROWS, rail_rows, stuck_rows
 
 PERIOD = 2.0
 
@@ -22,7 +22,7 @@ def test_chance_repeats_of_a_quantised_triad_are_not_stuck(noise: float) -> None
 def test_chance_alone_makes_runs_as_long_as_the_least() -> None:
     values = quantised(0.6, seed=1)
     same = (values[1:] == values[:-1]).all(axis=1)
-    runs = np.lib.stride_tricks.sliding_window_view(same, STUCK_ROWS).all(axis=1)
+    runs = np.lib.stride_tricks.sliding_window_view(same, LEAST_STUCK_ROWS).all(axis=1)
     assert runs.any()
 
 
@@ -54,8 +54,8 @@ def test_a_sensor_of_coarse_counts_that_was_stuck_leaves_by_more_than_one() -> N
 
 def test_the_least_run_is_enough_where_nothing_repeats_by_chance() -> None:
     values = np.random.default_rng(3).normal(size=(20_000, 3))
-    values[700 : 701 + STUCK_ROWS] = values[700]
-    assert stuck_rows(values, PERIOD).sum() == STUCK_ROWS
+    values[700 : 701 + LEAST_STUCK_ROWS] = values[700]
+    assert stuck_rows(values, PERIOD).sum() == LEAST_STUCK_ROWS
 
 
 def test_values_without_noise_are_not_stuck_where_nothing_changes() -> None:

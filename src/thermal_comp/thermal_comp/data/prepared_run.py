@@ -53,7 +53,7 @@ class PreparedRun:
     cv_group: IntArray
     """(m,) part of the run that is held out together, 1 …; 0 is never held out."""
     has_cycles: bool
-    """Whether the parts are thermal cycles; else they are contiguous blocks."""
+    """Whether these parts are thermal cycles; else they are contiguous stretches of blocks."""
     origin: int = 0
     """Stamp at which its time is zero [ns]."""
     sampled: bool = False
@@ -79,7 +79,7 @@ class PreparedRun:
 
     @cached_property
     def smoothed(self) -> PreparedRun:
-        """The run without the noise of its thermometer, for what learns from the whole of it.
+        """The run without the noise of its thermometer, for fits to the whole of it.
 
         Columns of a noisy temperature pull their coefficients towards zero (regression dilution;
         Carroll et al., Measurement Error in Nonlinear Models, 2006, ch. 4: regression

@@ -11,7 +11,7 @@ from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import ModelError
-from thermal_comp.noise.of_runs import FINEST_RESOLUTION
+from thermal_comp.noise.of_runs import LEAST_NOISE_SHARE
 
 Effects = Sequence[Effect] | Mapping[Sensor, Sequence[Effect]]
 """One list for all sensors (each takes those that can act on it), or one per sensor."""
@@ -72,7 +72,7 @@ def _unusable(run: PreparedRun, sensor: Sensor) -> str:
     if len(values) < 2 * len(values.T):
         found = f'only {len(values)} blocks' if len(values) else 'nothing'
         return f'run {run.name} has {found} of it'
-    finest = FINEST_RESOLUTION * np.abs(values).max(axis=0)  # means of equals may differ by less
+    finest = LEAST_NOISE_SHARE * np.abs(values).max(axis=0)  # means of equals may differ by less
     moves = np.ptp(values, axis=0) > finest
     constant = [axis for axis, moving in zip('xyz', moves, strict=True) if not moving]
     axes = f'{"axes" if len(constant) > 1 else "axis"} {", ".join(constant)}'
