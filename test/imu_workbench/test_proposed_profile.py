@@ -8,10 +8,10 @@ from chamber_profile.profile.file import profile_from_content
 from chamber_profile.profile.timetable import timetable
 from imu_workbench.profile_timetable import clock, timetable_content, timetable_text
 from imu_workbench.proposed_profile import profile_content
-from thermal_comp.experiment.design import Limits, Proposal
+from thermal_comp.experiment.design import ChamberLimits, Proposal
 from thermal_comp.experiment.plan import FINAL_S, PRECONDITION_S, REFERENCE_C, Plan, Segment
 
-LIMITS = Limits(-5.0, 45.0, 2.0, 12.0)
+LIMITS = ChamberLimits(-5.0, 45.0, 2.0, 12.0)
 PLAN = Plan((Segment(40.0, 2.0, 1200.0), Segment(0.0, 1.0, 600.0)), 3)
 
 

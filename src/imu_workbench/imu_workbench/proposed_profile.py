@@ -5,11 +5,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from thermal_comp.experiment.design import Limits, Proposal
+from thermal_comp.experiment.design import ChamberLimits, Proposal
 from thermal_comp.experiment.plan import FINAL_S, PRECONDITION_S, REFERENCE_C
 
 
-def profile_content(proposal: Proposal, names: tuple[str, str], limits: Limits) -> dict[str, Any]:
+def profile_content(
+    proposal: Proposal, names: tuple[str, str], limits: ChamberLimits
+) -> dict[str, Any]:
     """Return the proposal in the profile format of chamber_profile."""
     steps: list[dict[str, Any]] = [
         {

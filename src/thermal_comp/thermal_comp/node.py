@@ -39,7 +39,7 @@ from thermal_comp.compensation.recording import (
 )
 from thermal_comp.compensation.state import restore_state, save_state
 from thermal_comp.compensation.stream import CompensatedSamples, Compensator
-from thermal_comp.data.thermometer_comparison import ThermometerComparison
+from thermal_comp.data.thermometer import ThermometerComparison
 from thermal_comp.effects.user_effects import effect_catalogue
 from thermal_comp.model.file import check_device, load_model, model_label
 from thermal_comp.model.values import ModelError, ThermalModel
@@ -176,7 +176,7 @@ class ThermalCompNode(ConfiguredNode):
             self.compensator.on_temperature(sample.stamp, sample.temperature)
 
     def on_other(self, name: str, sample: TemperatureSample) -> None:
-        """Take in another thermometer's value, to judge the die's by."""
+        """Take in another thermometer's value, to compare the die's with."""
         self.comparison.on_other(name, sample.stamp, sample.temperature)
 
     def on_channel(self, channel: str, name: str, message: Any) -> None:

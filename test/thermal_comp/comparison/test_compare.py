@@ -63,7 +63,7 @@ def test_the_held_out_error_is_not_smaller_than_the_residual() -> None:
 def test_without_cycles_contiguous_blocks_are_held_out_and_it_is_said() -> None:
     recording = replace(run(cycles=1), cycle=None, phase=None)
     comparison = compare(fit(LINE, [recording]), [recording])
-    assert 'contiguous block' in comparison.folds
+    assert 'contiguous block' in comparison.held_out
     assert any('12 contiguous blocks' in note for note in comparison.notes)
 
 

@@ -6,7 +6,7 @@ import itertools
 import numpy as np
 import pytest
 from thermal_comp.data.binning import (
-    SMALLEST_COUNT,
+    LEAST_SAMPLES,
     VibrationState,
     bin_means,
     bin_variances,
@@ -48,11 +48,11 @@ def test_vibration_of_a_sine_is_half_its_amplitude_squared() -> None:
 
 
 def test_too_few_samples_in_a_second_tell_no_vibration() -> None:
-    stamp, acceleration = sine(SMALLEST_COUNT - 5)
+    stamp, acceleration = sine(LEAST_SAMPLES - 5)
     assert np.isnan(vibration_of(stamp, acceleration, 0)).all()
 
 
-@pytest.mark.parametrize('rate', [100, SMALLEST_COUNT - 5])
+@pytest.mark.parametrize('rate', [100, LEAST_SAMPLES - 5])
 def test_sample_by_sample_it_is_the_same(rate: int) -> None:
     stamp, acceleration = sine(rate)
     state, live = VibrationState(), []

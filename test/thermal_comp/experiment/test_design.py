@@ -8,7 +8,7 @@ import pytest
 from thermal_comp.effects import EFFECTS
 from thermal_comp.experiment.design import (
     LEAST_REPEATS,
-    Limits,
+    ChamberLimits,
     Proposal,
     best_plan,
     design_experiment,
@@ -42,7 +42,9 @@ def model(**effects: float) -> ThermalModel:
 
 def proposed(one: str, other: str, *, evaluations: int = 4, **limits: float) -> Proposal:
     names = (one, other)
-    return design_experiment(names, model(), Limits(**limits), CATALOGUE, evaluations=evaluations)
+    return design_experiment(
+        names, model(), ChamberLimits(**limits), CATALOGUE, evaluations=evaluations
+    )
 
 
 def test_a_plan_with_corners_tells_lag_from_rate_better_than_the_usual_one() -> None:
@@ -94,7 +96,7 @@ def test_rivals_are_as_large_as_what_is_missing_in_the_sensor_that_lacks_most() 
     names = ('thermal_lag', 'temperature_rate')
     small, large = (
         design_experiment(
-            names, model(), Limits(), CATALOGUE, evaluations=0,
+            names, model(), ChamberLimits(), CATALOGUE, evaluations=0,
             missing={'magnetometer': rms, 'gyroscope': 1e-5},
         )
         for rms in (2e-3, 6e-3)
@@ -108,7 +110,7 @@ def test_evidence_grows_with_the_square_of_the_fitted_size() -> None:
         design_experiment(
             ('thermal_lag', 'temperature_rate'),
             model(thermal_lag=value),
-            Limits(),
+            ChamberLimits(),
             CATALOGUE,
             evaluations=0,
         )
@@ -129,13 +131,13 @@ def test_evidence_grows_with_the_square_of_the_fitted_size() -> None:
 @pytest.mark.parametrize(
     'limits',
     [
-        Limits(),
-        Limits(0.0, 40.0, 1.0, 12.0),
-        Limits(-30.0, 70.0, 5.0, 20.0),
-        Limits(10.0, 30.0, 0.3, 9.0),
+        ChamberLimits(),
+        ChamberLimits(0.0, 40.0, 1.0, 12.0),
+        ChamberLimits(-30.0, 70.0, 5.0, 20.0),
+        ChamberLimits(10.0, 30.0, 0.3, 9.0),
     ],
 )
-def test_every_plan_keeps_range_rate_hours_and_repeats(limits: Limits) -> None:
+def test_every_plan_keeps_range_rate_hours_and_repeats(limits: ChamberLimits) -> None:
     names = ('thermal_lag', 'thermal_gradient')
     plan = design_experiment(names, model(), limits, CATALOGUE, evaluations=4).plan
     assert plan.repeats >= LEAST_REPEATS
@@ -150,7 +152,7 @@ def test_every_plan_keeps_range_rate_hours_and_repeats(limits: Limits) -> None:
 
 def test_no_plan_goes_where_it_is() -> None:
     home, cold = Segment(20.0, 2.0, 300.0), Segment(-40.0, 2.0, 600.0)
-    plan = within(Plan((home, cold, replace(cold, target=-50.0), home, home), 3), Limits())
+    plan = within(Plan((home, cold, replace(cold, target=-50.0), home, home), 3), ChamberLimits())
     assert plan.cycle == (Segment(-10.0, 2.0, 1200.0), Segment(20.0, 2.0, 600.0))
 
 
@@ -161,7 +163,7 @@ def test_every_plan_tried_can_be_run() -> None:
         seen.append(plan)
         return float(len(seen) % 7)
 
-    best_plan(promise, Limits(18.0, 22.0), np.random.default_rng(3), 400)
+    best_plan(promise, ChamberLimits(18.0, 22.0), np.random.default_rng(3), 400)
     assert len(seen) > 200
     for plan in seen:
         levels = [20.0, *(segment.target for segment in plan.cycle)]
@@ -170,7 +172,7 @@ def test_every_plan_tried_can_be_run() -> None:
 
 def test_too_short_a_time_is_refused() -> None:
     with pytest.raises(ModelError, match='2 h are too short for 3 cycles'):
-        within(PAPER, Limits(hours=2.0))
+        within(PAPER, ChamberLimits(hours=2.0))
 
 
 @pytest.mark.parametrize(
@@ -183,7 +185,7 @@ def test_too_short_a_time_is_refused() -> None:
 )
 def test_pairs_that_make_no_sense_are_refused(names: tuple[str, str], message: str) -> None:
     with pytest.raises(ModelError, match=message):
-        design_experiment(names, model(), Limits(), CATALOGUE)
+        design_experiment(names, model(), ChamberLimits(), CATALOGUE)
 
 
 def test_the_predicted_air_cannot_outrun_the_chamber() -> None:

@@ -12,7 +12,6 @@ from imu_recording.tables.csv_import import import_csv
 from thermal_comp.comparison.compare import compare
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.fit import fit
-from thermal_comp.model.values import ModelError
 
 from imu_recording import read_bag
 
@@ -174,34 +173,6 @@ def test_a_prior_holds_coefficients_at_single_samples_as_at_block_means() -> Non
     size = [np.linalg.norm(part.coefficients[1], axis=0) for part in (blocks, samples)]
     share = (size[1] / size[0])[[0, 2]]
     assert ((share > 0.3) & (share < 1.5)).all()
-
-
-def test_mixed_devices_are_refused_by_name_unless_pooled() -> None:
-    mixed = [run(device='dut1'), run(device='dut2', seed=1)]
-    with pytest.raises(ModelError, match='dut1, dut2; fit each by itself'):
-        fit(LINE, mixed)
-    assert fit(LINE, mixed, pooled=True).device == 'dut1+dut2'
-
-
-def test_bad_input_is_refused_in_one_line_or_left_out_and_said() -> None:
-    good = run(cycles=1)
-    with pytest.raises(ModelError, match='no recordings'):
-        fit(LINE, [])
-    with pytest.raises(ModelError, match='hold the same data'):
-        fit(LINE, [good, good])
-    still = replace(good, temperature=np.full(len(good), 21.5))
-    with pytest.raises(ModelError, match=r'stays within 21\.50 … 21\.50 °C'):
-        fit(LINE, [still])
-    with pytest.raises(ModelError, match='supply_sensitivity needs supply_voltage'):
-        fit([*LINE, EFFECTS['supply_sensitivity']()], [good])
-    with pytest.raises(ModelError, match='listed twice'):
-        fit([*LINE, *LINE], [good])
-    stuck = replace(good, magnetic_field=np.full((len(good), 3), 2e-5))
-    model = fit(LINE, [stuck])
-    assert sorted(model.sensors) == ['accelerometer', 'gyroscope']
-    assert any('magnetometer left out' in note for note in model.provenance.notes)
-    missing = replace(good, magnetic_field=np.full((len(good), 3), np.nan))
-    assert 'magnetometer' not in fit(LINE, [missing]).sensors
 
 
 @pytest.mark.shared_data

@@ -8,6 +8,9 @@ from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.fit import fit_prepared
+from thermal_comp.fitting.shape_uncertainty import solve_with_shapes
+from thermal_comp.linear.design import Design
+from thermal_comp.linear.normal_equations import solve
 from thermal_comp.model.values import NoiseModel, SensorModel
 
 from ..campaign import PERIOD, WHITE, chamber, lagging, run
@@ -73,3 +76,21 @@ def test_where_water_freezes_is_part_of_what_is_not_known_about_ice() -> None:
             off = abs(getattr(model.effects[1], name) - truth)
             assert off < 2.0 * std
             assert std < 0.05 * truth
+
+
+def test_a_shape_that_is_not_known_makes_its_coefficients_more_uncertain() -> None:
+    """Columns of shapes come last: the others keep their places."""
+    temperature = chamber(2)[1]
+    wave = 5e-5 * (lagging(temperature, 150.0, PERIOD) - temperature)[:, None] * AXES
+    runs = prepare([run(seed=1, cycles=2, error={'angular_velocity': wave})])
+    effects = {'gyroscope': (BiasTemperature(), EFFECTS['thermal_lag'](150.0))}
+    design = Design(runs, effects, {'gyroscope': NOISE})
+    known = solve(design.equations())
+    wider, unknown = solve_with_shapes(design, known.estimate[:, 0])
+    size = design.size
+    assert wider.size == size + 1
+    change = np.abs(unknown.estimate[:size, 0] - known.estimate[:, 0])
+    assert (change < 0.5 * np.sqrt(np.diag(known.covariance))).all()
+    lag = design.terms[1].unknowns
+    variances = [np.diag(found.covariance)[lag] for found in (known, unknown)]
+    assert (variances[1] > 1.05 * variances[0]).all()

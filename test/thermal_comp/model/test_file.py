@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from imu_recording.plausibility import POSSIBLE
-from thermal_comp.data.quality import IMPOSSIBLE
+from thermal_comp.data.quality import IMPOSSIBLE_TEXTS
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_step import BiasStep
 from thermal_comp.effects.effect import Effect
@@ -277,7 +277,7 @@ def test_numbers_that_no_sensor_has_are_refused_by_their_field(
         load_model(file)
 
 
-@pytest.mark.parametrize('track', IMPOSSIBLE)
+@pytest.mark.parametrize('track', IMPOSSIBLE_TEXTS)
 def test_errors_are_bounded_in_conditions_that_can_be(track: str) -> None:
     conditions = typical_conditions(-10.0, 50.0, 20.0, 'accelerometer')
     low, high = POSSIBLE[track]

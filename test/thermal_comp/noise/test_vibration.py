@@ -21,6 +21,7 @@ from thermal_comp.noise.process import (
     mean_autocovariance,
     project_spectra,
 )
+from thermal_comp.noise.vibration import noise_of_vibration
 
 from ..campaign import PERIOD, WHITE, chamber, measured_by, run
 
@@ -53,6 +54,15 @@ def shaken(seed: int = 0, size: float = 1.0) -> ImuRecording:
 @cache
 def prepared(size: float = 1.0) -> list[PreparedRun]:
     return prepare([shaken(size=size)])
+
+
+def test_the_growth_is_found_from_differences_of_neighbours_alone() -> None:
+    found = noise_of_vibration(prepared(), SENSOR, [{}])
+    along = DENSITY * DIRECTION**2
+    assert found.density == pytest.approx(along, rel=0.35)
+    still = noise_of_vibration(prepared(size=0.0), SENSOR, [{}])
+    assert not still.density.any()
+    assert still.shaking(prepared()[0], np.ones(len(prepared()[0]), bool)) is None
 
 
 def test_the_noise_of_still_rows_and_what_vibration_adds_are_found() -> None:

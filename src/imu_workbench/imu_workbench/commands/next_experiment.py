@@ -11,7 +11,7 @@ import yaml
 from chamber_profile.profile.file import load_profile
 from imu_recording.user_error import UserError
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.experiment.design import SEPARATING_EVIDENCE, Limits, design_experiment
+from thermal_comp.experiment.design import SEPARATING_EVIDENCE, ChamberLimits, design_experiment
 from thermal_comp.experiment.plan import REFERENCE_C
 from thermal_comp.model.file import load_model
 from thermal_comp.model.values import ThermalModel
@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> Answer:
         raise UserError('--max-rate and --hours: expected more than 0')
     catalogue = dict(effect_catalogue(options.effects))
     model = load_model(options.model, catalogue)
-    limits = Limits(low, high, options.max_rate, options.hours)
+    limits = ChamberLimits(low, high, options.max_rate, options.hours)
     names = (options.effects_a, options.effects_b)
     show_progress('searching a profile …')
     proposal = design_experiment(names, model, limits, catalogue, seed=options.seed)

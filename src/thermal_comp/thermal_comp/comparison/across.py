@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Is the model of one device good enough for another?
+"""Whether the model of one device is good enough for another.
 
 For every ordered pair of devices the model fitted to the one is applied to the runs of the other,
 levels taken from these runs. Beside it stand what is measured without a model and what a device's
@@ -24,11 +24,12 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.model.values import ModelError, ThermalModel
 
-COVERAGE = 2.0
+COVERAGE_FACTOR = 2.0
+"""Of the expanded uncertainty of a difference."""
 
 
 @dataclass(frozen=True)
-class Pair:
+class DevicePair:
     """The model of one device on the runs of another, in one sensor; rms over axes [unit]."""
 
     model: str
@@ -55,7 +56,7 @@ class Pair:
         return {**asdict(self), 'good_enough': self.good_enough}
 
 
-def compare_across(effects: Sequence[Effect], runs: Sequence[PreparedRun]) -> list[Pair]:
+def compare_across(effects: Sequence[Effect], runs: Sequence[PreparedRun]) -> list[DevicePair]:
     """Return every ordered pair of devices by sensor; ModelError where there is one device only.
 
     `effects` have no shape parameters that are searched, so that their coefficients compare.
@@ -77,16 +78,16 @@ def compare_across(effects: Sequence[Effect], runs: Sequence[PreparedRun]) -> li
                     continue
                 compatible = _compatible(model, models[device], sensor)
                 found.append(
-                    Pair(
-                        other,
-                        device,
-                        sensor,
-                        SENSOR_UNITS[sensor],
-                        rms_of(np.concatenate([_rest(run, None, sensor) for run in own])),
-                        held_out[sensor],
-                        rms_of(np.concatenate([_rest(run, model, sensor) for run in own])),
-                        int(compatible.sum()),
-                        len(compatible),
+                    DevicePair(
+                        model=other,
+                        device=device,
+                        sensor=sensor,
+                        unit=SENSOR_UNITS[sensor],
+                        raw=_rms(own, None, sensor),
+                        own=held_out[sensor],
+                        foreign=_rms(own, model, sensor),
+                        compatible=int(compatible.sum()),
+                        coefficients=len(compatible),
                     )
                 )
     return found
@@ -104,29 +105,35 @@ def _held_out(
     ]
     return {
         sensor: rms_of(
-            np.concatenate([_rest(r, m, sensor) for r, m in zip(runs, models, strict=True)])
+            np.concatenate([_residual(r, m, sensor) for r, m in zip(runs, models, strict=True)])
         )
         for sensor in SENSORS
         if all(sensor in model.sensors for model in models)
     }
 
 
-def _rest(run: PreparedRun, model: ThermalModel | None, sensor: Sensor) -> FloatArray:
+def _rms(runs: Sequence[PreparedRun], model: ThermalModel | None, sensor: Sensor) -> float:
+    """Return the rms over axes that a model, or none, leaves in runs."""
+    return rms_of(np.concatenate([_residual(run, model, sensor) for run in runs]))
+
+
+def _residual(run: PreparedRun, model: ThermalModel | None, sensor: Sensor) -> FloatArray:
     """Return (m, 3) block means minus the model, about their mean."""
-    rest = np.array(run.measured[sensor])
+    left = np.array(run.measured[sensor])
     if model is not None:
         error, _ = model.sensors[sensor].modelled_error(run.conditions.of(sensor))
-        rest = rest - run.block_mean(error)
-    centred: FloatArray = rest - np.nanmean(rest, axis=0)
+        left = left - run.block_mean(error)
+    centred: FloatArray = left - np.nanmean(left, axis=0)
     return centred
 
 
 def _compatible(first: ThermalModel, second: ThermalModel, sensor: Sensor) -> FloatArray:
+    """Return whether each coefficient of one model is compatible with that of the other."""
     values, variances = [], []
     for model in (first, second):
         part = model.sensors[sensor]
         values.append(np.concatenate([c.ravel() for c in part.coefficients]))
         variances.append(np.diag(part.covariance))
     difference = np.abs(values[0] - values[1])
-    within: FloatArray = difference <= COVERAGE * np.sqrt(variances[0] + variances[1])
+    within: FloatArray = difference <= COVERAGE_FACTOR * np.sqrt(variances[0] + variances[1])
     return within

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measured against modelled: how large the error is, how small it could be, where it stands."""
+"""Measured against modelled error: its size, its noise floor, and where it is largest."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ from thermal_comp.noise.of_runs import noise_of_runs
 from thermal_comp.presentation.notebook import Presented
 
 SCHEMA = 1
+"""Version of the dictionary of a comparison."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +43,9 @@ class SensorComparison:
     held_out_rms: FloatArray
     """On parts the fit of the same effects has not seen, about the level of the rest."""
     held_out_squares: FloatArray
-    """(k, 3) mean square of `held_out_rms` in each part of each run [unit²]."""
+    """(k, 3) mean squares of the held-out error in each part of each run [unit²]."""
     noise_floor: FloatArray
-    """What the noise that was fitted beside the model leads to expect of `held_out_rms`."""
+    """The `held_out_rms` to expect of the noise alone that was fitted beside the model."""
     r_squared: FloatArray
     """Share of the measured variance the model explains."""
     where: tuple[Where, ...]
@@ -93,8 +94,8 @@ class Comparison(Presented):
     sensors: Mapping[Sensor, SensorComparison]
     period: float
     """Length of the blocks all errors are quoted on [s]."""
-    folds: str
-    """What was held out."""
+    held_out: str
+    """What was held out at a time, in words."""
     times: tuple[FloatArray, ...]
     """(m,) time of each block since the first sample of its run [s], of each run."""
     notes: tuple[str, ...] = ()
@@ -105,7 +106,7 @@ class Comparison(Presented):
             'schema': SCHEMA,
             'device': self.device,
             'period': self.period,
-            'held_out': self.folds,
+            'held_out': self.held_out,
             'sensors': {name: sensor.to_dict() for name, sensor in self.sensors.items()},
             'notes': list(self.notes),
         }
@@ -160,7 +161,7 @@ def compare_prepared(
         device=model.device or device,
         sensors={s: compared[s] for s in sensors},
         period=runs[0].period,
-        folds='one thermal cycle at a time' if cycles else 'one contiguous block at a time',
+        held_out='one thermal cycle at a time' if cycles else 'one contiguous block at a time',
         times=tuple(run.time for run in runs),
         notes=(*own, *left_out, *([] if seen else [unseen]), *not_applied, *relearned),
     )
@@ -183,7 +184,7 @@ def _compared_sensors(
 def _applicable_effects(
     model: ThermalModel, runs: Sequence[PreparedRun], sensors: Sequence[Sensor]
 ) -> tuple[dict[Sensor, tuple[Effect, ...]], list[str]]:
-    """Return the model's effects whose channels all runs have logged, and what is not applied."""
+    """Return the model's effects whose channels all runs have logged, and notes on the others."""
     listed: dict[Sensor, tuple[Effect, ...]] = {}
     notes = []
     for sensor in sensors:

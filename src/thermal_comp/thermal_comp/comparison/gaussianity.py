@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Is an error Gaussian? χ² on samples thinned until they are independent, and its two modes."""
+"""Whether an error is Gaussian, by χ² of samples thinned until they are independent; its modes."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 from imu_recording.recording import PHASES, FloatArray, IntArray
 from scipy import special
 
-EXPECTED_PER_CLASS = 8
+LEAST_EXPECTED_COUNT = 8
 """Least expected count in a class of the χ² test."""
-SMALLEST_SAMPLE = 40
-"""Below this effective number of samples no test is made."""
+LEAST_SAMPLES = 40
+"""Independent samples that the test needs."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Gaussianity:
     effective_n: int
     """Number of samples that are left after thinning."""
     thinning: int
-    """Every how many blocks one was taken."""
+    """Blocks from one sample to the next."""
 
     @property
     def gaussian(self) -> bool | None:
@@ -37,7 +37,7 @@ class Gaussianity:
 
 @dataclass(frozen=True, eq=False)
 class DwellModes:
-    """Mean error in the cold and the hot dwells: where a distribution's two modes come from."""
+    """Mean error in the cold and in the hot dwells: the two modes of its distribution."""
 
     cold: FloatArray
     """(3,) mean in `dwell_cold` [unit]."""
@@ -69,16 +69,22 @@ def gaussianity(runs: Sequence[FloatArray]) -> Gaussianity:
     thinned = np.concatenate([run[thinning // 2 :: thinning] for run in runs])
     n = len(thinned)
     spread = float(thinned.std(ddof=1)) if n > 1 else 0.0
-    if n < SMALLEST_SAMPLE or spread == 0.0:
-        return Gaussianity(np.nan, np.nan, 0, n, thinning)
-    classes = int(np.clip(n // EXPECTED_PER_CLASS, 5, 30))
+    if n < LEAST_SAMPLES or spread == 0.0:
+        return Gaussianity(
+            p_value=np.nan, chi_square=np.nan, degrees=0, effective_n=n, thinning=thinning
+        )
+    classes = int(np.clip(n // LEAST_EXPECTED_COUNT, 5, 30))
     probability = special.ndtr((thinned - thinned.mean()) / spread)
     counts = np.bincount(np.minimum((probability * classes).astype(int), classes - 1))
     counts = np.pad(counts, (0, classes - len(counts)))
     chi_square = float(((counts - n / classes) ** 2).sum() / (n / classes))
     degrees = classes - 3
     return Gaussianity(
-        float(special.chdtrc(degrees, chi_square)), chi_square, degrees, n, thinning
+        p_value=float(special.chdtrc(degrees, chi_square)),
+        chi_square=chi_square,
+        degrees=degrees,
+        effective_n=n,
+        thinning=thinning,
     )
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Error on parts of the runs the fit has not seen, and what the noise alone would leave there."""
+"""Error on parts of the runs that the fit has not seen, and what noise alone would leave there."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from thermal_comp.noise.estimation import noise_product
 from thermal_comp.noise.vibration import block_variances
 
 LEAST_POWER_SHARE = 0.02
-"""Share of a column's power below which the rest does not tell its coefficient: a block that
-straddles two cycles shows a little of both."""
+"""Share of a column's power in the rest of the runs below which they do not determine its
+coefficient: a block over two cycles has a little of both."""
 LEAST_LEVEL_POWER_SHARE = 0.2
-"""The same for what is a level in a part of a run: half an hour after the last cycle hardly tells
-the level of that cycle."""
+"""The same for a level of a part of a run: half an hour after the last cycle hardly determines the
+level of that cycle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class HeldOut:
     parts: Sequence[IntArray] = ()
     """(m,) part of each block, by run; 0 is never held out."""
     relearned: tuple[str, ...] = ()
-    """Coefficients that only the held-out part can tell, taken from it like a level."""
+    """Coefficients that only the held-out part determines, taken from it like a level."""
 
     def rms(self, sensor: Sensor) -> FloatArray:
         """(3,) held-out rms per axis."""
@@ -51,10 +51,10 @@ class HeldOut:
     def floor(self, sensor: Sensor) -> FloatArray:
         """(3,) held-out rms per axis that the noise alone leads to expect.
 
-        It counts the noise of a block and what it does to the levels and a line in temperature,
-        whatever the model: further coefficients have to pay for themselves. Levels are those of
-        the runs and, where the model has them, of parts of runs. With the noise of
-        `noise_of_model` it is that of these very runs, slow noise included.
+        It is the noise of a block and the error it makes in the levels and a line in temperature,
+        whatever the model: the error of further coefficients is not allowed for. Levels are those
+        of the runs and, where the model has them, of parts of runs. With the noise of
+        `noise_of_model` it holds for these very runs, slow noise included.
         """
         return np.sqrt(_mean([v for (_, s), v in self.variances.items() if s == sensor]))
 
@@ -67,8 +67,8 @@ def hold_out(
 ) -> HeldOut:
     """Leave each part out of all runs in turn, fit the rest and predict it.
 
-    Levels come from the rest of the run, shape parameters stay as given. The rest is learned from
-    without the noise of the thermometer; what is predicted has it, as where a model is applied.
+    Levels come from the rest of the run, shape parameters stay as given. The fit to the rest is
+    without the noise of the thermometer; the prediction has it, as where a model is applied.
     """
     measured = Design(runs, effects, noise)
     design = Design([run.smoothed for run in runs], effects, noise)
@@ -169,7 +169,7 @@ def _errors(design: Design, solution: Solution, run: int, sensor: Sensor) -> Flo
 def _local_basis(
     design: Design, unseen: list[int], run: int, sensor: Sensor, axis: int
 ) -> FloatArray:
-    """Return an orthonormal basis (m, q) of the columns only the held-out part can tell."""
+    """Return an orthonormal basis (m, q) of the columns that only the held-out part determines."""
     index, columns = design.raw_columns(run, sensor, axis)
     return orthonormal(columns[:, np.isin(index, unseen)])
 

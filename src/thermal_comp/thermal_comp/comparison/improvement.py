@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Does the error on held-out parts fall, or rise, by more than chance and by enough to matter?"""
+"""Whether the error on held-out parts falls, or rises, beyond chance and by enough to matter."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from imu_recording.recording import FloatArray
 from scipy.special import stdtrit
 
 LEAST_PARTS = 3
-"""Parts held out from which anything is said."""
+"""Held-out parts that a test needs."""
 LARGEST_CHANCE = 0.01
-"""Probability that chance alone passes for a fall of the error on held-out parts."""
+"""Probability that a fall of the error on held-out parts is called one by chance."""
 LEAST_FALL = 0.05
-"""Fall of the held-out rms that is worth another term, as a share."""
+"""Fall of the held-out rms, as a share, from which it matters."""
 
 
 def falls(before: FloatArray, after: FloatArray, noise: FloatArray | float) -> bool:
     """Tell whether mean squares over k parts fall by more than chance and by enough to matter.
 
-    (k,) or (k, axes); `noise` is the square that noise alone leaves, (axes,): what lies below it
-    counts as noise. Student's t of ln(before / after) over the parts, and the rms over all.
+    Mean squares are (k,) or (k, axes); `noise` (axes,) is what noise alone leaves, and smaller
+    ones count as so much. Student's t of ln(before / after) over the parts, and the rms over all.
     """
     if len(before) < LEAST_PARTS:
         return False
     before, after = _in_floors(before, noise), _in_floors(after, noise)
     if not falls_enough(before.sum(), after.sum()):
         return False
-    gain = np.log(before / after)
-    spread = float(gain.std(ddof=1)) / np.sqrt(len(gain))
-    return bool(float(gain.mean()) > float(stdtrit(len(gain) - 1, 1.0 - LARGEST_CHANCE)) * spread)
+    fall = np.log(before / after)
+    spread = float(fall.std(ddof=1)) / np.sqrt(len(fall))
+    return bool(float(fall.mean()) > float(stdtrit(len(fall) - 1, 1.0 - LARGEST_CHANCE)) * spread)
 
 
 def falls_enough(before: float, after: float) -> bool:
@@ -47,7 +47,7 @@ def parts_that_fall(before: FloatArray, after: FloatArray, noise: FloatArray | f
 
 
 def _in_floors(squares: FloatArray, noise: FloatArray | float) -> FloatArray:
-    """(k,) mean over the axes of squares over that of noise, at least 1."""
+    """Return (k,) means over the axes of squares in those of noise, each at least 1."""
     above: FloatArray = np.maximum(squares / noise, 1.0).reshape(len(squares), -1).mean(axis=1)
     return above
 

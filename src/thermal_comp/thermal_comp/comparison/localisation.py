@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a model fails: phase, cycle, orientation, branch, temperature, ranked."""
+"""Where a model errs most: phases, cycles, orientations, branches and temperatures, ranked."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from thermal_comp.data.prepared_run import PreparedRun
 TEMPERATURE_BIN_C = 10.0
 """Width of a temperature bin [°C]."""
 STEADY_RATE_C_PER_MIN = 0.2
-"""Below this rate of the die temperature a block is on no branch [°C/min]."""
+"""Rate of the die temperature from which a block is on a branch, rising or falling [°C/min]."""
 LEAST_BLOCKS_IN_GROUP = 5
-"""Fewer blocks make no group."""
+"""Blocks that a group has at least."""
 GROUPS_LISTED = 16
-"""Groups kept, worst first."""
+"""Groups that are returned at most, worst first."""
 
 
 @dataclass(frozen=True, eq=False)

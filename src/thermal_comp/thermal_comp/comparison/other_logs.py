@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the autopilot's curve of one log leaves on the other logs of the same device.
+"""The error of an autopilot's curve of one log on the other logs of the same device.
 
 Each power-on has a level of its own, which no curve knows: errors are about the level of the log
-they are judged on, at temperatures that the curve has seen.
+they are taken on, at temperatures that the curve was fitted to.
 """
 
 from __future__ import annotations
@@ -14,45 +14,45 @@ from dataclasses import dataclass
 import numpy as np
 from imu_recording.recording import FloatArray
 
-from thermal_comp.comparison.second_opinion import FITTED, SecondOpinion
+from thermal_comp.comparison.second_opinion import CURVE_SENSORS, SecondOpinion
 from thermal_comp.data.conditions import Sensor
 
 LEAST_COMMON_K = 3.0
-"""Range that two logs share from which the curve of one says something of the other [K]."""
+"""Range of temperature that two logs have to share [K]."""
 
 
 @dataclass(frozen=True, eq=False)
 class OtherLogs:
-    """Errors of the curves of one sensor on logs they do not know, rms per axis, (3,) [unit]."""
+    """Errors of the curves of a sensor on other logs than their own, rms per axis, (3,) [unit]."""
 
     pairs: int
-    """Curves times logs that share temperatures with them."""
+    """Number of curves times the other logs that share temperatures with each."""
     raw: FloatArray
     """Before anything is subtracted."""
     left: FloatArray
     """With the curve of another log."""
     own: FloatArray
-    """What curves leave within their own logs, held out."""
+    """With the curve of the rest of the same log, held out."""
 
 
 def on_other_logs(opinions: Sequence[SecondOpinion]) -> Mapping[Sensor, OtherLogs]:
-    """Judge every curve of a device on its other logs, sensors that share temperatures."""
+    """Return the errors of the curves of a device on its other logs, by sensor."""
     found = {}
-    for sensor in FITTED:
+    for sensor in CURVE_SENSORS:
         known = [opinion for opinion in opinions if sensor in opinion.sensors]
-        judged = [
+        errors = [
             squares
             for one, other in itertools.permutations(known, 2)
             if (squares := _squares(one, other, sensor)) is not None
         ]
-        if judged:
-            raw, left = (np.concatenate(part) for part in zip(*judged, strict=True))
+        if errors:
+            raw, left = (np.concatenate(part) for part in zip(*errors, strict=True))
             own = np.stack([opinion.sensors[sensor].held_out for opinion in known])
             found[sensor] = OtherLogs(
-                len(judged),
-                np.sqrt(raw.mean(axis=0)),
-                np.sqrt(left.mean(axis=0)),
-                np.sqrt((own**2).mean(axis=0)),
+                pairs=len(errors),
+                raw=np.sqrt(raw.mean(axis=0)),
+                left=np.sqrt(left.mean(axis=0)),
+                own=np.sqrt((own**2).mean(axis=0)),
             )
     return found
 

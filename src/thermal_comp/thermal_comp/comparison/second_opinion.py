@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A second opinion on the curves an autopilot fits to one log: what they leave, there and later.
+"""A second opinion on the curves an autopilot fits to one log: their error there and in cooling.
 
-While the temperature only rises, every lag is a curve over temperature: the log cannot tell them
-apart, and a cubic takes both. What it then leaves when the board cools is predicted with a lag, or
-a hysteresis, beside the cubic. The lag's coefficient has, where nothing is measured, the prior of
-a sensing element that follows the thermometer: as large as the slope over temperature; that of a
+While the temperature only rises, the error of a lag is a curve over temperature: the log cannot
+tell them apart, and a cubic fits both. The error it then leaves when the board cools is predicted
+with a lag, or a hysteresis, beside the cubic. The prior of the lag's coefficient is that of a
+sensing element that follows the thermometer: as large as the slope over temperature; that of a
 hysteresis is smaller. The time constant may be each of LAGS_S, the half-width each of
-HALF_WIDTHS_K, or there is neither. Given noise that is known, the coefficients are normally
-distributed for each of these, and they weigh by their evidence
-(MacKay, Information Theory, Inference, and Learning Algorithms, 2003, ch. 28).
+HALF_WIDTHS_K, or there is neither. For each of these the coefficients are normally distributed, as
+the noise is known, and the forms are weighted by their evidence (MacKay, Information Theory,
+Inference, and Learning Algorithms, 2003, ch. 28).
 """
 
 from __future__ import annotations
@@ -37,52 +37,51 @@ from thermal_comp.model.export.cubic import Cubic
 from thermal_comp.model.values import ModelError
 from thermal_comp.noise.of_runs import determined_noise
 
-FITTED: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
-"""Sensors that autopilots have curves of."""
+CURVE_SENSORS: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
+"""Sensors that autopilots fit curves to."""
 POWERS = (BiasTemperature(), BiasTemperatureCurvature())
-"""Effects that are a cubic together."""
+"""Effects that together are a cubic."""
 FLAT_PRIOR_PRECISION = 1e-6
 """Precision of their coefficients before the log is seen, of whitened columns of unit length."""
 LAGS_S = tuple(np.geomspace(15.0, 1200.0, 26).tolist())
-"""Time constants a lag may have [s]: package to enclosure, close enough together that the one
-between two of them is predicted as well."""
-LAG_BELIEF = 0.5
-"""Probability of a lag before the log is seen …"""
+"""Time constants a lag may have [s]: package to enclosure, close enough together for any between
+them."""
 HALF_WIDTHS_K = tuple(np.geomspace(1.0, 10.0, 12).tolist())
 """Half-widths a hysteresis may have [K]."""
-HYSTERESIS_BELIEF = 0.2
-"""… of a hysteresis …"""
+LAG_PROBABILITY, HYSTERESIS_PROBABILITY = 0.5, 0.2
+"""Probabilities of a lag and of a hysteresis before the log is seen."""
 HYSTERESIS_SHARE = 0.2
-"""… and how large its coefficient is, as a rule, in slopes: a lag's is as large as the slope."""
+"""Prior standard deviation of a hysteresis' coefficient over the slope: that of a lag is 1."""
 LEARNING_RATE = 0.1
 """Weight of the evidence between forms of which none is exact (Grünwald and van Ommen, Bayesian
 Analysis 12(4), 2017): with 1 the prediction would be too sure (benchmarks/second_opinion.py)."""
-DRAWS = 400
-BAND = (2.5, 50.0, 97.5)
-"""Percentiles of the prediction."""
-SMOOTHED_S = 60.0
-"""The direction of the temperature is that of means over this [s]."""
-LEAST_CHANGE_K = 0.2
-"""Change between them that is a direction [K]."""
-TELLING_SHARE = 0.4
-"""Share of the range passed both ways from which a log can tell a lag from a curve."""
+PREDICTION_DRAWS = 400
+"""Draws of form and coefficients that the prediction is made of."""
+PERCENTILES = (2.5, 50.0, 97.5)
+"""Percentiles by which the prediction is given."""
+DIRECTION_MEAN_S = 60.0
+"""Length of the means that tell the direction of the temperature [s]."""
+LEAST_DIRECTION_CHANGE_K = 0.2
+"""Change between them from which the temperature has a direction [K]."""
+LEAST_TWO_WAY_SHARE = 0.4
+"""Share of the range passed warming and cooling from which a log can tell a lag from a curve."""
 LEAST_SPAN_K = 5.0
-"""Range below which there is no curve to fit [K]."""
+"""Range of temperature that a curve needs [K]."""
 
 
 @dataclass(frozen=True, eq=False)
 class SensorOpinion:
-    """What a cubic is worth on one sensor; errors are rms of block means per axis, (3,) [unit]."""
+    """The errors of a cubic on one sensor, rms of block means per axis, (3,) [unit]."""
 
     cubic: Cubic
     """What the autopilot's script fits to the whole log."""
     raw: FloatArray
     """Error about its mean before anything is subtracted."""
     held_out: FloatArray
-    """What the cubic of the rest of the log leaves on each part, about the level of the rest and
-    at temperatures that the rest has seen."""
+    """Error of the cubic of the rest of the log on each part, about the level of the rest and at
+    temperatures in the rest."""
     noise_floor: FloatArray
-    """What noise alone leads to expect of it."""
+    """The same to expect of noise alone."""
     cooling: FloatArray
     """(3,) 2.5, 50 and 97.5 % of the rms over axes that the cubic will leave when the board cools
     as fast as it was warmed, about the level of the log [unit]."""
@@ -90,7 +89,7 @@ class SensorOpinion:
 
 @dataclass(frozen=True, eq=False)
 class SecondOpinion:
-    """What can be said of the curves of one IMU from one log."""
+    """The second opinion on the curves of one IMU, from one log."""
 
     device: str
     autopilot: Autopilot
@@ -101,20 +100,20 @@ class SecondOpinion:
     sensors: Mapping[Sensor, SensorOpinion]
     run: PreparedRun
     notes: Sequence[str] = ()
-    """Which sensors nothing is said of, and why."""
+    """Which sensors are left out, and why."""
 
     @property
     def decidable(self) -> bool:
         """Whether the log can tell a lag from a curve."""
-        return self.both_ways >= TELLING_SHARE
+        return self.both_ways >= LEAST_TWO_WAY_SHARE
 
 
 def second_opinion(
     recording: ImuRecording, autopilot: Autopilot, *, seed: int = 0
 ) -> SecondOpinion:
-    """Return what the autopilot's curves are worth; raises ModelError where there is no curve.
+    """Return the opinion on the autopilot's curves; raises ModelError where there can be none.
 
-    `seed` draws the coefficients of which the prediction for cooling is made.
+    `seed` is that of the draws for the prediction of cooling.
     """
     run = prepare_run(recording, 'log')
     low, high = float(run.temperature.min()), float(run.temperature.max())
@@ -124,7 +123,7 @@ def second_opinion(
             f'{LEAST_SPAN_K:g} K at least, better by 30'
         )
     usable, left_out = usable_sensors([run])
-    known = [s for s in usable if s in FITTED]
+    known = [s for s in usable if s in CURVE_SENSORS]
     if not known:
         raise ModelError('neither accelerometer nor gyroscope can be used: nothing to judge')
     cubic = compare_prepared(fit_prepared(dict.fromkeys(known, POWERS), [run]), [run])
@@ -134,20 +133,28 @@ def second_opinion(
     for sensor in known:
         fitted = _fitted(fit, recording, sensor, np.ones(len(recording), bool))
         sensors[sensor] = SensorOpinion(
-            fitted,
-            cubic.sensors[sensor].measured_rms,
-            _held_out(fit, recording, run, sensor),
-            cubic.sensors[sensor].noise_floor,
-            _when_cooling(run, sensor, fitted, rng),
+            cubic=fitted,
+            raw=cubic.sensors[sensor].measured_rms,
+            held_out=_held_out(fit, recording, run, sensor),
+            noise_floor=cubic.sensors[sensor].noise_floor,
+            cooling=_when_cooling(run, sensor, fitted, rng),
         )
-    notes = [note for note in left_out if note.startswith(FITTED)]
-    span = (low, high)
-    return SecondOpinion(recording.device, autopilot, span, _both_ways(run), sensors, run, notes)
+    notes = [note for note in left_out if note.startswith(CURVE_SENSORS)]
+    return SecondOpinion(
+        device=recording.device,
+        autopilot=autopilot,
+        temperature_range=(low, high),
+        both_ways=_both_ways(run),
+        sensors=sensors,
+        run=run,
+        notes=notes,
+    )
 
 
 def _fitted(
     fit: AutopilotFit, recording: ImuRecording, sensor: Sensor, rows: NDArray[np.bool_]
 ) -> Cubic:
+    """Return the autopilot's curve of some rows, without those that have no value."""
     values = getattr(recording, SENSOR_FIELDS[sensor])
     good = rows & np.isfinite(recording.temperature) & np.isfinite(values).all(axis=1)
     return fit(recording.time[good], recording.temperature[good], values[good], sensor)
@@ -156,7 +163,7 @@ def _fitted(
 def _held_out(
     fit: AutopilotFit, recording: ImuRecording, run: PreparedRun, sensor: Sensor
 ) -> FloatArray:
-    """(3,) rms that the cubic of the rest leaves on each part of the log."""
+    """Return (3,) rms that the cubic of the rest leaves on each part of the log."""
     measured = run.measured[sensor]
     edges = run.time - 0.5 * run.period
     block = np.clip(np.searchsorted(edges, recording.time, side='right') - 1, 0, len(run) - 1)
@@ -174,12 +181,12 @@ def _held_out(
 
 def _both_ways(run: PreparedRun) -> float:
     """Return the share of the temperature range that was passed warming and cooling."""
-    place = (run.time // SMOOTHED_S).astype(int)
+    place = (run.time // DIRECTION_MEAN_S).astype(int)
     count = np.bincount(place)
     means = np.bincount(place, run.temperature)[count > 0] / count[count > 0]
     turning, course = [], float(means[0])
     for value in means:  # the direction holds until it has changed by more than noise
-        if abs(value - course) > LEAST_CHANGE_K:
+        if abs(value - course) > LEAST_DIRECTION_CHANGE_K:
             turning.append((course, float(value)))
             course = float(value)
     bins = np.arange(run.temperature.min(), run.temperature.max(), 1.0)
@@ -195,7 +202,7 @@ def _both_ways(run: PreparedRun) -> float:
 def _when_cooling(
     run: PreparedRun, sensor: Sensor, cubic: Cubic, rng: np.random.Generator
 ) -> FloatArray:
-    """(3,) percentiles BAND of the rms over axes that a cubic leaves on the log's way back."""
+    """Return (3,) PERCENTILES of the rms over axes that a cubic leaves on the log's way back."""
     noise = determined_noise([run], {sensor: POWERS})[0][sensor]
     design = CandidateDesign(ColumnSource([run]), sensor, noise, [])
     course = _there_and_back(run.block_conditions.of(sensor))
@@ -203,20 +210,20 @@ def _when_cooling(
     histories += [(ThermalLag(seconds), 1.0) for seconds in LAGS_S]
     histories += [(ThermalHysteresis((r,)), HYSTERESIS_SHARE) for r in HALF_WIDTHS_K]
     alternatives = [_Alternative(design, effect, share, course) for effect, share in histories]
-    belief = [
-        1.0 - LAG_BELIEF - HYSTERESIS_BELIEF,
-        *[LAG_BELIEF / len(LAGS_S)] * len(LAGS_S),
-        *[HYSTERESIS_BELIEF / len(HALF_WIDTHS_K)] * len(HALF_WIDTHS_K),
+    probability = [
+        1.0 - LAG_PROBABILITY - HYSTERESIS_PROBABILITY,
+        *[LAG_PROBABILITY / len(LAGS_S)] * len(LAGS_S),
+        *[HYSTERESIS_PROBABILITY / len(HALF_WIDTHS_K)] * len(HALF_WIDTHS_K),
     ]
     evidence = np.array([one.log_evidence for one in alternatives])
-    weight = LEARNING_RATE * evidence + np.log(belief)
-    chosen = rng.choice(len(histories), DRAWS, p=np.exp(weight - log_sum(weight)))
+    weight = LEARNING_RATE * evidence + np.log(probability)
+    chosen = rng.choice(len(histories), PREDICTION_DRAWS, p=np.exp(weight - log_sum(weight)))
     subtracted, found = cubic.error(course.temperature), []
     for number in chosen:
         left = alternatives[number].drawn_error(rng) - subtracted
         level = left[: len(run)].mean(axis=0)
         found.append(np.sqrt(np.mean((left[len(run) :] - level) ** 2)))
-    return np.asarray(np.percentile(found, BAND))
+    return np.asarray(np.percentile(found, PERCENTILES))
 
 
 def _there_and_back(conditions: Conditions) -> Conditions:
@@ -230,7 +237,7 @@ def _there_and_back(conditions: Conditions) -> Conditions:
 
 
 class _Alternative:
-    """A polynomial, with a lag, a hysteresis or without, fitted to the log: its evidence too."""
+    """A polynomial, with a lag, a hysteresis or neither, fitted to the log, and its evidence."""
 
     def __init__(
         self, design: CandidateDesign, history: Effect | None, share: float, course: Conditions

@@ -15,15 +15,13 @@ from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import ThermalModel
 
-SIMPLER: dict[str, tuple[Effect, ...]] = {
+SIMPLER_MODELS: dict[str, tuple[Effect, ...]] = {
     'no model at all': (),
     'a line': (BiasTemperature(),),
 }
-"""What a model has to be as good as, by name."""
-
-
-NO_CHANCE = 2.0
-"""Ratio of held-out errors that is no chance, however few the parts that were held out."""
+"""Effects of the models that every model must not be worse than, by name."""
+LEAST_SURE_RISE = 2.0
+"""Ratio of held-out errors from which a rise is sure, however few the held-out parts."""
 
 
 def raised(before: SensorComparison, after: SensorComparison) -> bool:
@@ -34,13 +32,13 @@ def raised(before: SensorComparison, after: SensorComparison) -> bool:
 def worse_than_simpler(
     model: ThermalModel, compared: Comparison, runs: Sequence[PreparedRun]
 ) -> tuple[str, ...]:
-    """Return a sentence per axis whose held-out error something simpler lowers beyond chance."""
+    """Return a sentence per axis whose held-out error a simpler model lowers beyond chance."""
     worse = []
     for sensor, part in compared.sensors.items():
         fitted = model.sensors[sensor]
         if fitted.noise is None:
             continue
-        for name, effects in SIMPLER.items():
+        for name, effects in SIMPLER_MODELS.items():
             if len(effects) >= len(fitted.effects):
                 continue
             held = hold_out(runs, {sensor: effects}, {sensor: fitted.noise})
@@ -48,7 +46,7 @@ def worse_than_simpler(
             for axis in range(3):
                 left, least = part.held_out_squares[:, axis], squares[:, axis]
                 rise = float(np.sqrt(left.sum() / max(least.sum(), 1e-300)))
-                if rise > NO_CHANCE or falls(left, least, floor[axis]):
+                if rise > LEAST_SURE_RISE or falls(left, least, floor[axis]):
                     worse.append(
                         f'{sensor} {"xyz"[axis]}: the error on held-out parts is {rise:.2f} times '
                         f'that of {name}'

@@ -8,6 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
+VIBRATION_INTERVAL_NS = 1_000_000_000
+"""Interval whose variance of acceleration is the vibration [ns]."""
+LEAST_SAMPLES = 45
+"""Samples in an interval (about 50 Hz) below which it tells no vibration."""
+
 
 def bin_means(values: FloatArray, starts: IntArray) -> tuple[FloatArray, IntArray]:
     """Return the (m, …) means of rows starts[k] … starts[k + 1] − 1 and how many counted.
@@ -46,14 +51,8 @@ def _sums(values: FloatArray, starts: IntArray) -> tuple[FloatArray, IntArray]:
     )
 
 
-INTERVAL_NS = 1_000_000_000
-"""Length of the interval [ns]."""
-SMALLEST_COUNT = 45
-"""Fewer samples in an interval (below about 50 Hz) tell no vibration."""
-
-
 class VibrationState(NamedTuple):
-    """The interval that is being filled and the variance of the newest full one."""
+    """The interval that is being filled, and the variance within the one before it."""
 
     interval: int = -1
     samples: tuple[tuple[float, float, float], ...] = ()
@@ -65,14 +64,14 @@ def vibration_of(stamp: IntArray, acceleration: FloatArray, origin: int) -> Floa
     """Return the (n, 3) variance within the newest full interval before each sample.
 
     Intervals of one second count from `origin` [ns]; NaN until one is full, and where it held
-    too few samples. The last sample of an interval still sees the interval before.
+    too few samples. The last sample of an interval still has the variance of the interval before.
     """
-    interval = (stamp - origin) // INTERVAL_NS
+    interval = (stamp - origin) // VIBRATION_INTERVAL_NS
     starts = np.flatnonzero(np.diff(interval, prepend=interval[0] - 1))
     edges = np.append(starts, len(stamp)).astype(np.int64)
     mean, _ = bin_means(acceleration, edges)
     variance = bin_variances(acceleration, edges, mean)
-    variance[np.diff(edges) < SMALLEST_COUNT] = np.nan
+    variance[np.diff(edges) < LEAST_SAMPLES] = np.nan
     before = np.vstack([np.full((1, 3), np.nan), variance[:-1]])
     held: FloatArray = np.repeat(before, np.diff(edges), axis=0)
     return held
@@ -82,11 +81,11 @@ def update_vibration(
     state: VibrationState, stamp: int, acceleration: tuple[float, float, float], origin: int
 ) -> VibrationState:
     """Return the state after one more sample; its `variance` is the sample's vibration."""
-    interval = (stamp - origin) // INTERVAL_NS
+    interval = (stamp - origin) // VIBRATION_INTERVAL_NS
     if interval == state.interval:
         return state._replace(samples=(*state.samples, acceleration))
     variance = (np.nan, np.nan, np.nan)
-    if len(state.samples) >= SMALLEST_COUNT:
+    if len(state.samples) >= LEAST_SAMPLES:
         edges = np.array([0, len(state.samples)])
         samples = np.array(state.samples)
         variance = tuple(bin_variances(samples, edges, bin_means(samples, edges)[0])[0].tolist())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How runs are cut into blocks: how long they are, which rows each holds, what is held out."""
+"""Cutting runs into blocks: their length, the rows of each, the parts that are held out."""
 
 from __future__ import annotations
 
@@ -14,42 +14,45 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.data.spectral_lines import SpectralLine
 
-PERIODS = (20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
-"""Lengths of blocks [s]; errors are quoted on means over a block."""
-BLOCKS = 400
-"""Blocks a run has at least, while its samples allow it."""
-GAP_STEPS = 10.0
-"""A pause longer than so many usual intervals …"""
-GAP_S = 5.0
-"""… and than this is a gap, in which nothing was sampled [s]: serial lines pause for seconds."""
+BLOCK_LENGTHS_S = (20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
+"""Lengths a block may have [s]; errors are quoted on means over a block."""
+LEAST_BLOCKS = 400
+"""Blocks a run is to have at least, where its samples allow it."""
+LONGEST_PAUSE_STEPS = 10.0
+"""A pause counts as sampled time up to so many usual intervals …"""
+LONGEST_PAUSE_S = 5.0
+"""… or so long [s], whichever is more: serial lines pause for seconds."""
 MOST_SLOTS = 100_000
 """Places of blocks a run has at most, those in gaps included."""
-FEWEST_PARTS, MOST_PARTS = 5, 12
-"""Contiguous parts a run without cycles is cut into, to be held out one at a time: what a term
-gains on five of them is seldom more than chance, …"""
-PART_BLOCKS = 10
-"""… and a part of fewer blocks tells little."""
-SEARCH_BLOCKS = 700
-"""Blocks that the longest run is searched in at least …"""
+LEAST_PARTS, MOST_PARTS = 5, 12
+"""Contiguous parts a run without cycles is cut into, to be held out one at a time: more parts tell
+more surely whether a term lowers the error, …"""
+LEAST_PART_BLOCKS = 10
+"""… but a part has at least so many blocks."""
+LEAST_SEARCH_BLOCKS = 700
+"""Blocks of the longest run, at least, in a search of long runs …"""
 LONGEST_SEARCH_BLOCK_S = 60.0
-"""… the longest of them [s]: lags of half a minute still leave a trace in ramps …"""
+"""… their greatest length [s]: lags of half a minute still show in ramps …"""
 BLOCKS_PER_PERIOD = 8
-"""… and how many of them a period of a spectral line holds: a mean keeps 97 % of its amplitude."""
+"""… and how many a period of a spectral line has at least: means keep 97 % of its amplitude."""
 
 
 def block_length(recording: ImuRecording) -> float:
-    """Return the length of a recording's blocks [s]: so that there are BLOCKS, if that may be.
+    """Return the greatest length [s] that gives a recording LEAST_BLOCKS blocks, if any does.
 
     Two hours and more have blocks of 20 s, 20 min of 2 s, a burst of 86 s of 0.2 s. What counts
     is the time that was sampled: bursts an hour apart have the blocks of a burst.
     """
     intervals = np.diff(recording.stamp) * 1e-9
-    longest = max(GAP_STEPS * float(np.median(intervals)), GAP_S)
+    longest = max(LONGEST_PAUSE_STEPS * float(np.median(intervals)), LONGEST_PAUSE_S)
     sampled = float(np.minimum(intervals, longest).sum())
-    fitting = (length for length in PERIODS if length * BLOCKS <= sampled)
-    length = next(fitting, PERIODS[-1])
+    fitting = (length for length in BLOCK_LENGTHS_S if length * LEAST_BLOCKS <= sampled)
+    length = next(fitting, BLOCK_LENGTHS_S[-1])
     slots = float(intervals.sum()) / MOST_SLOTS
-    return next((longer for longer in PERIODS[::-1] if longer >= max(length, slots)), PERIODS[0])
+    return next(
+        (longer for longer in BLOCK_LENGTHS_S[::-1] if longer >= max(length, slots)),
+        BLOCK_LENGTHS_S[0],
+    )
 
 
 def in_blocks(run: PreparedRun, period: float) -> PreparedRun:
@@ -74,7 +77,7 @@ def in_common_blocks(runs: Sequence[PreparedRun]) -> list[PreparedRun]:
 def in_search_blocks(
     runs: Sequence[PreparedRun], lines: Sequence[SpectralLine]
 ) -> list[PreparedRun]:
-    """Return long runs in longer blocks: the work falls with them, slow effects lose nothing.
+    """Return long runs in longer blocks: less work, and slow effects look the same.
 
     A spectral line would be averaged away in blocks that are not short against its period.
     """
@@ -82,7 +85,7 @@ def in_search_blocks(
     warmest = max(float(np.abs(run.conditions.temperature_difference).max()) for run in runs)
     fastest = max((abs(f) + abs(drift) * warmest for f, drift in lines), default=0.0)
     longest = min(LONGEST_SEARCH_BLOCK_S, 1.0 / (BLOCKS_PER_PERIOD * max(fastest, 1e-9)))
-    factor = min(blocks // SEARCH_BLOCKS, int(longest / runs[0].period))
+    factor = min(blocks // LEAST_SEARCH_BLOCKS, int(longest / runs[0].period))
     if factor < 2:
         return list(runs)
     return [in_blocks(run, factor * run.period) for run in runs]
@@ -117,7 +120,7 @@ def _cv_groups(cycle: IntArray | None, starts: IntArray) -> tuple[IntArray, bool
 
 def contiguous_parts(blocks: int) -> IntArray:
     """Return (blocks,) the part, from 1, of each block of a run without cycles to hold out."""
-    parts = min(max(FEWEST_PARTS, min(MOST_PARTS, blocks // PART_BLOCKS)), blocks)
+    parts = min(max(LEAST_PARTS, min(MOST_PARTS, blocks // LEAST_PART_BLOCKS)), blocks)
     part: IntArray = 1 + np.arange(blocks, dtype=np.int64) * parts // max(blocks, 1)
     return part
 

@@ -12,39 +12,39 @@ from numpy.typing import NDArray
 
 BoolArray = NDArray[np.bool_]
 
-STUCK_S = 4.0
-"""A triad that repeats itself for longer is stuck [s]."""
-STUCK_ROWS = 4
-CHANCE = 1e-6
-"""A run of repeats expected less often than this in the whole recording is no chance."""
+LEAST_STUCK_S, LEAST_STUCK_ROWS = 4.0, 4
+"""Time [s] and rows for which a triad has to repeat itself to be stuck."""
+EXPECTED_CHANCE_RUNS = 1e-6
+"""Expected number in a recording of runs of repeats as long, below which a run is no chance."""
 SPIKE_SIGMA = 9.0
-"""A row that far from its neighbours is a spike."""
+"""Distance from its neighbours, in standard deviations, from which a row is a spike."""
 SLOW_SPIKE_SIGMA = 14.0
-"""The same for rows slower than SLOW_S, between which switches of the chamber show."""
-SLOW_S = 2.0
-LEAST_TEMPERATURE_SPIKE = 3.0
-"""A die does not warm by so much for one sample [K]."""
-OTHERS_SIGMA = 6.0
-"""Other axes stay within this where a bit went wrong on one."""
-PULSE = 0.02
-"""Share of a switching channel's range by which it stands out of its neighbours."""
-COARSE_SHARE = 0.95
-"""Changes of one count among all from which counts are coarser than the noise."""
-SMOOTH_SHARE = 0.1
-"""Change from a step to the next, as a share of a step, below which values have no noise."""
-FEWEST_MOVING_ROWS = 10
-"""Rows with a step before and after by which that is told."""
-PILE = 10
-"""At least this many values at the very extreme are a rail."""
-PILE_RATIO = 3.0
-"""A rail holds this many times more values than the steps just below it."""
+"""The same for rows further apart than SLOW_PERIOD_S: switches of the chamber show in them."""
+SLOW_PERIOD_S = 2.0
+"""[s]."""
+LEAST_TEMPERATURE_SPIKE_K = 3.0
+"""Distance of a die temperature from its neighbours, at least, in a spike [K]."""
+OTHER_AXES_SIGMA = 6.0
+"""Distance of the other axes, at most, in a spike: a bit went wrong on one axis."""
+LEAST_PULSE_SHARE = 0.02
+"""Distance of a pulse from both neighbours, at least, as a share of the channel's range."""
+ONE_COUNT_SHARE = 0.95
+"""Share of changes by one count among all from which counts are coarser than the noise."""
+LARGEST_BEND_SHARE = 0.1
+"""Median change from step to step, as a share of a step, below which values have no noise."""
+LEAST_MOVING_ROWS = 10
+"""Rows with a step before and after that this needs."""
+LEAST_RAIL_VALUES = 10
+"""Values at the very extreme that a rail has at least …"""
+LEAST_RAIL_RATIO = 3.0
+"""… and how many times more than the steps just below it."""
 
 
 def stuck_rows(values: FloatArray, period: float) -> BoolArray:
     """Return the rows (n,) in which all axes repeat the row before, for long enough.
 
-    Counts coarser than the noise repeat themselves while nothing changes, and leave a stretch by
-    one count: what leaves it by more was stuck. Nothing is where values have no noise at all.
+    Counts coarser than the noise repeat themselves while nothing changes, and leave such a stretch
+    by one count; a triad that leaves it by more was stuck. Values without noise are never stuck.
     """
     if _is_smooth(values):
         return np.zeros(len(values), dtype=bool)
@@ -54,7 +54,7 @@ def stuck_rows(values: FloatArray, period: float) -> BoolArray:
         same[rows.start + 2 : rows.stop + 2] = (values[behind] == values[rows]).all(axis=1)
     stuck = np.zeros(len(values), dtype=bool)
     runs = np.flatnonzero(same[1:] != same[:-1]).reshape(-1, 2)
-    least = max(STUCK_ROWS, int(np.ceil(STUCK_S / period)))
+    least = max(LEAST_STUCK_ROWS, int(np.ceil(LEAST_STUCK_S / period)))
     needed = _needed_repeats(runs[:, 1] - runs[:, 0], len(values), least)
     count = _coarse_counts(values)
     for start, stop in runs:
@@ -62,24 +62,24 @@ def stuck_rows(values: FloatArray, period: float) -> BoolArray:
         jumps = len(after) and bool((np.abs(after[0] - values[start]) > 1.5 * count).any())
         if stop - start >= needed and (jumps or not count.all()):
             stuck[start:stop] = True
-    # A constant triad is no log.
+    # A triad that is stuck throughout was not measured at all: told elsewhere.
     return stuck & bool(stuck.mean() < 0.9)
 
 
 def _is_smooth(values: FloatArray) -> bool:
-    """Tell whether steps from row to row hardly differ from the one before, on every axis."""
+    """Tell whether values have no noise: on every axis a step is nearly the one before it."""
     rows = some_rows(len(values) - 2)
     with np.errstate(invalid='ignore'):
         steps, after = values[rows + 1] - values[rows], values[rows + 2] - values[rows + 1]
     moving = ((steps != 0.0) & (after != 0.0)).all(axis=1) & np.isfinite(after - steps).all(axis=1)
-    if moving.sum() < FEWEST_MOVING_ROWS:
+    if moving.sum() < LEAST_MOVING_ROWS:
         return False
     bend = np.median(np.abs(after - steps)[moving], axis=0)
-    return bool((bend < SMOOTH_SHARE * np.median(np.abs(steps)[moving], axis=0)).all())
+    return bool((bend < LARGEST_BEND_SHARE * np.median(np.abs(steps)[moving], axis=0)).all())
 
 
 def _coarse_counts(values: FloatArray) -> FloatArray:
-    """Return (3,) one count of each axis whose noise hardly ever passes it; 0 elsewhere.
+    """Return (3,) one count of each axis where it is coarser than the noise, else 0.
 
     ∞ where an axis never changes.
     """
@@ -91,16 +91,16 @@ def _coarse_counts(values: FloatArray) -> FloatArray:
         moved = column[column > 0.0]
         if not len(moved):
             counts[axis] = np.inf
-        elif (moved < 1.5 * moved.min()).mean() > COARSE_SHARE:
+        elif (moved < 1.5 * moved.min()).mean() > ONE_COUNT_SHARE:
             counts[axis] = moved.min()
     return counts
 
 
 def _needed_repeats(lengths: NDArray[np.int64], rows: int, least: int) -> int:
-    """Return how many repeats in a row chance does not explain: rows · p^L < CHANCE.
+    """Return how many repeats L in a row are no chance: rows · p^L < EXPECTED_CHANCE_RUNS.
 
-    p is the share of repeats outside runs of L or more, so L is raised until both agree: a quiet
-    triad of few quantisation steps repeats by chance, a stuck one does not raise its own limit.
+    p is the share of repeats outside runs of L or more, so that L is raised until both agree: a
+    quiet triad of few quantisation steps repeats by chance, and a long run must not count in p.
     """
     needed = least
     while True:
@@ -109,37 +109,37 @@ def _needed_repeats(lengths: NDArray[np.int64], rows: int, least: int) -> int:
         share = int(lengths[~long].sum()) / max(others, 1)
         if not 0.0 < share < 1.0:
             return needed
-        wanted = int(np.floor(np.log(CHANCE / rows) / np.log(share))) + 1
+        wanted = int(np.floor(np.log(EXPECTED_CHANCE_RUNS / rows) / np.log(share))) + 1
         if wanted <= needed:
             return needed
         needed = wanted
 
 
 def rail_rows(values: FloatArray) -> BoolArray:
-    """Return the rows (n,) that stand at a rail, or so near that their mean is touched by it."""
+    """Return the rows (n,) at a rail, or so near that its clipping shifts their mean."""
     touched = np.zeros(len(values), dtype=bool)
-    # Counts coarser than the noise pile up wherever they dwell.
+    # Counts coarser than the noise repeat wherever the signal rests: that is no rail.
     for column in values.T[_coarse_counts(values) == 0.0]:
         for sign, pick in ((1.0, np.fmax), (-1.0, np.fmin)):
             extreme = float(pick.reduce(column, initial=-sign * np.inf))
-            if not np.isfinite(extreme) or np.count_nonzero(column == extreme) < PILE:
+            if not np.isfinite(extreme) or np.count_nonzero(column == extreme) < LEAST_RAIL_VALUES:
                 continue
             finite = column[np.isfinite(column)]
             if len(finite) < 100 or np.ptp(finite) == 0.0:
                 break
             noise = 1.4826 * float(np.median(np.abs(np.diff(finite)))) / np.sqrt(2.0)
-            if _piles_up(sign * finite, sign * extreme):
+            if _is_rail(sign * finite, sign * extreme):
                 with np.errstate(invalid='ignore'):
                     touched |= sign * column >= sign * extreme - 4.0 * noise
     return touched
 
 
 def spike_rows(values: FloatArray, period: float = 0.0) -> BoolArray:
-    """Return the rows (n,) that stand alone, far from both neighbours."""
+    """Return the rows (n,) in which one axis alone is far from both neighbours."""
     spikes = np.zeros(len(values), dtype=bool)
     if len(values) < 5:
         return spikes
-    limit = SPIKE_SIGMA if period < SLOW_S else SLOW_SPIKE_SIGMA
+    limit = SPIKE_SIGMA if period < SLOW_PERIOD_S else SLOW_SPIKE_SIGMA
     centre = some_rows(len(values) - 2) + 1
     jump = values[centre] - 0.5 * (values[centre - 1] + values[centre + 1])
     sigma = np.array([_robust_sigma(column) for column in jump.T])
@@ -149,7 +149,7 @@ def spike_rows(values: FloatArray, period: float = 0.0) -> BoolArray:
         before, here, after = values[at - 1], values[at], values[at + 1]
         jump = np.abs(here - 0.5 * (before + after))
         alone = (jump > limit * sigma) & (np.abs(before - after) < 0.5 * jump)
-        single = (jump > OTHERS_SIGMA * sigma).sum(axis=1) == 1
+        single = (jump > OTHER_AXES_SIGMA * sigma).sum(axis=1) == 1
         spikes[at] = alone.any(axis=1) & single
     return spikes
 
@@ -168,7 +168,7 @@ def temperature_spikes(recording: ImuRecording) -> BoolArray:
         return np.zeros(len(recording), dtype=bool)
     centre = some_rows(len(values) - 2) + 1
     sigma = _robust_sigma(values[centre] - 0.5 * (values[centre - 1] + values[centre + 1]))
-    limit = max(LEAST_TEMPERATURE_SPIKE, SLOW_SPIKE_SIGMA * sigma)
+    limit = max(LEAST_TEMPERATURE_SPIKE_K, SLOW_SPIKE_SIGMA * sigma)
     spikes = far_rows(np.ascontiguousarray(values)[:, None], np.array([limit]))
     at = np.flatnonzero(spikes)
     jump = np.abs(values[at] - 0.5 * (values[at - 1] + values[at + 1]))
@@ -178,21 +178,21 @@ def temperature_spikes(recording: ImuRecording) -> BoolArray:
 
 
 def pulsed_rows(channel: FloatArray) -> BoolArray:
-    """Return the rows (n,) in which a channel (n,) that switches stands off both neighbours.
+    """Return the rows (n,) in which a channel (n,) that switches differs from both neighbours.
 
-    What it does to a sensor for one row is no spike of the sensor.
+    What such a pulse does to a sensor in that row is no spike of the sensor.
     """
     pulsed = np.zeros(len(channel), dtype=bool)
     span = np.nanmax(channel, initial=-np.inf) - np.nanmin(channel, initial=np.inf)
     if len(channel) > 2 and span > 0.0:
         with np.errstate(invalid='ignore'):
             jump = np.abs(channel[1:-1] - 0.5 * (channel[:-2] + channel[2:]))
-            pulsed[1:-1] = jump > PULSE * span
+            pulsed[1:-1] = jump > LEAST_PULSE_SHARE * span
     return pulsed
 
 
 def _robust_sigma(values: FloatArray) -> float:
-    """Return 1.4826 times the median absolute deviation of what is finite, 0 for nothing."""
+    """Return 1.4826 times the median absolute deviation of the finite values, 0 without any."""
     known = values[np.isfinite(values)]
     if not len(known):
         return 0.0
@@ -223,12 +223,13 @@ def some_rows(rows: int, wanted: int = 200_000) -> NDArray[np.intp]:
     return np.arange(0, rows, max(rows // wanted, 1))
 
 
-def _piles_up(values: FloatArray, extreme: float) -> bool:
+def _is_rail(values: FloatArray, extreme: float) -> bool:
+    """Tell whether many more values are at the extreme than at the steps below it."""
     at_rail = int((values == extreme).sum())
-    if at_rail < PILE:
+    if at_rail < LEAST_RAIL_VALUES:
         return False
     others = np.unique(values[values < extreme])
     if not len(others):
         return False
     below = [int((values == other).sum()) for other in others[-3:]]
-    return at_rail > PILE_RATIO * max(below)
+    return at_rail > LEAST_RAIL_RATIO * max(below)

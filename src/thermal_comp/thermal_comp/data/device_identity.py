@@ -11,19 +11,19 @@ from imu_recording.recording import FloatArray
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 
-TOLD_BY: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
+TELLING_SENSORS: tuple[Sensor, ...] = ('accelerometer', 'gyroscope')
 """Sensors whose temperature slopes differ from device to device far more than from run to run
 (Betta et al. 2022, Tables III and IV); a magnetometer's follow the field around it."""
 SLOPE_DIFFERENCE_SHARE = 0.5
-"""Slopes further apart than this share of the larger are not of one device …"""
+"""Difference of two slopes, as a share of the larger, from which they are of two devices …"""
 UNLIKE_AXES_SHARE = 0.6
-"""… where more than this share of the axes says so."""
+"""… and share of the axes that have to differ so."""
 SLOPE_DIFFERENCE_SIGMA = 10.0
-"""Standard errors of independent residuals that a difference must exceed."""
+"""Least difference, in standard errors of independent residuals."""
 
 
 def unnamed_warning(runs: Sequence[PreparedRun]) -> str:
-    """Return what to say of runs without a device that are fitted together; '' for none or one."""
+    """Return a warning where several runs that name no device are fitted together, else ''."""
     unnamed = [run for run in runs if not run.device]
     if len(unnamed) < 2:
         return ''
@@ -47,7 +47,7 @@ def unnamed_warning(runs: Sequence[PreparedRun]) -> str:
 def _slopes(run: PreparedRun) -> tuple[FloatArray, FloatArray]:
     """Return slope and its standard error of each axis against die temperature [unit/K]."""
     slopes, errors = [], []
-    for sensor in TOLD_BY:
+    for sensor in TELLING_SENSORS:
         values = run.measured[sensor]
         valid = np.isfinite(values).all(axis=1)
         centred = run.temperature[valid] - run.temperature[valid].mean() if valid.any() else None

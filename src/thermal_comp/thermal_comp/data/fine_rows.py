@@ -13,23 +13,23 @@ from imu_recording.recording import SENSOR_FIELDS, ImuRecording
 
 from thermal_comp.data.binning import bin_means, bin_variances
 
-FINE_PERIOD = 1.0
-"""Columns are evaluated on means over this [s], or on the samples where they are slower."""
-VIBRATION_RATE = 50.0
+FINE_PERIOD_S = 1.0
+"""Length of the means that effects are evaluated on [s]; slower samples are taken as they are."""
+LEAST_VIBRATION_RATE_HZ = 50.0
 """Slowest sample rate [Hz] from which vibration is computed."""
-RATE_TOLERANCE = 1.02
-"""How much further apart samples of that rate may be: stamps jitter, and clocks err."""
-FEWEST_CYCLE_ROWS = 10
-"""Rows of a cycle on average, below which its two ends are not left out."""
-LEADING_GAP_S = 60.0
-"""A track that starts at most this much after the IMU takes its first value until then [s]."""
+STAMP_TOLERANCE = 1.02
+"""Ratio by which samples of that rate may be further apart: stamps jitter, and clocks err."""
+LEAST_CYCLE_ROWS = 10
+"""Rows of a cycle on average, below which the rows at its ends are kept."""
+LONGEST_LEADING_GAP_S = 60.0
+"""A track that starts up to this long after the IMU [s] has its first value from the beginning."""
 
 
 def measured_temperature(recording: ImuRecording) -> ImuRecording:
     """Return the recording with the die temperature between its samples interpolated.
 
-    Rows hold the newest sample; a device that warms is ahead of it by half an interval on
-    average, which looks like an effect of the temperature's rate.
+    Rows hold the newest sample, which is older by half an interval on average: in a ramp that
+    looks like an effect of the temperature's rate.
     """
     if recording.temperature_stamp is None:
         return recording
@@ -48,8 +48,8 @@ def fine_rows(
 ) -> tuple[ImuRecording, list[str]]:
     """Return the recording as means over `period` [s], or as it is where it is slower.
 
-    The bins start at `origin` [ns], whatever was cut. Where samples begin or end within a bin, in
-    less than a quarter of it, there is none: its noise would be twice the others'.
+    The bins start at `origin` [ns], whatever was cut. A bin at an end or a gap that is less than a
+    quarter full is left out: its noise would be twice the others'.
     """
     notes = _bad_rows(recording)
     step = float(np.median(np.diff(recording.stamp))) * 1e-9
@@ -66,7 +66,7 @@ def fine_rows(
         if isinstance(column, np.ndarray) and item.name != 'stamp':
             exact = column.dtype.kind == 'i' or item.name == 'reference_orientation'
             taken[item.name] = column[middle] if exact else bin_means(column, edges)[0]
-    if recording.vibration is None and step <= RATE_TOLERANCE / VIBRATION_RATE:
+    if recording.vibration is None and step <= STAMP_TOLERANCE / LEAST_VIBRATION_RATE_HZ:
         taken['vibration'] = bin_variances(
             recording.linear_acceleration, edges, taken['linear_acceleration']
         )
@@ -78,6 +78,7 @@ def fine_rows(
 
 
 def _bad_rows(recording: ImuRecording) -> list[str]:
+    """Return notes on the rows without a finite value."""
     notes = []
     for sensor, name in SENSOR_FIELDS.items():
         values = getattr(recording, name)
@@ -95,7 +96,7 @@ def _bad_rows(recording: ImuRecording) -> list[str]:
 
 
 def complete(fine: ImuRecording) -> tuple[ImuRecording, list[str]]:
-    """Fill short gaps of the other tracks with the newest value; drop tracks that start late."""
+    """Return rows whose other tracks have no gaps: filled with the newest value, or not used."""
     changed: dict[str, Any] = {}
     notes = []
     for name in CHANNEL_FIELDS:
@@ -107,7 +108,7 @@ def complete(fine: ImuRecording) -> tuple[ImuRecording, list[str]]:
             changed[name] = None
         elif not finite.all():
             lead = (fine.stamp[int(np.argmax(finite))] - fine.stamp[0]) * 1e-9
-            if lead > LEADING_GAP_S or not finite.mean() > 0.5:
+            if lead > LONGEST_LEADING_GAP_S or not finite.mean() > 0.5:
                 changed[name] = None
                 notes.append(f'{name} is known in {finite.mean():.0%} of the run only: not used')
             else:
@@ -128,13 +129,13 @@ def complete(fine: ImuRecording) -> tuple[ImuRecording, list[str]]:
 def without_cycle_ends(fine: ImuRecording) -> ImuRecording:
     """Return the recording without the rows on both sides of where a cycle ends.
 
-    A row may hold a share of both cycles, whatever its label says: where each has a level of its
-    own, an error of many times the noise. Labels that change with nearly every row are no cycles.
+    Such a row may hold a share of both cycles: where each cycle has its own level, it errs by many
+    times the noise. Labels that change with nearly every row are no cycles.
     """
     if fine.cycle is None:
         return fine
     ends = np.flatnonzero(np.diff(fine.cycle))
-    if len(ends) * FEWEST_CYCLE_ROWS > len(fine):
+    if len(ends) * LEAST_CYCLE_ROWS > len(fine):
         return fine
     kept = np.ones(len(fine), dtype=bool)
     kept[ends] = kept[ends + 1] = False

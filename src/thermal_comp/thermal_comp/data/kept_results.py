@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Results of functions of prepared runs, kept as long as the runs.
 
-A model is fitted and compared before and after each effect that it gains, by one step after the
-other: most of what a step asks of the runs the step before has asked.
+A model is fitted and compared before and after each effect that is added to it: most of what such
+a step computes of the runs, the step before has computed.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from thermal_comp.model.values import NoiseModel
 def kept[**P, T](
     function: Callable[Concatenate[Sequence[PreparedRun], P], T],
 ) -> Callable[Concatenate[Sequence[PreparedRun], P], T]:
-    """Return the function, which then computes once what it returns for runs and arguments.
+    """Return the function with its results kept: for equal runs and arguments it computes once.
 
-    Runs are the same while their block means are: draws of noise may be written into them.
-    Arguments are sensors, effects and noise, alone or in lists and mappings. Who gets a result
-    leaves it as it is.
+    Runs are equal while their block means are: draws of noise may be written into them. Arguments
+    are sensors, effects and noise, alone or in lists and mappings. Callers must not change a
+    result.
     """
     results: WeakKeyDictionary[PreparedRun, dict[Hashable, Any]] = WeakKeyDictionary()
 

@@ -13,20 +13,23 @@ from scipy.ndimage import median_filter
 from thermal_comp.data.binning import bin_means
 
 SECOND_NS = 1_000_000_000
-MEDIAN_WINDOW = 61
-"""Length [s] (in samples, where these are slower) of the median a second is compared with."""
+"""A second [ns]."""
+MEDIAN_WINDOW_S = 61
+"""Length of the running median that means over a second are compared with [s, or samples where
+these are slower]."""
 LEAST_FORCE_CHANGE = 0.05
-"""Change of specific force from which a device is being moved or tilted, as a share of its norm:
-independent of the unit; above noise, vibration and the temperature error of a minute."""
+"""Change of specific force, as a share of its norm, from which a device is moved or tilted: above
+noise, vibration and the temperature error of a minute, whatever the unit."""
 LEAST_FIELD_CHANGE = 0.17
-"""Change of the magnetic field, as a share of its norm, of a device turned by ten degrees."""
+"""Change of the magnetic field, as a share of its norm, from which a device is turned: by ten
+degrees."""
 LEAST_TURN_RATE = 0.017
 """Angular velocity a turn of the field has to come with [rad/s]: a heater's current turns the
 field without turning the device."""
 LEAST_MOVING_SHARE = 0.03
-"""Share of the seconds with motion in a moving recording; being turned once is less."""
+"""Share of seconds with motion from which a recording is of a moving device; one turn is less …"""
 LEAST_MOVING_SECONDS = 3
-"""Seconds with motion in a moving recording."""
+"""… and least number of such seconds."""
 
 
 class MovingError(UserError):
@@ -49,7 +52,7 @@ def motion_of(recording: ImuRecording) -> str:
     turned = _distance_from_median(field) > LEAST_FIELD_CHANGE * _usual_norm(field)
     turned &= rate > LEAST_TURN_RATE
     moves = (_distance_from_median(force) > LEAST_FORCE_CHANGE * _usual_norm(force)) | turned
-    # A spike stands alone; what moves does so for more than a second.
+    # A single second is a spike; motion lasts longer.
     moves &= np.r_[False, moves[:-1]] | np.r_[moves[1:], False]
     if moves.sum() < max(LEAST_MOVING_SECONDS, LEAST_MOVING_SHARE * len(moves)):
         return ''
@@ -107,7 +110,7 @@ def _distance_from_median(means: FloatArray) -> FloatArray:
     distance = np.zeros(len(means))
     if known.any():
         values = means[known]
-        size = min(MEDIAN_WINDOW, len(values))
+        size = min(MEDIAN_WINDOW_S, len(values))
         usual = np.column_stack([median_filter(c, size=size, mode='nearest') for c in values.T])
         distance[known] = np.linalg.norm(values - usual, axis=1)
     return distance

@@ -21,19 +21,18 @@ from thermal_comp.data.blocks import block_length, in_blocks, in_common_blocks
 from thermal_comp.data.conditions import (
     SENSORS,
     Conditions,
+    hard_iron_of,
     mounting_rotation,
     static_conditions,
 )
 from thermal_comp.data.fine_rows import (
-    FINE_PERIOD,
+    FINE_PERIOD_S,
     complete,
     fine_rows,
     measured_temperature,
     without_cycle_ends,
 )
-from thermal_comp.data.gaps import MEMORY_S, decays_after_gaps
-from thermal_comp.data.hard_iron import hard_iron_of
-from thermal_comp.data.prepared_run import PreparedRun
+from thermal_comp.data.prepared_run import PreparedRun, ends_of_long_gaps
 from thermal_comp.data.quality import without_damage
 from thermal_comp.data.startup import cut_startup
 
@@ -64,9 +63,9 @@ def prepare(
 
 
 def as_campaign(runs: Sequence[PreparedRun]) -> list[PreparedRun]:
-    """Return runs of one device in one field, with what they know of each other.
+    """Return runs of one device in one field, with what only all of them together tell.
 
-    That is the time since the first of them began, and what all tell of the hard iron.
+    That is the time since the first of them began, and the hard iron.
     """
     offset = hard_iron_of([run.conditions for run in runs])
     first = min((run.origin for run in runs), default=0)
@@ -82,7 +81,7 @@ def as_campaign(runs: Sequence[PreparedRun]) -> list[PreparedRun]:
 
 
 def run_name(recording: ImuRecording, number: int, taken: dict[str, int]) -> str:
-    """Return a name for the run that is not taken; counts it as taken."""
+    """Return a name for the run that is not in `taken`, and count it there."""
     name = recording.run or recording.source.rstrip('/').rpartition('/')[2] or str(number)
     taken[name] = taken.get(name, 0) + 1
     return name if taken[name] == 1 else f'{name} ({taken[name]})'
@@ -104,13 +103,13 @@ def prepare_run(
     whole = recording.rows(stretch).with_notes(jumped) if jumped else recording
     recording = cut_startup(whole)
     notes = list(recording.notes)
-    if truth is resting:  # what moves may well leave its neighbours for one sample
+    if truth is resting:  # in motion a single row may truly differ from its neighbours
         recording, damaged = without_damage(recording)
         notes += damaged
     recording = measured_temperature(recording)
     origin = int(whole.stamp[0])
     period = block_length(recording) if period is None else period
-    fine, counted = fine_rows(recording, origin, min(period, FINE_PERIOD))
+    fine, counted = fine_rows(recording, origin, min(period, FINE_PERIOD_S))
     sampled = len(fine) == len(recording)
     notes += counted
     known = np.isfinite(fine.temperature)
@@ -154,7 +153,7 @@ def prepare_run(
         notes.append(
             f'{holes * run.period:.0f} s in gaps, half-empty blocks or where cycles meet left out'
         )
-    if gaps := decays_after_gaps(run.conditions.time).shape[1] // len(MEMORY_S):
+    if gaps := len(ends_of_long_gaps(run.conditions.time)):
         notes.append(
             f'{gaps} long {"gap" if gaps == 1 else "gaps"}: what the temperatures of '
             f'{"it" if gaps == 1 else "them"} left behind is unknown, and fitted beside the level'

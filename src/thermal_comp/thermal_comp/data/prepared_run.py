@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One run as fits and diagnosis see it: block means, and conditions on a finer grid."""
+"""One run as fits and diagnosis see it: block means, conditions on a finer grid, gaps."""
 
 from __future__ import annotations
 
@@ -12,9 +12,21 @@ import numpy as np
 from imu_recording.recording import FloatArray, IntArray
 
 from thermal_comp.data.conditions import PER_RUN, Conditions, Sensor
-from thermal_comp.data.gaps import decays_after_gaps
 from thermal_comp.data.smoothing import smoothed_conditions
 from thermal_comp.effects.effect import Effect
+
+SHORTEST_GAP_S = 120.0
+"""Length of a gap from which the temperatures in it count as unknown [s] …"""
+SHORTEST_GAP_ROWS = 5.0
+"""… and in usual distances of rows: rows that are far apart are no gaps."""
+DECAY_TIMES_S = (60.0, 300.0, 1500.0)
+"""Time constants of the decays after a gap [s]: sums of them follow any exponential between 30 s
+and an hour."""
+DECAY_LENGTH = 7.0
+"""Time constants after which a decay is cut: a thousandth of it is left."""
+SHORTEST_STRETCH_S, SHORTEST_STRETCH_ROWS = 1200.0, 60.0
+"""Mean length of what is recorded between gaps, in seconds and in rows, below which gaps are left
+alone: in bursts their decays would leave nothing to learn from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +53,7 @@ class PreparedRun:
     cv_group: IntArray
     """(m,) part of the run that is held out together, 1 …; 0 is never held out."""
     has_cycles: bool
-    """Whether the parts are thermal cycles; else they are contiguous blocks."""
+    """Whether these parts are thermal cycles; else they are contiguous stretches of blocks."""
     origin: int = 0
     """Stamp at which its time is zero [ns]."""
     sampled: bool = False
@@ -67,7 +79,7 @@ class PreparedRun:
 
     @cached_property
     def smoothed(self) -> PreparedRun:
-        """The run without the noise of its thermometer, for what learns from the whole of it.
+        """The run without the noise of its thermometer, for fits to the whole of it.
 
         Columns of a noisy temperature pull their coefficients towards zero (regression dilution;
         Carroll et al., Measurement Error in Nonlinear Models, 2006, ch. 4: regression
@@ -87,9 +99,9 @@ class PreparedRun:
 
     @cached_property
     def after_gaps(self) -> FloatArray:
-        """(m, q) decays after gaps, of what temperatures that nobody measured left behind.
+        """(m, q) decays after gaps, of lags whose temperature in the gap was not measured.
 
-        Each lives in one part that is held out: its tail beyond says nothing of its size.
+        Each ends with the held-out part it begins in: its tail beyond tells nothing of its size.
         """
         decays = self.block_mean(decays_after_gaps(self.conditions.time))
         parts = [decays * (self.cv_group == k)[:, None] for k in np.unique(self.cv_group)]
@@ -128,3 +140,26 @@ class PreparedRun:
             return np.full(len(self.slot), unknown, dtype=np.int64)
         middle: IntArray = values[(self.starts[:, 0] + self.starts[:, 1] - 1) // 2]
         return middle
+
+
+def ends_of_long_gaps(time: FloatArray) -> FloatArray:
+    """Return the ends of long gaps between ascending `time` (n,) [s]; () where they are many."""
+    steps = np.diff(time)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    ends = time[1:][steps > max(SHORTEST_GAP_S, SHORTEST_GAP_ROWS * usual)]
+    stretch = max(SHORTEST_STRETCH_S, SHORTEST_STRETCH_ROWS * usual)
+    return ends[:0] if len(ends) * stretch > len(time) * usual else ends
+
+
+def decays_after_gaps(time: FloatArray) -> FloatArray:
+    """Return (n, q) decays after each long gap between ascending `time` (n,) [s].
+
+    The state of a first-order lag is off by (T_lag − T̂_lag) exp(−(t − t₀) / τ) from the end t₀ of
+    a gap on, whatever the temperature did in it: the homogeneous solution of its equation.
+    """
+    since = time[:, None] - ends_of_long_gaps(time)
+    decays = [
+        np.where((since >= 0.0) & (since < DECAY_LENGTH * seconds), np.exp(-since / seconds), 0.0)
+        for seconds in DECAY_TIMES_S
+    ]
+    return np.concatenate(decays, axis=1)

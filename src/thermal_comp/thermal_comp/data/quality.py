@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Defects of the data before any physics: which rows are wrong, and the data without them."""
+"""Defects of the data themselves: which rows are wrong, and the recordings without them."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from thermal_comp.data.thermometer import instrument_faults, stuck_temperature
 def without_damage(recording: ImuRecording) -> tuple[ImuRecording, list[str]]:
     """Return the recording of a device at rest without damaged values, and what was cut.
 
-    Damaged is what stands still while it should not, and what stands alone.
+    Damaged are values that repeat while they should change, and spikes.
     """
     period = _period(recording)
     stuck = {name: stuck_rows(getattr(recording, name), period) for name in SENSOR_FIELDS.values()}
     stuck['temperature'] = stuck_temperature(recording)
     notes = []
     for name, rows in stuck.items():
-        if rows.any() and not rows.all():  # what is always the same is told elsewhere
+        if rows.any() and not rows.all():  # a track that never changes is told elsewhere
             text = f'{name}: {int(rows.sum())} of {len(rows)} rows repeat one value, left out'
             notes.append(text)
             recording = _blank(recording, name, rows)
@@ -60,7 +60,7 @@ def without_damage(recording: ImuRecording) -> tuple[ImuRecording, list[str]]:
     return recording, notes
 
 
-IMPOSSIBLE = {
+IMPOSSIBLE_TEXTS = {
     'vibration': 'is no variance',
     'humidity': 'is no relative humidity (0 … 1)',
     'temperature': 'is no temperature of a working die',
@@ -68,13 +68,13 @@ IMPOSSIBLE = {
     'pressure': 'is no pressure',
     'supply_voltage': 'is no supply voltage',
 }
-"""What is said of a track's values outside of what is possible."""
+"""What a note says of impossible values, by track."""
 
 
 def impossible_rows(recording: ImuRecording) -> list[tuple[str, BoolArray, str]]:
-    """Return track, rows (n,) and a sentence for every track with values that cannot be."""
+    """Return track, rows (n,) and a text for every track with impossible values."""
     found = []
-    for name, text in IMPOSSIBLE.items():
+    for name, text in IMPOSSIBLE_TEXTS.items():
         low, high = POSSIBLE[name]
         values = getattr(recording, name)
         if values is None:
@@ -86,13 +86,14 @@ def impossible_rows(recording: ImuRecording) -> list[tuple[str, BoolArray, str]]
     return found
 
 
-PLAUSIBLE = {'accelerometer': (8.0, 11.5), 'magnetometer': (1e-6, 2e-3)}
+PLAUSIBLE_NORMS = {'accelerometer': (8.0, 11.5), 'magnetometer': (1e-6, 2e-3)}
 """Norm of the mean at rest [m/s², T]."""
-FIELD_NORM_FACTOR = 5.0
-"""A norm is of no known unit where it is outside what is plausible by this factor."""
-FOREIGN_NOISE = 20.0
-"""Ratio of a run's noise to that of the other runs that only a wrong unit explains."""
-
+IMPLAUSIBLE_NORM_FACTOR = 5.0
+"""Factor by which a norm outside that range is implausible, whatever the unit."""
+FOREIGN_NOISE_RATIO = 20.0
+"""Ratio of a run's noise to that of the other runs from which its unit is another."""
+FLIP_WINDOW_S = 300.0
+"""Length of the means that tell which axis points up [s]."""
 
 Scale = tuple[float, float]
 """Norm of the median and median step of one sensor [its unit]."""
@@ -111,7 +112,7 @@ def foreign_units(
 ) -> list[tuple[int, str, str]]:
     """Return run number, sensor and a sentence for every sensor of a run in a foreign unit.
 
-    The norm of a sensor that is `clipped` tells nothing, unless a known unit explains it.
+    The norm of a sensor that is `clipped` is not judged, but where a known unit explains it.
     """
     found = []
     for sensor in SENSOR_FIELDS:
@@ -120,11 +121,13 @@ def foreign_units(
             norm = scales[k][sensor][0]
             others = [n for j, n in enumerate(noise) if j != k and n > 0.0]
             ratio = noise[k] / float(np.median(others)) if others and noise[k] > 0.0 else 1.0
-            foreign = len(others) > 1 and not 1.0 / FOREIGN_NOISE < ratio < FOREIGN_NOISE
+            foreign = (
+                len(others) > 1 and not 1.0 / FOREIGN_NOISE_RATIO < ratio < FOREIGN_NOISE_RATIO
+            )
             unit = _unit_of_norm(sensor, norm) or (
                 _unit_of_ratio(sensor, ratio) if foreign else ''
             )
-            if foreign or unit or (sensor not in clipped and _is_far(sensor, norm)):
+            if foreign or unit or (sensor not in clipped and _is_implausible(sensor, norm)):
                 text = f'run {name}: mean norm {norm:.4g}, noise × {ratio:.3g}'
                 found.append((k, sensor, text + (f', as if in {unit}' if unit else '')))
     return found
@@ -138,7 +141,7 @@ def _norm(values: FloatArray) -> float:
 
 def _unit_of_norm(sensor: str, norm: float) -> str:
     """Return the unit that makes an implausible norm plausible."""
-    low, high = PLAUSIBLE.get(sensor, (0.0, np.inf))
+    low, high = PLAUSIBLE_NORMS.get(sensor, (0.0, np.inf))
     if low <= norm <= high:
         return ''
     fits = (u for u, factor in FACTORS[sensor].items() if low <= norm / factor <= high)
@@ -151,9 +154,11 @@ def _unit_of_ratio(sensor: str, ratio: float) -> str:
     return next(fits, '')
 
 
-def _is_far(sensor: str, norm: float) -> bool:
-    low, high = PLAUSIBLE.get(sensor, (0.0, np.inf))
-    return norm > 0.0 and not low / FIELD_NORM_FACTOR <= norm <= high * FIELD_NORM_FACTOR
+def _is_implausible(sensor: str, norm: float) -> bool:
+    low, high = PLAUSIBLE_NORMS.get(sensor, (0.0, np.inf))
+    return (
+        norm > 0.0 and not low / IMPLAUSIBLE_NORM_FACTOR <= norm <= high * IMPLAUSIBLE_NORM_FACTOR
+    )
 
 
 def _noise(values: FloatArray) -> float:
@@ -161,10 +166,6 @@ def _noise(values: FloatArray) -> float:
     steps = values[first + 1] - values[first]
     steps = steps[np.isfinite(steps).all(axis=1)]
     return float(np.median(np.abs(steps))) if len(steps) else 0.0
-
-
-FLIP_WINDOW_S = 300.0
-"""Gravity's direction is judged on means over this [s]."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +187,7 @@ class QualityFinding:
 def check_quality(
     recordings: Sequence[ImuRecording],
 ) -> tuple[list[ImuRecording], list[QualityFinding]]:
-    """Return the recordings with defective rows taken out, and what was defective."""
+    """Return the recordings with their defective rows unknown, and what was defective."""
     findings: list[QualityFinding] = []
     clean = []
     names = [recording.run or str(number) for number, recording in enumerate(recordings, 1)]
@@ -217,7 +218,7 @@ def wrong_units(
 def check_recording(
     recording: ImuRecording, run: str
 ) -> tuple[ImuRecording, list[QualityFinding]]:
-    """Return one recording with defective rows taken out, and what was defective."""
+    """Return one recording with its defective rows unknown, and what was defective."""
     findings = []
     cut, factor = startup_rows(recording)
     if cut:
@@ -246,7 +247,7 @@ def check_recording(
             ('saturation', rail_rows),
             ('spikes', partial(spike_rows, period=period)),
         ):
-            # The edges of what is stuck or clipped are no spikes.
+            # Rows beside stuck or clipped ones are no spikes.
             rows = rows_with(np.where(bad[:, None], np.nan, values) if bad.any() else values)
             rows[:cut] = False
             if defect == 'spikes' and rows.any():
@@ -263,7 +264,7 @@ def check_recording(
 def _check_instruments(
     recording: ImuRecording, run: str
 ) -> tuple[ImuRecording, list[QualityFinding]]:
-    """Find what is wrong with thermometer and clock; a temperature that stands still goes out."""
+    """Return the recording without stuck temperatures, and the faults of thermometer and clock."""
     findings = []
     for fault in instrument_faults(recording):
         count = int(fault.rows.sum())
@@ -274,7 +275,7 @@ def _check_instruments(
 
 
 def _switched(recording: ImuRecording) -> BoolArray:
-    """Return the rows in which something in the chamber was on for one row, or off."""
+    """Return the rows in which a machine of the chamber was on, or off, for one row alone."""
     switched = np.zeros(len(recording), dtype=bool)
     for name in SWITCHED_FIELDS:
         channel = getattr(recording, name)
@@ -288,7 +289,7 @@ def _without(recording: ImuRecording, sensor: str, rows: BoolArray) -> ImuRecord
 
 
 def _blank(recording: ImuRecording, name: str, rows: BoolArray) -> ImuRecording:
-    """Return the recording with rows of one column unknown; None where all of a track are."""
+    """Return the recording with rows of one column unknown (NaN)."""
     values = getattr(recording, name).astype(float)
     values[rows] = np.nan
     changed: dict[str, Any] = {name: values}
@@ -298,7 +299,7 @@ def _blank(recording: ImuRecording, name: str, rows: BoolArray) -> ImuRecording:
 def _check_orientation(
     recording: ImuRecording, run: str
 ) -> tuple[ImuRecording, list[QualityFinding]]:
-    """Find rows in which another axis, or the same one the other way, points up."""
+    """Return the recording without rows in which another axis points up, and what was found."""
     window = max(int(FLIP_WINDOW_S / _period(recording)), 1)
     values = recording.linear_acceleration
     count = len(values) // window

@@ -19,14 +19,14 @@ from scipy.fft import dct, next_fast_len
 
 from thermal_comp.data.conditions import Conditions
 
-SHORTEST_S, LONGEST_S = 1.0, 3600.0
-"""Times over which a spline may smooth [s], r^−⅙."""
+SHORTEST_WIDTH_S, LONGEST_WIDTH_S = 1.0, 3600.0
+"""Least and greatest width r^−⅙ over which a spline smooths [s]."""
 LEAST_ROWS = 8
-"""Pieces with fewer rows stay as they were measured."""
-MARGIN = 8.0
-"""Widths after which a spline has forgotten its end."""
-GAP_STEPS = 20.0
-"""A gap of so many steps parts a run: the temperature on either side is smoothed by itself."""
+"""Rows of a piece between gaps, below which it stays as it was measured."""
+MARGIN_WIDTHS = 8.0
+"""Length of the mirror image at either end, in widths: what lies beyond changes nothing."""
+LONG_GAP_STEPS = 20.0
+"""Steps of a gap from which the temperature before and after it is smoothed by itself."""
 
 
 def smoothed_conditions(conditions: Conditions) -> Conditions:
@@ -44,7 +44,7 @@ def smoothed_temperature(time: FloatArray, temperature: FloatArray) -> FloatArra
     """Return the (n,) temperature without its thermometer's noise; `time` (n,) ascends [s]."""
     steps = np.diff(time)
     step = float(np.median(steps)) if len(steps) else 1.0
-    gaps = np.flatnonzero(steps > GAP_STEPS * step) + 1
+    gaps = np.flatnonzero(steps > LONG_GAP_STEPS * step) + 1
     pieces = np.split(np.arange(len(time)), gaps)
     longest = max(pieces, key=len)
     if len(longest) < LEAST_ROWS or np.ptp(temperature) == 0.0:
@@ -63,7 +63,7 @@ def _spline(values: FloatArray, width: float) -> FloatArray:
     Its transfer function is 1 / (1 + (ω width)⁶); the ends are continued by their mirror image
     through the last point.
     """
-    margin = min(len(values) - 1, int(np.ceil(MARGIN * width)))
+    margin = min(len(values) - 1, int(np.ceil(MARGIN_WIDTHS * width)))
     ramp = np.linspace(values[0], values[-1], len(values))
     longer = np.pad(values - ramp, margin, mode='reflect', reflect_type='odd')
     size = next_fast_len(len(longer), real=True)
@@ -73,11 +73,11 @@ def _spline(values: FloatArray, width: float) -> FloatArray:
 
 
 def _width(temperature: FloatArray, step: float) -> float:
-    """Return r^−⅙ [s]; at ω⁶ = r the spectrum of the temperature meets that of its noise."""
+    """Return the likeliest r^−⅙ [s]; at ω⁶ = r the temperature's spectrum is that of its noise."""
     ramp = np.linspace(temperature[0], temperature[-1], len(temperature))
     power = dct(temperature - ramp, norm='ortho')[1:] ** 2
     frequency = np.pi * np.arange(1, len(temperature)) / (len(temperature) * step)
-    widths = np.geomspace(SHORTEST_S, LONGEST_S, 60)
+    widths = np.geomspace(SHORTEST_WIDTH_S, LONGEST_WIDTH_S, 60)
     misfits = []
     steep = frequency**-6.0
     for width in widths:

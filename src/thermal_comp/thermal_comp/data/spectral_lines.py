@@ -24,30 +24,31 @@ from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 
 MOST_LINES = 3
-"""Most lines that are handed on."""
-PROMINENCE = 8.0
+"""Most lines that are returned."""
+LEAST_PROMINENCE = 8.0
 """Least ratio of a line's power, summed over runs and axes, to the spectrum around it."""
 LOWEST_HZ = 1.0 / 900.0
-"""Slower waves belong to the thermal cycle."""
+"""Lowest frequency of a line [Hz]: slower waves belong to the thermal cycle."""
 LEAST_ROWS, MOST_ROWS = 200, 1 << 21
-"""Rows, with those that are missing, of which a spectrum is made."""
+"""Least and greatest number of rows, missing ones counted, that a spectrum is made of."""
 WINDOW_ROWS = 256
-"""Rows in which a line that moves is taken to stand still."""
+"""Length of the windows in which a moving line is taken to be constant [rows]."""
 SLOW_BINS = 2
-"""Bins of such a window that belong to the thermal cycle."""
-LOUDEST_WINDOW = 30.0
-"""Most that a single window may count: spikes and steps are in one alone."""
-LARGEST_DRIFT = 1e-3
+"""Lowest bins of such a window, which belong to the thermal cycle."""
+LARGEST_WINDOW_POWER = 30.0
+"""Largest power of a window that counts, over the median around it: a spike or a step is in one
+window alone."""
+LARGEST_DRIFT_HZ_PER_K = 1e-3
 """Largest drift that is looked for [Hz/K]: 50 Hz against a clock of 20 ppm/K."""
-MOVING_GAIN = 2.5
+LEAST_DRIFT_RATIO = 2.5
 """Least ratio of the prominences of a drifting line and of a constant one. Any drift raises the
 prominence of a frequency that wanders, by up to 1.7."""
 DRIFT_STEPS = 4
-"""Steps of the coarse drifts on either side of the best that dechirping tries more finely."""
+"""Coarse steps of drift on either side of the best that dechirping covers."""
 MOST_DRIFTS = 128
-"""Drifts that are tried about the best, as close as the rows can tell."""
+"""Most drifts that it tries, as close together as the rows can tell."""
 REFINED_STEPS = (0.25, 0.0625)
-"""Steps, in those of dechirping, by which the best drift is refined: its peak is as wide."""
+"""Steps by which the best drift is then refined, in those of dechirping."""
 AVERAGED_ROWS = 32
 """Dechirped rows per average: a drift wrong by DRIFT_STEPS turns one average by a quarter."""
 
@@ -99,6 +100,7 @@ def _distance_of_rows(runs: Sequence[PreparedRun]) -> float:
 
 
 def _series(run: PreparedRun, sensor: Sensor, step: float) -> _Series:
+    """Return a run's rows of one sensor at even distances of `step` [s]."""
     fine = run.conditions
     slot = np.rint((fine.time - fine.time[0]) / step).astype(int)
     temperature = fine.temperature_difference
@@ -108,12 +110,16 @@ def _series(run: PreparedRun, sensor: Sensor, step: float) -> _Series:
     known[slot] = 1.0
     integral = cumulative_trapezoid(temperature, fine.time, initial=0.0)
     every = np.arange(len(values))
-    evenly = (np.interp(every, slot, row) for row in (temperature, integral))
-    return _Series(values, known, *evenly)
+    return _Series(
+        values=values,
+        known=known,
+        temperature=np.interp(every, slot, temperature),
+        integral=np.interp(every, slot, integral),
+    )
 
 
 def _detrended(values: FloatArray, temperature: FloatArray) -> FloatArray:
-    """Residual of level, time and temperature; zero where a value is missing."""
+    """Return the residual of level, time and temperature; zero where a value is missing."""
     known = np.isfinite(values)
     filled = np.where(known, values, np.nanmean(values, axis=0))
     time = np.linspace(-1.0, 1.0, len(filled))
@@ -125,8 +131,8 @@ def _detrended(values: FloatArray, temperature: FloatArray) -> FloatArray:
 def _steady_lines(series: Sequence[_Series], step: float) -> list[SpectralLine]:
     """Return the peaks of the spectrum, the most prominent first.
 
-    In rows with gaps, as bursts have them, a slow error has lines of its own: it is multiplied by
-    the pattern of the rows, and shows wherever the spectrum of that pattern has a peak.
+    In rows with gaps, such as bursts, a slow error appears wherever the spectrum of the pattern of
+    the rows has a peak, as it is multiplied by that pattern; so much is allowed for.
     """
     size = 1 << (2 * max(len(one.values) for one in series)).bit_length()
     frequency = np.fft.rfftfreq(size, step)
@@ -140,11 +146,11 @@ def _steady_lines(series: Sequence[_Series], step: float) -> list[SpectralLine]:
         pattern = np.abs(np.fft.rfft(one.known * taper, size)) ** 2
         pattern = maximum_filter1d(pattern / pattern[0], 2 * int(slow.sum()) + 1)
         leaked += pattern * spectrum[slow].max(axis=0).sum()
-    prominence = np.where(slow, 0.0, power / (_surroundings(power) + leaked))
+    prominence = np.where(slow, 0.0, power / (_local_median(power) + leaked))
     found = []
     for _ in range(MOST_LINES):
         peak = int(np.argmax(prominence))
-        if prominence[peak] < PROMINENCE:
+        if prominence[peak] < LEAST_PROMINENCE:
             break
         found.append(SpectralLine(_interpolated(power, peak) * float(frequency[1]), 0.0))
         prominence[max(0, peak - 12) : peak + 13] = 0.0
@@ -168,11 +174,11 @@ def _moving_line(
         still = SpectralLine(rough.frequency, 0.0)
         standing = max(standing, *(p for p, _ in _dechirped(series, step, still, np.zeros(1))))
     prominence, line = max(found, default=(0.0, SpectralLine(0.0, 0.0)))
-    for part in REFINED_STEPS if prominence >= PROMINENCE and count > 1 else ():
+    for part in REFINED_STEPS if prominence >= LEAST_PROMINENCE and count > 1 else ():
         about = np.arange(-DRIFT_STEPS, DRIFT_STEPS + 1) * part * (offsets[1] - offsets[0])
         prominence, line = max([(prominence, line), *_dechirped(series, step, line, about)])
     lowest = line.frequency + float((line.drift * temperatures).min())
-    prominent = prominence >= max(PROMINENCE, MOVING_GAIN * standing)
+    prominent = prominence >= max(LEAST_PROMINENCE, LEAST_DRIFT_RATIO * standing)
     return [line] if prominent and line.drift and lowest > LOWEST_HZ else []
 
 
@@ -185,7 +191,7 @@ def _along_temperature(
     temperature = np.concatenate([t for _, t in windows])
     if not len(powers):
         return []
-    count = int(LARGEST_DRIFT / drift_step)
+    count = int(LARGEST_DRIFT_HZ_PER_K / drift_step)
     rows = np.arange(len(powers))
     shifted = sliding_window_view(np.concatenate([powers] * 2, axis=1), WINDOW_ROWS // 2, axis=1)
     best = 0.0, 0, 0
@@ -212,7 +218,7 @@ def _windows(one: _Series) -> tuple[FloatArray, FloatArray]:
     usual = np.median(power, axis=(0, 1))
     relative = (power / np.maximum(usual, 1e-300)).sum(axis=2)
     around = np.median(relative, axis=0)
-    relative = np.minimum(relative / np.maximum(around, 1e-300), LOUDEST_WINDOW)
+    relative = np.minimum(relative / np.maximum(around, 1e-300), LARGEST_WINDOW_POWER)
     relative[:, : SLOW_BINS + 1] = relative[:, -SLOW_BINS:] = 1.0
     return relative, one.temperature[rows].mean(axis=1)
 
@@ -251,12 +257,12 @@ def _averaged(one: _Series, step: float, line: SpectralLine) -> tuple[FloatArray
 
 
 def _departure_from_line(integral: FloatArray) -> FloatArray:
-    """Return what a straight line leaves of an integral: only that tells a drift."""
+    """Return what a straight line leaves of an integral: the part by which a drift is told."""
     place = np.linspace(-1.0, 1.0, len(integral))
     return np.asarray(integral - np.polyval(np.polyfit(place, integral, 1), place))
 
 
-def _surroundings(power: FloatArray, width: int = 301) -> FloatArray:
+def _local_median(power: FloatArray, width: int = 301) -> FloatArray:
     """Return the median of blocks of `width` frequencies, interpolated."""
     count = max(len(power) // width, 1)
     blocks = np.array_split(power, count)
@@ -265,6 +271,7 @@ def _surroundings(power: FloatArray, width: int = 301) -> FloatArray:
 
 
 def _interpolated(power: FloatArray, peak: int) -> float:
+    """Return the place of a peak between bins, by a parabola through the logarithms."""
     if not 0 < peak < len(power) - 1:
         return float(peak)
     before, here, after = np.log(power[peak - 1 : peak + 2])

@@ -2,11 +2,13 @@
 """Faults of the die thermometer and of the clock, each with its consequence for a fit.
 
 Seen in logs of autopilots: no value, always the same one, whole degrees, another sensor's values,
-a scale of its own, stamps in steps as long as the samples' distance.
+a wrong scale, stamps in steps as long as the samples' distance. A stream is checked for a copy and
+a wrong scale, too, over its newest hours.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -26,36 +28,44 @@ from thermal_comp.effects.operators import follow
 from thermal_comp.linear.columns import orthonormal, project_out
 
 MISSING_SHARE = 0.005
-"""Rows without a temperature are a fault from this share of all."""
+"""Share of rows without a temperature from which that is a fault."""
 SLOWEST_DIE_S = 1800.0
 """No die follows its surroundings with a longer time constant [s]."""
-DIE_MOVES = 1.0
-"""A thermometer that stands still while the fastest and the slowest die would move by so much has
-failed [K]."""
+LEAST_DIE_CHANGE_K = 1.0
+"""Change of the fastest and of the slowest possible die during which a thermometer that stands
+still has failed [K]."""
 COPIED_SHARE = 0.9
-"""Share of a thermometer's values that are, bit for bit, another sensor's of the time."""
-COPIED_VALUES = 10
-"""Different values from which such equality is no chance."""
-SCALE = (0.7, 1.4)
-"""Kelvins of the die for one of its surroundings: a device that warms them up has 1."""
-SCALE_SPAN = 10.0
-"""Change of the surroundings from which that ratio is judged [K]."""
-SCALE_FIT = 0.8
-"""Least share of the die's variance that follows the surroundings."""
-LAGS_S = (0.0, *np.geomspace(30.0, 1800.0, 24).tolist())
-"""The die follows with one of these time constants, or one near [s] …"""
-WARMING_S = (60.0, 300.0)
-"""… and warms by itself after power-on with these."""
-SCALE_MISFIT = 4.0
-"""A scale is wrong where every one that may be leaves so many times the variance …"""
-SCALE_LEFT = 0.04
-"""… and this share of the die's scatter: the die is no single node."""
+"""Share of values equal, bit for bit, to another sensor's from which they are copied from it."""
+LEAST_COPIED_VALUES = 10
+"""Different values it takes, at least: fewer may be equal by chance."""
+POSSIBLE_SCALES = (0.7, 1.4)
+"""Least and greatest change of a die per change of the temperature around it [K/K]."""
+LEAST_SCALE_SPAN_K = 10.0
+"""Change of the temperature around the device from which that ratio is told [K]."""
+LEAST_FOLLOWED_SHARE = 0.8
+"""Share of the die's variance that has to follow the temperature around it."""
+DIE_LAGS_S = (0.0, *np.geomspace(30.0, 1800.0, 24).tolist())
+"""Time constants with which the die may follow it [s] …"""
+WARM_UP_TIMES_S = (60.0, 300.0)
+"""… and of its own warmth after power-on [s]."""
+LEAST_MISFIT_RATIO = 4.0
+"""A scale is wrong where all possible ones leave at least this many times its variance …"""
+LEAST_SCATTER_SHARE = 0.04
+"""… and at least this share of the die's scatter: a die is more than one thermal node."""
 CLOCK_STEPS_NS = (1_000_000_000, 100_000_000, 10_000_000, 1_000_000)
-"""Resolutions of a clock that are looked for [ns]."""
-CLOCK_SHARE = 0.2
-"""A resolution of so much of the samples' distance is coarse."""
-UNEVEN_SHARE = 0.02
-"""So many intervals are then longer or shorter than most."""
+"""Resolutions of a clock that are tried [ns]."""
+COARSE_STEP_SHARE = 0.2
+"""Share of the samples' distance from which a resolution is coarse."""
+UNEVEN_INTERVAL_SHARE = 0.02
+"""Least share of the intervals that such a clock makes longer or shorter than most."""
+STREAM_ROW_NS = 1_000_000_000
+"""Distance of the rows that are kept of a stream [ns]."""
+MOST_STREAM_ROWS = 4 * 3600
+"""Rows that are kept of it: enough for a ramp of a chamber, or a warm-up."""
+LEAST_CHECKED_ROWS = 60
+"""Rows of a stream from which it is checked …"""
+LEAST_NEW_SHARE = 0.1
+"""… and share of new rows after which it is checked again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +152,7 @@ def stuck_temperature(recording: ImuRecording) -> BoolArray:
 
 
 def _possible_dies(recording: ImuRecording) -> list[FloatArray]:
-    """Return (n, 2) temperature of the fastest and the slowest die in each logged surrounding.
+    """Return (n, 2) temperature of the fastest and the slowest die at each other thermometer.
 
     Between two bursts the fastest may have come back to where it was, the slowest not.
     """
@@ -156,19 +166,22 @@ def _possible_dies(recording: ImuRecording) -> list[FloatArray]:
 
 
 def _moved(dies: list[FloatArray], rows: slice | BoolArray) -> bool:
-    """Tell whether both dies in some surroundings would move within the rows."""
-    return any(bool((np.ptp(die[rows], axis=0) > DIE_MOVES).all()) for die in dies)
+    """Tell whether both dies at some thermometer would move within the rows."""
+    return any(bool((np.ptp(die[rows], axis=0) > LEAST_DIE_CHANGE_K).all()) for die in dies)
 
 
 def copied_from(recording: ImuRecording) -> str:
-    """Return the track that the thermometer repeats, '' where it is none."""
+    """Return the track whose values the die thermometer has, '' where it has its own."""
     values = recording.temperature
     for name in THERMOMETER_FIELDS:
         track = getattr(recording, name)
         if track is None:
             continue
         known = np.isfinite(values) & np.isfinite(track)
-        if known.sum() < FEWEST_MEASUREMENTS or len(np.unique(values[known])) < COPIED_VALUES:
+        if (
+            known.sum() < FEWEST_MEASUREMENTS
+            or len(np.unique(values[known])) < LEAST_COPIED_VALUES
+        ):
             continue
         if float((values[known] == track[known]).mean()) > COPIED_SHARE:
             return name
@@ -176,7 +189,7 @@ def copied_from(recording: ImuRecording) -> str:
 
 
 def wrong_scale(recording: ImuRecording) -> float:
-    """Return kelvins of the die per kelvin around it where that cannot be; 0 where it can."""
+    """Return the change of the die per kelvin around it where it is impossible, else 0 [K/K]."""
     for name in ('device_temperature', 'chamber_temperature'):
         track = getattr(recording, name)
         if track is None:
@@ -185,21 +198,25 @@ def wrong_scale(recording: ImuRecording) -> float:
         around, die, time = track[rows], recording.temperature[rows], recording.time[rows]
         known = np.isfinite(around) & np.isfinite(die)
         around, die, time = around[known], die[known], time[known]
-        if len(die) < FEWEST_MEASUREMENTS or np.ptp(around) < SCALE_SPAN or np.ptp(die) == 0.0:
+        if (
+            len(die) < FEWEST_MEASUREMENTS
+            or np.ptp(around) < LEAST_SCALE_SPAN_K
+            or np.ptp(die) == 0.0
+        ):
             continue
-        return _scale_that_cannot_be(around, die, time)
+        return _impossible_scale(around, die, time)
     return 0.0
 
 
-def _scale_that_cannot_be(around: FloatArray, die: FloatArray, time: FloatArray) -> float:
-    """Return the die's scale (n,) over its surroundings; 0 where one that may be fits as well.
+def _impossible_scale(around: FloatArray, die: FloatArray, time: FloatArray) -> float:
+    """Return the scale of a die (n,) over the temperature around it; 0 where a possible one fits.
 
     The die follows with some lag, its own warmth after power-on beside it.
     """
     period, since = float(np.median(np.diff(time))), time - time[0]
-    warming = [np.exp(-since / seconds) for seconds in WARMING_S]
+    warming = [np.exp(-since / seconds) for seconds in WARM_UP_TIMES_S]
     free, possible = [], []
-    for lag in LAGS_S:
+    for lag in DIE_LAGS_S:
         start = np.exp(-since / max(lag, period))  # the die may not start where its air does
         beside = orthonormal(np.stack([np.ones(len(time)), start, *warming], axis=1))
         lagged = follow(time, around, lag, held=True)[0] if lag else around
@@ -207,15 +224,15 @@ def _scale_that_cannot_be(around: FloatArray, die: FloatArray, time: FloatArray)
         moved, followed = project_out(beside, both).T
         power = max(float(followed @ followed), 1e-12)
         ratio = float(followed @ moved) / power
-        near = float(np.clip(ratio, *SCALE))
+        near = float(np.clip(ratio, *POSSIBLE_SCALES))
         left = float(moved @ moved) - ratio**2 * power
         free.append((left, ratio))
         possible.append(left + (ratio - near) ** 2 * power)
     (least, ratio), best = min(free), min(possible)
     scatter = float(((die - die.mean()) ** 2).sum())
-    follows = least < (1.0 - SCALE_FIT) * scatter
-    cannot_be = best > max(SCALE_MISFIT * least, SCALE_LEFT**2 * scatter)
-    return ratio if follows and cannot_be else 0.0
+    follows = least < (1.0 - LEAST_FOLLOWED_SHARE) * scatter
+    impossible = best > max(LEAST_MISFIT_RATIO * least, LEAST_SCATTER_SHARE**2 * scatter)
+    return ratio if follows and impossible else 0.0
 
 
 def _clock(recording: ImuRecording) -> Iterator[InstrumentFault]:
@@ -227,7 +244,7 @@ def _clock(recording: ImuRecording) -> Iterator[InstrumentFault]:
         if ((recording.stamp - recording.stamp[0]) % step).any():
             continue
         uneven = np.abs(intervals - usual) >= step
-        if step >= CLOCK_SHARE * usual and uneven.mean() > UNEVEN_SHARE:
+        if step >= COARSE_STEP_SHARE * usual and uneven.mean() > UNEVEN_INTERVAL_SHARE:
             text = (
                 f'stamps in steps of {step * 1e-6:g} ms, samples {usual * 1e-6:.3g} ms apart: '
                 'densities of noise and lags are wrong by as much'
@@ -235,3 +252,63 @@ def _clock(recording: ImuRecording) -> Iterator[InstrumentFault]:
             rows = np.append(uneven, False)
             yield InstrumentFault('coarse_clock', rows, False, text)
         return
+
+
+class ThermometerComparison:
+    """Takes in values of all thermometers as they come; `fault` says what is wrong with the die's.
+
+    A row is kept when the next one is due: by then the others' values up to its stamp are here.
+    """
+
+    def __init__(self) -> None:
+        self.fault = ''
+        """What is wrong with the die's thermometer; '' where nothing speaks against it."""
+        self._rows: deque[tuple[int, float, tuple[float, ...]]] = deque(maxlen=MOST_STREAM_ROWS)
+        self._waiting: tuple[int, float] | None = None
+        self._others: dict[str, deque[tuple[int, float]]] = {
+            name: deque(maxlen=64) for name in THERMOMETER_FIELDS
+        }
+        self._new = 0
+
+    def on_other(self, name: str, stamp: int, temperature: float) -> None:
+        """Take in a value [°C] of one of THERMOMETER_FIELDS, measured at `stamp` [ns]."""
+        self._others[name].append((stamp, temperature))
+
+    def on_die(self, stamp: int, temperature: float) -> None:
+        """Take in a die temperature [°C] measured at `stamp` [ns]."""
+        if self._waiting is None or stamp < self._waiting[0]:  # the first, or the clock jumped
+            self._rows.clear()
+            self._waiting = stamp, temperature
+        elif stamp >= self._waiting[0] + STREAM_ROW_NS:
+            then = self._waiting[0]
+            others = tuple(self._value(name, then) for name in THERMOMETER_FIELDS)
+            if not np.isnan(others).all():
+                self._rows.append((*self._waiting, others))
+                self._new += 1
+            self._waiting = stamp, temperature
+            if self._new >= max(LEAST_CHECKED_ROWS, LEAST_NEW_SHARE * len(self._rows)):
+                self._new = 0
+                self.fault = self._checked()
+
+    def _value(self, name: str, stamp: int) -> float:
+        """Return the newest value not later than `stamp`; NaN where there is none."""
+        known = (value for then, value in reversed(self._others[name]) if then <= stamp)
+        return next(known, np.nan)
+
+    def _checked(self) -> str:
+        stamp, die, others = zip(*self._rows, strict=True)
+        unknown = np.full((len(stamp), 3), np.nan)
+        tracks = np.array(others).T
+        recording = ImuRecording(
+            stamp=np.array(stamp, np.int64),
+            angular_velocity=unknown,
+            linear_acceleration=unknown,
+            magnetic_field=unknown,
+            temperature=np.array(die),
+            **dict(zip(THERMOMETER_FIELDS, tracks, strict=True)),
+        )
+        if source := copied_from(recording):
+            return f'the die temperature is a copy of {source}'
+        if ratio := wrong_scale(recording):
+            return f'the die moves {ratio:.2g} K for each kelvin around it: its scale is wrong'
+        return ''

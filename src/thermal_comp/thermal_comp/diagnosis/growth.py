@@ -16,7 +16,7 @@ from thermal_comp.comparison.compare import (
     rms_of,
 )
 from thermal_comp.comparison.improvement import falls, parts_that_fall
-from thermal_comp.comparison.simpler import NO_CHANCE, raised, worse_than_simpler
+from thermal_comp.comparison.simpler import LEAST_SURE_RISE, raised, worse_than_simpler
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.diagnosis.diagnose import Settings, base_effects, diagnose_prepared
@@ -245,7 +245,7 @@ def _named(
 def held_out_error_rises(grown: Growth, sensors: Sequence[Sensor]) -> bool:
     """Tell whether the held-out error rises in all sensors, or on an axis by what is no chance."""
     pairs = [(grown.before.sensors[s], grown.after.sensors[s]) for s in sensors]
-    axes = (after.held_out_rms > NO_CHANCE * before.held_out_rms for before, after in pairs)
+    axes = (after.held_out_rms > LEAST_SURE_RISE * before.held_out_rms for before, after in pairs)
     return any(axis.any() for axis in axes) or all(raised(*pair) for pair in pairs)
 
 

@@ -16,34 +16,35 @@ from thermal_comp.experiment.plan import PAPER, REFERENCE_C, Plan, Segment, pred
 from thermal_comp.experiment.predicted_design import PredictedDesign, Rival
 from thermal_comp.model.values import ModelError, NoiseModel, ThermalModel
 
-LEAST_REPEATS = 3
-"""Cycles that stay, so that one can be left out."""
-MOST_REPEATS = 8
+LEAST_REPEATS, MOST_REPEATS = 3, 8
+"""Cycles of a run: one is held out at a time, which two would hardly bear."""
 SHORTEST_DWELL_S = 120.0
+"""Shortest dwell that a plan is cut to [s]."""
 SEARCH_STARTS = 4
-WORTHWHILE_RATIO = 1.02
-"""Ratio of evidence below which the plan one knows is kept."""
-__all__ = ['Limits', 'Proposal', 'design_experiment']
+"""Plans that the search starts from."""
+LEAST_EVIDENCE_RATIO = 1.02
+"""Ratio of evidence from which another plan is preferred to the paper's."""
 SEPARATING_EVIDENCE = 20.0
 """Evidence from which two effects count as told apart."""
-UP_AXES = ('+x', '+y', '+z')
-FLIPPED_AXES = (*UP_AXES, '-z')
+UPRIGHT_AXES = ('+x', '+y', '+z')
+FLIPPED_AXES = (*UPRIGHT_AXES, '-z')
 FLIP_Z = 'flip: add a run with the z axis down'
-FAST_RATE = 5.0
-"""What a fast chamber ramps [°C/min]; evidence for what follows rates grows with their square."""
+FAST_RATE_C_PER_MIN = 5.0
+"""Ramps of a fast chamber [°C/min]: evidence for effects of the rate grows with its square."""
 MOST_CAMPAIGNS = 6
-"""More campaigns than this are no advice."""
+"""Repetitions that are still advised."""
 
 
 @dataclass(frozen=True)
-class Limits:
-    """What the chamber may do."""
+class ChamberLimits:
+    """Temperatures [°C], ramps and time that a plan may take."""
 
     low: float = -10.0
     high: float = 50.0
     max_rate: float = 2.0
     """[°C/min]."""
     hours: float = 12.0
+    """Length of a run [h]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ class Proposal:
 class Separation:
     """The evidence that plans promise between two effects of the size they are expected to have.
 
-    The smaller one of what either leaves unexplained by the other and by the rest of the model.
+    It is the lesser of what each leaves that the other and the rest of the model do not explain.
     """
 
     rivals: tuple[Rival, Rival]
@@ -71,7 +72,7 @@ class Separation:
     noise: NoiseModel
     base: tuple[Effect, ...]
 
-    def evidence(self, plan: Plan, up_axes: Sequence[str] = UP_AXES) -> float:
+    def evidence(self, plan: Plan, up_axes: Sequence[str] = UPRIGHT_AXES) -> float:
         """Return the whitened sum of squares that runs of the plan would show."""
         design = PredictedDesign(predict_runs(plan, up_axes), self.sensor, self.noise, self.base)
         one, other = self.rivals
@@ -85,7 +86,7 @@ class Separation:
 def design_experiment(
     names: tuple[str, str],
     model: ThermalModel,
-    limits: Limits,
+    limits: ChamberLimits,
     catalogue: dict[str, type[Effect]],
     *,
     seed: int = 0,
@@ -94,8 +95,8 @@ def design_experiment(
 ) -> Proposal:
     """Return the plan within the limits that best tells two effects apart.
 
-    `missing` is the rms that either has to explain [unit], of the sensor that lacks most first;
-    None: effects of a usual size.
+    `missing` is the rms that either has to explain [unit], by sensor, the largest first; None:
+    effects of a usual size.
     """
     separation = separation_of(names, model, catalogue, missing)
     before = separation.evidence(within(PAPER, limits))
@@ -103,7 +104,14 @@ def design_experiment(
     plan, after = best_plan(separation.evidence, limits, rng, evaluations)
     separable = after >= SEPARATING_EVIDENCE
     actions = [] if separable else _actions(separation, plan, after, limits)
-    return Proposal(plan, separation.sensor, before, after, separable, tuple(actions))
+    return Proposal(
+        plan=plan,
+        sensor=separation.sensor,
+        evidence_before=before,
+        evidence_after=after,
+        separable=separable,
+        actions=tuple(actions),
+    )
 
 
 def separation_of(
@@ -130,25 +138,27 @@ def separation_of(
     if noise is None:
         raise ModelError(f'sensors.{sensor}.noise: the model has none; fit it again')
     base = tuple(e for e in model.sensors[sensor].effects if e.name not in names)
-    usual = PredictedDesign(predict_runs(PAPER, UP_AXES), sensor, noise, base)
+    usual = PredictedDesign(predict_runs(PAPER, UPRIGHT_AXES), sensor, noise, base)
     rms = missing.get(sensor)
     one, other = (Rival.of(name, model, sensor, catalogue).sized(usual, rms) for name in names)
     return Separation((one, other), sensor, noise, base)
 
 
-def _actions(separation: Separation, plan: Plan, reached: float, limits: Limits) -> list[str]:
+def _actions(
+    separation: Separation, plan: Plan, reached: float, limits: ChamberLimits
+) -> list[str]:
     """Return what helps where the best plan does not separate the effects."""
     told = (rival.effect.separating_action for rival in separation.rivals)
     actions = [action for action in told if action]
     # A fourth run is more data in any orientation: turning it has to bring more than that.
-    upright = separation.evidence(plan, (*UP_AXES, '+z'))
+    upright = separation.evidence(plan, (*UPRIGHT_AXES, '+z'))
     if separation.evidence(plan, FLIPPED_AXES) >= max(SEPARATING_EVIDENCE, 2.0 * upright):
         actions = [FLIP_Z, *(action for action in actions if action != FLIP)]
     if (
-        limits.max_rate < FAST_RATE
+        limits.max_rate < FAST_RATE_C_PER_MIN
         and separation.evidence(_faster(plan, limits)) >= SEPARATING_EVIDENCE
     ):
-        actions.append(f'ramp at {FAST_RATE:g} °C/min, if the chamber can')
+        actions.append(f'ramp at {FAST_RATE_C_PER_MIN:g} °C/min, if the chamber can')
     if reached >= SEPARATING_EVIDENCE / MOST_CAMPAIGNS:
         actions.append(
             f'repeat it: {ceil(SEPARATING_EVIDENCE / reached)} campaigns like this one add up'
@@ -157,16 +167,17 @@ def _actions(separation: Separation, plan: Plan, reached: float, limits: Limits)
 
 
 def _is_part_of(effect: Effect, richer: Effect) -> bool:
-    """Tell whether a rival holds the effect wholly: then only what it has beyond can be seen."""
+    """Tell whether a rival contains the effect: then only its other parts can be told apart."""
     return any(type(part) is type(effect) for part in richer.parts() if part is not richer)
 
 
-def _faster(plan: Plan, limits: Limits) -> Plan:
-    """Return the plan with every ramp that is at the limit as fast as FAST_RATE."""
+def _faster(plan: Plan, limits: ChamberLimits) -> Plan:
+    """Return the plan with every ramp that is at the limit as fast as FAST_RATE_C_PER_MIN."""
     cycle = tuple(
-        replace(s, rate=FAST_RATE if s.rate >= limits.max_rate else s.rate) for s in plan.cycle
+        replace(s, rate=FAST_RATE_C_PER_MIN if s.rate >= limits.max_rate else s.rate)
+        for s in plan.cycle
     )
-    return within(Plan(cycle, plan.repeats), replace(limits, max_rate=FAST_RATE))
+    return within(Plan(cycle, plan.repeats), replace(limits, max_rate=FAST_RATE_C_PER_MIN))
 
 
 def _sensor(
@@ -185,7 +196,7 @@ def _sensor(
     return (holding or lacking or both)[0]
 
 
-def within(plan: Plan, limits: Limits) -> Plan:
+def within(plan: Plan, limits: ChamberLimits) -> Plan:
     """Return the plan cut to the limits, with as many repeats as the time allows."""
     cycle = _moving(
         Segment(
@@ -208,7 +219,7 @@ def within(plan: Plan, limits: Limits) -> Plan:
 
 
 def _moving(segments: Iterable[Segment]) -> tuple[Segment, ...]:
-    """Return the segments with what goes nowhere joined to the dwell before it.
+    """Return the segments, those without a change of temperature joined to the dwell before.
 
     A chamber refuses a ramp to where it already is; a cycle begins at the reference temperature.
     """
@@ -223,11 +234,11 @@ def _moving(segments: Iterable[Segment]) -> tuple[Segment, ...]:
 
 def best_plan(
     promise: Callable[[Plan], float],
-    limits: Limits,
+    limits: ChamberLimits,
     rng: np.random.Generator,
     evaluations: int,
 ) -> tuple[Plan, float]:
-    """Exchange search: change, insert or drop one segment at a time, several starts."""
+    """Return the best plan and its evidence; a step changes, inserts or drops one segment."""
     best = within(PAPER, limits)
     best_value = promise(best)
     for start in range(SEARCH_STARTS):
@@ -240,12 +251,12 @@ def best_plan(
             reached = promise(trial)
             if reached > value:
                 plan, value = trial, reached
-        if value > WORTHWHILE_RATIO * best_value + 1e-3:
+        if value > LEAST_EVIDENCE_RATIO * best_value + 1e-3:
             best, best_value = plan, value
     return best, best_value
 
 
-def _random_segment(limits: Limits, rng: np.random.Generator) -> Segment:
+def _random_segment(limits: ChamberLimits, rng: np.random.Generator) -> Segment:
     return Segment(
         float(np.round(rng.uniform(limits.low, limits.high))),
         float(rng.choice([0.5, 1.0, limits.max_rate, limits.max_rate])),
@@ -253,18 +264,19 @@ def _random_segment(limits: Limits, rng: np.random.Generator) -> Segment:
     )
 
 
-def _random_cycle(limits: Limits, rng: np.random.Generator) -> tuple[Segment, ...]:
+def _random_cycle(limits: ChamberLimits, rng: np.random.Generator) -> tuple[Segment, ...]:
     inner = tuple(_random_segment(limits, rng) for _ in range(int(rng.integers(2, 5))))
     return _closed(inner, limits)
 
 
-def _closed(inner: tuple[Segment, ...], limits: Limits) -> tuple[Segment, ...]:
+def _closed(inner: tuple[Segment, ...], limits: ChamberLimits) -> tuple[Segment, ...]:
     """Return the cycle ending at the reference temperature."""
     home = float(np.clip(REFERENCE_C, limits.low, limits.high))
     return (*inner, Segment(home, limits.max_rate, 900.0))
 
 
-def _changed(plan: Plan, limits: Limits, rng: np.random.Generator) -> Plan | None:
+def _changed(plan: Plan, limits: ChamberLimits, rng: np.random.Generator) -> Plan | None:
+    """Return the plan with one segment changed, inserted or dropped; None beyond the limits."""
     inner = list(plan.cycle[:-1])
     act = rng.choice(['change', 'change', 'insert', 'drop'])
     place = int(rng.integers(max(len(inner), 1)))

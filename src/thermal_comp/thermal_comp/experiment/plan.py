@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A thermal cycle as a list of segments, and what chamber and device make of it."""
+"""A thermal cycle as a list of segments, and the temperatures of chamber and device in it."""
 
 from __future__ import annotations
 
@@ -15,17 +15,16 @@ from thermal_comp.effects.operators import follow
 
 PERIOD_S = 20.0
 """Step of the prediction [s]."""
-PRECONDITION_S = 3600.0
-FINAL_S = 1800.0
+PRECONDITION_S, FINAL_S = 3600.0, 1800.0
+"""Dwells before the first cycle and after the last [s]."""
 REFERENCE_C = 20.0
-AIR_LAG_S = 90.0
-DIE_LAG_S = 240.0
+"""Temperature of both, and at which every cycle begins [°C]."""
+AIR_LAG_S, DIE_LAG_S = 90.0, 240.0
 """Time constants of the chamber's air behind the set-point and of the die behind the air [s]."""
-COOLING_C_PER_MIN = 1.3
-HEATING_C_PER_MIN = 2.5
-"""Fastest the air of a chamber of this class changes [°C/min]."""
-FIELD = np.array([0.0, 22e-6, -42e-6])
-"""Magnetic field in the chamber [T]."""
+COOLING_C_PER_MIN, HEATING_C_PER_MIN = 1.3, 2.5
+"""Greatest rates of the air in a chamber of this class [°C/min]."""
+CHAMBER_FIELD_T = np.array([0.0, 22e-6, -42e-6])
+"""Magnetic field in the chamber, z up [T]."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +104,7 @@ def predict_runs(plan: Plan, up_axes: Sequence[str] = ('+x', '+y', '+z')) -> lis
                 temperature=die,
                 specific_force=np.tile(rotation @ [0.0, 0.0, STANDARD_GRAVITY], (n, 1)),
                 angular_velocity=np.zeros((n, 3)),
-                magnetic_field=np.tile(rotation @ FIELD, (n, 1)),
+                magnetic_field=np.tile(rotation @ CHAMBER_FIELD_T, (n, 1)),
                 orientation=rotation,
                 chamber_temperature=air,
                 device_temperature=outer,
@@ -123,6 +122,7 @@ def predict_runs(plan: Plan, up_axes: Sequence[str] = ('+x', '+y', '+z')) -> lis
 
 
 def _air(setpoint: FloatArray) -> FloatArray:
+    """Return the chamber's air behind the set-point: a lag of limited rate [°C]."""
     air = np.empty_like(setpoint)
     level = air[0] = setpoint[0]
     down = -COOLING_C_PER_MIN * PERIOD_S / 60.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of one effect its rival leaves unexplained in runs that are still to be made."""
+"""The part of one effect that its rival leaves unexplained in runs that are yet to be made."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from thermal_comp.model.values import NoiseModel, ThermalModel
 SHAPE_GRID_POINTS = 5
 """Points of the grid over each shape parameter of a rival."""
 ABSORBED_SHARE = 1e-9
-"""Share of a column's length that is rounding where the rest of the model takes it up."""
+"""Share of a column's length, left by the rest of the model, up to which it is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class Rival:
         return cls(effect, None, (effect, *grid))
 
     def sized(self, design: PredictedDesign, missing: float | None = None) -> Rival:
-        """Return it with a size: without one rms `missing`, else M = 1 in the design's runs."""
+        """Return it with a size, of rms `missing` or else of the noise, where it has none yet."""
         if self.coefficients is not None:
             return self
         columns = design.raw(self.effect)
@@ -82,28 +82,28 @@ class PredictedDesign:
         self._rows = ProjectedRows(whitening, [self.raw(effect) for effect in base])
 
     def raw(self, effect: Effect) -> FloatArray:
-        """(rows, 3, p) columns of all runs below each other."""
+        """Return (rows, 3, p) columns of all runs below each other."""
         parts = [effect.columns(run)[0] for run in self.runs]
         three = [np.repeat(c[:, None], 3, axis=1) if c.ndim == 2 else c for c in parts]
         return stack_runs(three, per_run=effect.per_run)
 
     def evidence(self, truth: Rival, rival: Rival) -> float:
-        """Return what of the truth the rival's best form leaves, in whitened sum of squares."""
+        """Return the whitened sum of squares of the truth that the rival's best form leaves."""
         raw = self.raw(truth.effect)
         assert truth.coefficients is not None  # noqa: S101 (sized before)
         sizes = np.resize(truth.coefficients, (raw.shape[2], 3))
         signal = self._beyond_base(np.einsum('nap,pa->na', raw, sizes)[:, :, None])[:, :, 0]
-        return min(self._left(signal, form) for form in rival.forms)
+        return min(self._sum_left(signal, form) for form in rival.forms)
 
     def size(self, signal: FloatArray) -> float:
-        """Return the rms (rows, 3) has beyond levels of the runs and a line in temperature."""
+        """Return the rms of (rows, 3) beyond levels of the runs and a line in temperature."""
         parts = np.split(signal, self._rows.whitening.edges[1:-1])
         centred = np.concatenate([part - part.mean(axis=0) for part in parts])
         x = np.concatenate([run.temperature - run.temperature.mean() for run in self.runs])
         rest = centred - np.outer(x, x @ centred / (x @ x))
         return float(np.sqrt((rest**2).mean()))
 
-    def _left(self, signal: FloatArray, form: Effect) -> float:
+    def _sum_left(self, signal: FloatArray, form: Effect) -> float:
         """Return the sum of squares of a signal (3, rows) that a form leaves."""
         columns = self._beyond_base(self.raw(form))
         if form.columns(self.runs[0])[0].ndim == 3:  # the axes share its coefficients
@@ -112,6 +112,6 @@ class PredictedDesign:
         return sum(float((project_out(orthonormal(c), s) ** 2).sum()) for s, c in pairs)
 
     def _beyond_base(self, columns: FloatArray) -> FloatArray:
-        """(3, rows, p) columns (rows, 3, p) whitened, zero where the base takes them up."""
+        """Return columns (rows, 3, p) whitened, (3, rows, p), zero where the base holds them."""
         left, lost = self._rows.projected(columns, ABSORBED_SHARE)
         return np.where(lost[:, None], 0.0, left)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The empirical term on the axes that need it: prior widths by the marginal likelihood."""
+"""The empirical term on the axes that need it, its prior widths by the marginal likelihood."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from thermal_comp.linear.design import LEAST_DEVIATION
 from thermal_comp.linear.part_sums import PartSums, part_sums, reduced
 from thermal_comp.model.values import NoiseModel
 
-LEVELS = (0.0, 1.0, 6.7, 45.0, 300.0)
-"""Rms a group of columns may have, in standard deviations of a whitened row."""
-PRESENT = 0.3
+WIDTH_LEVELS = (0.0, 1.0, 6.7, 45.0, 300.0)
+"""Rms that a group of columns may have, in standard deviations of a whitened row."""
+GROUP_PROBABILITY = 0.3
 """Probability that an axis needs a group at all."""
-KINDS = int(GROUPS[-1]) + 1
-"""Groups of columns."""
+GROUP_COUNT = int(GROUPS[-1]) + 1
+"""Number of groups of columns."""
 
 
 def empirical_form(
@@ -32,10 +32,10 @@ def empirical_form(
     beside: Sequence[Effect],
     noise: NoiseModel,
 ) -> Empirical | None:
-    """Return the empirical term for the axes whose held-out error it lowers; None: for none.
+    """Return the empirical term for the axes whose held-out error it lowers; None without any.
 
-    Each group of columns of each axis is absent or has one of LEVELS, whichever is likeliest
-    without the part that is held out. It must lower the error on longer parts, too.
+    Each group of columns of each axis is absent or has one of WIDTH_LEVELS, whichever is likeliest
+    without the part that is held out. The error on longer parts must fall, too.
     """
     low = min(float(run.temperature.min()) for run in runs)
     high = max(float(run.temperature.max()) for run in runs)
@@ -62,14 +62,14 @@ def _widths_without(sums: PartSums, own: IntArray) -> Mapping[int, FloatArray]:
 
 
 def _fall_on_longer(longer: PartSums, own: IntArray) -> NDArray[np.bool_]:
-    """(3,) whether the error of each axis falls by enough to matter on longer parts."""
+    """Return (3,) whether the error of each axis falls by enough to matter on longer parts."""
     before = _errors(longer, own, {}).sum(axis=0)
     after = _errors(longer, own, _widths_without(longer, own)).sum(axis=0)
     return np.array([falls_enough(*pair) for pair in zip(before, after, strict=True)])
 
 
 def _errors(sums: PartSums, own: IntArray, widths: Mapping[int, FloatArray]) -> FloatArray:
-    """(k, 3) mean squares on held-out pieces; without the term where no widths are given."""
+    """Return (k, 3) mean squares on held-out pieces, without the term where it has no widths."""
     left = []
     for part in sums.parts():
         columns, penalty = sums.known, np.zeros((3, len(sums.known)))
@@ -82,24 +82,24 @@ def _errors(sums: PartSums, own: IntArray, widths: Mapping[int, FloatArray]) -> 
 
 
 def _likeliest_widths(sums: PartSums, part: int, own: IntArray) -> FloatArray:
-    """(4, 3) prior standard deviations of each group and axis, from all parts but one."""
+    """Return (4, 3) likeliest prior deviations of each group and axis, from all parts but one."""
     training, rows = sums.training(part), int(sums.rows[(sums.part != part) | (part == 0)].sum())
-    found = np.zeros((KINDS, 3))
+    found = np.zeros((GROUP_COUNT, 3))
     for axis in range(3):
         left = reduced(training[axis], sums.known)
-        powers = np.array([np.diag(left)[own[g == GROUPS]].sum() for g in range(KINDS)])
+        powers = np.array([np.diag(left)[own[g == GROUPS]].sum() for g in range(GROUP_COUNT)])
         unit = np.sqrt(rows / np.maximum(powers, 1e-300))
         everywhere = [_climbed(left, own, unit, rows, start) for start in (0, 2)]
         levels = max(everywhere, key=lambda found: found[1])[0]
-        found[:, axis] = np.array([LEVELS[k] for k in levels]) * unit
+        found[:, axis] = np.array([WIDTH_LEVELS[k] for k in levels]) * unit
     return found
 
 
 def _climbed(
     left: FloatArray, own: IntArray, unit: FloatArray, rows: int, start: int
 ) -> tuple[tuple[int, ...], float]:
-    """Return the levels that no change of a single one makes likelier, and their likelihood."""
-    best = (start,) * KINDS
+    """Return levels and their likelihood, from a start until no single change is likelier."""
+    best = (start,) * GROUP_COUNT
     value = _log_likelihood(left, own, unit, rows, best)
     while True:
         tried = [(n, _log_likelihood(left, own, unit, rows, n)) for n in _neighbours(best)]
@@ -110,8 +110,9 @@ def _climbed(
 
 
 def _neighbours(levels: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
-    for group in range(KINDS):
-        for level in range(len(LEVELS)):
+    """Yield all levels that differ from these in one group."""
+    for group in range(GROUP_COUNT):
+        for level in range(len(WIDTH_LEVELS)):
             if level != levels[group]:
                 yield (*levels[:group], level, *levels[group + 1 :])
 
@@ -120,9 +121,12 @@ def _log_likelihood(
     left: FloatArray, own: IntArray, unit: FloatArray, rows: int, levels: tuple[int, ...]
 ) -> float:
     """Return ln of the marginal likelihood and the prior of the levels; noise is integrated."""
-    scale = (np.array([LEVELS[k] for k in levels]) * unit)[GROUPS]
+    scale = (np.array([WIDTH_LEVELS[k] for k in levels]) * unit)[GROUPS]
     on = scale > 0.0
-    value = sum(np.log(PRESENT / (len(LEVELS) - 1) if k else 1.0 - PRESENT) for k in levels)
+    value = sum(
+        np.log(GROUP_PROBABILITY / (len(WIDTH_LEVELS) - 1) if k else 1.0 - GROUP_PROBABILITY)
+        for k in levels
+    )
     energy = float(left[-1, -1])
     if on.any():
         place, s = own[on], scale[on]

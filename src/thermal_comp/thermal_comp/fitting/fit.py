@@ -105,7 +105,7 @@ def _noise_by_sensor(
     effects: Mapping[Sensor, Sequence[Effect]],
     known: Mapping[Sensor, NoiseModel],
 ) -> tuple[dict[Sensor, NoiseModel], list[str]]:
-    """Return the noise of each sensor, as known or fitted, and what is to be said of it."""
+    """Return the noise of each sensor, as known or fitted, and notes on it."""
     found = {
         s: (known[s], '') if s in known else noise_of_runs(runs, s, effects[s]) for s in effects
     }
@@ -114,9 +114,9 @@ def _noise_by_sensor(
 
 
 def _fit_group(design: Design, runs: Sequence[PreparedRun], *, refine: bool) -> FittedGroup:
-    """Return the fit of sensors that share coefficients: shapes, noise beside them, the rest.
+    """Return the fit of sensors that share coefficients: shapes, noise beside them, coefficients.
 
-    `runs` are those of the design as they were measured: so is their noise.
+    `runs` are the design's as they were measured, thermometer noise included.
     """
     if refine:
         design = refine_shapes(design)
@@ -135,8 +135,10 @@ class FittedGroup:
     design: Design
     solution: Solution
     with_shapes: Design
+    """The design with a column for each shape parameter, behind the others."""
     shape_solution: Solution
     notes: list[str]
+    """What the data cannot determine."""
 
     def sensor_model(self, sensor: Sensor, span: tuple[float, float]) -> SensorModel:
         """Return the model of one sensor of the group."""
@@ -162,15 +164,15 @@ class FittedGroup:
         )
 
     def _covariance(self, unknowns: np.ndarray) -> np.ndarray:
-        """Return the covariance of some unknowns, shapes and misfit included.
+        """Return the covariance of some unknowns, uncertain shapes and misfit included.
 
-        Directions of shape parameters come last, so unknowns keep their places.
+        Columns of shape parameters come last, so that unknowns keep their places.
         """
         covariance = self.shape_solution.covariance[np.ix_(unknowns, unknowns)]
         return np.asarray(covariance * self._misfit())
 
     def _misfit(self) -> float:
-        """χ² per degree of freedom, where it exceeds one."""
+        """Return χ² per degree of freedom, at least one."""
         return max(1.0, float(self.solution.chi_square[0]) / self.solution.degrees)
 
     def _contributions(self, sensor: Sensor) -> dict[str, FloatArray]:
@@ -197,13 +199,20 @@ class FittedGroup:
 
 
 def fitted_group(design: Design) -> FittedGroup:
-    """Return the solution of a design whose shape parameters stand."""
+    """Return the solution of a design at its shape parameters."""
     solution = solve(design.equations())
     notes = held_notes(design, solution)
     if not any(term.effect.shape_parameters for term in design.terms):
-        return FittedGroup(design, solution, design, solution, notes)
-    with_shapes, shape_solution = solve_with_shapes(design, solution.estimate[:, 0])
-    return FittedGroup(design, solution, with_shapes, shape_solution, notes)
+        with_shapes, shape_solution = design, solution
+    else:
+        with_shapes, shape_solution = solve_with_shapes(design, solution.estimate[:, 0])
+    return FittedGroup(
+        design=design,
+        solution=solution,
+        with_shapes=with_shapes,
+        shape_solution=shape_solution,
+        notes=notes,
+    )
 
 
 def held_notes(design: Design, solution: Solution) -> list[str]:
@@ -264,7 +273,7 @@ def fit_full_rate(
 
 
 def _shared(effect: Effect, run: PreparedRun, sensors: list[Sensor]) -> bool:
-    """Tell whether axes share the effect's coefficients or its columns look at the sensor."""
+    """Tell whether axes share the effect's coefficients or its columns depend on the sensor."""
     few = run.conditions.rows(slice(0, 50))
     columns = [effect.columns(few.of(sensor))[0] for sensor in sensors]
     return columns[0].ndim == 3 or any(not np.array_equal(columns[0], c) for c in columns)
@@ -278,6 +287,7 @@ def _refit(
     recordings: Sequence[ImuRecording],
     truth: Truth,
 ) -> dict[str, SensorModel]:
+    """Return sensors of one list of effects with coefficients from all samples."""
     equations: NormalEquations | None = None
     for recording in recordings:
         settled = cut_startup(recording)
@@ -317,12 +327,12 @@ def _refit(
 
 @dataclass(frozen=True, eq=False)
 class OrdinaryLeastSquares:
-    """Least squares that weights all block means alike, priors included, under coloured noise."""
+    """Least squares with priors that weights all block means alike, and its covariance."""
 
     normal: FloatArray
     """(p, p) XᵀX of columns about the mean of their run."""
     spread: FloatArray
-    """(3, p, p) Xᵀ S X under the noise of each axis."""
+    """(3, p, p) Xᵀ S X, S the covariance of the noise of each axis."""
     deviations: FloatArray
     """(p, 3) of the priors; infinite where a coefficient is free."""
 
@@ -330,7 +340,7 @@ class OrdinaryLeastSquares:
     def penalty(self) -> FloatArray:
         """(3, p) what the priors add to the diagonal of XᵀX.
 
-        With it each column alone would have the least expected error.
+        A column that stood alone would have the least expected error with it.
         """
         variance = np.diagonal(self.spread, axis1=1, axis2=2)
         variance = variance / np.maximum(np.diag(self.normal), 1e-300)
@@ -338,7 +348,7 @@ class OrdinaryLeastSquares:
         return penalty
 
     def covariance(self) -> FloatArray:
-        """(3p, 3p) A⁻¹ (Xᵀ S X + P D P) A⁻¹ with A = XᵀX + P, P the penalty, D the prior's."""
+        """Return (3p, 3p) A⁻¹ (Xᵀ S X + P D P) A⁻¹, A = XᵀX + P, P the penalty, D the prior."""
         p = len(self.normal)
         covariance = np.zeros((p, 3, p, 3))
         for axis, penalty in enumerate(self.penalty):
@@ -358,7 +368,7 @@ def ordinary(
 ) -> OrdinaryLeastSquares:
     """Return the ordinary least squares of one sensor under the fitted noise.
 
-    On block means, whose slow part is that of the samples.
+    It is that of block means, whose slow noise is the samples'.
     """
     assert model.noise is not None  # noqa: S101 (every fit has one)
     deviations = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a fit accepts: runs of one device, enough temperature, live sensors, known channels."""
+"""The runs and effects a fit accepts: one device, a span of temperature, sensors, channels."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from thermal_comp.data.conditions import SENSORS, Sensor
 from thermal_comp.data.prepared_run import PreparedRun
 from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import ModelError
-from thermal_comp.noise.of_runs import FINEST_RESOLUTION
+from thermal_comp.noise.of_runs import LEAST_NOISE_SHARE
 
 Effects = Sequence[Effect] | Mapping[Sensor, Sequence[Effect]]
 """One list for all sensors (each takes those that can act on it), or one per sensor."""
@@ -21,7 +21,7 @@ LEAST_SPAN_K = 2.0
 
 
 def device_of(runs: Sequence[PreparedRun], *, pooled: bool = False) -> str:
-    """Return the device of the runs; refuse none, mixed devices, and one run given twice."""
+    """Return the device of the runs; refuse an empty list, mixed devices and a run given twice."""
     if not runs:
         raise ModelError('no recordings given; a fit needs at least one run')
     seen: dict[str, str] = {}
@@ -40,7 +40,7 @@ def device_of(runs: Sequence[PreparedRun], *, pooled: bool = False) -> str:
 
 
 def check_temperature(runs: Sequence[PreparedRun]) -> tuple[float, float]:
-    """Return the range of die temperature [°C]; refuse one that shows no dependence."""
+    """Return the range of die temperature [°C]; refuse one too small to show a dependence."""
     low = min(float(run.conditions.temperature.min()) for run in runs)
     high = max(float(run.conditions.temperature.max()) for run in runs)
     if high - low < LEAST_SPAN_K:
@@ -67,12 +67,15 @@ def usable_sensors(runs: Sequence[PreparedRun]) -> tuple[list[Sensor], list[str]
 
 
 def _unusable(run: PreparedRun, sensor: Sensor) -> str:
+    """Return why a run's sensor cannot be fitted, '' where it can."""
     values = run.measured[sensor]
     values = values[np.isfinite(values).all(axis=1)]
     if len(values) < 2 * len(values.T):
         found = f'only {len(values)} blocks' if len(values) else 'nothing'
         return f'run {run.name} has {found} of it'
-    finest = FINEST_RESOLUTION * np.abs(values).max(axis=0)  # means of equals may differ by less
+    finest = LEAST_NOISE_SHARE * np.abs(values).max(
+        axis=0
+    )  # means of equal values differ by rounding
     moves = np.ptp(values, axis=0) > finest
     constant = [axis for axis, moving in zip('xyz', moves, strict=True) if not moving]
     axes = f'{"axes" if len(constant) > 1 else "axis"} {", ".join(constant)}'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""May several devices share one model? The paper says no: their slopes differ, even in sign."""
+"""Whether several devices may share one model: their slopes, device by device and pooled."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.fitting.fit import fit_prepared
 from thermal_comp.model.values import ModelError, ThermalModel
 
-COVERAGE = 2.0
-"""Coverage factor of the expanded uncertainties in the normalised difference."""
+COVERAGE_FACTOR = 2.0
+"""Of the expanded uncertainties in the normalised difference."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class PoolingTest:
         pairs = combinations(range(len(self.devices)), 2)
         differences = [
             np.abs(self.slopes[i] - self.slopes[j])
-            / (COVERAGE * np.hypot(self.std[i], self.std[j]))
+            / (COVERAGE_FACTOR * np.hypot(self.std[i], self.std[j]))
             for i, j in pairs
         ]
         return np.asarray(np.max(differences, axis=0))
@@ -53,7 +53,7 @@ class PoolingTest:
     @property
     def opposite_signs(self) -> list[bool]:
         """Whether an axis has two devices with significant slopes of opposite sign."""
-        sure = np.abs(self.slopes) > COVERAGE * self.std
+        sure = np.abs(self.slopes) > COVERAGE_FACTOR * self.std
         rising = (sure & (self.slopes > 0.0)).any(axis=0)
         falling = (sure & (self.slopes < 0.0)).any(axis=0)
         return [bool(both) for both in rising & falling]
@@ -69,7 +69,7 @@ class PoolingTest:
         said = []
         for axis, name in enumerate('xyz'):
             slopes = ', '.join(
-                f'{device} {slope:+.3g} ± {COVERAGE * std:.1g}'
+                f'{device} {slope:+.3g} ± {COVERAGE_FACTOR * std:.1g}'
                 for device, slope, std in zip(
                     self.devices, self.slopes[:, axis], self.std[:, axis], strict=True
                 )
@@ -99,7 +99,7 @@ class PoolingTest:
 def examine_pooling(
     recordings: Sequence[ImuRecording], *, truth: Truth | None = None
 ) -> tuple[ThermalModel, Mapping[str, PoolingTest]]:
-    """Return the pooled linear model of several devices and, per sensor, whether it is fair."""
+    """Return the pooled linear model of several devices and, per sensor, the test of it."""
     return examine_prepared(prepare(recordings, truth=truth))
 
 

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects that lower the error on held-out parts, whatever the cause: forward selection.
+"""Forward selection of effects that lower the error on held-out parts, whatever its cause.
 
-Forms of an effect are chosen anew without each part that is held out.
+The form of an effect is chosen anew for each part that is held out, without that part.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -20,13 +21,12 @@ from thermal_comp.effects.effect import Campaign, Effect
 from thermal_comp.linear.part_sums import PartSums, part_sums, reduced
 from thermal_comp.model.values import NoiseModel
 
-MOST_EFFECTS = 3
-"""Effects whose cause is undecided that a sensor gets at most."""
-LEAST_NEW_POWER = 1e-6
+MOST_ADDED_EFFECTS = 3
+"""Effects that a sensor gets at most without their cause being decided."""
+LEAST_NEW_POWER_SHARE = 1e-6
 """Share of a column's power that the others must leave, or it brings nothing new."""
-
-NO_DIFFERENCE = 1e-3
-"""Relative change of held-out errors below which an effect brings nothing."""
+LEAST_RELATIVE_CHANGE = 1e-3
+"""Relative change of held-out errors from which an effect changes anything."""
 
 Forms = Mapping[str, Sequence[Effect]]
 """The forms of each effect that are tried."""
@@ -44,12 +44,12 @@ class Selection:
 
     @property
     def effects(self) -> tuple[Effect, ...]:
-        """Return the effects in the forms that fit all parts best."""
+        """The effects in the forms that fit all parts best."""
         return self.chosen[0]
 
     @property
     def size(self) -> int:
-        """Return how many numbers they take: columns and shape parameters."""
+        """Number of their columns and shape parameters."""
         return sum(len(effect.coefficient_units) + effect.free_shapes for effect in self.effects)
 
 
@@ -63,10 +63,10 @@ def predictive_effects(
 ) -> tuple[Effect, ...]:
     """Return the effects beside the `known` ones that lower the held-out error most.
 
-    One effect is added after the other, or two where no single one will do, at most MOST_EFFECTS,
-    while the error falls by more than chance, on longer parts, too, and on no axis rises. Tried
-    are those that need no channel beside temperature, since the field may lack it; sets of names
-    that are given as `candidates` are tried whole.
+    One effect is added after the other, or two where no single one helps, at most
+    MOST_ADDED_EFFECTS, while the error falls by more than chance, on longer parts, too, and rises
+    on no axis. Only effects without a channel beside temperature are tried, since the field may
+    lack it; the sets of names in `candidates` are tried as wholes.
     """
     forms = usable_forms(runs, sensor, known, catalogue)
     if not forms:
@@ -82,11 +82,11 @@ def predictive_effects(
     start = _with(sums, forms, None, ())
     best = current = start
     names = [name for name in forms if not catalogue[name].channels]
-    while len(current.names) < MOST_EFFECTS and may_fall(current.errors, sums.variance):
+    while len(current.names) < MOST_ADDED_EFFECTS and may_fall(current.errors, sums.variance):
         left = [name for name in names if name not in current.names]
         single = [_with(sums, forms, current, (name,)) for name in left]
         further = _best(sums, forms, current, single)
-        if further is None and len(current.names) + 2 <= MOST_EFFECTS:
+        if further is None and len(current.names) + 2 <= MOST_ADDED_EFFECTS:
             left = [n for n, s in zip(left, single, strict=True) if _differs(s, current)]
             pairs = [_with(sums, forms, current, pair) for pair in combinations(left, 2)]
             further = _best(sums, forms, current, pairs)
@@ -108,14 +108,17 @@ def best_held_out(
 
     Shapes stand as they are, coefficients are fitted without the part; the first of equals.
     """
+    return min(forms, key=partial(_held_out_error, runs, sensor, noise))
 
-    def left(effects: tuple[Effect, ...]) -> float:
-        sums = part_sums(runs, sensor, effects, (), noise)
-        free = np.zeros((3, len(sums.known)))
-        errors = [sums.errors(part, sums.known, free) for part in sums.parts()]
-        return float((np.concatenate(errors) / sums.variance).sum())
 
-    return min(forms, key=left)
+def _held_out_error(
+    runs: Sequence[PreparedRun], sensor: Sensor, noise: NoiseModel, effects: tuple[Effect, ...]
+) -> float:
+    """Return the sum of squares that effects leave on held-out parts, over the noise's."""
+    sums = part_sums(runs, sensor, effects, (), noise)
+    free = np.zeros((3, len(sums.known)))
+    errors = [sums.errors(part, sums.known, free) for part in sums.parts()]
+    return float((np.concatenate(errors) / sums.variance).sum())
 
 
 def with_live_forms(
@@ -199,8 +202,8 @@ def _falls_on_longer(sums: PartSums, forms: Forms, before: Selection, after: Sel
 
 
 def _differs(one: Selection, other: Selection) -> bool:
-    """Tell whether two selections leave different errors: else they are one in other columns."""
-    return not np.allclose(one.errors, other.errors, rtol=NO_DIFFERENCE, atol=0.0)
+    """Tell whether two selections leave different errors."""
+    return not np.allclose(one.errors, other.errors, rtol=LEAST_RELATIVE_CHANGE, atol=0.0)
 
 
 def _total(sums: PartSums, selection: Selection) -> float:
@@ -253,7 +256,7 @@ def _best_form(
         for axis in range(3):
             full = np.diag(training[axis])[at]
             normal = left[axis][at[:, :, None], at[:, None, :]]
-            normal[:, np.arange(width), np.arange(width)] += LEAST_NEW_POWER * full + 1e-300
+            normal[:, np.arange(width), np.arange(width)] += LEAST_NEW_POWER_SHARE * full + 1e-300
             moment = left[axis][at, -1]
             answer = np.linalg.solve(normal, moment[:, :, None])[:, :, 0]
             gains[which] += (moment * answer).sum(axis=1) - width * np.log(sums.rows.sum())

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,13 +17,17 @@ from thermal_comp.linear.design import Design, Term
 from thermal_comp.linear.free_term import FreeTerm
 
 GRID_POINTS = 13
-"""Points of the first search along one logarithmic parameter; linear ones take three times."""
+"""Points of the first search along a logarithmic parameter; linear ones have three times more."""
 GRID_SWEEPS = 3
-"""Rounds over all parameters before all are refined together."""
-LINE_CYCLES = 0.7
-"""Cycles by which a spectral line may get out of step over a run …"""
-DRIFTING_K = 20.0
-"""… and the change of temperature to which that holds where it drifts [K]."""
+"""Rounds over all parameters, one by one, before all are refined together."""
+LARGEST_LINE_CYCLES = 0.7
+"""Cycles by which the search may move a spectral line over a run …"""
+LINE_SPAN_K = 20.0
+"""… and, by its drift, over this change of temperature [K]."""
+
+
+Cost = Callable[[FloatArray], float]
+"""What parameters on the search scale leave unexplained."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +71,10 @@ def shape_scales(effect: Effect, duration: float) -> list[ShapeScale]:
         places = range(len(value)) if isinstance(value, tuple) else [None]
         log = low > 0.0 and high / low > 10.0
         unit = item.metadata['unit']
-        scales += [ShapeScale(item.name, place, low, high, log, unit) for place in places]
+        scales += [
+            ShapeScale(name=item.name, place=place, low=low, high=high, logarithmic=log, unit=unit)
+            for place in places
+        ]
     return scales
 
 
@@ -124,47 +132,63 @@ def refine_shapes(design: Design) -> Design:
 
 
 def _refine(design: Design, term: Term, duration: float, *, globally: bool) -> Design:
-    from scipy.optimize import minimize, minimize_scalar
+    """Return the design with the shape parameters of one effect where they fit best.
 
+    `globally` searches their whole range first, else only near the values given.
+    """
     scales = shape_scales(term.effect, duration)
-
-    free = FreeTerm.of(design, term)
-
-    def cost(values: FloatArray) -> float:
-        return free.least_squares(with_shape(term.effect, scales, values))
-
+    cost = partial(_cost, FreeTerm.of(design, term), term.effect, scales)
     values = shape_values(term.effect, scales)
     if globally:
         values = _best_start(cost, values, scales, design, term)
-    line = term.effect.line_frequency is not None
-    if len(scales) == 1:
-        step = 1.5 * (scales[0].grid()[1] - scales[0].grid()[0])
-        low, high = scales[0].grid()[[0, -1]]
-        bounds = max(values[0] - step, low), min(values[0] + step, high)
-        if line:
-            bounds = _about_line(values, scales, duration)[0]
-        found = minimize_scalar(
-            lambda v: cost(np.array([v])),
-            bounds=bounds,
-            method='bounded',
-            options={'xatol': 1e-4 * (bounds[1] - bounds[0])},
-        )
-        best = np.array([found.x])
+    is_line = term.effect.line_frequency is not None
+    if is_line:
+        limits = _about_line(values, scales, duration)
+    elif len(scales) == 1:
+        limits = [_near(values[0], scales[0])]
     else:
         limits = [(s.grid()[0], s.grid()[-1]) for s in scales]
-        if line:
-            limits = _about_line(values, scales, duration)
-        options = {'maxfev': 60 * len(scales), 'xatol': 1e-3, 'fatol': 1e-2}
-        best = minimize(cost, values, method='Nelder-Mead', bounds=limits, options=options).x
-    if not line:
+    best = _minimum(cost, values, limits)
+    if not is_line:
         best = _by_rows(cost, best, scales)
     if cost(best) > cost(values):
         best = values
     return _exchanged(design, term, with_shape(term.effect, scales, best))
 
 
+def _cost(
+    free: FreeTerm, effect: Effect, scales: list[ShapeScale], values: FloatArray | float
+) -> float:
+    """Return the whitened sum of squares that an effect with these parameters leaves at least."""
+    return free.least_squares(with_shape(effect, scales, np.atleast_1d(values)))
+
+
+def _minimum(cost: Cost, start: FloatArray, limits: list[tuple[float, float]]) -> FloatArray:
+    """Return the parameters of least cost within limits: of one, or of several from a start."""
+    from scipy.optimize import minimize, minimize_scalar
+
+    options: dict[str, float]
+    if len(limits) == 1:
+        (bounds,) = limits
+        options = {'xatol': 1e-4 * (bounds[1] - bounds[0])}
+        found = minimize_scalar(cost, bounds=bounds, method='bounded', options=options)
+        return np.array([found.x])
+    options = {'maxfev': 60 * len(limits), 'xatol': 1e-3, 'fatol': 1e-2}
+    return np.asarray(
+        minimize(cost, start, method='Nelder-Mead', bounds=limits, options=options).x
+    )
+
+
+def _near(value: float, scale: ShapeScale) -> tuple[float, float]:
+    """Return the range of one and a half grid steps on either side of a value."""
+    grid = scale.grid()
+    step = 1.5 * (grid[1] - grid[0])
+    low, high = grid[[0, -1]]
+    return max(value - step, low), min(value + step, high)
+
+
 def _best_start(
-    cost: Callable[[FloatArray], float],
+    cost: Cost,
     values: FloatArray,
     scales: list[ShapeScale],
     design: Design,
@@ -182,11 +206,14 @@ def _best_start(
 def _about_line(
     values: FloatArray, scales: list[ShapeScale], duration: float
 ) -> list[tuple[float, float]]:
-    """Return how far frequency and drift of a spectral line may move: it is as wide as T is short.
+    """Return how far frequency and drift of a spectral line may move, by the width of its peak.
 
-    Its place is told by the spectrum; elsewhere another line, or none, would be fitted.
+    Its place is known from the spectrum; elsewhere another line, or none, would be fitted.
     """
-    reach = {'Hz': LINE_CYCLES / duration, 'Hz/K': LINE_CYCLES / (duration * DRIFTING_K)}
+    reach = {
+        'Hz': LARGEST_LINE_CYCLES / duration,
+        'Hz/K': LARGEST_LINE_CYCLES / (duration * LINE_SPAN_K),
+    }
     limits = []
     for value, scale in zip(values, scales, strict=True):
         away, here = reach.get(scale.unit, scale.high - scale.low), scale.back(value)
@@ -205,12 +232,11 @@ def _spectral_lines(design: Design, term: Term, scales: list[ShapeScale]) -> lis
     ]
 
 
-def _by_rows(
-    cost: Callable[[FloatArray], float], values: FloatArray, scales: list[ShapeScale]
-) -> FloatArray:
-    """Return the values with linear ones searched nearby: a step moves from row to row.
+def _by_rows(cost: Cost, values: FloatArray, scales: list[ShapeScale]) -> FloatArray:
+    """Return the values with linear ones searched nearby, point by point.
 
-    A search that takes the cost for smooth stops somewhere on its stairs.
+    The cost of a step's time has stairs, as a step moves from row to row: a search for a smooth
+    minimum stops on any of them.
     """
     for k, scale in enumerate(scales):
         if not scale.logarithmic:
@@ -221,9 +247,7 @@ def _by_rows(
     return values
 
 
-def _along(
-    cost: Callable[[FloatArray], float], values: FloatArray, k: int, grid: FloatArray
-) -> FloatArray:
+def _along(cost: Cost, values: FloatArray, k: int, grid: FloatArray) -> FloatArray:
     """Return the values with number k at its best on the grid, unless it is best as it is."""
     trials = [values]
     for point in grid:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Uncertainty of shape parameters: the change of the error over one standard deviation of each.
+"""Uncertainty of shape parameters, from the change of the error over one standard deviation.
 
-A derivative at a point would do for a lag. A step moves from row to row, a spectral line turns
-by whole periods over a hundredth of its range, and what is poorly determined bends: the secant is
-as wide as the standard deviation it leads to.
+A derivative at a point would do for a lag. But a step moves from row to row, a spectral line turns
+by whole periods over a hundredth of its range, and a poorly determined parameter acts nonlinearly:
+a secant is taken, as wide as the standard deviation that follows from it.
 """
 
 from __future__ import annotations
@@ -22,39 +22,43 @@ from thermal_comp.linear.design import Design, Term
 from thermal_comp.linear.normal_equations import Solution, solve
 
 FIRST_HALF_SECANT, WIDEST_HALF_SECANT = 0.01, 0.1
-"""Half a secant, as a share of the range that is searched: at first, and at most."""
-SETTLED_RATIO = 1.5
-"""Ratio of standard deviation and half secant that counts as one."""
+"""Half of a secant, as a share of the range that is searched: at first, and at most."""
+LARGEST_WIDTH_RATIO = 1.5
+"""Ratio between the half secants of two rounds up to which they count as equal."""
 MOST_ROUNDS = 6
+"""Rounds in which secants are adapted, at most."""
 SURFACE_CHANNEL = 'device_temperature'
-SURFACE_STD = 0.3
-"""How well a thermometer on the device tells the temperature of its surface [K]."""
+"""Thermometer of the surface on which water freezes."""
+SURFACE_STD_K = 0.3
+"""Standard deviation of the surface's temperature about that thermometer [K]."""
 UNIFORM_HALF_WIDTH = 3.0**0.5
 """Half width of a uniform distribution, in standard deviations."""
 
 
 @dataclass(frozen=True)
 class ShapeDirection(Effect):
-    """Change of the modelled error with one shape parameter: a column for its uncertainty."""
+    """Column of a shape parameter: how the modelled error changes with it."""
 
     name: ClassVar[str] = 'shape'
     coupled: ClassVar[bool] = True
     of: str = ''
+    """Name of the effect, with @ and a sensor where it acts on one."""
     parameter: str = ''
     place: int = 0
 
 
 @dataclass(frozen=True, eq=False)
-class Direction:
-    """A shape parameter and half of the secant along it."""
+class Secant:
+    """A shape parameter and the secant along it."""
 
     term: Term
     scales: list[ShapeScale]
     k: int
+    """Number of the parameter among the scales of the effect."""
     width: float
-    """On the search scale."""
+    """Half of the secant, on the search scale."""
     least: float
-    """Narrowest secant that still tells a change, on the search scale."""
+    """Least such half over which the error changes at all, on the search scale."""
 
     @property
     def column(self) -> ShapeDirection:
@@ -80,8 +84,8 @@ class Direction:
         scale = self.scales[self.k]
         return std / scale.back(self.value) if scale.logarithmic else std
 
-    def fitted(self, std: float) -> Direction:
-        """Return the direction with a secant as wide as its standard deviation, within bounds."""
+    def fitted(self, std: float) -> Secant:
+        """Return the secant with half of it as wide as a standard deviation, within bounds."""
         grid = self.scales[self.k].grid()
         most = WIDEST_HALF_SECANT * float(grid[-1] - grid[0])
         return replace(self, width=min(max(self.on_scale(std), self.least), most))
@@ -89,28 +93,28 @@ class Direction:
 
 def solve_with_shapes(design: Design, estimate: FloatArray) -> tuple[Design, Solution]:
     """Return the design with a column per shape parameter, at the `estimate`, and its solution."""
-    directions = _directions(design)
-    if not directions:
+    secants = _secants(design)
+    if not secants:
         return design, solve(design.equations())
     for _ in range(MOST_ROUNDS):
-        wider = _with_columns(design, directions, estimate)
+        wider = _with_columns(design, secants, estimate)
         solution = solve(wider.equations())
         starts = {term.effect: term.start for term in wider.terms}
-        at = [starts[d.column] for d in directions]
+        at = [starts[d.column] for d in secants]
         std = np.sqrt(solution.covariance[at, at])
-        after = [d.fitted(s) if s > 0.0 else d for d, s in zip(directions, std, strict=True)]
-        ratios = [a.width / b.width for a, b in zip(after, directions, strict=True)]
-        if all(1.0 / SETTLED_RATIO < ratio < SETTLED_RATIO for ratio in ratios):
+        after = [d.fitted(s) if s > 0.0 else d for d, s in zip(secants, std, strict=True)]
+        ratios = [a.width / b.width for a, b in zip(after, secants, strict=True)]
+        if all(1.0 / LARGEST_WIDTH_RATIO < ratio < LARGEST_WIDTH_RATIO for ratio in ratios):
             break
-        directions = after
+        secants = after
     return wider, _with_surface_doubt(wider, solution, estimate)
 
 
 def _with_surface_doubt(design: Design, solution: Solution, estimate: FloatArray) -> Solution:
-    """Return the solution, its covariance with what is not known of the surface's temperature.
+    """Return the solution, its covariance with the uncertainty of the surface's temperature.
 
-    Water freezes where the thermometer is not: an offset o of known standard deviation is not
-    fitted, but moves the estimates by C Xᵀ S⁻¹ (∂error/∂o) o.
+    Water freezes at another place than the thermometer's: an offset o of known standard deviation
+    is not fitted, but moves the estimates by C Xᵀ S⁻¹ (∂error/∂o) o.
     """
     covariance = solution.covariance
     for term in design.terms:
@@ -123,7 +127,7 @@ def _with_surface_doubt(design: Design, solution: Solution, estimate: FloatArray
             for sensor in term.sensors:
                 low, high = (end.columns(term.effect, sensor) for end in ends)
                 change = _weighted(high - low, term, run, estimate)
-                raw[column, run, sensor] = change[:, :, None] * SURFACE_STD
+                raw[column, run, sensor] = change[:, :, None] * SURFACE_STD_K
         effects = {
             s: (*listed, column) if s in term.sensors else listed
             for s, listed in design.effects.items()
@@ -150,18 +154,18 @@ def _with_surface_offset(run: PreparedRun, offset: float) -> PreparedRun:
 def resolution_std(design: Design, column: ShapeDirection) -> float:
     """Return the standard deviation below which no data determine a parameter; mostly zero.
 
-    A time at which something happens is known to a row and a half, as rows may be stamped at
-    either end of what they stand for; the frequency of a spectral line to a
-    radian over a run, as the clock it beats against wanders.
+    The time of an event is known to a row and a half, as rows may be stamped at either end of
+    their interval; the frequency of a spectral line to a radian over a run, as the clock that
+    paces the samples wanders.
     """
-    direction = next(d for d in _directions(design) if d.column == column)
-    scale = direction.scales[direction.k]
+    secant = next(d for d in _secants(design) if d.column == column)
+    scale = secant.scales[secant.k]
     if scale.unit == 'Hz':
-        return scale.back(direction.value) * direction.least / UNIFORM_HALF_WIDTH
-    return 1.5 * direction.least / UNIFORM_HALF_WIDTH if _by_rows(design, direction) else 0.0
+        return scale.back(secant.value) * secant.least / UNIFORM_HALF_WIDTH
+    return 1.5 * secant.least / UNIFORM_HALF_WIDTH if _by_rows(design, secant) else 0.0
 
 
-def _directions(design: Design) -> list[Direction]:
+def _secants(design: Design) -> list[Secant]:
     duration = max(float(run.time[-1]) for run in design.runs)
     row = max(float(np.median(np.diff(run.conditions.time))) for run in design.runs)
     found = []
@@ -169,7 +173,9 @@ def _directions(design: Design) -> list[Direction]:
         scales = shape_scales(term.effect, duration)
         for k, scale in enumerate(scales):
             span = float(scale.grid()[-1] - scale.grid()[0])
-            start = Direction(term, scales, k, FIRST_HALF_SECANT * span, 1e-9 * span)
+            start = Secant(
+                term=term, scales=scales, k=k, width=FIRST_HALF_SECANT * span, least=1e-9 * span
+            )
             if scale.unit == 'Hz':
                 least = start.on_scale(1.0 / (2.0 * np.pi * duration))
                 start = replace(start, least=least)
@@ -179,32 +185,32 @@ def _directions(design: Design) -> list[Direction]:
     return found
 
 
-def _by_rows(design: Design, direction: Direction) -> bool:
-    """Tell whether rows limit the parameter: it is a time, or a small change changes nothing."""
-    scale = direction.scales[direction.k]
+def _by_rows(design: Design, secant: Secant) -> bool:
+    """Tell whether rows limit the parameter: it is a time, or a small change has no effect."""
+    scale = secant.scales[secant.k]
     if scale.logarithmic:
         return False
     if scale.unit == 's':
         return True
-    sensor = direction.term.sensors[0]
-    little = 1e-7 * direction.width
-    ends = [direction.moved(by) for by in (-little, little)]
+    sensor = secant.term.sensors[0]
+    little = 1e-7 * secant.width
+    ends = [secant.moved(by) for by in (-little, little)]
     low, high = ([run.columns(effect, sensor) for run in design.runs] for effect in ends)
     return all(np.array_equal(*pair) for pair in zip(low, high, strict=True))
 
 
-def _with_columns(design: Design, directions: list[Direction], estimate: FloatArray) -> Design:
+def _with_columns(design: Design, secants: list[Secant], estimate: FloatArray) -> Design:
     added: dict[Sensor, list[Effect]] = {sensor: [] for sensor in design.sensors}
     raw = dict(design.raw)
-    for direction in directions:
-        column = direction.column
-        ends = [direction.moved(by) for by in (-direction.width, direction.width)]
-        scale = direction.scales[direction.k]
-        low, high = (scale.back(shape_values(end, direction.scales)[direction.k]) for end in ends)
-        for sensor in direction.term.sensors:
+    for secant in secants:
+        column = secant.column
+        ends = [secant.moved(by) for by in (-secant.width, secant.width)]
+        scale = secant.scales[secant.k]
+        low, high = (scale.back(shape_values(end, secant.scales)[secant.k]) for end in ends)
+        for sensor in secant.term.sensors:
             added[sensor].append(column)
             for run in range(len(design.runs)):
-                change = _change(design, direction.term, ends, (run, sensor), estimate)
+                change = _change(design, secant.term, ends, (run, sensor), estimate)
                 raw[column, run, sensor] = (change / (high - low))[:, :, None]
     effects = {sensor: (*design.effects[sensor], *added[sensor]) for sensor in design.sensors}
     return replace(design, effects=effects, raw=raw, white=dict(design.white))
@@ -224,7 +230,7 @@ def _change(
 
 
 def _weighted(columns: FloatArray, term: Term, run: int, estimate: FloatArray) -> FloatArray:
-    """Return the (m, 3) error that columns of a term make with its coefficients."""
+    """Return the (m, 3) error of columns of a term times its coefficients."""
     total = np.zeros((len(columns), 3))
     for axis in range(3):
         part = columns[:, axis] if columns.ndim == 3 else columns

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fit white noise and Ornstein-Uhlenbeck processes to what a saturated model leaves."""
+"""White noise and Ornstein-Uhlenbeck processes, fitted to what a saturated model leaves."""
 
 from __future__ import annotations
 
@@ -32,28 +32,28 @@ from thermal_comp.noise.projection import (
 )
 from thermal_comp.noise.saturated_model import saturated_basis
 from thermal_comp.noise.vibration import (
-    STEADY,
+    NO_VIBRATION_NOISE,
     VibrationNoise,
     block_variances,
     noise_of_vibration,
 )
 
-LOG_VARIANCE_STEP = 1.2
-"""Standard deviation of the log-variance step between neighbouring processes."""
+NEIGHBOUR_LN_STD = 1.2
+"""Standard deviation of the difference between the ln of variances of neighbouring processes."""
 
-TYPICAL_SLOW_SHARE, SLOW_SHARE_LN = 0.2, 1.0
+TYPICAL_SLOW_SHARE, SLOW_SHARE_LN_STD = 0.2, 1.0
 """Amplitude of each process over the standard deviation of a one-second mean, and standard
 deviation of its ln: bias instabilities of MEMS sensors are about a half of it. Without this prior
 the most likely variance of slow noise in a short run is often zero, and effects would fit it."""
 
-AXIS_LN = 0.7
-"""Standard deviation of the ln of an axis's variance of slow noise about that of all."""
+AXIS_LN_STD = 0.7
+"""Standard deviation of the ln of an axis's variance of slow noise about that of all axes."""
 
-STILL_WHITE_LN, ADDED_WHITE_LN = 1.0, 0.3
-"""The same of white noise and of what vibration adds to it about what neighbouring blocks tell:
-they tell slow noise as well, and what shakes a device is white only from afar."""
+STILL_WHITE_LN_STD, ADDED_WHITE_LN_STD = 1.0, 0.3
+"""The same of white noise, and of what vibration adds to it, about the values that differences of
+neighbouring blocks have: slow noise is in these too, and vibration is only nearly white."""
 
-LEAST_VARIANCE = 1e-9
+LEAST_VARIANCE_SHARE = 1e-9
 """Least variance of a process, as a share of the residual's."""
 
 
@@ -63,9 +63,9 @@ def fit_noise(
 ) -> NoiseModel:
     """Return the noise of one sensor: white and coloured part per axis.
 
-    It is a property of the measurement, not of a model: every effect a saturated model can
-    follow is taken out first, and of `effects`, which are known to act, those it cannot follow
-    to the last (a step, a spectral line; a hysteresis nearly).
+    It is a property of the measurement, not of a model: every effect that a saturated model can
+    follow is taken out first, and those of `effects`, which are known to act, that it cannot
+    follow well enough (a step, a spectral line, some hysteresis).
     """
     beyond = effects_beyond(runs, sensor, effects)
     furthers = [{(sensor, e): run.columns(e, sensor) for e in beyond} for run in runs]
@@ -85,12 +85,12 @@ def effects_beyond(
 
 
 def fit_noise_to_spectra(
-    spectra: Sequence[ResidualSpectrum], vibration: VibrationNoise = STEADY
+    spectra: Sequence[ResidualSpectrum], vibration: VibrationNoise = NO_VIBRATION_NOISE
 ) -> NoiseModel:
     """Return the noise model whose expected spectra fit best, per axis.
 
-    `vibration` tells the noise of still rows and how it grows: of what is white, the part that
-    vibration adds cannot be told by a spectrum.
+    `vibration` is the noise of still rows and its growth: a spectrum of all rows cannot tell
+    which part of white noise vibration adds.
     """
     if not spectra:
         return NoiseModel(np.zeros(3), OU_TIME_CONSTANTS, np.zeros((len(OU_TIME_CONSTANTS), 3)))
@@ -147,7 +147,7 @@ def expected_square(noise: NoiseModel, run: PreparedRun, axis: int, operator: Fl
 def _spectrum(
     run: PreparedRun, sensor: Sensor, further: FurtherColumns, vibration: VibrationNoise
 ) -> ResidualSpectrum | None:
-    """Return the spectrum of what a saturated model, `further` columns and jumps leave of a run.
+    """Return the spectrum of a run less saturated model, `further` columns and jumps.
 
     None where the run is too short.
     """
@@ -180,8 +180,8 @@ def _usual_noise(levels: FloatArray) -> _Prior:
     """
     slow = len(OU_TIME_CONSTANTS)
     level = np.r_[-1.0, np.full(slow, 1.0 / slow)]
-    precision = _smoothness_precision() + np.outer(level, level) / (2.0 * SLOW_SHARE_LN) ** 2
-    white = np.log(max(levels[0], LEAST_VARIANCE)) if len(levels) else 0.0
+    precision = _smoothness_precision() + np.outer(level, level) / (2.0 * SLOW_SHARE_LN_STD) ** 2
+    white = np.log(max(levels[0], LEAST_VARIANCE_SHARE)) if len(levels) else 0.0
     centre = white + np.r_[0.0, np.full(slow, 2.0 * np.log(TYPICAL_SLOW_SHARE))]
     return _with_white(_Prior(centre, precision), levels)
 
@@ -189,7 +189,7 @@ def _usual_noise(levels: FloatArray) -> _Prior:
 def _noise_near(common: FloatArray, levels: FloatArray) -> _Prior:
     """Return the prior of one axis near what is `common` to all; `levels` as in `_with_white`."""
     slow = len(OU_TIME_CONSTANTS)
-    precision = _smoothness_precision() + np.diag(np.r_[0.0, np.full(slow, 1.0 / AXIS_LN**2)])
+    precision = _smoothness_precision() + np.diag(np.r_[0.0, np.full(slow, 1.0 / AXIS_LN_STD**2)])
     return _with_white(_Prior(common[: slow + 1], precision), levels)
 
 
@@ -200,10 +200,10 @@ def _with_white(prior: _Prior, levels: FloatArray) -> _Prior:
     """
     if not len(levels):
         return prior
-    still, added = np.log(np.maximum(levels, LEAST_VARIANCE))
+    still, added = np.log(np.maximum(levels, LEAST_VARIANCE_SHARE))
     precision = np.zeros((len(prior.centre) + 1, len(prior.centre) + 1))
     precision[:-1, :-1] = prior.precision
-    precision[[0, -1], [0, -1]] += np.array([STILL_WHITE_LN, ADDED_WHITE_LN]) ** -2.0
+    precision[[0, -1], [0, -1]] += np.array([STILL_WHITE_LN_STD, ADDED_WHITE_LN_STD]) ** -2.0
     return _Prior(np.r_[still, prior.centre[1:], added], precision)
 
 
@@ -222,7 +222,7 @@ def _whittle(
         jac=True,
         hess=_information,
     )
-    variances: FloatArray = np.maximum(np.exp(found.x), LEAST_VARIANCE)
+    variances: FloatArray = np.maximum(np.exp(found.x), LEAST_VARIANCE_SHARE)
     return variances
 
 
@@ -233,7 +233,7 @@ def _minus_log_posterior(
     weight: FloatArray,
     prior: _Prior,
 ) -> tuple[float, FloatArray]:
-    """Return what `_whittle` makes least, and its gradient (k,)."""
+    """Return what `_whittle` minimises, and its gradient (k,)."""
     share = np.exp(log_variance)[:, None] * expected
     spectrum = np.maximum(share.sum(axis=0), 1e-300)
     ratio, away = periodogram / spectrum, log_variance - prior.centre
@@ -248,7 +248,7 @@ def _information(
     weight: FloatArray,
     prior: _Prior,
 ) -> FloatArray:
-    """Return the (k, k) expected curvature of what `_whittle` makes least."""
+    """Return the (k, k) expected curvature of what `_whittle` minimises."""
     share = np.exp(log_variance)[:, None] * expected
     share /= np.maximum(share.sum(axis=0), 1e-300)
     information: FloatArray = (share * weight) @ share.T + prior.precision
@@ -256,7 +256,7 @@ def _information(
 
 
 def _smoothness_precision() -> FloatArray:
-    """Precision of the steps between neighbouring processes; white noise stands free."""
+    """Return the precision of steps between neighbouring processes; white noise is free."""
     order = len(OU_TIME_CONSTANTS) + 1
     steps = np.diff(np.eye(order)[1:], axis=0)
-    return np.asarray(steps.T @ steps) / LOG_VARIANCE_STEP**2 + 1e-6 * np.eye(order)
+    return np.asarray(steps.T @ steps) / NEIGHBOUR_LN_STD**2 + 1e-6 * np.eye(order)

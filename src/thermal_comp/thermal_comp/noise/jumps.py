@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sudden changes of level between block means: accidents that are no noise."""
+"""Sudden changes of level between block means, which are taken out before noise is fitted."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from imu_recording.recording import FloatArray, IntArray
 from thermal_comp.noise.saturated_model import joined_basis
 
 JUMP_DEVIATIONS = 12.0
-"""Difference of neighbouring blocks, in standard deviations, that noise does not reach."""
+"""Difference of neighbouring blocks, in standard deviations, from which it is a jump."""
 MOST_JUMPS = 6
-"""Steps per run; what jumps more often switches, and is no accident."""
+"""Jumps of a run, at most: a level that jumps more often is switched by something."""
 
 
 def jump_columns(
@@ -19,11 +19,12 @@ def jump_columns(
 ) -> FloatArray:
     """Return steps (m, q) at the jumps of block means (m, 3), none where there are too many.
 
-    `weights` (m,) have been applied to the values and the basis, and are to the steps.
+    `values`, `basis` (m, p; orthonormal) and the steps that are returned are weighted by
+    `weights` (m,).
 
-    The largest difference of what `basis` (m, p; orthonormal) leaves is made a step and joins
-    the basis, until none is far. The scale of a difference is 1.4826 times its median absolute
-    value. A jump within a block shows in two differences and has two steps.
+    The largest difference between neighbours of what the basis leaves becomes a step that joins
+    the basis, until no difference is a jump. Its scale is 1.4826 times the median absolute
+    difference. A jump within a block shows in two differences and has two steps.
     """
     taken = np.diff(slot) > 1
     found: list[FloatArray] = []
@@ -52,6 +53,6 @@ def jump_columns(
 def basis_with_jumps(
     values: FloatArray, slot: IntArray, basis: FloatArray, weights: FloatArray | float = 1.0
 ) -> FloatArray:
-    """Return the basis with a step at every jump of values that it leaves, as `jump_columns`."""
+    """Return the basis joined with the `jump_columns` of the values."""
     jumps = jump_columns(values, slot, basis, weights)
     return joined_basis([basis, jumps]) if jumps.shape[1] else basis

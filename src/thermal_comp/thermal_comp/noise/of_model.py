@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The noise beside a model, its slow part as it was in these runs.
+"""The noise beside a model, with the slow noise that these runs really had.
 
-A saturated model follows cycles and hours as well, so that a bias that creeps is not taken for
-noise; what slow noise did in these very runs hides under it and is only extrapolated, which is
-wrong by some 10 % of its standard deviation. The error of a part that is held out is mostly slow
-noise. Where a model leaves no more in cycles and hours than noise may, that is what is fitted.
+A saturated model follows drifts over cycles and hours as well, so that a bias that creeps is not
+taken for noise. It follows the slow noise of these runs, too, whose size is then extrapolated from
+faster noise, wrong by some 10 % of its standard deviation; but the error of a held-out part is
+mostly slow noise. Where a model leaves no more over cycles and hours than noise may, the noise is
+fitted to what it leaves there.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ from thermal_comp.noise.saturated_model import repeatable_basis
 from thermal_comp.noise.vibration import VibrationNoise, block_variances
 
 MOST_SPREAD_RATIO = 1.15
-"""Rms about a run's mean, in that of the extrapolated noise, beyond which what is left in cycles
-and hours is no noise: an effect that was not named. Chance reaches 1.11 in a hundred campaigns."""
+"""Rms about a run's mean, over that of the extrapolated noise, above which more than noise is left
+over cycles and hours: an effect that is not in the model. Chance reaches 1.11 once in a hundred
+campaigns."""
 
 
 @kept

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The noise a fit weighs with: fitted where runs are long enough, white where they are not."""
+"""The noise of runs that fits weigh with: fitted, or taken as white where runs are too short."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.linear.columns import project_out
 from thermal_comp.model.values import ModelError, NoiseModel
 from thermal_comp.noise.estimation import (
-    SLOW_SHARE_LN,
+    SLOW_SHARE_LN_STD,
     TYPICAL_SLOW_SHARE,
     effects_beyond,
     fit_noise,
@@ -24,20 +24,20 @@ from thermal_comp.noise.estimation import (
 from thermal_comp.noise.jumps import basis_with_jumps
 from thermal_comp.noise.projection import LEAST_BLOCKS, basis_of_rows
 from thermal_comp.noise.saturated_model import saturated_basis
-from thermal_comp.noise.vibration import SHAKEN, noise_of_vibration, note_of_vibration
+from thermal_comp.noise.vibration import SHAKEN_NOISE_RATIO, noise_of_vibration, note_of_vibration
 
 CORRELATED_EVIDENCE = 10.0
-"""2 ln of the Bayes factor from which noise is correlated between axes."""
-LOUD = 5.0
-"""Noise of means in the usual one from which it may be an effect that was fitted as noise."""
-ANOTHER_WHITE = 2.0
-"""Ratio from which white noise is another one than what neighbours tell …"""
+"""2 ln of the Bayes factor from which the noise of the axes is correlated."""
+LOUD_NOISE_RATIO = 5.0
+"""Fitted noise of means, over the usual one, from which it may be an effect fitted as noise."""
+OTHER_WHITE_RATIO = 2.0
+"""Ratio of fitted white noise to that of second differences, from which the latter counts …"""
 LEAST_BENDS = 10
-"""… by at least so many of three in a row."""
-LEAST_ROWS = 10
-"""Rows that tell the directions in which noise is independent, or the device is shaken."""
-FINEST_RESOLUTION = 1e-12
-"""Least noise of a mean, as a share of the largest value: no measurement is better resolved."""
+"""… where there are at least so many second differences."""
+LEAST_COVARIANCE_ROWS = 10
+"""Rows a covariance of noise is estimated from, at least."""
+LEAST_NOISE_SHARE = 1e-12
+"""Least noise of a mean, as a share of the largest value: no measurement resolves more."""
 
 
 def noise_of_runs(
@@ -58,10 +58,10 @@ def noise_of_runs(
 def determined_noise(
     runs: Sequence[PreparedRun], effects: Mapping[Sensor, Sequence[Effect]]
 ) -> tuple[dict[Sensor, NoiseModel], list[str]]:
-    """Return the noise of the sensors whose runs are long enough, and what is to be said of it.
+    """Return the noise of the sensors whose runs are long enough, and notes on it and the others.
 
-    Evidence for an effect is weighed against this noise, so that a guess will not do; ModelError
-    where there is no sensor left.
+    Evidence for an effect is weighed against this noise, so that it must not be a guess. Raises
+    ModelError where no sensor is left.
     """
     fitted = {sensor: fit_noise(runs, sensor, effects[sensor]) for sensor in effects}
     found = {s: noise for s, noise in fitted.items() if _is_positive(noise, runs)}
@@ -93,7 +93,7 @@ def noise_beside(
     effects: Mapping[Sensor, Sequence[Effect]],
     noise: Mapping[Sensor, NoiseModel],
 ) -> dict[Sensor, NoiseModel]:
-    """Return the noise anew where an effect would else be taken for noise; the rest as given."""
+    """Return the noise, fitted anew where an effect of the list would be taken for noise."""
     return {
         sensor: noise_of_runs(runs, sensor, effects[sensor])[0]
         if effects_beyond(runs, sensor, effects[sensor])
@@ -105,13 +105,12 @@ def noise_beside(
 def independent_axes(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray | None:
     """Return (3, 3) directions in which the noise is independent, still and shaken alike.
 
-    They are told by the differences of neighbouring block means, or of successive bursts where
-    each is one block, less what a saturated model follows: in them what is slow plays no part.
-    Of those that are not shaken the smaller half counts: what knocks at the device at times is
-    not its noise. What shakes it does so along a direction of its own: the axes are those in
-    which both covariances are diagonal (generalised eigenvectors), of unit length; without
-    vibration they are orthogonal. None where the axes are independent as they are: Bartlett's
-    test, with the price of three correlations.
+    They follow from differences of neighbouring block means, or of successive bursts of one block
+    each, less what a saturated model follows: slow noise plays no part in them. Of the still ones
+    the smaller half counts, so that knocks at the device do not. Vibration has a direction of its
+    own: the axes are those in which the covariances of still and of shaken rows are both diagonal
+    (generalised eigenvectors), of unit length; without vibration they are orthogonal. None where
+    the sensor's own axes are independent: Bartlett's test, less a charge for three correlations.
     """
     vibration = noise_of_vibration(runs, sensor, [{}] * len(runs))
     steps, neighbours, strength = [np.zeros((0, 3))], [np.zeros(0, bool)], [np.zeros(0)]
@@ -129,7 +128,7 @@ def independent_axes(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray 
         neighbours.append(apart <= np.median(apart))
         strength.append(0.5 * (weights[1:] ** -2.0 + weights[:-1] ** -2.0))
     step, variance = np.concatenate(steps), np.concatenate(strength)
-    shaken = variance > SHAKEN**2
+    shaken = variance > SHAKEN_NOISE_RATIO**2
     rows = step[np.concatenate(neighbours) & ~shaken]
     if not (len(rows) and (rows.std(axis=0) > 0.0).all()):
         return None
@@ -152,27 +151,27 @@ def usual_noise(
     """Return the noise a sensor usually has; None where the fitted one is hardly louder.
 
     An effect that no saturated model follows is fitted as noise where rows are few or it is large.
-    White noise is the fitted one, or what the median second difference of successive blocks tells
-    where that is another; slow noise is as large beside it as that of MEMS sensors is.
+    White noise is the fitted one, or that of the median second difference of successive blocks
+    where they differ much; slow noise is as large beside it as is typical of MEMS sensors.
     """
     told = _white_of_neighbours(runs, sensor, fitted)
     if told is None:
         return None
-    other = (fitted.white > ANOTHER_WHITE * told) | (ANOTHER_WHITE * fitted.white < told)
+    other = (fitted.white > OTHER_WHITE_RATIO * told) | (OTHER_WHITE_RATIO * fitted.white < told)
     white = np.where(other, told, fitted.white)
     slow = np.tile(TYPICAL_SLOW_SHARE * white, (len(fitted.time_constants), 1))
     usual = replace(fitted, white=white, amplitudes=slow)
     period = runs[0].period
-    loud = fitted.variance_of_means(period) > LOUD**2 * usual.variance_of_means(period)
+    loud = fitted.variance_of_means(period) > LOUD_NOISE_RATIO**2 * usual.variance_of_means(period)
     return usual if loud.any() else None
 
 
 def _white_of_neighbours(
     runs: Sequence[PreparedRun], sensor: Sensor, noise: NoiseModel
 ) -> FloatArray | None:
-    """Return the (3,) white noise of a one-second mean that three blocks in a row tell [unit].
+    """Return the (3,) white noise of a one-second mean by second differences of blocks [unit].
 
-    None where there are too few, or they do not differ.
+    None where there are too few of them, or half of them are zero.
     """
     period, sizes = runs[0].period, [np.zeros((0, 3))]
     still = np.maximum(noise.variance_of_means(period), 1e-300)
@@ -193,15 +192,15 @@ def _white_of_neighbours(
 def log_prior_of_loudness(noise: NoiseModel, usual: NoiseModel, period: float) -> float:
     """Return ln of the prior of noise that is louder than usual, relative to the usual one."""
     ratio = noise.variance_of_means(period) / usual.variance_of_means(period)
-    return -0.5 * float(0.5 * np.log(np.maximum(ratio, 1e-300)).mean() / SLOW_SHARE_LN) ** 2
+    return -0.5 * float(0.5 * np.log(np.maximum(ratio, 1e-300)).mean() / SLOW_SHARE_LN_STD) ** 2
 
 
 def _covariance(rows: FloatArray) -> FloatArray | None:
-    """Return the (3, 3) covariance of rows, diagonal where nothing says that they correlate.
+    """Return the (3, 3) covariance of rows, diagonal where axes do not correlate beyond chance.
 
     None where there are too few rows.
     """
-    if len(rows) < LEAST_ROWS or not (rows.std(axis=0) > 0.0).all():
+    if len(rows) < LEAST_COVARIANCE_ROWS or not (rows.std(axis=0) > 0.0).all():
         return None
     covariance: FloatArray = np.cov(rows.T)
     determinant = max(float(np.linalg.det(np.corrcoef(rows.T))), 1e-300)
@@ -244,4 +243,4 @@ def _scatter(runs: Sequence[PreparedRun], sensor: Sensor) -> FloatArray:
         degrees += max(len(values) - 2, 0)
         largest = max(largest, float(np.abs(values).max()))
     scatter: FloatArray = np.sqrt(squares / max(degrees, 1))
-    return np.maximum(scatter, max(FINEST_RESOLUTION * largest, 1e-300))
+    return np.maximum(scatter, max(LEAST_NOISE_SHARE * largest, 1e-300))

@@ -18,7 +18,7 @@ OU_TIME_CONSTANTS = np.geomspace(30.0, 40_000.0, 7)
 
 
 def process_autocovariance(time_constants: FloatArray, period: float, lags: int) -> FloatArray:
-    """(k, lags) autocovariance of means over `period` of processes of unit variance.
+    """Return (k, lags) autocovariance of means over `period` of processes of unit variance.
 
     γ(0) = 2 (r − 1 + e^{−r}) / r²,  γ(m) = ((1 − e^{−r}) / r)² e^{−r (m − 1)},  r = period / τ.
     """
@@ -30,7 +30,7 @@ def process_autocovariance(time_constants: FloatArray, period: float, lags: int)
 
 
 def mean_autocovariance(noise: NoiseModel, axis: int, period: float, lags: int) -> FloatArray:
-    """(lags,) autocovariance of means over `period` seconds of one axis [unit²]."""
+    """Return (lags,) autocovariance of means over `period` seconds of one axis [unit²]."""
     each = process_autocovariance(noise.time_constants, period, lags)
     covariance: FloatArray = noise.amplitudes[:, axis] ** 2 @ each
     covariance[0] += noise.white[axis] ** 2 / period
@@ -83,24 +83,24 @@ class ResidualSpectrum:
     expected: FloatArray
     """(k + 1, f) its expectation for white noise of unit density and each unit process."""
     weight: FloatArray
-    """(f,) degrees of freedom: share of white power that is left, times that of slots present."""
+    """(f,) degrees of freedom: share of white power left, times share of slots present."""
     shaken: FloatArray
     """(f,) its expectation for the noise of vibration, of unit density per unit of vibration."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shaking:
-    """How much less some rows tell, because they were shaken."""
+    """Weights and added variance of rows that were taken while the device was shaken."""
 
     weights: FloatArray
-    """(m,) standard deviation of still rows in that of each row, at most 1."""
+    """(m,) standard deviation of still rows over that of each row, at most 1."""
     variance: FloatArray
     """(m,) variance that a unit density per unit of vibration adds to each row."""
 
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """What a projection of some rows does to the spectra of noise processes."""
+    """A projection of some rows, and the spectra of noise processes after it."""
 
     slot: IntArray
     basis: FloatArray
@@ -115,7 +115,12 @@ class Projection:
         grid = np.zeros((int(self.slot[-1]) + 1, values.shape[1]))
         grid[self.slot] = weighted - self.basis @ (self.basis.T @ weighted)
         periodogram = np.abs(np.fft.rfft(grid, axis=0)) ** 2 / len(self.slot)
-        return ResidualSpectrum(periodogram, self.expected, self.weight, self.shaken)
+        return ResidualSpectrum(
+            periodogram=periodogram,
+            expected=self.expected,
+            weight=self.weight,
+            shaken=self.shaken,
+        )
 
 
 def project_spectra(
@@ -125,7 +130,7 @@ def project_spectra(
     period: float,
     shaking: Shaking | None = None,
 ) -> Projection:
-    """Return what projecting `basis` (m, p; orthonormal) out does to each noise process.
+    """Return the projection that takes `basis` (m, p; orthonormal) out, for each noise process.
 
     The expectation is exact: E|F M W y|² = diag(F M W S W M F*), M = D − Q Qᵀ, D the rows present,
     W their weights, so that neither leakage nor the power the model absorbs biases the noise.
@@ -157,7 +162,9 @@ def project_spectra(
         shaken = left(float(added.sum()), added[:, None] * basis)
     weight = rows / length * np.clip(share, 0.0, 1.0)
     weight[0] *= 0.5
-    return Projection(slot, basis, expected, weight, shaken, shaking)
+    return Projection(
+        slot=slot, basis=basis, expected=expected, weight=weight, shaken=shaken, shaking=shaking
+    )
 
 
 def _power_left(
@@ -193,7 +200,7 @@ def _autocorrelation(present: FloatArray) -> FloatArray:
 
 
 def _even_spectrum(covariance: FloatArray) -> FloatArray:
-    """Σ_{|l| < n} c(|l|) e^{−iωl} at the n Fourier frequencies, one side."""
+    """Return Σ_{|l| < n} c(|l|) e^{−iωl} at the n Fourier frequencies, one side."""
     wrapped = covariance.copy()
     wrapped[1:] += covariance[1:][::-1]
     spectrum: FloatArray = np.fft.rfft(wrapped).real

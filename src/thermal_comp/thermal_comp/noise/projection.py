@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Spectra of what a basis and further effects leave of a run; what does not change is kept."""
+"""Projections of a run that take a basis and further effects out, kept as long as the run is."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from thermal_comp.noise.saturated_model import WEAKEST_DIRECTION, joined_basis
 LEAST_BLOCKS = 30
 """Blocks a run needs for a spectrum of its noise."""
 FOLLOWED_SHARE = 0.01
-"""Share of the rms of an effect's column outside a basis up to which the basis follows it."""
+"""Share of the rms of an effect's column outside a basis, up to which the basis follows it."""
 
 Basis = Callable[[PreparedRun], FloatArray]
 """Function that returns an orthonormal basis (m, p) over the blocks of a run."""
 FurtherColumns = Mapping[tuple[Sensor, Effect], FloatArray]
-"""Columns (m, …) of effects beside a basis; they are a sensor's where they hold its input."""
+"""Columns (m, …) of effects beside a basis, by sensor and effect: some hold the sensor's input."""
 
 Key = tuple[Basis, bytes, tuple[tuple[Sensor, Effect], ...]]
 _PROJECTIONS: WeakKeyDictionary[PreparedRun, dict[Key, Projection]] = WeakKeyDictionary()
@@ -40,7 +40,7 @@ def projection_of(
     further: FurtherColumns,
     shaking: Shaking | None = None,
 ) -> Projection:
-    """Return what projecting basis and further columns out of the valid rows does to noise.
+    """Return the projection that takes basis and further columns out of the valid rows.
 
     `shaking` is that of the valid rows.
     """

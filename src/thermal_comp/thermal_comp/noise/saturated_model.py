@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A model rich enough to follow any repeatable effect, so that what it leaves is noise."""
+"""A model that is rich enough to follow any repeatable effect: what it leaves is noise."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from thermal_comp.effects.operators import follow, grow_and_melt, play
 from thermal_comp.linear.columns import orthonormal
 
 LAGS_S = (60.0, 180.0, 540.0, 1620.0)
-"""Time constants [s] of the lagged temperatures it offers."""
+"""Time constants of its lagged temperatures [s]."""
 
 BRANCH_LAG_S = 120.0
-"""The temperature rises where it is above itself through this lag [s]."""
+"""Lag above which the temperature counts as rising [s]."""
 
 HALF_WIDTHS_K = (1.5, 4.0, 8.0, 16.0)
-"""Half-widths [K] of the plays it offers."""
+"""Half-widths of its plays [K]."""
 
 ICE_TIMES_S = ((900.0, 400.0), (3600.0, 400.0), (900.0, 1600.0))
-"""Growth and melt times [s] of the ice it offers."""
+"""Growth and melt times of its ice [s]."""
 ICE_TIMES_BY_DEGREES_S = ((2000.0, 1000.0), (100_000.0, 50_000.0))
 """Those of ice that grows and melts in proportion to the distance from 0 °C."""
 
 WEAKEST_DIRECTION = 1e-5
-"""Columns of unit length: a direction weaker than this is the thermometer's noise between two of
-them, and would take noise out of what is left for no effect."""
+"""Length, among columns of length one, below which a direction is only the thermometer's noise
+between two of them, and would take noise out of the residual for no effect."""
 
 LARGEST_SHARE = 0.4
 """Columns the model may have, as a share of the effective blocks."""
@@ -39,9 +39,9 @@ LARGEST_SHARE = 0.4
 def saturated_basis(run: PreparedRun) -> FloatArray:
     """Return an orthonormal basis (m, p): temperature × branch, lags, channels, cycles.
 
-    Fitted per run and axis it takes up every effect of the catalogue to first order. A run of
-    few effective blocks, of which that would leave little, has powers of temperature and time and
-    a lag.
+    Fitted per run and axis it follows every effect of the catalogue to first order. A run of few
+    effective blocks, to which so many columns would leave little, has powers of temperature and
+    time, and a lag.
     """
     columns = [*_repeatable(run), *_slow(run)]
     if sum(part.shape[1] for part in columns) > LARGEST_SHARE * _effective_blocks(run):
@@ -50,16 +50,17 @@ def saturated_basis(run: PreparedRun) -> FloatArray:
 
 
 def repeatable_basis(run: PreparedRun) -> FloatArray:
-    """Return an orthonormal basis (m, p) of what temperature and channels lead to, not time."""
+    """Return an orthonormal basis (m, p) of what follows temperature and channels, not time."""
     return joined_basis(_repeatable(run))
 
 
 def joined_basis(columns: Sequence[FloatArray]) -> FloatArray:
-    """Return an orthonormal basis of columns (m, …) beside each other, without weak directions."""
+    """Return an orthonormal basis of all columns (m, …) together, without weak directions."""
     return orthonormal(np.concatenate(columns, axis=1), WEAKEST_DIRECTION)
 
 
 def _repeatable(run: PreparedRun) -> list[FloatArray]:
+    """Return columns of temperature by branch, lags, plays, ice and channels."""
     temperature = run.temperature
     time = run.time
     branch = np.sign(temperature - follow(time, temperature, BRANCH_LAG_S, held=True)[0])
@@ -82,7 +83,7 @@ def _repeatable(run: PreparedRun) -> list[FloatArray]:
 
 
 def _effective_blocks(run: PreparedRun) -> float:
-    """Return the effective number of blocks: one for a burst that is short beside its pauses.
+    """Return the effective number of blocks: a burst that is short beside its pauses counts one.
 
     A stretch of b blocks between pauses of g blocks counts b · min(1, b / g), at least one.
     """
@@ -96,7 +97,7 @@ def _effective_blocks(run: PreparedRun) -> float:
 
 
 def _few(run: PreparedRun) -> list[FloatArray]:
-    """Return the columns a run of few effective blocks can bear."""
+    """Return the columns of a run of few effective blocks."""
     temperature, time = run.temperature, run.time
     low, span = float(temperature.min()), max(float(np.ptp(temperature)), 1e-6)
     x, t = (temperature - low) / span, (time - time[0]) / max(float(np.ptp(time)), 1.0)
@@ -118,6 +119,7 @@ def _slow(run: PreparedRun) -> list[FloatArray]:
 
 
 def _spline(temperature: FloatArray, pieces: int = 6) -> FloatArray:
+    """Return (m, pieces + 3) cubic B-splines over the range of the temperature."""
     low, high = float(temperature.min()), float(temperature.max())
     if high - low < 0.5:
         return np.ones((len(temperature), 1))

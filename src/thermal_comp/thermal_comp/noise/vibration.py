@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise that grows with vibration: rows that were shaken tell less, and by how much.
+"""Noise that grows with vibration, and how much less rows weigh that were shaken.
 
-A compressor that runs at times, or propellers, add noise to the means of some rows only. How far
-a mean of samples moves with the variance of the samples depends on their spectrum; it is fitted
+A compressor that runs at times, or propellers, add noise to the means of some rows only. How much
+a variance of samples adds to the variance of their mean depends on their spectrum; it is fitted
 to what a saturated model leaves: the difference of neighbouring block means has the variance
 
     2 s² (1 + ρ u),   u = variance of the acceleration beyond that of the quietest rows,
@@ -29,25 +29,25 @@ from thermal_comp.noise.process import Shaking
 from thermal_comp.noise.projection import LEAST_BLOCKS, FurtherColumns, basis_of_rows
 from thermal_comp.noise.saturated_model import saturated_basis
 
-STILL_SHARE = 0.05
-"""Share of the rows that are taken to be as still as the device ever is."""
+STILL_ROWS_SHARE = 0.05
+"""Quantile of the vibration up to which rows count as still."""
 VARIANCE_RATIOS = np.r_[0.0, np.geomspace(0.05, 1e7, 64)]
-"""Variances that the strongest vibration may add, in that of still rows."""
-ROUNDS = 5
-"""A saturated model first follows what is shaken, with these weights less and less."""
-SETTLED = 0.3
-"""Change of the ratio, as a share, that makes no difference to what is followed."""
+"""Variances that the strongest vibration may add, over that of still rows."""
+MOST_ROUNDS = 5
+"""Fits of the ratio and of the saturated model, in turn: shaken rows weigh less in each …"""
+LARGEST_RATIO_CHANGE = 0.3
+"""… until the ratio changes by less than this share."""
 SHAKEN_EVIDENCE = 10.0
 """2 ln of the Bayes factor from which noise grows with vibration."""
-SHAKEN = 2.0
-"""Noise of a block, in that of still ones, from which it is called shaken."""
-LEAST_LEFT = 0.1
-"""Share of a row's variance that a saturated model leaves, below which the row tells nothing."""
+SHAKEN_NOISE_RATIO = 2.0
+"""Noise of a block, over that of still ones, from which it is called shaken."""
+LEAST_VARIANCE_SHARE = 0.1
+"""Share of a row's variance that a saturated model leaves, below which the row is not used."""
 
 
 @dataclass(frozen=True, eq=False)
 class VibrationNoise:
-    """White variance of the means of one sensor, and what vibration adds to it."""
+    """White noise of the means of one sensor, and what vibration adds to it."""
 
     white: FloatArray
     """(3,) of a one-second mean of still rows [unit²·s]."""
@@ -60,27 +60,32 @@ class VibrationNoise:
 
     @classmethod
     def of_model(cls, noise: NoiseModel, period: float) -> VibrationNoise:
-        """Return that of a noise model, for means over `period` seconds."""
+        """Return that part of a noise model, for means over `period` seconds."""
         still = np.maximum(noise.variance_of_means(period), 1e-300)
         ratio = float(np.mean(noise.per_vibration / period / still))
-        return cls(noise.white**2, noise.per_vibration, noise.still_vibration, ratio)
+        return cls(
+            white=noise.white**2,
+            density=noise.per_vibration,
+            still=noise.still_vibration,
+            ratio=ratio,
+        )
 
     def shaking(self, run: PreparedRun, rows: NDArray[np.bool_]) -> Shaking | None:
-        """Return what it does to some blocks of a run, None where nothing."""
+        """Return how it shakes some blocks of a run; None where it adds nothing."""
         if run.vibration is None or not self.ratio:
             return None
         excess = np.maximum(run.vibration[rows] - self.still, 0.0)
         return Shaking(1.0 / np.sqrt(1.0 + self.ratio * excess), excess / run.period)
 
 
-STEADY = VibrationNoise(np.zeros(3), np.zeros(3), 0.0, 0.0)
+NO_VIBRATION_NOISE = VibrationNoise(white=np.zeros(3), density=np.zeros(3), still=0.0, ratio=0.0)
 """Noise that does not depend on vibration."""
 
 
 def noise_of_vibration(
     runs: Sequence[PreparedRun], sensor: Sensor, furthers: Sequence[FurtherColumns]
 ) -> VibrationNoise:
-    """Return how the noise of a sensor grows with vibration; it does not where nothing says so.
+    """Return how the noise of a sensor grows with vibration, as far as that is beyond chance.
 
     `furthers` are columns of each run that a saturated model does not follow.
     """
@@ -91,23 +96,28 @@ def noise_of_vibration(
         and (valid := np.isfinite(run.measured[sensor]).all(axis=1)).sum() >= LEAST_BLOCKS
     ]
     if not used:
-        return STEADY
+        return NO_VIBRATION_NOISE
     vibration = np.concatenate([_vibration(run, rows) for run, rows, _ in used])
-    still = float(np.quantile(vibration, STILL_SHARE))
+    still = float(np.quantile(vibration, STILL_ROWS_SHARE))
     largest = float(vibration.max()) - still
-    found = replace(STEADY, still=still)
-    for _ in range(ROUNDS if largest > 0.0 else 0):
+    found = replace(NO_VIBRATION_NOISE, still=still)
+    for _ in range(MOST_ROUNDS if largest > 0.0 else 0):
         parts = [_differences(*one, sensor, found) for one in used]
         squares, excess = (np.concatenate(part) for part in zip(*parts, strict=True))
         axes = [_most_likely(axis, excess / largest) for axis in squares.T]
         ratio, variance, evidence = np.array(axes).T
         if evidence.sum() - 3.0 * np.log(len(vibration)) < SHAKEN_EVIDENCE:
-            return STEADY
+            return NO_VIBRATION_NOISE
         before, white = found, variance * runs[0].period
-        found = VibrationNoise(white, ratio * white / largest, still, ratio.mean() / largest)
-        if np.isclose(found.ratio, before.ratio, rtol=SETTLED):
+        found = VibrationNoise(
+            white=white,
+            density=ratio * white / largest,
+            still=still,
+            ratio=ratio.mean() / largest,
+        )
+        if np.isclose(found.ratio, before.ratio, rtol=LARGEST_RATIO_CHANGE):
             break
-    return found if found.ratio else STEADY
+    return found if found.ratio else NO_VIBRATION_NOISE
 
 
 def _vibration(run: PreparedRun, rows: NDArray[np.bool_]) -> FloatArray:
@@ -124,7 +134,7 @@ def _differences(
 ) -> tuple[FloatArray, FloatArray]:
     """Return half the squares of differences of neighbours (k, 3), and their mean excess (k,).
 
-    Jumps are followed: one that falls into shaken rows would make all of them loud.
+    Jumps are taken out: one among shaken rows would be taken for their noise.
     """
     shaking = known.shaking(run, valid)
     basis = basis_of_rows(run, valid, saturated_basis, further, shaking)
@@ -133,10 +143,10 @@ def _differences(
     basis = basis_with_jumps(weighted, run.slot[valid], basis, weights[:, 0])
     share = 1.0 - (basis**2).sum(axis=1)
     left = project_out(basis, weighted) / weights
-    left /= np.sqrt(np.maximum(share, LEAST_LEFT))[:, None]
+    left /= np.sqrt(np.maximum(share, LEAST_VARIANCE_SHARE))[:, None]
     excess = np.maximum(_vibration(run, valid) - known.still, 0.0)
-    told = np.minimum(share[1:], share[:-1]) > LEAST_LEFT
-    return 0.5 * np.diff(left, axis=0)[told] ** 2, 0.5 * (excess[1:] + excess[:-1])[told]
+    used = np.minimum(share[1:], share[:-1]) > LEAST_VARIANCE_SHARE
+    return 0.5 * np.diff(left, axis=0)[used] ** 2, 0.5 * (excess[1:] + excess[:-1])[used]
 
 
 def _most_likely(squares: FloatArray, excess: FloatArray) -> tuple[float, float, float]:
@@ -148,8 +158,8 @@ def _most_likely(squares: FloatArray, excess: FloatArray) -> tuple[float, float,
     variance = np.maximum((squares / factor).mean(axis=1), 1e-300)
     likelihood = -len(squares) * np.log(variance) - np.log(factor).sum(axis=1)
     best = int(np.argmax(likelihood))
-    gain = (2.0 / 3.0) * float(likelihood[best] - likelihood[0])
-    return float(VARIANCE_RATIOS[best]), float(variance[best]), gain
+    evidence = (2.0 / 3.0) * float(likelihood[best] - likelihood[0])
+    return float(VARIANCE_RATIOS[best]), float(variance[best]), evidence
 
 
 def block_variances(noise: NoiseModel, run: PreparedRun) -> FloatArray:
@@ -164,10 +174,10 @@ def note_of_vibration(noise: NoiseModel, runs: Sequence[PreparedRun], sensor: Se
         return ''
     variances = np.concatenate([block_variances(noise, run) for run in runs])
     factor = np.sqrt(variances / noise.variance_of_means(runs[0].period)).max(axis=1)
-    if not (factor > SHAKEN).any():
+    if not (factor > SHAKEN_NOISE_RATIO).any():
         return ''
     return (
         f'{sensor}: its noise grows with vibration, up to {factor.max():.3g} times; '
-        f'{np.mean(factor > SHAKEN):.0%} of the blocks have more than {SHAKEN:g} times that of '
-        'still ones and count as much less'
+        f'{np.mean(factor > SHAKEN_NOISE_RATIO):.0%} of the blocks have more than '
+        f'{SHAKEN_NOISE_RATIO:g} times that of still ones and count as much less'
     )

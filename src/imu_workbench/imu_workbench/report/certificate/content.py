@@ -173,7 +173,7 @@ def method(
     count = len(recordings)
     period = shown(certified.comparison.period, 2)
     reference = fixed(certified.model.reference_temperature, 0)
-    folds = certified.comparison.folds
+    folds = certified.comparison.held_out
     planned = any(r.profile or r.setpoint is not None for r in recordings)
     in_chamber |= planned or any(r.chamber_temperature is not None for r in recordings)
     rested = (

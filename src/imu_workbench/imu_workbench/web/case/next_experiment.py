@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 from thermal_comp.data.conditions import Sensor
 from thermal_comp.effects.user_effects import effect_catalogue
-from thermal_comp.experiment.design import Limits, design_experiment
+from thermal_comp.experiment.design import ChamberLimits, design_experiment
 from thermal_comp.experiment.plan import FINAL_S, PRECONDITION_S, REFERENCE_C, Plan
 
 from imu_workbench.proposed_profile import profile_content
@@ -23,7 +23,7 @@ def next_profile_task(
     progress: Callable[[str], None],
     model_text: str,
     rivals: tuple[str, str],
-    limits: Limits,
+    limits: ChamberLimits,
     effect_files: Sequence[Path],
     missing: Mapping[Sensor, float],
 ) -> dict[str, Any]:

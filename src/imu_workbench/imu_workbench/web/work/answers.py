@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from thermal_comp.experiment.design import Limits
+from thermal_comp.experiment.design import ChamberLimits
 
 from imu_workbench.case import found_in, with_found
 from imu_workbench.case_statements import statement_files
@@ -140,7 +140,7 @@ class Answers:
         version, files = self._devices[device].loaded[name], list(self._effects.files)
         missing = version.missing()
         key = (version.model_text, one, other, tuple(files), tuple(missing.items()))
-        arguments = (version.model_text, (one, other), Limits(), files, missing)
+        arguments = (version.model_text, (one, other), ChamberLimits(), files, missing)
         found: dict[str, Any] | None = await self._runner.run(
             f'{device} {name}', key, next_profile_task, *arguments
         )

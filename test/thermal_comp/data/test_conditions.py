@@ -3,8 +3,7 @@
 
 import numpy as np
 import pytest
-from thermal_comp.data.conditions import Conditions, mounting_rotation
-from thermal_comp.data.hard_iron import hard_iron_of
+from thermal_comp.data.conditions import Conditions, hard_iron_of, mounting_rotation
 from thermal_comp.effects import EFFECTS
 
 FIELD, OFFSET = np.array([2.1e-5, -0.4e-5, -4.3e-5]), np.array([1.5e-5, -2.2e-5, 0.7e-5])

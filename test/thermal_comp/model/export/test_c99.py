@@ -26,7 +26,7 @@ from thermal_comp.model.values import ModelError, NoiseModel, SensorModel, Therm
 
 from imu_recording import read_bag
 
-FIRMWARE = Path(__file__).parents[3] / 'firmware'
+FIRMWARE = Path(__file__).parents[4] / 'firmware'
 DEVICE_EFFECTS = sorted(name for name, effect in EFFECTS.items() if effect.kind == 'device')
 
 

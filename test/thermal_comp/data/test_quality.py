@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Foreign units and impossible tracks are told from large offsets and rails."""
+"""Defects of whole recordings: foreign units, impossible tracks, rails, spikes, start-ups."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from thermal_comp.data.defective_rows import rail_rows
-from thermal_comp.data.quality import check_quality
+from thermal_comp.data.quality import check_quality, check_recording
 
 from imu_recording import ImuRecording
 
@@ -63,14 +62,6 @@ def test_a_rail_far_from_gravity_is_saturation_and_no_unit(sensor: str, rail: fl
     assert [(f.name, f.sensor) for f in found] == [('saturation', sensor)]
 
 
-def test_counts_coarser_than_the_noise_dwell_at_the_ends_of_a_sweep_and_are_no_rail() -> None:
-    sweep = np.concatenate([np.zeros(600), np.linspace(0.0, 12.0, 900), np.full(600, 12.0)])
-    noise = np.random.default_rng(3).normal(size=(len(sweep), 3))
-    assert not rail_rows(np.round(sweep[:, None] + 0.1 * noise)).any()
-    fine = sweep[:, None] + 0.1 * noise
-    assert rail_rows(np.minimum(np.round(fine, 2), 11.9)).any()
-
-
 def test_what_is_stuck_has_no_spikes_at_its_edges() -> None:
     values = RUNS[0].angular_velocity.copy()
     values[500:900] = values[500] + 30.0 * values[:400].std(axis=0)
@@ -105,3 +96,16 @@ def test_a_track_that_cannot_be_is_named_and_left_out(track: str, value: float) 
     clean, found = check_quality([replace(sound, **{track: broken})])
     assert [(f.name, f.rows) for f in found] == [('impossible_statistic', 20)]
     assert np.isnan(getattr(clean[0], track)[10:30]).all()
+
+
+def test_a_pulse_of_the_heater_is_no_spike_of_the_magnetometer() -> None:
+    rng = np.random.default_rng(8)
+    still = run('+z')
+    pulses = np.zeros(len(still))
+    pulses[rng.choice(len(still) - 2, 40, replace=False) + 1] = 1.0
+    struck = pulses[:, None] * [6e-6, 0.0, 0.0]
+    recording = replace(still, magnetic_field=still.magnetic_field + struck)
+    _, blind = check_recording(recording, 'blind')
+    assert [f.name for f in blind] == ['spikes']
+    _, found = check_recording(replace(recording, heater=pulses), 'logged')
+    assert found == []

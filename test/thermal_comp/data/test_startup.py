@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from thermal_comp.data.startup_decay import decay_of
+from thermal_comp.data.startup import decay_of
 
 TIME = np.arange(0.0, 8000.0, 10.0)
 LEVELS = np.array([9.8, -0.2, 0.35, 22.0, -40.0])

@@ -1,14 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A triad that repeats by chance is no stuck sensor; one that stands still is, at once."""
-
-from dataclasses import replace
+"""Rows that are stuck or at a rail, told from chance repeats and from coarse counts."""
 
 import numpy as np
 import pytest
-from thermal_comp.data.defective_rows import STUCK_ROWS, stuck_rows
-from thermal_comp.data.quality import check_recording
-
-from ..campaign import run
+from thermal_comp.data.defective_rows import LEAST_STUCK_ROWS, rail_rows, stuck_rows
 
 PERIOD = 2.0
 
@@ -27,7 +22,7 @@ def test_chance_repeats_of_a_quantised_triad_are_not_stuck(noise: float) -> None
 def test_chance_alone_makes_runs_as_long_as_the_least() -> None:
     values = quantised(0.6, seed=1)
     same = (values[1:] == values[:-1]).all(axis=1)
-    runs = np.lib.stride_tricks.sliding_window_view(same, STUCK_ROWS).all(axis=1)
+    runs = np.lib.stride_tricks.sliding_window_view(same, LEAST_STUCK_ROWS).all(axis=1)
     assert runs.any()
 
 
@@ -59,23 +54,18 @@ def test_a_sensor_of_coarse_counts_that_was_stuck_leaves_by_more_than_one() -> N
 
 def test_the_least_run_is_enough_where_nothing_repeats_by_chance() -> None:
     values = np.random.default_rng(3).normal(size=(20_000, 3))
-    values[700 : 701 + STUCK_ROWS] = values[700]
-    assert stuck_rows(values, PERIOD).sum() == STUCK_ROWS
-
-
-def test_a_pulse_of_the_heater_is_no_spike_of_the_magnetometer() -> None:
-    rng = np.random.default_rng(8)
-    still = run('+z')
-    pulses = np.zeros(len(still))
-    pulses[rng.choice(len(still) - 2, 40, replace=False) + 1] = 1.0
-    struck = pulses[:, None] * [6e-6, 0.0, 0.0]
-    recording = replace(still, magnetic_field=still.magnetic_field + struck)
-    _, blind = check_recording(recording, 'blind')
-    assert [f.name for f in blind] == ['spikes']
-    _, found = check_recording(replace(recording, heater=pulses), 'logged')
-    assert found == []
+    values[700 : 701 + LEAST_STUCK_ROWS] = values[700]
+    assert stuck_rows(values, PERIOD).sum() == LEAST_STUCK_ROWS
 
 
 def test_values_without_noise_are_not_stuck_where_nothing_changes() -> None:
     ramp = np.clip(np.linspace(-1.0, 2.0, 3000), 0.0, 1.0)[:, None] * np.array([1.0, -2.0, 0.5])
     assert not stuck_rows(ramp, PERIOD).any()
+
+
+def test_counts_coarser_than_the_noise_dwell_at_the_ends_of_a_sweep_and_are_no_rail() -> None:
+    sweep = np.concatenate([np.zeros(600), np.linspace(0.0, 12.0, 900), np.full(600, 12.0)])
+    noise = np.random.default_rng(3).normal(size=(len(sweep), 3))
+    assert not rail_rows(np.round(sweep[:, None] + 0.1 * noise)).any()
+    fine = sweep[:, None] + 0.1 * noise
+    assert rail_rows(np.minimum(np.round(fine, 2), 11.9)).any()
