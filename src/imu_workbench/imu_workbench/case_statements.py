@@ -10,7 +10,7 @@ import yaml
 from imu_recording.user_error import UserError
 
 from imu_workbench.report.laboratory import Laboratory, read_laboratory
-from imu_workbench.report.limits import Limits, read_limits
+from imu_workbench.report.limits import CoefficientLimits, read_limits
 
 LABORATORY, LIMITS = 'laboratory.yaml', 'limits.yaml'
 
@@ -32,7 +32,7 @@ def keep_statement(folder: Path, name: str, content: bytes) -> str:
     return kept
 
 
-def statements_of(folder: Path) -> tuple[Laboratory | None, Limits | None]:
+def statements_of(folder: Path) -> tuple[Laboratory | None, CoefficientLimits | None]:
     """Return what the files in a case's folder state, None for a file that is not there."""
     laboratory, limits = folder / LABORATORY, folder / LIMITS
     return (

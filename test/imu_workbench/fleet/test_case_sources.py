@@ -17,7 +17,7 @@ from fsspec.implementations.local import LocalFileSystem
 from imu_workbench.__main__ import main
 from imu_workbench.case import Case, CaseRecording, saved
 from imu_workbench.fleet.engine import Cluster, run_fleet
-from imu_workbench.fleet.estimate import Settings
+from imu_workbench.fleet.estimate import EstimateSettings
 from imu_workbench.fleet.page import _url
 from imu_workbench.fleet.sources import find_devices
 from imu_workbench.fleet.table import FleetTable
@@ -51,13 +51,13 @@ def test_a_case_is_a_device_with_the_recordings_that_are_open(cases: Path) -> No
     assert whole.case == str(cases / 'lot=A' / 'dut1')
     out = cases / 'out'
     here = Cluster(workers=1, processes=False)
-    done = run_fleet(devices, out, Settings(), here, clock=lambda: next(ticks))
+    done = run_fleet(devices, out, EstimateSettings(), here, clock=lambda: next(ticks))
     assert done.estimated == 1
     assert f'its recording {cases / "gone"} is not there' in done.failed['dut9']
     assert 'not a YAML file' in done.failed['torn']
     rows = FleetTable(out).rows("SELECT DISTINCT device FROM results WHERE role = 'fitted'")
     assert rows == [('dut1',)]
-    again = run_fleet(devices, out, Settings(), here, clock=lambda: next(ticks))
+    again = run_fleet(devices, out, EstimateSettings(), here, clock=lambda: next(ticks))
     assert (again.estimated, again.unchanged, len(again.failed)) == (0, 1, 2)
 
 

@@ -18,8 +18,8 @@ from imu_driver.simulation.devices import TYPICAL_SPREAD
 from imu_recording.user_error import UserError
 from imu_workbench.__main__ import main
 from imu_workbench.fleet import engine
-from imu_workbench.fleet.engine import Cluster, Progress, connected, outcomes, run_fleet
-from imu_workbench.fleet.estimate import Settings
+from imu_workbench.fleet.engine import Cluster, FleetProgress, connected, outcomes, run_fleet
+from imu_workbench.fleet.estimate import EstimateSettings
 from imu_workbench.fleet.sources import find_devices
 from imu_workbench.fleet.table import FleetTable
 from imu_workbench.simulate.campaign import Logging
@@ -35,10 +35,10 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def run(sources: list[Path], folder: Path, start: int = 1) -> Progress:
+def run(sources: list[Path], folder: Path, start: int = 1) -> FleetProgress:
     ticks = itertools.count(start * 10**12, 3 * 10**9)
     devices = find_devices([str(source) for source in sources])
-    return run_fleet(devices, folder, Settings(), HERE, clock=lambda: next(ticks))
+    return run_fleet(devices, folder, EstimateSettings(), HERE, clock=lambda: next(ticks))
 
 
 def test_rows_tell_the_slopes_and_a_second_run_does_only_what_changed(
@@ -166,7 +166,7 @@ def test_a_scheduler_without_workers_or_with_others_software_is_refused(
         pass
     address = site(1).address
     with connected(Cluster(address)) as client:
-        (rows,) = outcomes(client, find_devices([f'{bags}/lot=B']), Settings())
+        (rows,) = outcomes(client, find_devices([f'{bags}/lot=B']), EstimateSettings())
         assert {row['device'] for row in rows} == {'B00003'}
     monkeypatch.setattr(engine, '_here', lambda: '9.9')
     with (
@@ -189,7 +189,7 @@ def test_a_cluster_that_grows_is_given_more_devices(
             return submit(*arguments, **options)
 
         monkeypatch.setattr(client, 'submit', counted)
-        rows = outcomes(client, find_devices([str(bags)]), Settings())
+        rows = outcomes(client, find_devices([str(bags)]), EstimateSettings())
         next(rows)
         assert len(submitted) == 1
         here.cluster.adapt(minimum=2, maximum=2, interval='100ms')
@@ -202,7 +202,7 @@ def test_a_cluster_that_grows_is_given_more_devices(
 def test_a_scheduler_that_goes_away_is_said_in_one_line(bags: Path, site) -> None:
     here = site(1)
     with connected(Cluster(here.address)) as client:
-        rows = outcomes(client, find_devices([str(bags)]), Settings())
+        rows = outcomes(client, find_devices([str(bags)]), EstimateSettings())
         next(rows)
         here.cluster.close()
         with pytest.raises(UserError, match='the scheduler has gone'):

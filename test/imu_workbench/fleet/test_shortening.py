@@ -20,16 +20,18 @@ from imu_workbench.fleet.shortening import curve_content, shortening_curve
 from imu_workbench.fleet.statistics.vectors import read_vectors
 from imu_workbench.fleet.study import study
 from imu_workbench.fleet.summary import shortest_first, study_lines
-from imu_workbench.fleet.table import FleetTable, Row, write_rows
-from imu_workbench.report.limits import Limit, Limits
+from imu_workbench.fleet.table import FleetTable, ResultRow, write_rows
+from imu_workbench.report.limits import CoefficientLimit, CoefficientLimits
 
 TEMPERATURES = np.arange(0.0, 41.0)
 LOT_STD, RUNS = 0.3, 3
 
 
-def rows_of(device: int, draw: np.random.Generator, noise: float, seconds: float) -> list[Row]:
+def rows_of(
+    device: int, draw: np.random.Generator, noise: float, seconds: float
+) -> list[ResultRow]:
     """Rows of one gyroscope: runs of lines of one slope, white noise in four parts of each bin."""
-    rows: list[Row] = []
+    rows: list[ResultRow] = []
     run = np.repeat(np.arange(RUNS), len(TEMPERATURES))
     x = np.tile(TEMPERATURES, RUNS)
     for axis in 'xyz':
@@ -159,7 +161,7 @@ def test_the_profile_is_one_a_chamber_runs(tmp_path: Path) -> None:
     assert main(['plan', '--fleet', str(tmp_path), '-o', str(written)]) == 2  # it exists
     assert main(['plan', '--fleet', str(tmp_path / 'none'), '-o', str(tmp_path / 'new')]) == 2
     assert main(['plan']) == 2
-    limits = Limits({'gyroscope': {'slope': Limit(-1e-9, 1e-9, 'rad/s/K')}})
+    limits = CoefficientLimits({'gyroscope': {'slope': CoefficientLimit(-1e-9, 1e-9, 'rad/s/K')}})
     found = study(tmp_path, limits)
     assert found['shortening'] == curve
     assert [one['capable'] for one in found['capability']] == [False] * 3

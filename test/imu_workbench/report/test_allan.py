@@ -18,7 +18,7 @@ from imu_workbench.report.certificate.allan import (
     rows_note,
     without_density,
 )
-from imu_workbench.report.figures.allan import allan_deviation_figure
+from imu_workbench.report.figures.modelled import allan_deviation_figure
 from imu_workbench.report.laboratory import Laboratory
 
 PERIOD = 0.5

@@ -20,7 +20,7 @@ from imu_workbench.report.content import report_content
 from imu_workbench.report.html.certificate import budget_tables
 from imu_workbench.report.html.document import report_page
 from imu_workbench.report.laboratory import Laboratory, read_laboratory
-from imu_workbench.report.limits import Limit, Limits
+from imu_workbench.report.limits import CoefficientLimit, CoefficientLimits
 from thermal_comp.effects.bias_temperature import BiasTemperature
 from thermal_comp.effects.scale_factor_temperature import ScaleFactorTemperature
 from thermal_comp.effects.thermal_lag import ThermalLag
@@ -47,7 +47,7 @@ def content_of(analysis, **options):
 
 @pytest.fixture(scope='module')
 def content(analysis):
-    limits = Limits({'gyroscope': {'slope': Limit(-3e-5, 3e-5, 'rad/s/K')}})
+    limits = CoefficientLimits({'gyroscope': {'slope': CoefficientLimit(-3e-5, 3e-5, 'rad/s/K')}})
     return content_of(analysis, laboratory=read_laboratory(EXAMPLE), limits=limits)
 
 
@@ -96,8 +96,10 @@ def test_limits_are_decided_with_the_uncertainty(certificate, content) -> None:
 
 def test_the_width_that_decided_stands_beside_the_decision(analysis) -> None:
     units = {'gyroscope': 'rad/s/K', 'accelerometer': 'm/s²/K', 'magnetometer': 'T/K'}
-    bounds = {sensor: {'slope': Limit(-1.0, 1.0, unit)} for sensor, unit in units.items()}
-    guarded = content_of(analysis, limits=Limits(bounds))
+    bounds = {
+        sensor: {'slope': CoefficientLimit(-1.0, 1.0, unit)} for sensor, unit in units.items()
+    }
+    guarded = content_of(analysis, limits=CoefficientLimits(bounds))
     found, page = guarded['certificates']['dut1'], report_page(guarded)
     decided = list(zip(found['decisions'], coefficients(found, 'slope'), strict=True))
     for decision, slope in decided:
@@ -107,7 +109,7 @@ def test_the_width_that_decided_stands_beside_the_decision(analysis) -> None:
         assert f'{decision["axis"]}: kept, w {shown(width * factor)}' in page
     assert any(d['deciding'] > 1.01 * slope['expanded'] for d, slope in decided)
     assert 'w is U, or k₉₅ · u where k₉₅ is above 2' in found['rule']
-    simple = content_of(analysis, limits=Limits(bounds, 'simple'))
+    simple = content_of(analysis, limits=CoefficientLimits(bounds, 'simple'))
     assert simple['certificates']['dut1']['decisions'][0]['deciding'] is None
 
 
@@ -151,11 +153,11 @@ def test_the_conclusion_says_why_a_form_is_approximate(analysis, ratio, reason) 
 
 
 def test_a_limit_without_a_result_is_named_and_a_wrong_unit_refused(analysis) -> None:
-    absent = Limits({'magnetometer': {'bias': Limit(-1.0, 1.0, 'T')}})
+    absent = CoefficientLimits({'magnetometer': {'bias': CoefficientLimit(-1.0, 1.0, 'T')}})
     found = content_of(analysis, limits=absent)
     assert found['certificates']['dut1']['without_result'] == ['bias of the magnetometer']
     assert 'Limits without a result here: bias of the magnetometer' in report_page(found)
-    wrong = Limits({'gyroscope': {'slope': Limit(-1.0, 1.0, 'rad/s')}})
+    wrong = CoefficientLimits({'gyroscope': {'slope': CoefficientLimit(-1.0, 1.0, 'rad/s')}})
     with pytest.raises(
         UserError, match=r'gyroscope\.slope is in rad/s, its coefficient in rad/s/K'
     ):
@@ -168,7 +170,9 @@ def test_several_coefficients_of_an_effect_go_by_their_symbols_and_are_limited_t
     recordings = [run('dut1', up, seed=i, cycles=3) for i, up in enumerate('xyz')]
     model = fit([BiasTemperature(), ScaleFactorTemperature()], recordings)
     analysis = analyse_recordings(recordings, {'dut1': model}, attitudes=False, diagnosis=False)
-    limits = Limits({'accelerometer': {'scale_factor_temperature': Limit(-1.0, 1.0, '1/K')}})
+    limits = CoefficientLimits(
+        {'accelerometer': {'scale_factor_temperature': CoefficientLimit(-1.0, 1.0, '1/K')}}
+    )
     content = content_of(analysis, limits=limits)
     found, page = content['certificates']['dut1'], report_page(content)
     counted = [f'scale_factor_temperature, s_{axis}' for axis in 'xyz']

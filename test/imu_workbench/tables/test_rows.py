@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 from imu_workbench.tables.channels import flips, units
-from imu_workbench.tables.rows import Row, TableError, norms, read_table
+from imu_workbench.tables.rows import StatisticsRow, TableError, norms, read_table
 
-UP = Row('A', 'accelerometer', 'm/s^2', 'z', 'R1', 9.7, 9.9, 9.81, 0.03)
+UP = StatisticsRow('A', 'accelerometer', 'm/s^2', 'z', 'R1', 9.7, 9.9, 9.81, 0.03)
 
 
-def device(segment: str, up: str = 'z', gravity: float = 9.81) -> list[Row]:
+def device(segment: str, up: str = 'z', gravity: float = 9.81) -> list[StatisticsRow]:
     return [
         replace(UP, axis=axis, segment=segment, mean=mean, low=mean - 0.1, high=mean + 0.1)
         for axis in 'xyz'

@@ -11,7 +11,7 @@ import pytest
 from imu_workbench.web.case.stored_bag import StoredBag
 from imu_workbench.web.case.tasks import (
     Change,
-    Progress,
+    ProgressListener,
     change_task,
     diagnose_task,
     held_out_task,
@@ -33,7 +33,7 @@ class Fitted:
     prepared: Path
     line: Version
     lag: Version
-    progress: Progress
+    progress: ProgressListener
     told: list[str]
     hashes: dict[str, str]
 

@@ -24,7 +24,7 @@ from imu_workbench.simulate.campaign import ORIENTATIONS, Logging, simulate_camp
 from imu_workbench.simulate.fleet import FleetPlan, write_fleet
 from imu_workbench.simulate.hidden_effect import (
     TRUTH_FILE,
-    HiddenEffect,
+    EffectToHide,
     hidden_campaign,
     write_truth,
 )
@@ -187,7 +187,7 @@ def _hidden(options: argparse.Namespace, logging: Logging) -> Answer:
     return Answer(answer.content, f'{answer.text}\n{hint}')
 
 
-def _hidden_effects(options: argparse.Namespace) -> list[HiddenEffect]:
+def _hidden_effects(options: argparse.Namespace) -> list[EffectToHide]:
     """Return what to hide where, as large as told for each or for all."""
     names = (options.hide or NOTHING).split(',')
     for name in names:
@@ -199,7 +199,7 @@ def _hidden_effects(options: argparse.Namespace) -> list[HiddenEffect]:
         if sensor not in ('', *SENSORS):
             raise UserError(f'--sensor {sensor}: choose from {", ".join(SENSORS)}')
     return [
-        HiddenEffect(name, magnitude, sensor or None)
+        EffectToHide(name, magnitude, sensor or None)
         for name, magnitude, sensor in zip(names, magnitudes, sensors, strict=True)
     ]
 

@@ -12,15 +12,16 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from imu_recording.user_error import UserError
 
-from imu_workbench.fleet.estimate import Settings, estimate_device, failed_row, version
+from imu_workbench.fleet.estimate import EstimateSettings, estimate_device, failed_row, version
 from imu_workbench.fleet.sources import DeviceSource
-from imu_workbench.fleet.table import Row, compact, finished, in_several_places, write_rows
+from imu_workbench.fleet.table import ResultRow, compact, finished, in_several_places, write_rows
 
 TASKS_PER_WORKER = 4
 """Devices a worker has waiting: enough to be never idle, few enough for a small scheduler."""
@@ -47,7 +48,7 @@ class Cluster:
 
 
 @dataclass
-class Progress:
+class FleetProgress:
     """What a run has done."""
 
     devices: int = 0
@@ -61,12 +62,12 @@ class Progress:
 def run_fleet(
     sources: Sequence[DeviceSource],
     folder: Path,
-    settings: Settings,
+    settings: EstimateSettings,
     cluster: Cluster,
     *,
     clock: Callable[[], int],
     report: Callable[[str], None] = lambda _: None,
-) -> Progress:
+) -> FleetProgress:
     """Estimate every device that is new or has changed; return what was done.
 
     `clock` gives nanoseconds that increase; `report` takes a line of progress. Raises UserError
@@ -81,7 +82,7 @@ def run_fleet(
         and known.get(source.key)
         != (source.fingerprint, settings.hash, version(), source.lot, source.type)
     ]
-    progress = Progress(len(sources), len(sources) - len(refused) - len(todo))
+    progress = FleetProgress(len(sources), len(sources) - len(refused) - len(todo))
     rows = [
         failed_row(source, settings, refused[source.key], again=True)
         for source in sources
@@ -120,13 +121,13 @@ def _several(device: str, folders: int) -> str:
 def _settle_doubles(
     folder: Path,
     sources: Sequence[DeviceSource],
-    settings: Settings,
-    progress: Progress,
+    settings: EstimateSettings,
+    progress: FleetProgress,
     clock: Callable[[], int],
 ) -> None:
     """Leave each device in one place: results of where it was before go, twins are refused."""
     given = {source.key: source for source in sources}
-    rows: list[Row] = []
+    rows: list[ResultRow] = []
     for device, places in in_several_places(folder):
         here = [given[key] for key, _ in places if key in given]
         rows += [
@@ -150,12 +151,12 @@ def _run(
     client: Any,
     todo: Sequence[DeviceSource],
     folder: Path,
-    settings: Settings,
-    progress: Progress,
+    settings: EstimateSettings,
+    progress: FleetProgress,
     clock: Callable[[], int],
     report: Callable[[str], None],
 ) -> None:
-    waiting: list[Row] = []
+    waiting: list[ResultRow] = []
     flushed = clock()
     try:
         for rows in outcomes(client, todo, settings):
@@ -174,22 +175,16 @@ def _run(
             write_rows(folder, waiting, clock())
 
 
-def outcomes(client: Any, todo: Sequence[DeviceSource], settings: Settings) -> Iterator[list[Row]]:
+def outcomes(
+    client: Any, todo: Sequence[DeviceSource], settings: EstimateSettings
+) -> Iterator[list[ResultRow]]:
     """Yield the rows of each device as they come: a task a device, a few ahead of the workers."""
     from distributed import as_completed
 
     left = iter(todo)
     running: dict[str, DeviceSource] = {}
     coming = as_completed()
-
-    def fill() -> None:
-        """Submit devices for as many workers as there are now: a cluster may grow and shrink."""
-        ahead = TASKS_PER_WORKER * max(1, sum(client.nthreads().values()))
-        for source in islice(left, max(0, ahead - len(running))):
-            future = client.submit(estimate_device, source, settings, pure=False, retries=1)
-            running[future.key] = source
-            coming.add(future)
-
+    fill = partial(_submit_ahead, client, settings, left, running, coming)
     fill()
     for future in coming:
         source = running.pop(future.key)
@@ -206,6 +201,21 @@ def outcomes(client: Any, todo: Sequence[DeviceSource], settings: Settings) -> I
             fill()
         except OSError:
             raise UserError(GONE) from None
+
+
+def _submit_ahead(
+    client: Any,
+    settings: EstimateSettings,
+    left: Iterator[DeviceSource],
+    running: dict[str, DeviceSource],
+    coming: Any,
+) -> None:
+    """Submit devices for as many workers as there are now: a cluster may grow and shrink."""
+    ahead = TASKS_PER_WORKER * max(1, sum(client.nthreads().values()))
+    for source in islice(left, max(0, ahead - len(running))):
+        future = client.submit(estimate_device, source, settings, pure=False, retries=1)
+        running[future.key] = source
+        coming.add(future)
 
 
 def checked_memory(text: str) -> str:

@@ -31,7 +31,7 @@ from thermal_comp.model.values import SensorModel, ThermalModel
 from imu_recording import ImuRecording, read_bag
 from imu_workbench.fleet.candidates import candidate_gains
 from imu_workbench.fleet.sources import DeviceSource, reason
-from imu_workbench.fleet.table import SCHEMA, Row
+from imu_workbench.fleet.table import SCHEMA, ResultRow
 
 AXES = ('x', 'y', 'z')
 BIN_K = 1.0
@@ -43,7 +43,7 @@ LINE = BiasTemperature()
 
 
 @dataclass(frozen=True)
-class Settings:
+class EstimateSettings:
     """What the rows of a device depend on beside its bags."""
 
     diagnose: bool = False
@@ -62,7 +62,7 @@ def version() -> str:
     return package_version()
 
 
-def estimate_device(source: DeviceSource, settings: Settings) -> list[Row]:
+def estimate_device(source: DeviceSource, settings: EstimateSettings) -> list[ResultRow]:
     """Return the rows of one device; one row with the reason where it cannot be estimated."""
     try:
         recordings = [admitted(one) for one in _recordings(source)]
@@ -77,15 +77,17 @@ def estimate_device(source: DeviceSource, settings: Settings) -> list[Row]:
 
 
 def failed_row(
-    source: DeviceSource, settings: Settings, reason: str, *, again: bool = False
-) -> Row:
+    source: DeviceSource, settings: EstimateSettings, reason: str, *, again: bool = False
+) -> ResultRow:
     """Return the row of a device that has no estimate; `again`: the next run tries once more."""
     device = source.device or Path(source.key.split('#')[0]).name
     row = {'role': 'failed', 'reason': reason, **_identity(source, settings, device, '')}
     return {**row, 'fingerprint': ''} if again else row
 
 
-def _identity(source: DeviceSource, settings: Settings, device: str, input_hash: str) -> Row:
+def _identity(
+    source: DeviceSource, settings: EstimateSettings, device: str, input_hash: str
+) -> ResultRow:
     return {
         'lot': source.lot,
         'type': source.type,
@@ -123,7 +125,7 @@ def _local(url: str) -> Iterator[Path]:
         yield target
 
 
-def _estimated(recordings: Sequence[ImuRecording], settings: Settings) -> list[Row]:
+def _estimated(recordings: Sequence[ImuRecording], settings: EstimateSettings) -> list[ResultRow]:
     named = {recording.device for recording in recordings if recording.device}
     if len(named) > 1:
         raise RecordingError(f'several devices in one: {", ".join(sorted(named))}')
@@ -132,7 +134,7 @@ def _estimated(recordings: Sequence[ImuRecording], settings: Settings) -> list[R
     comparison = compare_prepared(model, runs)
     noise = {s: part.noise for s in SENSORS if (part := model.sensors.get(s)) and part.noise}
     alone = [fit_prepared([LINE], [run], noise=noise) for run in runs]
-    rows: list[Row] = []
+    rows: list[ResultRow] = []
     for sensor in (sensor for sensor in SENSORS if sensor in model.sensors):
         part = model.sensors[sensor]
         fitted = _fitted_rows(sensor, part, runs, alone, comparison)
@@ -149,7 +151,7 @@ def _fitted_rows(
     runs: Sequence[PreparedRun],
     alone: Sequence[ThermalModel],
     comparison: Comparison,
-) -> list[Row]:
+) -> list[ResultRow]:
     """Return a row per axis: slope, its deviation, that of each run, means by temperature."""
     compared = comparison.sensors[sensor]
     slopes = part.coefficients[0]
@@ -209,7 +211,9 @@ def block_means(
     return {name: np.array(values) for name, values in found.items()}
 
 
-def _candidate_rows(sensor: Sensor, part: SensorModel, runs: Sequence[PreparedRun]) -> list[Row]:
+def _candidate_rows(
+    sensor: Sensor, part: SensorModel, runs: Sequence[PreparedRun]
+) -> list[ResultRow]:
     """Return a row per effect and axis: what each of its forms would take up."""
     assert part.noise is not None  # noqa: S101 (a fitted model has it)
     return [
@@ -219,7 +223,7 @@ def _candidate_rows(sensor: Sensor, part: SensorModel, runs: Sequence[PreparedRu
             'effect': found.effect,
             'role': 'candidate',
             'forms': list(found.forms),
-            'gain': found.gain[:, a].tolist(),
+            'gain': found.delta_chi2[:, a].tolist(),
             'degrees': found.degrees,
             'shapes': list(found.shapes) or None,
             'coefficients': _of_axis(found.coefficients, a),
@@ -234,7 +238,7 @@ def _of_axis(values: FloatArray | None, axis: int) -> list[float] | None:
     return None if values is None else [float(value) for value in values[:, axis]]
 
 
-def _diagnosed_rows(recordings: Sequence[ImuRecording], model: ThermalModel) -> list[Row]:
+def _diagnosed_rows(recordings: Sequence[ImuRecording], model: ThermalModel) -> list[ResultRow]:
     found = diagnose(recordings, model)
     return [
         {

@@ -22,7 +22,7 @@ from imu_workbench.fleet.figures import (
     worst_devices,
 )
 from imu_workbench.fleet.sources import NO_TYPE
-from imu_workbench.fleet.statistics.capability import CAPABLE
+from imu_workbench.fleet.statistics.process_control import CAPABLE
 from imu_workbench.fleet.statistics.vectors import SENSORS, Vectors, read_vectors
 from imu_workbench.fleet.summary import campaign_text, curve_lines, lot_name
 from imu_workbench.fleet.table import FleetTable

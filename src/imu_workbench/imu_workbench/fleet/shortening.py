@@ -45,7 +45,7 @@ NOT_MEASURED = 1e12
 
 
 @dataclass(frozen=True)
-class Run:
+class ShortRun:
     """What one run of a short campaign holds."""
 
     targets: tuple[float, ...]
@@ -86,7 +86,7 @@ class Curve:
     """Points of all sensors, and the runs they are made of."""
 
     points: tuple[Point, ...]
-    runs: Mapping[tuple[int, float], Run]
+    runs: Mapping[tuple[int, float], ShortRun]
     """By number of temperatures and share."""
     full_hours: float
     """What the full campaign took that they are compared with, in the median [h]."""
@@ -181,7 +181,7 @@ def shortening_curve(
     Devices whose lot tells nothing are left out.
     """
     points: list[Point] = []
-    runs: dict[tuple[int, float], Run] = {}
+    runs: dict[tuple[int, float], ShortRun] = {}
     hours: list[float] = []
     count = 0
     for vectors in sensors:
@@ -248,7 +248,7 @@ def _stacked(rows: Sequence[tuple[Any, ...]], share: float, poses: int) -> _Bins
     return _Bins(whole[..., 0], whole[..., 1], whole[..., 2:5], whole[..., 5:8])
 
 
-def _runs(of_share: Mapping[float, _Bins]) -> Iterator[tuple[tuple[int, float], Run]]:
+def _runs(of_share: Mapping[float, _Bins]) -> Iterator[tuple[tuple[int, float], ShortRun]]:
     """Yield the runs that are studied; dwells as short as a profile's need not be shorter."""
     whole = of_share[1.0].temperature
     low = float(np.median(np.nanmin(whole, axis=(1, 2))))
@@ -262,7 +262,7 @@ def _runs(of_share: Mapping[float, _Bins]) -> Iterator[tuple[tuple[int, float], 
             dwells = tuple(least_dwell(value) for value in seconds)
             hours = run_hours(targets, dwells)
             if hours < before:
-                yield (k, share), Run(targets, dwells, share, hours)
+                yield (k, share), ShortRun(targets, dwells, share, hours)
             before = hours
 
 
@@ -270,7 +270,7 @@ def _sensor_points(
     sensor: str,
     prior: _Prior,
     of_share: Mapping[float, _Bins],
-    runs: Mapping[tuple[int, float], Run],
+    runs: Mapping[tuple[int, float], ShortRun],
 ) -> list[Point]:
     whole = of_share[1.0]
     full, judged, poses = whole.measured(), whole.judged(), whole.mean.shape[1]

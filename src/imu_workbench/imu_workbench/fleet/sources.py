@@ -15,6 +15,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -263,10 +264,7 @@ def _search_in(files: Any, root: str) -> _Found:
     names = _device_names(
         files, [f'{b}/{METADATA}' for b in stored if f'{b}/{METADATA}' in listed]
     )
-
-    def url(path: str) -> str:
-        return str(files.unstrip_protocol(path)).removeprefix('file://')
-
+    url = partial(_url_of, files)
     bags = tuple(
         _Bag(
             url=url(bag),
@@ -280,6 +278,11 @@ def _search_in(files: Any, root: str) -> _Found:
     cases = {url(path.rpartition('/')[0]): text for path, text in texts.items()}
     closed = [p for p in (*paths, *folders) if 'file' in files.protocol and not _readable(p)]
     return _Found(bags, cases, tuple(dict.fromkeys(closed)))
+
+
+def _url_of(files: Any, path: str) -> str:
+    """Return the URL of a path in a file system; of this machine's, the path alone."""
+    return str(files.unstrip_protocol(path)).removeprefix('file://')
 
 
 def _readable(path: str) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 
 from imu_workbench.fleet.display import displayed
 from imu_workbench.fleet.sources import NO_TYPE
-from imu_workbench.fleet.statistics.capability import CAPABLE
+from imu_workbench.fleet.statistics.process_control import CAPABLE
 
 SHOWN = 20
 """Odd or failed devices, and slopes beyond limits, that are listed; all stand in the JSON."""

@@ -31,7 +31,7 @@ from thermal_comp.model.values import ModelError, ThermalModel
 from imu_recording import ImuRecording
 from imu_workbench.answer import show_progress
 from imu_workbench.parallel import Task, run_tasks
-from imu_workbench.report.attitude import Attitude, AttitudeTask, after_startup, is_slow
+from imu_workbench.report.attitude import AttitudeTask, FilterAttitude, after_startup, is_slow
 from imu_workbench.report.modelled import RunErrors, errors_of_run
 from imu_workbench.report.slopes import block_slopes
 
@@ -51,7 +51,7 @@ class RunAnalysis:
     hash: str
     errors: RunErrors | None
     """Under the device's model; None where there is none."""
-    attitudes: tuple[Attitude, ...]
+    attitudes: tuple[FilterAttitude, ...]
     interpolated: bool
     """Whether the filters saw interpolated samples."""
 
@@ -270,7 +270,7 @@ def analyse_run(
     recording: ImuRecording,
     model: ThermalModel | None,
     prepared: PreparedRun | None,
-    attitudes: tuple[Attitude, ...],
+    attitudes: tuple[FilterAttitude, ...],
 ) -> RunAnalysis:
     """Return what follows from one recording under a model."""
     return RunAnalysis(

@@ -33,7 +33,7 @@ START_S = 60.0
 """The start attitude is the mean over this long [s]."""
 EULER = ('yaw', 'pitch', 'roll')
 COLUMNS = (*EULER, 'rotation', 'heading', 'inclination')
-"""Columns of `Attitude.angles`: ZYX Euler angles (the paper's α, β, γ), then what never wraps."""
+"""Of `angles_from_start`: ZYX Euler angles (the paper's α, β, γ), then angles that never wrap."""
 CHUNK_ROWS = 50_000
 """Rows whose angles are computed at a time: they stay in the cache."""
 RAW, HALF, FULL = 'raw', 'magnetometer compensated', 'compensated'
@@ -45,7 +45,7 @@ BRIEF_STRIDE = 10
 
 
 @dataclass(frozen=True, eq=False)
-class Attitude:
+class FilterAttitude:
     """What a filter's estimate does relative to the start: angles in degrees."""
 
     filter: str
@@ -69,7 +69,7 @@ def estimate_attitudes(
     filters: Sequence[str] = tuple(FILTERS),
     every: int = 1,
     points: int = 1000,
-) -> Iterator[Attitude]:
+) -> Iterator[FilterAttitude]:
     """Run each filter, as the paper has it, over every variant of a recording.
 
     Angles are taken of every `every`-th row; lines have about `points` points.
@@ -90,7 +90,7 @@ def estimate_attitudes(
             if drawn:
                 hours, lines = angle_lines(seconds[::stride] / 3600.0, angles, points)
             cycles = cycle[::stride] if drawn and cycle is not None else None
-            yield Attitude(
+            yield FilterAttitude(
                 filter=name,
                 data=data,
                 statistics=angle_statistics(angles, cycles),
@@ -215,7 +215,7 @@ class AttitudeTask:
         )
         return rows * 1e-6
 
-    def run(self) -> tuple[Attitude, ...]:
+    def run(self) -> tuple[FilterAttitude, ...]:
         """Return the attitudes; none without a model."""
         first = startup_rows(self.recording)[0]
         if self.model is None or len(self.recording) - first < 2:

@@ -36,7 +36,7 @@ NOTHING_HIDDEN = Truth(None, 'nothing', law=NOTHING)
 
 
 @dataclass(frozen=True)
-class Campaign:
+class SimulatedCampaign:
     """Recordings of one device in several orientations, and what is hidden in them."""
 
     recordings: list[ImuRecording]
@@ -47,7 +47,7 @@ class Campaign:
 
 
 @dataclass(frozen=True)
-class HiddenEffect:
+class EffectToHide:
     """Name, size and sensor of what is hidden."""
 
     name: str
@@ -61,13 +61,13 @@ def hidden_campaign(
     profile: str | Profile,
     device: str | DeviceParameters,
     logging: Logging,
-    hidden_effects: Sequence[HiddenEffect],
+    hidden_effects: Sequence[EffectToHide],
     *,
     seed: int,
     orientations: Sequence[str] = ORIENTATIONS,
     aged: bool = False,
     own: Mapping[str, Simulated] = MappingProxyType({}),
-) -> Campaign:
+) -> SimulatedCampaign:
     """Return a campaign with hidden effects, or the same device's a year later.
 
     `own` are effects to hide beside those the simulator has.
@@ -96,12 +96,12 @@ def hidden_campaign(
 def record_hidden(
     runs: Sequence[DeviceRun],
     logging: Logging,
-    hidden_effects: Sequence[HiddenEffect],
+    hidden_effects: Sequence[EffectToHide],
     *,
     seed: int,
     measured_on: Sequence[DeviceRun] | None = None,
     own: Mapping[str, Simulated] = MappingProxyType({}),
-) -> Campaign:
+) -> SimulatedCampaign:
     """Hide the effects in prepared runs, on top of each other, and read them out.
 
     Magnitudes are those in `measured_on` where given: runs of the device before it aged.
@@ -133,11 +133,11 @@ def record_hidden(
     for hidden in done:
         recordings = hidden.finish(recordings)
     truths = tuple(hidden.truth for hidden in done if hidden.truth.kind != 'nothing')
-    return Campaign(recordings, truths or (NOTHING_HIDDEN,))
+    return SimulatedCampaign(recordings, truths or (NOTHING_HIDDEN,))
 
 
 def practice_campaign(
-    hidden_effects: Sequence[HiddenEffect],
+    hidden_effects: Sequence[EffectToHide],
     *,
     seed: int,
     mean_s: float = 5.0,
@@ -168,7 +168,7 @@ def scale_bias_instability(device: DeviceParameters, factor: float) -> DevicePar
     return replace(device, **changed)
 
 
-def write_truth(path: Path, campaign: Campaign, **context: Any) -> None:
+def write_truth(path: Path, campaign: SimulatedCampaign, **context: Any) -> None:
     """Write the truth beside the bags: what is hidden first at the top, the rest below it."""
     first, *others = [asdict(truth) for truth in campaign.truths]
     content = {'schema': 1, **first, **context}

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from imu_workbench.tables.rows import TO_SI, Row, TableFinding, distinct, norms
+from imu_workbench.tables.rows import TO_SI, StatisticsRow, TableFinding, distinct, norms
 
 STARTUP_AGREEMENT = 0.02
 """Channels of one device share a start-up if their ratios agree to this."""
@@ -20,7 +20,7 @@ EARTH_FIELD = (20e-6, 70e-6)
 FIELD_JUMP = 1.3
 
 
-def startups(rows: Sequence[Row]) -> list[TableFinding]:
+def startups(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
     """All large channels of a device reach down to the same share of their mean."""
     found = []
     for dut in dict.fromkeys(r.dut for r in rows):
@@ -62,7 +62,7 @@ def startups(rows: Sequence[Row]) -> list[TableFinding]:
     return found
 
 
-def flips(rows: Sequence[Row]) -> list[TableFinding]:
+def flips(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
     """Gravity is on another axis, or the other way up, than in most segments of the device."""
     found = []
     for dut in dict.fromkeys(r.dut for r in rows):
@@ -91,7 +91,7 @@ def flips(rows: Sequence[Row]) -> list[TableFinding]:
     return found
 
 
-def units(rows: Sequence[Row]) -> list[TableFinding]:
+def units(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
     """Say where a stated unit, or any unit, cannot be true of gravity and of the Earth's field."""
     found = []
     for quantity, (low, high), slack in (
@@ -111,7 +111,7 @@ def units(rows: Sequence[Row]) -> list[TableFinding]:
     return found
 
 
-def field_jumps(rows: Sequence[Row]) -> list[TableFinding]:
+def field_jumps(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
     """The norm of the mean field changes between segments while gravity stays."""
     found = []
     fields, forces = norms(rows, 'magnetometer'), norms(rows, 'accelerometer')
@@ -140,7 +140,7 @@ def field_jumps(rows: Sequence[Row]) -> list[TableFinding]:
     return found
 
 
-def _common_share(rows: Sequence[Row]) -> tuple[list[Row], float]:
+def _common_share(rows: Sequence[StatisticsRow]) -> tuple[list[StatisticsRow], float]:
     """Return the rows whose extreme on the side of zero is the same share of their mean."""
     if not rows:
         return [], 1.0
@@ -152,7 +152,7 @@ def _common_share(rows: Sequence[Row]) -> tuple[list[Row], float]:
     return [r for r, ok in zip(rows, near, strict=True) if ok], common
 
 
-def _gravity_axes(rows: Sequence[Row], dut: str) -> list[Row]:
+def _gravity_axes(rows: Sequence[StatisticsRow], dut: str) -> list[StatisticsRow]:
     """Return the row of each segment whose axis carries most of gravity."""
     heavy = []
     for segment in dict.fromkeys(r.segment for r in rows if r.dut == dut):

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import hmac
 import ipaddress
+from functools import partial
 from typing import Any
 from urllib.parse import parse_qs
 
@@ -130,14 +131,14 @@ def token_in(header: str) -> str:
 
 def with_cookie(send: Any, token: str) -> Any:
     """Return `send` that also hands out the cookie."""
+    return partial(_send_with_cookie, send, token)
 
-    async def sending(message: Any) -> None:
-        if message['type'] == 'http.response.start':
-            value = f'{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/'.encode()
-            message = {**message, 'headers': [*message['headers'], (b'set-cookie', value)]}
-        await send(message)
 
-    return sending
+async def _send_with_cookie(send: Any, token: str, message: Any) -> None:
+    if message['type'] == 'http.response.start':
+        value = f'{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/'.encode()
+        message = {**message, 'headers': [*message['headers'], (b'set-cookie', value)]}
+    await send(message)
 
 
 async def refuse(scope: Any, send: Any, body: bytes) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from imu_workbench.simulate.hidden_effect import find_truth
-from imu_workbench.web.case.candidates import Candidate, odds_text, why_not
+from imu_workbench.web.case.candidates import EffectCandidate, odds_text, why_not
 from imu_workbench.web.case.rail import errors_html, little_text, probability_text
 from imu_workbench.web.case.top_strip import smallest_found_html
 from imu_workbench.web.case.verdict import (
@@ -25,8 +25,8 @@ LAG = 'thermal_lag'
 KNOWN = [LAG, 'thermal_gradient']
 
 
-def candidates(found: dict[str, Any], sensor: str) -> list[Candidate]:
-    return [Candidate(**row) for row in found['candidates'][sensor]]
+def candidates(found: dict[str, Any], sensor: str) -> list[EffectCandidate]:
+    return [EffectCandidate(**row) for row in found['candidates'][sensor]]
 
 
 def changed(found: dict[str, Any], **changes: Any) -> dict[str, Any]:
@@ -154,7 +154,7 @@ def test_a_candidate_shows_its_errors_with_their_unit(fitted, found):
 
 def test_odds_are_said_as_people_say_them():
     pairs = (0.9, 9.3), (0.001, 0.0), (0.15, -50.0)
-    one, unlikely, rival = (Candidate('a', 'gyroscope', p, odds, None) for p, odds in pairs)
+    one, unlikely, rival = (EffectCandidate('a', 'gyroscope', p, odds, None) for p, odds in pairs)
     assert odds_text(one, unlikely) == '10\N{NARROW NO-BREAK SPACE}000 times less probable'
     assert odds_text(one, rival) == '6 times less probable'  # as its 15 % beside 90 % say
     assert odds_text(rival, rival) == ''

@@ -13,9 +13,9 @@ from imu_workbench.report.figures.palette import COLOURS, painted
 from imu_workbench.web.live import figures
 from imu_workbench.web.live import tables as text
 from imu_workbench.web.live.attitude_drawing import HEIGHT_PX, WIDTH_PX, board_svg, projected
-from imu_workbench.web.live.readings import Attitude
-from imu_workbench.web.live.state import LiveState, Status
-from imu_workbench.web.live.track import SECOND
+from imu_workbench.web.live.readings import LiveAttitude
+from imu_workbench.web.live.state import LiveState, NodeStatus
+from imu_workbench.web.live.topic_history import SECOND
 from orientation_filters.rotation.arrays import euler_zyx, from_rotation_vector
 
 START = 1_800_000_000 * SECOND
@@ -102,7 +102,7 @@ def test_the_table_says_what_the_second_was(state: LiveState) -> None:
 
 
 def test_what_nodes_say_is_text_not_markup() -> None:
-    status = Status('<b>x</b>', 1, '<script>', {'<i>': '<u>'}, 0.0)
+    status = NodeStatus('<b>x</b>', 1, '<script>', {'<i>': '<u>'}, 0.0)
     assert '<i>' not in text.details(status)
     assert text.headline(status, 1.0) == ('warning', '<b>x</b>: <script>')
     assert text.headline(status, 60.0)[0] == 'stale'
@@ -128,7 +128,7 @@ def test_the_drawing_shows_which_way_is_up_east_and_away() -> None:
 @pytest.mark.parametrize('seed', range(8))
 def test_the_board_stays_within_the_drawing_in_any_attitude(seed: int) -> None:
     turn = from_rotation_vector(np.random.default_rng(seed).normal(0.0, 2.0, 3))
-    drawing = board_svg('AHRS', Attitude(turn, euler_zyx(turn)), '@d1', 'dark')
+    drawing = board_svg('AHRS', LiveAttitude(turn, euler_zyx(turn)), '@d1', 'dark')
     corners = ' '.join(re.findall(r'points="([^"]+)"', drawing)).replace(',', ' ').split()
     across = [float(x) for x in corners[::2] + re.findall(r' x\d?="([^"]+)"', drawing)]
     down = [float(y) for y in corners[1::2] + re.findall(r' y\d?="([^"]+)"', drawing)]

@@ -10,9 +10,9 @@ from imu_recording.bags.decoding.cdr import encode_messages
 from imu_recording.logging_contract import IMU, MAGNETIC_FIELD, TEMPERATURE
 from imu_recording.ros.message_cdr import serialise
 from imu_workbench.web.live import readings as view
-from imu_workbench.web.live.state import LiveState, Status
+from imu_workbench.web.live.state import LiveState, NodeStatus
 from imu_workbench.web.live.tables import verdict
-from imu_workbench.web.live.track import SECOND, decoded
+from imu_workbench.web.live.topic_history import SECOND, decoded
 from orientation_filters.rotation.arrays import from_rotation_vector
 from sensor_msgs.msg import Imu
 from std_msgs.msg import String
@@ -296,5 +296,5 @@ def test_phase_and_time_left(clock: Clock) -> None:
     assert state.phase == 'ramp_up 2'
     assert np.isnan(view.chamber_times(state.statuses)).all()
     values = {'mode': 'RUN', 'phase_left [s]': '90', 'run_left [s]': '5400'}
-    state.put_status(Status('chamber_profile', 0, 'RUN', values, clock()))
+    state.put_status(NodeStatus('chamber_profile', 0, 'RUN', values, clock()))
     assert view.chamber_times(state.statuses) == (90.0, 5400.0)

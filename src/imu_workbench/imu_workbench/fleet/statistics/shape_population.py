@@ -120,14 +120,14 @@ def fit_shapes(evidence: ShapeEvidence, share: float = 0.5) -> ShapeFit:
     fine = evidence.refined()
     scale = np.median(np.abs(fine.coefficients), axis=(0, 1)) + np.median(fine.std, axis=(0, 1))
     c, v, x = fine.coefficients / scale, (fine.std / scale) ** 2, fine.log_shape
-    gain = 0.5 * (c**2 / v).sum(axis=2)
+    half_chi2 = 0.5 * (c**2 / v).sum(axis=2)
     least = (x[1] - x[0]) ** 2  # no scatter of ln θ below the step of the grid
-    start = int(np.argmax(np.logaddexp(0.0, gain - 3.0).sum(axis=0)))
+    start = int(np.argmax(np.logaddexp(0.0, half_chi2 - 3.0).sum(axis=0)))
     mean = np.append(c[:, start].mean(axis=0), x[start])
     spread = np.maximum(c[:, start].var(axis=0) - np.median(v[:, start], axis=0), 0.1)
     covariance = np.diag(np.append(spread, 0.25))
     for _ in range(ITERATIONS):
-        moved, covariance, share, score = _step(c, v, x, gain, mean, covariance, share, least)
+        moved, covariance, share, score = _step(c, v, x, half_chi2, mean, covariance, share, least)
         change = np.abs(moved - mean) / np.sqrt(np.diag(covariance))
         mean = moved
         if change.max() < TOLERANCE:
@@ -142,7 +142,7 @@ def _step(
     c: FloatArray,
     v: FloatArray,
     x: FloatArray,
-    gain: FloatArray,
+    half_chi2: FloatArray,
     mean: FloatArray,
     covariance: FloatArray,
     share: float,
@@ -156,7 +156,7 @@ def _step(
     weight = np.linalg.inv(total)
     off = c - expected
     # ln of the coefficients' marginal likelihood over that of none, on the grid of ln θ.
-    log_bayes = gain + 0.5 * (
+    log_bayes = half_chi2 + 0.5 * (
         np.log(v).sum(axis=2)
         - np.linalg.slogdet(total)[1]
         - np.einsum('nki,nkij,nkj->nk', off, weight, off)

@@ -20,7 +20,7 @@ from scipy.stats import t as student
 MONTE_CARLO_DRAWS = 20_000
 LEVEL = 0.95
 """Coverage of the interval whose factor is k95."""
-Shape = Literal['normal', 'rectangular']
+Distribution = Literal['normal', 'rectangular']
 Kind = Literal['offset', 'temperature', 'span', 'input']
 SOURCES = (
     'thermometer calibration',
@@ -48,7 +48,7 @@ class Input:
     """offset: adds to the value; temperature: an error of every temperature; span: an error of
     the difference between the ends of the temperature range [K]; input: relative error of the
     true input."""
-    shape: Shape = 'normal'
+    shape: Distribution = 'normal'
     scatter: bool = False
     """Part of one mean square with the other inputs that say so, in which its share of the
     freedom lies: their degrees are those of their sum."""
@@ -93,7 +93,7 @@ class Measurand:
 
 
 @dataclass(frozen=True)
-class Row:
+class BudgetRow:
     """One line of a budget."""
 
     input: Input
@@ -107,7 +107,7 @@ class Budget:
 
     value: float
     unit: str
-    rows: tuple[Row, ...]
+    rows: tuple[BudgetRow, ...]
     combined: float
     """Combined standard uncertainty."""
     degrees: float
@@ -182,7 +182,7 @@ def budget_of(
     return Budget(
         measurand.value,
         unit,
-        tuple(Row(i, abs(component(result, x))) for i, x in zip(used, numbers, strict=True)),
+        tuple(BudgetRow(i, abs(component(result, x))) for i, x in zip(used, numbers, strict=True)),
         float(uncertainty(result)) if used else 0.0,
         float(dof(result)) if used else math.inf,
         tuple(uncounted),

@@ -41,7 +41,7 @@ from imu_workbench.report.certificate.recordings import (
     recording_row,
 )
 from imu_workbench.report.laboratory import NOT_STATED, Laboratory
-from imu_workbench.report.limits import Limits
+from imu_workbench.report.limits import CoefficientLimits
 from imu_workbench.report.modelled import errors_of_run
 from imu_workbench.report.series import line
 
@@ -59,7 +59,7 @@ RULES = {
 
 
 def certificates(
-    analysis: Analysis, laboratory: Laboratory, limits: Limits | None
+    analysis: Analysis, laboratory: Laboratory, limits: CoefficientLimits | None
 ) -> dict[str, dict[str, Any]]:
     """Return the certificate of each device that has a model."""
     return {
@@ -73,7 +73,7 @@ def certificate(
     certified: Certified,
     analysis: Analysis,
     laboratory: Laboratory,
-    limits: Limits | None,
+    limits: CoefficientLimits | None,
 ) -> dict[str, Any]:
     """Return what the certificate of one device says."""
     recordings = [run.recording for run in analysis.runs if run.device == device]
@@ -344,7 +344,7 @@ def residuals(certified: Certified) -> dict[str, dict[str, Any]]:
     return result
 
 
-def decided(found: Sequence[Quantity], limits: Limits | None) -> list[dict[str, Any]]:
+def decided(found: Sequence[Quantity], limits: CoefficientLimits | None) -> list[dict[str, Any]]:
     """Return the decision on every coefficient that has a limit."""
     rows = []
     for quantity in found if limits else ():
@@ -375,7 +375,9 @@ def decided(found: Sequence[Quantity], limits: Limits | None) -> list[dict[str, 
     return rows
 
 
-def without_result(decisions: Sequence[Mapping[str, Any]], limits: Limits | None) -> list[str]:
+def without_result(
+    decisions: Sequence[Mapping[str, Any]], limits: CoefficientLimits | None
+) -> list[str]:
     """Return the limits nothing is said about: no such coefficient was determined."""
     told = {(d['sensor'], d['coefficient'].partition(', ')[0]) for d in decisions}
     given = limits.sensors.items() if limits else ()

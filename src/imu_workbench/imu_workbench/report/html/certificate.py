@@ -12,7 +12,7 @@ from thermal_comp.presentation.display import coefficient_unit, fixed, shown, wi
 
 from imu_workbench.report.certificate.budget import SOURCES
 from imu_workbench.report.certificate.content import percent_at_most
-from imu_workbench.report.figures.allan import allan_deviation_figure
+from imu_workbench.report.figures.modelled import allan_deviation_figure
 from imu_workbench.report.html.render import Row, Section
 from imu_workbench.report.model_content import in_words
 

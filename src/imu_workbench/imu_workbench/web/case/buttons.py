@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from functools import partial
 from html import escape
 from typing import Any
 
@@ -48,11 +49,15 @@ def file_button(
     A browser opens its file chooser for a press only while the press is fresh: it is opened there,
     without asking the server.
     """
-
-    async def uploaded(event: events.UploadEventArguments) -> None:
-        await take(event.file.name, await event.file.read())
-
-    upload = ui.upload(on_upload=uploaded, auto_upload=True, max_file_size=20_000_000)
+    upload = ui.upload(
+        on_upload=partial(_hand_over, take), auto_upload=True, max_file_size=20_000_000
+    )
     upload.props(f'accept="{suffixes}"').classes('hidden-upload')
     button = ui.button(label).props('no-caps outline')
     return button.on('click', js_handler=f'() => runMethod({upload.id}, "pickFiles", [])')
+
+
+async def _hand_over(
+    take: Callable[[str, bytes], Awaitable[None]], event: events.UploadEventArguments
+) -> None:
+    await take(event.file.name, await event.file.read())

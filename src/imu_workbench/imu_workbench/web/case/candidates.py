@@ -28,7 +28,7 @@ HELD_OUT_AT_FIRST = 5
 
 
 @dataclass(frozen=True)
-class Candidate:
+class EffectCandidate:
     """One effect that may be missing; errors are rms over the axes [SI unit]."""
 
     effect: str
@@ -53,19 +53,19 @@ class Candidate:
         return None if self.error_after is None else self.error_after < (1.0 - LEAST_FALL) * before
 
 
-def candidates_of(found: Diagnosis) -> dict[str, list[Candidate]]:
+def candidates_of(found: Diagnosis) -> dict[str, list[EffectCandidate]]:
     """Return the candidates of every sensor, most probable first.
 
     Held-out errors are known of those that are named; `held_out` computes others.
     """
     content = found.to_dict()
-    result: dict[str, list[Candidate]] = {}
+    result: dict[str, list[EffectCandidate]] = {}
     for one in found.ranking:
         own = result.setdefault(one.sensor, [])
         finding = _finding(content, one)
         predicted = content['prediction'].get(one.sensor, {'empirical': False, 'terms': []})
         own.append(
-            Candidate(
+            EffectCandidate(
                 one.name,
                 one.sensor,
                 one.probability,
@@ -95,7 +95,7 @@ def with_errors(
     catalogue: Mapping[str, type[Effect]],
     progress: Callable[[str, float], None],
 ) -> dict[str, list[dict[str, Any]]]:
-    """Return the candidates (fields of `Candidate`), those in front with their held-out error."""
+    """Return the fields of the candidates, the most probable with their held-out error."""
     rows = {s: [dict(row) for row in candidates[s]] for s in SENSORS if candidates.get(s)}
     missing = [
         (sensor, row)
@@ -142,7 +142,7 @@ def effect_of(
     return catalogue[candidate](**given)
 
 
-def why_not(candidate: Candidate, winner: Candidate | None, before: float) -> str:
+def why_not(candidate: EffectCandidate, winner: EffectCandidate | None, before: float) -> str:
     """Return in a sentence why a candidate is not the one that is named; '' for that one."""
     if winner is None or candidate.effect == winner.effect or candidate.named:
         return ''
@@ -165,7 +165,7 @@ def why_not(candidate: Candidate, winner: Candidate | None, before: float) -> st
     return ''
 
 
-def odds_text(winner: Candidate, loser: Candidate) -> str:
+def odds_text(winner: EffectCandidate, loser: EffectCandidate) -> str:
     """Return how much less probable one effect is than another, in words.
 
     By the probabilities that are shown; where the loser's is as good as zero, by the odds of each

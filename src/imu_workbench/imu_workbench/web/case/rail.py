@@ -16,7 +16,7 @@ from thermal_comp.presentation.diagnosis import explanation_name, percent
 from thermal_comp.presentation.display import DISPLAY_UNITS, shown
 
 from imu_workbench.web.case.buttons import Buttons, file_button
-from imu_workbench.web.case.candidates import LEAST_SHOWN, Candidate, why_not
+from imu_workbench.web.case.candidates import LEAST_SHOWN, EffectCandidate, why_not
 from imu_workbench.web.case.preview import EffectPreview
 from imu_workbench.web.case.version import Version, parameter_text
 from imu_workbench.web.session import Session
@@ -115,7 +115,7 @@ class Rail:
                 button.props('outline').set_enabled(self._may_load)
                 ui.label(f'It runs code: SHA-256 {key[:16]}.').classes('reason')
 
-    def _candidates(self, preview: EffectPreview | None) -> list[Candidate]:
+    def _candidates(self, preview: EffectPreview | None) -> list[EffectCandidate]:
         """Return what may be missing, those of the user's own that were not weighed included."""
         session = self._session
         work, sensor = session.work, session.view.sensor
@@ -126,7 +126,7 @@ class Rail:
         for name, told in session.workspace.effects.explained.items():
             fits = sensor in told['sensors'] and told['searched'] and name not in work.unusable
             if fits and name not in known:
-                weighed.append(Candidate(name, sensor, None, None, None))
+                weighed.append(EffectCandidate(name, sensor, None, None, None))
         if preview is not None and preview.sensor == sensor:
             weighed = [
                 replace(one, error_after=preview.error_after)
@@ -137,7 +137,10 @@ class Rail:
         return weighed
 
     def _show(
-        self, candidates: Sequence[Candidate], version: Version, preview: EffectPreview | None
+        self,
+        candidates: Sequence[EffectCandidate],
+        version: Version,
+        preview: EffectPreview | None,
     ) -> None:
         before = version.error(self._session.view.sensor)
         useful = [c for c in candidates if c.named or c.empirical or c.lowers(before)]
@@ -155,8 +158,8 @@ class Rail:
 
     def _card(
         self,
-        candidate: Candidate,
-        winner: Candidate | None,
+        candidate: EffectCandidate,
+        winner: EffectCandidate | None,
         beside: Sequence[str],
         version: Version,
         preview: EffectPreview | None,
@@ -194,7 +197,7 @@ class Rail:
                 ).classes('note')
             self._offer(candidate, on=on, add='Add')
 
-    def _offer(self, candidate: Candidate, *, on: bool, add: str) -> None:
+    def _offer(self, candidate: EffectCandidate, *, on: bool, add: str) -> None:
         do, effect, sensor = self._actions, candidate.effect, candidate.sensor
         name = _spaced(effect)
         with ui.row().classes('actions small'):
@@ -206,7 +209,7 @@ class Rail:
                 button = self._buttons.add(label, f'{key} {sensor} {effect}', act)
                 button.props(f'outline dense aria-label="{label} {name}"')
 
-    def _group(self, title: str, rest: Sequence[Candidate], version: Version) -> None:
+    def _group(self, title: str, rest: Sequence[EffectCandidate], version: Version) -> None:
         if not rest:
             return
         before = version.error(self._session.view.sensor)
@@ -291,7 +294,7 @@ def probability_text(probability: float | None) -> str:
     return '< 1 %' if probability < LEAST_SHOWN else percent(probability)
 
 
-def errors_html(candidate: Candidate, version: Version) -> str:
+def errors_html(candidate: EffectCandidate, version: Version) -> str:
     """Return held-out error before → after → floor with its unit."""
     unit = DISPLAY_UNITS[candidate.sensor]
     before, floor = version.error(candidate.sensor), version.floor(candidate.sensor)
@@ -305,7 +308,7 @@ def errors_html(candidate: Candidate, version: Version) -> str:
     )
 
 
-def little_text(candidate: Candidate, before: float) -> str:
+def little_text(candidate: EffectCandidate, before: float) -> str:
     """Return what little an effect does."""
     if candidate.error_after is not None and not candidate.lowers(before):
         return 'Adds nothing: the held-out error would not fall.'

@@ -22,7 +22,7 @@ from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from imu_workbench.web.live.state import LiveState, Status
+from imu_workbench.web.live.state import LiveState, NodeStatus
 from imu_workbench.web.live.topics import DIAGNOSTICS, ROLES, Topic, assign
 
 ABSORB_PERIOD_S = 0.05
@@ -169,7 +169,7 @@ class Listener:
         for watch in tuple(self._watches.values()):
             for status in message.status:
                 watch.state.put_status(
-                    Status(
+                    NodeStatus(
                         status.name,
                         status.level[0],
                         status.message,

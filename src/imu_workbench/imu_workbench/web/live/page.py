@@ -35,6 +35,7 @@ from imu_workbench.web.live.tables import (
     values_table,
     verdict,
 )
+from imu_workbench.web.live.topic_history import SECOND
 from imu_workbench.web.live.topics import (
     ROLES,
     choices,
@@ -42,7 +43,6 @@ from imu_workbench.web.live.topics import (
     namespaces,
     shared_topics,
 )
-from imu_workbench.web.live.track import SECOND
 from imu_workbench.web.plot import PlotElement
 
 STYLE = """

@@ -10,8 +10,8 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from orientation_filters.rotation.arrays import conjugate, euler_zyx, multiply, rotation_angle
 
-from imu_workbench.web.live.state import FILTERS, LiveState, Status
-from imu_workbench.web.live.track import SECOND
+from imu_workbench.web.live.state import FILTERS, LiveState, NodeStatus
+from imu_workbench.web.live.topic_history import SECOND
 
 ZERO_SECONDS = 10
 """The static residual counts from the mean of this many seconds."""
@@ -50,7 +50,7 @@ SENSOR_TRACKS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class LiveLine:
     """Values over time."""
 
     time: FloatArray
@@ -74,7 +74,7 @@ class Reading:
 
 
 @dataclass(frozen=True, eq=False)
-class Attitude:
+class LiveAttitude:
     """Newest orientation of a filter."""
 
     orientation: FloatArray
@@ -89,16 +89,16 @@ def newest(state: LiveState) -> int:
     return imu if imu >= 0 else max(track.newest for track in state.tracks.values())
 
 
-def line(state: LiveState, name: str, window_s: float, columns: slice = slice(None)) -> Line:
+def line(state: LiveState, name: str, window_s: float, columns: slice = slice(None)) -> LiveLine:
     """Return the last `window_s` seconds of a track."""
     track, end = state.tracks[name], newest(state)
     begin = end - int(window_s * SECOND)
     if window_s <= FULL_RATE_S:
         rows = track.recent.since(begin)
-        return Line((rows.stamp - end) / SECOND, rows.values[:, columns])
+        return LiveLine((rows.stamp - end) / SECOND, rows.values[:, columns])
     second, means = track.history.means(-(-begin // SECOND), end // SECOND)
     middle = second * SECOND + SECOND // 2 - end
-    return Line(middle / SECOND, means[:, columns])
+    return LiveLine(middle / SECOND, means[:, columns])
 
 
 def zero_second(state: LiveState) -> int:
@@ -106,12 +106,12 @@ def zero_second(state: LiveState) -> int:
     return newest(state) // SECOND
 
 
-def static_line(state: LiveState, sensor: str, window_s: float, zero: int) -> Line:
+def static_line(state: LiveState, sensor: str, window_s: float, zero: int) -> LiveLine:
     """Return what compensation leaves, counted from the zero."""
     tracks = SENSOR_TRACKS[sensor]
     name = _static_track(state, sensor)
     lines = line(state, name, window_s, tracks.columns)
-    return Line(lines.time, lines.values - _zero_of(state, name, zero)[tracks.columns])
+    return LiveLine(lines.time, lines.values - _zero_of(state, name, zero)[tracks.columns])
 
 
 def reading(state: LiveState, sensor: str, zero: int) -> Reading:
@@ -157,30 +157,30 @@ def tilt_since_zero_deg(state: LiveState, zero: int) -> float:
     return math.degrees(math.acos(max(-1.0, min(1.0, float(here @ there) / size))))
 
 
-def attitude(state: LiveState, name: str) -> Attitude | None:
+def attitude(state: LiveState, name: str) -> LiveAttitude | None:
     """Return the newest orientation of a filter; None where it publishes none."""
     values = state.tracks[name].recent.since(state.tracks[name].newest - SECOND).values
     known = values[np.isfinite(values).all(1)]
     if not len(known) or not np.linalg.norm(known[-1]) > 0.0:
         return None
     orientation = known[-1] / np.linalg.norm(known[-1])
-    return Attitude(orientation, euler_zyx(orientation))
+    return LiveAttitude(orientation, euler_zyx(orientation))
 
 
-def angle_between_deg(first: Attitude, second: Attitude) -> float:
+def angle_between_deg(first: LiveAttitude, second: LiveAttitude) -> float:
     """Return the angle of the rotation between two attitudes [°]."""
     between = multiply(conjugate(first.orientation), second.orientation)
     return math.degrees(float(rotation_angle(between)))
 
 
-def euler_line(state: LiveState, name: str, window_s: float) -> Line:
+def euler_line(state: LiveState, name: str, window_s: float) -> LiveLine:
     """Return roll, pitch, yaw of a filter over time [rad]."""
     lines = line(state, name, window_s)
     every = max(1, len(lines.time) // MAX_EULER_ROWS)  # an attitude is smooth: no extreme is lost
-    lines = Line(lines.time[::every], lines.values[::every])
+    lines = LiveLine(lines.time[::every], lines.values[::every])
     norm = np.linalg.norm(lines.values, axis=1, keepdims=True)
     with np.errstate(invalid='ignore', divide='ignore'):
-        return Line(lines.time, euler_zyx(lines.values / norm))
+        return LiveLine(lines.time, euler_zyx(lines.values / norm))
 
 
 def value_of(state: LiveState, name: str) -> float:
@@ -212,7 +212,7 @@ def silence_s(state: LiveState, name: str) -> float:
     return state.now() - state.tracks[name].received
 
 
-def chamber_times(statuses: dict[str, Status]) -> tuple[float, float]:
+def chamber_times(statuses: dict[str, NodeStatus]) -> tuple[float, float]:
     """Return the time left of the phase and of the run [s]; NaN where no chamber node runs."""
     for status in statuses.values():
         if 'run_left [s]' in status.values and status.values.get('mode') not in ('', 'IDLE'):

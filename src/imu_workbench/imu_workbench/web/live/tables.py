@@ -25,7 +25,7 @@ from imu_workbench.web.live.readings import (
     value_of,
     warming_c_per_min,
 )
-from imu_workbench.web.live.state import LiveState, Status
+from imu_workbench.web.live.state import LiveState, NodeStatus
 from imu_workbench.web.live.topics import DEVICE_ROLES, ROLES
 
 DECIMALS = {'gyroscope': 4, 'accelerometer': 4, 'magnetometer': 2}
@@ -173,7 +173,7 @@ def silent_roles(state: LiveState, topics: dict[str, str]) -> list[str]:
     ]
 
 
-def headline(status: Status, now: float) -> tuple[str, str]:
+def headline(status: NodeStatus, now: float) -> tuple[str, str]:
     """Return the level of a node's status, 'stale' where it is old, and its line."""
     age = now - status.received
     if age < 2 * SILENT_S:
@@ -181,7 +181,7 @@ def headline(status: Status, now: float) -> tuple[str, str]:
     return LEVELS[3], f'{status.name}: {status.message} ({duration(age)} ago)'
 
 
-def details(status: Status) -> str:
+def details(status: NodeStatus) -> str:
     """Return the values of a node's status."""
     rows = [[escape(key), escape(value)] for key, value in status.values.items()]
     return table(('value', 'now'), rows, '') if rows else 'no values'

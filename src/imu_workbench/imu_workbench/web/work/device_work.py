@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from imu_workbench.case import Case, CaseRecording, known_recordings, saved
-from imu_workbench.web.case.candidates import Candidate
+from imu_workbench.web.case.candidates import EffectCandidate
 from imu_workbench.web.case.stored_bag import StoredBag, with_unique_runs
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import timeline_of
@@ -48,10 +48,10 @@ class DeviceWork:
         found = self.found.get(version)
         return found['diagnosis'] if found else None
 
-    def candidates(self, version: str, sensor: str) -> list[Candidate]:
+    def candidates(self, version: str, sensor: str) -> list[EffectCandidate]:
         """Return the candidates of a sensor, most probable first."""
         found = self.found.get(version) or {'candidates': {}}
-        return [Candidate(**row) for row in found['candidates'].get(sensor, [])]
+        return [EffectCandidate(**row) for row in found['candidates'].get(sensor, [])]
 
     def keep(self, name: str, version: Version) -> None:
         """Keep a version in memory; those unused for longest go."""

@@ -170,7 +170,7 @@ def _first_known(values: FloatArray) -> FloatArray:
     return np.where(known.any(0), first, np.nan)
 
 
-class Track:
+class TopicHistory:
     """One topic, or one difference of two."""
 
     def __init__(self, width: int) -> None:

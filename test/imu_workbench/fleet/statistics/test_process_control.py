@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Process capability against drawn devices and a limit file's units."""
+"""Capability of drawn devices under a file of limits; charts of drawn values with known faults."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from imu_workbench.fleet.statistics.capability import capabilities
+from imu_workbench.fleet.statistics.process_control import capabilities, control_chart
 from imu_workbench.report.limits import read_limits
 
 LIMITS = """
@@ -59,3 +59,14 @@ def test_the_interval_holds_the_index_of_drawn_lots(tmp_path: Path) -> None:
         low, high = next(c.interval for c in capabilities([lot], limits) if c.axis == 'x')
         inside += low <= true <= high
     assert 0.9 < inside / lots <= 1.0
+
+
+def test_a_control_chart_sees_a_step_and_a_wild_value() -> None:
+    draw = np.random.default_rng(5)
+    values = draw.normal(size=200)
+    assert len(control_chart(values).beyond) <= 3
+    values[50] = 9.0
+    values[150:] += 2.0
+    chart = control_chart(values)
+    assert 50 in chart.beyond
+    assert any(place > 155 for place in chart.on_one_side)

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from imu_workbench.web.live.track import SECOND, PerSecond, Recent, Rows
+from imu_workbench.web.live.topic_history import SECOND, PerSecond, Recent, Rows
 
 START = 1_800_000_000 * SECOND
 
