@@ -24,7 +24,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from imu_driver.simulation.population import draw_fleet_device, draw_lots
 from imu_workbench.fleet.engine import Cluster, connected, outcomes
-from imu_workbench.fleet.estimate import SHARES, EstimateSettings
+from imu_workbench.fleet.estimate import BIN_TIME_SHARES, EstimateSettings
 from imu_workbench.fleet.page import fleet_page
 from imu_workbench.fleet.sources import find_devices
 from imu_workbench.fleet.statistics.vectors import SENSORS
@@ -142,19 +142,20 @@ def fitted(
     run = np.repeat(np.arange(RUNS), len(TEMPERATURES))
     x = np.tile(TEMPERATURES, RUNS)
     noise = std * np.sqrt(np.sum((x - x.mean()) ** 2))
-    share = np.repeat(SHARES, len(x))
+    share = np.repeat(BIN_TIME_SHARES, len(x))
     rows = []
     for axis, slope in zip('xyz', slopes, strict=True):
         parts = (slope * (x - 20.0))[:, None] + 2.0 * noise * draw.normal(size=(len(x), 4))
-        y = [parts[:, : int(4 * one)].mean(axis=1) for one in SHARES]
+        y = [parts[:, : int(4 * one)].mean(axis=1) for one in BIN_TIME_SHARES]
         each = np.array([np.polyfit(x[run == r], y[0][run == r], 1)[0] for r in range(RUNS)])
         rows.append(
             {
                 **common, 'axis': axis, 'effect': 'bias_temperature', 'role': 'fitted',
                 'unit': 'SI/K', 'coefficients': [float(each.mean())], 'std': [std],
                 'run_coefficients': each.tolist(), 'held_out_rms': misfit, 'noise_floor': 1.0,
-                'block_run': np.tile(run, len(SHARES)).tolist(), 'block_share': share.tolist(),
-                'block_temperature': np.tile(x, len(SHARES)).tolist(),
+                'block_run': np.tile(run, len(BIN_TIME_SHARES)).tolist(),
+                'block_share': share.tolist(),
+                'block_temperature': np.tile(x, len(BIN_TIME_SHARES)).tolist(),
                 'block_mean': np.concatenate(y).tolist(),
                 'block_variance': (noise**2 / share).tolist(),
                 'block_seconds': (DWELL_S * share).tolist(),

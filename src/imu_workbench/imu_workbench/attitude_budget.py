@@ -136,7 +136,14 @@ def attitude_budget(
                 efforts.append(_effort(name, preset, measured, options))
     sweep = list(_sweep(fast, cutoffs_hz, progress, parameters))
     against = 'compensated run' if truth is None else TRUE_ATTITUDE
-    return AttitudeBudget(measured, against, costs, sweep, efforts, groups)
+    return AttitudeBudget(
+        recording=measured,
+        against=against,
+        costs=costs,
+        sweep=sweep,
+        efforts=efforts,
+        groups=groups,
+    )
 
 
 def _estimate(name: str, recording: ImuRecording, options: dict[str, Any]) -> FloatArray:
@@ -161,7 +168,17 @@ def _costs(
     for data, found in errors.items():
         rms = _degrees(found.rms())
         gain = {kind: raw[kind] - rms[kind] for kind in raw}
-        costs.append(Cost(name, preset, data, rms, gain, _degrees(moved[data].rms()), cutoff_hz))
+        costs.append(
+            Cost(
+                filter=name,
+                preset=preset,
+                data=data,
+                rms=rms,
+                gain=gain,
+                moved=_degrees(moved[data].rms()),
+                cutoff_hz=cutoff_hz,
+            )
+        )
     return costs
 
 

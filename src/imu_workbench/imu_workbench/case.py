@@ -152,7 +152,9 @@ def with_version(
     """Return the case with a version more, which is shown; it is on disk."""
     name = f'v{1 + max((int(v.name[1:]) for v in case.versions), default=0)}'
     write_atomically(case.model_file(name), model_text)
-    version = CaseVersion(name, parent, label, errors, tuple(recordings))
+    version = CaseVersion(
+        name=name, parent=parent, label=label, errors=errors, recordings=tuple(recordings)
+    )
     return saved(replace(case, versions=(*case.versions, version), current=name))
 
 
@@ -288,14 +290,14 @@ def _case_of(folder: Path, content: Mapping[str, Any]) -> Case:
         RequestedFit(**row | {'sensors': tuple(row['sensors'])}) for row in content['requested']
     ]
     return Case(
-        folder,
-        str(content['device']),
-        tuple(_recording_of(row) for row in content['recordings']),
-        tuple(versions),
-        str(content['current']),
-        tuple(requested),
-        dict(content['settings']),
-        str(content['notes']),
+        folder=folder,
+        device=str(content['device']),
+        recordings=tuple(_recording_of(row) for row in content['recordings']),
+        versions=tuple(versions),
+        current=str(content['current']),
+        requested=tuple(requested),
+        settings=dict(content['settings']),
+        notes=str(content['notes']),
     )
 
 

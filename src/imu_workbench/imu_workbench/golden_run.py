@@ -172,7 +172,14 @@ def _first(
     i = int(moved[0])
     k = int(np.flatnonzero(~same[i])[0])
     value, golden = float(mine.values[i, k]), float(theirs.values[i, k])
-    return Drift(topic, i, int(mine.time[i]), mine.names[k], value, golden)
+    return Drift(
+        topic=topic,
+        sample=i,
+        time=int(mine.time[i]),
+        field=mine.names[k],
+        value=value,
+        golden=golden,
+    )
 
 
 def _packed(values: np.ndarray) -> str:

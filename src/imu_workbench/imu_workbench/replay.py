@@ -27,7 +27,7 @@ NODES: dict[str, tuple[str, str]] = {
 
 LAST_AT_ONE_TIME = ('imu/temperature', 'imu/mag', 'imu/data_raw')
 """Among messages received at one time these come last, in this order."""
-SECOND = 1_000_000_000
+SECOND_NS = 1_000_000_000
 
 
 class ReplayError(UserError):
@@ -127,8 +127,8 @@ def _feed(
     due = 0
     for place, message in enumerate(messages):
         clock[0] = message.received
-        if message.received >= due or message.received < due - 2 * SECOND:
-            due = message.received + SECOND
+        if message.received >= due or message.received < due - 2 * SECOND_NS:
+            due = message.received + SECOND_NS
             progress(place, len(messages))
             if place:
                 node.publish_diagnostics()

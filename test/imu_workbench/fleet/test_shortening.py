@@ -12,7 +12,7 @@ import pytest
 from chamber_profile.profile.file import load_profile, profile_from_content
 from chamber_profile.profile.timetable import timetable
 from imu_workbench.__main__ import main
-from imu_workbench.fleet.estimate import SHARES
+from imu_workbench.fleet.estimate import BIN_TIME_SHARES
 from imu_workbench.fleet.figures import map_figure, worst_devices
 from imu_workbench.fleet.page import fleet_page
 from imu_workbench.fleet.short_profile import LEAST_DWELL_S, short_profile
@@ -37,9 +37,9 @@ def rows_of(
     for axis in 'xyz':
         y = (2.0 + LOT_STD * draw.normal()) * (x - 20.0) + draw.normal(size=RUNS)[run]
         parts = y[:, None] + 2.0 * noise * draw.normal(size=(len(x), 4))
-        of_share = [parts[:, : int(4 * share)].mean(axis=1) for share in SHARES]
+        of_share = [parts[:, : int(4 * share)].mean(axis=1) for share in BIN_TIME_SHARES]
         each = [np.polyfit(x[run == r], of_share[0][run == r], 1)[0] for r in range(RUNS)]
-        share = np.repeat(SHARES, len(x))
+        share = np.repeat(BIN_TIME_SHARES, len(x))
         rows.append(
             {
                 'lot': 'A', 'type': 'none', 'device': f'd{device:03d}', 'source': f'd{device:03d}',
@@ -47,7 +47,7 @@ def rows_of(
                 'role': 'fitted', 'unit': 'rad/s/K', 'coefficients': [float(np.mean(each))],
                 'std': [noise / np.sqrt(RUNS * np.sum((TEMPERATURES - 20.0) ** 2))],
                 'run_coefficients': each, 'held_out_rms': 1.0, 'noise_floor': 1.0,
-                'measured_at': device, 'block_run': np.tile(run, len(SHARES)).tolist(),
+                'measured_at': device, 'block_run': np.tile(run, len(BIN_TIME_SHARES)).tolist(),
                 'block_share': share.tolist(), 'block_temperature': np.tile(x, 3).tolist(),
                 'block_mean': np.concatenate(of_share).tolist(),
                 'block_variance': (noise**2 / share).tolist(),
@@ -78,7 +78,7 @@ def test_a_known_lot_shortens_a_noisy_calibration(tmp_path: Path) -> None:
     curve = curve_of(tmp_path, noise=15.0)
     judged = np.sum((TEMPERATURES - 20.0) ** 2) / len(TEMPERATURES)
     full = 15.0**2 * (1 + judged / (2 * judged * len(TEMPERATURES)))
-    for share in SHARES:
+    for share in BIN_TIME_SHARES:
         # Two ends 40 K apart: slope error 15 √2 / 40 = 0.53; its prior is 0.3 wide.
         alone = point(curve, 2, prior=False, share=share)
         known = point(curve, 2, prior=True, share=share)
@@ -105,7 +105,7 @@ def test_hours_are_those_of_the_profile_and_the_fewest_that_suffice_are_chosen(
     enough = [p['hours'] for p in curve['points'] if p['prior'] and p['ratio'] <= bound]
     assert best['hours'] == min(enough)
     assert curve['full_hours'] == pytest.approx(2 * len(TEMPERATURES) * 960.0 / 3600.0)
-    hours = [point(curve, 2, prior=True, share=share)['hours'] for share in SHARES]
+    hours = [point(curve, 2, prior=True, share=share)['hours'] for share in BIN_TIME_SHARES]
     np.testing.assert_allclose(np.diff(hours), [-2 * 480 / 3600.0, -2 * 240 / 3600.0])
     front = shortest_first(curve['points'], 'gyroscope')
     assert all(a['ratio'] > b['ratio'] for a, b in itertools.pairwise(front))

@@ -24,7 +24,15 @@ def attitude(name: str, data: str, std: float, mean: float, cost: float) -> Filt
     columns = dict.fromkeys(COLUMNS, std)
     means = dict.fromkeys(COLUMNS, mean)
     statistics = [{'part': 'run', 'mean': means, 'std': columns, 'largest': columns}]
-    return FilterAttitude(name, data, statistics, {}, {}, cost, {})
+    return FilterAttitude(
+        filter=name,
+        data=data,
+        statistics=statistics,
+        hours={},
+        lines={},
+        nanoseconds_per_sample=cost,
+        flags={},
+    )
 
 
 def study(complementary=(4.0, 0.2), ahrs=(9.0, 1.0), half=1.5, means=(2.0, 0.1)):

@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 from imu_workbench.tables.check import StatisticsRow, TableError, check_rows, read_table
 
-SOUND = StatisticsRow('A', 'accelerometer', 'm/s^2', 'x', 'R1', 9.7, 9.9, 9.8, 0.03)
+SOUND = StatisticsRow(
+    dut='A',
+    quantity='accelerometer',
+    unit='m/s^2',
+    axis='x',
+    segment='R1',
+    low=9.7,
+    high=9.9,
+    mean=9.8,
+    std=0.03,
+)
 MICROTESLA = {'uT': 1.0, 'µT': 1.0, 'T': 1e-6, 'G': 1e-2, 'mG': 10.0, 'nT': 1e3}
 
 
@@ -93,7 +103,17 @@ def test_a_sound_row_is_left_alone_and_an_impossible_one_is_not() -> None:
 
 
 def test_impossible_numbers_are_found_in_tesla_as_well() -> None:
-    tiny = StatisticsRow('A', 'magnetometer', 'T', 'x', 'R1', 1.1e-5, 1.3e-5, 1.2e-5, 9e-6)
+    tiny = StatisticsRow(
+        dut='A',
+        quantity='magnetometer',
+        unit='T',
+        axis='x',
+        segment='R1',
+        low=1.1e-5,
+        high=1.3e-5,
+        mean=1.2e-5,
+        std=9e-6,
+    )
     assert [f.name for f in check_rows([tiny])] == ['impossible_statistic']
 
 

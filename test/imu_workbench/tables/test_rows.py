@@ -10,7 +10,17 @@ import pytest
 from imu_workbench.tables.channels import flips, units
 from imu_workbench.tables.rows import StatisticsRow, TableError, norms, read_table
 
-UP = StatisticsRow('A', 'accelerometer', 'm/s^2', 'z', 'R1', 9.7, 9.9, 9.81, 0.03)
+UP = StatisticsRow(
+    dut='A',
+    quantity='accelerometer',
+    unit='m/s^2',
+    axis='z',
+    segment='R1',
+    low=9.7,
+    high=9.9,
+    mean=9.81,
+    std=0.03,
+)
 
 
 def device(segment: str, up: str = 'z', gravity: float = 9.81) -> list[StatisticsRow]:

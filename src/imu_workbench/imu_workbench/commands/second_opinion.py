@@ -48,7 +48,7 @@ GOOD_NOISE_RATIO = 1.5
 """Times the noise floor up to which curves are good."""
 SMALL_NOISE_RATIO = 2.0
 """Times the noise floor up to which what cooling leaves is small."""
-WIDE_K = 25.0
+LEAST_RANGE_K = 25.0
 """Range from which a log covers the weather [K]."""
 
 
@@ -193,7 +193,7 @@ def _advice(opinion: SecondOpinion, worst: float) -> str:
     advice = []
     if not opinion.decidable:
         advice.append('keep logging while the board cools down again, and ask once more')
-    if high - low < WIDE_K:
+    if high - low < LEAST_RANGE_K:
         advice.append(f'start colder or end warmer: {high - low:.0f} K is a narrow range')
     if opinion.decidable and max(worst, later) > max(GOOD_NOISE_RATIO, SMALL_NOISE_RATIO):
         advice.append(

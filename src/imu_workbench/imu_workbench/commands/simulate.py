@@ -146,11 +146,11 @@ def _fleet(options: argparse.Namespace) -> Answer:
     """Stream a population to bags."""
     lots = options.lots or 1
     plan = FleetPlan(
-        options.profile,
-        options.fleet,
-        lots,
-        options.seed,
-        Logging(options.rate, mean=True, chamber_period=options.chamber_period),
+        profile=options.profile,
+        devices=options.fleet,
+        lots=lots,
+        seed=options.seed,
+        logging=Logging(options.rate, mean=True, chamber_period=options.chamber_period),
     )
     bags = write_fleet(plan, options.output, len(os.sched_getaffinity(0)))
     content = {'schema': 1, 'devices': options.fleet, 'lots': lots, 'bags': bags}

@@ -27,12 +27,14 @@ TASKS_PER_WORKER = 4
 """Devices a worker has waiting: enough to be never idle, few enough for a small scheduler."""
 FLUSH_S = 2.0
 """At most this much work is lost when everything is killed [s]."""
-DEATHS = 2
+MOST_WORKER_DEATHS = 2
 """Workers that may die of one device before it is given up."""
-LEAST_MEMORY = 100_000_000
+LEAST_MEMORY_BYTES = 100_000_000
 """A worker needs more for the libraries alone [bytes]."""
 CONNECT_S = 10.0
-GONE = 'the scheduler has gone: start it again and run the same command, it goes on where it was'
+SCHEDULER_GONE = (
+    'the scheduler has gone: start it again and run the same command, it goes on where it was'
+)
 
 
 @dataclass(frozen=True)
@@ -189,7 +191,7 @@ def outcomes(
     for future in coming:
         source = running.pop(future.key)
         if future.status in ('cancelled', 'lost'):
-            raise UserError(GONE)
+            raise UserError(SCHEDULER_GONE)
         if future.status == 'finished':
             yield future.result()
         else:
@@ -200,7 +202,7 @@ def outcomes(
         try:
             fill()
         except OSError:
-            raise UserError(GONE) from None
+            raise UserError(SCHEDULER_GONE) from None
 
 
 def _submit_ahead(
@@ -226,7 +228,7 @@ def checked_memory(text: str) -> str:
         size = parse_bytes(text)
     except ValueError:
         size = 0
-    if size < LEAST_MEMORY:
+    if size < LEAST_MEMORY_BYTES:
         raise UserError(f'--memory {text}: a size from 100MB on, such as 500MB or 2GB')
     return text
 
@@ -239,7 +241,7 @@ def connected(cluster: Cluster) -> Iterator[Any]:
     from distributed.utils import silence_logging_cmgr
 
     chosen = {
-        'distributed.scheduler.allowed-failures': DEATHS,
+        'distributed.scheduler.allowed-failures': MOST_WORKER_DEATHS,
         'distributed.comm.timeouts.connect': f'{CONNECT_S:g}s',
         'distributed.admin.tick.limit': '1h',
     }

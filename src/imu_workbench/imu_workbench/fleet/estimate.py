@@ -36,7 +36,7 @@ from imu_workbench.fleet.table import SCHEMA, ResultRow
 AXES = ('x', 'y', 'z')
 BIN_K = 1.0
 """Width of the bins of temperature that block means are kept in [K]."""
-SHARES = (1.0, 0.5, 0.25)
+BIN_TIME_SHARES = (1.0, 0.5, 0.25)
 """Of a bin's time, from its beginning, that means are kept of: dwells that had been shorter."""
 LINE = BiasTemperature()
 """The model of every device: the paper's line per axis."""
@@ -199,7 +199,7 @@ def block_means(
         place = np.round(run.temperature / BIN_K).astype(int)
         for bin_ in np.unique(place[valid]):
             inside = np.flatnonzero(valid & (place == bin_))
-            for share in SHARES:
+            for share in BIN_TIME_SHARES:
                 rows = inside[: ceil(share * len(inside))]
                 seconds = float(len(rows) * run.period)
                 found['run'].append(r)

@@ -21,7 +21,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from numpy.typing import NDArray
 
-from imu_workbench.fleet.estimate import SHARES
+from imu_workbench.fleet.estimate import BIN_TIME_SHARES
 from imu_workbench.fleet.short_profile import least_dwell, run_hours
 from imu_workbench.fleet.statistics.population import (
     LEAST_DEVICES,
@@ -34,13 +34,13 @@ from imu_workbench.fleet.statistics.vectors import Vectors
 from imu_workbench.fleet.table import FleetTable
 
 MOST_TEMPERATURES = 6
-GOOD_ENOUGH = 1.1
+LARGEST_ERROR_RATIO = 1.1
 """Ratio to the error of the full campaign that a short one may reach."""
-STUDIED = 500
+MOST_DEVICES = 500
 """Devices the curve is made of; more do not change it."""
-BOOTSTRAPS = 400
+BOOTSTRAP_DRAWS = 400
 SEED = 11
-NOT_MEASURED = 1e12
+UNMEASURED_VARIANCE = 1e12
 """Error variance of what was not measured, in variances of the lot."""
 
 
@@ -78,7 +78,7 @@ class Point:
     @property
     def enough(self) -> bool:
         """Whether it is good enough, the lot known."""
-        return self.prior and self.ratio <= GOOD_ENOUGH
+        return self.prior and self.ratio <= LARGEST_ERROR_RATIO
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +186,7 @@ def shortening_curve(
     count = 0
     for vectors in sensors:
         ordinary = vectors.of(~np.isin(vectors.device, list(odd)) & (vectors.runs > 1))
-        ordinary = ordinary.of(np.arange(len(ordinary)) % -(-len(ordinary) // STUDIED) == 0)
+        ordinary = ordinary.of(np.arange(len(ordinary)) % -(-len(ordinary) // MOST_DEVICES) == 0)
         bins = _read_bins(table, ordinary)
         ordinary = ordinary.of(np.isin(ordinary.device, bins.device))
         prior = _lot_priors(ordinary)
@@ -230,7 +230,7 @@ def _read_bins(table: FleetTable, vectors: Vectors) -> _FleetBins:
     poses = int(np.quantile(counts, 0.1, method='lower')) if rows else 0
     rows = [row for row, count in zip(rows, counts, strict=True) if count >= poses > 1]
     device = np.array([row[0] for row in rows], dtype=np.str_)
-    of_share = {share: _stacked(rows, share, poses) for share in SHARES} if rows else {}
+    of_share = {share: _stacked(rows, share, poses) for share in BIN_TIME_SHARES} if rows else {}
     return _FleetBins(device, of_share)
 
 
@@ -257,7 +257,7 @@ def _runs(of_share: Mapping[float, _Bins]) -> Iterator[tuple[tuple[int, float], 
         ends = np.linspace(low, high, k) if k > 1 else [0.5 * (low + high)]
         targets = tuple(round(float(value), 1) for value in ends)
         before = np.inf
-        for share in SHARES:
+        for share in BIN_TIME_SHARES:
             seconds = np.nanmedian(of_share[share].at(targets).seconds, axis=(0, 1))
             dwells = tuple(least_dwell(value) for value in seconds)
             hours = run_hours(targets, dwells)
@@ -277,7 +277,7 @@ def _sensor_points(
     n = len(prior.mean)
     others = [[r for r in range(poses) if r != held] for held in range(poses)]
     reference = np.mean([judged.error(r, full.slopes(o)) for r, o in enumerate(others)], axis=0)
-    chosen = np.random.default_rng(SEED).multinomial(n, np.full(n, 1.0 / n), BOOTSTRAPS)
+    chosen = np.random.default_rng(SEED).multinomial(n, np.full(n, 1.0 / n), BOOTSTRAP_DRAWS)
     points = []
     for (k, share), run in runs.items():
         short = of_share[share].at(run.targets).measured()
@@ -332,7 +332,7 @@ def _with_prior(prior: _Prior, values: FloatArray, variance: FloatArray) -> Floa
 
     `variance` (3,) is that of their error; infinite where nothing was measured.
     """
-    error = np.minimum(variance, NOT_MEASURED * np.einsum('nii->ni', prior.covariance))
+    error = np.minimum(variance, UNMEASURED_VARIANCE * np.einsum('nii->ni', prior.covariance))
     return device_effects(values, error, prior.mean, prior.covariance)[0]
 
 
@@ -378,7 +378,7 @@ def curve_content(curve: Curve) -> dict[str, Any]:
     """Return the curve and its shortest campaigns as plain values."""
     sensors = list(dict.fromkeys(point.sensor for point in curve.points))
     return {
-        'good_enough': GOOD_ENOUGH,
+        'good_enough': LARGEST_ERROR_RATIO,
         'devices': curve.devices,
         'full_hours': curve.full_hours,
         'points': [asdict(point) for point in curve.points],

@@ -204,12 +204,12 @@ def diagnosis_tasks(
     """Return a task per device that has a model: search it for missing effects."""
     return [
         DiagnosisTask(
-            device.name,
-            [r for r in recordings if r.device == device.name],
-            device.model,
-            catalogue,
-            reference,
-            [run for run in prepared if run.device == device.name],
+            device=device.name,
+            recordings=[r for r in recordings if r.device == device.name],
+            model=device.model,
+            catalogue=catalogue,
+            reference=reference,
+            prepared=[run for run in prepared if run.device == device.name],
         )
         for device in devices.values()
         if device.model

@@ -177,9 +177,9 @@ def _wrapped(difference: FloatArray) -> FloatArray:
     return difference
 
 
-FILTER_RATE = 50.0
+LEAST_FILTER_RATE_HZ = 50.0
 """Slowest rate [Hz] of recordings that a verdict on the filters rests on."""
-INTERPOLATED_RATE = 25.0
+INTERPOLATED_RATE_HZ = 25.0
 """Rate [Hz] slower recordings are interpolated to: what lies between their samples is a straight
 line, and spreads of the degrees differ from those at 50 Hz by 3 % at most."""
 UNUSED = (
@@ -211,7 +211,9 @@ class AttitudeTask:
         """Rows to be filtered and looked at [10⁶]."""
         seconds = float(self.recording.time[-1]) if len(self.recording) else 0.0
         rows = (
-            INTERPOLATED_RATE * seconds if is_slow(self.recording) else 3.0 * len(self.recording)
+            INTERPOLATED_RATE_HZ * seconds
+            if is_slow(self.recording)
+            else 3.0 * len(self.recording)
         )
         return rows * 1e-6
 
@@ -224,7 +226,7 @@ class AttitudeTask:
         raw = self.recording.rows(slice(first, None)) if first else self.recording
         found = estimate_attitudes(
             variants(raw, self.model),
-            every=round(INTERPOLATED_RATE) if slow else stride_of(raw),
+            every=round(INTERPOLATED_RATE_HZ) if slow else stride_of(raw),
             points=int(np.clip(ALL_POINTS / self.among, 250, 1000)),
         )
         return tuple(found)
@@ -241,7 +243,9 @@ def variants(raw: ImuRecording, model: ThermalModel) -> dict[str, ImuRecording]:
     full = without_tracks(compensate(raw, model))
     if is_slow(raw):
         found[FULL] = full
-        return {name: upsample(recording, INTERPOLATED_RATE) for name, recording in found.items()}
+        return {
+            name: upsample(recording, INTERPOLATED_RATE_HZ) for name, recording in found.items()
+        }
     if np.isfinite(raw.magnetic_field).any():
         found[HALF] = replace(found[RAW], magnetic_field=full.magnetic_field)
     return found | {FULL: full}
@@ -255,12 +259,12 @@ def without_tracks(recording: ImuRecording) -> ImuRecording:
 
 def stride_of(recording: ImuRecording) -> int:
     """Return every how many rows the angles of a fast recording are taken."""
-    return max(round(sample_rate(recording) / INTERPOLATED_RATE), 1)
+    return max(round(sample_rate(recording) / INTERPOLATED_RATE_HZ), 1)
 
 
 def is_slow(recording: ImuRecording) -> bool:
     """Tell whether the recording has to be interpolated for the filters."""
-    return not sample_rate(recording) >= 0.98 * FILTER_RATE
+    return not sample_rate(recording) >= 0.98 * LEAST_FILTER_RATE_HZ
 
 
 def after_startup(recording: ImuRecording) -> NDArray[np.bool_]:

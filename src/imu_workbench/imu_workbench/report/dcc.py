@@ -36,8 +36,14 @@ PER_KELVIN = {
     '/K²': r'\kelvin\tothe{-2}',
     '/K³': r'\kelvin\tothe{-3}',
 }
-SHAPES = {'s': r'\second', 'K': r'\kelvin', '°C': r'\degreecelsius', 'Hz': r'\hertz', '1': r'\one'}
-COVERAGE = 0.95
+SHAPE_UNITS = {
+    's': r'\second',
+    'K': r'\kelvin',
+    '°C': r'\degreecelsius',
+    'Hz': r'\hertz',
+    '1': r'\one',
+}
+COVERAGE_PROBABILITY = 0.95
 
 
 def check_dcc(signed: bool) -> None:
@@ -55,8 +61,8 @@ def dsi_unit(unit: str) -> str | None:
     >>> print(dsi_unit('1/K'), dsi_unit('1'))
     \kelvin\tothe{-1} \one
     """
-    if unit in SHAPES:
-        return SHAPES[unit]
+    if unit in SHAPE_UNITS:
+        return SHAPE_UNITS[unit]
     for name, written in UNITS.items():
         rest = unit.removeprefix(name)
         if unit.startswith(name) and rest in PER_KELVIN:
@@ -288,7 +294,7 @@ def _real(
                 [
                     ('si:uncertainty', f'{factor * std:.6g}'),
                     ('si:coverageFactor', f'{factor:.4g}'),
-                    ('si:coverageProbability', f'{COVERAGE:g}'),
+                    ('si:coverageProbability', f'{COVERAGE_PROBABILITY:g}'),
                 ],
             )
         ]

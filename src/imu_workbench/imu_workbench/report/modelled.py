@@ -81,7 +81,7 @@ def errors_of_run(run: PreparedRun, model: ThermalModel) -> RunErrors:
 
 
 AXES = ('x', 'y', 'z')
-TEMPERATURE_BIN = 2.0
+TEMPERATURE_BIN_K = 2.0
 """Width of the temperature bins of the dependence [K]."""
 HISTOGRAM_BINS = 48
 SCATTER_POINTS = 350
@@ -122,7 +122,7 @@ def binned(temperature: FloatArray, values: FloatArray) -> tuple[FloatArray, ...
     temperature, values = temperature[good], values[good]
     if not len(values):
         return np.empty(0), np.empty((0, 3)), np.empty((0, 3))
-    place = np.floor(temperature / TEMPERATURE_BIN).astype(np.int64)
+    place = np.floor(temperature / TEMPERATURE_BIN_K).astype(np.int64)
     _, place, count = np.unique(place, return_inverse=True, return_counts=True)
     mean = partial(_bin_mean, place, count)
     means = np.column_stack([mean(values[:, i]) for i in range(3)])

@@ -105,9 +105,16 @@ def _row(record: Mapping[str, str], place: str) -> StatisticsRow:
         raise TableError(f'{place}: min, max, mean and std have to be finite')
     name, _, unit = (record['quantity'] or '').partition('[')
     return StatisticsRow(
-        record['dut'], name.strip().lower(), unit.strip(' ]'), record['axis'], record['segment'],
-        low, high, mean, std,
-    )  # fmt: skip
+        dut=record['dut'],
+        quantity=name.strip().lower(),
+        unit=unit.strip(' ]'),
+        axis=record['axis'],
+        segment=record['segment'],
+        low=low,
+        high=high,
+        mean=mean,
+        std=std,
+    )
 
 
 @dataclass(frozen=True)

@@ -80,21 +80,25 @@ class Page:
             with ui.element('div').classes('middle'):
                 self._centre = Centre(session, look, self._go_to, self._brush)
                 rail = RailActions(
-                    self._toggle_preview,
-                    self._add,
-                    self._take_out,
-                    lambda effect: self._explain_dialog.show(
+                    preview=self._toggle_preview,
+                    add=self._add,
+                    take_out=self._take_out,
+                    explain=lambda effect: self._explain_dialog.show(
                         self._workspace.effects.explained[effect]
                     ),
-                    self._load_effects,
-                    self._load_kept,
+                    load_effects=self._load_effects,
+                    load_kept=self._load_kept,
                 )
                 self._rail = Rail(session, rail, may_load=self._local)
             actions = VersionActions(
-                self._show_version, self._save_model, self._save_report, self._save_case,
-                self._open_model, self._keep_statement,
-                lambda text: self._workspace.note(session.device, text),
-            )  # fmt: skip
+                show=self._show_version,
+                save_model=self._save_model,
+                save_report=self._save_report,
+                save_case=self._save_case,
+                open_model=self._open_model,
+                keep_statement=self._keep_statement,
+                note=lambda text: self._workspace.note(session.device, text),
+            )
             self._versions = VersionsPanel(session, look, actions)
         with ui.element('main').classes('body') as self._fleet_place:
             self._fleet = FleetView(self._workspace.fleet, self._open_case)

@@ -16,7 +16,15 @@ def vectors(coefficients: np.ndarray, misfit: np.ndarray, lots: Sequence[str]) -
     """Return the slopes of a gyroscope, known to 0.01 each."""
     n = len(coefficients)
     return Vectors(
-        'gyroscope', 'rad/s/K', np.array([f'd{k:05d}' for k in range(n)]), np.full(n, 'none'),
-        np.array(lots), coefficients, np.full((n, 3), 0.01), np.full((n, 3), 0.01),
-        np.full(n, 3), misfit, np.arange(n),
-    )  # fmt: skip
+        sensor='gyroscope',
+        unit='rad/s/K',
+        device=np.array([f'd{k:05d}' for k in range(n)]),
+        type=np.full(n, 'none'),
+        lot=np.array(lots),
+        coefficients=coefficients,
+        std=np.full((n, 3), 0.01),
+        run_std=np.full((n, 3), 0.01),
+        runs=np.full(n, 3),
+        misfit=misfit,
+        measured_at=np.arange(n),
+    )

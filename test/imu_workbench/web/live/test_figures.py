@@ -15,10 +15,10 @@ from imu_workbench.web.live import tables as text
 from imu_workbench.web.live.attitude_drawing import HEIGHT_PX, WIDTH_PX, board_svg, projected
 from imu_workbench.web.live.readings import LiveAttitude
 from imu_workbench.web.live.state import LiveState, NodeStatus
-from imu_workbench.web.live.topic_history import SECOND
+from imu_workbench.web.live.topic_history import SECOND_NS
 from orientation_filters.rotation.arrays import euler_zyx, from_rotation_vector
 
-START = 1_800_000_000 * SECOND
+START = 1_800_000_000 * SECOND_NS
 RATE = np.array([0.02, -0.01, 0.005])
 SPIKE = 1.5
 
@@ -27,7 +27,7 @@ SPIKE = 1.5
 def state() -> LiveState:
     """Half a minute at 200 Hz with one spike; 25 °C."""
     state = LiveState(lambda: 0.0)
-    stamp = START + (np.arange(6000) * SECOND // 200)
+    stamp = START + (np.arange(6000) * SECOND_NS // 200)
     noise = np.random.default_rng(3).normal(0.0, 1e-3, (6000, 3))
     noise[4321, 0] = SPIKE
     force = np.broadcast_to([0.0, 0.0, 9.8], (6000, 3))

@@ -12,12 +12,12 @@ from imu_recording.ros.message_cdr import serialise
 from imu_workbench.web.live import readings as view
 from imu_workbench.web.live.state import LiveState, NodeStatus
 from imu_workbench.web.live.tables import verdict
-from imu_workbench.web.live.topic_history import SECOND, decoded
+from imu_workbench.web.live.topic_history import SECOND_NS, decoded
 from orientation_filters.rotation.arrays import from_rotation_vector
 from sensor_msgs.msg import Imu
 from std_msgs.msg import String
 
-START = 1_800_000_000 * SECOND
+START = 1_800_000_000 * SECOND_NS
 GRAVITY = np.array([0.1, -0.2, 9.8])
 TRUE_RATE = np.array([0.01, -0.02, 0.005])
 
@@ -34,7 +34,11 @@ class Clock:
 
 def stamps(seconds: float, rate_hz: float, begin_s: float = 0.0) -> np.ndarray:
     count = round(seconds * rate_hz)
-    return START + round(begin_s * SECOND) + (np.arange(count) * SECOND / rate_hz).astype(np.int64)
+    return (
+        START
+        + round(begin_s * SECOND_NS)
+        + (np.arange(count) * SECOND_NS / rate_hz).astype(np.int64)
+    )
 
 
 def imu(stamp: np.ndarray, rate: np.ndarray, force: np.ndarray, frame: str = 'imu') -> list[bytes]:
@@ -47,7 +51,7 @@ def oriented(stamp: np.ndarray, quaternion: Sequence[np.ndarray]) -> list[bytes]
     messages = []
     for one, xyzw in zip(stamp, quaternion, strict=True):
         message = Imu()
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(int(one), SECOND)
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(int(one), SECOND_NS)
         o = message.orientation
         o.x, o.y, o.z, o.w = (float(part) for part in xyzw)
         messages.append(serialise(message))
@@ -132,7 +136,7 @@ def test_the_verdict_is_on_the_noise_and_names_the_axis_that_drifts(clock: Clock
     """Three minutes at 20 Hz; accelerometer y drifts by ten times the noise of a second."""
     rng = np.random.default_rng(5)
     stamp = stamps(180, 20)
-    time = (stamp - stamp[0])[:, None] / SECOND
+    time = (stamp - stamp[0])[:, None] / SECOND_NS
     rate = TRUE_RATE + rng.normal(0.0, 1e-3, (len(stamp), 3))
     force = GRAVITY + rng.normal(0.0, 0.01, (len(stamp), 3))
     drift = 10.0 * 0.01 / np.sqrt(20.0) * np.array([0.0, 1.0, 0.0])
@@ -179,7 +183,7 @@ def test_the_static_residual_is_the_drift_since_the_zero(clock: Clock) -> None:
     state.absorb()
     end = view.reading(state, 'gyroscope', 0).static
     np.testing.assert_allclose(end, (99.475 - 4.975) * 1e-3, rtol=1e-6)
-    later = view.reading(state, 'gyroscope', START // SECOND + 80).static
+    later = view.reading(state, 'gyroscope', START // SECOND_NS + 80).static
     np.testing.assert_allclose(later, (99.475 - 84.975) * 1e-3, rtol=1e-6)
     lines = view.static_line(state, 'gyroscope', 3600.0, 0)
     np.testing.assert_allclose(np.diff(lines.values[:, 0]), 1e-3, rtol=1e-6)

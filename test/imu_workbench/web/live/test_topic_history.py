@@ -3,13 +3,13 @@
 
 import numpy as np
 import pytest
-from imu_workbench.web.live.topic_history import SECOND, PerSecond, Recent, Rows
+from imu_workbench.web.live.topic_history import SECOND_NS, PerSecond, Recent, Rows
 
-START = 1_800_000_000 * SECOND
+START = 1_800_000_000 * SECOND_NS
 
 
 def stamps(seconds: float, rate_hz: float) -> np.ndarray:
-    return START + (np.arange(round(seconds * rate_hz)) * SECOND / rate_hz).astype(np.int64)
+    return START + (np.arange(round(seconds * rate_hz)) * SECOND_NS / rate_hz).astype(np.int64)
 
 
 @pytest.mark.parametrize('batch', [1, 7, 100])
@@ -43,7 +43,7 @@ def test_a_full_history_lets_go_of_the_oldest() -> None:
     second, means = history.means()
     assert 90 <= len(second) <= 100
     assert history.oldest == second[0]
-    np.testing.assert_array_equal(second, np.arange(second[0], stamp[-1] // SECOND + 1))
-    np.testing.assert_array_equal(means[:, 0], second - stamp[0] // SECOND)
+    np.testing.assert_array_equal(second, np.arange(second[0], stamp[-1] // SECOND_NS + 1))
+    np.testing.assert_array_equal(means[:, 0], second - stamp[0] // SECOND_NS)
     _, part = history.means(second[5], second[9])
     np.testing.assert_array_equal(part, means[5:9])

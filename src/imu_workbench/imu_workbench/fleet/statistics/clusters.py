@@ -13,7 +13,7 @@ from imu_recording.recording import FloatArray, IntArray
 from imu_workbench.fleet.statistics.vectors import Vectors
 
 MOST_CLUSTERS = 12
-STUDIED = 4000
+MOST_FITTED_DEVICES = 4000
 """Devices the mixture is fitted to; the others are assigned."""
 WORSE_IN_A_ROW = 3
 """The search ends where so many numbers of clusters in a row bring nothing."""
@@ -41,8 +41,8 @@ def find_clusters(sensors: Sequence[Vectors], ordinary: Sequence[bool]) -> Clust
     y = (values - np.median(values, axis=0)) / np.maximum(values.std(axis=0), 1e-300)
     seen = y[np.asarray(ordinary, dtype=bool)]
     draw = np.random.default_rng(SEED)
-    if len(seen) > STUDIED:
-        seen = seen[draw.choice(len(seen), STUDIED, replace=False)]
+    if len(seen) > MOST_FITTED_DEVICES:
+        seen = seen[draw.choice(len(seen), MOST_FITTED_DEVICES, replace=False)]
     label = np.zeros(len(y), dtype=np.int64)
     if (mixture := _best_mixture(seen)) is not None:
         label = mixture.predict(y)

@@ -185,7 +185,14 @@ def type_population(vectors: Vectors, least: int = LEAST_DEVICES) -> TypePopulat
     covariance = _mixed(covariance, len(lots), share * within)
     one = lots[0]
     return TypePopulation(
-        one.type, one.sensor, one.unit, len(lots), mean, of_mean, covariance, within
+        type=one.type,
+        sensor=one.sensor,
+        unit=one.unit,
+        lots=len(lots),
+        mean=mean,
+        mean_covariance=of_mean,
+        covariance=covariance,
+        within=within,
     )
 
 

@@ -20,7 +20,7 @@ from imu_workbench.fleet.statistics.screening import odd_devices, screen
 from imu_workbench.fleet.statistics.vectors import Vectors, read_vectors
 from imu_workbench.fleet.table import FleetTable
 
-RARE = 0.01
+OUTSIDE_P_VALUE = 0.01
 """A device is told to be outside its lot where so few of the lot would be as far off."""
 
 
@@ -98,7 +98,7 @@ def with_prior(
             part, given = model.sensors[sensor], prior.sensors[sensor]
             own = [run for run in runs if np.isfinite(run.measured[sensor]).all(axis=1).any()]
             sensors[sensor], distance = _shrunk(sensor, part, own, given)
-            if distance < RARE:
+            if distance < OUTSIDE_P_VALUE:
                 warnings.append(
                     f'the {sensor} is outside {prior.name} (p = {distance:.1e}): measure it by a '
                     'full campaign and fit it without --fleet'

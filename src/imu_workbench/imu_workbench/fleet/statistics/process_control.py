@@ -22,7 +22,7 @@ from imu_recording.recording import FloatArray
 
 from imu_workbench.report.limits import CoefficientLimit, CoefficientLimits
 
-CAPABLE = 1.33
+LEAST_CPK = 1.33
 """Cpk from which a lot counts as capable: four standard deviations to the nearer limit."""
 COVERAGE_FACTOR = 1.96
 """Standard deviations of a 95 % interval."""
@@ -52,8 +52,8 @@ class Capability:
 
     @property
     def capable(self) -> bool:
-        """Whether the whole interval is above CAPABLE."""
-        return self.interval[0] >= CAPABLE
+        """Whether the whole interval is above LEAST_CPK."""
+        return self.interval[0] >= LEAST_CPK
 
 
 def capability_index(mean: float, std: float, limit: CoefficientLimit) -> float:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from imu_workbench.fleet.statistics.vectors import Vectors
 
-FALSE_ALARMS = 0.01
+FALSE_ALARM_SHARE = 0.01
 """Share of ordinary devices that may be called odd, all questions together."""
 COEFFICIENT_SHARE, MISFIT_SHARE = 0.75, 0.1
 """Of these false alarms, what each question gets; the rest pays for yardsticks that are estimated
@@ -34,7 +34,7 @@ TRIMMED_SHARE = 1e-3
 """Devices rarer than this do not count towards the yardstick."""
 LEAST_DEVICES = 12
 """A smaller lot tells nothing about oddness."""
-ROUNDS = 10
+MOST_ROUNDS = 10
 START_DEVICES = 300
 """Devices, at least half of them more, that the robust start of a larger lot is made of."""
 SEED = 5
@@ -99,7 +99,7 @@ def p_values(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     y = (values - np.median(values, axis=0)) / np.where(scale > 0.0, scale, 1.0)
     kept = _first_clean(y)
     p = np.empty(len(y))
-    for _ in range(ROUNDS):
+    for _ in range(MOST_ROUNDS):
         p = _left_out(y, kept)
         grown = p > TRIMMED_SHARE
         if grown.sum() <= y.shape[1] + 2 or (grown == kept).all():
@@ -152,8 +152,8 @@ def odd_devices(screened: Sequence[tuple[Vectors, Screening]]) -> list[OddDevice
 
     The share of false alarms is divided among the questions and sensors (Bonferroni).
     """
-    level = COEFFICIENT_SHARE * FALSE_ALARMS / max(1, len(screened))
-    misfit_level = MISFIT_SHARE * FALSE_ALARMS / max(1, len(screened))
+    level = COEFFICIENT_SHARE * FALSE_ALARM_SHARE / max(1, len(screened))
+    misfit_level = MISFIT_SHARE * FALSE_ALARM_SHARE / max(1, len(screened))
     odd = []
     for vectors, screening in screened:
         for i in np.flatnonzero(screening.coefficients < level):
@@ -170,10 +170,10 @@ def odd_devices(screened: Sequence[tuple[Vectors, Screening]]) -> list[OddDevice
 
 def _odd(vectors: Vectors, i: int, reason: str, p_value: float, own: FloatArray) -> OddDevice:
     return OddDevice(
-        str(vectors.device[i]),
-        str(vectors.lot[i]),
-        vectors.sensor,
-        reason,
-        float(p_value),
-        tuple(float(value) for value in own),
+        device=str(vectors.device[i]),
+        lot=str(vectors.lot[i]),
+        sensor=vectors.sensor,
+        reason=reason,
+        p_value=float(p_value),
+        deviations=tuple(float(value) for value in own),
     )

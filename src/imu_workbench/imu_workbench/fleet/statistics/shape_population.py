@@ -26,9 +26,9 @@ from thermal_comp.effects import EFFECTS
 from imu_workbench.fleet.statistics.prevalence import Prevalence
 from imu_workbench.fleet.table import FleetTable
 
-GRID = 41
+GRID_POINTS = 41
 """Values of ln θ between the ends of the forms that were tried."""
-STUDIED = 150
+MOST_FITTED_DEVICES = 150
 """Devices of a lot the distribution is fitted to."""
 LEAST_DEVICES = 10
 """Four means and their covariance need more than a few devices that carry the effect."""
@@ -95,7 +95,7 @@ class ShapeEvidence:
     std: FloatArray
     """(n, k, 3)"""
 
-    def refined(self, count: int = GRID) -> ShapeEvidence:
+    def refined(self, count: int = GRID_POINTS) -> ShapeEvidence:
         """Return it on an even grid: ĉ/σ and ln σ are smooth in ln θ."""
         from scipy.interpolate import CubicSpline
 
@@ -198,18 +198,18 @@ def shape_populations(
         (parameter,) = fields(effect())
         found.append(
             ShapePopulation(
-                one.type,
-                one.lot,
-                one.sensor,
-                one.effect,
-                effect.coefficient_units[0].format(unit=SENSOR_UNITS[one.sensor]),
-                parameter.name,
-                parameter.metadata['unit'],
-                one.devices,
-                fit.share,
-                fit.mean,
-                np.sqrt(np.diag(fit.mean_covariance)),
-                fit.covariance,
+                type=one.type,
+                lot=one.lot,
+                sensor=one.sensor,
+                effect=one.effect,
+                unit=effect.coefficient_units[0].format(unit=SENSOR_UNITS[one.sensor]),
+                parameter=parameter.name,
+                parameter_unit=parameter.metadata['unit'],
+                devices=one.devices,
+                share=fit.share,
+                mean=fit.mean,
+                mean_std=np.sqrt(np.diag(fit.mean_covariance)),
+                covariance=fit.covariance,
             )
         )
     return found
@@ -233,7 +233,7 @@ def _evidence(
     rows = [row for row in rows if (row[3], one.sensor) not in odd]
     if not rows:
         return None
-    rows = rows[:: -(-len(rows) // STUDIED)]
+    rows = rows[:: -(-len(rows) // MOST_FITTED_DEVICES)]
     shapes = np.array(rows[0][0], dtype=float)
     coefficients = np.array([row[1] for row in rows], dtype=float).transpose(0, 2, 1)
     std = np.array([row[2] for row in rows], dtype=float).transpose(0, 2, 1)

@@ -18,7 +18,7 @@ from imu_recording.recording import FloatArray, IntArray
 from scipy.stats import t as student
 
 MONTE_CARLO_DRAWS = 20_000
-LEVEL = 0.95
+COVERAGE_PROBABILITY = 0.95
 """Coverage of the interval whose factor is k95."""
 Distribution = Literal['normal', 'rectangular']
 Kind = Literal['offset', 'temperature', 'span', 'input']
@@ -128,7 +128,7 @@ class Budget:
     def coverage_factor(self) -> float:
         """Student's factor for 95 % at the effective degrees of freedom."""
         degrees = self.degrees if math.isfinite(self.degrees) else 1e9
-        return float(student.ppf(0.5 + LEVEL / 2.0, degrees))
+        return float(student.ppf(0.5 + COVERAGE_PROBABILITY / 2.0, degrees))
 
     @property
     def deciding(self) -> float:
@@ -180,14 +180,16 @@ def budget_of(
     numbers = uncertain_numbers(used)
     result = measurand.of(used, numbers)
     return Budget(
-        measurand.value,
-        unit,
-        tuple(BudgetRow(i, abs(component(result, x))) for i, x in zip(used, numbers, strict=True)),
-        float(uncertainty(result)) if used else 0.0,
-        float(dof(result)) if used else math.inf,
-        tuple(uncounted),
-        without_row(inputs, uncounted),
-        monte_carlo(measurand, used, draws=draws, seed=seed) if used else 0.0,
+        value=measurand.value,
+        unit=unit,
+        rows=tuple(
+            BudgetRow(i, abs(component(result, x))) for i, x in zip(used, numbers, strict=True)
+        ),
+        combined=float(uncertainty(result)) if used else 0.0,
+        degrees=float(dof(result)) if used else math.inf,
+        uncounted=tuple(uncounted),
+        others=without_row(inputs, uncounted),
+        monte_carlo=monte_carlo(measurand, used, draws=draws, seed=seed) if used else 0.0,
     )
 
 

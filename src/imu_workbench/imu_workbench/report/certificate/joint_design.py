@@ -82,7 +82,18 @@ def fitted_values(model: SensorModel) -> list[Shape]:
                 if std > 0.0 and np.isfinite(std):
                     at = place if several else None
                     label = labels[place]
-                    found.append(Shape(i, item.name, at, float(one), std, form, unit, label))
+                    found.append(
+                        Shape(
+                            effect=i,
+                            name=item.name,
+                            place=at,
+                            value=float(one),
+                            std=std,
+                            form=form,
+                            unit=unit,
+                            label=label,
+                        )
+                    )
     return found
 
 

@@ -74,16 +74,16 @@ def quantities(
             continue
         low, high = part.temperature_range
         evidence = Evidence(
-            name,
-            part,
-            tuple(runs),
-            tuple(up_axes),
-            replicates(part, runs, name),
-            JointDesign.of(part, runs, name),
-            laboratory,
-            high - low,
-            dwell_gradient(runs),
-            model.reference_temperature,
+            sensor=name,
+            model=part,
+            runs=tuple(runs),
+            up_axes=tuple(up_axes),
+            repeated=replicates(part, runs, name),
+            joint=JointDesign.of(part, runs, name),
+            laboratory=laboratory,
+            span=high - low,
+            gradient=dwell_gradient(runs),
+            reference_temperature=model.reference_temperature,
         )
         fitted = [*coefficients_of(evidence), *shapes_of(evidence)]
         found += [*biases(evidence), *(budgeted(evidence, one) for one in fitted)]
@@ -235,17 +235,17 @@ def coefficients_of(evidence: Evidence) -> Iterator[Fitted]:
                 else:
                     changes, run = repeated[:, axis] - value, evidence.repeated.run
                 yield Fitted(
-                    'slope' if linear else label,
-                    'all' if shared else AXES[axis],
-                    units[column],
-                    value,
-                    float(deviation[unknown]),
-                    evidence.noise_degrees(axis),
-                    unknown,
-                    effect,
-                    changes,
-                    run,
-                    chord(evidence, axis) if linear else parts_differ(changes),
+                    name='slope' if linear else label,
+                    axis='all' if shared else AXES[axis],
+                    unit=units[column],
+                    value=value,
+                    noise=float(deviation[unknown]),
+                    noise_degrees=evidence.noise_degrees(axis),
+                    unknown=unknown,
+                    effect=effect,
+                    changes=changes,
+                    run=run,
+                    form=chord(evidence, axis) if linear else parts_differ(changes),
                 )
 
 
@@ -258,9 +258,18 @@ def shapes_of(evidence: Evidence) -> Iterator[Fitted]:
         told = parts_differ(changes)
         form = max(told or 0.0, shape.form) if told is not None or shape.form else None
         yield Fitted(
-            shape.label, 'all', shape.unit, shape.value, shape.std, degrees, unknown, None,
-            changes, run, form,
-        )  # fmt: skip
+            name=shape.label,
+            axis='all',
+            unit=shape.unit,
+            value=shape.value,
+            noise=shape.std,
+            noise_degrees=degrees,
+            unknown=unknown,
+            effect=None,
+            changes=changes,
+            run=run,
+            form=form,
+        )
 
 
 def budgeted(evidence: Evidence, fitted: Fitted) -> Quantity:
@@ -289,7 +298,13 @@ def budgeted(evidence: Evidence, fitted: Fitted) -> Quantity:
         [*unknown, *unstated, *untold, *([] if told else [unseen])],
     )
     random = math.sqrt(sum(item.uncertainty**2 for item in scatter))
-    return Quantity(evidence.sensor, fitted.axis, fitted.name, budget, 3.29 * random)
+    return Quantity(
+        sensor=evidence.sensor,
+        axis=fitted.axis,
+        coefficient=fitted.name,
+        budget=budget,
+        detection_limit=3.29 * random,
+    )
 
 
 def parts_differ(changes: FloatArray) -> float | None:

@@ -17,7 +17,7 @@ from imu_workbench.report.certificate.budget import Input, Uncounted
 from imu_workbench.report.certificate.evidence import AXES, Evidence
 from imu_workbench.report.certificate.joint_design import coefficient_columns, place_of
 
-NEGLIGIBLE = 1e-6
+NEGLIGIBLE_SHARE = 1e-6
 """Share of the value below which an error of the reference does not act, but is rounding."""
 TILT = 'reference: tilt'
 
@@ -148,7 +148,7 @@ def _variation(
     )
     half = evidence.laboratory.field_variation
     size = moved * (half or 1e-9) / math.sqrt(3.0)
-    if size <= NEGLIGIBLE * abs(value):
+    if size <= NEGLIGIBLE_SHARE * abs(value):
         return None
     if half is None:
         return Uncounted('reference: field variation', 'not stated')
@@ -192,7 +192,7 @@ def _tilt(evidence: Evidence, unknown: int, value: float, unit: str) -> Input | 
     """
     half = evidence.laboratory.tilt
     moved = float(np.linalg.norm(by_tilt(evidence)[:, unknown]))
-    if moved * (half or math.radians(1.0)) <= NEGLIGIBLE * abs(value):
+    if moved * (half or math.radians(1.0)) <= NEGLIGIBLE_SHARE * abs(value):
         return None
     if half is None:
         return Uncounted(TILT, 'not stated')

@@ -72,7 +72,9 @@ def replicates(model: SensorModel, runs: Sequence[PreparedRun], sensor: Sensor) 
     values = np.array([v for _, v in found]).reshape(-1, width + 1, 3)
     number = np.array([r for r, _ in found], int)
     kind = 'cycles' if all(run.has_cycles for run in runs) else 'parts of a run'
-    return Replicates(number, values[:, 0], values[:, 1:], terms, kind)
+    return Replicates(
+        run=number, level=values[:, 0], coefficients=values[:, 1:], terms=terms, parts=kind
+    )
 
 
 def _columns(

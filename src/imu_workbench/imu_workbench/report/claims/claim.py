@@ -32,4 +32,4 @@ class Claim:
 
 def untestable(key: str, claim: str, why: str) -> Claim:
     """Return a claim these recordings cannot speak about."""
-    return Claim(key, claim, '–', 'untestable', why)
+    return Claim(key=key, claim=claim, ours='–', verdict='untestable', why=why)

@@ -16,7 +16,7 @@ from imu_workbench.report.figures.modelled import allan_deviation_figure
 from imu_workbench.report.html.render import Row, Section
 from imu_workbench.report.model_content import in_words
 
-PER_ROW = 3
+RESULTS_PER_ROW = 3
 """Results that axes share, in a row."""
 ROWS_OF_A_PAGE = 12
 """Rows of results from which on they begin on the first page."""
@@ -146,7 +146,7 @@ def result_rows(found: Mapping[str, Any]) -> list[dict[str, Any]]:
         key: tuple[Any, ...] = (sensor, name, unit)
         if axis == 'all':
             number = shared[key] = shared.get(key, -1) + 1
-            key, axis = (*key, number // PER_ROW), 'xyz'[number % PER_ROW]
+            key, axis = (*key, number // RESULTS_PER_ROW), 'xyz'[number % RESULTS_PER_ROW]
         row = rows.setdefault(
             key,
             {

@@ -21,7 +21,7 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, shown
 
 from imu_workbench.answer import plain
 
-LEAST_SHOWN = 0.005
+LEAST_SHOWN_PROBABILITY = 0.005
 """Probability below which "< 1 %" is shown."""
 HELD_OUT_AT_FIRST = 5
 """Candidates of a sensor whose held-out error is computed without being asked for."""
@@ -66,15 +66,15 @@ def candidates_of(found: Diagnosis) -> dict[str, list[EffectCandidate]]:
         predicted = content['prediction'].get(one.sensor, {'empirical': False, 'terms': []})
         own.append(
             EffectCandidate(
-                one.name,
-                one.sensor,
-                one.probability,
-                one.log_odds,
-                finding['error_after'] if finding else None,
-                plain(dict(one.effect.shape_parameters)),
-                finding['parameters'] if finding else {},
-                finding is not None,
-                bool(predicted['empirical']) and one.name in predicted['terms'],
+                effect=one.name,
+                sensor=one.sensor,
+                probability=one.probability,
+                log_odds=one.log_odds,
+                error_after=finding['error_after'] if finding else None,
+                shape=plain(dict(one.effect.shape_parameters)),
+                parameters=finding['parameters'] if finding else {},
+                named=finding is not None,
+                empirical=bool(predicted['empirical']) and one.name in predicted['terms'],
             )
         )
     return result
@@ -171,7 +171,7 @@ def odds_text(winner: EffectCandidate, loser: EffectCandidate) -> str:
     By the probabilities that are shown; where the loser's is as good as zero, by the odds of each
     alone.
     """
-    if winner.probability and loser.probability and loser.probability >= LEAST_SHOWN:
+    if winner.probability and loser.probability and loser.probability >= LEAST_SHOWN_PROBABILITY:
         apart = log(winner.probability / loser.probability)
     elif winner.log_odds is None or loser.log_odds is None:
         return ''

@@ -16,15 +16,15 @@ from thermal_comp.presentation.diagnosis import explanation_name, percent
 from thermal_comp.presentation.display import DISPLAY_UNITS, shown
 
 from imu_workbench.web.case.buttons import Buttons, file_button
-from imu_workbench.web.case.candidates import LEAST_SHOWN, EffectCandidate, why_not
+from imu_workbench.web.case.candidates import LEAST_SHOWN_PROBABILITY, EffectCandidate, why_not
 from imu_workbench.web.case.preview import EffectPreview
 from imu_workbench.web.case.version import Version, parameter_text
 from imu_workbench.web.session import Session
 from imu_workbench.web.words import word
 
-LEAST_JOINT = 0.05
+LEAST_JOINT_PROBABILITY = 0.05
 """Probability of explanations with several effects from which all explanations are listed."""
-SHOWN = 4
+MOST_CANDIDATES = 4
 """Candidates that stand there at once; the others below."""
 
 
@@ -126,7 +126,15 @@ class Rail:
         for name, told in session.workspace.effects.explained.items():
             fits = sensor in told['sensors'] and told['searched'] and name not in work.unusable
             if fits and name not in known:
-                weighed.append(EffectCandidate(name, sensor, None, None, None))
+                weighed.append(
+                    EffectCandidate(
+                        effect=name,
+                        sensor=sensor,
+                        probability=None,
+                        log_odds=None,
+                        error_after=None,
+                    )
+                )
         if preview is not None and preview.sensor == sensor:
             weighed = [
                 replace(one, error_after=preview.error_after)
@@ -144,7 +152,7 @@ class Rail:
     ) -> None:
         before = version.error(self._session.view.sensor)
         useful = [c for c in candidates if c.named or c.empirical or c.lowers(before)]
-        useful = sorted(useful, key=lambda c: (not c.named, not c.empirical))[:SHOWN]
+        useful = sorted(useful, key=lambda c: (not c.named, not c.empirical))[:MOST_CANDIDATES]
         winner = next((c for c in useful if c.named), None)
         named = [c.effect for c in useful if c.named]
         for candidate in useful:
@@ -267,11 +275,11 @@ def together_html(explanations: Sequence[Mapping[str, Any]], sensor: str) -> str
     together each has nearly one.
     """
     own = [one for one in explanations if one['sensor'] == sensor]
-    if sum(one['probability'] for one in own if len(one['names']) > 1) < LEAST_JOINT:
+    if sum(one['probability'] for one in own if len(one['names']) > 1) < LEAST_JOINT_PROBABILITY:
         return ''
     rows = [(_spaced(explanation_name(one)), one['probability']) for one in own]
     rest = 1.0 - sum(probability for _, probability in rows)
-    rows += [('anything else', rest)] if rest >= LEAST_SHOWN else []
+    rows += [('anything else', rest)] if rest >= LEAST_SHOWN_PROBABILITY else []
     items = ''.join(
         f'<li>{escape(name)}<span class="number">{probability_text(probability)}</span></li>'
         for name, probability in rows
@@ -291,7 +299,7 @@ def probability_text(probability: float | None) -> str:
     """Return a probability in percent; nothing is certain and nothing impossible."""
     if probability is None:
         return ''
-    return '< 1 %' if probability < LEAST_SHOWN else percent(probability)
+    return '< 1 %' if probability < LEAST_SHOWN_PROBABILITY else percent(probability)
 
 
 def errors_html(candidate: EffectCandidate, version: Version) -> str:

@@ -226,7 +226,9 @@ def next_action(found: Mapping[str, Any], known: Sequence[str], addable: Sequenc
     sensors = tuple(s for s in SENSORS if s in first['sensor'].split('+'))
     rivals = [rival for rival in first['ambiguous_with'] if rival in known]
     if rivals:
-        return Action('experiment', '', effect, sensors, (effect, rivals[0]))
+        return Action(
+            kind='experiment', text='', effect=effect, sensors=sensors, rivals=(effect, rivals[0])
+        )
     return Action('add', '', effect, sensors)
 
 

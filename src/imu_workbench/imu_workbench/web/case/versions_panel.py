@@ -30,7 +30,7 @@ from imu_workbench.web.words import with_help
 
 MOST_LABELS = 5
 """Steps that all carry their number, a phone's width apart."""
-MOST_NAMED = 4
+MOST_NAMED_RUNS = 4
 """Runs of a version that are named; of more their number is said."""
 
 
@@ -194,7 +194,7 @@ def of_runs(version: CaseVersion, runs: Set[str]) -> str:
     own = version.recordings
     if not own or not runs or set(own) == runs:
         return ''
-    return f', of {", ".join(own) if len(own) <= MOST_NAMED else f"{len(own)} runs"}'
+    return f', of {", ".join(own) if len(own) <= MOST_NAMED_RUNS else f"{len(own)} runs"}'
 
 
 def error_text(version: CaseVersion, sensor: str) -> str:

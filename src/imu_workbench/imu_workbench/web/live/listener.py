@@ -142,7 +142,15 @@ class Listener:
                 kept = DurabilityPolicy.TRANSIENT_LOCAL
                 latched = all(p.qos_profile.durability == kept for p in publishers)
                 own = tuple(sorted(nodes))
-                found.append(Topic(name, types[0], own, latched, len(publishers)))
+                found.append(
+                    Topic(
+                        name=name,
+                        message_type=types[0],
+                        nodes=own,
+                        latched=latched,
+                        publishers=len(publishers),
+                    )
+                )
         return found
 
     def _subscribe(self, topic: Topic) -> None:
@@ -170,11 +178,11 @@ class Listener:
             for status in message.status:
                 watch.state.put_status(
                     NodeStatus(
-                        status.name,
-                        status.level[0],
-                        status.message,
-                        {item.key: item.value for item in status.values},
-                        watch.state.now(),
+                        name=status.name,
+                        level=status.level[0],
+                        message=status.message,
+                        values={item.key: item.value for item in status.values},
+                        received=watch.state.now(),
                     )
                 )
 

@@ -18,7 +18,7 @@ from imu_recording.recording import FloatArray
 
 from imu_workbench.web.live.topic_history import (
     MAX_RECENT_ROWS,
-    SECOND,
+    SECOND_NS,
     Rows,
     TopicHistory,
     decoded,
@@ -159,7 +159,7 @@ class LiveState:
         met = stamp[place] == waiting.stamp if len(stamp) else np.zeros(len(place), bool)
         difference = Rows(waiting.stamp[met], values[place[met]] - waiting.values[met])
         self.tracks[name].add(difference, self.now())
-        rest = ~met & (waiting.stamp > raw.newest - SECOND)
+        rest = ~met & (waiting.stamp > raw.newest - SECOND_NS)
         self._waiting[name] = Rows(
             waiting.stamp[rest][-MAX_RECENT_ROWS:], waiting.values[rest][-MAX_RECENT_ROWS:]
         )

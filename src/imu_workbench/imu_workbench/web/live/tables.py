@@ -12,7 +12,7 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, duration, 
 
 from imu_workbench.report.figures.palette import AXES
 from imu_workbench.web.live.readings import (
-    FEWEST_SECONDS,
+    LEAST_VERDICT_S,
     MAX_TILT_DEG,
     angle_between_deg,
     attitude,
@@ -86,7 +86,7 @@ def verdict(state: LiveState, zero: int, shared: Mapping[str, str] | None = None
     ratios = {s: over_noise(state, s, zero) for s in SENSORS}
     known = {s: axes for s, axes in ratios.items() if np.isfinite(axes).any()}
     if not known:
-        return f'A verdict needs {FEWEST_SECONDS} s at rest since the zero.'
+        return f'A verdict needs {LEAST_VERDICT_S} s at rest since the zero.'
     worst = {s: int(np.nanargmax(axes)) for s, axes in known.items()}
     told = {s: f'{s} {AXES[axis]}' for s, axis in worst.items()}
     drifting = {s: float(known[s][axis]) for s, axis in worst.items()}

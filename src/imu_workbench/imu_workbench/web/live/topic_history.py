@@ -59,7 +59,7 @@ MAX_RECENT_ROWS = 32_768
 """Samples kept as they are: 30 s at 1 kHz."""
 MAX_HISTORY_SECONDS = 86_400
 """Seconds kept as means: a day."""
-SECOND = 1_000_000_000
+SECOND_NS = 1_000_000_000
 
 
 class Recent:
@@ -84,7 +84,7 @@ class Recent:
         stamps, values = [], []
         for part in (slice(oldest, self._written if not oldest else None), slice(0, oldest)):
             # Rows are late by less than a second: before that, none is wanted.
-            first = int(np.searchsorted(self._stamp[part], stamp - SECOND))
+            first = int(np.searchsorted(self._stamp[part], stamp - SECOND_NS))
             late = self._stamp[part][first:]
             wanted = late >= stamp
             stamps.append(late[wanted])
@@ -107,7 +107,7 @@ class PerSecond:
         if not len(rows.stamp):
             return
         self._offset = np.where(np.isnan(self._offset), _first_known(rows.values), self._offset)
-        second = rows.stamp // SECOND
+        second = rows.stamp // SECOND_NS
         above = rows.values - self._offset
         known = np.isfinite(above)
         above = np.where(known, above, 0.0)
@@ -191,4 +191,4 @@ class TopicHistory:
 
     def jumped_back(self, rows: Rows) -> bool:
         """Tell whether rows are from well before what was heard: a bag that starts again."""
-        return bool(len(rows.stamp)) and int(rows.stamp.max()) < self.newest - SECOND
+        return bool(len(rows.stamp)) and int(rows.stamp.max()) < self.newest - SECOND_NS

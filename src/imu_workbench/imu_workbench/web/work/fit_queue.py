@@ -77,7 +77,9 @@ class FitQueue:
     def request(self, device: str, base: str, change: Change, tab: str = '') -> QueuedFit:
         """Queue a change; a second one of the same version follows the first."""
         same = [f for f in self.fits if (f.device, f.base, f.tab) == (device, base, tab)]
-        fit = QueuedFit(device, base, change, tab, same[-1] if same else None)
+        fit = QueuedFit(
+            device=device, base=base, change=change, tab=tab, after=same[-1] if same else None
+        )
         self.fits.append(fit)
         self._changed()
         if self._runner is None or self._runner.done():

@@ -175,8 +175,8 @@ class Versions:
         """Keep what is still to be done in the cases: a server that is killed goes on with it."""
         for work in self._devices.values():
             wanted = tuple(
-                RequestedFit(f.base if f.follows else f.start, f.change.effect,
-                             f.change.sensors, f.change.added, f.tab)
+                RequestedFit(base=f.base if f.follows else f.start, effect=f.change.effect,
+                             sensors=f.change.sensors, added=f.change.added, tab=f.tab)
                 for f in self.queue.of_device(work.name)
                 if f.state in ('waiting', 'running')
             )  # fmt: skip
