@@ -111,3 +111,23 @@ def test_files_are_joined_with_a_guess_that_is_saved(tmp_path: Path, capsys) -> 
     assert '1 files and 2 mappings' in capsys.readouterr().err
     assert main([*files, '--yes', '-o', str(tmp_path / 'guessed')]) == 0
     assert 'Temp is taken for the air, not for a die' in capsys.readouterr().out
+
+
+def test_an_import_shows_the_ranges_and_refuses_another_unit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table, mapping = tmp_path / 'a.csv', tmp_path / 'm.yaml'
+    table.write_text('t,a,b,c,T\n' + ''.join(f'{k},0,0,1,{20 + k / 50}\n' for k in range(200)))
+    told = (
+        'schema: 1\ntime: {{column: t}}\ncolumns:\n  temperature: {{column: T}}\n'
+        '  linear_acceleration: {{columns: [a, b, c]{}}}\n'
+    )
+    argv = ['import', str(table), '--mapping', str(mapping), '-o', str(tmp_path / 'bag')]
+    mapping.write_text(told.format(''))
+    assert main(argv) == 2
+    assert 'as if in g' in capsys.readouterr().err
+    mapping.write_text(told.format(', unit: g'))
+    assert main(argv) == 0
+    words = capsys.readouterr().out.split()
+    at = words.index('temperature')
+    assert words[at : at + 5] == ['temperature', '20.0', '22.0', '24.0', '°C']

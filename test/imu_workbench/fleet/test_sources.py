@@ -14,11 +14,9 @@ import fsspec
 import pytest
 import yaml
 from fsspec.implementations.local import LocalFileSystem
-from imu_workbench.__main__ import main
 from imu_workbench.case import Case, CaseRecording, saved
 from imu_workbench.fleet.engine import Cluster, run_fleet
 from imu_workbench.fleet.estimate import EstimateSettings
-from imu_workbench.fleet.page import _url
 from imu_workbench.fleet.sources import find_devices
 from imu_workbench.fleet.table import FleetTable
 
@@ -120,13 +118,3 @@ def test_metadata_without_a_mapping_names_nobody(tmp_path: Path, custom: str) ->
     file.write_text(f'{head}{found}{custom}\n')
     (device,) = find_devices([str(tmp_path / 'unit [7]')])
     assert (device.device, device.bags) == ('', (str(bag),))
-
-
-def test_the_page_leads_into_the_case_where_it_is_served(cases: Path) -> None:
-    home = cases / 'lot=A' / 'dut1'
-    at = 'http://127.0.0.1:8080/?token=a%26b'
-    assert _url('dut1', str(home), cases, at) == f'{at}&device=dut1'
-    assert _url('dut1', str(home), cases, 'http://[::1]:9') == 'http://[::1]:9/?device=dut1'
-    assert _url('dut1', str(home), cases, '') == 'lot%3DA/dut1/'
-    assert _url('x', str(BAGS), cases, at).endswith('bags/')  # bags are no case
-    assert main(['fleet', str(cases), '-o', str(cases / 'out'), '--served', 'here:8080']) == 2

@@ -18,7 +18,7 @@ from thermal_comp.model.file import load_model
 
 from imu_recording import read_bag
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.fixture(scope='module')
