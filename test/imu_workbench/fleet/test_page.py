@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,19 +13,10 @@ from imu_workbench.fleet.page import _url
 BAGS = Path(__file__).parents[3] / 'bags'
 
 
-def case_of(device: str, folder: Path, sources: list[str]) -> Case:
-    return saved(Case(folder, device, tuple(CaseRecording(s, Path(s).name) for s in sources)))
-
-
 @pytest.fixture
 def cases(tmp_path: Path) -> Path:
-    folder = tmp_path / 'lot=A'
-    case = case_of('dut1', folder / 'dut1', [str(BAGS / f'dut1_{axis}') for axis in 'xyz'])
-    closed = replace(case.recordings[2], open=False)
-    saved(replace(case, recordings=(*case.recordings[:2], closed)))
-    case_of('dut9', folder / 'dut9', [str(tmp_path / 'gone')])
-    (folder / 'torn').mkdir()
-    (folder / 'torn' / 'case.yaml').write_text('schema: [1')
+    """Return the folder of the case of one device of a lot."""
+    saved(Case(tmp_path / 'lot=A' / 'dut1', 'dut1', (CaseRecording(str(BAGS / 'dut1_x'), 'x'),)))
     return tmp_path
 
 

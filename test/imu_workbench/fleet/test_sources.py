@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cases as sources of a fleet, beside folders, lists and URLs that are not local."""
+"""Sources of a fleet: folders, lists, globs, URLs that are not local, and cases."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import fsspec
 import pytest
 import yaml
 from fsspec.implementations.local import LocalFileSystem
+from imu_recording.user_error import UserError
 from imu_workbench.case import Case, CaseRecording, saved
 from imu_workbench.fleet.engine import Cluster, run_fleet
 from imu_workbench.fleet.estimate import EstimateSettings
@@ -118,3 +119,50 @@ def test_metadata_without_a_mapping_names_nobody(tmp_path: Path, custom: str) ->
     file.write_text(f'{head}{found}{custom}\n')
     (device,) = find_devices([str(tmp_path / 'unit [7]')])
     assert (device.device, device.bags) == ('', (str(bag),))
+
+
+def copied(fleet_bags: Path, device: str, target: Path) -> Path:
+    shutil.copytree(fleet_bags / device, target)
+    return target
+
+
+def test_sources_are_globs_lists_and_urls(fleet_bags: Path, tmp_path: Path) -> None:
+    listed = tmp_path / 'list.csv'
+    listed.write_text(
+        f'source,lot,type\n{fleet_bags}/lot=A/A00001,Q,LSM\nfile://{fleet_bags}/lot=B,,\n'
+    )
+    devices = find_devices([str(listed), f'{fleet_bags}/lot=A/A0000?'])
+    assert [(d.device, d.lot, d.type) for d in devices] == [
+        ('A00002', 'A', 'none'), ('B00003', 'B', 'none'), ('A00001', 'Q', 'LSM'),
+    ]  # fmt: skip
+    assert all(len(device.bags) == 3 for device in devices)
+    with pytest.raises(UserError, match='no bag here'):
+        find_devices([str(tmp_path / 'nowhere')])
+    listed.write_text(f'source\n{fleet_bags}/lot=B\n{tmp_path}/gone\n')
+    missing, found = sorted(find_devices([str(listed)]), key=lambda device: device.device)
+    assert found.device == 'B00003'
+    assert 'gone: no bag here' in missing.problem
+    listed.write_text('path\nx\n')
+    with pytest.raises(UserError, match='a list has source'):
+        find_devices([str(listed)])
+
+
+def test_a_bag_that_names_nobody_belongs_to_its_neighbour(
+    fleet_bags: Path, tmp_path: Path
+) -> None:
+    folder = copied(fleet_bags, 'lot=A/A00001', tmp_path / 'A00001')
+    (folder / 'z' / 'metadata.yaml').unlink()
+    (device,) = find_devices([str(tmp_path)])
+    assert (device.device, len(device.bags)) == ('A00001', 3)
+
+
+def test_a_folder_that_may_not_be_read_is_a_device_with_that_reason(
+    fleet_bags: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copied(fleet_bags, 'lot=A/A00001', tmp_path / 'A00001')
+    # Root may read everything.
+    monkeypatch.setattr(os, 'access', lambda path, mode: not str(path).endswith('A00001/y'))
+    (device,) = find_devices([str(tmp_path)])
+    assert device.problem == f'{tmp_path}/A00001/y: no permission to read it'
+    (device,) = find_devices([str(tmp_path / 'A00001' / 'y')])
+    assert device.problem
