@@ -159,7 +159,7 @@ def _answer(options: argparse.Namespace) -> int:
 def is_users(error: Exception) -> bool:
     """Tell whether an error is the user's to mend: their input, or a file, folder, port of theirs.
 
-    A file of the package itself that cannot be opened is a bug, so is a module.
+    A file or module of the package itself that cannot be opened is a bug.
     """
     if isinstance(error, ModuleNotFoundError):
         return missing_library(error) is not None

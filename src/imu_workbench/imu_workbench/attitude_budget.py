@@ -34,7 +34,7 @@ CUTOFFS_HZ = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 """The paper's typical range, with its choice of 3 Hz."""
 LOWEST_RATE_HZ = 50.0
 SMOOTHED = 'smoothed'
-"""Stands where a preset does: `robust`, forward and backward."""
+"""In place of a preset: `robust`, run forward and backward."""
 TIMED_ROWS = 20_000
 TRUE_ATTITUDE = 'reference orientation'
 NO_TRUTH = (

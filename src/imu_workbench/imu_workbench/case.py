@@ -23,7 +23,7 @@ from imu_recording.user_error import UserError, fault_in_yaml
 
 SCHEMA = 1
 FOUND_SCHEMA = 2
-"""Of the files in `found/`; what an earlier one holds is found again."""
+"""Of the files in `found/`; a diagnosis in an earlier schema is made anew."""
 CASE_FILE = 'case.yaml'
 LOCK_FILE = '.lock'
 
@@ -107,7 +107,7 @@ class Case:
         return path[::-1]
 
     def tree(self) -> list[tuple[CaseVersion, int]]:
-        """Return every version after its parent, with its depth; a trunk has none."""
+        """Return every version after its parent, with its depth: 0 up to the first branching."""
         return list(self._below(None, 0))
 
     def _below(self, parent: str | None, depth: int) -> Iterator[tuple[CaseVersion, int]]:
@@ -149,7 +149,7 @@ def with_version(
     errors: Mapping[str, Mapping[str, float]],
     recordings: Sequence[str] = (),
 ) -> Case:
-    """Return the case with a version more, which is shown; it is on disk."""
+    """Return the case with one more version, which is the current one then; both are on disk."""
     name = f'v{1 + max((int(v.name[1:]) for v in case.versions), default=0)}'
     write_atomically(case.model_file(name), model_text)
     version = CaseVersion(
@@ -159,7 +159,7 @@ def with_version(
 
 
 def with_found(case: Case, version: str, found: Mapping[str, Any]) -> Case:
-    """Keep what a diagnosis said of a version of the model in the light of the open recordings."""
+    """Keep the diagnosis of a version over the open recordings."""
     content = {
         'schema': FOUND_SCHEMA,
         'recordings': known_recordings(case),
@@ -171,7 +171,7 @@ def with_found(case: Case, version: str, found: Mapping[str, Any]) -> Case:
 
 
 def found_in(case: Case, version: str) -> dict[str, Any] | None:
-    """Return what was found of a version in these very recordings; None: not yet."""
+    """Return the diagnosis of a version over the open recordings; None where there is none yet."""
     try:
         content = json.loads((case.folder / 'found' / f'{version}.json').read_text('utf-8'))
     except (OSError, json.JSONDecodeError):

@@ -42,7 +42,7 @@ def statements_of(folder: Path) -> tuple[Laboratory | None, CoefficientLimits | 
 
 
 def statement_files(folder: Path) -> list[Path]:
-    """Return those of the files that are there."""
+    """Return which of the two files there are."""
     return [path for name in (LABORATORY, LIMITS) if (path := folder / name).exists()]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a study found, in the units people read; study.json keeps those of SI."""
+"""Results of a study in the units of display; study.json has SI units."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ from imu_workbench.fleet.table import ResultRow, compact, finished, in_several_p
 TASKS_PER_WORKER = 4
 """Devices a worker has waiting: enough to be never idle, few enough for a small scheduler."""
 FLUSH_S = 2.0
-"""At most this much work is lost when everything is killed [s]."""
+"""Interval of writing results: the work that is lost at most when all is killed [s]."""
 MOST_WORKER_DEATHS = 2
 """Workers that may die of one device before it is given up."""
 LEAST_MEMORY_BYTES = 100_000_000
@@ -127,7 +127,7 @@ def _settle_doubles(
     progress: FleetProgress,
     clock: Callable[[], int],
 ) -> None:
-    """Leave each device in one place: results of where it was before go, twins are refused."""
+    """Keep one place for each device: results of a former place go, a device in two is refused."""
     given = {source.key: source for source in sources}
     rows: list[ResultRow] = []
     for device, places in in_several_places(folder):
@@ -137,7 +137,7 @@ def _settle_doubles(
             for key, lot in places
             if key not in given
         ]
-        if len(here) > 1:  # bags that name nobody in their metadata, but inside
+        if len(here) > 1:  # the device is named in the bag, not in its metadata
             progress.failed[device] = _several(device, len(here))
             progress.estimated -= len(here)
             rows += [

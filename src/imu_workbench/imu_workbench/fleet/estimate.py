@@ -37,7 +37,7 @@ AXES = ('x', 'y', 'z')
 BIN_K = 1.0
 """Width of the bins of temperature that block means are kept in [K]."""
 BIN_TIME_SHARES = (1.0, 0.5, 0.25)
-"""Of a bin's time, from its beginning, that means are kept of: dwells that had been shorter."""
+"""Shares of a bin's time, from its beginning, with a mean each: they stand for shorter dwells."""
 LINE = BiasTemperature()
 """The model of every device: the paper's line per axis."""
 
@@ -112,7 +112,7 @@ def _recordings(source: DeviceSource) -> Iterator[ImuRecording]:
 
 @contextmanager
 def _local(url: str) -> Iterator[Path]:
-    """Give a path where the bag of a URL can be read; what is far is fetched for that long."""
+    """Give a path where the bag of a URL can be read; a remote one is copied meanwhile."""
     if '://' not in url:
         yield Path(url)
         return
@@ -187,7 +187,7 @@ def block_means(
 ) -> dict[str, NDArray[Any]]:
     """Return run, share, temperature [°C], seconds (n,), mean and variance (n, 3) of each bin.
 
-    A bin is BIN_K wide, and stands once for every share of the time the run was in it; the
+    A bin is BIN_K wide and has an entry for every share of the time the run spent in it; the
     variance [unit²] is that of a mean over as long.
     """
     assert part.noise is not None  # noqa: S101 (a fitted model has it)

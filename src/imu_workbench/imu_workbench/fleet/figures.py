@@ -99,7 +99,7 @@ def distribution_figure(sensors: Sequence[Vectors]) -> Figure:
 
 
 def _within(values: np.ndarray) -> np.ndarray:
-    """Return the values without what is so far off that no lot could be seen beside it."""
+    """Return the values without outliers so far off that lots would shrink to a line."""
     low, high = np.quantile(values, [0.25, 0.75])
     near = np.abs(values - 0.5 * (low + high)) < 4.0 * max(high - low, 1e-300)
     return np.asarray(values[near])

@@ -163,7 +163,7 @@ def _homes(table: FleetTable, devices: Collection[str]) -> dict[str, str]:
 
 
 def _url(device: str, home: str, page_folder: Path, served: str) -> str:
-    """Return where a device is looked at: its case where it is served, else its folder or URL.
+    """Return the address of a device: its case where it is served, else its folder or URL.
 
     A folder of this machine is named relative to the page.
     """

@@ -3,7 +3,7 @@
 
 A short campaign is k temperatures, held for so long, in p poses. Its data are cut from the
 campaigns that were made: of p runs the bins of temperature next to the k targets, of these the
-first part of their time, nothing else. How well they tell a slope is seen from run to run. With
+first part of their time, nothing else. The variance of such a slope is that from run to run. With
 the lot's distribution as prior (of the other half of the devices) the slopes follow by
 `population.device_effects`; their error is taken on a run that neither the short nor the full
 campaign has seen, each run in turn. The ratio to the error of the full campaign is that of all
@@ -51,7 +51,7 @@ class ShortRun:
     targets: tuple[float, ...]
     """Temperatures [°C], increasing."""
     dwells: tuple[float, ...]
-    """How long the campaigns that were made stood at each, cut to `share`, in the median [s]."""
+    """Median time the full campaigns spent at each, times `share` [s]."""
     share: float
     hours: float
     """Of the whole run: ramps, dwells, and both ends [h]."""
@@ -69,7 +69,7 @@ class Point:
     hours: float
     """Of all poses [h]."""
     prior: bool
-    """Whether the lot is known."""
+    """Whether the lot's distribution is the prior."""
     ratio: float
     """Error over that of the full campaign."""
     ratio_range: tuple[float, float]
@@ -77,7 +77,7 @@ class Point:
 
     @property
     def enough(self) -> bool:
-        """Whether it is good enough, the lot known."""
+        """Whether, with the lot as prior, the error is small enough."""
         return self.prior and self.ratio <= LARGEST_ERROR_RATIO
 
 
@@ -89,7 +89,7 @@ class Curve:
     runs: Mapping[tuple[int, float], ShortRun]
     """By number of temperatures and share."""
     full_hours: float
-    """What the full campaign took that they are compared with, in the median [h]."""
+    """Median duration of the full campaign that they are compared with [h]."""
     devices: int
 
 
@@ -155,12 +155,12 @@ class _Bins:
             np.take_along_axis(self.variance, place[..., None], axis=2),
         )
 
-    def measured(self) -> _Moments:
-        """Return the sums of which slopes are made."""
+    def weighted_by_precision(self) -> _Moments:
+        """Return the sums weighted by inverse variance: slopes follow from them."""
         return self._moments(1.0 / self.variance)
 
-    def judged(self) -> _Moments:
-        """Return the sums weighted by time, of which an error is made."""
+    def weighted_by_time(self) -> _Moments:
+        """Return the sums weighted by time: the error of slopes follows from them."""
         seconds = self.seconds / np.nansum(self.seconds, axis=(1, 2), keepdims=True)
         return self._moments(np.repeat(seconds[..., None], 3, axis=3))
 
@@ -178,7 +178,7 @@ def shortening_curve(
 ) -> Curve | None:
     """Return the curve of all sensors over ordinary devices; None where no lot is large enough.
 
-    Devices whose lot tells nothing are left out.
+    Devices of a lot without a distribution are left out.
     """
     points: list[Point] = []
     runs: dict[tuple[int, float], ShortRun] = {}
@@ -249,7 +249,7 @@ def _stacked(rows: Sequence[tuple[Any, ...]], share: float, poses: int) -> _Bins
 
 
 def _runs(of_share: Mapping[float, _Bins]) -> Iterator[tuple[tuple[int, float], ShortRun]]:
-    """Yield the runs that are studied; dwells as short as a profile's need not be shorter."""
+    """Yield the runs to study; a share that shortens no dwell of the profile is left out."""
     whole = of_share[1.0].temperature
     low = float(np.median(np.nanmin(whole, axis=(1, 2))))
     high = float(np.median(np.nanmax(whole, axis=(1, 2))))
@@ -273,14 +273,15 @@ def _sensor_points(
     runs: Mapping[tuple[int, float], ShortRun],
 ) -> list[Point]:
     whole = of_share[1.0]
-    full, judged, poses = whole.measured(), whole.judged(), whole.mean.shape[1]
+    full, by_time = whole.weighted_by_precision(), whole.weighted_by_time()
+    poses = whole.mean.shape[1]
     n = len(prior.mean)
     others = [[r for r in range(poses) if r != held] for held in range(poses)]
-    reference = np.mean([judged.error(r, full.slopes(o)) for r, o in enumerate(others)], axis=0)
+    reference = np.mean([by_time.error(r, full.slopes(o)) for r, o in enumerate(others)], axis=0)
     chosen = np.random.default_rng(SEED).multinomial(n, np.full(n, 1.0 / n), BOOTSTRAP_DRAWS)
     points = []
     for (k, share), run in runs.items():
-        short = of_share[share].at(run.targets).measured()
+        short = of_share[share].at(run.targets).weighted_by_precision()
         between = np.array([short.slopes([r]) for r in range(poses)])
         variance = between.var(axis=0, ddof=1).mean(axis=0) if k > 1 else np.full(3, np.inf)
         for p in range(1, poses):
@@ -290,7 +291,7 @@ def _sensor_points(
                     values = short.slopes(seen[:p])
                     if known:
                         values = _with_prior(prior, values, variance / p)
-                    squares.append(judged.error(held, values))
+                    squares.append(by_time.error(held, values))
                 ratio = _ratio(np.mean(squares, axis=0), reference, chosen)
                 points.append(Point(sensor, k, share, p, p * run.hours, known, *ratio))
     return points

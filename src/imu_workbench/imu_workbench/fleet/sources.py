@@ -37,7 +37,7 @@ LIST_COLUMNS = ('source', 'lot', 'type')
 
 @dataclass(frozen=True)
 class DeviceSource:
-    """The bags of one device, and what tells that they are the same as last time."""
+    """The bags of one device, and a fingerprint that shows whether they have changed."""
 
     key: str
     """Folder and name of the device: its identity from run to run."""
@@ -127,7 +127,7 @@ def _devices_of_folders(found: _Found) -> Iterator[DeviceSource]:
         folders[bag.folder][bag.device].append(bag)
     problems = {path: f'{path}: no permission to read it' for path in found.closed}
     for folder, devices in folders.items():
-        if len(devices) == 2 and '' in devices:  # a bag that names nobody: of its only neighbour
+        if len(devices) == 2 and '' in devices:  # the nameless bag is of the only device
             (name,) = (name for name in devices if name)
             devices[name] += devices.pop('')
         inside = [path for path in problems if path.rpartition('/')[0] == folder]

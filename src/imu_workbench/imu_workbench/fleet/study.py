@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All that is said of a fleet, as one dictionary: page, JSON and terminal show the same."""
+"""The results of a fleet as one dictionary: page, JSON and terminal show the same."""
 
 from __future__ import annotations
 

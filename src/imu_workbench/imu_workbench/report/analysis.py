@@ -36,7 +36,7 @@ from imu_workbench.report.modelled import RunErrors, errors_of_run
 from imu_workbench.report.slopes import block_slopes
 
 UNNAMED = 'device'
-"""What a device is called whose recordings name none."""
+"""Name of a device whose recordings name none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class Analysis:
     diagnoses: Mapping[str, Mapping[str, Any]]
     """Diagnosis of each device as plain values, with the steps that would follow."""
     left_out: tuple[str, ...] = ()
-    """What is said of recordings in which the device moves: nothing here is about them."""
+    """Sentences about the recordings that are left out, as the device moves in them."""
     certified: Mapping[str, Certified] = field(default_factory=dict)
     """What the certificate of each device states the coefficients of."""
 
@@ -305,7 +305,7 @@ def slopes_of(runs: Sequence[RunAnalysis]) -> dict[str, dict[str, dict[str, Floa
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisTask:
-    """The recordings of one device and the model to be judged."""
+    """The recordings of one device and the model to be diagnosed."""
 
     device: str
     recordings: Sequence[ImuRecording]

@@ -37,20 +37,20 @@ COLUMNS = (*EULER, 'rotation', 'heading', 'inclination')
 CHUNK_ROWS = 50_000
 """Rows whose angles are computed at a time: they stay in the cache."""
 RAW, HALF, FULL = 'raw', 'magnetometer compensated', 'compensated'
-"""What the filters are fed with; earlier versions of a model are `version 1` …"""
+"""Input of the filters; under earlier versions of a model it is called `version 1` …"""
 DRAWN = (RAW, FULL)
-"""Of these there are lines and statistics cycle by cycle; of the others what the run says."""
+"""Inputs with lines and statistics of every cycle; others have statistics of the run only."""
 BRIEF_STRIDE = 10
-"""The others are looked at in every so many rows: their spread needs no more."""
+"""Of the others one row in so many is evaluated: enough for their spread."""
 
 
 @dataclass(frozen=True, eq=False)
 class FilterAttitude:
-    """What a filter's estimate does relative to the start: angles in degrees."""
+    """Attitude of one filter relative to the start: angles [deg], their statistics, its cost."""
 
     filter: str
     data: str
-    """What the filter was fed with."""
+    """Input of the filter."""
     statistics: list[dict[str, Any]]
     """Mean, standard deviation and largest value of each of COLUMNS: the run, then each cycle."""
     hours: Mapping[str, FloatArray]
@@ -60,7 +60,7 @@ class FilterAttitude:
     nanoseconds_per_sample: float
     """Time the filter took on this machine, compiled and warm."""
     flags: Mapping[str, int]
-    """Rows in which the filter said something, by flag."""
+    """Number of rows with each flag of the filter."""
 
 
 def estimate_attitudes(
@@ -233,7 +233,7 @@ class AttitudeTask:
 
 
 def variants(raw: ImuRecording, model: ThermalModel) -> dict[str, ImuRecording]:
-    """Return what the filters are fed with: raw, and compensated by every version of the model.
+    """Return the inputs of the filters: raw, and compensated by every version of the model.
 
     A recording fast enough for a verdict is also taken with only its magnetometer compensated.
     """

@@ -68,12 +68,11 @@ def hidden_campaign(
     aged: bool = False,
     own: Mapping[str, Simulated] = MappingProxyType({}),
 ) -> SimulatedCampaign:
-    """Return a campaign with hidden effects, or the same device's a year later.
+    """Return a campaign with hidden effects, or that of the same device a year later.
 
-    `own` are effects to hide beside those the simulator has.
-
-    Then device and hidden effects are those of the seed, older by a seeded `changes`; chamber,
-    noise and placement are those of another day.
+    `aged`: device and hidden effects are those of the seed, older by seeded `changes`; chamber,
+    noise and placement are those of another day. `own` are effects to hide beside those the
+    simulator has.
     """
     runs = prepare_campaign(profile, device, seed=seed, orientations=orientations)
     if not aged:
@@ -110,7 +109,7 @@ def record_hidden(
         random_name(seed + number) if hidden_effect.name == 'random' else hidden_effect.name
         for number, hidden_effect in enumerate(hidden_effects)
     ]
-    # Where the device stands is settled before anything acts on it.
+    # The mounting comes first: every effect acts on the device where it stands then.
     for settle in (HIDDEN_EFFECTS[name].mounting for name in names if name in HIDDEN_EFFECTS):
         if settle:
             runs = [settle(run) for run in runs]
@@ -230,7 +229,7 @@ class Score:
 
 
 def score_each(truths: Sequence[Mapping[str, Any]], diagnosis: Mapping[str, Any]) -> list[Score]:
-    """Return the score of every hidden effect, without the findings that are another's alone.
+    """Return the score of every hidden effect, without findings that only another one explains.
 
     >>> lag = {'kind': 'effect', 'name': 'thermal_lag', 'sensor': 'gyroscope'}
     >>> ice = {'kind': 'effect', 'name': 'icing', 'sensor': 'gyroscope'}

@@ -183,7 +183,7 @@ class _NodeRun:
         return int(self._recorder.recorder.messages)
 
     def close(self) -> None:
-        """Finish the bag and let go of the nodes."""
+        """Finish the bag and destroy the nodes."""
         self._recorder.deactivated()
         self._recorder.destroy_node()
         self.chamber.run.conductor.close()

@@ -34,7 +34,7 @@ def is_local(host: str) -> bool:
 
 
 class Listening:
-    """What a client sends; notes that it has gone."""
+    """Messages of a client; notes when it has disconnected."""
 
     def __init__(self, receive: Any) -> None:
         self._receive = receive

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What lies over the page: recordings to open and close, messages, work under way."""
+"""Dialogs to open and close recordings; messages, and the panel of work under way."""
 
 from __future__ import annotations
 

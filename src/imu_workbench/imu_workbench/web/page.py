@@ -51,7 +51,7 @@ class Page:
         self._client = ui.context.client
         self._changed = Redraw(self._client, self._refresh)
         self._figures = Redraw(self._client, self._draw_figures)
-        """They take seconds for long recordings: what is under way is told meanwhile."""
+        """Figures take seconds for long recordings: all else is drawn meanwhile."""
         self._tab = ''
         self._preview: EffectPreview | None = None
         self._previewed: tuple[Any, ...] | None = None
@@ -270,14 +270,14 @@ class Page:
                 self._live_page = build_live(self._live, dark=lambda: self._look.dark)
 
     def _address(self, *, step: bool) -> None:
-        """Put what is looked at into the address; `step`: going back leaves it again."""
+        """Write what is shown into the address; `step`: as a new entry of its history."""
         query = json.dumps(self._session.query())
         if (query, step) != (self._shown_address, False):
             self._shown_address = query
             ui.run_javascript(f'showAddress({query}, {"true" if step else "false"})')
 
     def _step(self) -> None:
-        """Draw what the user has gone to; "back" goes back from there."""
+        """Draw what the user has chosen, and make it an entry of the browser's history."""
         self._session.settle()
         self._address(step=True)
         self._changed()

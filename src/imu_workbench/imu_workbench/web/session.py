@@ -77,7 +77,7 @@ class Session:
     # What it leads to --------------------------------------------------------------------------
 
     def settle(self) -> None:
-        """Choose what the address left open, among what there is now."""
+        """Choose what the address leaves open from what there is now."""
         devices = self.workspace.devices
         if self.device not in devices:
             self.device, self.version_name = next(iter(devices), ''), ''

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Groups of devices that nobody named: a Gaussian mixture, as many parts as BIC finds."""
+"""Clusters of devices: a Gaussian mixture with the number of components of the least BIC."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MOST_CLUSTERS = 12
 MOST_FITTED_DEVICES = 4000
 """Devices the mixture is fitted to; the others are assigned."""
 WORSE_IN_A_ROW = 3
-"""The search ends where so many numbers of clusters in a row bring nothing."""
+"""The search ends after so many numbers of clusters in a row without a smaller BIC."""
 SEED = 7
 
 

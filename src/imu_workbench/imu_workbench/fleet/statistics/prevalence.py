@@ -49,13 +49,13 @@ class Prevalence:
     share: float
     """Of the devices that have it."""
     share_range: tuple[float, float]
-    """Between these it is with 90 %."""
+    """90 % interval of the share."""
     alone: int
     """Devices that show it by themselves."""
 
     @property
     def named(self) -> bool:
-        """Whether it is the probable answer."""
+        """Whether it is probable enough to be named."""
         return self.probability >= NAMED_PROBABILITY
 
 

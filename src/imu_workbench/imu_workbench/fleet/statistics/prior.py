@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a lot says of a device that is measured shortly: its slopes with the fleet as prior."""
+"""Slopes of a device from a short measurement, with its lot as prior."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from imu_workbench.fleet.statistics.vectors import Vectors, read_vectors
 from imu_workbench.fleet.table import FleetTable
 
 OUTSIDE_P_VALUE = 0.01
-"""A device is told to be outside its lot where so few of the lot would be as far off."""
+"""p-value below which a device is said to be outside its lot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class SlopePrior:
 
 @dataclass(frozen=True, eq=False)
 class FleetPrior:
-    """The distributions of all sensors, and of whom they are."""
+    """The priors of all sensors, and the name of the lot or type they are of."""
 
     name: str
     sensors: Mapping[str, SlopePrior]
@@ -111,7 +111,7 @@ def with_prior(
 def _shrunk(
     sensor: Sensor, part: SensorModel, runs: Sequence[PreparedRun], given: SlopePrior
 ) -> tuple[SensorModel, float]:
-    """Return the sensor with shrunk slopes, and how rare it is to be so far off."""
+    """Return the sensor with shrunk slopes, and the p-value of its distance from the prior."""
     from scipy.stats import chi2
 
     slopes = part.coefficients[0]

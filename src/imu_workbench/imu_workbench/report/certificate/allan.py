@@ -32,7 +32,8 @@ CONFIDENCE_LEVEL = 0.95
 LEAST_STRETCH_SAMPLES = 64
 """Samples from which a stretch has an Allan deviation worth the name."""
 LEAST_SHARE = 0.5
-"""Share of the variance at its best averaging time from which a coefficient has a lower end."""
+"""Share of the variance, at the averaging time where it is largest, from which a coefficient
+has a lower limit."""
 FLICKER_FACTOR = 2.0 * math.log(2.0) / math.pi
 DEGREE, HOUR, MICRO_G = math.degrees(1.0), 3600.0, 1e-6 * GRAVITY
 ONE_SIDED = math.sqrt(2.0)
@@ -248,8 +249,8 @@ def coefficients(found: AllanDeviation) -> dict[str, tuple[float, float, float]]
 
     Nonnegative least squares of the variance, each averaging time weighted by its degrees of
     freedom; the interval is that of the deviation where the coefficient's share is largest. One
-    that makes less than half of the variance everywhere is known from above only: none can make
-    more of it than there is at any averaging time.
+    that makes less than half of the variance everywhere has an upper limit only: the whole
+    variance at any averaging time.
     """
     taus = found.taus
     columns = np.column_stack([1.0 / taus, np.full(len(taus), FLICKER_FACTOR), taus / 3.0])

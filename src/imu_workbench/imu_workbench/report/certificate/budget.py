@@ -50,8 +50,8 @@ class Input:
     true input."""
     shape: Distribution = 'normal'
     scatter: bool = False
-    """Part of one mean square with the other inputs that say so, in which its share of the
-    freedom lies: their degrees are those of their sum."""
+    """Whether it is part of one mean square with the other such inputs; `degrees` are those of
+    their sum."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Uncounted:
 
     source: str
     word: Literal['not stated', 'not told']
-    """By the laboratory, or by the data."""
+    """Not stated by the laboratory, or not told by the data."""
     detail: str = ''
 
     def __str__(self) -> str:
@@ -270,8 +270,7 @@ def scatter_inputs(
 def _nested(squares: Sequence[tuple[str, float, float]], unit: str) -> list[Input]:
     """Return an input per level: what its mean square exceeds the largest below it by.
 
-    As the levels add up to the largest mean square, what is not known of the lower ones cancels:
-    each has the degrees of freedom of that one.
+    The levels add up to the largest mean square, so that each has its degrees of freedom.
     """
     widths, known, degrees = [], 0.0, math.inf
     for _, square, own in squares:

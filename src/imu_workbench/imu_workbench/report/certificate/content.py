@@ -153,7 +153,7 @@ def certificate(
 def references(laboratory: Laboratory, recordings: Sequence[ImuRecording]) -> dict[str, str]:
     """Return what is said about the reference of each sensor; the gradient as the budgets have it.
 
-    Where a thermocouple was logged it tells the gradient that nobody stated.
+    A gradient that nobody stated is that of the thermocouple where one was logged.
     """
     stated = laboratory.references()
     logged = all(r.device_temperature is not None for r in recordings)
@@ -204,7 +204,7 @@ def method(
 
 
 def equations(certified: Certified) -> dict[str, str]:
-    """Return the equation of every effect beyond the line: it says what its letters mean."""
+    """Return the equation of every effect beyond the line, which defines its symbols."""
     effects = [e for part in certified.model.sensors.values() for e in part.effects]
     return {
         effect.name: ' '.join(effect.equation.split())
@@ -277,7 +277,7 @@ def not_included(found: Sequence[Quantity]) -> list[str]:
 
 
 def not_determined(found: Sequence[Quantity], certified: Certified) -> list[str]:
-    """Return which results a reader may look for in vain, and why."""
+    """Return which results are missing, and why."""
     result = []
     for sensor in certified.model.sensors:
         names = {q.coefficient for q in found if q.sensor == sensor}
@@ -378,7 +378,7 @@ def decided(found: Sequence[Quantity], limits: CoefficientLimits | None) -> list
 def without_result(
     decisions: Sequence[Mapping[str, Any]], limits: CoefficientLimits | None
 ) -> list[str]:
-    """Return the limits nothing is said about: no such coefficient was determined."""
+    """Return the limits of coefficients that were not determined."""
     told = {(d['sensor'], d['coefficient'].partition(', ')[0]) for d in decisions}
     given = limits.sensors.items() if limits else ()
     return [

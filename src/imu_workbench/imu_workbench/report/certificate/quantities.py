@@ -34,7 +34,7 @@ from imu_workbench.report.laboratory import Laboratory
 END_SHARE = 0.1
 """Share of the temperature range at each end that counts as its end."""
 NEAR_REFERENCE_K = 2.5
-"""Blocks so near the reference temperature tell how well the model's level stands there [K]."""
+"""Blocks within this of the reference temperature show how far the model is off there [K]."""
 
 
 @dataclass(frozen=True)
@@ -275,8 +275,8 @@ def shapes_of(evidence: Evidence) -> Iterator[Fitted]:
 def budgeted(evidence: Evidence, fitted: Fitted) -> Quantity:
     """Return a coefficient or shape parameter with its budget.
 
-    What has a power of kelvin in its unit feels the scale of the thermometer, a temperature its
-    offset. Times and rates feel neither: the coefficients take them up.
+    A unit with a power of kelvin makes it sensitive to the thermometer's scale, a temperature to
+    its offset; times and rates are sensitive to neither.
     """
     unit = fitted.unit
     scatter, untold = scatter_inputs(

@@ -18,14 +18,14 @@ from imu_workbench.report.certificate.evidence import AXES, Evidence
 from imu_workbench.report.certificate.joint_design import coefficient_columns, place_of
 
 NEGLIGIBLE_SHARE = 1e-6
-"""Share of the value below which an error of the reference does not act, but is rounding."""
+"""Share of the value below which what an error of the reference changes is rounding."""
 TILT = 'reference: tilt'
 
 
 def reference_of_bias(
     evidence: Evidence, axis: int
 ) -> tuple[list[int], dict[int, float], list[Input], list[Uncounted]]:
-    """Return the runs that tell a bias, the true input in each, its inputs, what is missing.
+    """Return the runs that determine a bias, the true input in each, its inputs, what is missing.
 
     Gyroscope: at rest, the Earth's rotation within its bounds. Accelerometer: horizontal, where a
     run has the axis so, else gravity. Magnetometer: none, the field is not known to nanotesla.

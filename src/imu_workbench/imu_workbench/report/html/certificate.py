@@ -17,7 +17,7 @@ from imu_workbench.report.html.render import Row, Section
 from imu_workbench.report.model_content import in_words
 
 RESULTS_PER_ROW = 3
-"""Results that axes share, in a row."""
+"""Results shared by the axes that stand in one row."""
 ROWS_OF_A_PAGE = 12
 """Rows of results from which on they begin on the first page."""
 DECISIONS = {'pass': 'kept', 'fail': 'NOT KEPT', 'undecided': 'not decided'}

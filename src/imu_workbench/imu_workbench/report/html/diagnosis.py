@@ -19,7 +19,7 @@ VERDICT_CLASSES = {
     'complete': 'supported',
     **dict.fromkeys(('changed', 'missing', 'ambiguous', 'unexplained', 'unlogged'), 'not'),
 }
-"""How a verdict looks; one that is not here looks open."""
+"""Verdict → CSS class; others have the class `open`."""
 MOST_RIVALS = 3
 """Rivals of a finding that are named."""
 

@@ -17,10 +17,10 @@ PRESSED = """(event) => {
 
 
 class Buttons:
-    """The buttons of one part of the page, heard by that part.
+    """The buttons of one part of the page; their clicks are handled by that part.
 
     An element that is drawn anew forgets its own handlers: a press under way at that moment would
-    be lost. The part stays, and knows every act by its key.
+    be lost. The part stays, and finds what to do by the key of the button.
     """
 
     def __init__(self, part: ui.element) -> None:
@@ -29,7 +29,7 @@ class Buttons:
         part.props('data-acts')
 
     def add(self, label: str, key: str, act: Callable[[], Any]) -> ui.button:
-        """Return a new button; `key`: the same wherever the same thing is done, no other's."""
+        """Return a new button; its `key` stands for the action: equal actions have equal keys."""
         return self.heard(ui.button(label).props('no-caps'), key, act)
 
     def heard(self, element: Any, key: str, act: Callable[[], Any]) -> Any:

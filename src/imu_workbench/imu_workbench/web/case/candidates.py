@@ -83,7 +83,7 @@ def candidates_of(found: Diagnosis) -> dict[str, list[EffectCandidate]]:
 def asks_for_errors(
     candidates: Mapping[str, Sequence[Mapping[str, Any]]], sensors: Iterable[str]
 ) -> bool:
-    """Tell whether the error of a candidate in front is still to be computed, in these sensors."""
+    """Tell whether held-out errors of the most probable candidates are still to be computed."""
     first = (row for sensor in sensors for row in candidates.get(sensor, ())[:HELD_OUT_AT_FIRST])
     return any(row['error_after'] is None for row in first)
 

@@ -25,7 +25,7 @@ from imu_workbench.web.words import word
 LEAST_JOINT_PROBABILITY = 0.05
 """Probability of explanations with several effects from which all explanations are listed."""
 MOST_CANDIDATES = 4
-"""Candidates that stand there at once; the others below."""
+"""Candidates that are shown at once; others are listed below, folded."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class Rail:
                 ui.label(f'It runs code: SHA-256 {key[:16]}.').classes('reason')
 
     def _candidates(self, preview: EffectPreview | None) -> list[EffectCandidate]:
-        """Return what may be missing, those of the user's own that were not weighed included."""
+        """Return what may be missing, with the user's own effects that have no probability."""
         session = self._session
         work, sensor = session.work, session.view.sensor
         assert work is not None and session.version is not None  # noqa: S101 PT018 (asked before)
@@ -317,7 +317,7 @@ def errors_html(candidate: EffectCandidate, version: Version) -> str:
 
 
 def little_text(candidate: EffectCandidate, before: float) -> str:
-    """Return what little an effect does."""
+    """Return in words how little an effect lowers the error."""
     if candidate.error_after is not None and not candidate.lowers(before):
         return 'Adds nothing: the held-out error would not fall.'
     if candidate.error_after is not None:

@@ -43,10 +43,10 @@ from imu_workbench.web.case.version import Version, make_version, model_from_tex
 
 
 class ProgressListener(Protocol):
-    """Hears what is being done, and which share of all is done; 0 where that is not known."""
+    """Takes what is being done, and the share of all that is done; 0 where it is not known."""
 
     def __call__(self, text: str, share: float = 0.0) -> None:
-        """Hear it."""
+        """Take the progress."""
 
 
 def read_task(
@@ -66,7 +66,7 @@ def read_task(
 def prepare_task(progress: ProgressListener, bags: Sequence[StoredBag], target: Path) -> Path:
     """Prepare the runs of one device and keep them in a file; runs that cannot be are left out.
 
-    The file is there when it is whole: who cancels, or asks meanwhile, finds none.
+    The file appears when it is complete: nobody ever reads a part of it.
     """
     runs: list[PreparedRun] = []
     left_out: dict[str, str] = {}

@@ -25,9 +25,9 @@ AT_FLOOR_RATIO = 1.05
 MOST_LEFT_RATIO = 1.3
 """What an effect leaves, over the noise floor, up to which it is said to explain an error."""
 NOT_MISSING = frozenset({'data_quality', 'noise', 'clock'})
-"""Kinds of findings that say of no sensor that something is missing."""
+"""Kinds of findings that are no missing effect of a sensor."""
 WORST_PLACES = 4
-"""Places that are asked for the phase in which a sensor fails."""
+"""Worst places whose phases say in which phase a sensor fails."""
 Errors = Mapping[str, Mapping[str, float]]
 """Per sensor: held-out `error` and `floor`, rms over the axes [SI unit]."""
 Kind = Literal['add', 'experiment', 'log', 'look', 'certificate', 'none']

@@ -29,7 +29,7 @@ from imu_workbench.web.session import Session
 from imu_workbench.web.words import with_help
 
 MOST_LABELS = 5
-"""Steps that all carry their number, a phone's width apart."""
+"""Steps up to which every one is labelled: as many as fit on a phone."""
 MOST_NAMED_RUNS = 4
 """Runs of a version that are named; of more their number is said."""
 

@@ -28,9 +28,9 @@ from imu_workbench.web.live.state import FILTERS
 from imu_workbench.web.live.tables import (
     attitude_table,
     details,
+    environment_values,
     headline,
     silent_roles,
-    surroundings,
     topics_table,
     values_table,
     verdict,
@@ -265,7 +265,7 @@ class LivePage:
         state, sensor, window = self._watch.state, self._sensor.value, self._window.value
         figures = []
         with state.lock:
-            self._tiles.content = _tiles(surroundings(state))
+            self._tiles.content = _tiles(environment_values(state))
             self._values.content = values_table(state, self._zero)
             self._attitude.content = attitude_table(state, self._shared)
             self._topics.content = topics_table(state, self._watch.topics)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of the live view as HTML: values, surroundings, attitude, topics, diagnostics."""
+"""Tables of the live view as HTML: values, environment, attitude, topics, diagnostics."""
 
 from __future__ import annotations
 
@@ -113,8 +113,8 @@ def _advice(state: LiveState, zero: int) -> str:
     )
 
 
-def surroundings(state: LiveState) -> list[tuple[str, str]]:
-    """Return name and value of everything around the device."""
+def environment_values(state: LiveState) -> list[tuple[str, str]]:
+    """Return name and value of the chamber's phase, times and temperatures."""
     phase, _, cycle = state.phase.partition(' ')
     shown = PHASES.get(phase, phase) or 'no chamber'
     left = [duration(s) if math.isfinite(s) else '–' for s in chamber_times(state.statuses)]

@@ -36,7 +36,7 @@ class DeviceWork:
     problem: str = ''
     """Why there is no model."""
     failed: set[str] = field(default_factory=set)
-    """Versions that could not be compared with the recordings, which was said."""
+    """Versions that could not be compared with the recordings; a message said why."""
 
     @property
     def name(self) -> str:
@@ -60,7 +60,7 @@ class DeviceWork:
             del self.loaded[old]
 
     def take_bags(self, bags: Sequence[StoredBag], cache: ResultCache) -> None:
-        """Work on these recordings as they were read; the case knows its others still."""
+        """Work on these recordings as they were read; the case keeps its others."""
         self.bags = with_unique_runs(bags)
         hashes = {r.run: r.sha256 for r in self.case.recordings}
         read = [
@@ -73,7 +73,7 @@ class DeviceWork:
         self.loaded, self.failed, self.problem = {}, set(), ''
 
     def close_unread(self) -> None:
-        """Take those for closed that were not read."""
+        """Mark recordings that were not read as closed."""
         runs = {bag.run for bag in self.bags}
         self.keep_recordings(
             r if r.run in runs else replace(r, open=False) for r in self.case.recordings

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fits that were asked for, done one after the other; each stands there until it is told of."""
+"""Fits that were asked for, done one after the other; finished ones are kept for their tabs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class QueuedFit:
 
     @property
     def start(self) -> str:
-        """The version it really starts from: of a fit before it that came to nothing, its own."""
+        """The version it starts from: what the fit before it made, else that fit's own start."""
         if self.after is None:
             return self.base
         return self.after.result or self.after.start
@@ -96,7 +96,7 @@ class FitQueue:
             fit.job.cancel()
 
     def forget(self, tab: str) -> None:
-        """Follow no fit that is done: the tab's user has gone elsewhere."""
+        """Forget the finished fits of a tab, whose user looks at something else by now."""
         self.finished = [fit for fit in self.finished if fit.tab != tab]
 
     def of_device(self, device: str) -> list[QueuedFit]:

@@ -67,7 +67,7 @@ TASK_SECONDS = {
 }
 """Task → seconds at the least, and per byte or sample; on two cores of 2024."""
 EXPECTED_AND_SPENT_S: dict[str, tuple[float, float]] = {}
-"""Task, '' for all together → seconds that this foretold, and that they took here."""
+"""Task, '' for all together → seconds expected by TASK_SECONDS, and seconds spent here."""
 
 
 def workload(arguments: Sequence[Any]) -> int:
@@ -183,7 +183,7 @@ class Job:
             RUNNING_JOBS.discard(self)
 
     def hear(self, text: str, share: float, now: float) -> None:
-        """Take over what is being done; the more of it is done, the more that foretells."""
+        """Take the progress; the more is done, the more the expected end follows it."""
         self.progress = text
         if share > 0.0:
             measured = (now - self.began) / share
@@ -191,7 +191,7 @@ class Job:
             self.expected_end = self.began + share * measured + (1.0 - share) * known
 
     def _learn(self) -> None:
-        """Remember how much longer it took: a slow machine, a quick one."""
+        """Remember expected and spent time: their ratio is the speed of this machine."""
         if self._name in TASK_SECONDS:
             took = time.monotonic() - self.began
             for name in (self._name, ''):  # a short task says little of how long others take

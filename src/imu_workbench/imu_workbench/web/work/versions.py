@@ -37,7 +37,7 @@ class Versions:
         self.queue = FitQueue(self._fit, self._queue_changed)
 
     async def resume(self, device: str, model_text: str | None = None) -> None:
-        """Bring the shown version, else a first one, onto the recordings; queue what was asked."""
+        """Compare the version shown last, or a first one, with the recordings; queue its fits."""
         work = self._devices[device]
         if model_text is not None:
             await self.open_model(device, model_text)
