@@ -112,7 +112,9 @@ def read_golden(path: Path) -> dict[str, GoldenColumns]:
     try:
         content = json.loads(path.read_text('utf-8'))
         if content['schema'] != SCHEMA:
-            raise GoldenError(f'{path}: schema {content["schema"]!r} is not {SCHEMA}: write anew')
+            raise GoldenError(
+                f'{path}: schema {content["schema"]!r} is not {SCHEMA}: renew with --write-golden'
+            )
         return {
             topic: GoldenColumns(
                 np.frombuffer(_unpacked(t['time']), np.int64),

@@ -128,7 +128,7 @@ def _local(url: str) -> Iterator[Path]:
 def _estimated(recordings: Sequence[ImuRecording], settings: EstimateSettings) -> list[ResultRow]:
     named = {recording.device for recording in recordings if recording.device}
     if len(named) > 1:
-        raise RecordingError(f'several devices in one: {", ".join(sorted(named))}')
+        raise RecordingError(f'its bags name several devices: {", ".join(sorted(named))}')
     runs = prepare(recordings)
     model = fit_prepared([LINE], runs)
     comparison = compare_prepared(model, runs)

@@ -14,8 +14,7 @@ import numpy as np
 from chamber_profile.profile.values import Profile
 from imu_driver.simulation.ageing import draw_ageing
 from imu_driver.simulation.devices import DeviceParameters, draw_device, find_device
-from imu_driver.simulation.effects.hidden_effect import HiddenEffect as Simulated
-from imu_driver.simulation.effects.hidden_effect import Truth
+from imu_driver.simulation.effects.hidden_effect import HiddenEffect, Truth
 from imu_driver.simulation.hidden import HIDDEN_EFFECTS, NOTHING, hide_anything, random_name
 from imu_driver.simulation.run import DeviceRun
 from imu_recording.user_error import UserError
@@ -66,7 +65,7 @@ def hidden_campaign(
     seed: int,
     orientations: Sequence[str] = ORIENTATIONS,
     aged: bool = False,
-    own: Mapping[str, Simulated] = MappingProxyType({}),
+    own: Mapping[str, HiddenEffect] = MappingProxyType({}),
 ) -> SimulatedCampaign:
     """Return a campaign with hidden effects, or that of the same device a year later.
 
@@ -99,7 +98,7 @@ def record_hidden(
     *,
     seed: int,
     measured_on: Sequence[DeviceRun] | None = None,
-    own: Mapping[str, Simulated] = MappingProxyType({}),
+    own: Mapping[str, HiddenEffect] = MappingProxyType({}),
 ) -> SimulatedCampaign:
     """Hide the effects in prepared runs, on top of each other, and read them out.
 

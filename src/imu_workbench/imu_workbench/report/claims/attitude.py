@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from thermal_comp.presentation.display import shown
 
-from imu_workbench.report.attitude import FilterAttitude
+from imu_workbench.report.attitude import EULER, FilterAttitude
 from imu_workbench.report.claims.claim import Claim, untestable
 
-EULER = ('yaw', 'pitch', 'roll')
 TOO_SLOW_FOR_FILTERS = (
     'The filters need samples at 50 Hz or more; these recordings are slower and were interpolated.'
 )
