@@ -43,7 +43,7 @@ NO_TRUTH = (
 )
 KINDS = ('total', 'heading', 'inclination')
 LEAST_WORSE_DEG = 0.02
-"""An angle that gets worse by less is not worth a sentence [deg]."""
+"""Least increase of an angle's error that is reported [deg]."""
 TEN_MINUTES_S = 600.0
 
 
@@ -223,7 +223,7 @@ def budget_content(
 ) -> dict[str, Any]:
     """Return the budget as plain values, angles in degrees.
 
-    Without a true attitude nothing is said of errors: `rms` and `gain` are null.
+    Without a true attitude there are no errors: `rms` and `gain` are null.
     """
     true = result.against == TRUE_ATTITUDE
     return {
@@ -280,7 +280,7 @@ class TenMinuteDrift:
     raw_deg: float
     """Rms over the recording; the modelled error integrated at this robot's own rates."""
     compensated_deg: float
-    """What the model itself does not know of it, one standard deviation."""
+    """The same of the model's own uncertainty, one standard deviation."""
 
 
 def ten_minute_drift(

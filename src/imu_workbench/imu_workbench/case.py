@@ -75,7 +75,7 @@ class RequestedFit:
     sensors: tuple[str, ...] = ()
     added: bool = True
     tab: str = ''
-    """The browser tab that asked: it goes on to the version that is made."""
+    """The browser tab that asked for it: it shows the version that is made."""
 
 
 @dataclass(frozen=True)
@@ -220,7 +220,7 @@ def saved(case: Case) -> Case:
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Write a file so that whoever reads it, after a crash too, finds the old or the new one."""
+    """Write a file so that every reader, after a crash too, finds the old or the new one whole."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f'.{path.name}.partial')
     with partial.open('w', encoding='utf-8') as file:
@@ -314,13 +314,13 @@ def case_of_device(folder: Path, device: str) -> Case:
     if known:
         return known[0]
     place = folder / (''.join(c if c.isalnum() or c in '-_.' else '_' for c in device) or 'device')
-    if is_case(place):  # of another device whose name is written alike
+    if is_case(place):  # of another device whose name makes the same folder
         place = place.with_name(f'{place.name}_{len(cases_in(folder))}')
     return saved(Case(place, device))
 
 
 def lock_cases(folder: Path) -> TextIOWrapper:
-    """Take a folder of cases for this process; the lock is gone with the process.
+    """Take a folder of cases for this process; the lock ends with the process.
 
     The file has to be kept open as long as the lock is wanted.
     """

@@ -16,9 +16,9 @@ LABORATORY, LIMITS = 'laboratory.yaml', 'limits.yaml'
 
 
 def keep_statement(folder: Path, name: str, content: bytes) -> str:
-    """Keep a file of a laboratory or of limits in a case's folder; return what it is called there.
+    """Keep a file of a laboratory or of limits in a case's folder; return its name there.
 
-    Raises UserError that says what is wrong with it; what was kept before then stays.
+    Raises UserError that says what is wrong with it, and keeps the former file then.
     """
     with TemporaryDirectory() as temporary:
         given = Path(temporary) / Path(name).name

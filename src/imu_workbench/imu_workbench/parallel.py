@@ -21,7 +21,7 @@ class Task(Protocol):
 
     @property
     def label(self) -> str:
-        """What the progress line says of it."""
+        """Name in the progress line."""
         ...
 
     @property

@@ -96,7 +96,7 @@ def _node_class(name: str) -> Any:
 def _of_device(
     bag: Path, node_class: Any, namespace: str, parameters: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return the parameters; a node that asks for its device is told the bag's."""
+    """Return the parameters, with the bag's device for a node that has this parameter."""
     custom = locate_bag(bag).custom
     device = custom.get(f'{namespace.rstrip("/")}/device', custom.get('device', ''))
     asks = any(item.name == 'device' for item in fields(node_class.config_class))

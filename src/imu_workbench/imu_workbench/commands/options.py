@@ -43,7 +43,7 @@ def add_bag_arguments(parser: argparse.ArgumentParser, *, optional: bool = False
 
 
 def add_topic_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add --topic and --topics, which say under which names a bag holds what is read."""
+    """Add --topic and --topics, which name the topics of a bag that are read."""
     parser.add_argument(
         '--topic',
         metavar='NAME:=OTHER',
@@ -260,7 +260,7 @@ def read_devices(
 def save_unless_worse(
     model: ThermalModel, worse: Sequence[str], options: argparse.Namespace
 ) -> tuple[str, int]:
-    """Save a model unless something simpler is better; return what to say, and the exit code."""
+    """Save a model unless a simpler one is better; return the lines to show, and the exit code."""
     from thermal_comp.model.file import save_model
 
     if worse and not options.force:

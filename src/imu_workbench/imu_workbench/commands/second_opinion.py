@@ -43,7 +43,7 @@ UNITS: dict[Sensor, tuple[float, str]] = {
     'accelerometer': (1e3 / 9.80665, 'mg'),
     'gyroscope': (180.0 / np.pi, '°/s'),
 }
-"""Factor from SI and unit, as pilots know them."""
+"""Factor from SI and unit, as usual with autopilots."""
 GOOD_NOISE_RATIO = 1.5
 """Times the noise floor up to which curves are good."""
 SMALL_NOISE_RATIO = 2.0

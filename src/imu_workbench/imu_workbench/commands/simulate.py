@@ -188,7 +188,7 @@ def _hidden(options: argparse.Namespace, logging: Logging) -> Answer:
 
 
 def _hidden_effects(options: argparse.Namespace) -> list[EffectToHide]:
-    """Return what to hide where, as large as told for each or for all."""
+    """Return what to hide in which sensor, with the magnitude of each, or one for all."""
     names = (options.hide or NOTHING).split(',')
     for name in names:
         if name != 'random':

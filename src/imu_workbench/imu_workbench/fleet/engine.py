@@ -254,7 +254,7 @@ def connected(cluster: Cluster) -> Iterator[Any]:
                     f'--scheduler {cluster.scheduler}: no answer ({error}); start one with '
                     '`dask scheduler` and workers with `dask worker ADDRESS`'
                 ) from None
-            # What the client would log as a traceback is said in one line.
+            # UserError says it in one line: the client's log would be a traceback.
             with silence_logging_cmgr(logging.CRITICAL), client:
                 _check_workers(client, cluster.scheduler)
                 yield client

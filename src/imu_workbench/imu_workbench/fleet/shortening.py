@@ -111,7 +111,7 @@ class _Moments:
         return cls(*((weight * product).sum(axis=2) for product in (dx * dx, dx * dy, dy * dy)))
 
     def slopes(self, runs: Sequence[int]) -> FloatArray:
-        """Return (n, 3) slopes of these runs together; zero where the bins tell none."""
+        """Return (n, 3) slopes of these runs together; zero where the bins determine none."""
         xx, xy = self.xx[:, runs].sum(axis=1), self.xy[:, runs].sum(axis=1)
         slopes: FloatArray = np.divide(xy, xx, out=np.zeros_like(xy), where=xx > 0.0)
         return slopes
@@ -315,7 +315,7 @@ def _lot_priors(vectors: Vectors) -> _Prior:
     prior = _Prior(np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan))
     error = error_variances(vectors)
     for kind in np.unique(vectors.type):
-        # Only lots whose halves stand for themselves tell the type of the others.
+        # The type's distribution follows from lots whose halves have one of their own.
         shared = type_population(vectors.of(vectors.type == kind), 2 * LEAST_DEVICES)
         for lot in np.unique(vectors.lot[vectors.type == kind]):
             own = np.flatnonzero((vectors.type == kind) & (vectors.lot == lot))

@@ -30,7 +30,7 @@ LIST_SUFFIXES = ('.txt', '.csv')
 NO_LOT, NO_TYPE = 'none', 'none'
 """Lot and type of a device that has none."""
 CHANGES_WITH_CONTENT = ('size', 'mtime', 'LastModified', 'ETag', 'etag', 'md5Hash')
-"""What file systems tell of a file that another content changes."""
+"""Properties of a file, as file systems report them, that change with its content."""
 CUSTOM_DATA = re.compile(r'^  custom_data:\n((?:    .*\n)+)', re.MULTILINE)
 LIST_COLUMNS = ('source', 'lot', 'type')
 

@@ -68,7 +68,7 @@ class DeviceAnalysis:
     problem: str = ''
     """Why there is no model."""
     note: str = ''
-    """What a reader has to know of its recordings, and why there is no diagnosis."""
+    """Remark on its recordings, or why there is no diagnosis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +254,7 @@ def unnamed_note(recordings: Sequence[ImuRecording]) -> str:
 def analyse_device(
     name: str, recordings: Sequence[ImuRecording], model: ThermalModel | None
 ) -> tuple[DeviceAnalysis, list[PreparedRun]]:
-    """Return model and comparison of one device; what stands in the way is its `problem`."""
+    """Return model and comparison of one device, or the `problem` why there is none."""
     try:
         runs = prepare(recordings)
         model = model or fit_prepared([BiasTemperature()], runs)

@@ -41,7 +41,7 @@ class Laboratory:
         return NOT_STATED if value is None else str(value)
 
     def instrument(self, name: str) -> dict[str, str]:
-        """Return what is said about `chamber` or `thermometer`."""
+        """Return the statements about `chamber` or `thermometer`."""
         known: Mapping[str, Any] = self.content.get(name, {})
         parts = [known[k] for k in ('manufacturer', 'type') if k in known]
         due = f', due {known["due"]}' if 'due' in known else ''

@@ -28,7 +28,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 }  # fmt: skip
 """Units a limit may have, in the sensor's SI unit."""
 SUFFIXES = {'bias': '', 'slope': '/K'}
-"""What stands behind the sensor's unit in that of a coefficient; an effect has its own."""
+"""Suffix of the sensor's unit for a coefficient; an effect has units of its own."""
 Rule = Literal['guarded', 'simple']
 Decision = Literal['pass', 'fail', 'undecided']
 

@@ -18,7 +18,7 @@ from scipy.special import fdtrc
 BLOCKS = 5
 """Contiguous blocks that stand for cycles where a recording has none."""
 LEAST_SPAN_K = 5.0
-"""Temperature span [K] below which a block says nothing about a slope."""
+"""Temperature span [K] that a block needs for a slope."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -95,7 +95,7 @@ Pair = tuple[Key, Key, int, int]
 LEAST_NUMBERS = 6
 """Mean and σ of three axes: fewer agree by chance."""
 LEAST_SPREAD_DIGITS = 5.0
-"""A column says something where its numbers spread over this many last digits."""
+"""Spread of a column, in units of the last digit, from which equal numbers are no chance."""
 
 
 def repeated_columns(rows: Sequence[StatisticsRow]) -> list[TableFinding]:

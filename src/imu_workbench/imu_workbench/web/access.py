@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may talk to the server: this machine alone, or whoever holds the token."""
+"""Access to the server: from this machine alone, or with the token."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class AccessCheck:
         try:
             await self._checked(scope, receive, send)
         except RuntimeError as error:
-            # A page that is closed while it loads: nobody misses the answer.
+            # The page was closed while it loaded: there is nobody to answer.
             if not receive.gone or str(error) != NO_RESPONSE:
                 raise
 

@@ -113,7 +113,7 @@ class Messages:
         self._place = ui.element('div').classes('messages').props('role=alert aria-live=assertive')
 
     def refresh(self) -> None:
-        """Show what there is to say."""
+        """Show the messages there are now."""
         wanted = [message.number for message in self._notices.messages]
         if wanted == self._shown:
             return

@@ -216,7 +216,7 @@ class Page:
             self._centre.show_place()
 
     def _follow_fits(self) -> None:
-        """Go on to the version that a fit this tab asked for has made."""
+        """Show the version made by a fit that this tab asked for."""
         session = self._session
         for fit in self._workspace.versions.queue.finished:
             same = (fit.device, fit.start) == (session.device, session.version_name)

@@ -38,7 +38,7 @@ class Session:
     # The address -------------------------------------------------------------------------------
 
     def follow(self, query: Mapping[str, str]) -> None:
-        """Look at what an address says; what it does not know is left to choose."""
+        """Take over the choices in an address; those it leaves open are made later."""
         self.shown = next((s for s in SHOWN if query.get(s) == '1'), 'case')
         self.device = query.get('device', '')
         self.version_name = query.get('version', '')

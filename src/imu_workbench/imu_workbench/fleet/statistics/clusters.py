@@ -34,8 +34,7 @@ class Clusters:
 def find_clusters(sensors: Sequence[Vectors], ordinary: Sequence[bool]) -> Clusters:
     """Return the clusters of the coefficients of all sensors (the same devices in each).
 
-    The fit knows nothing of lots and sees `ordinary`
-    devices only; every device is assigned.
+    The fit takes `ordinary` devices only, without their lots; every device is assigned.
     """
     values = np.hstack([vectors.coefficients for vectors in sensors])
     y = (values - np.median(values, axis=0)) / np.maximum(values.std(axis=0), 1e-300)

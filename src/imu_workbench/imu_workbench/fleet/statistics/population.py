@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the devices of a lot share: mean and covariance of their coefficients.
 
-Empirical Bayes for y_i = μ + b_i + e_i with b_i ~ N(0, Σ) and e_i ~ N(0, V_i), V_i known: what the
-fit of a device says of its error, plus the scatter of its runs beyond that. EM in closed form
+Empirical Bayes for y_i = μ + b_i + e_i with b_i ~ N(0, Σ) and e_i ~ N(0, V_i), V_i known: the
+variance of a device's fit, plus the scatter of its runs beyond that. EM in closed form
 (Laird and Ware 1982, "Random-effects models for longitudinal data", Biometrics 38): the posterior
 of b_i has covariance P_i = (Σ⁻¹ + V_i⁻¹)⁻¹ and mean P_i V_i⁻¹ (y_i − μ); μ and Σ follow from them,
 Σ by restricted likelihood: with the uncertainty of μ, the scatter of few devices is not too small.
@@ -85,15 +85,15 @@ class TypePopulation:
 def error_variances(vectors: Vectors) -> FloatArray:
     """Return (n, 3) the variance of each device's estimate: fit, and scatter of its runs.
 
-    The scatter from run to run is pooled over the devices, and counts only beyond what the fits
-    say of single runs.
+    The scatter from run to run is pooled over the devices, and counts only beyond the variances of
+    the fits to single runs.
     """
     variance: FloatArray = vectors.std**2 + run_variance(vectors) / vectors.runs[:, None]
     return variance
 
 
 def run_variance(vectors: Vectors) -> FloatArray:
-    """Return (3,) the variance between runs of a device beyond what fits say of single runs."""
+    """Return (3,) the variance between runs of a device beyond that of fits to single runs."""
     several = vectors.runs > 1
     if not several.any():
         return np.zeros(3)

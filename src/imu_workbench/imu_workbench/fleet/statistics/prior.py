@@ -33,7 +33,7 @@ class SlopePrior:
     covariance: FloatArray
     """(3, 3)"""
     run_variance: FloatArray
-    """(3,) of a single run about the device's slopes, beyond what its fit says."""
+    """(3,) of a single run about the device's slopes, beyond the variance of its fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +89,8 @@ def with_prior(
 ) -> tuple[ThermalModel, list[str]]:
     """Return the model of a line per axis with its slopes shrunk to the prior, and warnings.
 
-    Posterior of a normal distribution (`population.device_effects`); the error of the slopes is
-    what the fit says, plus the scatter from run to run. A warning names a sensor that is outside.
+    Posterior of a normal distribution (`population.device_effects`); the variance of the slopes is
+    that of the fit plus that from run to run. A warning names a sensor that is outside its lot.
     """
     sensors, warnings = dict(model.sensors), []
     for sensor in SENSORS:

@@ -86,7 +86,7 @@ class ShapePopulation:
 
 @dataclass(frozen=True, eq=False)
 class ShapeEvidence:
-    """What the runs of n devices tell of one effect at each value of its shape parameter."""
+    """Estimates of one effect from the runs of n devices, at each value of its shape parameter."""
 
     log_shape: FloatArray
     """(k,) ln θ, increasing."""
@@ -218,7 +218,7 @@ def shape_populations(
 def _evidence(
     table: FleetTable, one: Prevalence, odd: Collection[tuple[str, str]]
 ) -> ShapeEvidence | None:
-    """Return what the ordinary devices of a lot tell, where it was kept in several forms."""
+    """Return the estimates from the ordinary devices of a lot, where several forms were kept."""
     rows = table.rows(
         """SELECT any_value(shapes), list(coefficients ORDER BY axis), list(std ORDER BY axis),
                   any_value(device)

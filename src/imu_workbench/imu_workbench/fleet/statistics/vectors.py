@@ -29,7 +29,7 @@ class Vectors:
     coefficients: FloatArray
     """(n, 3) change of bias per kelvin, axes x, y, z."""
     std: FloatArray
-    """(n, 3) what a fit says of its own error."""
+    """(n, 3) standard deviations of the fit."""
     run_std: FloatArray
     """(n, 3) standard deviation of the runs' own coefficients about the device's; NaN for one."""
     runs: IntArray

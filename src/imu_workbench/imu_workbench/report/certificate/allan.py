@@ -30,7 +30,7 @@ from imu_workbench.report.laboratory import Laboratory
 
 CONFIDENCE_LEVEL = 0.95
 LEAST_STRETCH_SAMPLES = 64
-"""Samples from which a stretch has an Allan deviation worth the name."""
+"""Samples that a stretch needs for an Allan deviation."""
 LEAST_SHARE = 0.5
 """Share of the variance, at the averaging time where it is largest, from which a coefficient
 has a lower limit."""

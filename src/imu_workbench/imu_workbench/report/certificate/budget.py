@@ -242,7 +242,7 @@ def scatter_inputs(
     unit: str,
     parts: str = 'cycles',
 ) -> tuple[list[Input], list[Uncounted]]:
-    """Return noise, repeatability over parts of runs and run-to-run, and what could not be told.
+    """Return noise, repeatability over parts of runs, run to run, and what was not determined.
 
     Nested analysis of variance of the (k,) values of single parts in their runs (k,): each level
     counts for what it scatters beyond the one below it, so that nothing is counted twice. Their

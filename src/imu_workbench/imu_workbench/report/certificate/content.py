@@ -75,7 +75,7 @@ def certificate(
     laboratory: Laboratory,
     limits: CoefficientLimits | None,
 ) -> dict[str, Any]:
-    """Return what the certificate of one device says."""
+    """Return the content of the certificate of one device."""
     recordings = [run.recording for run in analysis.runs if run.device == device]
     hashes = {run.name: run.hash for run in analysis.runs}
     up_axes = {recording.run: recording.up_axis for recording in recordings}
@@ -151,7 +151,7 @@ def certificate(
 
 
 def references(laboratory: Laboratory, recordings: Sequence[ImuRecording]) -> dict[str, str]:
-    """Return what is said about the reference of each sensor; the gradient as the budgets have it.
+    """Return the statements about the reference of each sensor; the gradient as in the budgets.
 
     A gradient that nobody stated is that of the thermocouple where one was logged.
     """

@@ -310,8 +310,8 @@ def budgeted(evidence: Evidence, fitted: Fitted) -> Quantity:
 def parts_differ(changes: FloatArray) -> float | None:
     """Return the standard uncertainty of the form from values of single parts minus the fitted.
 
-    What parts of the data, all weighted alike, differ by on average from the whole weighted by
-    its noise: nothing but noise where the form is right (Hausman, 1978). It counts beyond the
+    The mean of the parts' values, weighted equally, minus the value of all data, weighted by
+    noise, is noise alone where the form is right (Hausman, 1978). It counts beyond the
     scatter of that mean, as a rectangular half-width; None where fewer than two parts tell it.
     """
     if len(changes) < 2:

@@ -98,9 +98,9 @@ def scales_with(evidence: Evidence, effect: Effect, channel: str) -> bool:
 
 
 def relative(spread: float, stated: float, used: float) -> float:
-    """Return the relative uncertainty of a true input that stands uncorrected in the fit.
+    """Return the relative uncertainty of a true input that the fit took uncorrected.
 
-    Beside its standard uncertainty counts what the fit's differs by from the stated one.
+    It is made of its standard uncertainty and the difference of the fit's value from the stated.
     """
     return math.hypot(spread, stated - used) / used
 

@@ -178,7 +178,7 @@ def result_name(coefficient: str, *, shared: bool) -> tuple[str, str]:
 
 
 def result_cell(quantity: Mapping[str, Any], factor: float) -> dict[str, str]:
-    """Return value ± U in another unit, with ν and k95; U is not told where a model has none."""
+    """Return value ± U in another unit, with ν and k95; without U where a model has none."""
     if 'expanded' not in quantity:
         return {'value': shown(quantity['value'] * factor), 'detail': 'U not told'}
     by = quantity['coverage_factor']
@@ -238,7 +238,7 @@ def decision_rows(found: Mapping[str, Any]) -> list[Row]:
 
 
 WORDS = {'does not act': '–', 'none seen': '0'}
-"""What stands in a budget where a source gives no contribution; else its word."""
+"""Text in a budget where a source gives no contribution; other words stay."""
 
 
 def budget_tables(found: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -248,7 +248,7 @@ def report_task(
 
     `folder` is that of the case: what a laboratory stated stands there.
     """
-    # A report's libraries take as long to import as a verdict's: nobody else waits for them.
+    # Imported here: the libraries of a report take as long to import as those of a verdict.
     from imu_workbench.case_statements import statement_files, statements_of
     from imu_workbench.report.analysis import analyse_recordings
     from imu_workbench.report.content import report_content, versions

@@ -80,7 +80,7 @@ class TopStrip:
         self._show_action(action)
 
     def _notes(self) -> list[str]:
-        """Return what reading the recordings had to say."""
+        """Return the notes on reading the recordings."""
         work = self._session.work
         if work is None:
             return []

@@ -27,7 +27,7 @@ MOST_LEFT_RATIO = 1.3
 NOT_MISSING = frozenset({'data_quality', 'noise', 'clock'})
 """Kinds of findings that are no missing effect of a sensor."""
 WORST_PLACES = 4
-"""Worst places whose phases say in which phase a sensor fails."""
+"""Number of worst places that decide in which phase a sensor fails."""
 Errors = Mapping[str, Mapping[str, float]]
 """Per sensor: held-out `error` and `floor`, rms over the axes [SI unit]."""
 Kind = Literal['add', 'experiment', 'log', 'look', 'certificate', 'none']

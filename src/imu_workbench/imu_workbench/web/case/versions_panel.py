@@ -31,7 +31,7 @@ from imu_workbench.web.words import with_help
 MOST_LABELS = 5
 """Steps up to which every one is labelled: as many as fit on a phone."""
 MOST_NAMED_RUNS = 4
-"""Runs of a version that are named; of more their number is said."""
+"""Runs of a version that are listed by name; more are counted."""
 
 
 @dataclass(frozen=True)

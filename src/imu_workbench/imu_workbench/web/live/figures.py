@@ -128,7 +128,7 @@ def _trace(
 
 
 def _shown_s(data: Sequence[dict[str, Any]], window_s: float, seconds: float) -> float:
-    """Return how far back the time axis goes: as far as there is something to show."""
+    """Return how far back the time axis reaches: as far as there are data."""
     first = min((trace['x'][0] for trace in data if trace['x']), default=0.0)
     return min(window_s / seconds, max(-first, MIN_TIME_AXIS_S / seconds))
 

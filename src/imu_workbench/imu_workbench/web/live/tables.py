@@ -76,7 +76,7 @@ def values_table(state: LiveState, zero: int) -> str:
 def verdict(state: LiveState, zero: int, shared: Mapping[str, str] | None = None) -> str:
     """Return in a sentence what compensation leaves over the noise, by the worst axis.
 
-    `shared`: roles whose topic has several publishers; of a mixture nothing is said.
+    `shared`: roles whose topic has several publishers; there is no verdict on a mixture.
     """
     mixed = [why for role, why in (shared or {}).items() if role in MEASURED_ROLES]
     if mixed:

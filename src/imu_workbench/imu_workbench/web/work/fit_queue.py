@@ -13,7 +13,7 @@ from imu_workbench.web.case.tasks import Change
 from imu_workbench.web.work.jobs import Stoppable
 
 MOST_FINISHED = 50
-"""Finished fits that are remembered, so that tabs go on to what they asked for."""
+"""Finished fits that are remembered, so that tabs can show what they asked for."""
 State = Literal['waiting', 'running', 'done', 'failed', 'cancelled']
 
 

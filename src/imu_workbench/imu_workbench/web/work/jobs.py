@@ -247,7 +247,7 @@ def _run(connection: Connection, function: Callable[..., Any], arguments: tuple[
         value = function(partial(_tell, connection), *arguments)
         connection.send(('result', value))
     except BrokenPipeError:
-        return  # the server has ended: nobody waits for an answer
+        return  # the server has ended: there is no receiver
     except (UserError, OSError) as error:
         connection.send(('error', error_line(error)))
     except Exception as error:  # noqa: BLE001 (a bug: named on the page, traceback in the log)

@@ -13,7 +13,7 @@ from imu_workbench.web.work.jobs import Stoppable
 
 @dataclass(frozen=True)
 class Notice:
-    """Something to say to whoever looks."""
+    """A message that every tab shows."""
 
     number: int
     text: str
