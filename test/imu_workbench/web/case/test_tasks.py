@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Tasks of the workers: bags stored, runs prepared, effects added and taken out."""
+
 from __future__ import annotations
 
 from typing import BinaryIO

@@ -3,7 +3,11 @@
 
 import numpy as np
 import pytest
-from imu_workbench.web.live.topic_history import SECOND_NS, PerSecond, Recent, Rows
+from imu_recording.bags.decoding.cdr import encode_messages
+from imu_recording.logging_contract import IMU
+from imu_workbench.web.live.topic_history import SECOND_NS, PerSecond, Recent, Rows, decoded
+
+from .heard import GRAVITY, TRUE_RATE, imu
 
 START = 1_800_000_000 * SECOND_NS
 
@@ -47,3 +51,24 @@ def test_a_full_history_lets_go_of_the_oldest() -> None:
     np.testing.assert_array_equal(means[:, 0], second - stamp[0] // SECOND_NS)
     _, part = history.means(second[5], second[9])
     np.testing.assert_array_equal(part, means[5:9])
+
+
+def test_bytes_become_the_numbers_that_ros_serialised() -> None:
+    stamp = stamps(1, 4)
+    messages = imu(stamp[:2], TRUE_RATE, GRAVITY, 'a') + imu(
+        stamp[2:], -TRUE_RATE, GRAVITY, 'bcdefghi'
+    )
+    rows, unreadable = decoded(IMU, [*messages, b'\x00\x01\x00\x00', b''])
+    assert unreadable == 2
+    np.testing.assert_array_equal(rows.stamp, stamp)
+    np.testing.assert_allclose(rows.values[:, 13:16], TRUE_RATE * [[1], [1], [-1], [-1]])
+    np.testing.assert_allclose(rows.values[:, 25:28], np.broadcast_to(GRAVITY, (4, 3)))
+
+
+def test_what_a_message_does_not_report_is_not_a_number() -> None:
+    message = encode_messages(
+        IMU, stamps(1, 1), 'imu', (np.zeros((1, 3)), np.ones((1, 3))), {16: -1.0}
+    )
+    rows, _ = decoded(IMU, [message[0].tobytes()])
+    assert np.isnan(rows.values[0, 13:16]).all()
+    np.testing.assert_array_equal(rows.values[0, 25:28], 1.0)

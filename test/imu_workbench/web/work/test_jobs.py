@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Work in a process of its own: result, error, end, and the time it takes."""
+
 from __future__ import annotations
 
 import asyncio

@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Cases and recordings of a server, opened and closed."""
+
 from __future__ import annotations
 
 import asyncio
