@@ -18,8 +18,8 @@ from imu_recording.recording import columns_hash
 from imu_workbench.simulate.campaign import Logging, simulate_run
 from imu_workbench.simulate.hidden_effect import (
     BUNDLED_TRUTH_FILE,
-    Campaign,
-    HiddenEffect,
+    EffectToHide,
+    SimulatedCampaign,
     hidden_campaign,
     write_truth,
 )
@@ -65,13 +65,13 @@ def seed(name: str) -> int:
 
 
 @lru_cache
-def secret_campaign() -> Campaign:
+def secret_campaign() -> SimulatedCampaign:
     """Return the campaign with the hidden effect."""
     return hidden_campaign(
         PROFILE,
         SECRET_DEVICE,
         Logging(SECRET_RATE, True, CHAMBER_PERIOD),
-        [HiddenEffect('random', SECRET_MAGNITUDE)],
+        [EffectToHide('random', SECRET_MAGNITUDE)],
         seed=SECRET_SEED,
     )
 

@@ -35,7 +35,7 @@ from imu_driver.simulation.hidden import HIDDEN_EFFECTS, UNLOGGED
 from imu_recording.recording import ImuRecording
 from imu_recording.user_error import UserError
 from imu_workbench.simulate.campaign import Logging
-from imu_workbench.simulate.hidden_effect import Campaign, HiddenEffect, hidden_campaign
+from imu_workbench.simulate.hidden_effect import EffectToHide, SimulatedCampaign, hidden_campaign
 from independent_simulator.campaign import COUNTS, MAGNITUDES, MOST_UNEQUAL, SEALED, draw_campaign
 from independent_simulator.scenarios import SCENARIOS
 from thermal_comp.data.preparation import prepare
@@ -94,14 +94,14 @@ def _own(seed: int, kind: str) -> Case:
     """Return a campaign of the project's simulator, drawn like the independent one's."""
     profile, orientations, logging = OWN[kind]
 
-    def made(effects: Sequence[HiddenEffect]) -> Campaign:
+    def made(effects: Sequence[EffectToHide]) -> SimulatedCampaign:
         return hidden_campaign(
             profile, draw_device(seed), logging, effects, seed=seed, orientations=orientations
         )
 
     rng = np.random.default_rng([seed, 5])
     count = int(rng.choice(list(COUNTS), p=list(COUNTS.values())))
-    wanted: list[HiddenEffect] = []
+    wanted: list[EffectToHide] = []
     for one in _wishes(rng, count):
         if len(wanted) < abs(count):
             with suppress(UserError):  # the profile does not excite it
@@ -125,7 +125,7 @@ def _own(seed: int, kind: str) -> Case:
     return Case(drawn.recordings, truth | {'unlogged': unlogged})
 
 
-def _wishes(rng: np.random.Generator, count: int) -> Iterator[HiddenEffect]:
+def _wishes(rng: np.random.Generator, count: int) -> Iterator[EffectToHide]:
     """Yield all that could be hidden, each law once, in random order, the largest first."""
     laws = {**HIDDEN_EFFECTS, **UNLOGGED}
     kind = 'effect' if count >= 0 else 'unexplained'
@@ -135,7 +135,7 @@ def _wishes(rng: np.random.Generator, count: int) -> Iterator[HiddenEffect]:
         law = laws[str(name)].name
         if law not in taken:
             unequal = float(np.exp(rng.uniform(0.0, np.log(MOST_UNEQUAL)))) if taken else 1.0
-            yield HiddenEffect(str(name), max(MAGNITUDES[0], size / unequal))
+            yield EffectToHide(str(name), max(MAGNITUDES[0], size / unequal))
         taken.add(law)
 
 

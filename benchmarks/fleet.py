@@ -24,12 +24,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from imu_driver.simulation.population import draw_fleet_device, draw_lots
 from imu_workbench.fleet.engine import Cluster, connected, outcomes
-from imu_workbench.fleet.estimate import SHARES, Settings
+from imu_workbench.fleet.estimate import BIN_TIME_SHARES, EstimateSettings
 from imu_workbench.fleet.page import fleet_page
 from imu_workbench.fleet.sources import find_devices
 from imu_workbench.fleet.statistics.vectors import SENSORS
 from imu_workbench.fleet.study import study
-from imu_workbench.fleet.table import Row, write_rows
+from imu_workbench.fleet.table import ResultRow, write_rows
 from imu_workbench.simulate.campaign import Logging
 from imu_workbench.simulate.fleet import FleetPlan, write_fleet
 
@@ -79,9 +79,9 @@ def estimated(bags: Path, workers: int) -> float:
     """Return the time of all devices, workers warm: each has done one device before."""
     devices = find_devices([str(bags)])
     with connected(Cluster(workers=workers)) as client:
-        list(outcomes(client, devices[: 2 * workers], Settings()))
+        list(outcomes(client, devices[: 2 * workers], EstimateSettings()))
         start = time.perf_counter()
-        rows = [row for found in outcomes(client, devices, Settings()) for row in found]
+        rows = [row for found in outcomes(client, devices, EstimateSettings()) for row in found]
         seconds = time.perf_counter() - start
     failed = [row for row in rows if row['role'] == 'failed']
     if failed:
@@ -117,7 +117,7 @@ def write_results(folder: Path, devices: int, seed: int) -> dict[str, str]:
     lots = draw_lots(LOTS, seed)
     draw = np.random.default_rng(seed)
     outliers = {}
-    rows: list[Row] = []
+    rows: list[ResultRow] = []
     for number in range(devices):
         device = draw_fleet_device(lots, number, devices, seed)
         name = device.parameters.name
@@ -137,24 +137,25 @@ def write_results(folder: Path, devices: int, seed: int) -> dict[str, str]:
 
 
 def fitted(
-    common: Row, slopes: np.ndarray, misfit: float, std: float, draw: np.random.Generator
-) -> list[Row]:
+    common: ResultRow, slopes: np.ndarray, misfit: float, std: float, draw: np.random.Generator
+) -> list[ResultRow]:
     run = np.repeat(np.arange(RUNS), len(TEMPERATURES))
     x = np.tile(TEMPERATURES, RUNS)
     noise = std * np.sqrt(np.sum((x - x.mean()) ** 2))
-    share = np.repeat(SHARES, len(x))
+    share = np.repeat(BIN_TIME_SHARES, len(x))
     rows = []
     for axis, slope in zip('xyz', slopes, strict=True):
         parts = (slope * (x - 20.0))[:, None] + 2.0 * noise * draw.normal(size=(len(x), 4))
-        y = [parts[:, : int(4 * one)].mean(axis=1) for one in SHARES]
+        y = [parts[:, : int(4 * one)].mean(axis=1) for one in BIN_TIME_SHARES]
         each = np.array([np.polyfit(x[run == r], y[0][run == r], 1)[0] for r in range(RUNS)])
         rows.append(
             {
                 **common, 'axis': axis, 'effect': 'bias_temperature', 'role': 'fitted',
                 'unit': 'SI/K', 'coefficients': [float(each.mean())], 'std': [std],
                 'run_coefficients': each.tolist(), 'held_out_rms': misfit, 'noise_floor': 1.0,
-                'block_run': np.tile(run, len(SHARES)).tolist(), 'block_share': share.tolist(),
-                'block_temperature': np.tile(x, len(SHARES)).tolist(),
+                'block_run': np.tile(run, len(BIN_TIME_SHARES)).tolist(),
+                'block_share': share.tolist(),
+                'block_temperature': np.tile(x, len(BIN_TIME_SHARES)).tolist(),
                 'block_mean': np.concatenate(y).tolist(),
                 'block_variance': (noise**2 / share).tolist(),
                 'block_seconds': (DWELL_S * share).tolist(),
@@ -163,7 +164,9 @@ def fitted(
     return rows
 
 
-def tried(common: Row, carried: set[tuple[str, str]], draw: np.random.Generator) -> list[Row]:
+def tried(
+    common: ResultRow, carried: set[tuple[str, str]], draw: np.random.Generator
+) -> list[ResultRow]:
     """Return evidence that is χ² where an effect is absent and three times that else."""
     rows = []
     for effect, shapes in TRIED.items():

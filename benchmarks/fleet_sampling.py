@@ -66,11 +66,18 @@ def drawn(lots: int, devices: int, seed: int) -> Vectors:
     n = len(fleet)
     slopes = np.array([device.slopes[3:6] for device in fleet])
     return Vectors(
-        SENSORS[1], 'rad/s/K', np.array([d.parameters.name for d in fleet]), np.full(n, 'none'),
-        np.array([d.lot for d in fleet]), slopes + STD * draw.normal(size=(n, 3)),
-        np.full((n, 3), STD), np.full((n, 3), STD * RUNS**0.5), np.full(n, RUNS), np.zeros(n),
-        np.arange(n),
-    )  # fmt: skip
+        sensor=SENSORS[1],
+        unit='rad/s/K',
+        device=np.array([d.parameters.name for d in fleet]),
+        type=np.full(n, 'none'),
+        lot=np.array([d.lot for d in fleet]),
+        coefficients=slopes + STD * draw.normal(size=(n, 3)),
+        std=np.full((n, 3), STD),
+        run_std=np.full((n, 3), STD * RUNS**0.5),
+        runs=np.full(n, RUNS),
+        misfit=np.zeros(n),
+        measured_at=np.arange(n),
+    )
 
 
 def sampled(vectors: Vectors, error: np.ndarray, seed: int) -> dict[str, np.ndarray]:

@@ -25,7 +25,7 @@ from typing import Any
 
 from hidden_effects_tables import tables
 from imu_driver.simulation.hidden import CLOCK, DATA_FAULTS, HIDEABLE, NOTHING
-from imu_workbench.simulate.hidden_effect import HiddenEffect, practice_campaign
+from imu_workbench.simulate.hidden_effect import EffectToHide, practice_campaign
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.effects import EFFECTS
 from thermal_comp.precompile import precompile
@@ -56,7 +56,7 @@ def judge(case: Case) -> dict[str, Any]:
     names = [] if name == NOTHING else name.split('+')
     start = time.process_time()
     recordings, truths = practice_campaign(
-        [HiddenEffect(one, magnitude) for one in names],
+        [EffectToHide(one, magnitude) for one in names],
         seed=seed,
         mean_s=MEAN_S,
         bias_instability=bias_instability,

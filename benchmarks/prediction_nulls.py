@@ -22,7 +22,7 @@ from everyday import KINDS, OWN
 from imu_driver.simulation.devices import draw_device
 from imu_recording.recording import ImuRecording
 from imu_recording.user_error import UserError
-from imu_workbench.simulate.hidden_effect import HiddenEffect, hidden_campaign
+from imu_workbench.simulate.hidden_effect import EffectToHide, hidden_campaign
 from independent_simulator.campaign import draw_campaign
 from thermal_comp.data.preparation import prepare
 from thermal_comp.effects import EFFECTS
@@ -41,7 +41,7 @@ def null_campaign(seed: int) -> tuple[Sequence[ImuRecording], float]:
     kind = KINDS[seed % len(KINDS)]
     if kind in OWN:
         profile, orientations, logging = OWN[kind]
-        nothing = [HiddenEffect('nothing')]
+        nothing = [EffectToHide('nothing')]
         device = draw_device(seed)
         campaign = hidden_campaign(
             profile, device, logging, nothing, seed=seed, orientations=orientations

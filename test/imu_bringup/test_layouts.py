@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The layouts name topics, fields and diagnostics that the nodes really publish."""
 
-import json
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -21,16 +20,6 @@ from thermal_comp.node import ThermalCompNode
 
 LAYOUTS = Path(__file__).resolve().parents[2] / 'src' / 'imu_bringup' / 'layouts'
 FLOATS = ('double', 'float')
-
-
-@pytest.fixture(scope='module')
-def plotjuggler() -> ET.Element:
-    return ET.fromstring((LAYOUTS / 'plotjuggler_imu.xml').read_text('utf-8'))  # noqa: S314
-
-
-@pytest.fixture(scope='module')
-def foxglove() -> dict[str, Any]:
-    return json.loads((LAYOUTS / 'foxglove_imu.json').read_text('utf-8'))
 
 
 @pytest.fixture(scope='module')

@@ -111,3 +111,15 @@ def writers() -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope='session')
+def fleet_bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder with the bags of three simulated devices of two lots."""
+    from imu_workbench.simulate.campaign import Logging
+    from imu_workbench.simulate.fleet import FleetPlan, write_fleet
+
+    folder = tmp_path_factory.mktemp('fleet') / 'bags'
+    plan = FleetPlan('short_20min', devices=3, lots=2, seed=3, logging=Logging(0.5, mean=True))
+    write_fleet(plan, folder, 1)
+    return folder

@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""A case on disk: versions, recordings, found answers; a damaged one is named."""
+
 from __future__ import annotations
 
 import subprocess

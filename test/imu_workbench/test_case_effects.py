@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Effect files kept in a case: their content, and which load without asking."""
+
 from __future__ import annotations
 
 from pathlib import Path

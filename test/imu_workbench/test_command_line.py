@@ -17,7 +17,6 @@ import pytest
 from imu_recording.recording import PHASES
 from imu_workbench.__main__ import main
 from imu_workbench.commands import COMMANDS
-from imu_workbench.commands.reproduce import simulated_campaign
 from imu_workbench.report.claims.claim import VERDICT_NAMES
 from orientation_filters.filters import FILTERS, PARAMETERS
 from thermal_comp.compensation.stream import Condition
@@ -145,39 +144,3 @@ def test_a_fault_in_yaml_is_told_with_its_line(
         assert main(argv) == 2
         assert f'{broken}' in (told := capsys.readouterr().err)
         assert 'line 3' in told
-
-
-def test_an_import_shows_the_ranges_and_refuses_another_unit(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    table, mapping = tmp_path / 'a.csv', tmp_path / 'm.yaml'
-    table.write_text('t,a,b,c,T\n' + ''.join(f'{k},0,0,1,{20 + k / 50}\n' for k in range(200)))
-    told = (
-        'schema: 1\ntime: {{column: t}}\ncolumns:\n  temperature: {{column: T}}\n'
-        '  linear_acceleration: {{columns: [a, b, c]{}}}\n'
-    )
-    argv = ['import', str(table), '--mapping', str(mapping), '-o', str(tmp_path / 'bag')]
-    mapping.write_text(told.format(''))
-    assert main(argv) == 2
-    assert 'as if in g' in capsys.readouterr().err
-    mapping.write_text(told.format(', unit: g'))
-    assert main(argv) == 0
-    words = capsys.readouterr().out.split()
-    at = words.index('temperature')
-    assert words[at : at + 5] == ['temperature', '20.0', '22.0', '24.0', '°C']
-
-
-def test_the_papers_campaign_is_nine_runs_under_their_names() -> None:
-    runs = simulated_campaign('short_20min', 1.0)
-    assert [run.run for run in runs] == [f'dut{k}_{axis}' for k in (1, 2, 3) for axis in 'xyz']
-    assert [run.up_axis for run in runs[:3]] == ['+x', '+y', '+z']
-    assert len(runs[0]) == pytest.approx(2 * len(runs[1]), abs=20)
-
-
-def test_reproduce_replaces_no_report_unasked(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / 'report.html').write_text('mine')
-    assert main(['reproduce', 'paper', '-o', str(tmp_path)]) == 2
-    assert 'report.html exists already' in capsys.readouterr().err
-    assert main(['reproduce', 'paper', '--rate', '0', '-o', str(tmp_path / 'x')]) == 2

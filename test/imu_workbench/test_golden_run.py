@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from imu_workbench.golden_run import (
-    Columns,
     Drift,
+    GoldenColumns,
     GoldenError,
     columns_of,
     find_drift,
@@ -32,7 +32,7 @@ class Published:
 
 
 @pytest.fixture
-def columns() -> dict[str, Columns]:
+def columns() -> dict[str, GoldenColumns]:
     messages = [Published(10 * i, '/imu', float(i)) for i in range(5)]
     return columns_of([*messages, Published(0, '/diagnostics', 1.0)])
 
@@ -49,7 +49,7 @@ def test_numbers_come_back_and_diagnostics_are_left_out(columns, tmp_path: Path)
 def test_the_first_number_that_moved_is_named(columns) -> None:
     values = columns['/imu'].values.copy()
     values[3:, 1] += 1e-6
-    moved = {'/imu': Columns(columns['/imu'].time, columns['/imu'].names, values)}
+    moved = {'/imu': GoldenColumns(columns['/imu'].time, columns['/imu'].names, values)}
     drift = find_drift(moved, columns, 1e-9)
     assert isinstance(drift, Drift)
     assert (drift.sample, drift.time, drift.field) == (3, 30, 'twice')

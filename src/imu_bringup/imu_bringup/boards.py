@@ -26,7 +26,7 @@ BOARD: Final = {
     'publish_tf': ('false', 'Whether the filter publishes world → body on /tf'),
 }
 """Arguments of one board: default and meaning; a file of boards gives any of them for each."""
-FORM: Final = 'NAMESPACE: {ARGUMENT: VALUE, …}'
+FILE_FORMAT: Final = 'NAMESPACE: {ARGUMENT: VALUE, …}'
 
 
 class BoardsError(UserError):
@@ -57,7 +57,7 @@ def boards_of(given: Mapping[str, str]) -> list[dict[str, Any]]:
 
 
 def value(text: object) -> str | bool:
-    """Return a launch argument as the parameter it stands for.
+    """Return a launch argument as a parameter: typed as YAML has it.
 
     >>> value('true'), value('dut1.yaml')
     (True, 'dut1.yaml')
@@ -72,10 +72,10 @@ def _content(path: str) -> dict[str, dict[str, Any]]:
         raise BoardsError(f'boards:={path}: {error.strerror}') from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         told = ' '.join(str(error).split())
-        raise BoardsError(f'{path}: no YAML, expected {FORM} ({told})') from None
+        raise BoardsError(f'{path}: no YAML, expected {FILE_FORMAT} ({told})') from None
     if not isinstance(content, dict) or not content:
-        raise BoardsError(f'{path}: no boards, expected {FORM}')
+        raise BoardsError(f'{path}: no boards, expected {FILE_FORMAT}')
     for namespace, own in content.items():
         if not isinstance(own or {}, dict):
-            raise BoardsError(f'{path}: {namespace} is {own!r}, expected {FORM}')
+            raise BoardsError(f'{path}: {namespace} is {own!r}, expected {FILE_FORMAT}')
     return {str(namespace): own or {} for namespace, own in content.items()}

@@ -30,7 +30,7 @@ FILTERS: Final = {
     'both': (ComplementaryFilterNode, AhrsFilterNode),
 }
 TOPIC: Final = 'topic'
-"""Value of `transport` for a driver that is not ours."""
+"""Value of `transport` where another driver publishes the samples."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class ChainConfig(NodeConfig):
     record: str = parameter('', 'Folder of the bag; empty: nothing is recorded')
 
 
-WHAT_RUNS: Final = ('transport', 'model', 'filter', 'record')
+STAGE_PARAMETERS: Final = ('transport', 'model', 'filter', 'record')
 """Parameters that decide which stages there are."""
 STAGES: Final = (
     ImuDriverNode,
@@ -100,8 +100,8 @@ class ImuChainNode(ConfiguredNode):
         return stages
 
     def setup(self, config: ChainConfig) -> None:
-        """Configure the stages, first to last: who listens within finds who sends."""
-        for name in WHAT_RUNS:
+        """Configure the stages, first to last: each finds the publisher it takes samples from."""
+        for name in STAGE_PARAMETERS:
             if (wanted := getattr(config, name)) != getattr(self._built, name):
                 raise UserError(
                     f'{name} takes effect when the process starts: start it again with '
@@ -115,7 +115,7 @@ class ImuChainNode(ConfiguredNode):
                 raise UserError(f'{stage.get_name()}: {stage.refused}')
 
     def activated(self) -> None:
-        """Activate the stages, last to first: who listens is there before the first sample."""
+        """Activate the stages, last to first: subscribers are active before the first sample."""
         for stage in reversed(self.hosted):
             if stage.state == INACTIVE:
                 stage.trigger_activate()
@@ -145,7 +145,7 @@ class ImuChainNode(ConfiguredNode):
         super().destroy_node()
 
     def diagnostics(self) -> tuple[int, str, dict[str, Any]]:
-        """Return the state of every stage; a warning where one does not take part."""
+        """Return the state of every stage; a warning where one is not active."""
         states = {stage.get_name(): stage.state for stage in self.hosted}
         idle = [f'{name} is {state}' for name, state in states.items() if state != ACTIVE]
         waits = bool(idle) and self.state == ACTIVE
@@ -182,5 +182,5 @@ def origin_of(transport: str) -> dict[str, list[str]]:
 
 def main() -> int:
     """Run the chain."""
-    sys.setswitchinterval(5e-4)  # [s]; no thread waits the 5 ms of the default for its turn
+    sys.setswitchinterval(5e-4)  # [s]; threads take turns; 5 ms by default
     return run_node(ImuChainNode)

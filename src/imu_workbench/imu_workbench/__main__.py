@@ -102,7 +102,7 @@ def main(argv: list[str] | None = None) -> int:
         except BrokenPipeError:
             _discard_output()
         return stop.code if isinstance(stop.code, int) else 2
-    except BrokenPipeError:  # who reads has seen enough
+    except BrokenPipeError:  # the reader of the pipe has closed it
         _discard_output()
         return 0
     except (UserError, OSError, ModuleNotFoundError) as error:
@@ -127,7 +127,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _prepare_streams() -> None:
-    """Let a terminal that knows ASCII only show '?', and a stream that is closed swallow all."""
+    """Show '?' on a terminal of ASCII alone, and write to nowhere where a stream is closed."""
     for name in ('stdout', 'stderr'):
         stream = getattr(sys, name)
         if stream is None:
@@ -159,7 +159,7 @@ def _answer(options: argparse.Namespace) -> int:
 def is_users(error: Exception) -> bool:
     """Tell whether an error is the user's to mend: their input, or a file, folder, port of theirs.
 
-    A file of the package itself that cannot be opened is a bug, so is a module.
+    A file or module of the package itself that cannot be opened is a bug.
     """
     if isinstance(error, ModuleNotFoundError):
         return missing_library(error) is not None

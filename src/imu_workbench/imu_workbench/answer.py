@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-SIMPLE = frozenset({float, int, bool, type(None)})
+FLAT_ITEM_TYPES = frozenset({float, int, bool, type(None)})
 """Types of the items of a list that stands on one line."""
 
 
@@ -41,9 +41,9 @@ def plain(value: Any) -> Any:
     {'rms': [1.0, None], 'n': 3, 'path': 'a'}
     """
     kind = type(value)
-    if kind in SIMPLE or kind is str:
+    if kind in FLAT_ITEM_TYPES or kind is str:
         return None if kind is float and not math.isfinite(value) else value
-    if kind is list and SIMPLE.issuperset(map(type, value)):
+    if kind is list and FLAT_ITEM_TYPES.issuperset(map(type, value)):
         return _finite(value)
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
@@ -104,7 +104,7 @@ def _json_text(value: Any, depth: int) -> str:
 
 
 def _is_flat(value: Any) -> bool:
-    return isinstance(value, list) and SIMPLE.issuperset(map(type, value))
+    return isinstance(value, list) and FLAT_ITEM_TYPES.issuperset(map(type, value))
 
 
 def error_line(error: Exception) -> str:

@@ -34,7 +34,7 @@ CUTOFFS_HZ = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 """The paper's typical range, with its choice of 3 Hz."""
 LOWEST_RATE_HZ = 50.0
 SMOOTHED = 'smoothed'
-"""Stands where a preset does: `robust`, forward and backward."""
+"""In place of a preset: `robust`, run forward and backward."""
 TIMED_ROWS = 20_000
 TRUE_ATTITUDE = 'reference orientation'
 NO_TRUTH = (
@@ -43,7 +43,7 @@ NO_TRUTH = (
 )
 KINDS = ('total', 'heading', 'inclination')
 LEAST_WORSE_DEG = 0.02
-"""An angle that gets worse by less is not worth a sentence [deg]."""
+"""Least increase of an angle's error that is reported [deg]."""
 TEN_MINUTES_S = 600.0
 
 
@@ -136,7 +136,14 @@ def attitude_budget(
                 efforts.append(_effort(name, preset, measured, options))
     sweep = list(_sweep(fast, cutoffs_hz, progress, parameters))
     against = 'compensated run' if truth is None else TRUE_ATTITUDE
-    return AttitudeBudget(measured, against, costs, sweep, efforts, groups)
+    return AttitudeBudget(
+        recording=measured,
+        against=against,
+        costs=costs,
+        sweep=sweep,
+        efforts=efforts,
+        groups=groups,
+    )
 
 
 def _estimate(name: str, recording: ImuRecording, options: dict[str, Any]) -> FloatArray:
@@ -161,7 +168,17 @@ def _costs(
     for data, found in errors.items():
         rms = _degrees(found.rms())
         gain = {kind: raw[kind] - rms[kind] for kind in raw}
-        costs.append(Cost(name, preset, data, rms, gain, _degrees(moved[data].rms()), cutoff_hz))
+        costs.append(
+            Cost(
+                filter=name,
+                preset=preset,
+                data=data,
+                rms=rms,
+                gain=gain,
+                moved=_degrees(moved[data].rms()),
+                cutoff_hz=cutoff_hz,
+            )
+        )
     return costs
 
 
@@ -206,7 +223,7 @@ def budget_content(
 ) -> dict[str, Any]:
     """Return the budget as plain values, angles in degrees.
 
-    Without a true attitude nothing is said of errors: `rms` and `gain` are null.
+    Without a true attitude there are no errors: `rms` and `gain` are null.
     """
     true = result.against == TRUE_ATTITUDE
     return {
@@ -263,7 +280,7 @@ class TenMinuteDrift:
     raw_deg: float
     """Rms over the recording; the modelled error integrated at this robot's own rates."""
     compensated_deg: float
-    """What the model itself does not know of it, one standard deviation."""
+    """The same of the model's own uncertainty, one standard deviation."""
 
 
 def ten_minute_drift(

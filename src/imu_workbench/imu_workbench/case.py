@@ -23,7 +23,7 @@ from imu_recording.user_error import UserError, fault_in_yaml
 
 SCHEMA = 1
 FOUND_SCHEMA = 2
-"""Of the files in `found/`; what an earlier one holds is found again."""
+"""Of the files in `found/`; a diagnosis in an earlier schema is made anew."""
 CASE_FILE = 'case.yaml'
 LOCK_FILE = '.lock'
 
@@ -75,7 +75,7 @@ class RequestedFit:
     sensors: tuple[str, ...] = ()
     added: bool = True
     tab: str = ''
-    """The browser tab that asked: it goes on to the version that is made."""
+    """The browser tab that asked for it: it shows the version that is made."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Case:
         return path[::-1]
 
     def tree(self) -> list[tuple[CaseVersion, int]]:
-        """Return every version after its parent, with its depth; a trunk has none."""
+        """Return every version after its parent, with its depth: 0 up to the first branching."""
         return list(self._below(None, 0))
 
     def _below(self, parent: str | None, depth: int) -> Iterator[tuple[CaseVersion, int]]:
@@ -149,15 +149,17 @@ def with_version(
     errors: Mapping[str, Mapping[str, float]],
     recordings: Sequence[str] = (),
 ) -> Case:
-    """Return the case with a version more, which is shown; it is on disk."""
+    """Return the case with one more version, which is the current one then; both are on disk."""
     name = f'v{1 + max((int(v.name[1:]) for v in case.versions), default=0)}'
     write_atomically(case.model_file(name), model_text)
-    version = CaseVersion(name, parent, label, errors, tuple(recordings))
+    version = CaseVersion(
+        name=name, parent=parent, label=label, errors=errors, recordings=tuple(recordings)
+    )
     return saved(replace(case, versions=(*case.versions, version), current=name))
 
 
 def with_found(case: Case, version: str, found: Mapping[str, Any]) -> Case:
-    """Keep what a diagnosis said of a version of the model in the light of the open recordings."""
+    """Keep the diagnosis of a version over the open recordings."""
     content = {
         'schema': FOUND_SCHEMA,
         'recordings': known_recordings(case),
@@ -169,7 +171,7 @@ def with_found(case: Case, version: str, found: Mapping[str, Any]) -> Case:
 
 
 def found_in(case: Case, version: str) -> dict[str, Any] | None:
-    """Return what was found of a version in these very recordings; None: not yet."""
+    """Return the diagnosis of a version over the open recordings; None where there is none yet."""
     try:
         content = json.loads((case.folder / 'found' / f'{version}.json').read_text('utf-8'))
     except (OSError, json.JSONDecodeError):
@@ -218,7 +220,7 @@ def saved(case: Case) -> Case:
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Write a file so that whoever reads it, after a crash too, finds the old or the new one."""
+    """Write a file so that every reader, after a crash too, finds the old or the new one whole."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f'.{path.name}.partial')
     with partial.open('w', encoding='utf-8') as file:
@@ -288,14 +290,14 @@ def _case_of(folder: Path, content: Mapping[str, Any]) -> Case:
         RequestedFit(**row | {'sensors': tuple(row['sensors'])}) for row in content['requested']
     ]
     return Case(
-        folder,
-        str(content['device']),
-        tuple(_recording_of(row) for row in content['recordings']),
-        tuple(versions),
-        str(content['current']),
-        tuple(requested),
-        dict(content['settings']),
-        str(content['notes']),
+        folder=folder,
+        device=str(content['device']),
+        recordings=tuple(_recording_of(row) for row in content['recordings']),
+        versions=tuple(versions),
+        current=str(content['current']),
+        requested=tuple(requested),
+        settings=dict(content['settings']),
+        notes=str(content['notes']),
     )
 
 
@@ -312,13 +314,13 @@ def case_of_device(folder: Path, device: str) -> Case:
     if known:
         return known[0]
     place = folder / (''.join(c if c.isalnum() or c in '-_.' else '_' for c in device) or 'device')
-    if is_case(place):  # of another device whose name is written alike
+    if is_case(place):  # of another device whose name makes the same folder
         place = place.with_name(f'{place.name}_{len(cases_in(folder))}')
     return saved(Case(place, device))
 
 
 def lock_cases(folder: Path) -> TextIOWrapper:
-    """Take a folder of cases for this process; the lock is gone with the process.
+    """Take a folder of cases for this process; the lock ends with the process.
 
     The file has to be kept open as long as the lock is wanted.
     """

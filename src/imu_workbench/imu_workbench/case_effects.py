@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Effect files that versions of a case need, kept in the case beside their models.
 
-A file is code, and a case may come from elsewhere: what is kept runs by itself only where its
-very text was given to a server of this folder of cases before.
+A file is code, and a case may come from elsewhere: a kept file is loaded without asking only where
+a file of the same content was given to a server of this folder of cases before.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def kept_effects(case: Case) -> Mapping[str, str]:
 
 
 def effect_file(case: Case, key: str) -> bytes:
-    """Return a kept effect file; CaseError where it is gone or is another than was kept."""
+    """Return a kept effect file; CaseError where it is gone or its content has changed."""
     path = _place(case, key, kept_effects(case)[key])
     try:
         content = path.read_bytes()
@@ -58,14 +58,14 @@ def _place(case: Case, key: str, name: str) -> Path:
 
 
 def allow(cases: Path, key: str) -> None:
-    """Let a file that was given to a server of these cases run by itself from now on."""
+    """Note that a file was given to a server of these cases: it is loaded without asking now."""
     allowed = allowed_in(cases)
     if key not in allowed:
         write_atomically(cases / ALLOWED_FILE, json.dumps([*allowed, key], indent=1))
 
 
 def allowed_in(cases: Path) -> list[str]:
-    """Return the SHA-256 of the files that run by themselves."""
+    """Return the SHA-256 of the files that are loaded without asking."""
     try:
         found = json.loads((cases / ALLOWED_FILE).read_text('utf-8'))
     except (OSError, ValueError):

@@ -10,15 +10,15 @@ import yaml
 from imu_recording.user_error import UserError
 
 from imu_workbench.report.laboratory import Laboratory, read_laboratory
-from imu_workbench.report.limits import Limits, read_limits
+from imu_workbench.report.limits import CoefficientLimits, read_limits
 
 LABORATORY, LIMITS = 'laboratory.yaml', 'limits.yaml'
 
 
 def keep_statement(folder: Path, name: str, content: bytes) -> str:
-    """Keep a file of a laboratory or of limits in a case's folder; return what it is called there.
+    """Keep a file of a laboratory or of limits in a case's folder; return its name there.
 
-    Raises UserError that says what is wrong with it; what was kept before then stays.
+    Raises UserError that says what is wrong with it, and keeps the former file then.
     """
     with TemporaryDirectory() as temporary:
         given = Path(temporary) / Path(name).name
@@ -32,7 +32,7 @@ def keep_statement(folder: Path, name: str, content: bytes) -> str:
     return kept
 
 
-def statements_of(folder: Path) -> tuple[Laboratory | None, Limits | None]:
+def statements_of(folder: Path) -> tuple[Laboratory | None, CoefficientLimits | None]:
     """Return what the files in a case's folder state, None for a file that is not there."""
     laboratory, limits = folder / LABORATORY, folder / LIMITS
     return (
@@ -42,7 +42,7 @@ def statements_of(folder: Path) -> tuple[Laboratory | None, Limits | None]:
 
 
 def statement_files(folder: Path) -> list[Path]:
-    """Return those of the files that are there."""
+    """Return which of the two files there are."""
     return [path for name in (LABORATORY, LIMITS) if (path := folder / name).exists()]
 
 

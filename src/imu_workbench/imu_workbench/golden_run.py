@@ -23,7 +23,7 @@ class GoldenError(UserError):
     """A golden file that cannot be used; the message names it and the way out."""
 
 
-class Message(Protocol):
+class ReplayedMessage(Protocol):
     """What a node published."""
 
     @property
@@ -42,7 +42,7 @@ class Message(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
+class GoldenColumns:
     """One topic's numbers."""
 
     time: IntArray
@@ -71,14 +71,14 @@ class Drift:
         )
 
 
-def columns_of(messages: Iterable[Message]) -> dict[str, Columns]:
+def columns_of(messages: Iterable[ReplayedMessage]) -> dict[str, GoldenColumns]:
     """Return the numbers of every topic but diagnostics."""
     rows: dict[str, list[tuple[int, dict[str, float]]]] = {}
     for message in messages:
         if message.topic != UNCOMPARED_TOPIC:
             rows.setdefault(message.topic, []).append((message.received, message.numbers()))
     return {
-        topic: Columns(
+        topic: GoldenColumns(
             np.array([time for time, _ in entries], dtype=np.int64),
             list(entries[0][1]),
             np.array([list(numbers.values()) for _, numbers in entries]),
@@ -87,7 +87,9 @@ def columns_of(messages: Iterable[Message]) -> dict[str, Columns]:
     }
 
 
-def write_golden(path: Path, columns: Mapping[str, Columns], made_by: Mapping[str, Any]) -> None:
+def write_golden(
+    path: Path, columns: Mapping[str, GoldenColumns], made_by: Mapping[str, Any]
+) -> None:
     """Write the numbers; `made_by` says how (node, parameters, command)."""
     content = {
         'schema': SCHEMA,
@@ -105,14 +107,16 @@ def write_golden(path: Path, columns: Mapping[str, Columns], made_by: Mapping[st
     path.write_text(json.dumps(content, indent=1) + '\n', 'utf-8')
 
 
-def read_golden(path: Path) -> dict[str, Columns]:
+def read_golden(path: Path) -> dict[str, GoldenColumns]:
     """Read the numbers; raise GoldenError naming what is wrong."""
     try:
         content = json.loads(path.read_text('utf-8'))
         if content['schema'] != SCHEMA:
-            raise GoldenError(f'{path}: schema {content["schema"]!r} is not {SCHEMA}: write anew')
+            raise GoldenError(
+                f'{path}: schema {content["schema"]!r} is not {SCHEMA}: renew with --write-golden'
+            )
         return {
-            topic: Columns(
+            topic: GoldenColumns(
                 np.frombuffer(_unpacked(t['time']), np.int64),
                 list(t['fields']),
                 np.frombuffer(_unpacked(t['values'])).reshape(t['count'], len(t['fields'])),
@@ -126,7 +130,7 @@ def read_golden(path: Path) -> dict[str, Columns]:
 
 
 def find_drift(
-    now: Mapping[str, Columns], golden: Mapping[str, Columns], tolerance: float
+    now: Mapping[str, GoldenColumns], golden: Mapping[str, GoldenColumns], tolerance: float
 ) -> str | Drift | None:
     """Return the first sample that moved by more than `tolerance`, in time; None where none did.
 
@@ -153,7 +157,9 @@ def find_drift(
     return min(drifts, key=lambda drift: drift.time) if drifts else structure or None
 
 
-def _first(topic: str, mine: Columns, theirs: Columns, tolerance: float) -> Drift | None:
+def _first(
+    topic: str, mine: GoldenColumns, theirs: GoldenColumns, tolerance: float
+) -> Drift | None:
     n = min(len(mine.time), len(theirs.time))
     apart = np.abs(mine.values[:n] - theirs.values[:n])
     same = (apart <= tolerance) | (np.isnan(mine.values[:n]) & np.isnan(theirs.values[:n]))
@@ -168,7 +174,14 @@ def _first(topic: str, mine: Columns, theirs: Columns, tolerance: float) -> Drif
     i = int(moved[0])
     k = int(np.flatnonzero(~same[i])[0])
     value, golden = float(mine.values[i, k]), float(theirs.values[i, k])
-    return Drift(topic, i, int(mine.time[i]), mine.names[k], value, golden)
+    return Drift(
+        topic=topic,
+        sample=i,
+        time=int(mine.time[i]),
+        field=mine.names[k],
+        value=value,
+        golden=golden,
+    )
 
 
 def _packed(values: np.ndarray) -> str:

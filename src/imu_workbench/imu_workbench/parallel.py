@@ -7,7 +7,9 @@ import ctypes
 import multiprocessing
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -19,7 +21,7 @@ class Task(Protocol):
 
     @property
     def label(self) -> str:
-        """What the progress line says of it."""
+        """Name in the progress line."""
         ...
 
     @property
@@ -69,16 +71,16 @@ def start_task(task: Task, workers: int) -> Callable[[], Any]:
     process = context.Process(target=_send_result, args=(task, sender), daemon=True)
     process.start()
     sender.close()
+    return partial(_await_result, task, process, receiver)
 
-    def result() -> Any:
-        show_progress(f'{task.label} …')
-        found = receiver.recv()
-        process.join()
-        if isinstance(found, Exception):
-            raise found
-        return found
 
-    return result
+def _await_result(task: Task, process: BaseProcess, receiver: Connection) -> Any:
+    show_progress(f'{task.label} …')
+    found = receiver.recv()
+    process.join()
+    if isinstance(found, Exception):
+        raise found
+    return found
 
 
 def _send_result(task: Task, sender: Connection) -> None:

@@ -27,7 +27,7 @@ NODES: dict[str, tuple[str, str]] = {
 
 LAST_AT_ONE_TIME = ('imu/temperature', 'imu/mag', 'imu/data_raw')
 """Among messages received at one time these come last, in this order."""
-SECOND = 1_000_000_000
+SECOND_NS = 1_000_000_000
 
 
 class ReplayError(UserError):
@@ -35,7 +35,7 @@ class ReplayError(UserError):
 
 
 @dataclass(frozen=True)
-class Sent:
+class PublishedMessage:
     """One message a node published."""
 
     received: int
@@ -56,20 +56,20 @@ def replay(
     namespace: str = '',
     remap: Mapping[str, str] | None = None,
     progress: Callable[[int, int], None] = lambda *_: None,
-) -> list[Sent]:
+) -> list[PublishedMessage]:
     """Feed a bag's messages to a node; return what it published, diagnostics every second.
 
     `remap` renames the node's topics ('imu/data_raw' → '/sensor/imu'); `namespace` is the
     device's. Raises ReplayError naming the topic that is missing or why the node refuses.
     """
-    sent: list[Sent] = []
+    sent: list[PublishedMessage] = []
     clock = [0]
     node_class = _node_class(node_name)
     _check_parameters(node_class, node_name, parameters or {})
     parameters = _of_device(bag, node_class, namespace, parameters or {})
     with quiet_context() as context:
         node = node_class(
-            capture=lambda topic, message: sent.append(Sent(clock[0], topic, message)),
+            capture=lambda topic, message: sent.append(PublishedMessage(clock[0], topic, message)),
             now=lambda: clock[0],
             parameters=parameters,
             context=context,
@@ -96,7 +96,7 @@ def _node_class(name: str) -> Any:
 def _of_device(
     bag: Path, node_class: Any, namespace: str, parameters: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return the parameters; a node that asks for its device is told the bag's."""
+    """Return the parameters, with the bag's device for a node that has this parameter."""
     custom = locate_bag(bag).custom
     device = custom.get(f'{namespace.rstrip("/")}/device', custom.get('device', ''))
     asks = any(item.name == 'device' for item in fields(node_class.config_class))
@@ -127,8 +127,8 @@ def _feed(
     due = 0
     for place, message in enumerate(messages):
         clock[0] = message.received
-        if message.received >= due or message.received < due - 2 * SECOND:
-            due = message.received + SECOND
+        if message.received >= due or message.received < due - 2 * SECOND_NS:
+            due = message.received + SECOND_NS
             progress(place, len(messages))
             if place:
                 node.publish_diagnostics()
@@ -165,15 +165,15 @@ def _few(types: Mapping[str, str]) -> str:
     return ', '.join(names[:8]) + (' …' if len(names) > 8 else '')
 
 
-def _resolved(item: Sent, node_name: str, namespace: str) -> Sent:
+def _resolved(item: PublishedMessage, node_name: str, namespace: str) -> PublishedMessage:
     """Return the message under the full name of its topic."""
     topic = item.topic.replace('~', node_name, 1)
     if not topic.startswith('/'):
         topic = f'{namespace}/{topic}'
-    return Sent(item.received, topic, item.message)
+    return PublishedMessage(item.received, topic, item.message)
 
 
-def as_bag_messages(sent: list[Sent]) -> tuple[list[BagMessage], dict[str, str]]:
+def as_bag_messages(sent: list[PublishedMessage]) -> tuple[list[BagMessage], dict[str, str]]:
     """Return the messages serialised, padding zero, and topic → type."""
     types: dict[str, str] = {}
     for item in sent:

@@ -35,3 +35,19 @@ def test_a_name_that_is_no_effect_is_refused_before_anything_is_read(
     line = refuses(answer, 'add', 'thermal_lagg', tmp_path / 'no_bag', '-o', out)
     assert "effect 'thermal_lagg' is not known (did you mean thermal_lag?); known: " in line
     assert not out.exists()
+
+
+def test_mistakes_of_add_and_auto_are_one_line(
+    bag: Path, model: Path, tmp_path: Path, answer: Answer
+) -> None:
+    out = tmp_path / 'm.yaml'
+    line = refuses(answer, 'add', 'magic', bag, '-o', out)
+    assert "'magic' is not known; known: bias_temperature" in line
+    line = refuses(answer, 'add', 'supply_sensitivity', bag, '-o', out)
+    assert 'supply_voltage, which was not logged' in line
+    line = refuses(answer, 'add', 'heater_hard_iron', bag, '--sensor', 'gyroscope', '-o', out)
+    assert 'heater' in line
+    line = refuses(answer, 'auto', bag, '--model', tmp_path / 'none.yaml', '-o', out)
+    assert 'none.yaml' in line
+    assert 'no such file' in refuses(answer, 'auto', tmp_path / 'nothing', '-o', out)
+    assert not out.exists()

@@ -62,3 +62,22 @@ def test_a_check_that_does_not_hold_is_no_bug(tmp_path: Path) -> None:
         'from thermal_comp.effects import Effect\n\n\nclass Loose(Effect):\n    name = "loose"\n'
     )
     assert main(['check-effect', str(effect)]) == 3
+
+
+def test_an_effect_of_ones_own_is_checked_explained_and_added(
+    bag: Path, tmp_path: Path, answer: Answer
+) -> None:
+    file = tmp_path / 'rhythm.py'
+    file.write_text(OWN)
+    code, content, text = answer('check-effect', file)
+    assert (code, content) == (0, {'effects': {'daily_rhythm': []}, 'ok': True})
+    assert 'keeps the contract' in text
+    _, content, text = answer('explain', 'daily_rhythm', '--effects', file)
+    assert 'a · sin(2πt/P)' in text
+    assert content['parameters']['period']['bounds'] == [600.0, 9000.0]
+    grown = tmp_path / 'grown.yaml'
+    code, _, _ = answer('add', 'daily_rhythm', bag, '--effects', file, '-o', grown)
+    assert code == 0
+    assert "'daily_rhythm' is not in the catalogue" in refuses(
+        answer, 'compare', bag, '--model', grown
+    )

@@ -12,7 +12,7 @@ import pytest
 from chamber_profile.profile.file import load_profile, profile_from_content
 from chamber_profile.profile.timetable import timetable
 from imu_workbench.__main__ import main
-from imu_workbench.fleet.estimate import SHARES
+from imu_workbench.fleet.estimate import BIN_TIME_SHARES
 from imu_workbench.fleet.figures import map_figure, worst_devices
 from imu_workbench.fleet.page import fleet_page
 from imu_workbench.fleet.short_profile import LEAST_DWELL_S, short_profile
@@ -20,24 +20,26 @@ from imu_workbench.fleet.shortening import curve_content, shortening_curve
 from imu_workbench.fleet.statistics.vectors import read_vectors
 from imu_workbench.fleet.study import study
 from imu_workbench.fleet.summary import shortest_first, study_lines
-from imu_workbench.fleet.table import FleetTable, Row, write_rows
-from imu_workbench.report.limits import Limit, Limits
+from imu_workbench.fleet.table import FleetTable, ResultRow, write_rows
+from imu_workbench.report.limits import CoefficientLimit, CoefficientLimits
 
 TEMPERATURES = np.arange(0.0, 41.0)
 LOT_STD, RUNS = 0.3, 3
 
 
-def rows_of(device: int, draw: np.random.Generator, noise: float, seconds: float) -> list[Row]:
+def rows_of(
+    device: int, draw: np.random.Generator, noise: float, seconds: float
+) -> list[ResultRow]:
     """Rows of one gyroscope: runs of lines of one slope, white noise in four parts of each bin."""
-    rows: list[Row] = []
+    rows: list[ResultRow] = []
     run = np.repeat(np.arange(RUNS), len(TEMPERATURES))
     x = np.tile(TEMPERATURES, RUNS)
     for axis in 'xyz':
         y = (2.0 + LOT_STD * draw.normal()) * (x - 20.0) + draw.normal(size=RUNS)[run]
         parts = y[:, None] + 2.0 * noise * draw.normal(size=(len(x), 4))
-        of_share = [parts[:, : int(4 * share)].mean(axis=1) for share in SHARES]
+        of_share = [parts[:, : int(4 * share)].mean(axis=1) for share in BIN_TIME_SHARES]
         each = [np.polyfit(x[run == r], of_share[0][run == r], 1)[0] for r in range(RUNS)]
-        share = np.repeat(SHARES, len(x))
+        share = np.repeat(BIN_TIME_SHARES, len(x))
         rows.append(
             {
                 'lot': 'A', 'type': 'none', 'device': f'd{device:03d}', 'source': f'd{device:03d}',
@@ -45,7 +47,7 @@ def rows_of(device: int, draw: np.random.Generator, noise: float, seconds: float
                 'role': 'fitted', 'unit': 'rad/s/K', 'coefficients': [float(np.mean(each))],
                 'std': [noise / np.sqrt(RUNS * np.sum((TEMPERATURES - 20.0) ** 2))],
                 'run_coefficients': each, 'held_out_rms': 1.0, 'noise_floor': 1.0,
-                'measured_at': device, 'block_run': np.tile(run, len(SHARES)).tolist(),
+                'measured_at': device, 'block_run': np.tile(run, len(BIN_TIME_SHARES)).tolist(),
                 'block_share': share.tolist(), 'block_temperature': np.tile(x, 3).tolist(),
                 'block_mean': np.concatenate(of_share).tolist(),
                 'block_variance': (noise**2 / share).tolist(),
@@ -76,7 +78,7 @@ def test_a_known_lot_shortens_a_noisy_calibration(tmp_path: Path) -> None:
     curve = curve_of(tmp_path, noise=15.0)
     judged = np.sum((TEMPERATURES - 20.0) ** 2) / len(TEMPERATURES)
     full = 15.0**2 * (1 + judged / (2 * judged * len(TEMPERATURES)))
-    for share in SHARES:
+    for share in BIN_TIME_SHARES:
         # Two ends 40 K apart: slope error 15 √2 / 40 = 0.53; its prior is 0.3 wide.
         alone = point(curve, 2, prior=False, share=share)
         known = point(curve, 2, prior=True, share=share)
@@ -103,7 +105,7 @@ def test_hours_are_those_of_the_profile_and_the_fewest_that_suffice_are_chosen(
     enough = [p['hours'] for p in curve['points'] if p['prior'] and p['ratio'] <= bound]
     assert best['hours'] == min(enough)
     assert curve['full_hours'] == pytest.approx(2 * len(TEMPERATURES) * 960.0 / 3600.0)
-    hours = [point(curve, 2, prior=True, share=share)['hours'] for share in SHARES]
+    hours = [point(curve, 2, prior=True, share=share)['hours'] for share in BIN_TIME_SHARES]
     np.testing.assert_allclose(np.diff(hours), [-2 * 480 / 3600.0, -2 * 240 / 3600.0])
     front = shortest_first(curve['points'], 'gyroscope')
     assert all(a['ratio'] > b['ratio'] for a, b in itertools.pairwise(front))
@@ -159,7 +161,7 @@ def test_the_profile_is_one_a_chamber_runs(tmp_path: Path) -> None:
     assert main(['plan', '--fleet', str(tmp_path), '-o', str(written)]) == 2  # it exists
     assert main(['plan', '--fleet', str(tmp_path / 'none'), '-o', str(tmp_path / 'new')]) == 2
     assert main(['plan']) == 2
-    limits = Limits({'gyroscope': {'slope': Limit(-1e-9, 1e-9, 'rad/s/K')}})
+    limits = CoefficientLimits({'gyroscope': {'slope': CoefficientLimit(-1e-9, 1e-9, 'rad/s/K')}})
     found = study(tmp_path, limits)
     assert found['shortening'] == curve
     assert [one['capable'] for one in found['capability']] == [False] * 3

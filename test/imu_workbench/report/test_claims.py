@@ -5,7 +5,7 @@ import doctest
 
 import numpy as np
 import pytest
-from imu_workbench.report.attitude import COLUMNS, Attitude
+from imu_workbench.report.attitude import COLUMNS, FilterAttitude
 from imu_workbench.report.claims import model as claims_model
 from imu_workbench.report.claims.attitude import attitude_claims
 from imu_workbench.report.claims.model import rejected
@@ -20,11 +20,19 @@ from imu_workbench.report.claims.thermal import (
 BYTES = {'ahrs': 700, 'complementary': 200}
 
 
-def attitude(name: str, data: str, std: float, mean: float, cost: float) -> Attitude:
+def attitude(name: str, data: str, std: float, mean: float, cost: float) -> FilterAttitude:
     columns = dict.fromkeys(COLUMNS, std)
     means = dict.fromkeys(COLUMNS, mean)
     statistics = [{'part': 'run', 'mean': means, 'std': columns, 'largest': columns}]
-    return Attitude(name, data, statistics, {}, {}, cost, {})
+    return FilterAttitude(
+        filter=name,
+        data=data,
+        statistics=statistics,
+        hours={},
+        lines={},
+        nanoseconds_per_sample=cost,
+        flags={},
+    )
 
 
 def study(complementary=(4.0, 0.2), ahrs=(9.0, 1.0), half=1.5, means=(2.0, 0.1)):

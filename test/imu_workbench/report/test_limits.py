@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from imu_recording.user_error import UserError
-from imu_workbench.report.limits import Limit, Limits, read_limits
+from imu_workbench.report.limits import CoefficientLimit, CoefficientLimits, read_limits
 
 EXAMPLE = Path(__file__).resolve().parents[3] / 'examples' / 'limits.yaml'
 
@@ -59,7 +59,7 @@ def test_a_one_sided_limit_fails_on_its_side_only(tmp_path: Path) -> None:
 
 
 def test_without_an_uncertainty_the_guarded_rule_decides_nothing() -> None:
-    limit = Limit(-1.0, 1.0, 'T')
+    limit = CoefficientLimit(-1.0, 1.0, 'T')
     assert limit.decide(0.0, float('nan'), 'guarded') == 'undecided'
     assert limit.decide(0.0, float('nan'), 'simple') == 'pass'
-    assert Limits({}).of('gyroscope', 'bias') is None
+    assert CoefficientLimits({}).of('gyroscope', 'bias') is None

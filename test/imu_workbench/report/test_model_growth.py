@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The story names what was hidden, in at most ten lines, with the fall in units and degrees."""
+"""A growing model names what was hidden, in ten lines at most, with errors in degrees too."""
 
 from dataclasses import replace
 
@@ -12,9 +12,9 @@ from imu_recording import write_bag
 
 
 @pytest.fixture(scope='module')
-def story(run, tmp_path_factory: pytest.TempPathFactory):
+def growth(run, tmp_path_factory: pytest.TempPathFactory):
     """A device whose accelerometer also feels how fast the temperature changes."""
-    folder = tmp_path_factory.mktemp('story')
+    folder = tmp_path_factory.mktemp('growth')
     recording = run(rate_hz=0.2)
     rate = np.diff(recording.temperature, prepend=recording.temperature[0]) * 0.2
     error = 0.2 * np.outer(rate, [1.0, -0.7, 0.5])
@@ -23,11 +23,11 @@ def story(run, tmp_path_factory: pytest.TempPathFactory):
     return ModelGrowthTask([folder / 'z']).run()
 
 
-def test_the_hidden_effect_is_named_and_removed(story) -> None:
-    assert story['steps'][0]['sensor'] == 'accelerometer'
+def test_the_hidden_effect_is_named_and_removed(growth) -> None:
+    assert growth['steps'][0]['sensor'] == 'accelerometer'
     # In this chamber die minus air is the die's rate: the two are one effect.
-    assert story['findings'][0]['name'] in {'temperature_rate', 'thermal_gradient'}
-    part = story['sensors']['accelerometer']
+    assert growth['findings'][0]['name'] in {'temperature_rate', 'thermal_gradient'}
+    part = growth['sensors']['accelerometer']
     errors = [step['error'] for step in part['steps']]
     assert errors[0] > errors[1] > 2.0 * errors[-1]
     assert errors[-1] < 1.3 * part['floor']
@@ -37,22 +37,22 @@ def test_the_hidden_effect_is_named_and_removed(story) -> None:
     assert left < 1.5
 
 
-def test_it_is_told_in_ten_lines_with_degrees_of_both_filters(story) -> None:
-    lines = story['lines']
+def test_it_is_told_in_ten_lines_with_degrees_of_both_filters(growth) -> None:
+    lines = growth['lines']
     assert len(lines) <= 10
     told = '\n'.join(lines)
     for part in ('fails here', 'missing', 'added', 'm/s²', 'complementary', 'AHRS', 'noise floor'):
         assert part in told
-    for row in story['degrees']:
-        assert len(row['sigma']) == len(story['versions'])
+    for row in growth['degrees']:
+        assert len(row['sigma']) == len(growth['versions'])
         assert row['sigma'][0] > row['sigma'][-1]
 
 
-def test_the_page_shows_it(story) -> None:
-    section = growth_section({'story': story})
+def test_the_page_shows_it(growth) -> None:
+    section = growth_section({'growth': growth})
     assert section is not None
-    assert set(section.figures) == {'map|accelerometer', 'stairs|story'}
+    assert set(section.figures) == {'map|accelerometer', 'stairs|growth'}
     maps = section.figures['map|accelerometer']
     assert maps['layout']['coloraxis']['cmax'] == 1.0  # one fixed scale, before and after
     assert [m['coloraxis'] for m in maps['data'] if 'coloraxis' in m] == ['coloraxis', 'coloraxis']
-    assert growth_section({'story': None}) is None
+    assert growth_section({'growth': None}) is None

@@ -13,7 +13,7 @@ from imu_workbench.report.analysis import analyse_recordings
 from imu_workbench.report.certificate.recordings import MOST_LOSSES, NOTE_LENGTH
 from imu_workbench.report.content import report_content
 from imu_workbench.report.html.certificate import ROWS_OF_A_PAGE, result_rows
-from imu_workbench.report.limits import Limit, Limits
+from imu_workbench.report.limits import CoefficientLimit, CoefficientLimits
 from thermal_comp.effects import EFFECTS
 from thermal_comp.fitting.fit import fit
 
@@ -63,9 +63,9 @@ def test_the_certificate_stays_on_two_pages_with_many_effects(run) -> None:
     effects = {'accelerometer': turned, 'gyroscope': [every[0], every[2]], 'magnetometer': every}
     model = fit(effects, recordings)
     analysis = analyse_recordings(recordings, {'dut1': model}, attitudes=False, diagnosis=False)
-    limits = Limits(
+    limits = CoefficientLimits(
         {
-            s: {'slope': Limit(-1.0, 1.0, u)}
+            s: {'slope': CoefficientLimit(-1.0, 1.0, u)}
             for s, u in (('gyroscope', 'rad/s/K'), ('accelerometer', 'm/s²/K'))
         }
     )

@@ -14,7 +14,6 @@ from imu_workbench.report.analysis import analyse_recordings
 from imu_workbench.report.content import report_content
 from imu_workbench.report.figures.palette import COLOURS, painted
 from imu_workbench.report.html.document import report_page, report_text
-from imu_workbench.report.html.render import json_for_page, packed
 from thermal_comp.data.preparation import prepare
 from thermal_comp.effects import EFFECTS
 from thermal_comp.effects.bias_temperature import BiasTemperature
@@ -235,16 +234,6 @@ def test_text_from_a_bag_cannot_break_the_page(run) -> None:
     markup = re.sub(r'<script.*?</script>', '', page, flags=re.DOTALL)
     assert '&lt;i&gt;dut' in markup
     assert '<i>dut' not in markup
-
-
-def test_long_lists_are_packed_and_holes_survive() -> None:
-    values = [0.0, None, *range(40)]
-    spec = packed({'x': values, 'short': [1, 2]})
-    numbers = np.frombuffer(__import__('base64').b64decode(spec['x']['bdata']), np.float32)
-    assert np.isnan(numbers[1])
-    assert numbers[-1] == 39
-    assert spec['short'] == [1, 2]
-    assert '</' not in json_for_page({'a': '</script>'})
 
 
 def test_workers_give_the_same_numbers(run, monkeypatch) -> None:

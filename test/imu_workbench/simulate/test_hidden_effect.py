@@ -11,8 +11,8 @@ from imu_driver.simulation.hidden import UNLOGGED
 from imu_recording.recording import SENSOR_FIELDS, columns_hash
 from imu_workbench.simulate.campaign import Logging
 from imu_workbench.simulate.hidden_effect import (
-    Campaign,
-    HiddenEffect,
+    EffectToHide,
+    SimulatedCampaign,
     find_truth,
     hidden_campaign,
     score_diagnosis,
@@ -23,22 +23,22 @@ SHORT = 'short_20min'
 MEANS = Logging(0.2, mean=True, chamber_period=5.0)
 
 
-def campaign(name: str, size: float = 3.0, sensor: str | None = None) -> Campaign:
-    return hidden_campaign(SHORT, 'dut2', MEANS, [HiddenEffect(name, size, sensor)], seed=2)
+def campaign(name: str, size: float = 3.0, sensor: str | None = None) -> SimulatedCampaign:
+    return hidden_campaign(SHORT, 'dut2', MEANS, [EffectToHide(name, size, sensor)], seed=2)
 
 
 @pytest.fixture(scope='module')
-def plain() -> Campaign:
+def plain() -> SimulatedCampaign:
     return campaign('nothing')
 
 
-def test_nothing_hidden_is_the_campaign_itself(plain: Campaign) -> None:
+def test_nothing_hidden_is_the_campaign_itself(plain: SimulatedCampaign) -> None:
     assert plain.truths[0].kind == 'nothing'
     assert [run.up_axis for run in plain.recordings] == ['+x', '+y', '+z']
 
 
 @pytest.mark.parametrize('sensor', SENSOR_FIELDS)
-def test_an_effect_changes_its_sensor_and_no_other(plain: Campaign, sensor: str) -> None:
+def test_an_effect_changes_its_sensor_and_no_other(plain: SimulatedCampaign, sensor: str) -> None:
     found = campaign('thermal_lag', sensor=sensor)
     assert (found.truths[0].name, found.truths[0].sensor) == ('thermal_lag', sensor)
     for run, other in zip(found.recordings, plain.recordings, strict=True):
@@ -66,7 +66,7 @@ def test_a_drifting_clock_stretches_the_stamps_with_temperature() -> None:
     assert fitted == pytest.approx(slope, rel=0.02)
 
 
-def test_faults_do_what_their_names_say(plain: Campaign) -> None:
+def test_faults_do_what_their_names_say(plain: SimulatedCampaign) -> None:
     stuck = campaign('stuck_value', sensor='gyroscope').recordings[0].angular_velocity
     assert np.sum(np.all(np.diff(stuck, axis=0) == 0.0, axis=1)) > 30
     spiky = campaign('spikes', sensor='gyroscope').recordings[0].angular_velocity
@@ -87,7 +87,9 @@ def test_what_needs_cycles_says_so() -> None:
         campaign('orientation_flip')
 
 
-def magnitude_of_difference(plain: Campaign, other: Campaign, sensor: str) -> float:
+def magnitude_of_difference(
+    plain: SimulatedCampaign, other: SimulatedCampaign, sensor: str
+) -> float:
     """Size of what was added in one-second means: rms beyond level and a line in temperature."""
     left = []
     for run, bare in zip(other.recordings, plain.recordings, strict=True):
@@ -98,10 +100,10 @@ def magnitude_of_difference(plain: Campaign, other: Campaign, sensor: str) -> fl
     return float(np.sqrt(np.mean(np.concatenate(left) ** 2)) / MEAN_STD[sensor])
 
 
-def test_several_effects_each_have_their_own_magnitude(plain: Campaign) -> None:
+def test_several_effects_each_have_their_own_magnitude(plain: SimulatedCampaign) -> None:
     asked = [
-        HiddenEffect('thermal_lag', 5.0, 'gyroscope'),
-        HiddenEffect('warm_up', 3.0, 'accelerometer'),
+        EffectToHide('thermal_lag', 5.0, 'gyroscope'),
+        EffectToHide('warm_up', 3.0, 'accelerometer'),
     ]
     both = hidden_campaign(SHORT, 'dut2', MEANS, asked, seed=2)
     assert [(t.name, t.sensor, t.magnitude) for t in both.truths] == [
@@ -116,8 +118,8 @@ def test_several_effects_each_have_their_own_magnitude(plain: Campaign) -> None:
     assert alone.truths[0] == both.truths[0]
 
 
-def test_two_effects_in_one_sensor_add_up(plain: Campaign) -> None:
-    effects = [HiddenEffect(name, 3.0, 'gyroscope') for name in ('warm_up', 'thermal_lag')]
+def test_two_effects_in_one_sensor_add_up(plain: SimulatedCampaign) -> None:
+    effects = [EffectToHide(name, 3.0, 'gyroscope') for name in ('warm_up', 'thermal_lag')]
     one = hidden_campaign(SHORT, 'dut2', MEANS, effects[:1], seed=2)
     both = hidden_campaign(SHORT, 'dut2', MEANS, effects, seed=2)
     assert both.truths[0] == one.truths[0]
@@ -125,8 +127,8 @@ def test_two_effects_in_one_sensor_add_up(plain: Campaign) -> None:
     assert magnitude_of_difference(plain, both, 'accelerometer') == 0.0
 
 
-def test_a_year_changes_slope_offset_and_lag_of_the_same_device(plain: Campaign) -> None:
-    lag = [HiddenEffect('thermal_lag', 5.0, 'gyroscope')]
+def test_a_year_changes_slope_offset_and_lag_of_the_same_device(plain: SimulatedCampaign) -> None:
+    lag = [EffectToHide('thermal_lag', 5.0, 'gyroscope')]
     later = hidden_campaign(SHORT, 'dut2', MEANS, lag, seed=2, aged=True)
     first = campaign('thermal_lag', 5.0, 'gyroscope')
     again = hidden_campaign(SHORT, 'dut2', MEANS, lag, seed=2, aged=True)

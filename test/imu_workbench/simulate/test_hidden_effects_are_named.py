@@ -11,7 +11,7 @@ import pytest
 from imu_driver.simulation.devices import draw_device
 from imu_recording.recording import SENSOR_FIELDS
 from imu_workbench.simulate.campaign import Logging
-from imu_workbench.simulate.hidden_effect import HiddenEffect, hidden_campaign, practice_campaign
+from imu_workbench.simulate.hidden_effect import EffectToHide, hidden_campaign, practice_campaign
 from thermal_comp.diagnosis.diagnose import diagnose
 from thermal_comp.diagnosis.result import Finding
 
@@ -38,7 +38,7 @@ def measured_by(recordings: list[ImuRecording], *sensors: str) -> list[ImuRecord
 
 @pytest.mark.parametrize('hidden', HIDDEN, ids=lambda hidden: ' '.join(hidden.values()))
 def test_hidden_effects_are_named(hidden: dict[str, str]) -> None:
-    hidden_effects = [HiddenEffect(name, 3.0, sensor) for sensor, name in hidden.items()]
+    hidden_effects = [EffectToHide(name, 3.0, sensor) for sensor, name in hidden.items()]
     recordings, _ = practice_campaign(hidden_effects, seed=11, mean_s=60.0)
     acted = acted_on(recordings)
     assert {f.sensor: f.name for f in acted} == hidden
@@ -49,7 +49,7 @@ def test_hidden_effects_are_named(hidden: dict[str, str]) -> None:
 
 def test_a_law_beyond_the_catalogue_is_not_given_a_name() -> None:
     laws = {G: 'ageing_slope', M: 'mode_crossing'}
-    hidden_effects = [HiddenEffect(law, 3.0, sensor) for sensor, law in laws.items()]
+    hidden_effects = [EffectToHide(law, 3.0, sensor) for sensor, law in laws.items()]
     recordings, truths = practice_campaign(hidden_effects, seed=13, mean_s=60.0)
     acted = {f.sensor: f for f in acted_on(measured_by(recordings, *laws))}
     assert set(acted) == set(laws)
@@ -60,7 +60,7 @@ def test_a_law_beyond_the_catalogue_is_not_given_a_name() -> None:
 
 
 def test_heater_that_was_not_logged_is_suspected() -> None:
-    hidden_effects = [HiddenEffect('unlogged_heater', 3.0)]
+    hidden_effects = [EffectToHide('unlogged_heater', 3.0)]
     recordings, (truth,) = practice_campaign(hidden_effects, seed=14, mean_s=60.0)
     (finding,) = acted_on(measured_by(recordings, truth.sensor))
     assert (finding.kind, finding.depends_on) == ('unlogged', 'heater')
@@ -81,7 +81,7 @@ def test_a_step_that_noise_was_fitted_to_is_named() -> None:
         'paper_betta2022',
         draw_device(2622),
         Logging(0.05, True, 20.0),
-        [HiddenEffect('bias_step', 12.9, A)],
+        [EffectToHide('bias_step', 12.9, A)],
         seed=2622,
         orientations=('+x', '+y', '+z'),
     ).recordings
@@ -96,7 +96,7 @@ def test_a_drift_beside_a_line_of_many_times_its_size_is_named() -> None:
         'paper_betta2022',
         draw_device(0),
         Logging(1.0 / 60.0, True, 60.0),
-        [HiddenEffect('mains_alias', 30.0, M), HiddenEffect('bias_drift', 2.0, M)],
+        [EffectToHide('mains_alias', 30.0, M), EffectToHide('bias_drift', 2.0, M)],
         seed=0,
         orientations=('+x',),
     ).recordings

@@ -57,17 +57,3 @@ def test_the_die_follows_the_chamber(campaign) -> None:
         for name in ('dwell_cold', 'dwell_hot')
     )
     assert 8.0 < hot - cold < 16.0  # 15 K in the air, less the lag of a short dwell
-
-
-def test_a_campaign_does_not_write_into_a_folder_in_use(campaign, capsys) -> None:
-    assert main(['campaign', 'short_20min', '-o', str(campaign)]) == 2
-    assert 'not empty' in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    'options', [['--devices', '4'], ['--imu-rate', '0.3'], ['--time-scale', 'fast']]
-)
-def test_options_that_make_no_campaign_are_refused(options, tmp_path, capsys) -> None:
-    assert main(['campaign', 'short_20min', '-o', str(tmp_path / 'out'), *options]) == 2
-    assert options[0] in capsys.readouterr().err
-    assert not (tmp_path / 'out').exists()

@@ -6,15 +6,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from imu_workbench.tables.check import Row, TableError, check_rows, read_table
+from imu_workbench.tables.check import StatisticsRow, TableError, check_rows, read_table
 
-SOUND = Row('A', 'accelerometer', 'm/s^2', 'x', 'R1', 9.7, 9.9, 9.8, 0.03)
+SOUND = StatisticsRow(
+    dut='A',
+    quantity='accelerometer',
+    unit='m/s^2',
+    axis='x',
+    segment='R1',
+    low=9.7,
+    high=9.9,
+    mean=9.8,
+    std=0.03,
+)
 MICROTESLA = {'uT': 1.0, 'µT': 1.0, 'T': 1e-6, 'G': 1e-2, 'mG': 10.0, 'nT': 1e3}
 
 
 def made_up(
     seed: int, *, devices: int = 3, segments: int = 5, unit: str = 'uT', offset: float = 0.0
-) -> list[Row]:
+) -> list[StatisticsRow]:
     """Return the statistics of drawn samples: gravity on one axis, a field of 25 … 65 µT."""
     rng = np.random.default_rng(seed)
     rows = []
@@ -37,7 +47,9 @@ def made_up(
                     ]
                     name, _, label = quantity.partition(' ')
                     rows.append(
-                        Row(f'D{d}', name, label.strip('[]'), 'xyz'[axis], f'R{segment}', *shown)
+                        StatisticsRow(
+                            f'D{d}', name, label.strip('[]'), 'xyz'[axis], f'R{segment}', *shown
+                        )
                     )
     return rows
 
@@ -91,14 +103,24 @@ def test_a_sound_row_is_left_alone_and_an_impossible_one_is_not() -> None:
 
 
 def test_impossible_numbers_are_found_in_tesla_as_well() -> None:
-    tiny = Row('A', 'magnetometer', 'T', 'x', 'R1', 1.1e-5, 1.3e-5, 1.2e-5, 9e-6)
+    tiny = StatisticsRow(
+        dut='A',
+        quantity='magnetometer',
+        unit='T',
+        axis='x',
+        segment='R1',
+        low=1.1e-5,
+        high=1.3e-5,
+        mean=1.2e-5,
+        std=9e-6,
+    )
     assert [f.name for f in check_rows([tiny])] == ['impossible_statistic']
 
 
 def test_each_break_of_a_sane_table_is_named_alone() -> None:
     sane = made_up(3)
 
-    def broken(kind: str) -> list[Row]:
+    def broken(kind: str) -> list[StatisticsRow]:
         changed = []
         for r in sane:
             place, row = (r.dut, r.quantity, r.segment), r

@@ -8,12 +8,22 @@ from pathlib import Path
 
 import pytest
 from imu_workbench.tables.channels import flips, units
-from imu_workbench.tables.rows import Row, TableError, norms, read_table
+from imu_workbench.tables.rows import StatisticsRow, TableError, norms, read_table
 
-UP = Row('A', 'accelerometer', 'm/s^2', 'z', 'R1', 9.7, 9.9, 9.81, 0.03)
+UP = StatisticsRow(
+    dut='A',
+    quantity='accelerometer',
+    unit='m/s^2',
+    axis='z',
+    segment='R1',
+    low=9.7,
+    high=9.9,
+    mean=9.81,
+    std=0.03,
+)
 
 
-def device(segment: str, up: str = 'z', gravity: float = 9.81) -> list[Row]:
+def device(segment: str, up: str = 'z', gravity: float = 9.81) -> list[StatisticsRow]:
     return [
         replace(UP, axis=axis, segment=segment, mean=mean, low=mean - 0.1, high=mean + 0.1)
         for axis in 'xyz'

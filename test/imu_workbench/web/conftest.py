@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 from imu_workbench.web.case.stored_bag import StoredBag
 from imu_workbench.web.case.tasks import (
     Change,
-    Progress,
+    ProgressListener,
     change_task,
     diagnose_task,
     held_out_task,
@@ -21,6 +22,8 @@ from imu_workbench.web.case.tasks import (
 )
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import timeline_of
+from nicegui import Client
+from nicegui.page import page
 
 BAGS = Path(__file__).resolve().parents[3] / 'bags'
 
@@ -33,7 +36,7 @@ class Fitted:
     prepared: Path
     line: Version
     lag: Version
-    progress: Progress
+    progress: ProgressListener
     told: list[str]
     hashes: dict[str, str]
 
@@ -68,3 +71,12 @@ def found(fitted) -> dict[str, Any]:
     answer = diagnose_task(fitted.progress, fitted.bags, fitted.prepared, text, [])
     weighed = (fitted.prepared, text, answer['candidates'], [])
     return answer | {'candidates': held_out_task(fitted.progress, *weighed)}
+
+
+@pytest.fixture
+def tab() -> Iterator[Client]:
+    """Provide a browser tab that no browser has opened: elements can be drawn in it."""
+    client = Client(page('/'), request=None)
+    with client:
+        yield client
+    client.delete()

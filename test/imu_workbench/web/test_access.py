@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Access to the server: hosts, origins, and the token."""
+
 from __future__ import annotations
 
 import asyncio

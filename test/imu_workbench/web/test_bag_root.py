@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Bags below the root of a server, and nothing above it."""
+
 from __future__ import annotations
 
 from pathlib import Path

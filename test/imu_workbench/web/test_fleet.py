@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Cases as a fleet: the largest error over its noise floor comes first."""
+
 from __future__ import annotations
 
 from pathlib import Path

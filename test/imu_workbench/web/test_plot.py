@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""What plotly.js draws: colours of the theme, layout of a phone, labels."""
+
 from __future__ import annotations
 
 import json

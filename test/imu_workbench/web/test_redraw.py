@@ -7,30 +7,30 @@ import asyncio
 from contextlib import nullcontext
 
 from imu_workbench.web.redraw import Redraw
-from nicegui import core
+from nicegui import background_tasks, core
 
 
 def test_several_changes_are_drawn_once_and_those_meanwhile_once_more(monkeypatch):
-    drawn: list[str] = []
-
-    async def play() -> None:
+    async def play() -> list[str]:
         monkeypatch.setattr(core, 'loop', asyncio.get_running_loop())
-        goes_on = asyncio.Event()
+        drawn: list[str] = []
+        begun, goes_on = asyncio.Event(), asyncio.Event()
 
         async def draw() -> None:
             drawn.append('begun')
+            begun.set()
             await goes_on.wait()
             drawn.append('done')
 
         redraw = Redraw(nullcontext(), draw)
         redraw()
         redraw()
-        await asyncio.sleep(0.01)
+        await begun.wait()
         assert drawn == ['begun']
         redraw()
         redraw()
         goes_on.set()
-        await asyncio.sleep(0.01)
+        await asyncio.gather(*background_tasks.running_tasks)
+        return drawn
 
-    asyncio.run(play())
-    assert drawn == ['begun', 'done'] * 2
+    assert asyncio.run(play()) == ['begun', 'done'] * 2

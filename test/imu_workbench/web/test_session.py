@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""The address of a tab holds all it shows."""
+
 from __future__ import annotations
 
 from dataclasses import replace

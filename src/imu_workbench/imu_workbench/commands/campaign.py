@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""campaign: the whole experiment in this process, as fast as it goes."""
+"""campaign: the whole experiment in this process, as fast as it can."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> Answer:
     """Estimate what is new, then study all."""
     require_fleet()
     from imu_workbench.fleet.engine import Cluster, checked_memory, run_fleet
-    from imu_workbench.fleet.estimate import Settings
+    from imu_workbench.fleet.estimate import EstimateSettings
     from imu_workbench.fleet.page import fleet_page
     from imu_workbench.fleet.sources import find_devices
     from imu_workbench.fleet.study import study
@@ -92,7 +92,7 @@ def run(options: argparse.Namespace) -> Answer:
     progress = run_fleet(
         devices,
         options.output,
-        Settings(options.diagnose),
+        EstimateSettings(options.diagnose),
         Cluster(options.scheduler, workers, memory),
         clock=time.time_ns,
         report=show_progress,

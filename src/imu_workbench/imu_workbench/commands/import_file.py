@@ -189,7 +189,7 @@ def _part(recording: ImuRecording, rows: RowRange) -> ImuRecording:
 
 
 def _told(recording: ImuRecording, target: Path) -> tuple[dict[str, Any], list[str]]:
-    """Return what is said of one bag, for JSON and as lines."""
+    """Return the description of one bag, for JSON and as lines."""
     channels = channel_ranges(recording)
     seconds = float(recording.time[-1]) if len(recording) else 0.0
     content = {

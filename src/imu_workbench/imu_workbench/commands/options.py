@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arguments that verbs share, and the recordings they name.
 
-What takes a second to import is imported by what uses it: `serve` has workers get ready first.
+Modules that take a second to import are imported where they are used: `serve` starts its workers
+before.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ def add_bag_arguments(parser: argparse.ArgumentParser, *, optional: bool = False
 
 
 def add_topic_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add --topic and --topics, which say under which names a bag holds what is read."""
+    """Add --topic and --topics, which name the topics of a bag that are read."""
     parser.add_argument(
         '--topic',
         metavar='NAME:=OTHER',
@@ -196,8 +197,8 @@ def read_recordings(
     """Read the bags named on the command line, one recording per bag and device.
 
     Where a bag holds several devices and no --namespace was given, `every_device` takes all of
-    them; otherwise the user has to choose. Devices that are to be `at_rest` and move are refused,
-    and those the `model` is not of.
+    them; otherwise the user has to choose. Refuses a device that moves where it has to be
+    `at_rest`, and one that the `model` is not of.
     `sensors` False: the caller looks for implausible sensors itself.
     """
     return list(
@@ -259,7 +260,7 @@ def read_devices(
 def save_unless_worse(
     model: ThermalModel, worse: Sequence[str], options: argparse.Namespace
 ) -> tuple[str, int]:
-    """Save a model unless something simpler is better; return what to say, and the exit code."""
+    """Save a model unless a simpler one is better; return the lines to show, and the exit code."""
     from thermal_comp.model.file import save_model
 
     if worse and not options.force:

@@ -16,7 +16,7 @@ from imu_recording import bag_namespaces
 from imu_workbench.answer import CHECK_FAILED, Answer, show_progress
 from imu_workbench.commands.options import add_effects_argument, topic_remap
 from imu_workbench.golden_run import columns_of, find_drift, read_golden, write_golden
-from imu_workbench.replay import NODES, Sent, as_bag_messages, replay
+from imu_workbench.replay import NODES, PublishedMessage, as_bag_messages, replay
 
 HELP = 'Run a bag through a node in-process, as fast as possible and the same every time.'
 EPILOG = (
@@ -80,7 +80,10 @@ def run(options: argparse.Namespace) -> Answer:
 
 
 def _golden(
-    options: argparse.Namespace, sent: list[Sent], content: dict[str, Any], lines: list[str]
+    options: argparse.Namespace,
+    sent: list[PublishedMessage],
+    content: dict[str, Any],
+    lines: list[str],
 ) -> Answer:
     """Write or check the golden run, as asked."""
     exit_code = 0

@@ -149,7 +149,7 @@ def check_format(options: argparse.Namespace) -> None:
 
 
 def write_report(content: Mapping[str, Any], options: argparse.Namespace) -> str:
-    """Write the report in its format; return what is to be said beside its name."""
+    """Write the report in its format; return a remark to show beside its name."""
     from imu_workbench.report.dcc import (
         VERSION,
         certificate_xml,

@@ -23,7 +23,7 @@ EPILOG = (
 )
 DEVICES = {'dut1': 1, 'dut2': 2, 'dut3': 3}
 """Device → seed of its campaign, as of the bundled bags."""
-SLOW_HZ = 0.5
+FILTERLESS_RATE_HZ = 0.5
 FAST_RUN = ('dut1', 'x')
 
 
@@ -77,7 +77,7 @@ def simulated_campaign(profile: str, rate_hz: float) -> list[ImuRecording]:
         for orientation in ORIENTATIONS:
             axis = orientation[-1]
             show_progress(f'simulating {device}, {axis} up …')
-            rate = rate_hz if (device, axis) == FAST_RUN else SLOW_HZ
+            rate = rate_hz if (device, axis) == FAST_RUN else FILTERLESS_RATE_HZ
             logging = Logging(rate, chamber_period=10.0)
             made = simulate_run(profile, device, logging, seed=seed, orientation=orientation)
             recordings.append(replace(made, run=f'{device}_{axis}'))

@@ -21,7 +21,7 @@ from imu_recording import ImuRecording, read_bag
 from imu_workbench.answer import Answer
 from imu_workbench.commands.options import add_effects_argument, add_model_argument
 from imu_workbench.fleet.extra import require_fleet
-from imu_workbench.simulate.fleet import fleet_truth
+from imu_workbench.simulate.fleet import fleet_truth, score_fleet
 from imu_workbench.simulate.hidden_effect import (
     VERDICTS,
     Score,
@@ -99,7 +99,6 @@ def _fleet(truth: Mapping[str, Any], results: Path | None) -> Answer:
     content: dict[str, Any] = {'schema': 1}
     if results:
         require_fleet()
-        from imu_workbench.fleet.against_truth import score_fleet
         from imu_workbench.fleet.study import study
 
         content['score'] = score_fleet(study(results), truth)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Say what the temperature curves of an autopilot are worth, from the log they come from."""
+"""Assess the temperature curves of an autopilot by the log they come from."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ UNITS: dict[Sensor, tuple[float, str]] = {
     'accelerometer': (1e3 / 9.80665, 'mg'),
     'gyroscope': (180.0 / np.pi, '°/s'),
 }
-"""Factor from SI and unit, as pilots know them."""
+"""Factor from SI and unit, as usual with autopilots."""
 GOOD_NOISE_RATIO = 1.5
 """Times the noise floor up to which curves are good."""
 SMALL_NOISE_RATIO = 2.0
-"""Times the noise floor up to which what cooling leaves is small."""
-WIDE_K = 25.0
-"""Range from which a log covers the weather [K]."""
+"""Times the noise floor up to which the error while cooling is small."""
+LEAST_RANGE_K = 25.0
+"""Least range of temperature of a log that covers the weather [K]."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -98,7 +98,7 @@ def run(options: argparse.Namespace) -> Answer:
 def _across(
     opinions: Sequence[tuple[str, SecondOpinion]],
 ) -> tuple[list[dict[str, Any]], list[str]]:
-    """Return what curves are worth on other logs of their device, for JSON and as lines."""
+    """Return the errors of curves on other logs of their device, for JSON and as lines."""
     groups: dict[tuple[str, Autopilot], list[tuple[str, SecondOpinion]]] = {}
     for name, opinion in opinions:
         groups.setdefault((opinion.device, opinion.autopilot), []).append((name, opinion))
@@ -156,7 +156,7 @@ def _imus(options: argparse.Namespace) -> Iterator[tuple[str, ImuRecording, Auto
 
 
 def verdict(opinion: SecondOpinion) -> list[str]:
-    """Return the verdict in three lines: these curves, the way back, what to do."""
+    """Return the verdict in three lines: errors of these curves, errors in cooling, what to do."""
     low, high = opinion.temperature_range
     worst = max(_times_floor(s, s.held_out) for s in opinion.sensors.values())
     judged = (
@@ -193,7 +193,7 @@ def _advice(opinion: SecondOpinion, worst: float) -> str:
     advice = []
     if not opinion.decidable:
         advice.append('keep logging while the board cools down again, and ask once more')
-    if high - low < WIDE_K:
+    if high - low < LEAST_RANGE_K:
         advice.append(f'start colder or end warmer: {high - low:.0f} K is a narrow range')
     if opinion.decidable and max(worst, later) > max(GOOD_NOISE_RATIO, SMALL_NOISE_RATIO):
         advice.append(

@@ -9,6 +9,7 @@ import os
 import secrets
 import sys
 from collections.abc import Sequence
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Thread
@@ -96,17 +97,24 @@ def run(options: argparse.Namespace) -> Answer:
     address = f'http://{name_in_address(options.host)}:{port}/' + (
         f'?token={token}' if token else ''
     )
-
-    def ready() -> None:
-        sys.stdout.write(
-            f'workbench at {address} (cases in {folder}, bags below {root.folder}); Ctrl-C ends '
-            'it\n'
-        )
-        sys.stdout.flush()
-
-    start = Start(bags, case, model, tuple(options.effects), remap, is_local(options.host))
-    run_server(listening, root, folder, start, token=token, ready=ready)
+    start = Start(
+        bags=bags,
+        case=case,
+        model_text=model,
+        effects=tuple(options.effects),
+        remap=remap,
+        local=is_local(options.host),
+    )
+    line = (
+        f'workbench at {address} (cases in {folder}, bags below {root.folder}); Ctrl-C ends it\n'
+    )
+    run_server(listening, root, folder, start, token=token, ready=partial(_announce, line))
     return Answer({'address': address, 'root': str(root.folder), 'cases': str(folder)}, '')
+
+
+def _announce(line: str) -> None:
+    sys.stdout.write(line)
+    sys.stdout.flush()
 
 
 def sort_paths(paths: Sequence[Path]) -> tuple[tuple[Path, ...], Path | None]:

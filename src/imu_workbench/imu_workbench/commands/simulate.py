@@ -25,7 +25,7 @@ from imu_workbench.simulate.campaign import ORIENTATIONS, Logging, simulate_camp
 from imu_workbench.simulate.fleet import FleetPlan, write_fleet
 from imu_workbench.simulate.hidden_effect import (
     TRUTH_FILE,
-    HiddenEffect,
+    EffectToHide,
     hidden_campaign,
     write_truth,
 )
@@ -147,11 +147,11 @@ def _fleet(options: argparse.Namespace) -> Answer:
     """Stream a population to bags."""
     lots = options.lots or 1
     plan = FleetPlan(
-        options.profile,
-        options.fleet,
-        lots,
-        options.seed,
-        Logging(options.rate, mean=True, chamber_period=options.chamber_period),
+        profile=options.profile,
+        devices=options.fleet,
+        lots=lots,
+        seed=options.seed,
+        logging=Logging(options.rate, mean=True, chamber_period=options.chamber_period),
     )
     bags = write_fleet(plan, options.output, len(os.sched_getaffinity(0)))
     content = {'schema': 1, 'devices': options.fleet, 'lots': lots, 'bags': bags}
@@ -188,8 +188,8 @@ def _hidden(options: argparse.Namespace, logging: Logging) -> Answer:
     return Answer(answer.content, f'{answer.text}\n{hint}')
 
 
-def _hidden_effects(options: argparse.Namespace) -> list[HiddenEffect]:
-    """Return what to hide where, as large as told for each or for all."""
+def _hidden_effects(options: argparse.Namespace) -> list[EffectToHide]:
+    """Return what to hide in which sensor, with the magnitude of each, or one for all."""
     names = (options.hide or NOTHING).split(',')
     for name in names:
         if name != 'random':
@@ -200,7 +200,7 @@ def _hidden_effects(options: argparse.Namespace) -> list[HiddenEffect]:
         if sensor not in ('', *SENSOR_CHOICES):
             raise UserError(f'--sensor {sensor}: choose from {", ".join(SENSOR_CHOICES)}')
     return [
-        HiddenEffect(name, magnitude, sensor or None)
+        EffectToHide(name, magnitude, sensor or None)
         for name, magnitude, sensor in zip(names, magnitudes, sensors, strict=True)
     ]
 

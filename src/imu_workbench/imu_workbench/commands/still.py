@@ -155,9 +155,9 @@ def _write_bags(parts: list[ImuRecording], options: argparse.Namespace) -> None:
 
 
 def _worse(curves: StillCurves) -> list[str]:
-    """Return why a model is not to be saved: it adds to what held-out logs show."""
+    """Return for which sensors a model enlarges the held-out error: it is not to be saved."""
     return [
-        f'{sensor}: what other logs say makes it worse'
+        f'{sensor}: its error on the logs that were left out is larger with the model'
         for sensor, part in curves.sensors.items()
         if np.mean(part.held_out**2) > WORSE_ERROR_RATIO**2 * np.mean(part.raw**2)
     ]

@@ -39,8 +39,8 @@ class CandidateGain:
     effect: str
     forms: tuple[str, ...]
     """Shape parameters of each form, as text."""
-    gain: FloatArray
-    """(forms, 3) whitened sum of squares."""
+    delta_chi2: FloatArray
+    """(forms, 3) fall of χ² with the form: the whitened sum of squares that it takes up."""
     degrees: int
     """Columns of a form on each axis."""
     shapes: tuple[float, ...] = ()
@@ -112,16 +112,16 @@ def _columns(
 def _candidate(
     name: str, forms: Sequence[Effect], taken: FloatArray, degrees: int
 ) -> CandidateGain:
-    """`taken` (forms, 3, 3): gain, coefficient and its deviation of each axis."""
+    """`taken` (forms, 3, 3): fall of χ², coefficient and its deviation of each axis."""
     texts = tuple(
         ', '.join(f'{k} {_short(v)}' for k, v in form.shape_parameters.items()) for form in forms
     )
     shapes = tuple(v for form in forms for v in form.shape_parameters.values())
-    gain = CandidateGain(name, texts, taken[:, :, 0], degrees)
+    found = CandidateGain(name, texts, delta_chi2=taken[:, :, 0], degrees=degrees)
     if degrees > 1 or len(forms) < 2 or any(isinstance(v, tuple) for v in shapes):
-        return gain
+        return found
     values = tuple(float(v) for v in shapes if not isinstance(v, tuple))
-    return replace(gain, shapes=values, coefficients=taken[:, :, 1], std=taken[:, :, 2])
+    return replace(found, shapes=values, coefficients=taken[:, :, 1], std=taken[:, :, 2])
 
 
 def _short(value: float | tuple[float, ...]) -> str:

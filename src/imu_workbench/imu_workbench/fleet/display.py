@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a study found, in the units people read; study.json keeps those of SI."""
+"""Results of a study in the units of display; study.json has SI units."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from thermal_comp.presentation.display import coefficient_unit
@@ -23,11 +24,12 @@ def displayed(entries: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 def _displayed(entry: Mapping[str, Any]) -> dict[str, Any]:
     unit = coefficient_unit(entry['sensor'], entry['unit'])
-
-    def scaled(values: Sequence[float | None]) -> list[float | None]:
-        return [None if value is None else value * unit.factor for value in values]
-
+    scaled = partial(_scaled, unit.factor)
     changed = {key: scaled(entry[key][:3]) for key in PER_AXIS if key in entry}
     bounds = {key: scaled([entry[key]])[0] for key in BOUNDS if key in entry}
     limits = {'limits': scaled(entry['limits'])} if 'limits' in entry else {}
     return {**entry, **changed, **bounds, **limits, 'unit': unit.unit}
+
+
+def _scaled(factor: float, values: Sequence[float | None]) -> list[float | None]:
+    return [None if value is None else factor * value for value in values]

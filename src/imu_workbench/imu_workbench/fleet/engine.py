@@ -12,26 +12,29 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from imu_recording.user_error import UserError
 
-from imu_workbench.fleet.estimate import Settings, estimate_device, failed_row, version
+from imu_workbench.fleet.estimate import EstimateSettings, estimate_device, failed_row, version
 from imu_workbench.fleet.sources import DeviceSource
-from imu_workbench.fleet.table import Row, compact, finished, in_several_places, write_rows
+from imu_workbench.fleet.table import ResultRow, compact, finished, in_several_places, write_rows
 
 TASKS_PER_WORKER = 4
 """Devices a worker has waiting: enough to be never idle, few enough for a small scheduler."""
 FLUSH_S = 2.0
-"""At most this much work is lost when everything is killed [s]."""
-DEATHS = 2
+"""Interval of writing results: the work that is lost at most when all is killed [s]."""
+MOST_WORKER_DEATHS = 2
 """Workers that may die of one device before it is given up."""
-LEAST_MEMORY = 100_000_000
+LEAST_MEMORY_BYTES = 100_000_000
 """A worker needs more for the libraries alone [bytes]."""
 CONNECT_S = 10.0
-GONE = 'the scheduler has gone: start it again and run the same command, it goes on where it was'
+SCHEDULER_GONE = (
+    'the scheduler has gone: start it again and run the same command, it goes on where it was'
+)
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ class Cluster:
 
 
 @dataclass
-class Progress:
+class FleetProgress:
     """What a run has done."""
 
     devices: int = 0
@@ -61,12 +64,12 @@ class Progress:
 def run_fleet(
     sources: Sequence[DeviceSource],
     folder: Path,
-    settings: Settings,
+    settings: EstimateSettings,
     cluster: Cluster,
     *,
     clock: Callable[[], int],
     report: Callable[[str], None] = lambda _: None,
-) -> Progress:
+) -> FleetProgress:
     """Estimate every device that is new or has changed; return what was done.
 
     `clock` gives nanoseconds that increase; `report` takes a line of progress. Raises UserError
@@ -81,7 +84,7 @@ def run_fleet(
         and known.get(source.key)
         != (source.fingerprint, settings.hash, version(), source.lot, source.type)
     ]
-    progress = Progress(len(sources), len(sources) - len(refused) - len(todo))
+    progress = FleetProgress(len(sources), len(sources) - len(refused) - len(todo))
     rows = [
         failed_row(source, settings, refused[source.key], again=True)
         for source in sources
@@ -120,13 +123,13 @@ def _several(device: str, folders: int) -> str:
 def _settle_doubles(
     folder: Path,
     sources: Sequence[DeviceSource],
-    settings: Settings,
-    progress: Progress,
+    settings: EstimateSettings,
+    progress: FleetProgress,
     clock: Callable[[], int],
 ) -> None:
-    """Leave each device in one place: results of where it was before go, twins are refused."""
+    """Keep one place for each device: results of a former place go, a device in two is refused."""
     given = {source.key: source for source in sources}
-    rows: list[Row] = []
+    rows: list[ResultRow] = []
     for device, places in in_several_places(folder):
         here = [given[key] for key, _ in places if key in given]
         rows += [
@@ -134,7 +137,7 @@ def _settle_doubles(
             for key, lot in places
             if key not in given
         ]
-        if len(here) > 1:  # bags that name nobody in their metadata, but inside
+        if len(here) > 1:  # the device is named in the bag, not in its metadata
             progress.failed[device] = _several(device, len(here))
             progress.estimated -= len(here)
             rows += [
@@ -150,12 +153,12 @@ def _run(
     client: Any,
     todo: Sequence[DeviceSource],
     folder: Path,
-    settings: Settings,
-    progress: Progress,
+    settings: EstimateSettings,
+    progress: FleetProgress,
     clock: Callable[[], int],
     report: Callable[[str], None],
 ) -> None:
-    waiting: list[Row] = []
+    waiting: list[ResultRow] = []
     flushed = clock()
     try:
         for rows in outcomes(client, todo, settings):
@@ -174,27 +177,21 @@ def _run(
             write_rows(folder, waiting, clock())
 
 
-def outcomes(client: Any, todo: Sequence[DeviceSource], settings: Settings) -> Iterator[list[Row]]:
+def outcomes(
+    client: Any, todo: Sequence[DeviceSource], settings: EstimateSettings
+) -> Iterator[list[ResultRow]]:
     """Yield the rows of each device as they come: a task a device, a few ahead of the workers."""
     from distributed import as_completed
 
     left = iter(todo)
     running: dict[str, DeviceSource] = {}
     coming = as_completed()
-
-    def fill() -> None:
-        """Submit devices for as many workers as there are now: a cluster may grow and shrink."""
-        ahead = TASKS_PER_WORKER * max(1, sum(client.nthreads().values()))
-        for source in islice(left, max(0, ahead - len(running))):
-            future = client.submit(estimate_device, source, settings, pure=False, retries=1)
-            running[future.key] = source
-            coming.add(future)
-
+    fill = partial(_submit_ahead, client, settings, left, running, coming)
     fill()
     for future in coming:
         source = running.pop(future.key)
         if future.status in ('cancelled', 'lost'):
-            raise UserError(GONE)
+            raise UserError(SCHEDULER_GONE)
         if future.status == 'finished':
             yield future.result()
         else:
@@ -205,7 +202,22 @@ def outcomes(client: Any, todo: Sequence[DeviceSource], settings: Settings) -> I
         try:
             fill()
         except OSError:
-            raise UserError(GONE) from None
+            raise UserError(SCHEDULER_GONE) from None
+
+
+def _submit_ahead(
+    client: Any,
+    settings: EstimateSettings,
+    left: Iterator[DeviceSource],
+    running: dict[str, DeviceSource],
+    coming: Any,
+) -> None:
+    """Submit devices for as many workers as there are now: a cluster may grow and shrink."""
+    ahead = TASKS_PER_WORKER * max(1, sum(client.nthreads().values()))
+    for source in islice(left, max(0, ahead - len(running))):
+        future = client.submit(estimate_device, source, settings, pure=False, retries=1)
+        running[future.key] = source
+        coming.add(future)
 
 
 def checked_memory(text: str) -> str:
@@ -216,7 +228,7 @@ def checked_memory(text: str) -> str:
         size = parse_bytes(text)
     except ValueError:
         size = 0
-    if size < LEAST_MEMORY:
+    if size < LEAST_MEMORY_BYTES:
         raise UserError(f'--memory {text}: a size from 100MB on, such as 500MB or 2GB')
     return text
 
@@ -229,7 +241,7 @@ def connected(cluster: Cluster) -> Iterator[Any]:
     from distributed.utils import silence_logging_cmgr
 
     chosen = {
-        'distributed.scheduler.allowed-failures': DEATHS,
+        'distributed.scheduler.allowed-failures': MOST_WORKER_DEATHS,
         'distributed.comm.timeouts.connect': f'{CONNECT_S:g}s',
         'distributed.admin.tick.limit': '1h',
     }
@@ -242,7 +254,7 @@ def connected(cluster: Cluster) -> Iterator[Any]:
                     f'--scheduler {cluster.scheduler}: no answer ({error}); start one with '
                     '`dask scheduler` and workers with `dask worker ADDRESS`'
                 ) from None
-            # What the client would log as a traceback is said in one line.
+            # UserError says it in one line: the client's log would be a traceback.
             with silence_logging_cmgr(logging.CRITICAL), client:
                 _check_workers(client, cluster.scheduler)
                 yield client

@@ -31,19 +31,19 @@ from thermal_comp.model.values import SensorModel, ThermalModel
 from imu_recording import ImuRecording, read_bag
 from imu_workbench.fleet.candidates import candidate_gains
 from imu_workbench.fleet.sources import DeviceSource, reason
-from imu_workbench.fleet.table import SCHEMA, Row
+from imu_workbench.fleet.table import SCHEMA, ResultRow
 
 AXES = ('x', 'y', 'z')
 BIN_K = 1.0
 """Width of the bins of temperature that block means are kept in [K]."""
-SHARES = (1.0, 0.5, 0.25)
-"""Of a bin's time, from its beginning, that means are kept of: dwells that had been shorter."""
+BIN_TIME_SHARES = (1.0, 0.5, 0.25)
+"""Shares of a bin's time, from its beginning, with a mean each: they stand for shorter dwells."""
 LINE = BiasTemperature()
 """The model of every device: the paper's line per axis."""
 
 
 @dataclass(frozen=True)
-class Settings:
+class EstimateSettings:
     """What the rows of a device depend on beside its bags."""
 
     diagnose: bool = False
@@ -62,7 +62,7 @@ def version() -> str:
     return package_version()
 
 
-def estimate_device(source: DeviceSource, settings: Settings) -> list[Row]:
+def estimate_device(source: DeviceSource, settings: EstimateSettings) -> list[ResultRow]:
     """Return the rows of one device; one row with the reason where it cannot be estimated."""
     try:
         recordings = [admitted(one) for one in _recordings(source)]
@@ -77,15 +77,17 @@ def estimate_device(source: DeviceSource, settings: Settings) -> list[Row]:
 
 
 def failed_row(
-    source: DeviceSource, settings: Settings, reason: str, *, again: bool = False
-) -> Row:
+    source: DeviceSource, settings: EstimateSettings, reason: str, *, again: bool = False
+) -> ResultRow:
     """Return the row of a device that has no estimate; `again`: the next run tries once more."""
     device = source.device or Path(source.key.split('#')[0]).name
     row = {'role': 'failed', 'reason': reason, **_identity(source, settings, device, '')}
     return {**row, 'fingerprint': ''} if again else row
 
 
-def _identity(source: DeviceSource, settings: Settings, device: str, input_hash: str) -> Row:
+def _identity(
+    source: DeviceSource, settings: EstimateSettings, device: str, input_hash: str
+) -> ResultRow:
     return {
         'lot': source.lot,
         'type': source.type,
@@ -110,7 +112,7 @@ def _recordings(source: DeviceSource) -> Iterator[ImuRecording]:
 
 @contextmanager
 def _local(url: str) -> Iterator[Path]:
-    """Give a path where the bag of a URL can be read; what is far is fetched for that long."""
+    """Give a path where the bag of a URL can be read; a remote one is copied meanwhile."""
     if '://' not in url:
         yield Path(url)
         return
@@ -123,16 +125,16 @@ def _local(url: str) -> Iterator[Path]:
         yield target
 
 
-def _estimated(recordings: Sequence[ImuRecording], settings: Settings) -> list[Row]:
+def _estimated(recordings: Sequence[ImuRecording], settings: EstimateSettings) -> list[ResultRow]:
     named = {recording.device for recording in recordings if recording.device}
     if len(named) > 1:
-        raise RecordingError(f'several devices in one: {", ".join(sorted(named))}')
+        raise RecordingError(f'its bags name several devices: {", ".join(sorted(named))}')
     runs = prepare(recordings)
     model = fit_prepared([LINE], runs)
     comparison = compare_prepared(model, runs)
     noise = {s: part.noise for s in SENSORS if (part := model.sensors.get(s)) and part.noise}
     alone = [fit_prepared([LINE], [run], noise=noise) for run in runs]
-    rows: list[Row] = []
+    rows: list[ResultRow] = []
     for sensor in (sensor for sensor in SENSORS if sensor in model.sensors):
         part = model.sensors[sensor]
         fitted = _fitted_rows(sensor, part, runs, alone, comparison)
@@ -149,7 +151,7 @@ def _fitted_rows(
     runs: Sequence[PreparedRun],
     alone: Sequence[ThermalModel],
     comparison: Comparison,
-) -> list[Row]:
+) -> list[ResultRow]:
     """Return a row per axis: slope, its deviation, that of each run, means by temperature."""
     compared = comparison.sensors[sensor]
     slopes = part.coefficients[0]
@@ -185,7 +187,7 @@ def block_means(
 ) -> dict[str, NDArray[Any]]:
     """Return run, share, temperature [°C], seconds (n,), mean and variance (n, 3) of each bin.
 
-    A bin is BIN_K wide, and stands once for every share of the time the run was in it; the
+    A bin is BIN_K wide and has an entry for every share of the time the run spent in it; the
     variance [unit²] is that of a mean over as long.
     """
     assert part.noise is not None  # noqa: S101 (a fitted model has it)
@@ -197,7 +199,7 @@ def block_means(
         place = np.round(run.temperature / BIN_K).astype(int)
         for bin_ in np.unique(place[valid]):
             inside = np.flatnonzero(valid & (place == bin_))
-            for share in SHARES:
+            for share in BIN_TIME_SHARES:
                 rows = inside[: ceil(share * len(inside))]
                 seconds = float(len(rows) * run.period)
                 found['run'].append(r)
@@ -209,7 +211,9 @@ def block_means(
     return {name: np.array(values) for name, values in found.items()}
 
 
-def _candidate_rows(sensor: Sensor, part: SensorModel, runs: Sequence[PreparedRun]) -> list[Row]:
+def _candidate_rows(
+    sensor: Sensor, part: SensorModel, runs: Sequence[PreparedRun]
+) -> list[ResultRow]:
     """Return a row per effect and axis: what each of its forms would take up."""
     assert part.noise is not None  # noqa: S101 (a fitted model has it)
     return [
@@ -219,7 +223,7 @@ def _candidate_rows(sensor: Sensor, part: SensorModel, runs: Sequence[PreparedRu
             'effect': found.effect,
             'role': 'candidate',
             'forms': list(found.forms),
-            'gain': found.gain[:, a].tolist(),
+            'gain': found.delta_chi2[:, a].tolist(),
             'degrees': found.degrees,
             'shapes': list(found.shapes) or None,
             'coefficients': _of_axis(found.coefficients, a),
@@ -234,7 +238,7 @@ def _of_axis(values: FloatArray | None, axis: int) -> list[float] | None:
     return None if values is None else [float(value) for value in values[:, axis]]
 
 
-def _diagnosed_rows(recordings: Sequence[ImuRecording], model: ThermalModel) -> list[Row]:
+def _diagnosed_rows(recordings: Sequence[ImuRecording], model: ThermalModel) -> list[ResultRow]:
     found = diagnose(recordings, model)
     return [
         {

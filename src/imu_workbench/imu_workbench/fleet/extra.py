@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The libraries of the extra [fleet], and what is said where they are missing."""
+"""The libraries of the extra [fleet], and the error where one is missing."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ LIBRARIES = ('dask', 'distributed', 'pyarrow', 'duckdb', 'fsspec', 'sklearn')
 
 
 def require_fleet(libraries: tuple[str, ...] = LIBRARIES) -> None:
-    """Raise UserError that names what is missing and the command that brings it."""
+    """Raise UserError that names what is missing and the command that installs it."""
     missing = [name for name in libraries if find_spec(name) is None]
     if missing:
         raise UserError(

@@ -16,7 +16,7 @@ from imu_workbench.report.figures.panels import Figure, Panel, figure, trace_axe
 
 AXES = 'xyz'
 MAP_DEVICES = 40
-BINS = 40
+HISTOGRAM_BINS = 40
 SHOWN_POINTS = 400
 """Devices a control chart draws one by one; of more only every k-th and those beyond limits."""
 HIGHEST_RATIO = 1.4
@@ -75,7 +75,7 @@ def distribution_figure(sensors: Sequence[Vectors]) -> Figure:
         for a, axis in enumerate(AXES):
             place = trace_axes(len(panels))
             values = vectors.coefficients[:, a]
-            edges = np.histogram_bin_edges(_within(values), BINS)
+            edges = np.histogram_bin_edges(_within(values), HISTOGRAM_BINS)
             for number, lot in enumerate(lots):
                 count, _ = np.histogram(values[vectors.lot == lot], edges)
                 data.append(
@@ -99,7 +99,7 @@ def distribution_figure(sensors: Sequence[Vectors]) -> Figure:
 
 
 def _within(values: np.ndarray) -> np.ndarray:
-    """Return the values without what is so far off that no lot could be seen beside it."""
+    """Return the values without outliers so far off that lots would shrink to a line."""
     low, high = np.quantile(values, [0.25, 0.75])
     near = np.abs(values - 0.5 * (low + high)) < 4.0 * max(high - low, 1e-300)
     return np.asarray(values[near])

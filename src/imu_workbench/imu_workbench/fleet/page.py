@@ -22,13 +22,13 @@ from imu_workbench.fleet.figures import (
     worst_devices,
 )
 from imu_workbench.fleet.sources import NO_TYPE
-from imu_workbench.fleet.statistics.capability import CAPABLE
+from imu_workbench.fleet.statistics.process_control import LEAST_CPK
 from imu_workbench.fleet.statistics.vectors import SENSORS, Vectors, read_vectors
 from imu_workbench.fleet.summary import campaign_text, curve_lines, lot_name
 from imu_workbench.fleet.table import FleetTable
 from imu_workbench.report.html.render import Section, render_page
 
-LISTED = 200
+MOST_ROWS = 200
 """Rows of a table; the rest stands in study.json."""
 
 
@@ -98,11 +98,11 @@ def _summary(found: Mapping[str, Any]) -> Section:
     ]
     values = {
         'facts': facts,
-        'failed': [[d, why] for d, why in list(found['failed'].items())[:LISTED]],
+        'failed': [[d, why] for d, why in list(found['failed'].items())[:MOST_ROWS]],
         'populations': populations,
         'types': types,
         'capability': [_capability(one) for one in displayed(found['capability'])],
-        'capable': CAPABLE,
+        'capable': LEAST_CPK,
         'clusters': clusters,
     }
     return Section('summary', 'Devices and lots', 'fleet_summary.html', values)
@@ -136,7 +136,7 @@ def _odd(found: Mapping[str, Any], table: FleetTable, served: str) -> Section:
             f'{one["p_value"]:.1e}',
             Markup('<a href="{}">{}</a>').format(places[one['device']], homes[one['device']]),
         ]
-        for one in odd[:LISTED]
+        for one in odd[:MOST_ROWS]
     ]
     scores = found['scores']
     shown = min(MAP_DEVICES, len(scores))
@@ -145,7 +145,7 @@ def _odd(found: Mapping[str, Any], table: FleetTable, served: str) -> Section:
         'devices': found['estimated'],
         'map_shown': shown,
         'rows': rows,
-        'more': f'{len(odd) - LISTED} more stand in study.json' if len(odd) > LISTED else '',
+        'more': f'{len(odd) - MOST_ROWS} more stand in study.json' if len(odd) > MOST_ROWS else '',
     }
     figures = {'fleet_map': map_figure(scores, SENSORS, places)} if shown else {}
     return Section('odd', 'Odd devices', 'fleet_odd.html', values, figures)
@@ -163,7 +163,7 @@ def _homes(table: FleetTable, devices: Collection[str]) -> dict[str, str]:
 
 
 def _url(device: str, home: str, page_folder: Path, served: str) -> str:
-    """Return where a device is looked at: its case where it is served, else its folder or URL.
+    """Return the address of a device: its case where it is served, else its folder or URL.
 
     A folder of this machine is named relative to the page.
     """

@@ -13,7 +13,7 @@ REFERENCE_C = 20.0
 RATE_C_PER_MIN = 2.0
 """Of the ramps, as in Betta et al. 2022."""
 LEAST_DWELL_S = 120.0
-MARGIN_C = 5.0
+AIR_LIMIT_MARGIN_C = 5.0
 """Between the set-points and the limits of the air."""
 DEVICE_MAX_C = 85.0
 POSES = ('+x', '+y', '+z')
@@ -62,9 +62,11 @@ def _profile(
         'name': 'short_fleet',
         'description': description,
         'limits': {
-            'air_min_c': min(*targets, REFERENCE_C) - MARGIN_C,
-            'air_max_c': max(*targets, REFERENCE_C) + MARGIN_C,
-            'device_max_c': max(DEVICE_MAX_C, *(target + MARGIN_C for target in targets)),
+            'air_min_c': min(*targets, REFERENCE_C) - AIR_LIMIT_MARGIN_C,
+            'air_max_c': max(*targets, REFERENCE_C) + AIR_LIMIT_MARGIN_C,
+            'device_max_c': max(
+                DEVICE_MAX_C, *(target + AIR_LIMIT_MARGIN_C for target in targets)
+            ),
             'rate_max_c_per_min': RATE_C_PER_MIN,
         },
         'stabilise': {

@@ -3,7 +3,7 @@
 
 A short campaign is k temperatures, held for so long, in p poses. Its data are cut from the
 campaigns that were made: of p runs the bins of temperature next to the k targets, of these the
-first part of their time, nothing else. How well they tell a slope is seen from run to run. With
+first part of their time, nothing else. The variance of such a slope is that from run to run. With
 the lot's distribution as prior (of the other half of the devices) the slopes follow by
 `population.device_effects`; their error is taken on a run that neither the short nor the full
 campaign has seen, each run in turn. The ratio to the error of the full campaign is that of all
@@ -21,7 +21,7 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from numpy.typing import NDArray
 
-from imu_workbench.fleet.estimate import SHARES
+from imu_workbench.fleet.estimate import BIN_TIME_SHARES
 from imu_workbench.fleet.short_profile import least_dwell, run_hours
 from imu_workbench.fleet.statistics.population import (
     LEAST_DEVICES,
@@ -34,24 +34,24 @@ from imu_workbench.fleet.statistics.vectors import Vectors
 from imu_workbench.fleet.table import FleetTable
 
 MOST_TEMPERATURES = 6
-GOOD_ENOUGH = 1.1
+LARGEST_ERROR_RATIO = 1.1
 """Ratio to the error of the full campaign that a short one may reach."""
-STUDIED = 500
+MOST_DEVICES = 500
 """Devices the curve is made of; more do not change it."""
-BOOTSTRAPS = 400
+BOOTSTRAP_DRAWS = 400
 SEED = 11
-NOT_MEASURED = 1e12
+UNMEASURED_VARIANCE = 1e12
 """Error variance of what was not measured, in variances of the lot."""
 
 
 @dataclass(frozen=True)
-class Run:
+class ShortRun:
     """What one run of a short campaign holds."""
 
     targets: tuple[float, ...]
     """Temperatures [°C], increasing."""
     dwells: tuple[float, ...]
-    """How long the campaigns that were made stood at each, cut to `share`, in the median [s]."""
+    """Median time the full campaigns spent at each, times `share` [s]."""
     share: float
     hours: float
     """Of the whole run: ramps, dwells, and both ends [h]."""
@@ -69,7 +69,7 @@ class Point:
     hours: float
     """Of all poses [h]."""
     prior: bool
-    """Whether the lot is known."""
+    """Whether the lot's distribution is the prior."""
     ratio: float
     """Error over that of the full campaign."""
     ratio_range: tuple[float, float]
@@ -77,8 +77,8 @@ class Point:
 
     @property
     def enough(self) -> bool:
-        """Whether it is good enough, the lot known."""
-        return self.prior and self.ratio <= GOOD_ENOUGH
+        """Whether, with the lot as prior, the error is small enough."""
+        return self.prior and self.ratio <= LARGEST_ERROR_RATIO
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,10 +86,10 @@ class Curve:
     """Points of all sensors, and the runs they are made of."""
 
     points: tuple[Point, ...]
-    runs: Mapping[tuple[int, float], Run]
+    runs: Mapping[tuple[int, float], ShortRun]
     """By number of temperatures and share."""
     full_hours: float
-    """What the full campaign took that they are compared with, in the median [h]."""
+    """Median duration of the full campaign that they are compared with [h]."""
     devices: int
 
 
@@ -111,7 +111,7 @@ class _Moments:
         return cls(*((weight * product).sum(axis=2) for product in (dx * dx, dx * dy, dy * dy)))
 
     def slopes(self, runs: Sequence[int]) -> FloatArray:
-        """Return (n, 3) slopes of these runs together; zero where the bins tell none."""
+        """Return (n, 3) slopes of these runs together; zero where the bins determine none."""
         xx, xy = self.xx[:, runs].sum(axis=1), self.xy[:, runs].sum(axis=1)
         slopes: FloatArray = np.divide(xy, xx, out=np.zeros_like(xy), where=xx > 0.0)
         return slopes
@@ -155,12 +155,12 @@ class _Bins:
             np.take_along_axis(self.variance, place[..., None], axis=2),
         )
 
-    def measured(self) -> _Moments:
-        """Return the sums of which slopes are made."""
+    def weighted_by_precision(self) -> _Moments:
+        """Return the sums weighted by inverse variance: slopes follow from them."""
         return self._moments(1.0 / self.variance)
 
-    def judged(self) -> _Moments:
-        """Return the sums weighted by time, of which an error is made."""
+    def weighted_by_time(self) -> _Moments:
+        """Return the sums weighted by time: the error of slopes follows from them."""
         seconds = self.seconds / np.nansum(self.seconds, axis=(1, 2), keepdims=True)
         return self._moments(np.repeat(seconds[..., None], 3, axis=3))
 
@@ -178,15 +178,15 @@ def shortening_curve(
 ) -> Curve | None:
     """Return the curve of all sensors over ordinary devices; None where no lot is large enough.
 
-    Devices whose lot tells nothing are left out.
+    Devices of a lot without a distribution are left out.
     """
     points: list[Point] = []
-    runs: dict[tuple[int, float], Run] = {}
+    runs: dict[tuple[int, float], ShortRun] = {}
     hours: list[float] = []
     count = 0
     for vectors in sensors:
         ordinary = vectors.of(~np.isin(vectors.device, list(odd)) & (vectors.runs > 1))
-        ordinary = ordinary.of(np.arange(len(ordinary)) % -(-len(ordinary) // STUDIED) == 0)
+        ordinary = ordinary.of(np.arange(len(ordinary)) % -(-len(ordinary) // MOST_DEVICES) == 0)
         bins = _read_bins(table, ordinary)
         ordinary = ordinary.of(np.isin(ordinary.device, bins.device))
         prior = _lot_priors(ordinary)
@@ -230,7 +230,7 @@ def _read_bins(table: FleetTable, vectors: Vectors) -> _FleetBins:
     poses = int(np.quantile(counts, 0.1, method='lower')) if rows else 0
     rows = [row for row, count in zip(rows, counts, strict=True) if count >= poses > 1]
     device = np.array([row[0] for row in rows], dtype=np.str_)
-    of_share = {share: _stacked(rows, share, poses) for share in SHARES} if rows else {}
+    of_share = {share: _stacked(rows, share, poses) for share in BIN_TIME_SHARES} if rows else {}
     return _FleetBins(device, of_share)
 
 
@@ -248,8 +248,8 @@ def _stacked(rows: Sequence[tuple[Any, ...]], share: float, poses: int) -> _Bins
     return _Bins(whole[..., 0], whole[..., 1], whole[..., 2:5], whole[..., 5:8])
 
 
-def _runs(of_share: Mapping[float, _Bins]) -> Iterator[tuple[tuple[int, float], Run]]:
-    """Yield the runs that are studied; dwells as short as a profile's need not be shorter."""
+def _runs(of_share: Mapping[float, _Bins]) -> Iterator[tuple[tuple[int, float], ShortRun]]:
+    """Yield the runs to study; a share that shortens no dwell of the profile is left out."""
     whole = of_share[1.0].temperature
     low = float(np.median(np.nanmin(whole, axis=(1, 2))))
     high = float(np.median(np.nanmax(whole, axis=(1, 2))))
@@ -257,12 +257,12 @@ def _runs(of_share: Mapping[float, _Bins]) -> Iterator[tuple[tuple[int, float], 
         ends = np.linspace(low, high, k) if k > 1 else [0.5 * (low + high)]
         targets = tuple(round(float(value), 1) for value in ends)
         before = np.inf
-        for share in SHARES:
+        for share in BIN_TIME_SHARES:
             seconds = np.nanmedian(of_share[share].at(targets).seconds, axis=(0, 1))
             dwells = tuple(least_dwell(value) for value in seconds)
             hours = run_hours(targets, dwells)
             if hours < before:
-                yield (k, share), Run(targets, dwells, share, hours)
+                yield (k, share), ShortRun(targets, dwells, share, hours)
             before = hours
 
 
@@ -270,17 +270,18 @@ def _sensor_points(
     sensor: str,
     prior: _Prior,
     of_share: Mapping[float, _Bins],
-    runs: Mapping[tuple[int, float], Run],
+    runs: Mapping[tuple[int, float], ShortRun],
 ) -> list[Point]:
     whole = of_share[1.0]
-    full, judged, poses = whole.measured(), whole.judged(), whole.mean.shape[1]
+    full, by_time = whole.weighted_by_precision(), whole.weighted_by_time()
+    poses = whole.mean.shape[1]
     n = len(prior.mean)
     others = [[r for r in range(poses) if r != held] for held in range(poses)]
-    reference = np.mean([judged.error(r, full.slopes(o)) for r, o in enumerate(others)], axis=0)
-    chosen = np.random.default_rng(SEED).multinomial(n, np.full(n, 1.0 / n), BOOTSTRAPS)
+    reference = np.mean([by_time.error(r, full.slopes(o)) for r, o in enumerate(others)], axis=0)
+    chosen = np.random.default_rng(SEED).multinomial(n, np.full(n, 1.0 / n), BOOTSTRAP_DRAWS)
     points = []
     for (k, share), run in runs.items():
-        short = of_share[share].at(run.targets).measured()
+        short = of_share[share].at(run.targets).weighted_by_precision()
         between = np.array([short.slopes([r]) for r in range(poses)])
         variance = between.var(axis=0, ddof=1).mean(axis=0) if k > 1 else np.full(3, np.inf)
         for p in range(1, poses):
@@ -290,7 +291,7 @@ def _sensor_points(
                     values = short.slopes(seen[:p])
                     if known:
                         values = _with_prior(prior, values, variance / p)
-                    squares.append(judged.error(held, values))
+                    squares.append(by_time.error(held, values))
                 ratio = _ratio(np.mean(squares, axis=0), reference, chosen)
                 points.append(Point(sensor, k, share, p, p * run.hours, known, *ratio))
     return points
@@ -314,7 +315,7 @@ def _lot_priors(vectors: Vectors) -> _Prior:
     prior = _Prior(np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan))
     error = error_variances(vectors)
     for kind in np.unique(vectors.type):
-        # Only lots whose halves stand for themselves tell the type of the others.
+        # The type's distribution follows from lots whose halves have one of their own.
         shared = type_population(vectors.of(vectors.type == kind), 2 * LEAST_DEVICES)
         for lot in np.unique(vectors.lot[vectors.type == kind]):
             own = np.flatnonzero((vectors.type == kind) & (vectors.lot == lot))
@@ -332,7 +333,7 @@ def _with_prior(prior: _Prior, values: FloatArray, variance: FloatArray) -> Floa
 
     `variance` (3,) is that of their error; infinite where nothing was measured.
     """
-    error = np.minimum(variance, NOT_MEASURED * np.einsum('nii->ni', prior.covariance))
+    error = np.minimum(variance, UNMEASURED_VARIANCE * np.einsum('nii->ni', prior.covariance))
     return device_effects(values, error, prior.mean, prior.covariance)[0]
 
 
@@ -378,7 +379,7 @@ def curve_content(curve: Curve) -> dict[str, Any]:
     """Return the curve and its shortest campaigns as plain values."""
     sensors = list(dict.fromkeys(point.sensor for point in curve.points))
     return {
-        'good_enough': GOOD_ENOUGH,
+        'good_enough': LARGEST_ERROR_RATIO,
         'devices': curve.devices,
         'full_hours': curve.full_hours,
         'points': [asdict(point) for point in curve.points],

@@ -15,6 +15,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -29,14 +30,14 @@ LIST_SUFFIXES = ('.txt', '.csv')
 NO_LOT, NO_TYPE = 'none', 'none'
 """Lot and type of a device that has none."""
 CHANGES_WITH_CONTENT = ('size', 'mtime', 'LastModified', 'ETag', 'etag', 'md5Hash')
-"""What file systems tell of a file that another content changes."""
+"""Properties of a file, as file systems report them, that change with its content."""
 CUSTOM_DATA = re.compile(r'^  custom_data:\n((?:    .*\n)+)', re.MULTILINE)
 LIST_COLUMNS = ('source', 'lot', 'type')
 
 
 @dataclass(frozen=True)
 class DeviceSource:
-    """The bags of one device, and what tells that they are the same as last time."""
+    """The bags of one device, and a fingerprint that shows whether they have changed."""
 
     key: str
     """Folder and name of the device: its identity from run to run."""
@@ -126,7 +127,7 @@ def _devices_of_folders(found: _Found) -> Iterator[DeviceSource]:
         folders[bag.folder][bag.device].append(bag)
     problems = {path: f'{path}: no permission to read it' for path in found.closed}
     for folder, devices in folders.items():
-        if len(devices) == 2 and '' in devices:  # a bag that names nobody: of its only neighbour
+        if len(devices) == 2 and '' in devices:  # the nameless bag is of the only device
             (name,) = (name for name in devices if name)
             devices[name] += devices.pop('')
         inside = [path for path in problems if path.rpartition('/')[0] == folder]
@@ -263,10 +264,7 @@ def _search_in(files: Any, root: str) -> _Found:
     names = _device_names(
         files, [f'{b}/{METADATA}' for b in stored if f'{b}/{METADATA}' in listed]
     )
-
-    def url(path: str) -> str:
-        return str(files.unstrip_protocol(path)).removeprefix('file://')
-
+    url = partial(_url_of, files)
     bags = tuple(
         _Bag(
             url=url(bag),
@@ -280,6 +278,11 @@ def _search_in(files: Any, root: str) -> _Found:
     cases = {url(path.rpartition('/')[0]): text for path, text in texts.items()}
     closed = [p for p in (*paths, *folders) if 'file' in files.protocol and not _readable(p)]
     return _Found(bags, cases, tuple(dict.fromkeys(closed)))
+
+
+def _url_of(files: Any, path: str) -> str:
+    """Return the URL of a path in a file system; of this machine's, the path alone."""
+    return str(files.unstrip_protocol(path)).removeprefix('file://')
 
 
 def _readable(path: str) -> bool:

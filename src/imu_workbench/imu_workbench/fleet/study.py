@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All that is said of a fleet, as one dictionary: page, JSON and terminal show the same."""
+"""The results of a fleet as one dictionary: page, JSON and terminal show the same."""
 
 from __future__ import annotations
 
@@ -12,9 +12,7 @@ from imu_recording.user_error import UserError
 
 from imu_workbench.fleet.estimate import version
 from imu_workbench.fleet.shortening import curve_content, shortening_curve
-from imu_workbench.fleet.statistics.capability import capabilities
 from imu_workbench.fleet.statistics.clusters import find_clusters
-from imu_workbench.fleet.statistics.control import control_chart
 from imu_workbench.fleet.statistics.population import (
     LEAST_DEVICES,
     Population,
@@ -23,16 +21,17 @@ from imu_workbench.fleet.statistics.population import (
     populations,
 )
 from imu_workbench.fleet.statistics.prevalence import prevalences
+from imu_workbench.fleet.statistics.process_control import capabilities, control_chart
 from imu_workbench.fleet.statistics.screening import Screening, odd_devices, screen
 from imu_workbench.fleet.statistics.shape_population import shape_populations
 from imu_workbench.fleet.statistics.vectors import SENSORS, Vectors, read_vectors
 from imu_workbench.fleet.table import FleetTable
-from imu_workbench.report.limits import Limits
+from imu_workbench.report.limits import CoefficientLimits
 
 SCHEMA = 1
 
 
-def study(folder: Path, limits: Limits | None = None) -> dict[str, Any]:
+def study(folder: Path, limits: CoefficientLimits | None = None) -> dict[str, Any]:
     """Return populations, odd devices, clusters, prevalence, control charts and failures.
 
     With `limits`: the capability of each lot to keep them.

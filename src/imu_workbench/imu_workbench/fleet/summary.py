@@ -8,12 +8,12 @@ from typing import Any
 
 from imu_workbench.fleet.display import displayed
 from imu_workbench.fleet.sources import NO_TYPE
-from imu_workbench.fleet.statistics.capability import CAPABLE
+from imu_workbench.fleet.statistics.process_control import LEAST_CPK
 
-SHOWN = 20
+MOST_LISTED = 20
 """Odd or failed devices, and slopes beyond limits, that are listed; all stand in the JSON."""
 
-SAME = 5e-4
+SAME_RATIO = 5e-4
 """Ratios closer than this are the same: the longer campaign is not listed."""
 
 
@@ -28,9 +28,11 @@ def lot_name(one: Mapping[str, Any]) -> str:
 
 def failed_lines(failed: Mapping[str, str]) -> list[str]:
     """Return a line per device that has no estimate, with its reason."""
-    lines = [f'failed: {device}: {reason}' for device, reason in list(failed.items())[:SHOWN]]
-    if len(failed) > SHOWN:
-        lines.append(f'and {len(failed) - SHOWN} failed more')
+    lines = [
+        f'failed: {device}: {reason}' for device, reason in list(failed.items())[:MOST_LISTED]
+    ]
+    if len(failed) > MOST_LISTED:
+        lines.append(f'and {len(failed) - MOST_LISTED} failed more')
     return lines
 
 
@@ -62,9 +64,9 @@ def study_lines(found: Mapping[str, Any]) -> list[str]:
             f'({one["lots"]} lots)'
         )
     missed = [one for one in found['capability'] if not one['capable']]
-    lines += [capability_line(one) for one in missed[:SHOWN]]
-    if len(missed) > SHOWN:
-        lines.append(f'and {len(missed) - SHOWN} slopes more')
+    lines += [capability_line(one) for one in missed[:MOST_LISTED]]
+    if len(missed) > MOST_LISTED:
+        lines.append(f'and {len(missed) - MOST_LISTED} slopes more')
     for one in found['clusters']:
         kind = '' if one['type'] == NO_TYPE else f' of type {one["type"]}'
         lines.append(f'clusters{kind}: {one["count"]}')
@@ -73,9 +75,11 @@ def study_lines(found: Mapping[str, Any]) -> list[str]:
     if found['shortening']:
         lines += curve_lines(found['shortening'])[:1]
     odd = found['odd']
-    lines += [f'odd: {one["device"]} {one["sensor"]}: {one["reason"]}' for one in odd[:SHOWN]]
-    if len(odd) > SHOWN:
-        lines.append(f'and {len(odd) - SHOWN} more')
+    lines += [
+        f'odd: {one["device"]} {one["sensor"]}: {one["reason"]}' for one in odd[:MOST_LISTED]
+    ]
+    if len(odd) > MOST_LISTED:
+        lines.append(f'and {len(odd) - MOST_LISTED} more')
     return lines
 
 
@@ -84,7 +88,7 @@ def capability_line(one: Mapping[str, Any]) -> str:
     low, high = one['interval']
     return (
         f'lot {lot_name(one)} {one["sensor"]} {one["axis"]}: {one["coefficient"]} has Cpk '
-        f'{one["cpk"]:.2f} ({low:.2f} … {high:.2f}); {CAPABLE} is wanted'
+        f'{one["cpk"]:.2f} ({low:.2f} … {high:.2f}); {LEAST_CPK} is wanted'
     )
 
 
@@ -153,6 +157,6 @@ def shortest_first(
     own = [p for p in points if (p['sensor'], p['prior']) == (sensor, prior)]
     front: list[Mapping[str, Any]] = []
     for point in sorted(own, key=lambda p: (p['hours'], p['ratio'])):
-        if not front or point['ratio'] < front[-1]['ratio'] - SAME:
+        if not front or point['ratio'] < front[-1]['ratio'] - SAME_RATIO:
             front.append(point)
     return front

@@ -18,7 +18,7 @@ from imu_recording.user_error import UserError
 
 RESULTS = 'results'
 SCHEMA = 4
-Row = dict[str, Any]
+ResultRow = dict[str, Any]
 """One row; absent columns are null."""
 
 COLUMNS: dict[str, str] = {
@@ -77,12 +77,12 @@ def arrow_schema() -> Any:
     return pa.schema([(name, plain[kind]) for name, kind in COLUMNS.items()])
 
 
-def write_rows(folder: Path, rows: Sequence[Row], written: int) -> None:
+def write_rows(folder: Path, rows: Sequence[ResultRow], written: int) -> None:
     """Add rows (each with its `lot`) to the dataset; `written` [ns] makes them the newest."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    lots: dict[str, list[Row]] = defaultdict(list)
+    lots: dict[str, list[ResultRow]] = defaultdict(list)
     for row in rows:
         own = {key: value for key, value in row.items() if key != 'lot'}
         lots[row['lot']].append({**own, 'written': written})

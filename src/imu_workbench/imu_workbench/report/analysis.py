@@ -31,12 +31,12 @@ from thermal_comp.model.values import ModelError, ThermalModel
 from imu_recording import ImuRecording
 from imu_workbench.answer import show_progress
 from imu_workbench.parallel import Task, run_tasks
-from imu_workbench.report.attitude import Attitude, AttitudeTask, after_startup, is_slow
+from imu_workbench.report.attitude import AttitudeTask, FilterAttitude, after_startup, is_slow
 from imu_workbench.report.modelled import RunErrors, errors_of_run
 from imu_workbench.report.slopes import block_slopes
 
 UNNAMED = 'device'
-"""What a device is called whose recordings name none."""
+"""Name of a device whose recordings name none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class RunAnalysis:
     hash: str
     errors: RunErrors | None
     """Under the device's model; None where there is none."""
-    attitudes: tuple[Attitude, ...]
+    attitudes: tuple[FilterAttitude, ...]
     interpolated: bool
     """Whether the filters saw interpolated samples."""
 
@@ -68,7 +68,7 @@ class DeviceAnalysis:
     problem: str = ''
     """Why there is no model."""
     note: str = ''
-    """What a reader has to know of its recordings, and why there is no diagnosis."""
+    """Remark on its recordings, or why there is no diagnosis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class Analysis:
     diagnoses: Mapping[str, Mapping[str, Any]]
     """Diagnosis of each device as plain values, with the steps that would follow."""
     left_out: tuple[str, ...] = ()
-    """What is said of recordings in which the device moves: nothing here is about them."""
+    """Sentences about the recordings that are left out, as the device moves in them."""
     certified: Mapping[str, Certified] = field(default_factory=dict)
     """What the certificate of each device states the coefficients of."""
 
@@ -204,12 +204,12 @@ def diagnosis_tasks(
     """Return a task per device that has a model: search it for missing effects."""
     return [
         DiagnosisTask(
-            device.name,
-            [r for r in recordings if r.device == device.name],
-            device.model,
-            catalogue,
-            reference,
-            [run for run in prepared if run.device == device.name],
+            device=device.name,
+            recordings=[r for r in recordings if r.device == device.name],
+            model=device.model,
+            catalogue=catalogue,
+            reference=reference,
+            prepared=[run for run in prepared if run.device == device.name],
         )
         for device in devices.values()
         if device.model
@@ -254,7 +254,7 @@ def unnamed_note(recordings: Sequence[ImuRecording]) -> str:
 def analyse_device(
     name: str, recordings: Sequence[ImuRecording], model: ThermalModel | None
 ) -> tuple[DeviceAnalysis, list[PreparedRun]]:
-    """Return model and comparison of one device; what stands in the way is its `problem`."""
+    """Return model and comparison of one device, or the `problem` why there is none."""
     try:
         runs = prepare(recordings)
         model = model or fit_prepared([BiasTemperature()], runs)
@@ -270,7 +270,7 @@ def analyse_run(
     recording: ImuRecording,
     model: ThermalModel | None,
     prepared: PreparedRun | None,
-    attitudes: tuple[Attitude, ...],
+    attitudes: tuple[FilterAttitude, ...],
 ) -> RunAnalysis:
     """Return what follows from one recording under a model."""
     return RunAnalysis(
@@ -305,7 +305,7 @@ def slopes_of(runs: Sequence[RunAnalysis]) -> dict[str, dict[str, dict[str, Floa
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisTask:
-    """The recordings of one device and the model to be judged."""
+    """The recordings of one device and the model to be diagnosed."""
 
     device: str
     recordings: Sequence[ImuRecording]

@@ -34,24 +34,24 @@ START_S = 60.0
 """The start attitude is the mean over this long [s]."""
 EULER = ('yaw', 'pitch', 'roll')
 COLUMNS = (*EULER, 'rotation', 'heading', 'inclination')
-"""Columns of `Attitude.angles`: ZYX Euler angles (the paper's α, β, γ), then what never wraps."""
+"""Of `angles_from_start`: ZYX Euler angles (the paper's α, β, γ), then angles that never wrap."""
 CHUNK_ROWS = 50_000
 """Rows whose angles are computed at a time: they stay in the cache."""
 RAW, HALF, FULL = 'raw', 'magnetometer compensated', 'compensated'
-"""What the filters are fed with; earlier versions of a model are `version 1` …"""
+"""Input of the filters; under earlier versions of a model it is called `version 1` …"""
 DRAWN = (RAW, FULL)
-"""Of these there are lines and statistics cycle by cycle; of the others what the run says."""
+"""Inputs with lines and statistics of every cycle; others have statistics of the run only."""
 BRIEF_STRIDE = 10
-"""The others are looked at in every so many rows: their spread needs no more."""
+"""Of the others one row in so many is evaluated: enough for their spread."""
 
 
 @dataclass(frozen=True, eq=False)
-class Attitude:
-    """What a filter's estimate does relative to the start: angles in degrees."""
+class FilterAttitude:
+    """Attitude of one filter relative to the start: angles [deg], their statistics, its cost."""
 
     filter: str
     data: str
-    """What the filter was fed with."""
+    """Input of the filter."""
     statistics: list[dict[str, Any]]
     """Mean, standard deviation and largest value of each of COLUMNS: the run, then each cycle."""
     hours: Mapping[str, FloatArray]
@@ -61,7 +61,7 @@ class Attitude:
     nanoseconds_per_sample: float
     """Time the filter took on this machine, compiled and warm."""
     flags: Mapping[str, int]
-    """Rows in which the filter said something, by flag."""
+    """Number of rows with each flag of the filter."""
 
 
 def estimate_attitudes(
@@ -70,7 +70,7 @@ def estimate_attitudes(
     filters: Sequence[str] = tuple(FILTERS),
     every: int = 1,
     points: int = 1000,
-) -> Iterator[Attitude]:
+) -> Iterator[FilterAttitude]:
     """Run each filter, as the paper has it, over every variant of a recording.
 
     Angles are taken of every `every`-th row; lines have about `points` points.
@@ -91,7 +91,7 @@ def estimate_attitudes(
             if drawn:
                 hours, lines = angle_lines(seconds[::stride] / 3600.0, angles, points)
             cycles = cycle[::stride] if drawn and cycle is not None else None
-            yield Attitude(
+            yield FilterAttitude(
                 filter=name,
                 data=data,
                 statistics=angle_statistics(angles, cycles),
@@ -178,9 +178,9 @@ def _wrapped(difference: FloatArray) -> FloatArray:
     return difference
 
 
-FILTER_RATE = 50.0
+LEAST_FILTER_RATE_HZ = 50.0
 """Slowest rate [Hz] of recordings that a verdict on the filters rests on."""
-INTERPOLATED_RATE = 25.0
+INTERPOLATED_RATE_HZ = 25.0
 """Rate [Hz] slower recordings are interpolated to: what lies between their samples is a straight
 line, and spreads of the degrees differ from those at 50 Hz by 3 % at most."""
 UNUSED = tuple(name for name in OPTIONAL_FIELDS if name != 'cycle')
@@ -208,11 +208,13 @@ class AttitudeTask:
         """Rows to be filtered and looked at [10⁶]."""
         seconds = float(self.recording.time[-1]) if len(self.recording) else 0.0
         rows = (
-            INTERPOLATED_RATE * seconds if is_slow(self.recording) else 3.0 * len(self.recording)
+            INTERPOLATED_RATE_HZ * seconds
+            if is_slow(self.recording)
+            else 3.0 * len(self.recording)
         )
         return rows * 1e-6
 
-    def run(self) -> tuple[Attitude, ...]:
+    def run(self) -> tuple[FilterAttitude, ...]:
         """Return the attitudes; none without a model."""
         first = startup_rows(self.recording)[0]
         if self.model is None or len(self.recording) - first < 2:
@@ -221,14 +223,14 @@ class AttitudeTask:
         raw = self.recording.rows(slice(first, None)) if first else self.recording
         found = estimate_attitudes(
             variants(raw, self.model),
-            every=round(INTERPOLATED_RATE) if slow else stride_of(raw),
+            every=round(INTERPOLATED_RATE_HZ) if slow else stride_of(raw),
             points=int(np.clip(ALL_POINTS / self.among, 250, 1000)),
         )
         return tuple(found)
 
 
 def variants(raw: ImuRecording, model: ThermalModel) -> dict[str, ImuRecording]:
-    """Return what the filters are fed with: raw, and compensated by every version of the model.
+    """Return the inputs of the filters: raw, and compensated by every version of the model.
 
     A recording fast enough for a verdict is also taken with only its magnetometer compensated.
     """
@@ -238,7 +240,9 @@ def variants(raw: ImuRecording, model: ThermalModel) -> dict[str, ImuRecording]:
     full = without_tracks(compensate(raw, model))
     if is_slow(raw):
         found[FULL] = full
-        return {name: upsample(recording, INTERPOLATED_RATE) for name, recording in found.items()}
+        return {
+            name: upsample(recording, INTERPOLATED_RATE_HZ) for name, recording in found.items()
+        }
     if np.isfinite(raw.magnetic_field).any():
         found[HALF] = replace(found[RAW], magnetic_field=full.magnetic_field)
     return found | {FULL: full}
@@ -252,12 +256,12 @@ def without_tracks(recording: ImuRecording) -> ImuRecording:
 
 def stride_of(recording: ImuRecording) -> int:
     """Return every how many rows the angles of a fast recording are taken."""
-    return max(round(sample_rate(recording) / INTERPOLATED_RATE), 1)
+    return max(round(sample_rate(recording) / INTERPOLATED_RATE_HZ), 1)
 
 
 def is_slow(recording: ImuRecording) -> bool:
     """Tell whether the recording has to be interpolated for the filters."""
-    return not sample_rate(recording) >= 0.98 * FILTER_RATE
+    return not sample_rate(recording) >= 0.98 * LEAST_FILTER_RATE_HZ
 
 
 def after_startup(recording: ImuRecording) -> NDArray[np.bool_]:

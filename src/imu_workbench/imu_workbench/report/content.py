@@ -16,7 +16,7 @@ from orientation_filters.filters import state_bytes
 
 from imu_workbench.answer import plain
 from imu_workbench.report.analysis import Analysis, RunAnalysis
-from imu_workbench.report.attitude import Attitude
+from imu_workbench.report.attitude import FilterAttitude
 from imu_workbench.report.certificate.content import certificates
 from imu_workbench.report.claims.attitude import attitude_claims
 from imu_workbench.report.claims.claim import Claim
@@ -31,7 +31,7 @@ from imu_workbench.report.claims.thermal import (
 )
 from imu_workbench.report.error_steps import error_steps_content
 from imu_workbench.report.laboratory import Laboratory
-from imu_workbench.report.limits import Limits
+from imu_workbench.report.limits import CoefficientLimits
 from imu_workbench.report.measured import (
     PAPER_TABLES,
     cycle_content,
@@ -62,7 +62,7 @@ def report_content(
     versions: dict[str, str],
     growth: Mapping[str, Any] | None = None,
     laboratory: Laboratory | None = None,
-    limits: Limits | None = None,
+    limits: CoefficientLimits | None = None,
 ) -> dict[str, Any]:
     """Return the content of a report; `commands` and `versions` say how it was made.
 
@@ -134,7 +134,7 @@ def report_content(
         'published_attitudes': list(paper.tables_6_7()),
         'claims': report_claims(analysis, ranges, overheating, pooled),
         'paper_notes': list(PAPER_NOTES),
-        'story': growth,
+        'growth': growth,
         'reproduce': {'commands': list(commands), 'versions': versions},
     }
     result: dict[str, Any] = plain(content)
@@ -195,7 +195,7 @@ def attitude_content(run: RunAnalysis) -> dict[str, Any]:
     }
 
 
-def angle_series(attitude: Attitude) -> dict[str, Any]:
+def angle_series(attitude: FilterAttitude) -> dict[str, Any]:
     """Return yaw, pitch and roll over time as lines."""
     return {
         name: {'x': rounded(attitude.hours[name]), 'y': rounded(values, 4)}

@@ -36,8 +36,14 @@ PER_KELVIN = {
     '/K²': r'\kelvin\tothe{-2}',
     '/K³': r'\kelvin\tothe{-3}',
 }
-SHAPES = {'s': r'\second', 'K': r'\kelvin', '°C': r'\degreecelsius', 'Hz': r'\hertz', '1': r'\one'}
-COVERAGE = 0.95
+SHAPE_UNITS = {
+    's': r'\second',
+    'K': r'\kelvin',
+    '°C': r'\degreecelsius',
+    'Hz': r'\hertz',
+    '1': r'\one',
+}
+COVERAGE_PROBABILITY = 0.95
 
 
 def check_dcc(signed: bool) -> None:
@@ -55,8 +61,8 @@ def dsi_unit(unit: str) -> str | None:
     >>> print(dsi_unit('1/K'), dsi_unit('1'))
     \kelvin\tothe{-1} \one
     """
-    if unit in SHAPES:
-        return SHAPES[unit]
+    if unit in SHAPE_UNITS:
+        return SHAPE_UNITS[unit]
     for name, written in UNITS.items():
         rest = unit.removeprefix(name)
         if unit.startswith(name) and rest in PER_KELVIN:
@@ -288,7 +294,7 @@ def _real(
                 [
                     ('si:uncertainty', f'{factor * std:.6g}'),
                     ('si:coverageFactor', f'{factor:.4g}'),
-                    ('si:coverageProbability', f'{COVERAGE:g}'),
+                    ('si:coverageProbability', f'{COVERAGE_PROBABILITY:g}'),
                 ],
             )
         ]
@@ -326,7 +332,7 @@ def load_schema(path: Path) -> tuple[Any, str]:
 
 
 def validated(root: Any, schema: Any, path: Path) -> str:
-    """Return that the certificate holds to the schema; raise UserError with the first fault."""
+    """Return that the certificate conforms to the schema; raise UserError with the first fault."""
     if not schema.validate(root):
         fault = schema.error_log[0]
         raise UserError(f'{path}: the certificate does not hold to it: {fault.message}')

@@ -12,7 +12,7 @@ from thermal_comp.model.values import ThermalModel
 from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS
 
 from imu_workbench.report.analysis import Analysis, DeviceAnalysis
-from imu_workbench.report.attitude import FULL, RAW, Attitude
+from imu_workbench.report.attitude import FULL, RAW, FilterAttitude
 from imu_workbench.report.model_content import version_names
 
 
@@ -65,7 +65,7 @@ def sensor_steps(device: DeviceAnalysis, sensor: str, diagnosis: Any) -> dict[st
     }
 
 
-def degrees(attitudes: Sequence[Attitude], earlier: int) -> list[dict[str, Any]]:
+def degrees(attitudes: Sequence[FilterAttitude], earlier: int) -> list[dict[str, Any]]:
     """Return σ of the rotation angle per filter: raw, under each version of the model [deg]."""
     spread = {
         (a.filter, a.data): a.statistics[0].get('std', {}).get('rotation') for a in attitudes

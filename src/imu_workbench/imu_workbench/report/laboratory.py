@@ -14,7 +14,7 @@ from imu_recording.recording import GRAVITY
 from imu_workbench.report.checked_yaml import read_checked
 
 NOT_STATED = 'not stated'
-"""What stands where nothing was given; nothing is ever put in its place."""
+"""Text in place of a missing statement; no value is ever assumed instead."""
 EARTH_GRAVITY_HALF_WIDTH = 0.027
 """Gravity at sea level lies between 9.780 and 9.833 m/s² (WGS 84): so far from 9.80665 at most."""
 FIELD_UNITS = {'nT': 1e-9, 'µT': 1e-6}
@@ -41,7 +41,7 @@ class Laboratory:
         return NOT_STATED if value is None else str(value)
 
     def instrument(self, name: str) -> dict[str, str]:
-        """Return what is said about `chamber` or `thermometer`."""
+        """Return the statements about `chamber` or `thermometer`."""
         known: Mapping[str, Any] = self.content.get(name, {})
         parts = [known[k] for k in ('manufacturer', 'type') if k in known]
         due = f', due {known["due"]}' if 'due' in known else ''

@@ -28,13 +28,13 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 }  # fmt: skip
 """Units a limit may have, in the sensor's SI unit."""
 SUFFIXES = {'bias': '', 'slope': '/K'}
-"""What stands behind the sensor's unit in that of a coefficient; an effect has its own."""
+"""Suffix of the sensor's unit for a coefficient; an effect has units of its own."""
 Rule = Literal['guarded', 'simple']
 Decision = Literal['pass', 'fail', 'undecided']
 
 
 @dataclass(frozen=True)
-class Limit:
+class CoefficientLimit:
     """Lower and upper limit of one coefficient on every axis, in SI units; ±∞ where not given."""
 
     lower: float
@@ -48,7 +48,7 @@ class Limit:
         `guarded`: pass only inside by the width, fail only outside by it, else undecided
         (ILAC-G8:09/2019). `simple`: the value alone decides.
 
-        >>> limit = Limit(-1.0, 1.0, 'm/s²')
+        >>> limit = CoefficientLimit(-1.0, 1.0, 'm/s²')
         >>> [limit.decide(value, 0.2, 'guarded') for value in (0.7, 0.9, 1.3)]
         ['pass', 'undecided', 'fail']
         >>> limit.decide(0.9, 0.2, 'simple')
@@ -64,21 +64,21 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class Limits:
+class CoefficientLimits:
     """The limits of a file and the rule by which they are decided."""
 
-    sensors: Mapping[str, Mapping[str, Limit]]
+    sensors: Mapping[str, Mapping[str, CoefficientLimit]]
     """By sensor, then by `bias`, `slope` or the name of an effect."""
     rule: Rule = 'guarded'
     source: str = ''
     """Where the limits come from; '' where the file does not say."""
 
-    def of(self, sensor: str, coefficient: str) -> Limit | None:
+    def of(self, sensor: str, coefficient: str) -> CoefficientLimit | None:
         """Return the limit of a sensor's coefficient, None where there is none."""
         return self.sensors.get(sensor, {}).get(coefficient)
 
 
-def read_limits(path: Path) -> Limits:
+def read_limits(path: Path) -> CoefficientLimits:
     """Return the limits of a YAML file (`schemas/limits.json`) in SI units.
 
     Raises UserError that names the file, the limit and what is expected.
@@ -91,10 +91,12 @@ def read_limits(path: Path) -> Limits:
         }
         for sensor, named in content['limits'].items()
     }
-    return Limits(sensors, content.get('rule', 'guarded'), content.get('source', ''))
+    return CoefficientLimits(sensors, content.get('rule', 'guarded'), content.get('source', ''))
 
 
-def _limit(place: str, sensor: str, name: str, given: Mapping[str, float | str]) -> Limit:
+def _limit(
+    place: str, sensor: str, name: str, given: Mapping[str, float | str]
+) -> CoefficientLimit:
     factor, suffix = _converted(place, sensor, str(given['unit']))
     expected = SUFFIXES.get(name, suffix)
     if suffix != expected:
@@ -106,7 +108,7 @@ def _limit(place: str, sensor: str, name: str, given: Mapping[str, float | str])
     upper = float(given.get('upper', math.inf)) * factor
     if lower > upper:
         raise UserError(f'{place}: lower {given["lower"]} is above upper {given["upper"]}')
-    return Limit(lower, upper, f'{SENSOR_UNITS[sensor]}{suffix}')
+    return CoefficientLimit(lower, upper, f'{SENSOR_UNITS[sensor]}{suffix}')
 
 
 def _converted(place: str, sensor: str, unit: str) -> tuple[float, str]:

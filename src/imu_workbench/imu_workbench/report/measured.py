@@ -310,5 +310,10 @@ def _statistics(segment: str, values: FloatArray) -> SegmentStatistics | None:
         return None
     spread = columns.std(axis=1, ddof=1) if count > 1 else np.full(3, np.nan)
     return SegmentStatistics(
-        segment, count, columns.min(axis=1), columns.max(axis=1), columns.mean(axis=1), spread
+        segment=segment,
+        samples=count,
+        minimum=columns.min(axis=1),
+        maximum=columns.max(axis=1),
+        mean=columns.mean(axis=1),
+        std=spread,
     )

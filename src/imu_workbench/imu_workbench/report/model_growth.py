@@ -76,7 +76,7 @@ class ModelGrowthTask:
 def _grown(
     line: ThermalModel, runs: Sequence[PreparedRun]
 ) -> Iterator[tuple[dict[str, Any], Growth]]:
-    """Give what is missing and the model with it, until nothing is."""
+    """Yield each missing effect and the model with it, until none is missing."""
     model, settings = line, Settings(EFFECTS)
     for _ in range(MOST_STEPS):
         findings = diagnose_prepared(runs, model, settings).to_dict()['findings']

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -80,7 +81,7 @@ def errors_of_run(run: PreparedRun, model: ThermalModel) -> RunErrors:
 
 
 AXES = ('x', 'y', 'z')
-TEMPERATURE_BIN = 2.0
+TEMPERATURE_BIN_K = 2.0
 """Width of the temperature bins of the dependence [K]."""
 HISTOGRAM_BINS = 48
 SCATTER_POINTS = 350
@@ -121,16 +122,17 @@ def binned(temperature: FloatArray, values: FloatArray) -> tuple[FloatArray, ...
     temperature, values = temperature[good], values[good]
     if not len(values):
         return np.empty(0), np.empty((0, 3)), np.empty((0, 3))
-    place = np.floor(temperature / TEMPERATURE_BIN).astype(np.int64)
+    place = np.floor(temperature / TEMPERATURE_BIN_K).astype(np.int64)
     _, place, count = np.unique(place, return_inverse=True, return_counts=True)
-
-    def mean(column: FloatArray) -> FloatArray:
-        sums: FloatArray = np.bincount(place, weights=column) / count
-        return sums
-
+    mean = partial(_bin_mean, place, count)
     means = np.column_stack([mean(values[:, i]) for i in range(3)])
     squares = np.column_stack([mean((values[:, i] - means[place, i]) ** 2) for i in range(3)])
     return mean(temperature), means, np.sqrt(squares)
+
+
+def _bin_mean(place: IntArray, count: IntArray, column: FloatArray) -> FloatArray:
+    sums: FloatArray = np.bincount(place, weights=column) / count
+    return sums
 
 
 def fit_content(run: RunErrors) -> dict[str, Any]:

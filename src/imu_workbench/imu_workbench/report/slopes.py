@@ -17,8 +17,8 @@ from scipy.special import fdtrc
 
 BLOCKS = 5
 """Contiguous blocks that stand for cycles where a recording has none."""
-SMALLEST_SPAN = 5.0
-"""Temperature span [K] below which a block says nothing about a slope."""
+LEAST_SPAN_K = 5.0
+"""Temperature span [K] that a block needs for a slope."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ def _blocks(recording: ImuRecording, used: NDArray[np.bool_]) -> list[NDArray[np
 
 
 def _slope(temperature: FloatArray, values: FloatArray) -> FloatArray | None:
-    if len(temperature) < 3 or np.ptp(temperature) < SMALLEST_SPAN:
+    if len(temperature) < 3 or np.ptp(temperature) < LEAST_SPAN_K:
         return None
     x = temperature - temperature.mean()
     slope: FloatArray = x @ (values - values.mean(axis=0)) / (x @ x)

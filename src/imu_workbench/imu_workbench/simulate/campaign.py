@@ -26,14 +26,14 @@ ORIENTATIONS = ('+x', '+y', '+z')
 
 @dataclass(frozen=True)
 class Logging:
-    """What the rows of a simulated recording are."""
+    """How a simulated recording is logged."""
 
     rate_hz: float
     """Rate of the rows [Hz]."""
     mean: bool = False
     """Rows are means over their interval instead of single samples."""
     chamber_period: float = 1.0
-    """Pace of the chamber's tracks [s]; never faster than the rows."""
+    """Period of the chamber's tracks [s]; never shorter than that of the rows."""
 
 
 def simulate_run(
@@ -85,7 +85,7 @@ def prepare_campaign(
 
     A run depends on seed, device and its own orientation only: alone or in a campaign it is the
     same. Devices with one seed share the chamber, not the noise.
-    `chamber_seed` (default: the seed) makes the chamber's runs, the last of which are kept.
+    `chamber_seed` (default: the seed) is that of the chamber's runs; the latest are cached.
     """
     known = profile if isinstance(profile, Profile) else load_profile(profile)
     return [

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns of a population of simulated devices, streamed to bags; the truth stands beside them.
+"""A fleet of simulated devices: its bags, the truth beside them, the score of a study by it.
 
 `DIR/lot=A/A00001/x`, `y`, `z`: one folder a device, one bag an orientation.
 """
@@ -12,8 +12,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from imu_driver.simulation.hidden import hide_anything
 from imu_driver.simulation.population import FleetDevice, draw_fleet_device, draw_lots
+from imu_recording.recording import SENSOR_FIELDS
 from imu_recording.user_error import UserError
 
 from imu_recording import ImuRecording, write_bag
@@ -124,3 +126,68 @@ def fleet_truth(folder: Path) -> Mapping[str, Any] | None:
     except ValueError as error:
         raise UserError(f'{file}: not what `simulate` writes ({error})') from None
     return content if isinstance(content, dict) and content.get('kind') == FLEET else None
+
+
+def score_fleet(found: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, Any]:
+    """Return outliers found, false alarms, errors of the lots' means, prevalence."""
+    devices: Mapping[str, Any] = truth['devices']
+    outliers = {name for name, one in devices.items() if one['outlier']}
+    odd = {one['device'] for one in found['odd']}
+    ordinary = len(devices) - len(outliers)
+    errors = [
+        (np.array(one['mean']) - np.array(truth['lots'][one['lot']]['mean'])[_axes(one)])
+        / np.sqrt(np.diag(truth['lots'][one['lot']]['covariance']))[_axes(one)]
+        for one in found['populations']
+        if one['lot'] in truth['lots']
+    ]
+    shares = []
+    for lot, drawn in truth['lots'].items():
+        own = [one for one in devices.values() if one['lot'] == lot]
+        for effect in drawn['effects']:
+            has = sum(_has(one, effect) for one in own) / max(1, len(own))
+            named = [
+                one['share']
+                for one in found['prevalence']
+                if one['named']
+                and (one['lot'], one['sensor'], one['effect'])
+                == (lot, effect['sensor'], effect['name'])
+            ]
+            shares.append(
+                {
+                    'lot': lot,
+                    'effect': effect['name'],
+                    'sensor': effect['sensor'],
+                    'true': has,
+                    'found': named[0] if named else 0.0,
+                }
+            )
+    score: dict[str, Any] = {
+        'outliers': len(outliers),
+        'outliers_found': len(outliers & odd),
+        'false_alarms': len(odd - outliers) / max(1, ordinary),
+        'worst_mean_error': float(np.abs(errors).max()) if errors else float('nan'),
+        'prevalence': shares,
+    }
+    hits = f'{score["outliers_found"]} of {len(outliers)} outliers'
+    score['lines'] = [
+        f'found {hits}, false alarms {100 * score["false_alarms"]:.1f} % of {ordinary}',
+        f"lots' means off by at most {score['worst_mean_error']:.2f} σ of the lot",
+        *(
+            f'lot {one["lot"]}: {one["effect"]} in {one["sensor"]}: '
+            f'true {100 * one["true"]:.0f} %, found {100 * one["found"]:.0f} %'
+            for one in shares
+        ),
+    ]
+    return score
+
+
+def _axes(one: Mapping[str, Any]) -> slice:
+    first = 3 * list(SENSOR_FIELDS).index(one['sensor'])
+    return slice(first, first + 3)
+
+
+def _has(device: Mapping[str, Any], effect: Mapping[str, Any]) -> bool:
+    return any(
+        (own['name'], own['sensor']) == (effect['name'], effect['sensor'])
+        for own in device['effects']
+    )

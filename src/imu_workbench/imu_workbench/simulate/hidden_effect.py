@@ -14,8 +14,7 @@ import numpy as np
 from chamber_profile.profile.values import Profile
 from imu_driver.simulation.ageing import draw_ageing
 from imu_driver.simulation.devices import DeviceParameters, draw_device, find_device
-from imu_driver.simulation.effects.hidden_effect import HiddenEffect as Simulated
-from imu_driver.simulation.effects.hidden_effect import Truth
+from imu_driver.simulation.effects.hidden_effect import HiddenEffect, Truth
 from imu_driver.simulation.hidden import HIDDEN_EFFECTS, NOTHING, hide_anything, random_name
 from imu_driver.simulation.run import DeviceRun
 from imu_recording.user_error import UserError
@@ -37,7 +36,7 @@ NOTHING_HIDDEN = Truth(None, 'nothing', law=NOTHING)
 
 
 @dataclass(frozen=True)
-class Campaign:
+class SimulatedCampaign:
     """Recordings of one device in several orientations, and what is hidden in them."""
 
     recordings: list[ImuRecording]
@@ -48,7 +47,7 @@ class Campaign:
 
 
 @dataclass(frozen=True)
-class HiddenEffect:
+class EffectToHide:
     """Name, size and sensor of what is hidden."""
 
     name: str
@@ -62,19 +61,18 @@ def hidden_campaign(
     profile: str | Profile,
     device: str | DeviceParameters,
     logging: Logging,
-    hidden_effects: Sequence[HiddenEffect],
+    hidden_effects: Sequence[EffectToHide],
     *,
     seed: int,
     orientations: Sequence[str] = ORIENTATIONS,
     aged: bool = False,
-    own: Mapping[str, Simulated] = MappingProxyType({}),
-) -> Campaign:
-    """Return a campaign with hidden effects, or the same device's a year later.
+    own: Mapping[str, HiddenEffect] = MappingProxyType({}),
+) -> SimulatedCampaign:
+    """Return a campaign with hidden effects, or that of the same device a year later.
 
-    `own` are effects to hide beside those the simulator has.
-
-    Then device and hidden effects are those of the seed, older by a seeded `changes`; chamber,
-    noise and placement are those of another day.
+    `aged`: device and hidden effects are those of the seed, older by seeded `changes`; chamber,
+    noise and placement are those of another day. `own` are effects to hide beside those the
+    simulator has.
     """
     runs = prepare_campaign(profile, device, seed=seed, orientations=orientations)
     if not aged:
@@ -97,12 +95,12 @@ def hidden_campaign(
 def record_hidden(
     runs: Sequence[DeviceRun],
     logging: Logging,
-    hidden_effects: Sequence[HiddenEffect],
+    hidden_effects: Sequence[EffectToHide],
     *,
     seed: int,
     measured_on: Sequence[DeviceRun] | None = None,
-    own: Mapping[str, Simulated] = MappingProxyType({}),
-) -> Campaign:
+    own: Mapping[str, HiddenEffect] = MappingProxyType({}),
+) -> SimulatedCampaign:
     """Hide the effects in prepared runs, on top of each other, and read them out.
 
     Magnitudes are those in `measured_on` where given: runs of the device before it aged.
@@ -111,7 +109,7 @@ def record_hidden(
         random_name(seed + number) if hidden_effect.name == 'random' else hidden_effect.name
         for number, hidden_effect in enumerate(hidden_effects)
     ]
-    # Where the device stands is settled before anything acts on it.
+    # The mounting comes first: every effect acts on the device where it stands then.
     for settle in (HIDDEN_EFFECTS[name].mounting for name in names if name in HIDDEN_EFFECTS):
         if settle:
             runs = [settle(run) for run in runs]
@@ -134,11 +132,11 @@ def record_hidden(
     for hidden in done:
         recordings = hidden.finish(recordings)
     truths = tuple(hidden.truth for hidden in done if hidden.truth.kind != 'nothing')
-    return Campaign(recordings, truths or (NOTHING_HIDDEN,))
+    return SimulatedCampaign(recordings, truths or (NOTHING_HIDDEN,))
 
 
 def practice_campaign(
-    hidden_effects: Sequence[HiddenEffect],
+    hidden_effects: Sequence[EffectToHide],
     *,
     seed: int,
     mean_s: float = 5.0,
@@ -169,7 +167,7 @@ def scale_bias_instability(device: DeviceParameters, factor: float) -> DevicePar
     return replace(device, **changed)
 
 
-def write_truth(path: Path, campaign: Campaign, **context: Any) -> None:
+def write_truth(path: Path, campaign: SimulatedCampaign, **context: Any) -> None:
     """Write the truth beside the bags: what is hidden first at the top, the rest below it."""
     first, *others = [asdict(truth) for truth in campaign.truths]
     content = {'schema': 1, **first, **context}
@@ -231,7 +229,7 @@ class Score:
 
 
 def score_each(truths: Sequence[Mapping[str, Any]], diagnosis: Mapping[str, Any]) -> list[Score]:
-    """Return the score of every hidden effect, without the findings that are another's alone.
+    """Return the score of every hidden effect, without findings that only another one explains.
 
     >>> lag = {'kind': 'effect', 'name': 'thermal_lag', 'sensor': 'gyroscope'}
     >>> ice = {'kind': 'effect', 'name': 'icing', 'sensor': 'gyroscope'}

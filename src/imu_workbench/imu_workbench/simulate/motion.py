@@ -17,9 +17,9 @@ from imu_driver.simulation.run import prepare_run
 from imu_recording import ImuRecording
 from imu_workbench.simulate.campaign import chamber_environment, hold_tracks
 
-DURATION = 600.0
+DURATION_S = 600.0
 """[s]"""
-BEFORE_RAMP = 60.0
+REST_BEFORE_RAMP_S = 60.0
 """Rest before the ramp starts [s]."""
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 ROTATIONS = (
@@ -78,7 +78,7 @@ RAMP_PROFILE = {
 
 def known_rotations() -> Motion:
     """Return ROTATIONS as turns of 4 s each, with rests between them."""
-    rest = (DURATION - 40.0) / len(ROTATIONS) - 4.0
+    rest = (DURATION_S - 40.0) / len(ROTATIONS) - 4.0
     return turns_with_rests(
         [(axis, float(np.deg2rad(angle))) for axis, angle in ROTATIONS],
         start=30.0,
@@ -95,8 +95,8 @@ def simulate_motion(
     chamber = chamber_environment(profile, seed)
     moving = np.flatnonzero(np.diff(chamber.column('setpoint')) > 0.0)
     rising = moving[chamber.column('setpoint')[moving] >= 19.95]
-    start = int(rising[0] - BEFORE_RAMP / chamber.period)
-    environment = window(chamber, start, int(DURATION / chamber.period) + 1)
+    start = int(rising[0] - REST_BEFORE_RAMP_S / chamber.period)
+    environment = window(chamber, start, int(DURATION_S / chamber.period) + 1)
     run = prepare_run(device, environment, seed=seed, motion=known_rotations())
     recording = read_out(run, ReadOut(rate_hz))
     return hold_tracks(replace(recording, run=f'{run.device.name}_motion'), chamber_period)

@@ -39,10 +39,10 @@ from rclpy.logging import LoggingSeverity
 
 from imu_workbench.isolated_context import quiet_context
 
-SECOND = 1_000_000_000
-FIRST_DAY = 1_767_225_600 * SECOND
+SECOND_NS = 1_000_000_000
+FIRST_START_NS = 1_767_225_600 * SECOND_NS
 """Start of the first run, 2026-01-01 00:00 UTC; each run has a day of its own [ns]."""
-DAY = 86_400 * SECOND
+DAY_NS = 86_400 * SECOND_NS
 TYPES = {
     topic: TRACK_OF_TOPIC[topic].message_type
     for topic in (IMU_TOPIC, MAGNETIC_TOPIC, TEMPERATURE_TOPIC)
@@ -117,7 +117,7 @@ class _NodeRun:
 
     def __init__(self, plan: RunPlan, context: Context) -> None:
         self.plan = plan
-        self._stamp = FIRST_DAY + plan.number * DAY
+        self._stamp = FIRST_START_NS + plan.number * DAY_NS
         self._begin = self._stamp
         self.options: dict[str, Any] = {
             'context': context,
@@ -165,7 +165,7 @@ class _NodeRun:
         second, asked, flushed = 0, 0, time.monotonic()
         began = flushed
         while chamber.exit_code is None:
-            self._stamp = self._begin + second * SECOND
+            self._stamp = self._begin + second * SECOND_NS
             chamber.advance()
             if second % every == 0:
                 self._sample(second, steps if plan.imu_rate_hz > 1.0 else 1)
@@ -183,7 +183,7 @@ class _NodeRun:
         return int(self._recorder.recorder.messages)
 
     def close(self) -> None:
-        """Finish the bag and let go of the nodes."""
+        """Finish the bag and destroy the nodes."""
         self._recorder.deactivated()
         self._recorder.destroy_node()
         self.chamber.run.conductor.close()
@@ -194,7 +194,7 @@ class _NodeRun:
         chamber = self.chamber.run.conductor.link.chamber
         assert isinstance(chamber, SimulatedChamber)  # noqa: S101 (the node's parameter says so)
         for i in range(count):
-            self._stamp = self._begin + second * SECOND + i * SECOND // count
+            self._stamp = self._begin + second * SECOND_NS + i * SECOND_NS // count
             for device in self.devices:
                 device.publish(self._stamp, second + i / count, chamber.true_air)
 
@@ -203,7 +203,7 @@ class _NodeRun:
         snapshot = self.chamber.snapshot
         if snapshot.progress.stage != CONFIRM or snapshot.step.phase != OPERATOR_PHASE:
             return 0
-        if asked and self._stamp - asked >= snapshot.step.expected_s * SECOND:
+        if asked and self._stamp - asked >= snapshot.step.expected_s * SECOND_NS:
             self.chamber.command('confirm')
         return asked or self._stamp
 

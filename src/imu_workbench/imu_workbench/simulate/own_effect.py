@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,33 +23,34 @@ from thermal_comp.data.conditions import CHANNELS, SENSORS, Conditions
 from thermal_comp.effects.effect import COUNT, Effect
 from thermal_comp.effects.user_effects import effect_catalogue
 
-MARGIN_SHARE = 0.1
+DISTANCE_FROM_BOUNDS = 0.1
 """Shapes are drawn this share of the range away from its ends: at an end half the effect shows."""
 
 
 def own_effects(files: Sequence[Path]) -> Mapping[str, HiddenEffect]:
-    """Return what the files' effects are to the simulator, by name."""
+    """Return the effects of the files as the simulator hides them, by name."""
     if not files:
         return {}
     return {
-        name: HiddenEffect(name, tuple(effect.sensors), _shape_of(effect))
+        name: HiddenEffect(name, tuple(effect.sensors), partial(_error_shape, effect))
         for name, effect in effect_catalogue(files).items()
         if name not in HIDEABLE
     }
 
 
-def _shape_of(effect: type[Effect]) -> Any:
-    def shape(
-        runs: Sequence[DeviceRun], sensor: str, generator: np.random.Generator
-    ) -> ErrorShape:
-        drawn = _drawn(effect, generator)
-        columns = [drawn.columns(_conditions(run, sensor))[0] for run in runs]
-        gains = generator.choice([-1.0, 1.0], (columns[0].shape[-1], 3))
-        if columns[0].ndim == 3:  # coefficients that the axes share
-            gains = gains[:, 0]
-        return in_sensor(sensor, [each @ gains for each in columns], **_numbers(drawn))
-
-    return shape
+def _error_shape(
+    effect: type[Effect],
+    runs: Sequence[DeviceRun],
+    sensor: str,
+    generator: np.random.Generator,
+) -> ErrorShape:
+    """Return the error of every run by the effect's own equation, coefficients ±1."""
+    drawn = _drawn(effect, generator)
+    columns = [drawn.columns(_conditions(run, sensor))[0] for run in runs]
+    signs = generator.choice([-1.0, 1.0], (columns[0].shape[-1], 3))
+    if columns[0].ndim == 3:  # coefficients that the axes share
+        signs = signs[:, 0]
+    return in_sensor(sensor, [each @ signs for each in columns], **_numbers(drawn))
 
 
 def _drawn(effect: type[Effect], generator: np.random.Generator) -> Effect:
@@ -58,7 +60,7 @@ def _drawn(effect: type[Effect], generator: np.random.Generator) -> Effect:
         if item.metadata['unit'] == COUNT or isinstance(item.default, tuple):
             continue
         low, high = item.metadata['bounds']
-        share = generator.uniform(MARGIN_SHARE, 1.0 - MARGIN_SHARE)
+        share = generator.uniform(DISTANCE_FROM_BOUNDS, 1.0 - DISTANCE_FROM_BOUNDS)
         even = low <= 0.0 or high < 10.0 * low
         value = low + share * (high - low) if even else low * (high / low) ** share
         shape[item.name] = float(value)

@@ -7,20 +7,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from imu_workbench.tables.rows import TO_SI, Row, TableFinding, distinct, norms
+from imu_workbench.tables.rows import TO_SI, StatisticsRow, TableFinding, distinct, norms
 
 STARTUP_AGREEMENT = 0.02
 """Channels of one device share a start-up if their ratios agree to this."""
-STARTUP_BELOW = 0.9
+LARGEST_STARTUP_SHARE = 0.9
 """No share of the mean above this speaks of a start-up."""
-GRAVITY = (8.0, 11.5)
+GRAVITY_RANGE = (8.0, 11.5)
 """Norm of the mean specific force at rest [m/s²]."""
-EARTH_FIELD = (20e-6, 70e-6)
+EARTH_FIELD_RANGE_T = (20e-6, 70e-6)
 """[T]."""
-FIELD_JUMP = 1.3
+FIELD_JUMP_RATIO = 1.3
 
 
-def startups(rows: Sequence[Row]) -> list[TableFinding]:
+def startups(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
     """All large channels of a device reach down to the same share of their mean."""
     found = []
     for dut in dict.fromkeys(r.dut for r in rows):
@@ -37,7 +37,7 @@ def startups(rows: Sequence[Row]) -> list[TableFinding]:
             )
             where += [r.place for r in shared]
         heavy = [r for r in rows if r.dut == dut and r.quantity == 'accelerometer' and r.large]
-        heavy = [r for r in heavy if abs(r.mean) * TO_SI.get(r.unit, 1.0) > GRAVITY[0]]
+        heavy = [r for r in heavy if abs(r.mean) * TO_SI.get(r.unit, 1.0) > GRAVITY_RANGE[0]]
         shared, common = _common_share(heavy)
         if parts and len(shared) > 3:
             parts.append(
@@ -62,7 +62,7 @@ def startups(rows: Sequence[Row]) -> list[TableFinding]:
     return found
 
 
-def flips(rows: Sequence[Row]) -> list[TableFinding]:
+def flips(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
     """Gravity is on another axis, or the other way up, than in most segments of the device."""
     found = []
     for dut in dict.fromkeys(r.dut for r in rows):
@@ -91,12 +91,12 @@ def flips(rows: Sequence[Row]) -> list[TableFinding]:
     return found
 
 
-def units(rows: Sequence[Row]) -> list[TableFinding]:
+def units(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
     """Say where a stated unit, or any unit, cannot be true of gravity and of the Earth's field."""
     found = []
     for quantity, (low, high), slack in (
-        ('accelerometer', GRAVITY, 1.0),
-        ('magnetometer', EARTH_FIELD, 2.0),
+        ('accelerometer', GRAVITY_RANGE, 1.0),
+        ('magnetometer', EARTH_FIELD_RANGE_T, 2.0),
     ):
         for _, unit in distinct((r.quantity, r.unit) for r in rows if r.quantity == quantity):
             known = norms([r for r in rows if r.unit == unit], quantity)
@@ -111,13 +111,13 @@ def units(rows: Sequence[Row]) -> list[TableFinding]:
     return found
 
 
-def field_jumps(rows: Sequence[Row]) -> list[TableFinding]:
+def field_jumps(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
     """The norm of the mean field changes between segments while gravity stays."""
     found = []
     fields, forces = norms(rows, 'magnetometer'), norms(rows, 'accelerometer')
     for dut in dict.fromkeys(r.dut for r in rows):
         here = {segment: n for (d, segment), n in fields.items() if d == dut}
-        if len(here) < 2 or max(here.values()) < FIELD_JUMP * min(here.values()):
+        if len(here) < 2 or max(here.values()) < FIELD_JUMP_RATIO * min(here.values()):
             continue
         force = [n for (d, _), n in forces.items() if d == dut]
         steady = (
@@ -140,19 +140,19 @@ def field_jumps(rows: Sequence[Row]) -> list[TableFinding]:
     return found
 
 
-def _common_share(rows: Sequence[Row]) -> tuple[list[Row], float]:
+def _common_share(rows: Sequence[StatisticsRow]) -> tuple[list[StatisticsRow], float]:
     """Return the rows whose extreme on the side of zero is the same share of their mean."""
     if not rows:
         return [], 1.0
     ratio = np.array([(r.low if r.mean > 0.0 else r.high) / r.mean for r in rows])
     common = float(np.median(ratio))
-    if common > STARTUP_BELOW:
+    if common > LARGEST_STARTUP_SHARE:
         return [], common
     near = np.abs(ratio - common) <= STARTUP_AGREEMENT
     return [r for r, ok in zip(rows, near, strict=True) if ok], common
 
 
-def _gravity_axes(rows: Sequence[Row], dut: str) -> list[Row]:
+def _gravity_axes(rows: Sequence[StatisticsRow], dut: str) -> list[StatisticsRow]:
     """Return the row of each segment whose axis carries most of gravity."""
     heavy = []
     for segment in dict.fromkeys(r.segment for r in rows if r.dut == dut):
@@ -165,7 +165,7 @@ def _gravity_axes(rows: Sequence[Row], dut: str) -> list[Row]:
 
 
 def _wrong_unit(quantity: str, unit: str, norm: float) -> TableFinding:
-    low, high = GRAVITY if quantity == 'accelerometer' else EARTH_FIELD
+    low, high = GRAVITY_RANGE if quantity == 'accelerometer' else EARTH_FIELD_RANGE_T
     same = [u for u in TO_SI if (TO_SI[u] > 1e-3 or u == 'mg') == (quantity == 'accelerometer')]
     fits = [u for u in same if u != 'T' and low <= norm * TO_SI[u] <= high]
     would = f'{fits[0]} would fit' if fits else 'no common unit fits'
@@ -183,7 +183,7 @@ def _wrong_unit(quantity: str, unit: str, norm: float) -> TableFinding:
 
 
 def _no_unit(quantity: str, unit: str, values: np.ndarray) -> TableFinding:
-    low, high = EARTH_FIELD
+    low, high = EARTH_FIELD_RANGE_T
     inside = {
         u: int(((low <= k * values / TO_SI[unit]) & (k * values / TO_SI[unit] <= high)).sum())
         for u, k in (('nT', 1e-9), ('µT', 1e-6), ('mG', 1e-7), ('G', 1e-4))

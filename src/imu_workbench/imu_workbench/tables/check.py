@@ -9,13 +9,13 @@ from itertools import combinations
 import numpy as np
 
 from imu_workbench.tables.channels import field_jumps, flips, startups, units
-from imu_workbench.tables.rows import Row, TableError, TableFinding, read_table
+from imu_workbench.tables.rows import StatisticsRow, TableError, TableFinding, read_table
 
 EXTREME_SIGMA = 20.0
 """No campaign is long enough for an extreme that far from the mean."""
 
 
-def order_broken(rows: Iterable[Row]) -> list[TableFinding]:
+def order_broken(rows: Iterable[StatisticsRow]) -> list[TableFinding]:
     """Return rows whose minimum is above their maximum, or whose σ is negative."""
     return [
         TableFinding(
@@ -29,7 +29,7 @@ def order_broken(rows: Iterable[Row]) -> list[TableFinding]:
     ]
 
 
-def mean_outside(rows: Iterable[Row]) -> list[TableFinding]:
+def mean_outside(rows: Iterable[StatisticsRow]) -> list[TableFinding]:
     """Return rows whose mean is not between their extremes."""
     return [
         TableFinding(
@@ -47,7 +47,7 @@ def mean_outside(rows: Iterable[Row]) -> list[TableFinding]:
     ]
 
 
-def spread_beyond_range(rows: Iterable[Row]) -> list[TableFinding]:
+def spread_beyond_range(rows: Iterable[StatisticsRow]) -> list[TableFinding]:
     """σ² ≤ (max − mean)(mean − min) for any distribution (Bhatia and Davis)."""
     found = []
     for r in rows:
@@ -70,7 +70,7 @@ def spread_beyond_range(rows: Iterable[Row]) -> list[TableFinding]:
     return found
 
 
-def extremes(rows: Iterable[Row]) -> list[TableFinding]:
+def extremes(rows: Iterable[StatisticsRow]) -> list[TableFinding]:
     """Return rows with an extreme that neither noise nor a drift reaches."""
     found = []
     for r in rows:
@@ -95,10 +95,10 @@ Pair = tuple[Key, Key, int, int]
 LEAST_NUMBERS = 6
 """Mean and σ of three axes: fewer agree by chance."""
 LEAST_SPREAD_DIGITS = 5.0
-"""A column says something where its numbers spread over this many last digits."""
+"""Spread of a column, in units of the last digit, from which equal numbers are no chance."""
 
 
-def repeated_columns(rows: Sequence[Row]) -> list[TableFinding]:
+def repeated_columns(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
     """Columns of one quantity that agree between devices in mean and σ of all axes.
 
     Columns that differ in last digits only count where others agree wholly.
@@ -140,7 +140,7 @@ def repeated_columns(rows: Sequence[Row]) -> list[TableFinding]:
     ]
 
 
-__all__ = ['Row', 'TableError', 'TableFinding', 'check_rows', 'read_table']
+__all__ = ['StatisticsRow', 'TableError', 'TableFinding', 'check_rows', 'read_table']
 
 CHECKS = (
     order_broken,
@@ -156,6 +156,6 @@ CHECKS = (
 """Single rows first, then the rows of one device, then devices beside each other."""
 
 
-def check_rows(rows: Sequence[Row]) -> list[TableFinding]:
+def check_rows(rows: Sequence[StatisticsRow]) -> list[TableFinding]:
     """Return everything that cannot be or that asks for an explanation."""
     return [finding for check in CHECKS for finding in check(rows)]

@@ -29,7 +29,7 @@ class TableError(UserError):
 
 
 @dataclass(frozen=True)
-class Row:
+class StatisticsRow:
     """Statistics of one channel in one segment."""
 
     dut: str
@@ -59,7 +59,7 @@ class Row:
     def rounding(self) -> float:
         """Half of the last digit its numbers are printed with.
 
-        >>> Row('A', 'gyroscope', 'deg/s', 'x', 'R1', -0.02, 0.1, 0.05, 0.0).rounding
+        >>> StatisticsRow('A', 'gyroscope', 'deg/s', 'x', 'R1', -0.02, 0.1, 0.05, 0.0).rounding
         0.005
         """
         numbers = (self.low, self.high, self.mean, self.std)
@@ -67,7 +67,7 @@ class Row:
         return 0.5 * 10.0 ** min(0, *(int(digit) for digit in digits))
 
 
-def read_table(path: str | Path) -> list[Row]:
+def read_table(path: str | Path) -> list[StatisticsRow]:
     """Return the rows of a CSV with dut, quantity [unit], axis, segment, min, max, mean, std."""
     try:
         text = Path(path).read_text('utf-8-sig')
@@ -82,7 +82,7 @@ def read_table(path: str | Path) -> list[Row]:
     return [_row(record, f'{path}, row {k}') for k, record in enumerate(records, 2)]
 
 
-def norms(rows: Iterable[Row], quantity: str) -> dict[tuple[str, str], float]:
+def norms(rows: Iterable[StatisticsRow], quantity: str) -> dict[tuple[str, str], float]:
     """Return the norm of the mean vector per device and segment, where all its axes stand."""
     squares: dict[tuple[str, str], list[float]] = {}
     for row in rows:
@@ -96,7 +96,7 @@ def distinct(values: Iterable[tuple[str, ...]]) -> Sequence[tuple[str, ...]]:
     return list(dict.fromkeys(values))
 
 
-def _row(record: Mapping[str, str], place: str) -> Row:
+def _row(record: Mapping[str, str], place: str) -> StatisticsRow:
     try:
         low, high, mean, std = (float(record[key]) for key in ('min', 'max', 'mean', 'std'))
     except (TypeError, ValueError):
@@ -104,10 +104,17 @@ def _row(record: Mapping[str, str], place: str) -> Row:
     if not np.isfinite([low, high, mean, std]).all():
         raise TableError(f'{place}: min, max, mean and std have to be finite')
     name, _, unit = (record['quantity'] or '').partition('[')
-    return Row(
-        record['dut'], name.strip().lower(), unit.strip(' ]'), record['axis'], record['segment'],
-        low, high, mean, std,
-    )  # fmt: skip
+    return StatisticsRow(
+        dut=record['dut'],
+        quantity=name.strip().lower(),
+        unit=unit.strip(' ]'),
+        axis=record['axis'],
+        segment=record['segment'],
+        low=low,
+        high=high,
+        mean=mean,
+        std=std,
+    )
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may talk to the server: this machine alone, or whoever holds the token."""
+"""Access to the server: from this machine alone, or with the token."""
 
 from __future__ import annotations
 
 import hmac
 import ipaddress
+from functools import partial
 from typing import Any
 from urllib.parse import parse_qs
 
@@ -33,7 +34,7 @@ def is_local(host: str) -> bool:
 
 
 class Listening:
-    """What a client sends; notes that it has gone."""
+    """Messages of a client; notes when it has disconnected."""
 
     def __init__(self, receive: Any) -> None:
         self._receive = receive
@@ -65,7 +66,7 @@ class AccessCheck:
         try:
             await self._checked(scope, receive, send)
         except RuntimeError as error:
-            # A page that is closed while it loads: nobody misses the answer.
+            # The page was closed while it loaded: there is nobody to answer.
             if not receive.gone or str(error) != NO_RESPONSE:
                 raise
 
@@ -130,14 +131,14 @@ def token_in(header: str) -> str:
 
 def with_cookie(send: Any, token: str) -> Any:
     """Return `send` that also hands out the cookie."""
+    return partial(_send_with_cookie, send, token)
 
-    async def sending(message: Any) -> None:
-        if message['type'] == 'http.response.start':
-            value = f'{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/'.encode()
-            message = {**message, 'headers': [*message['headers'], (b'set-cookie', value)]}
-        await send(message)
 
-    return sending
+async def _send_with_cookie(send: Any, token: str, message: Any) -> None:
+    if message['type'] == 'http.response.start':
+        value = f'{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/'.encode()
+        message = {**message, 'headers': [*message['headers'], (b'set-cookie', value)]}
+    await send(message)
 
 
 async def refuse(scope: Any, send: Any, body: bytes) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page as a web application: styles, scripts, who may see it, and what serves it.
+"""The page as a web application: styles, scripts, access, and its server.
 
 It alone imports the web libraries, which take seconds: the server reads recordings meanwhile.
 """

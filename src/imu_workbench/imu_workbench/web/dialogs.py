@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What lies over the page: recordings to open and close, messages, work under way."""
+"""Dialogs to open and close recordings; messages, and the panel of work under way."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class Messages:
         self._place = ui.element('div').classes('messages').props('role=alert aria-live=assertive')
 
     def refresh(self) -> None:
-        """Show what there is to say."""
+        """Show the messages there are now."""
         wanted = [message.number for message in self._notices.messages]
         if wanted == self._shown:
             return

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// A Plotly figure. It is drawn where it is near what is seen of the page: a page of figures is there
-// as soon as those in front are, and what is scrolled away costs nothing when it changes.
+// A Plotly figure. It is drawn when it comes near the visible part of the page: the page is ready as
+// soon as the visible figures are, and changing a figure that is scrolled away costs nothing.
 const EVENTS = ['click', 'hover', 'unhover', 'relayout', 'afterplot'];
 
-// What the server is told: not what plotly.js knows of the points, which holds the whole figure.
+// What is sent to the server: the points without their links to the data of the whole figure.
 const told = (event) => ({
   ...event,
   points: event?.points?.map((p) => ({ ...p, fullData: undefined, xaxis: undefined, yaxis: undefined })),

@@ -14,7 +14,7 @@ from imu_workbench.case import Case
 from imu_workbench.web.case.verdict import AT_FLOOR_RATIO
 from imu_workbench.web.words import word
 
-LISTED = 500
+MOST_DEVICES = 500
 """Devices that are shown."""
 
 
@@ -92,10 +92,10 @@ class FleetView:
             with ui.element('table').classes('fleet-table'):
                 self._head()
                 with ui.element('tbody'):
-                    for row in rows[:LISTED]:
+                    for row in rows[:MOST_DEVICES]:
                         self._row(row)
-            if len(rows) > LISTED:
-                ui.label(f'{len(rows) - LISTED} more devices fail less.').classes('soft')
+            if len(rows) > MOST_DEVICES:
+                ui.label(f'{len(rows) - MOST_DEVICES} more devices fail less.').classes('soft')
 
     def _head(self) -> None:
         with ui.element('thead'), ui.element('tr'):

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A key pressed on a button may have its part drawn anew: the button that does the same has the
-// focus then; where there is none any more, the first of its part.
-const PART_PATIENCE_MS = 3000;
+// After a key press a part of the page may be drawn anew: the focus goes to the new button with the
+// same action, or, where there is none, to the first button of that part.
+const FOCUS_TIMEOUT_MS = 3000;
 let pressed = null;
 
 window.addEventListener('keydown', (event) => {
@@ -10,18 +10,18 @@ window.addEventListener('keydown', (event) => {
   if (!button) return;
   pressed = { act: button.dataset.act, part: button.closest('[data-acts]'), at: Date.now() };
   if (key !== 'Enter') return;
-  // Quasar's buttons act when the key rises: drawn anew until then, they would forget it.
+  // Quasar's buttons act on keyup: a button drawn anew before that would not act at all.
   event.preventDefault();
   event.stopImmediatePropagation();
   if (!event.repeat) button.click();
-}, true); // Quasar's buttons pass on no key
+}, true); // capturing: Quasar's buttons stop the event
 document.addEventListener('pointerdown', () => { pressed = null; });
 document.addEventListener('focusin', ({ target }) => {
   if (target.dataset?.act !== pressed?.act) pressed = null;
 });
 
 const sameButton = () => document.querySelector(`[data-act="${CSS.escape(pressed.act)}"]`)
-  ?? (Date.now() - pressed.at < PART_PATIENCE_MS ? pressed.part?.querySelector('[data-act]') : null);
+  ?? (Date.now() - pressed.at < FOCUS_TIMEOUT_MS ? pressed.part?.querySelector('[data-act]') : null);
 
 document.addEventListener('DOMContentLoaded', () => {
   new MutationObserver(() => {

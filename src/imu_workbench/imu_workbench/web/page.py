@@ -51,7 +51,7 @@ class Page:
         self._client = ui.context.client
         self._changed = Redraw(self._client, self._refresh)
         self._figures = Redraw(self._client, self._draw_figures)
-        """They take seconds for long recordings: what is under way is told meanwhile."""
+        """Figures take seconds for long recordings: all else is drawn meanwhile."""
         self._tab = ''
         self._preview: EffectPreview | None = None
         self._previewed: tuple[Any, ...] | None = None
@@ -80,21 +80,25 @@ class Page:
             with ui.element('div').classes('middle'):
                 self._centre = Centre(session, look, self._go_to, self._brush)
                 rail = RailActions(
-                    self._toggle_preview,
-                    self._add,
-                    self._take_out,
-                    lambda effect: self._explain_dialog.show(
+                    preview=self._toggle_preview,
+                    add=self._add,
+                    take_out=self._take_out,
+                    explain=lambda effect: self._explain_dialog.show(
                         self._workspace.effects.explained[effect]
                     ),
-                    self._load_effects,
-                    self._load_kept,
+                    load_effects=self._load_effects,
+                    load_kept=self._load_kept,
                 )
                 self._rail = Rail(session, rail, may_load=self._local)
             actions = VersionActions(
-                self._show_version, self._save_model, self._save_report, self._save_case,
-                self._open_model, self._keep_statement,
-                lambda text: self._workspace.note(session.device, text),
-            )  # fmt: skip
+                show=self._show_version,
+                save_model=self._save_model,
+                save_report=self._save_report,
+                save_case=self._save_case,
+                open_model=self._open_model,
+                keep_statement=self._keep_statement,
+                note=lambda text: self._workspace.note(session.device, text),
+            )
             self._versions = VersionsPanel(session, look, actions)
         with ui.element('main').classes('body') as self._fleet_place:
             self._fleet = FleetView(self._workspace.fleet, self._open_case)
@@ -212,7 +216,7 @@ class Page:
             self._centre.show_place()
 
     def _follow_fits(self) -> None:
-        """Go on to the version that a fit this tab asked for has made."""
+        """Show the version made by a fit that this tab asked for."""
         session = self._session
         for fit in self._workspace.versions.queue.finished:
             same = (fit.device, fit.start) == (session.device, session.version_name)
@@ -266,14 +270,14 @@ class Page:
                 self._live_page = build_live(self._live, dark=lambda: self._look.dark)
 
     def _address(self, *, step: bool) -> None:
-        """Put what is looked at into the address; `step`: going back leaves it again."""
+        """Write what is shown into the address; `step`: as a new entry of its history."""
         query = json.dumps(self._session.query())
         if (query, step) != (self._shown_address, False):
             self._shown_address = query
             ui.run_javascript(f'showAddress({query}, {"true" if step else "false"})')
 
     def _step(self) -> None:
-        """Draw what the user has gone to; "back" goes back from there."""
+        """Draw what the user has chosen, and make it an entry of the browser's history."""
         self._session.settle()
         self._address(step=True)
         self._changed()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a part of the page is drawn: soon after a change, several at once together."""
+"""Redraws a part of the page soon after a change, once for several changes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from nicegui import background_tasks
 
 
 class Redraw:
-    """Draws once for all that changes at once, and once more for what changes meanwhile."""
+    """Draws once for changes at the same time, and once more for those while it draws."""
 
     def __init__(
         self, client: AbstractContextManager[Any], draw: Callable[[], Awaitable[None]]

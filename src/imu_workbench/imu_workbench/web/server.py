@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The server of the page: it begins to read before the page's libraries are there."""
+"""The server of the page: it reads recordings while the page's libraries are imported."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def run_server(
     ready: Callable[[], None] = lambda: None,
 ) -> None:
     """Serve the cases of a folder until interrupted."""
-    # Being ended is the normal way to end: it must pass through here, where files are removed.
+    # SIGTERM is the normal way to end a server: temporary files are removed here then, too.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with lock_cases(cases), TemporaryDirectory(prefix='imu_workbench_') as folder:
         workspace = Workspace(ResultCache(root, Path(folder)), cases, start.remap)

@@ -38,7 +38,7 @@ class Session:
     # The address -------------------------------------------------------------------------------
 
     def follow(self, query: Mapping[str, str]) -> None:
-        """Look at what an address says; what it does not know is left to choose."""
+        """Take over the choices in an address; those it leaves open are made later."""
         self.shown = next((s for s in SHOWN if query.get(s) == '1'), 'case')
         self.device = query.get('device', '')
         self.version_name = query.get('version', '')
@@ -77,7 +77,7 @@ class Session:
     # What it leads to --------------------------------------------------------------------------
 
     def settle(self) -> None:
-        """Choose what the address left open, among what there is now."""
+        """Choose what the address leaves open from what there is now."""
         devices = self.workspace.devices
         if self.device not in devices:
             self.device, self.version_name = next(iter(devices), ''), ''

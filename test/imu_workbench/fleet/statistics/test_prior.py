@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from imu_workbench.__main__ import main
-from imu_workbench.fleet.table import Row, write_rows
+from imu_workbench.fleet.table import ResultRow, write_rows
 from thermal_comp.model.file import load_model
 from thermal_comp.model.values import ThermalModel
 
@@ -22,7 +22,7 @@ def fitted(tmp_path: Path, *further: str) -> ThermalModel:
     return load_model(target)
 
 
-def rows_of(device: str, lot: str, slopes: np.ndarray) -> list[Row]:
+def rows_of(device: str, lot: str, slopes: np.ndarray) -> list[ResultRow]:
     return [
         {
             'lot': lot, 'type': 'none', 'device': device, 'source': f'{lot}/{device}',

@@ -35,7 +35,16 @@ def evidence(
     left = np.zeros((601, 3)) if residual is None else residual(temperature)[:, None] * np.ones(3)
     joint = SimpleNamespace(temperature=temperature, residual=left)
     return Evidence(
-        sensor, None, (None,) * len(up), up, None, joint, Laboratory(stated), 60.0, None, 20.0
+        sensor=sensor,
+        model=None,
+        runs=(None,) * len(up),
+        up_axes=up,
+        repeated=None,
+        joint=joint,
+        laboratory=Laboratory(stated),
+        span=60.0,
+        gradient=None,
+        reference_temperature=20.0,
     )
 
 

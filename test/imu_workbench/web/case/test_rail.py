@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
+"""The rail of candidates: explanations that act together, errors with their units."""
+
 from __future__ import annotations
 
 import re
 from typing import Any
 
-from imu_workbench.web.case.rail import together_html
+from imu_workbench.web.case.candidates import EffectCandidate
+from imu_workbench.web.case.rail import errors_html, probability_text, together_html
 
 
 def explanation(probability: float, *names: str, sensor: str = 'gyroscope') -> dict[str, Any]:
@@ -39,3 +42,12 @@ def test_single_effects_compete_and_need_no_word() -> None:
     assert together_html(told, 'magnetometer') == ''
     hardly = [explanation(0.97, 'thermal_lag'), explanation(0.02, 'thermal_lag', 'warm_up')]
     assert together_html(hardly, 'gyroscope') == ''
+
+
+def test_a_candidate_shows_its_errors_with_their_unit(fitted, found):
+    html = errors_html(EffectCandidate(**found['candidates']['accelerometer'][0]), fitted.line)
+    assert '0.00574 → <b>0.000686</b> m/s² (1.00 ×)' in html
+    assert 'floor 0.000687' in html
+    assert (probability_text(1e-6), probability_text(0.6), probability_text(None)) == (
+        '< 1 %', '60 %', '',
+    )  # fmt: skip

@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""The verdict in one sentence, and the one thing to do next."""
+
 from __future__ import annotations
 
 import re
@@ -7,8 +9,6 @@ from typing import Any
 
 import pytest
 from imu_workbench.simulate.hidden_effect import find_truth
-from imu_workbench.web.case.candidates import Candidate, odds_text, why_not
-from imu_workbench.web.case.rail import errors_html, little_text, probability_text
 from imu_workbench.web.case.top_strip import smallest_found_html
 from imu_workbench.web.case.verdict import (
     Action,
@@ -18,15 +18,10 @@ from imu_workbench.web.case.verdict import (
     verdict_sentence,
     what_would_be_found,
 )
-from imu_workbench.web.case.version import parameter_text
 from thermal_comp.presentation.diagnosis import verdict_line
 
 LAG = 'thermal_lag'
 KNOWN = [LAG, 'thermal_gradient']
-
-
-def candidates(found: dict[str, Any], sensor: str) -> list[Candidate]:
-    return [Candidate(**row) for row in found['candidates'][sensor]]
 
 
 def changed(found: dict[str, Any], **changes: Any) -> dict[str, Any]:
@@ -125,41 +120,6 @@ def test_defects_of_the_data_come_with_what_to_do(found):
     assert alerts == ['gyroscope: 3 spikes: check bus and cable', 'dut2_x: the file ends early']
 
 
-def test_candidates_are_ranked_and_say_why_not(fitted, found):
-    own = candidates(found, 'accelerometer')
-    probabilities = [c.probability for c in own]
-    assert probabilities == sorted(probabilities, reverse=True)
-    assert own[0].effect == LAG
-    assert own[0].named
-    before = fitted.line.error('accelerometer')
-    assert own[0].error_after == found['diagnosis']['findings'][0]['error_after']
-    gradient = next(c for c in own if c.effect == 'thermal_gradient')
-    assert why_not(own[0], own[0], before) == ''
-    assert 'thermal lag 0.000686' in why_not(gradient, own[0], before)
-    assert 'more than a million times less probable' in why_not(gradient, own[0], before)
-    assert gradient.error_after > 1.5 * own[0].error_after
-    nothing = [c for c in candidates(found, 'gyroscope') if c.error_after is not None]
-    assert not any(c.lowers(fitted.line.error('gyroscope')) for c in nothing)
-    assert 'Adds nothing' in little_text(nothing[0], fitted.line.error('gyroscope'))
-
-
-def test_a_candidate_shows_its_errors_with_their_unit(fitted, found):
-    html = errors_html(candidates(found, 'accelerometer')[0], fitted.line)
-    assert '0.00574 → <b>0.000686</b> m/s² (1.00 ×)' in html
-    assert 'floor 0.000687' in html
-    assert (probability_text(1e-6), probability_text(0.6), probability_text(None)) == (
-        '< 1 %', '60 %', '',
-    )  # fmt: skip
-
-
-def test_odds_are_said_as_people_say_them():
-    pairs = (0.9, 9.3), (0.001, 0.0), (0.15, -50.0)
-    one, unlikely, rival = (Candidate('a', 'gyroscope', p, odds, None) for p, odds in pairs)
-    assert odds_text(one, unlikely) == '10\N{NARROW NO-BREAK SPACE}000 times less probable'
-    assert odds_text(one, rival) == '6 times less probable'  # as its 15 % beside 90 % say
-    assert odds_text(rival, rival) == ''
-
-
 def test_an_effect_that_leaves_most_of_the_error_explains_a_part(fitted, found):
     content = found['diagnosis']
     left = {'accelerometer': {'error_after': 0.006, 'noise_floor': 0.001}}
@@ -168,8 +128,3 @@ def test_an_effect_that_leaves_most_of_the_error_explains_a_part(fitted, found):
     assert 'explains part of it; 6.0 × noise would be left.' in changed
     left['accelerometer']['error_after'] = None  # too short to hold a part out
     assert 'explains it.' in verdict_sentence(content | {'prediction': left}, fitted.line.errors())
-
-
-def test_numbers_carry_their_uncertainty():
-    assert parameter_text(79.41, 1.23) == '79.4 ± 1.2'
-    assert parameter_text([1.0, 2.0], [0.1, 0.1]) == '1.00 ± 0.10, 2.00 ± 0.10'

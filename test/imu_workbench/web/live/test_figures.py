@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures, tables and the drawn board of the live view say what the state holds."""
+"""Figures of the live view, and its tables: units, colours, extremes, markup as text."""
 
 import json
 import math
@@ -12,13 +12,10 @@ from imu_recording.logging_contract import IMU, TEMPERATURE
 from imu_workbench.report.figures.palette import COLOURS, painted
 from imu_workbench.web.live import figures
 from imu_workbench.web.live import tables as text
-from imu_workbench.web.live.attitude_drawing import HEIGHT_PX, WIDTH_PX, board_svg, projected
-from imu_workbench.web.live.readings import Attitude
-from imu_workbench.web.live.state import LiveState, Status
-from imu_workbench.web.live.track import SECOND
-from orientation_filters.rotation.arrays import euler_zyx, from_rotation_vector
+from imu_workbench.web.live.state import LiveState, NodeStatus
+from imu_workbench.web.live.topic_history import SECOND_NS
 
-START = 1_800_000_000 * SECOND
+START = 1_800_000_000 * SECOND_NS
 RATE = np.array([0.02, -0.01, 0.005])
 SPIKE = 1.5
 
@@ -27,7 +24,7 @@ SPIKE = 1.5
 def state() -> LiveState:
     """Half a minute at 200 Hz with one spike; 25 °C."""
     state = LiveState(lambda: 0.0)
-    stamp = START + (np.arange(6000) * SECOND // 200)
+    stamp = START + (np.arange(6000) * SECOND_NS // 200)
     noise = np.random.default_rng(3).normal(0.0, 1e-3, (6000, 3))
     noise[4321, 0] = SPIKE
     force = np.broadcast_to([0.0, 0.0, 9.8], (6000, 3))
@@ -102,7 +99,7 @@ def test_the_table_says_what_the_second_was(state: LiveState) -> None:
 
 
 def test_what_nodes_say_is_text_not_markup() -> None:
-    status = Status('<b>x</b>', 1, '<script>', {'<i>': '<u>'}, 0.0)
+    status = NodeStatus('<b>x</b>', 1, '<script>', {'<i>': '<u>'}, 0.0)
     assert '<i>' not in text.details(status)
     assert text.headline(status, 1.0) == ('warning', '<b>x</b>: <script>')
     assert text.headline(status, 60.0)[0] == 'stale'
@@ -115,26 +112,3 @@ def test_a_topic_that_fell_silent_is_told(state: LiveState) -> None:
     late.tracks['raw'].received = 0.0
     assert text.silent_roles(late, topics) == ['/imu/data_raw']
     assert 'silent for 10 s' in text.topics_table(late, topics)
-
-
-def test_the_drawing_shows_which_way_is_up_east_and_away() -> None:
-    x, y = projected(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])).T
-    assert x[1] > x[0] + 20  # east to the right
-    assert y[2] < y[0]  # north away: higher on the page
-    assert y[3] < y[0] - 20  # up
-    assert x[3] == pytest.approx(x[0], abs=1e-9)
-
-
-@pytest.mark.parametrize('seed', range(8))
-def test_the_board_stays_within_the_drawing_in_any_attitude(seed: int) -> None:
-    turn = from_rotation_vector(np.random.default_rng(seed).normal(0.0, 2.0, 3))
-    drawing = board_svg('AHRS', Attitude(turn, euler_zyx(turn)), '@d1', 'dark')
-    corners = ' '.join(re.findall(r'points="([^"]+)"', drawing)).replace(',', ' ').split()
-    across = [float(x) for x in corners[::2] + re.findall(r' x\d?="([^"]+)"', drawing)]
-    down = [float(y) for y in corners[1::2] + re.findall(r' y\d?="([^"]+)"', drawing)]
-    assert 0 <= min(across) < max(across) <= WIDTH_PX
-    assert 0 <= min(down) < max(down) <= HEIGHT_PX
-    faces = drawing.count('<polygon') // 2
-    assert 1 <= faces <= 4
-    assert 'aria-label="AHRS: roll' in drawing
-    assert '@' not in drawing

@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Fits in their queue: order, results, cancelled and failed ones."""
+
 from __future__ import annotations
 
 import asyncio

@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Work in a process of its own: result, error, end, and the time it takes."""
+
 from __future__ import annotations
 
 import asyncio
@@ -51,10 +53,12 @@ def test_mistakes_are_one_line_and_bugs_say_that_they_are():
 
 
 def test_a_short_task_that_was_slow_says_little_of_how_long_others_take(monkeypatch):
-    monkeypatch.setattr(jobs, 'SPENT', {'': (20.0, 20.0), 'diagnose_task': (10.0, 10.0)})
+    monkeypatch.setattr(
+        jobs, 'EXPECTED_AND_SPENT_S', {'': (20.0, 20.0), 'diagnose_task': (10.0, 10.0)}
+    )
     Job(effects_task, []).wait()
-    foretold, took = jobs.SPENT['effects_task']
-    assert jobs.SPENT[''] == (20.0 + foretold, 20.0 + took)
+    foretold, took = jobs.EXPECTED_AND_SPENT_S['effects_task']
+    assert jobs.EXPECTED_AND_SPENT_S[''] == (20.0 + foretold, 20.0 + took)
     assert expected_seconds('effects_task', 0) == pytest.approx(took)
     assert expected_seconds('diagnose_task', 0) == pytest.approx(9.0)
     others = (20.0 + took) / (20.0 + foretold)

@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Results are computed once for all who ask."""
+
 from __future__ import annotations
 
 import asyncio

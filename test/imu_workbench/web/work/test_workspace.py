@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Cases and recordings of a server, opened and closed."""
+
 from __future__ import annotations
 
 import asyncio
@@ -80,7 +82,18 @@ def test_a_server_that_is_killed_while_it_reads_closes_no_recording(case, tmp_pa
     async def read(path: str | Path) -> list[StoredBag]:
         if path == second:  # a long one
             await asyncio.Event().wait()
-        return [StoredBag(tmp_path, 'dut2', 'a', '+x', first, 10, 1.0, ())]
+        return [
+            StoredBag(
+                folder=tmp_path,
+                device='dut2',
+                run='a',
+                up_axis='+x',
+                source=first,
+                samples=10,
+                duration=1.0,
+                notes=(),
+            )
+        ]
 
     async def killed() -> None:
         workspace._read = read  # type: ignore[method-assign]

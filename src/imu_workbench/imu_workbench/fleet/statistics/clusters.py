@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Groups of devices that nobody named: a Gaussian mixture, as many parts as BIC finds."""
+"""Clusters of devices: a Gaussian mixture with the number of components of the least BIC."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from imu_recording.recording import FloatArray, IntArray
 from imu_workbench.fleet.statistics.vectors import Vectors
 
 MOST_CLUSTERS = 12
-STUDIED = 4000
+MOST_FITTED_DEVICES = 4000
 """Devices the mixture is fitted to; the others are assigned."""
 WORSE_IN_A_ROW = 3
-"""The search ends where so many numbers of clusters in a row bring nothing."""
+"""The search ends after so many numbers of clusters in a row without a smaller BIC."""
 SEED = 7
 
 
@@ -34,15 +34,14 @@ class Clusters:
 def find_clusters(sensors: Sequence[Vectors], ordinary: Sequence[bool]) -> Clusters:
     """Return the clusters of the coefficients of all sensors (the same devices in each).
 
-    The fit knows nothing of lots and sees `ordinary`
-    devices only; every device is assigned.
+    The fit takes `ordinary` devices only, without their lots; every device is assigned.
     """
     values = np.hstack([vectors.coefficients for vectors in sensors])
     y = (values - np.median(values, axis=0)) / np.maximum(values.std(axis=0), 1e-300)
     seen = y[np.asarray(ordinary, dtype=bool)]
     draw = np.random.default_rng(SEED)
-    if len(seen) > STUDIED:
-        seen = seen[draw.choice(len(seen), STUDIED, replace=False)]
+    if len(seen) > MOST_FITTED_DEVICES:
+        seen = seen[draw.choice(len(seen), MOST_FITTED_DEVICES, replace=False)]
     label = np.zeros(len(y), dtype=np.int64)
     if (mixture := _best_mixture(seen)) is not None:
         label = mixture.predict(y)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the devices of a lot share: mean and covariance of their coefficients.
 
-Empirical Bayes for y_i = μ + b_i + e_i with b_i ~ N(0, Σ) and e_i ~ N(0, V_i), V_i known: what the
-fit of a device says of its error, plus the scatter of its runs beyond that. EM in closed form
+Empirical Bayes for y_i = μ + b_i + e_i with b_i ~ N(0, Σ) and e_i ~ N(0, V_i), V_i known: the
+variance of a device's fit, plus the scatter of its runs beyond that. EM in closed form
 (Laird and Ware 1982, "Random-effects models for longitudinal data", Biometrics 38): the posterior
 of b_i has covariance P_i = (Σ⁻¹ + V_i⁻¹)⁻¹ and mean P_i V_i⁻¹ (y_i − μ); μ and Σ follow from them,
-Σ by restricted likelihood: what μ is uncertain by counts, so that few devices do not seem alike.
+Σ by restricted likelihood: with the uncertainty of μ, the scatter of few devices is not too small.
 
 The means of the lots of a type are drawn in the same way from the type's: a lot's own mean is
 shrunk to it, which hardly moves that of many devices and makes one of few useful.
@@ -27,10 +27,10 @@ TOLERANCE = 1e-6
 LEAST_DEVICES = 5
 """Devices a lot needs for a covariance of three axes."""
 LEAST_LOTS = 3
-"""Such lots a type needs to be told from them."""
+"""Lots of so many devices that the distribution of a type needs."""
 TYPE_WEIGHT = 5.0
-"""Devices that the covariance of the type counts for in that of a lot, and lots that the form of
-that one counts for in the covariance of a few lots' means: it is never flat in one direction."""
+"""Weight of the type's covariance in that of a lot, as a number of devices; and of its form in
+the covariance between few lots, as a number of lots: this one is never singular."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,15 +85,15 @@ class TypePopulation:
 def error_variances(vectors: Vectors) -> FloatArray:
     """Return (n, 3) the variance of each device's estimate: fit, and scatter of its runs.
 
-    The scatter from run to run is pooled over the devices, and counts only beyond what the fits
-    say of single runs.
+    The scatter from run to run is pooled over the devices, and counts only beyond the variances of
+    the fits to single runs.
     """
     variance: FloatArray = vectors.std**2 + run_variance(vectors) / vectors.runs[:, None]
     return variance
 
 
 def run_variance(vectors: Vectors) -> FloatArray:
-    """Return (3,) the variance between runs of a device beyond what fits say of single runs."""
+    """Return (3,) the variance between runs of a device beyond that of fits to single runs."""
     several = vectors.runs > 1
     if not several.any():
         return np.zeros(3)
@@ -185,7 +185,14 @@ def type_population(vectors: Vectors, least: int = LEAST_DEVICES) -> TypePopulat
     covariance = _mixed(covariance, len(lots), share * within)
     one = lots[0]
     return TypePopulation(
-        one.type, one.sensor, one.unit, len(lots), mean, of_mean, covariance, within
+        type=one.type,
+        sensor=one.sensor,
+        unit=one.unit,
+        lots=len(lots),
+        mean=mean,
+        mean_covariance=of_mean,
+        covariance=covariance,
+        within=within,
     )
 
 

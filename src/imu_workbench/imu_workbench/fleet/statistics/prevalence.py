@@ -49,22 +49,24 @@ class Prevalence:
     share: float
     """Of the devices that have it."""
     share_range: tuple[float, float]
-    """Between these it is with 90 %."""
+    """90 % interval of the share."""
     alone: int
     """Devices that show it by themselves."""
 
     @property
     def named(self) -> bool:
-        """Whether it is the probable answer."""
+        """Whether it is probable enough to be named."""
         return self.probability >= NAMED_PROBABILITY
 
 
-def joint_evidence(gain: FloatArray, degrees: int) -> tuple[FloatArray, FloatArray]:
+def joint_evidence(delta_chi2: FloatArray, degrees: int) -> tuple[FloatArray, FloatArray]:
     """Return (forms, g, π) ln Bayes factors of a lot and (n, forms, g) those of the devices.
 
-    `gain` (n, forms) is what each form takes up of a device, with `degrees` of freedom.
+    `delta_chi2` (n, forms) is what each form takes up of a device, with `degrees` of freedom.
     """
-    single = gain[:, :, None] * (RATIOS / (1.0 + RATIOS)) / 2.0 - degrees * np.log1p(RATIOS) / 2.0
+    single = (
+        delta_chi2[:, :, None] * (RATIOS / (1.0 + RATIOS)) / 2.0 - degrees * np.log1p(RATIOS) / 2.0
+    )
     joint = np.empty((*single.shape[1:], len(SHARES)))
     for k, share in enumerate(SHARES):
         mixed = np.logaddexp(np.log1p(-share) if share < 1.0 else -np.inf, np.log(share) + single)
@@ -108,19 +110,19 @@ def _tried(
     found = []
     for effect in dict.fromkeys(row[0] for row in rows):
         own = [row for row in rows if row[0] == effect]
-        gain = np.array([row[3] for row in own], dtype=float).sum(axis=1)
-        shown = np.isfinite(gain).all(axis=0)
+        delta_chi2 = np.array([row[3] for row in own], dtype=float).sum(axis=1)
+        shown = np.isfinite(delta_chi2).all(axis=0)
         forms = [form for form, seen in zip(own[0][1], shown, strict=True) if seen]
         if forms:
-            gain = gain[:, np.flatnonzero(shown)]
-            found.append(_of_effect((*where, effect), forms, gain, int(own[0][2])))
+            delta_chi2 = delta_chi2[:, np.flatnonzero(shown)]
+            found.append(_of_effect((*where, effect), forms, delta_chi2, int(own[0][2])))
     return found
 
 
 def _of_effect(
-    where: tuple[str, str, str, str], forms: Sequence[str], gain: FloatArray, degrees: int
+    where: tuple[str, str, str, str], forms: Sequence[str], delta_chi2: FloatArray, degrees: int
 ) -> Prevalence:
-    joint, single = joint_evidence(gain, degrees)
+    joint, single = joint_evidence(delta_chi2, degrees)
     evidence = float(logsumexp(joint) - np.log(joint.size))
     weight = np.exp(joint - joint.max())
     weight /= weight.sum()
@@ -131,7 +133,7 @@ def _of_effect(
     return Prevalence(
         *where,
         form=forms[form],
-        devices=len(gain),
+        devices=len(delta_chi2),
         evidence=evidence,
         probability=0.0,
         share=float(share @ SHARES),

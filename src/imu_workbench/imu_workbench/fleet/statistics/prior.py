@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a lot says of a device that is measured shortly: its slopes with the fleet as prior."""
+"""Slopes of a device from a short measurement, with its lot as prior."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from imu_workbench.fleet.statistics.screening import odd_devices, screen
 from imu_workbench.fleet.statistics.vectors import Vectors, read_vectors
 from imu_workbench.fleet.table import FleetTable
 
-RARE = 0.01
-"""A device is told to be outside its lot where so few of the lot would be as far off."""
+OUTSIDE_P_VALUE = 0.01
+"""p-value below which a device is said to be outside its lot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +33,12 @@ class SlopePrior:
     covariance: FloatArray
     """(3, 3)"""
     run_variance: FloatArray
-    """(3,) of a single run about the device's slopes, beyond what its fit says."""
+    """(3,) of a single run about the device's slopes, beyond the variance of its fit."""
 
 
 @dataclass(frozen=True, eq=False)
 class FleetPrior:
-    """The distributions of all sensors, and of whom they are."""
+    """The priors of all sensors, and the name of the lot or type they are of."""
 
     name: str
     sensors: Mapping[str, SlopePrior]
@@ -89,8 +89,8 @@ def with_prior(
 ) -> tuple[ThermalModel, list[str]]:
     """Return the model of a line per axis with its slopes shrunk to the prior, and warnings.
 
-    Posterior of a normal distribution (`population.device_effects`); the error of the slopes is
-    what the fit says, plus the scatter from run to run. A warning names a sensor that is outside.
+    Posterior of a normal distribution (`population.device_effects`); the variance of the slopes is
+    that of the fit plus that from run to run. A warning names a sensor that is outside its lot.
     """
     sensors, warnings = dict(model.sensors), []
     for sensor in SENSORS:
@@ -98,7 +98,7 @@ def with_prior(
             part, given = model.sensors[sensor], prior.sensors[sensor]
             own = [run for run in runs if np.isfinite(run.measured[sensor]).all(axis=1).any()]
             sensors[sensor], distance = _shrunk(sensor, part, own, given)
-            if distance < RARE:
+            if distance < OUTSIDE_P_VALUE:
                 warnings.append(
                     f'the {sensor} is outside {prior.name} (p = {distance:.1e}): measure it by a '
                     'full campaign and fit it without --fleet'
@@ -111,7 +111,7 @@ def with_prior(
 def _shrunk(
     sensor: Sensor, part: SensorModel, runs: Sequence[PreparedRun], given: SlopePrior
 ) -> tuple[SensorModel, float]:
-    """Return the sensor with shrunk slopes, and how rare it is to be so far off."""
+    """Return the sensor with shrunk slopes, and the p-value of its distance from the prior."""
     from scipy.stats import chi2
 
     slopes = part.coefficients[0]

@@ -4,11 +4,11 @@
 Per sensor two questions: are its three coefficients those of the lot, and is its misfit (held-out
 error over noise floor) not above the lot's. Location and scatter come from the minimum covariance
 determinant (Rousseeuw and Van Driessen 1999) and are then re-estimated from all devices but the
-odd ones; a device that is judged is left out of its own yardstick, where the squared Mahalanobis
-distance of a normal device follows Fisher's F exactly:
-D² (n − d) n / (d (n + 1) (n − 1)) ~ F(d, n − d), n devices in the yardstick. Each coefficient is
-also judged by itself (d = 1, Student's t squared): in a lot of a hundred, one that is far off
-alone would have to be so by more to stand out among three.
+odd ones; the device under test is left out of both, so that the squared Mahalanobis distance of a
+normal device follows Fisher's F exactly:
+D² (n − d) n / (d (n + 1) (n − 1)) ~ F(d, n − d), n devices without it. Each coefficient is also
+tested by itself (d = 1, Student's t squared): a deviation in one of them has to be larger to stand
+out in the distance of all three.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from numpy.typing import NDArray
 
 from imu_workbench.fleet.statistics.vectors import Vectors
 
-FALSE_ALARMS = 0.01
+FALSE_ALARM_SHARE = 0.01
 """Share of ordinary devices that may be called odd, all questions together."""
 COEFFICIENT_SHARE, MISFIT_SHARE = 0.75, 0.1
-"""Of these false alarms, what each question gets; the rest pays for yardsticks that are estimated
-and misfits that are not quite normal."""
+"""Shares of these false alarms for the two questions; the rest is a reserve, as scatters are
+estimated and misfits not quite normal."""
 TOGETHER_SHARE = 0.2
-"""Of the coefficients' false alarms, what the distance of all three gets; the rest goes to each by
-itself."""
+"""Share of the coefficients' false alarms for the distance of all three; the rest is for each
+by itself."""
 TRIMMED_SHARE = 1e-3
-"""Devices rarer than this do not count towards the yardstick."""
+"""p-value below which a device does not count for location and scatter of its lot."""
 LEAST_DEVICES = 12
-"""A smaller lot tells nothing about oddness."""
-ROUNDS = 10
+"""Devices that a lot needs to be screened."""
+MOST_ROUNDS = 10
 START_DEVICES = 300
-"""Devices, at least half of them more, that the robust start of a larger lot is made of."""
+"""Devices that the robust start of a larger lot takes at least."""
 SEED = 5
 """Of the subsets that the minimum covariance determinant starts from."""
 
@@ -99,7 +99,7 @@ def p_values(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     y = (values - np.median(values, axis=0)) / np.where(scale > 0.0, scale, 1.0)
     kept = _first_clean(y)
     p = np.empty(len(y))
-    for _ in range(ROUNDS):
+    for _ in range(MOST_ROUNDS):
         p = _left_out(y, kept)
         grown = p > TRIMMED_SHARE
         if grown.sum() <= y.shape[1] + 2 or (grown == kept).all():
@@ -124,12 +124,12 @@ def _first_clean(y: FloatArray) -> NDArray[np.bool_]:
 
 
 def _spread_out(n: int) -> slice:
-    """Every k-th device: a few hundred are as good a start as all."""
+    """Return every k-th device of a large lot: a few hundred are as good a start as all."""
     return slice(None, None, max(1, n // START_DEVICES))
 
 
 def _left_out(y: FloatArray, kept: NDArray[np.bool_]) -> FloatArray:
-    """Return (n,) p-values against the kept devices without the one that is judged."""
+    """Return (n,) p-values against the kept devices without the one under test."""
     from scipy.stats import f
 
     m, d = int(kept.sum()), y.shape[1]
@@ -137,7 +137,7 @@ def _left_out(y: FloatArray, kept: NDArray[np.bool_]) -> FloatArray:
     centred = y - mean
     scatter = centred[kept].T @ centred[kept]
     q = np.einsum('ni,ni->n', centred, np.linalg.solve(scatter, centred.T).T)
-    # A device that is part of the yardstick is taken out of mean and scatter (Sherman, Morrison).
+    # A device that is among the kept is taken out of mean and scatter (Sherman, Morrison).
     h = m / (m - 1.0)
     inside = q * h**2 / np.maximum(1.0 - h * q, 1e-12)
     size = np.where(kept, m - 1.0, float(m))
@@ -152,8 +152,8 @@ def odd_devices(screened: Sequence[tuple[Vectors, Screening]]) -> list[OddDevice
 
     The share of false alarms is divided among the questions and sensors (Bonferroni).
     """
-    level = COEFFICIENT_SHARE * FALSE_ALARMS / max(1, len(screened))
-    misfit_level = MISFIT_SHARE * FALSE_ALARMS / max(1, len(screened))
+    level = COEFFICIENT_SHARE * FALSE_ALARM_SHARE / max(1, len(screened))
+    misfit_level = MISFIT_SHARE * FALSE_ALARM_SHARE / max(1, len(screened))
     odd = []
     for vectors, screening in screened:
         for i in np.flatnonzero(screening.coefficients < level):
@@ -170,10 +170,10 @@ def odd_devices(screened: Sequence[tuple[Vectors, Screening]]) -> list[OddDevice
 
 def _odd(vectors: Vectors, i: int, reason: str, p_value: float, own: FloatArray) -> OddDevice:
     return OddDevice(
-        str(vectors.device[i]),
-        str(vectors.lot[i]),
-        vectors.sensor,
-        reason,
-        float(p_value),
-        tuple(float(value) for value in own),
+        device=str(vectors.device[i]),
+        lot=str(vectors.lot[i]),
+        sensor=vectors.sensor,
+        reason=reason,
+        p_value=float(p_value),
+        deviations=tuple(float(value) for value in own),
     )

@@ -26,9 +26,9 @@ from thermal_comp.effects import EFFECTS
 from imu_workbench.fleet.statistics.prevalence import Prevalence
 from imu_workbench.fleet.table import FleetTable
 
-GRID = 41
+GRID_POINTS = 41
 """Values of ln θ between the ends of the forms that were tried."""
-STUDIED = 150
+MOST_FITTED_DEVICES = 150
 """Devices of a lot the distribution is fitted to."""
 LEAST_DEVICES = 10
 """Four means and their covariance need more than a few devices that carry the effect."""
@@ -86,7 +86,7 @@ class ShapePopulation:
 
 @dataclass(frozen=True, eq=False)
 class ShapeEvidence:
-    """What the runs of n devices tell of one effect at each value of its shape parameter."""
+    """Estimates of one effect from the runs of n devices, at each value of its shape parameter."""
 
     log_shape: FloatArray
     """(k,) ln θ, increasing."""
@@ -95,7 +95,7 @@ class ShapeEvidence:
     std: FloatArray
     """(n, k, 3)"""
 
-    def refined(self, count: int = GRID) -> ShapeEvidence:
+    def refined(self, count: int = GRID_POINTS) -> ShapeEvidence:
         """Return it on an even grid: ĉ/σ and ln σ are smooth in ln θ."""
         from scipy.interpolate import CubicSpline
 
@@ -120,14 +120,14 @@ def fit_shapes(evidence: ShapeEvidence, share: float = 0.5) -> ShapeFit:
     fine = evidence.refined()
     scale = np.median(np.abs(fine.coefficients), axis=(0, 1)) + np.median(fine.std, axis=(0, 1))
     c, v, x = fine.coefficients / scale, (fine.std / scale) ** 2, fine.log_shape
-    gain = 0.5 * (c**2 / v).sum(axis=2)
+    half_chi2 = 0.5 * (c**2 / v).sum(axis=2)
     least = (x[1] - x[0]) ** 2  # no scatter of ln θ below the step of the grid
-    start = int(np.argmax(np.logaddexp(0.0, gain - 3.0).sum(axis=0)))
+    start = int(np.argmax(np.logaddexp(0.0, half_chi2 - 3.0).sum(axis=0)))
     mean = np.append(c[:, start].mean(axis=0), x[start])
     spread = np.maximum(c[:, start].var(axis=0) - np.median(v[:, start], axis=0), 0.1)
     covariance = np.diag(np.append(spread, 0.25))
     for _ in range(ITERATIONS):
-        moved, covariance, share, score = _step(c, v, x, gain, mean, covariance, share, least)
+        moved, covariance, share, score = _step(c, v, x, half_chi2, mean, covariance, share, least)
         change = np.abs(moved - mean) / np.sqrt(np.diag(covariance))
         mean = moved
         if change.max() < TOLERANCE:
@@ -142,7 +142,7 @@ def _step(
     c: FloatArray,
     v: FloatArray,
     x: FloatArray,
-    gain: FloatArray,
+    half_chi2: FloatArray,
     mean: FloatArray,
     covariance: FloatArray,
     share: float,
@@ -156,7 +156,7 @@ def _step(
     weight = np.linalg.inv(total)
     off = c - expected
     # ln of the coefficients' marginal likelihood over that of none, on the grid of ln θ.
-    log_bayes = gain + 0.5 * (
+    log_bayes = half_chi2 + 0.5 * (
         np.log(v).sum(axis=2)
         - np.linalg.slogdet(total)[1]
         - np.einsum('nki,nkij,nkj->nk', off, weight, off)
@@ -198,18 +198,18 @@ def shape_populations(
         (parameter,) = fields(effect())
         found.append(
             ShapePopulation(
-                one.type,
-                one.lot,
-                one.sensor,
-                one.effect,
-                effect.coefficient_units[0].format(unit=SENSOR_UNITS[one.sensor]),
-                parameter.name,
-                parameter.metadata['unit'],
-                one.devices,
-                fit.share,
-                fit.mean,
-                np.sqrt(np.diag(fit.mean_covariance)),
-                fit.covariance,
+                type=one.type,
+                lot=one.lot,
+                sensor=one.sensor,
+                effect=one.effect,
+                unit=effect.coefficient_units[0].format(unit=SENSOR_UNITS[one.sensor]),
+                parameter=parameter.name,
+                parameter_unit=parameter.metadata['unit'],
+                devices=one.devices,
+                share=fit.share,
+                mean=fit.mean,
+                mean_std=np.sqrt(np.diag(fit.mean_covariance)),
+                covariance=fit.covariance,
             )
         )
     return found
@@ -218,7 +218,7 @@ def shape_populations(
 def _evidence(
     table: FleetTable, one: Prevalence, odd: Collection[tuple[str, str]]
 ) -> ShapeEvidence | None:
-    """Return what the ordinary devices of a lot tell, where it was kept in several forms."""
+    """Return the estimates from the ordinary devices of a lot, where several forms were kept."""
     rows = table.rows(
         """SELECT any_value(shapes), list(coefficients ORDER BY axis), list(std ORDER BY axis),
                   any_value(device)
@@ -233,7 +233,7 @@ def _evidence(
     rows = [row for row in rows if (row[3], one.sensor) not in odd]
     if not rows:
         return None
-    rows = rows[:: -(-len(rows) // STUDIED)]
+    rows = rows[:: -(-len(rows) // MOST_FITTED_DEVICES)]
     shapes = np.array(rows[0][0], dtype=float)
     coefficients = np.array([row[1] for row in rows], dtype=float).transpose(0, 2, 1)
     std = np.array([row[2] for row in rows], dtype=float).transpose(0, 2, 1)

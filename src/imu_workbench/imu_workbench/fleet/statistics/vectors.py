@@ -29,7 +29,7 @@ class Vectors:
     coefficients: FloatArray
     """(n, 3) change of bias per kelvin, axes x, y, z."""
     std: FloatArray
-    """(n, 3) what a fit says of its own error."""
+    """(n, 3) standard deviations of the fit."""
     run_std: FloatArray
     """(n, 3) standard deviation of the runs' own coefficients about the device's; NaN for one."""
     runs: IntArray
@@ -79,15 +79,15 @@ def read_vectors(table: FleetTable, sensor: str) -> Vectors:
     )
     spread = np.array([[np.nan if v is None else v for v in row] for row in variance], float)
     return Vectors(
-        sensor,
-        unit[0] if unit else '',
-        np.array(device, dtype=np.str_),
-        np.array(kind, dtype=np.str_),
-        np.array(lot, dtype=np.str_),
-        np.array(values, dtype=float).reshape(-1, 3),
-        np.array(std, dtype=float).reshape(-1, 3),
-        np.sqrt(spread.reshape(-1, 3)),
-        np.array(runs, dtype=np.int64),
-        np.array(misfit, dtype=float),
-        np.array(at, dtype=np.int64),
+        sensor=sensor,
+        unit=unit[0] if unit else '',
+        device=np.array(device, dtype=np.str_),
+        type=np.array(kind, dtype=np.str_),
+        lot=np.array(lot, dtype=np.str_),
+        coefficients=np.array(values, dtype=float).reshape(-1, 3),
+        std=np.array(std, dtype=float).reshape(-1, 3),
+        run_std=np.sqrt(spread.reshape(-1, 3)),
+        runs=np.array(runs, dtype=np.int64),
+        misfit=np.array(misfit, dtype=float),
+        measured_at=np.array(at, dtype=np.int64),
     )

@@ -28,12 +28,13 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS
 
 from imu_workbench.report.laboratory import Laboratory
 
-LEVEL = 0.95
+CONFIDENCE_LEVEL = 0.95
 LEAST_STRETCH_SAMPLES = 64
-"""Samples from which a stretch has an Allan deviation worth the name."""
+"""Samples that a stretch needs for an Allan deviation."""
 LEAST_SHARE = 0.5
-"""Share of the variance at its best averaging time from which a coefficient has a lower end."""
-FLICKER = 2.0 * math.log(2.0) / math.pi
+"""Share of the variance, at the averaging time where it is largest, from which a coefficient
+has a lower limit."""
+FLICKER_FACTOR = 2.0 * math.log(2.0) / math.pi
 DEGREE, HOUR, MICRO_G = math.degrees(1.0), 3600.0, 1e-6 * GRAVITY
 ONE_SIDED = math.sqrt(2.0)
 """Density of one-sided white noise over the deviation of its means over a second."""
@@ -78,7 +79,7 @@ class AllanDeviation:
         """(k,) and (k,) ends of the 95 % interval of the deviation, by χ² [unit]."""
         low, high = (
             self.deviation * np.sqrt(self.degrees / chi2.ppf(p, self.degrees))
-            for p in (0.5 + LEVEL / 2.0, 0.5 - LEVEL / 2.0)
+            for p in (0.5 + CONFIDENCE_LEVEL / 2.0, 0.5 - CONFIDENCE_LEVEL / 2.0)
         )
         return low, high
 
@@ -248,11 +249,11 @@ def coefficients(found: AllanDeviation) -> dict[str, tuple[float, float, float]]
 
     Nonnegative least squares of the variance, each averaging time weighted by its degrees of
     freedom; the interval is that of the deviation where the coefficient's share is largest. One
-    that makes less than half of the variance everywhere is known from above only: none can make
-    more of it than there is at any averaging time.
+    that makes less than half of the variance everywhere has an upper limit only: the whole
+    variance at any averaging time.
     """
     taus = found.taus
-    columns = np.column_stack([1.0 / taus, np.full(len(taus), FLICKER), taus / 3.0])
+    columns = np.column_stack([1.0 / taus, np.full(len(taus), FLICKER_FACTOR), taus / 3.0])
     variance = found.deviation**2
     weight = np.sqrt(found.degrees / 2.0) / variance
     scale = np.abs(columns * weight[:, None]).max(axis=0)
@@ -270,7 +271,7 @@ def coefficients(found: AllanDeviation) -> dict[str, tuple[float, float, float]]
             continue
         low, high = (
             value * math.sqrt(degrees / chi2.ppf(p, degrees))
-            for p in (0.5 + LEVEL / 2.0, 0.5 - LEVEL / 2.0)
+            for p in (0.5 + CONFIDENCE_LEVEL / 2.0, 0.5 - CONFIDENCE_LEVEL / 2.0)
         )
         result[key] = (value, low, high)
     return result

@@ -18,9 +18,9 @@ from imu_recording.recording import FloatArray, IntArray
 from scipy.stats import t as student
 
 MONTE_CARLO_DRAWS = 20_000
-LEVEL = 0.95
+COVERAGE_PROBABILITY = 0.95
 """Coverage of the interval whose factor is k95."""
-Shape = Literal['normal', 'rectangular']
+Distribution = Literal['normal', 'rectangular']
 Kind = Literal['offset', 'temperature', 'span', 'input']
 SOURCES = (
     'thermometer calibration',
@@ -48,10 +48,10 @@ class Input:
     """offset: adds to the value; temperature: an error of every temperature; span: an error of
     the difference between the ends of the temperature range [K]; input: relative error of the
     true input."""
-    shape: Shape = 'normal'
+    shape: Distribution = 'normal'
     scatter: bool = False
-    """Part of one mean square with the other inputs that say so, in which its share of the
-    freedom lies: their degrees are those of their sum."""
+    """Whether it is part of one mean square with the other such inputs; `degrees` are those of
+    their sum."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Uncounted:
 
     source: str
     word: Literal['not stated', 'not told']
-    """By the laboratory, or by the data."""
+    """Not stated by the laboratory, or not told by the data."""
     detail: str = ''
 
     def __str__(self) -> str:
@@ -93,7 +93,7 @@ class Measurand:
 
 
 @dataclass(frozen=True)
-class Row:
+class BudgetRow:
     """One line of a budget."""
 
     input: Input
@@ -107,7 +107,7 @@ class Budget:
 
     value: float
     unit: str
-    rows: tuple[Row, ...]
+    rows: tuple[BudgetRow, ...]
     combined: float
     """Combined standard uncertainty."""
     degrees: float
@@ -128,7 +128,7 @@ class Budget:
     def coverage_factor(self) -> float:
         """Student's factor for 95 % at the effective degrees of freedom."""
         degrees = self.degrees if math.isfinite(self.degrees) else 1e9
-        return float(student.ppf(0.5 + LEVEL / 2.0, degrees))
+        return float(student.ppf(0.5 + COVERAGE_PROBABILITY / 2.0, degrees))
 
     @property
     def deciding(self) -> float:
@@ -180,14 +180,16 @@ def budget_of(
     numbers = uncertain_numbers(used)
     result = measurand.of(used, numbers)
     return Budget(
-        measurand.value,
-        unit,
-        tuple(Row(i, abs(component(result, x))) for i, x in zip(used, numbers, strict=True)),
-        float(uncertainty(result)) if used else 0.0,
-        float(dof(result)) if used else math.inf,
-        tuple(uncounted),
-        without_row(inputs, uncounted),
-        monte_carlo(measurand, used, draws=draws, seed=seed) if used else 0.0,
+        value=measurand.value,
+        unit=unit,
+        rows=tuple(
+            BudgetRow(i, abs(component(result, x))) for i, x in zip(used, numbers, strict=True)
+        ),
+        combined=float(uncertainty(result)) if used else 0.0,
+        degrees=float(dof(result)) if used else math.inf,
+        uncounted=tuple(uncounted),
+        others=without_row(inputs, uncounted),
+        monte_carlo=monte_carlo(measurand, used, draws=draws, seed=seed) if used else 0.0,
     )
 
 
@@ -240,7 +242,7 @@ def scatter_inputs(
     unit: str,
     parts: str = 'cycles',
 ) -> tuple[list[Input], list[Uncounted]]:
-    """Return noise, repeatability over parts of runs and run-to-run, and what could not be told.
+    """Return noise, repeatability over parts of runs, run to run, and what was not determined.
 
     Nested analysis of variance of the (k,) values of single parts in their runs (k,): each level
     counts for what it scatters beyond the one below it, so that nothing is counted twice. Their
@@ -268,8 +270,7 @@ def scatter_inputs(
 def _nested(squares: Sequence[tuple[str, float, float]], unit: str) -> list[Input]:
     """Return an input per level: what its mean square exceeds the largest below it by.
 
-    As the levels add up to the largest mean square, what is not known of the lower ones cancels:
-    each has the degrees of freedom of that one.
+    The levels add up to the largest mean square, so that each has its degrees of freedom.
     """
     widths, known, degrees = [], 0.0, math.inf
     for _, square, own in squares:

@@ -91,7 +91,7 @@ def shape_texts(
 
 
 def still_missing(certified: Certified, diagnosis: Mapping[str, Any] | None) -> str:
-    """Return what the diagnosis says is missing beyond what was added; '' where nothing is."""
+    """Return what is missing, by the diagnosis, beyond what was added; '' where nothing is."""
     if diagnosis is None:
         return 'missing effects were not searched for'
     shared = [s for s in diagnosis['steps'] if s['ambiguous_with'] and certified.added]

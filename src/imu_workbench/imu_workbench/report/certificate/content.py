@@ -41,7 +41,7 @@ from imu_workbench.report.certificate.recordings import (
     recording_row,
 )
 from imu_workbench.report.laboratory import NOT_STATED, Laboratory
-from imu_workbench.report.limits import Limits
+from imu_workbench.report.limits import CoefficientLimits
 from imu_workbench.report.modelled import errors_of_run
 from imu_workbench.report.series import line
 
@@ -59,7 +59,7 @@ RULES = {
 
 
 def certificates(
-    analysis: Analysis, laboratory: Laboratory, limits: Limits | None
+    analysis: Analysis, laboratory: Laboratory, limits: CoefficientLimits | None
 ) -> dict[str, dict[str, Any]]:
     """Return the certificate of each device that has a model."""
     return {
@@ -73,9 +73,9 @@ def certificate(
     certified: Certified,
     analysis: Analysis,
     laboratory: Laboratory,
-    limits: Limits | None,
+    limits: CoefficientLimits | None,
 ) -> dict[str, Any]:
-    """Return what the certificate of one device says."""
+    """Return the content of the certificate of one device."""
     recordings = [run.recording for run in analysis.runs if run.device == device]
     hashes = {run.name: run.hash for run in analysis.runs}
     up_axes = {recording.run: recording.up_axis for recording in recordings}
@@ -151,9 +151,9 @@ def certificate(
 
 
 def references(laboratory: Laboratory, recordings: Sequence[ImuRecording]) -> dict[str, str]:
-    """Return what is said about the reference of each sensor; the gradient as the budgets have it.
+    """Return the statements about the reference of each sensor; the gradient as in the budgets.
 
-    Where a thermocouple was logged it tells the gradient that nobody stated.
+    A gradient that nobody stated is that of the thermocouple where one was logged.
     """
     stated = laboratory.references()
     logged = all(r.device_temperature is not None for r in recordings)
@@ -204,7 +204,7 @@ def method(
 
 
 def equations(certified: Certified) -> dict[str, str]:
-    """Return the equation of every effect beyond the line: it says what its letters mean."""
+    """Return the equation of every effect beyond the line, which defines its symbols."""
     effects = [e for part in certified.model.sensors.values() for e in part.effects]
     return {
         effect.name: ' '.join(effect.equation.split())
@@ -277,7 +277,7 @@ def not_included(found: Sequence[Quantity]) -> list[str]:
 
 
 def not_determined(found: Sequence[Quantity], certified: Certified) -> list[str]:
-    """Return which results a reader may look for in vain, and why."""
+    """Return which results are missing, and why."""
     result = []
     for sensor in certified.model.sensors:
         names = {q.coefficient for q in found if q.sensor == sensor}
@@ -344,7 +344,7 @@ def residuals(certified: Certified) -> dict[str, dict[str, Any]]:
     return result
 
 
-def decided(found: Sequence[Quantity], limits: Limits | None) -> list[dict[str, Any]]:
+def decided(found: Sequence[Quantity], limits: CoefficientLimits | None) -> list[dict[str, Any]]:
     """Return the decision on every coefficient that has a limit."""
     rows = []
     for quantity in found if limits else ():
@@ -375,8 +375,10 @@ def decided(found: Sequence[Quantity], limits: Limits | None) -> list[dict[str, 
     return rows
 
 
-def without_result(decisions: Sequence[Mapping[str, Any]], limits: Limits | None) -> list[str]:
-    """Return the limits nothing is said about: no such coefficient was determined."""
+def without_result(
+    decisions: Sequence[Mapping[str, Any]], limits: CoefficientLimits | None
+) -> list[str]:
+    """Return the limits of coefficients that were not determined."""
     told = {(d['sensor'], d['coefficient'].partition(', ')[0]) for d in decisions}
     given = limits.sensors.items() if limits else ()
     return [

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """All coefficients and shape parameters of a sensor's model, linear about where they stand.
 
-It answers two questions by least squares: what a part of the data would change them to, and what
-an error of the data changes them by.
+It answers two questions by least squares: how much do they change where they are fitted to a part
+of the data, and how much with an error of the data?
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from thermal_comp.effects.effect import Effect
 from thermal_comp.model.values import SensorModel
 
 WORST_CONDITION = 300.0
-"""Condition of scaled columns above which a part of the data tells nothing by itself."""
+"""Condition of scaled columns above which a part of the data determines nothing by itself."""
 LEAST_RESOLVED = 0.99
 """Diagonal of the resolution matrix from which on rows determine an unknown by themselves."""
 
@@ -82,7 +82,18 @@ def fitted_values(model: SensorModel) -> list[Shape]:
                 if std > 0.0 and np.isfinite(std):
                     at = place if several else None
                     label = labels[place]
-                    found.append(Shape(i, item.name, at, float(one), std, form, unit, label))
+                    found.append(
+                        Shape(
+                            effect=i,
+                            name=item.name,
+                            place=at,
+                            value=float(one),
+                            std=std,
+                            form=form,
+                            unit=unit,
+                            label=label,
+                        )
+                    )
     return found
 
 
@@ -155,7 +166,7 @@ class JointDesign:
         return change
 
     def changes(self, rows: NDArray[np.bool_]) -> FloatArray:
-        """(q,) change of the unknowns to what some rows alone say; NaN where they do not tell."""
+        """(q,) change of the unknowns fitted to some rows alone; NaN: not determined."""
         rows = rows & self.everything
         if rows.sum() < 4 * (self.columns.shape[2] + 1):
             return np.full(self.columns.shape[2], np.nan)
@@ -164,7 +175,7 @@ class JointDesign:
 
     @cached_property
     def by_part(self) -> tuple[FloatArray, IntArray]:
-        """(k, q) changes by each part of each run alone, NaN where not told, and runs (k,)."""
+        """(k, q) changes by each part of each run alone, NaN: not determined; and runs (k,)."""
         found, run = [], []
         for r in np.unique(self.run):
             of_run = self.run == r
@@ -175,15 +186,15 @@ class JointDesign:
 
     @cached_property
     def by_cycle(self) -> FloatArray:
-        """(k, q) changes by the same part of all runs, NaN where not told."""
+        """(k, q) changes by the same part of all runs, NaN where not determined."""
         numbers = np.unique(self.part[self.part > 0])
         found = [self.changes(self.part == number) for number in numbers]
         return np.array(found).reshape(-1, self.columns.shape[2])
 
     def scatter_of(self, unknown: int) -> tuple[FloatArray, IntArray]:
-        """Return (k,) changes of an unknown by parts that tell it, and their (k,) runs.
+        """Return (k,) changes of an unknown by parts that determine it, and their (k,) runs.
 
-        Where no run alone tells it, the parts are the same ones of all runs, and count as one.
+        Where no part of a run does alone, a part of all runs together counts as one.
         """
         values, run = self.by_part
         told = np.isfinite(values[:, unknown])
@@ -194,7 +205,7 @@ class JointDesign:
         return together, np.zeros(len(together), int)
 
     def _solver(self, rows: NDArray[np.bool_]) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Return the (q, 3m) pseudo-inverse of the centred rows, and which unknowns they tell."""
+        """Return the (q, 3m) pseudo-inverse of the centred rows, and unknowns they determine."""
         count = self.columns.shape[2]
         design = self._centred(self.columns, rows).reshape(-1, count)
         norm = np.sqrt((design**2).sum(axis=0))

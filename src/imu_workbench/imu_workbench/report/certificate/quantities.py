@@ -34,7 +34,7 @@ from imu_workbench.report.laboratory import Laboratory
 END_SHARE = 0.1
 """Share of the temperature range at each end that counts as its end."""
 NEAR_REFERENCE_K = 2.5
-"""Blocks so near the reference temperature tell how well the model's level stands there [K]."""
+"""Blocks within this of the reference temperature show how far the model is off there [K]."""
 
 
 @dataclass(frozen=True)
@@ -74,16 +74,16 @@ def quantities(
             continue
         low, high = part.temperature_range
         evidence = Evidence(
-            name,
-            part,
-            tuple(runs),
-            tuple(up_axes),
-            replicates(part, runs, name),
-            JointDesign.of(part, runs, name),
-            laboratory,
-            high - low,
-            dwell_gradient(runs),
-            model.reference_temperature,
+            sensor=name,
+            model=part,
+            runs=tuple(runs),
+            up_axes=tuple(up_axes),
+            repeated=replicates(part, runs, name),
+            joint=JointDesign.of(part, runs, name),
+            laboratory=laboratory,
+            span=high - low,
+            gradient=dwell_gradient(runs),
+            reference_temperature=model.reference_temperature,
         )
         fitted = [*coefficients_of(evidence), *shapes_of(evidence)]
         found += [*biases(evidence), *(budgeted(evidence, one) for one in fitted)]
@@ -235,17 +235,17 @@ def coefficients_of(evidence: Evidence) -> Iterator[Fitted]:
                 else:
                     changes, run = repeated[:, axis] - value, evidence.repeated.run
                 yield Fitted(
-                    'slope' if linear else label,
-                    'all' if shared else AXES[axis],
-                    units[column],
-                    value,
-                    float(deviation[unknown]),
-                    evidence.noise_degrees(axis),
-                    unknown,
-                    effect,
-                    changes,
-                    run,
-                    chord(evidence, axis) if linear else parts_differ(changes),
+                    name='slope' if linear else label,
+                    axis='all' if shared else AXES[axis],
+                    unit=units[column],
+                    value=value,
+                    noise=float(deviation[unknown]),
+                    noise_degrees=evidence.noise_degrees(axis),
+                    unknown=unknown,
+                    effect=effect,
+                    changes=changes,
+                    run=run,
+                    form=chord(evidence, axis) if linear else parts_differ(changes),
                 )
 
 
@@ -258,16 +258,25 @@ def shapes_of(evidence: Evidence) -> Iterator[Fitted]:
         told = parts_differ(changes)
         form = max(told or 0.0, shape.form) if told is not None or shape.form else None
         yield Fitted(
-            shape.label, 'all', shape.unit, shape.value, shape.std, degrees, unknown, None,
-            changes, run, form,
-        )  # fmt: skip
+            name=shape.label,
+            axis='all',
+            unit=shape.unit,
+            value=shape.value,
+            noise=shape.std,
+            noise_degrees=degrees,
+            unknown=unknown,
+            effect=None,
+            changes=changes,
+            run=run,
+            form=form,
+        )
 
 
 def budgeted(evidence: Evidence, fitted: Fitted) -> Quantity:
     """Return a coefficient or shape parameter with its budget.
 
-    What has a power of kelvin in its unit feels the scale of the thermometer, a temperature its
-    offset. Times and rates feel neither: the coefficients take them up.
+    A unit with a power of kelvin makes it sensitive to the thermometer's scale, a temperature to
+    its offset; times and rates are sensitive to neither.
     """
     unit = fitted.unit
     scatter, untold = scatter_inputs(
@@ -289,14 +298,20 @@ def budgeted(evidence: Evidence, fitted: Fitted) -> Quantity:
         [*unknown, *unstated, *untold, *([] if told else [unseen])],
     )
     random = math.sqrt(sum(item.uncertainty**2 for item in scatter))
-    return Quantity(evidence.sensor, fitted.axis, fitted.name, budget, 3.29 * random)
+    return Quantity(
+        sensor=evidence.sensor,
+        axis=fitted.axis,
+        coefficient=fitted.name,
+        budget=budget,
+        detection_limit=3.29 * random,
+    )
 
 
 def parts_differ(changes: FloatArray) -> float | None:
     """Return the standard uncertainty of the form from values of single parts minus the fitted.
 
-    What parts of the data, all weighted alike, differ by on average from the whole weighted by
-    its noise: nothing but noise where the form is right (Hausman, 1978). It counts beyond the
+    The mean of the parts' values, weighted equally, minus the value of all data, weighted by
+    noise, is noise alone where the form is right (Hausman, 1978). It counts beyond the
     scatter of that mean, as a rectangular half-width; None where fewer than two parts tell it.
     """
     if len(changes) < 2:

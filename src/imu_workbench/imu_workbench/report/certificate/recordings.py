@@ -20,7 +20,7 @@ LOSS_WORDS = (
     'not closed', 'damaged', 'lost', 'left out', 'dropouts', 'missing', 'cannot be read',
     'is empty', 'not finite', 'infinite',
 )  # fmt: skip
-"""What a note of reading that tells of loss or damage says."""
+"""Words of those notes on reading that are about loss or damage."""
 MOST_LOSSES = 4
 """Notes of loss on the first page; the annex has all."""
 NOTE_LENGTH = 140
@@ -45,7 +45,7 @@ def recording_row(recording: ImuRecording, digest: str) -> dict[str, Any]:
 
 
 def losses(recordings: Sequence[ImuRecording]) -> list[str]:
-    """Return what reading the recordings had to say of loss and damage, and their gaps."""
+    """Return the notes on loss and damage in the recordings, and their gaps."""
     found: dict[str, list[str]] = {}
     for recording in recordings:
         told = [note for note in recording.notes if any(word in note for word in LOSS_WORDS)]

@@ -17,15 +17,15 @@ from imu_workbench.report.certificate.budget import Input, Uncounted
 from imu_workbench.report.certificate.evidence import AXES, Evidence
 from imu_workbench.report.certificate.joint_design import coefficient_columns, place_of
 
-NEGLIGIBLE = 1e-6
-"""Share of the value below which an error of the reference does not act, but is rounding."""
+NEGLIGIBLE_SHARE = 1e-6
+"""Share of the value below which what an error of the reference changes is rounding."""
 TILT = 'reference: tilt'
 
 
 def reference_of_bias(
     evidence: Evidence, axis: int
 ) -> tuple[list[int], dict[int, float], list[Input], list[Uncounted]]:
-    """Return the runs that tell a bias, the true input in each, its inputs, what is missing.
+    """Return the runs that determine a bias, the true input in each, its inputs, what is missing.
 
     Gyroscope: at rest, the Earth's rotation within its bounds. Accelerometer: horizontal, where a
     run has the axis so, else gravity. Magnetometer: none, the field is not known to nanotesla.
@@ -98,9 +98,9 @@ def scales_with(evidence: Evidence, effect: Effect, channel: str) -> bool:
 
 
 def relative(spread: float, stated: float, used: float) -> float:
-    """Return the relative uncertainty of a true input that stands uncorrected in the fit.
+    """Return the relative uncertainty of a true input that the fit took uncorrected.
 
-    Beside its standard uncertainty counts what the fit's differs by from the stated one.
+    It is made of its standard uncertainty and the difference of the fit's value from the stated.
     """
     return math.hypot(spread, stated - used) / used
 
@@ -148,7 +148,7 @@ def _variation(
     )
     half = evidence.laboratory.field_variation
     size = moved * (half or 1e-9) / math.sqrt(3.0)
-    if size <= NEGLIGIBLE * abs(value):
+    if size <= NEGLIGIBLE_SHARE * abs(value):
         return None
     if half is None:
         return Uncounted('reference: field variation', 'not stated')
@@ -192,7 +192,7 @@ def _tilt(evidence: Evidence, unknown: int, value: float, unit: str) -> Input | 
     """
     half = evidence.laboratory.tilt
     moved = float(np.linalg.norm(by_tilt(evidence)[:, unknown]))
-    if moved * (half or math.radians(1.0)) <= NEGLIGIBLE * abs(value):
+    if moved * (half or math.radians(1.0)) <= NEGLIGIBLE_SHARE * abs(value):
         return None
     if half is None:
         return Uncounted(TILT, 'not stated')

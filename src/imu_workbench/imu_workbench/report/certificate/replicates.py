@@ -34,14 +34,14 @@ class Replicates:
     """What the parts are called."""
 
     def of(self, effect: int, column: int) -> FloatArray | None:
-        """(k, 3) replicates of a coefficient, None where a cycle alone does not tell it."""
+        """(k, 3) replicates of a coefficient, None where a cycle alone does not determine it."""
         if (effect, column) not in self.terms:
             return None
         return self.coefficients[:, self.terms.index((effect, column))]
 
 
 def own_terms(model: SensorModel, runs: Sequence[PreparedRun], sensor: Sensor) -> list[int]:
-    """Return the effects whose coefficients a cycle can tell by itself, each axis alone."""
+    """Return the effects whose coefficients a cycle alone determines, each axis for itself."""
     return [
         i
         for i, effect, coefficients in model.device_terms()
@@ -55,7 +55,7 @@ def own_terms(model: SensorModel, runs: Sequence[PreparedRun], sensor: Sensor) -
 def replicates(model: SensorModel, runs: Sequence[PreparedRun], sensor: Sensor) -> Replicates:
     """Return level and coefficients of every part by ordinary least squares, shapes as fitted.
 
-    Terms that no single part tells stay as the model has them.
+    Terms that no single part determines stay as the model has them.
     """
     own = own_terms(model, runs, sensor)
     parts = [(r, *_columns(model, run, sensor, own), run.cv_group) for r, run in enumerate(runs)]
@@ -72,7 +72,9 @@ def replicates(model: SensorModel, runs: Sequence[PreparedRun], sensor: Sensor) 
     values = np.array([v for _, v in found]).reshape(-1, width + 1, 3)
     number = np.array([r for r, _ in found], int)
     kind = 'cycles' if all(run.has_cycles for run in runs) else 'parts of a run'
-    return Replicates(number, values[:, 0], values[:, 1:], terms, kind)
+    return Replicates(
+        run=number, level=values[:, 0], coefficients=values[:, 1:], terms=terms, parts=kind
+    )
 
 
 def _columns(
@@ -85,7 +87,7 @@ def _columns(
 
 
 def _solved(columns: FloatArray, values: FloatArray) -> FloatArray | None:
-    """Return (1 + q, 3) level and coefficients, None where the rows do not tell them."""
+    """Return (1 + q, 3) level and coefficients, None where the rows do not determine them."""
     if len(values) < 4 * (columns.shape[1] + 1):
         return None
     spread = columns.std(axis=0)

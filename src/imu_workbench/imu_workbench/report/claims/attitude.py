@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 from thermal_comp.presentation.display import shown
 
-from imu_workbench.report.attitude import Attitude
+from imu_workbench.report.attitude import EULER, FilterAttitude
 from imu_workbench.report.claims.claim import Claim, untestable
 
-EULER = ('yaw', 'pitch', 'roll')
 TOO_SLOW_FOR_FILTERS = (
     'The filters need samples at 50 Hz or more; these recordings are slower and were interpolated.'
 )
-Attitudes = Mapping[str, Sequence[Attitude]]
+Attitudes = Mapping[str, Sequence[FilterAttitude]]
 """Attitudes per run."""
 
 
@@ -58,13 +57,16 @@ def spread_claim(attitudes: Attitudes) -> Claim:
     values = [f for row in factors for f in row['factor'].values()]
     held = sum(value > 1.0 for value in values)
     return Claim(
-        'spread',
-        said,
-        f'{held} of {len(values)} standard deviations over the run shrink, by factors of '
+        key='spread',
+        claim=said,
+        ours=f'{held} of {len(values)} standard deviations over the run shrink, by factors of '
         f'{shown(min(values))} … {shown(max(values))}{_within_cycles(cycles)}',
-        'supported' if held == len(values) else 'not',
-        'Factor σ raw / σ compensated, per run, filter and angle; the verdict is on whole runs.',
-        {'factors': factors, 'cycles': cycles},
+        verdict='supported' if held == len(values) else 'not',
+        why=(
+            'Factor σ raw / σ compensated, per run, filter and angle; the verdict is on whole '
+            'runs.'
+        ),
+        numbers={'factors': factors, 'cycles': cycles},
     )
 
 
@@ -79,12 +81,12 @@ def order_of_magnitude_claim(attitudes: Attitudes) -> Claim:
         return untestable('order_of_magnitude', said, TOO_SLOW_FOR_FILTERS)
     values = [f for row in rows for f in row['factor'].values()]
     return Claim(
-        'order_of_magnitude',
-        said,
-        f'factors of {shown(min(values))} … {shown(max(values))}; '
+        key='order_of_magnitude',
+        claim=said,
+        ours=f'factors of {shown(min(values))} … {shown(max(values))}; '
         f'{sum(value > 10.0 for value in values)} of {len(values)} are above ten',
-        'supported' if min(values) > 10.0 else 'not',
-        'Smallest factor against ten.',
+        verdict='supported' if min(values) > 10.0 else 'not',
+        why='Smallest factor against ten.',
     )
 
 
@@ -104,13 +106,18 @@ def mean_claim(attitudes: Attitudes) -> Claim:
     held = sum(after < before for before, after in pairs)
     largest = (max(b for b, _ in pairs), max(a for _, a in pairs))
     return Claim(
-        'mean',
-        said,
-        f'{held} of {len(pairs)} mean angles move towards the start attitude; the largest goes '
-        f'from {shown(largest[0])}° to {shown(largest[1])}°',
-        'supported' if held == len(pairs) else 'not',
-        'Mean angle relative to the attitude of the first minute: a resting device should stay.',
-        {'means': rows},
+        key='mean',
+        claim=said,
+        ours=(
+            f'{held} of {len(pairs)} mean angles move towards the start attitude; the largest '
+            f'goes from {shown(largest[0])}° to {shown(largest[1])}°'
+        ),
+        verdict='supported' if held == len(pairs) else 'not',
+        why=(
+            'Mean angle relative to the attitude of the first minute: a resting device should '
+            'stay.'
+        ),
+        numbers={'means': rows},
     )
 
 
@@ -149,13 +156,13 @@ def worse_filter_claim(attitudes: Attitudes) -> Claim:
     )
     due = f'; of that the magnetometer makes {due}' if due else ''
     return Claim(
-        'worse_filter',
-        said,
-        f'σ of the rotation angle on raw data: AHRS {shown(first["ahrs"]["raw_deg"])}°, '
+        key='worse_filter',
+        claim=said,
+        ours=f'σ of the rotation angle on raw data: AHRS {shown(first["ahrs"]["raw_deg"])}°, '
         f'complementary {shown(first["complementary"]["raw_deg"])}° ({first["run"]}){due}',
-        'supported' if worse == len(rows) else 'not',
-        'The magnetometer’s share is √(σ² raw − σ² with only the magnetometer compensated).',
-        {'runs': rows},
+        verdict='supported' if worse == len(rows) else 'not',
+        why='The magnetometer’s share is √(σ² raw − σ² with only the magnetometer compensated).',
+        numbers={'runs': rows},
     )
 
 
@@ -172,14 +179,14 @@ def cost_claim(attitudes: Attitudes, state_bytes: Mapping[str, int]) -> Claim:
         return untestable('cost', said, TOO_SLOW_FOR_FILTERS)
     ratio = cost['ahrs'] / cost['complementary']
     return Claim(
-        'cost',
-        said,
-        f'AHRS {shown(cost["ahrs"])} ns per sample and {state_bytes["ahrs"]} bytes of state, '
+        key='cost',
+        claim=said,
+        ours=f'AHRS {shown(cost["ahrs"])} ns per sample and {state_bytes["ahrs"]} bytes of state, '
         f'complementary {shown(cost["complementary"])} ns and '
         f'{state_bytes["complementary"]} bytes (× {shown(ratio, 2)})',
-        'supported' if ratio > 1.0 else 'not',
-        'Compiled kernels on this machine, best of the runs over the recordings.',
-        {'nanoseconds_per_sample': cost, 'state_bytes': dict(state_bytes)},
+        verdict='supported' if ratio > 1.0 else 'not',
+        why='Compiled kernels on this machine, best of the runs over the recordings.',
+        numbers={'nanoseconds_per_sample': cost, 'state_bytes': dict(state_bytes)},
     )
 
 

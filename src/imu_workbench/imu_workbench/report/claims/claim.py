@@ -31,5 +31,5 @@ class Claim:
 
 
 def untestable(key: str, claim: str, why: str) -> Claim:
-    """Return a claim these recordings cannot speak about."""
-    return Claim(key, claim, '–', 'untestable', why)
+    """Return a claim that these recordings cannot test."""
+    return Claim(key=key, claim=claim, ours='–', verdict='untestable', why=why)

@@ -14,7 +14,7 @@ from imu_workbench.report.analysis import Analysis
 from imu_workbench.report.claims.claim import Claim, untestable
 from imu_workbench.report.modelled import RunErrors, binned
 
-LARGEST_DEVIATION = 0.1
+LARGEST_DEVIATION_SHARE = 0.1
 """Deviation from the line, as a part of its span, up to which it counts as linear."""
 SIGNIFICANCE = 0.01
 
@@ -34,27 +34,33 @@ def linearity_claim(analysis: Analysis) -> Claim:
     squared = np.concatenate([row['r_squared'] for row in rows])
     deviation = np.concatenate([row['deviation'] for row in rows])
     clear = np.concatenate([row['clear'] for row in rows])
-    bent = int((deviation[clear] > LARGEST_DEVIATION).sum())
+    bent = int((deviation[clear] > LARGEST_DEVIATION_SHARE).sum())
     missing = [
         f'{" or ".join([f["name"], *f["ambiguous_with"]])} of the {f["sensor"]} is missing'
         for found in analysis.diagnoses.values()
         for f in found['findings']
         if f['kind'] == 'effect'
     ]
+    ours = 'no channel depends on temperature beyond its noise'
+    if clear.any():
+        lowest, highest = shown(float(squared.min())), shown(float(squared.max()), 4)
+        largest = shown(100 * float(deviation[clear].max()), 2)
+        ours = (
+            f'R² {lowest} … {highest} on block means; bin means deviate from the model by up to '
+            f'{largest} % of its span; {bent} of {int(clear.sum())} channels by more than 10 %'
+        )
+        ours += ''.join(f'; {text.replace("_", " ")}' for text in missing)
     return Claim(
-        'linear',
-        said,
-        f'R² {shown(float(squared.min()))} … {shown(float(squared.max()), 4)} on block means; bin '
-        f'means deviate from the model by up to {shown(100 * float(deviation[clear].max()), 2)} % '
-        f'of its span; {bent} of {int(clear.sum())} channels by more than 10 %'
-        + ''.join(f'; {text.replace("_", " ")}' for text in missing)
-        if clear.any()
-        else 'no channel depends on temperature beyond its noise',
-        'supported' if not bent and not missing else 'not',
-        'Largest mean residual in a bin of 2 K as a part of the model’s span, for channels whose '
-        'span is above three times the residual’s standard deviation; not enough where the '
-        'diagnosis names an effect beyond the line.',
-        {'channels': rows},
+        key='linear',
+        claim=said,
+        ours=ours,
+        verdict='supported' if not bent and not missing else 'not',
+        why=(
+            'Largest mean residual in a bin of 2 K as a part of the model’s span, for channels '
+            'whose span is above three times the residual’s standard deviation; not enough where '
+            'the diagnosis names an effect beyond the line.'
+        ),
+        numbers={'channels': rows},
     )
 
 
@@ -93,15 +99,20 @@ def gaussianity_claim(analysis: Analysis) -> Claim:
     apart = [row['dwells_apart'] for row in tested if row['dwells_apart'] is not None]
     bimodal = sum(value > 2.0 for value in apart)
     return Claim(
-        'gaussian',
-        said,
-        f'{before} of {len(tested)} channels are not Gaussian before compensation, {bimodal} have '
-        f'two modes at the dwells; {after} are not Gaussian after it',
-        'supported' if not after and before > len(tested) / 2 and bimodal else 'not',
-        f'χ² test of block means, thinned until they are independent, at {SIGNIFICANCE:.0%} over '
-        'all channels together (Holm); two modes where the dwells’ means are more than two '
-        'standard deviations apart. Supported where most are rejected before and none after.',
-        {'channels': rows},
+        key='gaussian',
+        claim=said,
+        ours=(
+            f'{before} of {len(tested)} channels are not Gaussian before compensation, {bimodal} '
+            f'have two modes at the dwells; {after} are not Gaussian after it'
+        ),
+        verdict='supported' if not after and before > len(tested) / 2 and bimodal else 'not',
+        why=(
+            f'χ² test of block means, thinned until they are independent, at {SIGNIFICANCE:.0%} '
+            'over all channels together (Holm); two modes where the dwells’ means are more than '
+            'two standard deviations apart. Supported where most are rejected before and none '
+            'after.'
+        ),
+        numbers={'channels': rows},
     )
 
 

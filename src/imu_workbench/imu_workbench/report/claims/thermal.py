@@ -37,14 +37,17 @@ def range_claim(ranges: Mapping[str, Mapping[str, Any]]) -> Claim:
     ratios = [found['without_start_up'] / found['paper'] for found in ranges.values()]
     alike = min(ratios) >= 0.5 and max(ratios) <= 2.0
     return Claim(
-        'ranges',
-        said,
-        f'{ours} without start-up samples, {with_start_up} with them',
-        'supported' if alike else 'not',
-        'Supported where every sensor’s largest range without start-up samples is within a factor '
-        'of two. The paper’s own tables hold 0.48 °/s and 5.98 m/s², and its 5.92 m/s² is a '
-        'start-up sample, not temperature: the largest range off the gravity axis is 3.06 m/s².',
-        {'ranges': dict(ranges)},
+        key='ranges',
+        claim=said,
+        ours=f'{ours} without start-up samples, {with_start_up} with them',
+        verdict='supported' if alike else 'not',
+        why=(
+            'Supported where every sensor’s largest range without start-up samples is within a '
+            'factor of two. The paper’s own tables hold 0.48 °/s and 5.98 m/s², and its 5.92 m/s² '
+            'is a start-up sample, not temperature: the largest range off the gravity axis is '
+            '3.06 m/s².'
+        ),
+        numbers={'ranges': dict(ranges)},
     )
 
 
@@ -86,16 +89,18 @@ def orientation_claim(slopes: Slopes) -> Claim:
     }
     sizes = ', '.join(f'{shown(v, 2)} {DISPLAY_UNITS[s].unit}' for s, v in worst.items())
     return Claim(
-        'orientation',
-        said,
-        f'{differing} of {len(p_values)} channels have slopes that differ between orientations; '
-        f'the largest difference over 60 K is {sizes}',
-        'not' if differing else 'supported',
-        f'Analysis of variance of the cycles’ slopes between orientations, {SIGNIFICANCE:.0%} '
+        key='orientation',
+        claim=said,
+        ours=(
+            f'{differing} of {len(p_values)} channels have slopes that differ between '
+            f'orientations; the largest difference over 60 K is {sizes}'
+        ),
+        verdict='not' if differing else 'supported',
+        why=f'Analysis of variance of the cycles’ slopes between orientations, {SIGNIFICANCE:.0%} '
         'over all channels together. Cycles of one run share its mounting, so that a difference '
         'between runs counts as one between orientations; a scale factor that depends on '
         'temperature shows up here on the axis that feels gravity.',
-        {'tests': rows},
+        numbers={'tests': rows},
     )
 
 
@@ -124,14 +129,16 @@ def device_claim(slopes: Slopes) -> Claim:
     opposite = int(sum(row['opposite'].sum() for row in rows))
     apart = int((values > 1.0).sum())
     return Claim(
-        'devices',
-        said,
-        f'{apart} of {len(values)} pairs of slopes are not compatible (normalised difference '
+        key='devices',
+        claim=said,
+        ours=f'{apart} of {len(values)} pairs of slopes are not compatible (normalised difference '
         f'up to {shown(float(values.max()))}); {opposite} pairs have opposite signs',
-        'supported' if apart else 'not',
-        'Normalised difference |b₁ − b₂| / √(U₁² + U₂²) above 1, U twice the standard deviation '
-        'of the mean of the cycles’ slopes.',
-        {'pairs': rows},
+        verdict='supported' if apart else 'not',
+        why=(
+            'Normalised difference |b₁ − b₂| / √(U₁² + U₂²) above 1, U twice the standard '
+            'deviation of the mean of the cycles’ slopes.'
+        ),
+        numbers={'pairs': rows},
     )
 
 
@@ -146,12 +153,12 @@ def overheating_claim(overheating: Mapping[str, Mapping[str, Any]]) -> Claim:
         if means:
             parts.append(f'{label} {shown(min(means), 2)} … {shown(max(means), 2)} K above air')
     return Claim(
-        'overheating',
-        said,
-        '; '.join(parts),
-        'supported',
-        'Mean over the dwells. The paper gives no number.',
-        {'runs': dict(overheating)},
+        key='overheating',
+        claim=said,
+        ours='; '.join(parts),
+        verdict='supported',
+        why='Mean over the dwells. The paper gives no number.',
+        numbers={'runs': dict(overheating)},
     )
 
 
@@ -190,11 +197,15 @@ def pooled_claim(tests: Mapping[str, Mapping[str, Any]]) -> Claim:
     opposite = sum(sum(test['opposite_signs']) for test in tests.values())
     grown = ', '.join(f'{s} × {shown(float(np.nanmax(f)), 2)}' for s, f in factors.items())
     return Claim(
-        'pooled',
-        said,
-        f'the pooled residual is larger than the individual one: {grown} on the worst axis of the '
-        f'worst device; {opposite} of {3 * len(tests)} axes have slopes of opposite sign',
-        'supported' if worst > 1.5 and opposite else 'not',
-        'Rms of block means after the pooled and after the individual model; supported where it '
-        'grows by half or more and opposite signs are the reason.',
+        key='pooled',
+        claim=said,
+        ours=(
+            f'the pooled residual is larger than the individual one: {grown} on the worst axis of '
+            f'the worst device; {opposite} of {3 * len(tests)} axes have slopes of opposite sign'
+        ),
+        verdict='supported' if worst > 1.5 and opposite else 'not',
+        why=(
+            'Rms of block means after the pooled and after the individual model; supported where '
+            'it grows by half or more and opposite signs are the reason.'
+        ),
     )

@@ -57,9 +57,11 @@ def run_picture(plan: Mapping[str, Any] | None, residuals: Mapping[str, Any]) ->
             panel.set_ylabel(f'{sensor} residual [{found["unit"]}]')
         for panel in panels:
             panel.grid(visible=True, color='0.92', linewidth=0.5)
-            panel.legend(
-                loc='lower right', bbox_to_anchor=(1.0, 0.97), ncols=4, frameon=False, fontsize=6.5
-            )
+            if panel.get_legend_handles_labels()[0]:
+                panel.legend(
+                    loc='lower right', bbox_to_anchor=(1.0, 0.97), ncols=4, frameon=False,
+                    fontsize=6.5,
+                )  # fmt: skip
         panels[-1].set_xlabel('time [h]')
         return _svg(figure)
 

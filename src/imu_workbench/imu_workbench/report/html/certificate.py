@@ -12,12 +12,12 @@ from thermal_comp.presentation.display import coefficient_unit, fixed, shown, wi
 
 from imu_workbench.report.certificate.budget import SOURCES
 from imu_workbench.report.certificate.content import percent_at_most
-from imu_workbench.report.figures.allan import allan_deviation_figure
+from imu_workbench.report.figures.modelled import allan_deviation_figure
 from imu_workbench.report.html.render import Row, Section
 from imu_workbench.report.model_content import in_words
 
-PER_ROW = 3
-"""Results that axes share, in a row."""
+RESULTS_PER_ROW = 3
+"""Results shared by the axes that stand in one row."""
 ROWS_OF_A_PAGE = 12
 """Rows of results from which on they begin on the first page."""
 DECISIONS = {'pass': 'kept', 'fail': 'NOT KEPT', 'undecided': 'not decided'}
@@ -146,7 +146,7 @@ def result_rows(found: Mapping[str, Any]) -> list[dict[str, Any]]:
         key: tuple[Any, ...] = (sensor, name, unit)
         if axis == 'all':
             number = shared[key] = shared.get(key, -1) + 1
-            key, axis = (*key, number // PER_ROW), 'xyz'[number % PER_ROW]
+            key, axis = (*key, number // RESULTS_PER_ROW), 'xyz'[number % RESULTS_PER_ROW]
         row = rows.setdefault(
             key,
             {
@@ -178,7 +178,7 @@ def result_name(coefficient: str, *, shared: bool) -> tuple[str, str]:
 
 
 def result_cell(quantity: Mapping[str, Any], factor: float) -> dict[str, str]:
-    """Return value ± U in another unit, with ν and k95; U is not told where a model has none."""
+    """Return value ± U in another unit, with ν and k95; without U where a model has none."""
     if 'expanded' not in quantity:
         return {'value': shown(quantity['value'] * factor), 'detail': 'U not told'}
     by = quantity['coverage_factor']
@@ -238,7 +238,7 @@ def decision_rows(found: Mapping[str, Any]) -> list[Row]:
 
 
 WORDS = {'does not act': '–', 'none seen': '0'}
-"""What stands in a budget where a source gives no contribution; else its word."""
+"""Text in a budget where a source gives no contribution; other words stay."""
 
 
 def budget_tables(found: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -19,7 +19,7 @@ VERDICT_CLASSES = {
     'complete': 'supported',
     **dict.fromkeys(('changed', 'missing', 'ambiguous', 'unexplained', 'unlogged'), 'not'),
 }
-"""How a verdict looks; one that is not here looks open."""
+"""Verdict → CSS class; others have the class `open`."""
 MOST_RIVALS = 3
 """Rivals of a finding that are named."""
 
@@ -139,7 +139,7 @@ def _marked(row: Mapping[str, Any]) -> str:
 
 def growth_section(content: Mapping[str, Any]) -> Section | None:
     """Return the growth of a model: its lines, maps before and after, the error steps."""
-    growth = content.get('story')
+    growth = content.get('growth')
     if not growth:
         return None
     figures = {
@@ -158,6 +158,6 @@ def growth_section(content: Mapping[str, Any]) -> Section | None:
         'degrees': degree_table(growth) if growth['sensors'] else None,
     }
     if growth['sensors']:
-        figures['stairs|story'] = error_steps_figure(growth['sensors'] | degree_steps(growth))
+        figures['stairs|growth'] = error_steps_figure(growth['sensors'] | degree_steps(growth))
     title = 'A hidden effect, found and removed'
-    return Section('story', title, 'model_growth.html', values, figures, 'Hidden effect')
+    return Section('growth', title, 'model_growth.html', values, figures, 'Hidden effect')

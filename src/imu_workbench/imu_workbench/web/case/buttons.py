@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from functools import partial
 from html import escape
 from typing import Any
 
@@ -16,10 +17,10 @@ PRESSED = """(event) => {
 
 
 class Buttons:
-    """The buttons of one part of the page, heard by that part.
+    """The buttons of one part of the page; their clicks are handled by that part.
 
     An element that is drawn anew forgets its own handlers: a press under way at that moment would
-    be lost. The part stays, and knows every act by its key.
+    be lost. The part stays, and finds what to do by the key of the button.
     """
 
     def __init__(self, part: ui.element) -> None:
@@ -28,7 +29,7 @@ class Buttons:
         part.props('data-acts')
 
     def add(self, label: str, key: str, act: Callable[[], Any]) -> ui.button:
-        """Return a new button; `key`: the same wherever the same thing is done, no other's."""
+        """Return a new button; its `key` stands for the action: equal actions have equal keys."""
         return self.heard(ui.button(label).props('no-caps'), key, act)
 
     def heard(self, element: Any, key: str, act: Callable[[], Any]) -> Any:
@@ -48,11 +49,15 @@ def file_button(
     A browser opens its file chooser for a press only while the press is fresh: it is opened there,
     without asking the server.
     """
-
-    async def uploaded(event: events.UploadEventArguments) -> None:
-        await take(event.file.name, await event.file.read())
-
-    upload = ui.upload(on_upload=uploaded, auto_upload=True, max_file_size=20_000_000)
+    upload = ui.upload(
+        on_upload=partial(_hand_over, take), auto_upload=True, max_file_size=20_000_000
+    )
     upload.props(f'accept="{suffixes}"').classes('hidden-upload')
     button = ui.button(label).props('no-caps outline')
     return button.on('click', js_handler=f'() => runMethod({upload.id}, "pickFiles", [])')
+
+
+async def _hand_over(
+    take: Callable[[str, bytes], Awaitable[None]], event: events.UploadEventArguments
+) -> None:
+    await take(event.file.name, await event.file.read())

@@ -21,14 +21,14 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, shown
 
 from imu_workbench.answer import plain
 
-LEAST_SHOWN = 0.005
+LEAST_SHOWN_PROBABILITY = 0.005
 """Probability below which "< 1 %" is shown."""
 HELD_OUT_AT_FIRST = 5
 """Candidates of a sensor whose held-out error is computed without being asked for."""
 
 
 @dataclass(frozen=True)
-class Candidate:
+class EffectCandidate:
     """One effect that may be missing; errors are rms over the axes [SI unit]."""
 
     effect: str
@@ -53,28 +53,28 @@ class Candidate:
         return None if self.error_after is None else self.error_after < (1.0 - LEAST_FALL) * before
 
 
-def candidates_of(found: Diagnosis) -> dict[str, list[Candidate]]:
+def candidates_of(found: Diagnosis) -> dict[str, list[EffectCandidate]]:
     """Return the candidates of every sensor, most probable first.
 
     Held-out errors are known of those that are named; `held_out` computes others.
     """
     content = found.to_dict()
-    result: dict[str, list[Candidate]] = {}
+    result: dict[str, list[EffectCandidate]] = {}
     for one in found.ranking:
         own = result.setdefault(one.sensor, [])
         finding = _finding(content, one)
         predicted = content['prediction'].get(one.sensor, {'empirical': False, 'terms': []})
         own.append(
-            Candidate(
-                one.name,
-                one.sensor,
-                one.probability,
-                one.log_odds,
-                finding['error_after'] if finding else None,
-                plain(dict(one.effect.shape_parameters)),
-                finding['parameters'] if finding else {},
-                finding is not None,
-                bool(predicted['empirical']) and one.name in predicted['terms'],
+            EffectCandidate(
+                effect=one.name,
+                sensor=one.sensor,
+                probability=one.probability,
+                log_odds=one.log_odds,
+                error_after=finding['error_after'] if finding else None,
+                shape=plain(dict(one.effect.shape_parameters)),
+                parameters=finding['parameters'] if finding else {},
+                named=finding is not None,
+                empirical=bool(predicted['empirical']) and one.name in predicted['terms'],
             )
         )
     return result
@@ -83,7 +83,7 @@ def candidates_of(found: Diagnosis) -> dict[str, list[Candidate]]:
 def asks_for_errors(
     candidates: Mapping[str, Sequence[Mapping[str, Any]]], sensors: Iterable[str]
 ) -> bool:
-    """Tell whether the error of a candidate in front is still to be computed, in these sensors."""
+    """Tell whether held-out errors of the most probable candidates are still to be computed."""
     first = (row for sensor in sensors for row in candidates.get(sensor, ())[:HELD_OUT_AT_FIRST])
     return any(row['error_after'] is None for row in first)
 
@@ -95,7 +95,7 @@ def with_errors(
     catalogue: Mapping[str, type[Effect]],
     progress: Callable[[str, float], None],
 ) -> dict[str, list[dict[str, Any]]]:
-    """Return the candidates (fields of `Candidate`), those in front with their held-out error."""
+    """Return the fields of the candidates, the most probable with their held-out error."""
     rows = {s: [dict(row) for row in candidates[s]] for s in SENSORS if candidates.get(s)}
     missing = [
         (sensor, row)
@@ -142,7 +142,7 @@ def effect_of(
     return catalogue[candidate](**given)
 
 
-def why_not(candidate: Candidate, winner: Candidate | None, before: float) -> str:
+def why_not(candidate: EffectCandidate, winner: EffectCandidate | None, before: float) -> str:
     """Return in a sentence why a candidate is not the one that is named; '' for that one."""
     if winner is None or candidate.effect == winner.effect or candidate.named:
         return ''
@@ -165,13 +165,13 @@ def why_not(candidate: Candidate, winner: Candidate | None, before: float) -> st
     return ''
 
 
-def odds_text(winner: Candidate, loser: Candidate) -> str:
+def odds_text(winner: EffectCandidate, loser: EffectCandidate) -> str:
     """Return how much less probable one effect is than another, in words.
 
     By the probabilities that are shown; where the loser's is as good as zero, by the odds of each
     alone.
     """
-    if winner.probability and loser.probability and loser.probability >= LEAST_SHOWN:
+    if winner.probability and loser.probability and loser.probability >= LEAST_SHOWN_PROBABILITY:
         apart = log(winner.probability / loser.probability)
     elif winner.log_odds is None or loser.log_odds is None:
         return ''

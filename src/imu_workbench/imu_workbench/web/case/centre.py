@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The linked plots of a version: always there, one cursor through all, one part of the time."""
+"""The linked plots of a version: one cursor through all, and one window of time."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class Centre:
         ]  # fmt: skip
 
     def show_place(self) -> bool:
-        """Show the place of the figures, else why there are none; tell whether there are."""
+        """Show the area of the figures, or why there are none; return whether there are any."""
         work = self._session.work
         there = work is not None and bool(work.bags)
         self._grid.visible, self._empty.visible = there, not there

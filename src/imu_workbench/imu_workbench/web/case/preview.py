@@ -68,7 +68,14 @@ def preview_task(
     )
     curves, share = explained_by(best, base, runs, sensor)
     after = error_with(model, runs, sensor, best)
-    return EffectPreview(effect, sensor, plain(dict(best.shape_parameters)), after, curves, share)
+    return EffectPreview(
+        effect=effect,
+        sensor=sensor,
+        shape=plain(dict(best.shape_parameters)),
+        error_after=after,
+        curves=curves,
+        share=share,
+    )
 
 
 def _best_form(

@@ -16,16 +16,16 @@ from thermal_comp.presentation.diagnosis import explanation_name, percent
 from thermal_comp.presentation.display import DISPLAY_UNITS, shown
 
 from imu_workbench.web.case.buttons import Buttons, file_button
-from imu_workbench.web.case.candidates import LEAST_SHOWN, Candidate, why_not
+from imu_workbench.web.case.candidates import LEAST_SHOWN_PROBABILITY, EffectCandidate, why_not
 from imu_workbench.web.case.preview import EffectPreview
 from imu_workbench.web.case.version import Version, parameter_text
 from imu_workbench.web.session import Session
 from imu_workbench.web.words import word
 
-LEAST_JOINT = 0.05
+LEAST_JOINT_PROBABILITY = 0.05
 """Probability of explanations with several effects from which all explanations are listed."""
-SHOWN = 4
-"""Candidates that stand there at once; the others below."""
+MOST_CANDIDATES = 4
+"""Candidates that are shown at once; others are listed below, folded."""
 
 
 @dataclass(frozen=True)
@@ -115,8 +115,8 @@ class Rail:
                 button.props('outline').set_enabled(self._may_load)
                 ui.label(f'It runs code: SHA-256 {key[:16]}.').classes('reason')
 
-    def _candidates(self, preview: EffectPreview | None) -> list[Candidate]:
-        """Return what may be missing, those of the user's own that were not weighed included."""
+    def _candidates(self, preview: EffectPreview | None) -> list[EffectCandidate]:
+        """Return what may be missing, with the user's own effects that have no probability."""
         session = self._session
         work, sensor = session.work, session.view.sensor
         assert work is not None and session.version is not None  # noqa: S101 PT018 (asked before)
@@ -126,7 +126,15 @@ class Rail:
         for name, told in session.workspace.effects.explained.items():
             fits = sensor in told['sensors'] and told['searched'] and name not in work.unusable
             if fits and name not in known:
-                weighed.append(Candidate(name, sensor, None, None, None))
+                weighed.append(
+                    EffectCandidate(
+                        effect=name,
+                        sensor=sensor,
+                        probability=None,
+                        log_odds=None,
+                        error_after=None,
+                    )
+                )
         if preview is not None and preview.sensor == sensor:
             weighed = [
                 replace(one, error_after=preview.error_after)
@@ -137,11 +145,14 @@ class Rail:
         return weighed
 
     def _show(
-        self, candidates: Sequence[Candidate], version: Version, preview: EffectPreview | None
+        self,
+        candidates: Sequence[EffectCandidate],
+        version: Version,
+        preview: EffectPreview | None,
     ) -> None:
         before = version.error(self._session.view.sensor)
         useful = [c for c in candidates if c.named or c.empirical or c.lowers(before)]
-        useful = sorted(useful, key=lambda c: (not c.named, not c.empirical))[:SHOWN]
+        useful = sorted(useful, key=lambda c: (not c.named, not c.empirical))[:MOST_CANDIDATES]
         winner = next((c for c in useful if c.named), None)
         named = [c.effect for c in useful if c.named]
         for candidate in useful:
@@ -155,8 +166,8 @@ class Rail:
 
     def _card(
         self,
-        candidate: Candidate,
-        winner: Candidate | None,
+        candidate: EffectCandidate,
+        winner: EffectCandidate | None,
         beside: Sequence[str],
         version: Version,
         preview: EffectPreview | None,
@@ -194,7 +205,7 @@ class Rail:
                 ).classes('note')
             self._offer(candidate, on=on, add='Add')
 
-    def _offer(self, candidate: Candidate, *, on: bool, add: str) -> None:
+    def _offer(self, candidate: EffectCandidate, *, on: bool, add: str) -> None:
         do, effect, sensor = self._actions, candidate.effect, candidate.sensor
         name = _spaced(effect)
         with ui.row().classes('actions small'):
@@ -206,7 +217,7 @@ class Rail:
                 button = self._buttons.add(label, f'{key} {sensor} {effect}', act)
                 button.props(f'outline dense aria-label="{label} {name}"')
 
-    def _group(self, title: str, rest: Sequence[Candidate], version: Version) -> None:
+    def _group(self, title: str, rest: Sequence[EffectCandidate], version: Version) -> None:
         if not rest:
             return
         before = version.error(self._session.view.sensor)
@@ -264,11 +275,11 @@ def together_html(explanations: Sequence[Mapping[str, Any]], sensor: str) -> str
     together each has nearly one.
     """
     own = [one for one in explanations if one['sensor'] == sensor]
-    if sum(one['probability'] for one in own if len(one['names']) > 1) < LEAST_JOINT:
+    if sum(one['probability'] for one in own if len(one['names']) > 1) < LEAST_JOINT_PROBABILITY:
         return ''
     rows = [(_spaced(explanation_name(one)), one['probability']) for one in own]
     rest = 1.0 - sum(probability for _, probability in rows)
-    rows += [('anything else', rest)] if rest >= LEAST_SHOWN else []
+    rows += [('anything else', rest)] if rest >= LEAST_SHOWN_PROBABILITY else []
     items = ''.join(
         f'<li>{escape(name)}<span class="number">{probability_text(probability)}</span></li>'
         for name, probability in rows
@@ -288,10 +299,10 @@ def probability_text(probability: float | None) -> str:
     """Return a probability in percent; nothing is certain and nothing impossible."""
     if probability is None:
         return ''
-    return '< 1 %' if probability < LEAST_SHOWN else percent(probability)
+    return '< 1 %' if probability < LEAST_SHOWN_PROBABILITY else percent(probability)
 
 
-def errors_html(candidate: Candidate, version: Version) -> str:
+def errors_html(candidate: EffectCandidate, version: Version) -> str:
     """Return held-out error before → after → floor with its unit."""
     unit = DISPLAY_UNITS[candidate.sensor]
     before, floor = version.error(candidate.sensor), version.floor(candidate.sensor)
@@ -305,8 +316,8 @@ def errors_html(candidate: Candidate, version: Version) -> str:
     )
 
 
-def little_text(candidate: Candidate, before: float) -> str:
-    """Return what little an effect does."""
+def little_text(candidate: EffectCandidate, before: float) -> str:
+    """Return in words how little an effect lowers the error."""
     if candidate.error_after is not None and not candidate.lowers(before):
         return 'Adds nothing: the held-out error would not fall.'
     if candidate.error_after is not None:

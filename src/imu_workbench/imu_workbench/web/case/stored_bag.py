@@ -74,16 +74,16 @@ def store_recording(
     (folder / 'recording.json').write_text(json.dumps(described, ensure_ascii=False), 'utf-8')
     span = float(recording.stamp[-1] - recording.stamp[0]) * 1e-9 if len(recording) else 0.0
     return StoredBag(
-        folder,
-        recording.device or recording.namespace.strip('/') or 'device',
-        recording.run or recording.source.rstrip('/').rpartition('/')[2] or 'run',
-        recording.up_axis,
-        recording.source,
-        len(recording),
-        span,
-        recording.notes,
-        motion_of(recording),
-        file_state,
+        folder=folder,
+        device=recording.device or recording.namespace.strip('/') or 'device',
+        run=recording.run or recording.source.rstrip('/').rpartition('/')[2] or 'run',
+        up_axis=recording.up_axis,
+        source=recording.source,
+        samples=len(recording),
+        duration=span,
+        notes=recording.notes,
+        motion=motion_of(recording),
+        file_state=file_state,
     )
 
 

@@ -42,15 +42,15 @@ from imu_workbench.web.case.stored_bag import StoredBag, store_recording
 from imu_workbench.web.case.version import Version, make_version, model_from_text
 
 
-class Progress(Protocol):
-    """Hears what is being done, and which share of all is done; 0 where that is not known."""
+class ProgressListener(Protocol):
+    """Takes what is being done, and the share of all that is done; 0 where it is not known."""
 
     def __call__(self, text: str, share: float = 0.0) -> None:
-        """Hear it."""
+        """Take the progress."""
 
 
 def read_task(
-    progress: Progress, path: Path, folder: Path, remap: Mapping[str, str]
+    progress: ProgressListener, path: Path, folder: Path, remap: Mapping[str, str]
 ) -> list[StoredBag]:
     """Read a bag and store the recording of each of its devices in a folder below `folder`.
 
@@ -63,10 +63,10 @@ def read_task(
     return stored
 
 
-def prepare_task(progress: Progress, bags: Sequence[StoredBag], target: Path) -> Path:
+def prepare_task(progress: ProgressListener, bags: Sequence[StoredBag], target: Path) -> Path:
     """Prepare the runs of one device and keep them in a file; runs that cannot be are left out.
 
-    The file is there when it is whole: who cancels, or asks meanwhile, finds none.
+    The file appears when it is complete: nobody ever reads a part of it.
     """
     runs: list[PreparedRun] = []
     left_out: dict[str, str] = {}
@@ -110,7 +110,7 @@ class Opened:
 
 
 def version_task(
-    progress: Progress,
+    progress: ProgressListener,
     prepared: Path,
     model_text: str | None,
     label: str,
@@ -144,7 +144,7 @@ class Change:
 
 
 def change_task(
-    progress: Progress,
+    progress: ProgressListener,
     prepared: Path,
     model_text: str,
     change: Change,
@@ -185,7 +185,7 @@ def _without(
 
 
 def diagnose_task(
-    progress: Progress,
+    progress: ProgressListener,
     bags: Sequence[StoredBag],
     prepared: Path,
     model_text: str,
@@ -209,7 +209,7 @@ def diagnose_task(
 
 
 def held_out_task(
-    progress: Progress,
+    progress: ProgressListener,
     prepared: Path,
     model_text: str,
     candidates: Mapping[str, Sequence[Mapping[str, Any]]],
@@ -237,7 +237,7 @@ def load_prepared(prepared: Path) -> tuple[list[PreparedRun], dict[str, str]]:
 
 
 def report_task(
-    progress: Progress,
+    progress: ProgressListener,
     bags: Sequence[StoredBag],
     model_texts: Mapping[str, str],
     effect_files: Sequence[Path],
@@ -248,7 +248,7 @@ def report_task(
 
     `folder` is that of the case: what a laboratory stated stands there.
     """
-    # A report's libraries take as long to import as a verdict's: nobody else waits for them.
+    # Imported here: the libraries of a report take as long to import as those of a verdict.
     from imu_workbench.case_statements import statement_files, statements_of
     from imu_workbench.report.analysis import analyse_recordings
     from imu_workbench.report.content import report_content, versions
@@ -282,7 +282,7 @@ def effect_explanations(catalogue: Mapping[str, type[Effect]]) -> dict[str, dict
     }
 
 
-def effects_task(progress: Progress, files: Sequence[Path]) -> dict[str, dict[str, Any]]:
+def effects_task(progress: ProgressListener, files: Sequence[Path]) -> dict[str, dict[str, Any]]:
     """Return the explanations of all effects, those of the files checked against the contract."""
     progress('checking the file')
     return effect_explanations(effect_catalogue(files))

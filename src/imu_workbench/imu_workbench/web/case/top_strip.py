@@ -24,7 +24,7 @@ from imu_workbench.web.case.verdict import (
 from imu_workbench.web.session import Session
 from imu_workbench.web.words import word
 
-SHOWN_ALERTS = 2
+MOST_ALERTS = 2
 """Alerts above the verdict; more would push verdict and figures off the screen."""
 
 
@@ -70,17 +70,17 @@ class TopStrip:
         self._drawn = drawn
         self._alerts.clear()
         with self._alerts:
-            _show_alerts(alerts[:SHOWN_ALERTS])
-            if len(alerts) > SHOWN_ALERTS:
+            _show_alerts(alerts[:MOST_ALERTS])
+            if len(alerts) > MOST_ALERTS:
                 with ui.element('details'):
                     with ui.element('summary'):
-                        ui.label(f'{len(alerts) - SHOWN_ALERTS} more about the recordings')
-                    _show_alerts(alerts[SHOWN_ALERTS:])
+                        ui.label(f'{len(alerts) - MOST_ALERTS} more about the recordings')
+                    _show_alerts(alerts[MOST_ALERTS:])
         self._show_sentence()
         self._show_action(action)
 
     def _notes(self) -> list[str]:
-        """Return what reading the recordings had to say."""
+        """Return the notes on reading the recordings."""
         work = self._session.work
         if work is None:
             return []

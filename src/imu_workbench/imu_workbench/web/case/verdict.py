@@ -25,9 +25,9 @@ AT_FLOOR_RATIO = 1.05
 MOST_LEFT_RATIO = 1.3
 """What an effect leaves, over the noise floor, up to which it is said to explain an error."""
 NOT_MISSING = frozenset({'data_quality', 'noise', 'clock'})
-"""Kinds of findings that say of no sensor that something is missing."""
+"""Kinds of findings that are no missing effect of a sensor."""
 WORST_PLACES = 4
-"""Places that are asked for the phase in which a sensor fails."""
+"""Number of worst places that decide in which phase a sensor fails."""
 Errors = Mapping[str, Mapping[str, float]]
 """Per sensor: held-out `error` and `floor`, rms over the axes [SI unit]."""
 Kind = Literal['add', 'experiment', 'log', 'look', 'certificate', 'none']
@@ -226,7 +226,9 @@ def next_action(found: Mapping[str, Any], known: Sequence[str], addable: Sequenc
     sensors = tuple(s for s in SENSORS if s in first['sensor'].split('+'))
     rivals = [rival for rival in first['ambiguous_with'] if rival in known]
     if rivals:
-        return Action('experiment', '', effect, sensors, (effect, rivals[0]))
+        return Action(
+            kind='experiment', text='', effect=effect, sensors=sensors, rivals=(effect, rivals[0])
+        )
     return Action('add', '', effect, sensors)
 
 

@@ -29,9 +29,9 @@ from imu_workbench.web.session import Session
 from imu_workbench.web.words import with_help
 
 MOST_LABELS = 5
-"""Steps that all carry their number, a phone's width apart."""
-MOST_NAMED = 4
-"""Runs of a version that are named; of more their number is said."""
+"""Steps up to which every one is labelled: as many as fit on a phone."""
+MOST_NAMED_RUNS = 4
+"""Runs of a version that are listed by name; more are counted."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,7 @@ def of_runs(version: CaseVersion, runs: Set[str]) -> str:
     own = version.recordings
     if not own or not runs or set(own) == runs:
         return ''
-    return f', of {", ".join(own) if len(own) <= MOST_NAMED else f"{len(own)} runs"}'
+    return f', of {", ".join(own) if len(own) <= MOST_NAMED_RUNS else f"{len(own)} runs"}'
 
 
 def error_text(version: CaseVersion, sensor: str) -> str:

@@ -11,7 +11,7 @@ from imu_recording.recording import FloatArray
 from orientation_filters.rotation.arrays import to_matrix
 
 from imu_workbench.report.figures.palette import AXES, painted
-from imu_workbench.web.live.readings import Attitude
+from imu_workbench.web.live.readings import LiveAttitude
 
 VIEWPOINT = np.array([1.6, -6.0, 3.4])
 """Where the viewer is, in the world's axes (east, north, up); the board is at the origin."""
@@ -25,7 +25,7 @@ WIDTH_PX, HEIGHT_PX = 300.0, 246.0
 """Width and height of the drawing [px]."""
 
 
-def board_svg(name: str, attitude: Attitude | None, colour: str, theme: str) -> str:
+def board_svg(name: str, attitude: LiveAttitude | None, colour: str, theme: str) -> str:
     """Return the drawing; `colour` is a token of the palette, `theme` 'light' or 'dark'."""
     paint = {
         key: str(painted(f'@{key}', theme)) for key in ('text', 'soft', 'grid', 'axis', *AXES)

@@ -35,7 +35,7 @@ FILTER_LOOK = {'complementary': '@d0', 'ahrs': '@d1'}
 TIME_UNITS = ((120.0, 's', 1.0), (7200.0, 'min', 60.0), (float('inf'), 'h', 3600.0))
 MIN_TIME_AXIS_S = 10.0
 """Shortest time axis [s]."""
-DEGREES = 180.0 / np.pi
+DEGREES_PER_RADIAN = 180.0 / np.pi
 
 
 def measured_figure(state: LiveState, sensor: str, window_s: float) -> dict[str, Any]:
@@ -89,7 +89,7 @@ def euler_figure(state: LiveState, window_s: float) -> dict[str, Any]:
     for name in orientation_names(state):
         lines = euler_line(state, name, window_s)
         for panel in range(3):
-            values = lines.values[:, panel] * DEGREES
+            values = lines.values[:, panel] * DEGREES_PER_RADIAN
             data.append(
                 _trace(
                     lines.time, values, FILTER_LABELS[name], FILTER_LOOK[name], panel, window_s,
@@ -128,7 +128,7 @@ def _trace(
 
 
 def _shown_s(data: Sequence[dict[str, Any]], window_s: float, seconds: float) -> float:
-    """Return how far back the time axis goes: as far as there is something to show."""
+    """Return how far back the time axis reaches: as far as there are data."""
     first = min((trace['x'][0] for trace in data if trace['x']), default=0.0)
     return min(window_s / seconds, max(-first, MIN_TIME_AXIS_S / seconds))
 

@@ -22,7 +22,7 @@ from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from imu_workbench.web.live.state import LiveState, Status
+from imu_workbench.web.live.state import LiveState, NodeStatus
 from imu_workbench.web.live.topics import DIAGNOSTICS, ROLES, Topic, assign
 
 ABSORB_PERIOD_S = 0.05
@@ -142,7 +142,15 @@ class Listener:
                 kept = DurabilityPolicy.TRANSIENT_LOCAL
                 latched = all(p.qos_profile.durability == kept for p in publishers)
                 own = tuple(sorted(nodes))
-                found.append(Topic(name, types[0], own, latched, len(publishers)))
+                found.append(
+                    Topic(
+                        name=name,
+                        message_type=types[0],
+                        nodes=own,
+                        latched=latched,
+                        publishers=len(publishers),
+                    )
+                )
         return found
 
     def _subscribe(self, topic: Topic) -> None:
@@ -169,12 +177,12 @@ class Listener:
         for watch in tuple(self._watches.values()):
             for status in message.status:
                 watch.state.put_status(
-                    Status(
-                        status.name,
-                        status.level[0],
-                        status.message,
-                        {item.key: item.value for item in status.values},
-                        watch.state.now(),
+                    NodeStatus(
+                        name=status.name,
+                        level=status.level[0],
+                        message=status.message,
+                        values={item.key: item.value for item in status.values},
+                        received=watch.state.now(),
                     )
                 )
 
@@ -191,7 +199,7 @@ def shared_listener() -> Listener:
 
 @atexit.register
 def close_listener() -> None:
-    """Stop the shared listener, if there is one: cut off while it waits, it aborts the process."""
+    """Stop the shared listener, if there is one: a process that ends while it waits aborts."""
     for listener in _shared:
         listener.close()
     _shared.clear()

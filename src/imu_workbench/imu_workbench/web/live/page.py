@@ -28,13 +28,14 @@ from imu_workbench.web.live.state import FILTERS
 from imu_workbench.web.live.tables import (
     attitude_table,
     details,
+    environment_values,
     headline,
     silent_roles,
-    surroundings,
     topics_table,
     values_table,
     verdict,
 )
+from imu_workbench.web.live.topic_history import SECOND_NS
 from imu_workbench.web.live.topics import (
     ROLES,
     choices,
@@ -42,7 +43,6 @@ from imu_workbench.web.live.topics import (
     namespaces,
     shared_topics,
 )
-from imu_workbench.web.live.track import SECOND
 from imu_workbench.web.plot import PlotElement
 
 STYLE = """
@@ -265,17 +265,17 @@ class LivePage:
         state, sensor, window = self._watch.state, self._sensor.value, self._window.value
         figures = []
         with state.lock:
-            self._tiles.content = _tiles(surroundings(state))
+            self._tiles.content = _tiles(environment_values(state))
             self._values.content = values_table(state, self._zero)
             self._attitude.content = attitude_table(state, self._shared)
             self._topics.content = topics_table(state, self._watch.topics)
-            if self._is_new('samples', 1 if window <= FULL_RATE_S else SECOND):
+            if self._is_new('samples', 1 if window <= FULL_RATE_S else SECOND_NS):
                 figures = [
                     (self._measured, measured_figure(state, sensor, window)),
                     (self._residual, residual_figure(state, sensor, window, self._zero)),
                     (self._euler, euler_figure(state, window)),
                 ]
-            if self._is_new('seconds', SECOND):
+            if self._is_new('seconds', SECOND_NS):
                 figures.append((self._temperature, temperature_figure(state, window)))
                 self._verdict.text = verdict(state, self._zero, self._shared)
             boards = [(name, attitude(state, name)) for name in FILTERS]

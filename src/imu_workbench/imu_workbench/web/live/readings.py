@@ -10,8 +10,8 @@ import numpy as np
 from imu_recording.recording import FloatArray
 from orientation_filters.rotation.arrays import conjugate, euler_zyx, multiply, rotation_angle
 
-from imu_workbench.web.live.state import FILTERS, LiveState, Status
-from imu_workbench.web.live.track import SECOND
+from imu_workbench.web.live.state import FILTERS, LiveState, NodeStatus
+from imu_workbench.web.live.topic_history import SECOND_NS
 
 ZERO_SECONDS = 10
 """The static residual counts from the mean of this many seconds."""
@@ -19,13 +19,13 @@ MAX_TILT_DEG = 3.0
 """From this tilt on, the device was turned since the zero: the change is no error."""
 FULL_RATE_S = 30.0
 """Up to this window every sample is drawn, beyond it means of seconds."""
-MAX_LAG_NS = 5 * SECOND
+MAX_LAG_NS = 5 * SECOND_NS
 """Raw and compensated samples further apart are not shown for the same second [ns]."""
 MAX_EULER_ROWS = 1000
 """Attitudes of a window converted to angles at most."""
 VERDICT_S = 600
 """The verdict is on so many newest seconds …"""
-FEWEST_SECONDS = 60
+LEAST_VERDICT_S = 60
 """… and on no fewer than these."""
 TEMPERATURES = ('temperature', 'device', 'air', 'setpoint')
 
@@ -50,7 +50,7 @@ SENSOR_TRACKS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class LiveLine:
     """Values over time."""
 
     time: FloatArray
@@ -74,7 +74,7 @@ class Reading:
 
 
 @dataclass(frozen=True, eq=False)
-class Attitude:
+class LiveAttitude:
     """Newest orientation of a filter."""
 
     orientation: FloatArray
@@ -89,29 +89,29 @@ def newest(state: LiveState) -> int:
     return imu if imu >= 0 else max(track.newest for track in state.tracks.values())
 
 
-def line(state: LiveState, name: str, window_s: float, columns: slice = slice(None)) -> Line:
+def line(state: LiveState, name: str, window_s: float, columns: slice = slice(None)) -> LiveLine:
     """Return the last `window_s` seconds of a track."""
     track, end = state.tracks[name], newest(state)
-    begin = end - int(window_s * SECOND)
+    begin = end - int(window_s * SECOND_NS)
     if window_s <= FULL_RATE_S:
         rows = track.recent.since(begin)
-        return Line((rows.stamp - end) / SECOND, rows.values[:, columns])
-    second, means = track.history.means(-(-begin // SECOND), end // SECOND)
-    middle = second * SECOND + SECOND // 2 - end
-    return Line(middle / SECOND, means[:, columns])
+        return LiveLine((rows.stamp - end) / SECOND_NS, rows.values[:, columns])
+    second, means = track.history.means(-(-begin // SECOND_NS), end // SECOND_NS)
+    middle = second * SECOND_NS + SECOND_NS // 2 - end
+    return LiveLine(middle / SECOND_NS, means[:, columns])
 
 
 def zero_second(state: LiveState) -> int:
     """Return the newest second: give it to `reading` later to count from now [s of the stamp]."""
-    return newest(state) // SECOND
+    return newest(state) // SECOND_NS
 
 
-def static_line(state: LiveState, sensor: str, window_s: float, zero: int) -> Line:
+def static_line(state: LiveState, sensor: str, window_s: float, zero: int) -> LiveLine:
     """Return what compensation leaves, counted from the zero."""
     tracks = SENSOR_TRACKS[sensor]
     name = _static_track(state, sensor)
     lines = line(state, name, window_s, tracks.columns)
-    return Line(lines.time, lines.values - _zero_of(state, name, zero)[tracks.columns])
+    return LiveLine(lines.time, lines.values - _zero_of(state, name, zero)[tracks.columns])
 
 
 def reading(state: LiveState, sensor: str, zero: int) -> Reading:
@@ -125,22 +125,28 @@ def reading(state: LiveState, sensor: str, zero: int) -> Reading:
     name = _static_track(state, sensor)
     left = raw if name == tracks.raw else compensated
     reference = _zero_of(state, name, zero)[tracks.columns]
-    return Reading(raw[0], compensated[0], difference[0], left[0] - reference, left[1])
+    return Reading(
+        raw=raw[0],
+        compensated=compensated[0],
+        difference=difference[0],
+        static=left[0] - reference,
+        noise=left[1],
+    )
 
 
 def over_noise(state: LiveState, sensor: str, zero: int) -> FloatArray:
     """Return rms of the static residual in means of a second, in units of their noise (3,).
 
     The noise is told by neighbouring seconds, σ² = ⟨(x₊₁ − x)²⟩ / 2 (von Neumann 1941), which no
-    slow error disturbs: 1 is noise alone. NaN before FEWEST_SECONDS have been heard.
+    slow error disturbs: 1 is noise alone. NaN before LEAST_VERDICT_S have been heard.
     """
     name = _static_track(state, sensor)
-    history, end = state.tracks[name].history, newest(state) // SECOND
+    history, end = state.tracks[name].history, newest(state) // SECOND_NS
     second, means = history.means(max(end - VERDICT_S, zero, 0), end)
     left = (means - _zero_of(state, name, zero))[:, SENSOR_TRACKS[sensor].columns]
     steps = np.diff(left, axis=0)[np.diff(second) == 1]
     steps = steps[np.isfinite(steps).all(axis=1)]
-    if len(steps) < FEWEST_SECONDS:
+    if len(steps) < LEAST_VERDICT_S:
         return np.full(3, np.nan)
     noise = np.sqrt(0.5 * (steps**2).mean(axis=0))
     with np.errstate(invalid='ignore', divide='ignore'):
@@ -157,30 +163,30 @@ def tilt_since_zero_deg(state: LiveState, zero: int) -> float:
     return math.degrees(math.acos(max(-1.0, min(1.0, float(here @ there) / size))))
 
 
-def attitude(state: LiveState, name: str) -> Attitude | None:
+def attitude(state: LiveState, name: str) -> LiveAttitude | None:
     """Return the newest orientation of a filter; None where it publishes none."""
-    values = state.tracks[name].recent.since(state.tracks[name].newest - SECOND).values
+    values = state.tracks[name].recent.since(state.tracks[name].newest - SECOND_NS).values
     known = values[np.isfinite(values).all(1)]
     if not len(known) or not np.linalg.norm(known[-1]) > 0.0:
         return None
     orientation = known[-1] / np.linalg.norm(known[-1])
-    return Attitude(orientation, euler_zyx(orientation))
+    return LiveAttitude(orientation, euler_zyx(orientation))
 
 
-def angle_between_deg(first: Attitude, second: Attitude) -> float:
+def angle_between_deg(first: LiveAttitude, second: LiveAttitude) -> float:
     """Return the angle of the rotation between two attitudes [°]."""
     between = multiply(conjugate(first.orientation), second.orientation)
     return math.degrees(float(rotation_angle(between)))
 
 
-def euler_line(state: LiveState, name: str, window_s: float) -> Line:
+def euler_line(state: LiveState, name: str, window_s: float) -> LiveLine:
     """Return roll, pitch, yaw of a filter over time [rad]."""
     lines = line(state, name, window_s)
     every = max(1, len(lines.time) // MAX_EULER_ROWS)  # an attitude is smooth: no extreme is lost
-    lines = Line(lines.time[::every], lines.values[::every])
+    lines = LiveLine(lines.time[::every], lines.values[::every])
     norm = np.linalg.norm(lines.values, axis=1, keepdims=True)
     with np.errstate(invalid='ignore', divide='ignore'):
-        return Line(lines.time, euler_zyx(lines.values / norm))
+        return LiveLine(lines.time, euler_zyx(lines.values / norm))
 
 
 def value_of(state: LiveState, name: str) -> float:
@@ -202,9 +208,9 @@ def warming_c_per_min(state: LiveState, name: str = 'temperature') -> float:
 def rate_hz(state: LiveState, name: str) -> float:
     """Return the rate of a topic over its last two seconds of stamps [Hz]."""
     track = state.tracks[name]
-    stamp = track.recent.since(track.newest - 2 * SECOND).stamp
+    stamp = track.recent.since(track.newest - 2 * SECOND_NS).stamp
     span = int(stamp.max() - stamp.min()) if len(stamp) > 1 else 0
-    return (len(stamp) - 1) * SECOND / span if span else 0.0
+    return (len(stamp) - 1) * SECOND_NS / span if span else 0.0
 
 
 def silence_s(state: LiveState, name: str) -> float:
@@ -212,7 +218,7 @@ def silence_s(state: LiveState, name: str) -> float:
     return state.now() - state.tracks[name].received
 
 
-def chamber_times(statuses: dict[str, Status]) -> tuple[float, float]:
+def chamber_times(statuses: dict[str, NodeStatus]) -> tuple[float, float]:
     """Return the time left of the phase and of the run [s]; NaN where no chamber node runs."""
     for status in statuses.values():
         if 'run_left [s]' in status.values and status.values.get('mode') not in ('', 'IDLE'):
@@ -237,7 +243,7 @@ def _last_second(state: LiveState, name: str, end: int = -1) -> FloatArray:
     """
     track = state.tracks[name]
     end = end if track.newest - MAX_LAG_NS < end <= track.newest else track.newest
-    rows = track.recent.since(end - SECOND + 1)
+    rows = track.recent.since(end - SECOND_NS + 1)
     values = rows.values[rows.stamp <= end]
     columns = [column[np.isfinite(column)] for column in values.T]
     return np.array([[f(c) if len(c) else np.nan for c in columns] for f in (np.mean, np.std)])

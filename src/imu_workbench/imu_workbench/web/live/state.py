@@ -16,8 +16,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from imu_recording.recording import FloatArray
 
+from imu_workbench.web.live.topic_history import (
+    MAX_RECENT_ROWS,
+    SECOND_NS,
+    Rows,
+    TopicHistory,
+    decoded,
+)
 from imu_workbench.web.live.topics import ROLES
-from imu_workbench.web.live.track import MAX_RECENT_ROWS, SECOND, Rows, Track, decoded
 
 COLUMNS: dict[str, tuple[int, ...]] = {
     'raw': (13, 14, 15, 25, 26, 27),
@@ -43,7 +49,7 @@ ORIENTATION_UNKNOWN = 4
 
 
 @dataclass(frozen=True)
-class Status:
+class NodeStatus:
     """Diagnostic status of one node."""
 
     name: str
@@ -61,8 +67,8 @@ class LiveState:
     def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
         self.now = now
         self.lock = threading.Lock()
-        self.tracks: dict[str, Track] = {}
-        self.statuses: dict[str, Status] = {}
+        self.tracks: dict[str, TopicHistory] = {}
+        self.statuses: dict[str, NodeStatus] = {}
         self.phase = ''
         self.unreadable = 0
         """Messages that could not be decoded."""
@@ -79,7 +85,7 @@ class LiveState:
         """Queue a serialised message; cheap, from any thread."""
         self._inbox[role].append(data)
 
-    def put_status(self, status: Status) -> None:
+    def put_status(self, status: NodeStatus) -> None:
         """Take the status of a node."""
         with self.lock:
             self.statuses[status.name] = status
@@ -108,16 +114,16 @@ class LiveState:
             if role == 'phase':
                 self.phase = ''
                 return
-            self.tracks[role] = Track(len(COLUMNS[role]))
+            self.tracks[role] = TopicHistory(len(COLUMNS[role]))
             for name, pair in PAIRS.items():
                 if role in pair:
-                    self.tracks[name] = Track(len(COLUMNS[role]))
+                    self.tracks[name] = TopicHistory(len(COLUMNS[role]))
                     self._waiting[name] = Rows.none(len(COLUMNS[role]))
 
     def _clear(self) -> None:
-        self.tracks = {role: Track(len(columns)) for role, columns in COLUMNS.items()}
+        self.tracks = {role: TopicHistory(len(columns)) for role, columns in COLUMNS.items()}
         for name, (first, _) in PAIRS.items():
-            self.tracks[name] = Track(len(COLUMNS[first]))
+            self.tracks[name] = TopicHistory(len(COLUMNS[first]))
             self._waiting[name] = Rows.none(len(COLUMNS[first]))
 
     def _emptied(self, role: str) -> list[bytes]:
@@ -153,7 +159,7 @@ class LiveState:
         met = stamp[place] == waiting.stamp if len(stamp) else np.zeros(len(place), bool)
         difference = Rows(waiting.stamp[met], values[place[met]] - waiting.values[met])
         self.tracks[name].add(difference, self.now())
-        rest = ~met & (waiting.stamp > raw.newest - SECOND)
+        rest = ~met & (waiting.stamp > raw.newest - SECOND_NS)
         self._waiting[name] = Rows(
             waiting.stamp[rest][-MAX_RECENT_ROWS:], waiting.values[rest][-MAX_RECENT_ROWS:]
         )

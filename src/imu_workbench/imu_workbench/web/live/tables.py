@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of the live view as HTML: values, surroundings, attitude, topics, diagnostics."""
+"""Tables of the live view as HTML: values, environment, attitude, topics, diagnostics."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from thermal_comp.presentation.display import DISPLAY_UNITS, SENSORS, duration, 
 
 from imu_workbench.report.figures.palette import AXES
 from imu_workbench.web.live.readings import (
-    FEWEST_SECONDS,
+    LEAST_VERDICT_S,
     MAX_TILT_DEG,
     angle_between_deg,
     attitude,
@@ -25,7 +25,7 @@ from imu_workbench.web.live.readings import (
     value_of,
     warming_c_per_min,
 )
-from imu_workbench.web.live.state import LiveState, Status
+from imu_workbench.web.live.state import LiveState, NodeStatus
 from imu_workbench.web.live.topics import DEVICE_ROLES, ROLES
 
 DECIMALS = {'gyroscope': 4, 'accelerometer': 4, 'magnetometer': 2}
@@ -76,7 +76,7 @@ def values_table(state: LiveState, zero: int) -> str:
 def verdict(state: LiveState, zero: int, shared: Mapping[str, str] | None = None) -> str:
     """Return in a sentence what compensation leaves over the noise, by the worst axis.
 
-    `shared`: roles whose topic has several publishers; of a mixture nothing is said.
+    `shared`: roles whose topic has several publishers; there is no verdict on a mixture.
     """
     mixed = [why for role, why in (shared or {}).items() if role in MEASURED_ROLES]
     if mixed:
@@ -86,7 +86,7 @@ def verdict(state: LiveState, zero: int, shared: Mapping[str, str] | None = None
     ratios = {s: over_noise(state, s, zero) for s in SENSORS}
     known = {s: axes for s, axes in ratios.items() if np.isfinite(axes).any()}
     if not known:
-        return f'A verdict needs {FEWEST_SECONDS} s at rest since the zero.'
+        return f'A verdict needs {LEAST_VERDICT_S} s at rest since the zero.'
     worst = {s: int(np.nanargmax(axes)) for s, axes in known.items()}
     told = {s: f'{s} {AXES[axis]}' for s, axis in worst.items()}
     drifting = {s: float(known[s][axis]) for s, axis in worst.items()}
@@ -113,8 +113,8 @@ def _advice(state: LiveState, zero: int) -> str:
     )
 
 
-def surroundings(state: LiveState) -> list[tuple[str, str]]:
-    """Return name and value of everything around the device."""
+def environment_values(state: LiveState) -> list[tuple[str, str]]:
+    """Return name and value of the chamber's phase, times and temperatures."""
     phase, _, cycle = state.phase.partition(' ')
     shown = PHASES.get(phase, phase) or 'no chamber'
     left = [duration(s) if math.isfinite(s) else '–' for s in chamber_times(state.statuses)]
@@ -173,7 +173,7 @@ def silent_roles(state: LiveState, topics: dict[str, str]) -> list[str]:
     ]
 
 
-def headline(status: Status, now: float) -> tuple[str, str]:
+def headline(status: NodeStatus, now: float) -> tuple[str, str]:
     """Return the level of a node's status, 'stale' where it is old, and its line."""
     age = now - status.received
     if age < 2 * SILENT_S:
@@ -181,7 +181,7 @@ def headline(status: Status, now: float) -> tuple[str, str]:
     return LEVELS[3], f'{status.name}: {status.message} ({duration(age)} ago)'
 
 
-def details(status: Status) -> str:
+def details(status: NodeStatus) -> str:
     """Return the values of a node's status."""
     rows = [[escape(key), escape(value)] for key, value in status.values.items()]
     return table(('value', 'now'), rows, '') if rows else 'no values'

@@ -12,7 +12,7 @@ CORES = os.cpu_count() or 1
 
 
 class AnswerOrder:
-    """Turns to work on devices: those looked at at once, others when these have their answer."""
+    """Order of the work on devices: those a tab shows at once, others when these are answered."""
 
     def __init__(
         self, devices: Callable[[], Collection[str]], asked: Callable[[], Collection[str]]

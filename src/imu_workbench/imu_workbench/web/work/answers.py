@@ -58,7 +58,7 @@ class Answers:
         return (device, name) in self._diagnosing
 
     def is_holding_out(self, device: str, name: str) -> bool:
-        """Tell whether what the candidates in front would leave is still to be said."""
+        """Tell whether held-out errors of the first candidates are still to be computed."""
         work = self._devices[device]
         found, version = work.found.get(name), work.loaded.get(name)
         if found is None or version is None:
@@ -103,7 +103,7 @@ class Answers:
         self._notices.tell()
 
     async def _hold_out(self, work: DeviceWork, name: str) -> None:
-        """Say what the candidates in front would leave: after the verdict, which needs it not."""
+        """Compute held-out errors of the first candidates, once the verdict is shown."""
         if not self.is_holding_out(work.name, name):
             return
         found, version, files = work.found[name], work.loaded[name], list(self._effects.files)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from imu_workbench.case import Case, CaseRecording, known_recordings, saved
-from imu_workbench.web.case.candidates import Candidate
+from imu_workbench.web.case.candidates import EffectCandidate
 from imu_workbench.web.case.stored_bag import StoredBag, with_unique_runs
 from imu_workbench.web.case.version import Version
 from imu_workbench.web.case.view import timeline_of
@@ -36,7 +36,7 @@ class DeviceWork:
     problem: str = ''
     """Why there is no model."""
     failed: set[str] = field(default_factory=set)
-    """Versions that could not be compared with the recordings, which was said."""
+    """Versions that could not be compared with the recordings; a message said why."""
 
     @property
     def name(self) -> str:
@@ -48,10 +48,10 @@ class DeviceWork:
         found = self.found.get(version)
         return found['diagnosis'] if found else None
 
-    def candidates(self, version: str, sensor: str) -> list[Candidate]:
+    def candidates(self, version: str, sensor: str) -> list[EffectCandidate]:
         """Return the candidates of a sensor, most probable first."""
         found = self.found.get(version) or {'candidates': {}}
-        return [Candidate(**row) for row in found['candidates'].get(sensor, [])]
+        return [EffectCandidate(**row) for row in found['candidates'].get(sensor, [])]
 
     def keep(self, name: str, version: Version) -> None:
         """Keep a version in memory; those unused for longest go."""
@@ -60,7 +60,7 @@ class DeviceWork:
             del self.loaded[old]
 
     def take_bags(self, bags: Sequence[StoredBag], cache: ResultCache) -> None:
-        """Work on these recordings as they were read; the case knows its others still."""
+        """Work on these recordings as they were read; the case keeps its others."""
         self.bags = with_unique_runs(bags)
         hashes = {r.run: r.sha256 for r in self.case.recordings}
         read = [
@@ -73,7 +73,7 @@ class DeviceWork:
         self.loaded, self.failed, self.problem = {}, set(), ''
 
     def close_unread(self) -> None:
-        """Take those for closed that were not read."""
+        """Mark recordings that were not read as closed."""
         runs = {bag.run for bag in self.bags}
         self.keep_recordings(
             r if r.run in runs else replace(r, open=False) for r in self.case.recordings

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fits that were asked for, done one after the other; each stands there until it is told of."""
+"""Fits that were asked for, done one after the other; finished ones are kept for their tabs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from imu_workbench.web.case.tasks import Change
 from imu_workbench.web.work.jobs import Stoppable
 
 MOST_FINISHED = 50
-"""Finished fits that are remembered, so that tabs go on to what they asked for."""
+"""Finished fits that are remembered, so that tabs can show what they asked for."""
 State = Literal['waiting', 'running', 'done', 'failed', 'cancelled']
 
 
@@ -37,7 +37,7 @@ class QueuedFit:
 
     @property
     def start(self) -> str:
-        """The version it really starts from: of a fit before it that came to nothing, its own."""
+        """The version it starts from: what the fit before it made, else that fit's own start."""
         if self.after is None:
             return self.base
         return self.after.result or self.after.start
@@ -77,7 +77,9 @@ class FitQueue:
     def request(self, device: str, base: str, change: Change, tab: str = '') -> QueuedFit:
         """Queue a change; a second one of the same version follows the first."""
         same = [f for f in self.fits if (f.device, f.base, f.tab) == (device, base, tab)]
-        fit = QueuedFit(device, base, change, tab, same[-1] if same else None)
+        fit = QueuedFit(
+            device=device, base=base, change=change, tab=tab, after=same[-1] if same else None
+        )
         self.fits.append(fit)
         self._changed()
         if self._runner is None or self._runner.done():
@@ -94,7 +96,7 @@ class FitQueue:
             fit.job.cancel()
 
     def forget(self, tab: str) -> None:
-        """Follow no fit that is done: the tab's user has gone elsewhere."""
+        """Forget the finished fits of a tab, whose user looks at something else by now."""
         self.finished = [fit for fit in self.finished if fit.tab != tab]
 
     def of_device(self, device: str) -> list[QueuedFit]:

@@ -53,7 +53,7 @@ class Stoppable(Protocol):
         """Stop it."""
 
 
-SECONDS = {
+TASK_SECONDS = {
     'read_task': (0.4, 4e-8),
     'prepare_task': (0.5, 1e-6),
     'version_task': (1.0, 0.0),
@@ -66,8 +66,8 @@ SECONDS = {
     'effects_task': (1.5, 0.0),
 }
 """Task → seconds at the least, and per byte or sample; on two cores of 2024."""
-SPENT: dict[str, tuple[float, float]] = {}
-"""Task, '' for all together → seconds that this foretold, and that they took here."""
+EXPECTED_AND_SPENT_S: dict[str, tuple[float, float]] = {}
+"""Task, '' for all together → seconds expected by TASK_SECONDS, and seconds spent here."""
 
 
 def workload(arguments: Sequence[Any]) -> int:
@@ -83,15 +83,15 @@ def workload(arguments: Sequence[Any]) -> int:
 
 def expected_seconds(name: str, size: int) -> float | None:
     """Return how long a task should take here; None: nobody knows."""
-    if name not in SECONDS:
+    if name not in TASK_SECONDS:
         return None
-    foretold, took = SPENT.get(name) or SPENT.get('', (1.0, 1.0))
+    foretold, took = EXPECTED_AND_SPENT_S.get(name) or EXPECTED_AND_SPENT_S.get('', (1.0, 1.0))
     return seconds_of(name, size) * took / foretold
 
 
 def seconds_of(name: str, size: int) -> float:
     """Return how long a task takes on the machine of the table."""
-    least, each = SECONDS[name]
+    least, each = TASK_SECONDS[name]
     return least + each * size
 
 
@@ -151,7 +151,7 @@ class Job:
         )
         self._process.start()
         theirs.close()
-        RUNNING.add(self)
+        RUNNING_JOBS.add(self)
 
     async def result(self) -> Any:
         """Wait for what the function returns; raise JobError or JobCancelled."""
@@ -180,10 +180,10 @@ class Job:
         finally:
             self._connection.close()
             self._process.join()
-            RUNNING.discard(self)
+            RUNNING_JOBS.discard(self)
 
     def hear(self, text: str, share: float, now: float) -> None:
-        """Take over what is being done; the more of it is done, the more that foretells."""
+        """Take the progress; the more is done, the more the expected end follows it."""
         self.progress = text
         if share > 0.0:
             measured = (now - self.began) / share
@@ -191,12 +191,15 @@ class Job:
             self.expected_end = self.began + share * measured + (1.0 - share) * known
 
     def _learn(self) -> None:
-        """Remember how much longer it took: a slow machine, a quick one."""
-        if self._name in SECONDS:
+        """Remember expected and spent time: their ratio is the speed of this machine."""
+        if self._name in TASK_SECONDS:
             took = time.monotonic() - self.began
             for name in (self._name, ''):  # a short task says little of how long others take
-                foretold, before = SPENT.get(name, (0.0, 0.0))
-                SPENT[name] = (foretold + seconds_of(self._name, self._size), before + took)
+                foretold, before = EXPECTED_AND_SPENT_S.get(name, (0.0, 0.0))
+                EXPECTED_AND_SPENT_S[name] = (
+                    foretold + seconds_of(self._name, self._size),
+                    before + took,
+                )
 
     def cancel(self) -> None:
         """End the process and those it has started."""
@@ -207,13 +210,13 @@ class Job:
             os.killpg(self._process.pid, signal.SIGTERM)
 
 
-RUNNING: set[Job] = set()
+RUNNING_JOBS: set[Job] = set()
 """Jobs under way in this server."""
 
 
 def end_all() -> None:
     """End every job."""
-    for job in list(RUNNING):
+    for job in list(RUNNING_JOBS):
         job.cancel()
 
 
@@ -244,7 +247,7 @@ def _run(connection: Connection, function: Callable[..., Any], arguments: tuple[
         value = function(partial(_tell, connection), *arguments)
         connection.send(('result', value))
     except BrokenPipeError:
-        return  # the server has ended: nobody waits for an answer
+        return  # the server has ended: there is no receiver
     except (UserError, OSError) as error:
         connection.send(('error', error_line(error)))
     except Exception as error:  # noqa: BLE001 (a bug: named on the page, traceback in the log)

@@ -12,8 +12,8 @@ from imu_workbench.web.work.jobs import Stoppable
 
 
 @dataclass(frozen=True)
-class Message:
-    """Something to say to whoever looks."""
+class Notice:
+    """A message that every tab shows."""
 
     number: int
     text: str
@@ -24,7 +24,7 @@ class Notices:
     """Messages and jobs of a server, and the listeners that are told of every change."""
 
     def __init__(self) -> None:
-        self.messages: list[Message] = []
+        self.messages: list[Notice] = []
         self.jobs: list[Stoppable] = []
         self._numbers = itertools.count(1)
         self._listeners: list[Callable[[], None]] = []
@@ -46,7 +46,7 @@ class Notices:
     def say(self, text: str, kind: str = 'error') -> None:
         """Show a message in every tab until somebody closes it; the same text once."""
         if all(message.text != text for message in self.messages):
-            self.messages.insert(0, Message(next(self._numbers), text, kind))
+            self.messages.insert(0, Notice(next(self._numbers), text, kind))
             self.tell()
 
     def close_message(self, number: int) -> None:

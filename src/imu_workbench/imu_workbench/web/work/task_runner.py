@@ -19,7 +19,7 @@ class TaskRunner:
     def __init__(self, cache: ResultCache, notices: Notices) -> None:
         self.cache, self.notices = cache, notices
         self.background: set[asyncio.Task[Any]] = set()
-        """What nobody waits for."""
+        """Tasks that nobody waits for."""
 
     def begin(self, work: Any) -> None:
         """Do something that nobody waits for."""

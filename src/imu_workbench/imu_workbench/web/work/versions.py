@@ -37,7 +37,7 @@ class Versions:
         self.queue = FitQueue(self._fit, self._queue_changed)
 
     async def resume(self, device: str, model_text: str | None = None) -> None:
-        """Bring the shown version, else a first one, onto the recordings; queue what was asked."""
+        """Compare the version shown last, or a first one, with the recordings; queue its fits."""
         work = self._devices[device]
         if model_text is not None:
             await self.open_model(device, model_text)
@@ -175,8 +175,8 @@ class Versions:
         """Keep what is still to be done in the cases: a server that is killed goes on with it."""
         for work in self._devices.values():
             wanted = tuple(
-                RequestedFit(f.base if f.follows else f.start, f.change.effect,
-                             f.change.sensors, f.change.added, f.tab)
+                RequestedFit(base=f.base if f.follows else f.start, effect=f.change.effect,
+                             sensors=f.change.sensors, added=f.change.added, tab=f.tab)
                 for f in self.queue.of_device(work.name)
                 if f.state in ('waiting', 'running')
             )  # fmt: skip

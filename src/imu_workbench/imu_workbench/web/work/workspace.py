@@ -55,7 +55,8 @@ class Workspace:
         """Bags that are still to be read."""
         self._remap = dict(remap or {})
         self._closed_cases: dict[Path, tuple[int, tuple[Case, str]]] = {}
-        """Cases nobody has opened, by folder, as they were at a time of modification [ns]."""
+        """Cases that are not open, by folder: time of modification [ns] and content at that
+        time."""
 
     def _effects_changed(self) -> None:
         self.answers.ask_all_anew()
@@ -92,7 +93,7 @@ class Workspace:
     def fleet(self) -> list[tuple[Case, str]]:
         """Return every case of this server, open or not, with the verdict on its version.
 
-        '' stands for a verdict that is not known; cases that cannot be read are said.
+        '' stands for a verdict that is not known; a message names cases that cannot be read.
         """
         open_now = {work.case.folder: work for work in self.devices.values()}
         known = []
@@ -213,7 +214,7 @@ class Workspace:
         return devices
 
     async def close_bag(self, device: str, run: str) -> None:
-        """Close a recording; the case knows it still, and its versions stay."""
+        """Close a recording; the case keeps it and its versions."""
         work = self.devices[device]
         work.take_bags([bag for bag in work.bags if bag.run != run], self.cache)
         work.close_unread()

@@ -72,3 +72,11 @@ def test_a_sensor_that_one_run_lacks_is_not_drawn(
     blind = replace(runs[1], measured=measured)
     for blocks in blocks_of_runs(model, [runs[0], blind]):
         assert set(blocks.measured) == {'accelerometer', 'gyroscope'}
+
+
+def test_the_page_draws_the_residual_that_the_command_line_reports(fitted):
+    for version in (fitted.line, fitted.lag):
+        for sensor, part in version.comparison['sensors'].items():
+            residual = np.concatenate([run.residual(sensor) for run in version.blocks])
+            rms = np.sqrt(np.nanmean(residual**2, axis=0))
+            assert rms == pytest.approx(part['residual_rms'], rel=1e-9)

@@ -75,14 +75,14 @@ def failure_map(version: Version, view: View) -> FailureMap:
             ])  # fmt: skip
     ratios = [[_ratio(cell, view, floor) for cell in column] for column in cells]
     return FailureMap(
-        tuple(labels),
-        tuple(columns),
-        tuple(
+        rows=tuple(labels),
+        columns=tuple(columns),
+        places=tuple(
             tuple(column[i][0] if column[i] else None for column in cells)  # type: ignore[index]
             for i in range(len(keys))
         ),
-        tuple(tuple(column[i] for column in ratios) for i in range(len(keys))),
-        by_phase,
+        ratio=tuple(tuple(column[i] for column in ratios) for i in range(len(keys))),
+        by_phase=by_phase,
     )
 
 

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""fleet: workers, the page, and the one line that refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from imu_workbench.__main__ import main
+from imu_workbench.fleet import engine
+
+
+@pytest.mark.end_to_end
+def test_the_verb_starts_workers_and_writes_the_page(fleet_bags: Path, tmp_path: Path) -> None:
+    out, answer = tmp_path / 'out', tmp_path / 'answer.json'
+    call = [
+        'fleet',
+        f'{fleet_bags}/lot=B',
+        '-o',
+        str(out),
+        '--workers',
+        '1',
+        '--json',
+        str(answer),
+    ]
+    assert main(call) == 0
+    assert json.loads(answer.read_text())['run']['estimated'] == 1
+    assert json.loads((out / 'study.json').read_text())['devices'] == 1
+    assert '<title>Fleet</title>' in (out / 'report.html').read_text()
+
+
+def test_mistakes_are_one_line(
+    fleet_bags: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(engine, 'CONNECT_S', 0.2)
+    call = ['fleet', str(fleet_bags), '-o', str(tmp_path / 'out')]
+    assert main(['reveal', str(fleet_bags), '--fleet', str(tmp_path)]) == 2
+    assert 'no results here' in capsys.readouterr().err
+    assert main([*call, '--scheduler', 'tcp://127.0.0.1:9']) == 2
+    assert 'no answer' in capsys.readouterr().err
+    for option, value in (('--workers', '0'), ('--memory', 'lots'), ('--memory', '5')):
+        assert main([*call, option, value]) == 2
+        assert f'{option} {value}' in capsys.readouterr().err
+    monkeypatch.setattr('imu_workbench.fleet.extra.LIBRARIES', ())
+    monkeypatch.setattr('imu_workbench.fleet.extra.find_spec', lambda name: None)
+    assert main(call) == 2
+    assert 'requirements-fleet.txt' in capsys.readouterr().err
