@@ -23,15 +23,12 @@ from imu_workbench.commands.options import add_effects_argument, add_model_argum
 from imu_workbench.fleet.extra import require_fleet
 from imu_workbench.simulate.fleet import fleet_truth, score_fleet
 from imu_workbench.simulate.hidden_effect import (
-    VERDICTS,
-    Score,
     all_hidden,
-    describe,
     describe_changes,
     describe_truth,
     find_truth,
-    score_each,
 )
+from imu_workbench.simulate.score import VERDICTS, Score, describe, score_each
 
 HELP = 'Diagnose a campaign of `simulate --hide`, then open the truth and compare.'
 
